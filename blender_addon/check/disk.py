@@ -10,8 +10,9 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 
-from ..settings import folders, scene_settings
-from ..settings.scene_settings import Resolved
+from ..scene import folders
+from ..scene import settings as scene_settings
+from ..scene.settings import Resolved
 from .problem import ERROR, Problem
 
 # Bytes per rendered pixel of all layers, per finished pixel of an image, of its linear copy, and of its decoded views.

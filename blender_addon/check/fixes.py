@@ -8,13 +8,14 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 
-from ..array.edit import add, remove
-from ..array.rig import check_editable
 from ..jobs import denoiser
+from ..scene import renamed
+from ..scene import settings as scene_settings
+from ..scene.array.edit import add, remove
+from ..scene.array.rig import check_editable
 from ..scene.light import add_light
 from ..scene.notices import SWITCHES, switched
 from ..scene.subject import BACKGROUND_COLLECTION, GEOMETRY
-from ..settings import renamed, scene_settings
 
 Fix = Callable[[bpy.types.Scene, str], None]
 

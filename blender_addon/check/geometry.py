@@ -15,9 +15,9 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..array import placement, rig
+from ..scene.array import placement, rig
+from ..scene.settings import length, resolve
 from ..scene.subject import GEOMETRY
-from ..settings.scene_settings import length, resolve
 from .problem import Problem
 
 COVERS = 0.8          # fraction of the display, in both directions, beyond which an object is its background

@@ -8,11 +8,11 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 
-from ..render.color import color_settings
+from ..scene.color import color_settings
 from ..scene.light import has_light
+from ..scene.lights import AUTO_LIGHT, OWN_LIGHT
 from ..scene.notices import left_out
-from ..settings.lights import AUTO_LIGHT, OWN_LIGHT
-from ..settings.words import capitalized
+from ..scene.words import capitalized
 from .problem import ERROR, INFO, Problem
 
 # Buttons by the code of the notice.

@@ -8,18 +8,17 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 
-from ..array import rig
-from ..array.cameras import mirror_notices
-from ..jobs import denoiser
-from ..render import devices
-from ..results import preview
+from ..jobs import denoiser, preview
+from ..scene import devices, folders, renamed
+from ..scene import settings as scene_settings
+from ..scene.array import rig
+from ..scene.array.cameras import mirror_notices
 from ..scene.light import has_light, is_dim
+from ..scene.lights import AUTO_LIGHT, SCENE_LIGHTS
+from ..scene.methods import title
 from ..scene.notices import missing_images
 from ..scene.subject import find_subject
-from ..settings import folders, renamed, scene_settings
-from ..settings.lights import AUTO_LIGHT, SCENE_LIGHTS
-from ..settings.methods import title
-from ..settings.words import capitalized
+from ..scene.words import capitalized
 from . import disk, geometry, ignored
 from .problem import ERROR, INFO, SEVERITIES, Problem
 

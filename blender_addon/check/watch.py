@@ -10,8 +10,7 @@ import time
 
 import bpy
 
-from ..jobs import denoiser
-from ..results import show_image
+from ..jobs import denoiser, show_image
 from .groups import grouped
 from .problem import Problem
 from .problems import check_scene

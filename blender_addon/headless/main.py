@@ -30,13 +30,13 @@ from lfsr_core.process.protocol import (
     repeated,
 )
 
-from ..array import scale
-from ..array.cameras import camera_notices, choose_camera
 from ..render.frame_folder import render_job, settled_light
 from ..render.inputs import Opened, inputs_before_opening
-from ..render.overrides import overridden
+from ..scene.array import scale
+from ..scene.array.cameras import camera_notices, choose_camera
 from ..scene.notices import notices
 from ..scene.open import choose_scene, local_scene, open_scene
+from ..scene.overrides import overridden
 from . import encode, stopping
 
 

@@ -16,8 +16,8 @@ from lfsr_core.process.child import output_of
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.tasks.probe import DENOISER
 
-from ..settings.methods import title
-from ..settings.scene_settings import Resolved
+from ..scene.methods import title
+from ..scene.settings import Resolved
 from . import runtime
 
 SECONDS_TO_ANSWER = 60

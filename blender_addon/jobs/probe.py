@@ -16,9 +16,9 @@ from lfsr_core.frames.request import Request
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.plan.times import path_samples, render_seconds
 
-from ..render import devices
-from ..settings import scene_settings
-from ..settings.scene_settings import Resolved
+from ..scene import devices
+from ..scene import settings as scene_settings
+from ..scene.settings import Resolved
 from . import estimate
 from .steps import SAVING, Steps, file_copy, render_step, write_job
 

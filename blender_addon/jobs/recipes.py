@@ -18,8 +18,9 @@ from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.rendering import DERIVED_FILES
 from lfsr_core.pipeline.staging import parts_folder, publish, staging_folder
 
-from ..settings import folders, scene_settings
-from ..settings.proof import proof_of
+from ..scene import folders
+from ..scene import settings as scene_settings
+from ..scene.proof import proof_of
 from . import estimate, runtime
 from .steps import PANEL_TASKS, SAVING, Steps, file_copy, render_step, rendering_step, scale_step, second_stage_step
 

@@ -12,9 +12,8 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
 
-from ..results import show_image
-from ..settings.words import capitalized, clock, for_panel
-from . import estimate
+from ..scene.words import capitalized, clock, for_panel
+from . import estimate, show_image
 from .steps import ALONE, Steps, Task
 
 SECONDS_BETWEEN_LOOKS = 0.1

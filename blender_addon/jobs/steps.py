@@ -23,11 +23,10 @@ from lfsr_core.base.records import to_data
 from lfsr_core.frames.request import Request
 from lfsr_core.pipeline.staging import has_parts
 
-from ..array.scale import CHOOSE, LOOK
-from ..render.overrides import preferred
-from ..results import show_image
-from ..settings import folders
-from . import estimate, runtime
+from ..scene import folders
+from ..scene.array.scale import CHOOSE, LOOK
+from ..scene.overrides import preferred
+from . import estimate, runtime, show_image
 from .worker import Worker
 
 PANEL_TASKS = "lfsr_core.tasks.runner"

@@ -13,10 +13,11 @@ from lfsr_core.base.files import atomic_path, system_errors
 from lfsr_core.frames.identity import FARM_COPY
 from lfsr_core.pipeline.farms import FarmJob, Submission, write_job
 
-from ..array.scale import scale_of
-from ..results import show_image
-from ..settings import folders, scene_settings
-from ..settings.displays import PROFILE_FILE
+from ..scene import folders
+from ..scene import settings as scene_settings
+from ..scene.array.scale import scale_of
+from ..scene.displays import PROFILE_FILE
+from . import show_image
 from .recipes import animation_recipe
 from .steps import save_copy
 

@@ -26,14 +26,14 @@ from lfsr_core.optics.panel.panel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
 
 from .. import compat
-from ..array import rig
-from ..array.spaces import is_mirrored
-from ..render import devices
 from ..render.card_parts import new_camera, place_of
 from ..render.lens_card import new_card
 from ..render.panel_card import new_panel_card
+from ..scene import devices
+from ..scene.array import rig
+from ..scene.array.spaces import is_mirrored
+from ..scene.settings import display_of, live_samples, live_scale
 from ..scene.volumes import distance_to_volume
-from ..settings.scene_settings import display_of, live_samples, live_scale
 from . import nodes
 
 MARK = "lfsr_live"

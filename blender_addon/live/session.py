@@ -8,7 +8,7 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 
-from ..render import devices
+from ..scene import devices
 from . import desktop
 from . import scene as live_scene
 from . import window as live_window

@@ -14,10 +14,11 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.request import EVEN, OWN, Request
 from lfsr_core.images.exr import clean, read_layers
 
-from ..array import placement
+from ..scene import devices
+from ..scene.array import placement
 from ..scene.light import DEFAULT_LIGHT, DIM, has_light, is_certain, lit
 from ..scene.subject import find_subject
-from . import devices, passes
+from . import passes
 from .cycles import RenderSettings, cycles_settings, temporary_camera
 from .output import render_to
 

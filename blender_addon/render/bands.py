@@ -17,8 +17,8 @@ from lfsr_core.images import exr
 from lfsr_core.pipeline.pace import Pace, is_worth_storing
 from lfsr_core.pipeline.parts import ImageParts, Part, gaps
 
+from ..scene.overrides import overridden
 from .output import render_to
-from .overrides import overridden
 from .progress import Progress, heard, part, sample_fraction
 
 WIDEST_TILE = 8192  # Cycles limits the time of a tile, not of an image: a band has to be one tile

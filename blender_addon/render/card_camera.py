@@ -13,11 +13,11 @@ from lfsr_core.optics.panel.panel_card import panel_card
 from lfsr_core.optics.panel.panel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
 
-from ..array.spaces import Matrix, to_blender
+from ..scene.array.spaces import Matrix, to_blender
+from ..scene.overrides import new_data, overridden
 from ..scene.volumes import distance_to_volume
 from .card_parts import Place, new_camera, place_of
 from .lens_card import new_card
-from .overrides import new_data, overridden
 from .panel_card import new_panel_card
 
 Layout = RayLayout | PanelLayout

@@ -15,8 +15,8 @@ import mathutils
 from lfsr_core.optics.panel.panel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
 
-from ..array.spaces import Matrix, to_blender
-from .overrides import new_data, overridden
+from ..scene.array.spaces import Matrix, to_blender
+from ..scene.overrides import new_data, overridden
 from .wiring import Wiring, new_screen
 
 NAME = "LFSR Clip Plane"

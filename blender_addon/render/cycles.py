@@ -22,14 +22,15 @@ from lfsr_core.optics.rays import RayLayout
 from lfsr_core.pipeline.parts import ImageParts, Part
 
 from .. import compat
-from ..array.spaces import Matrix, to_blender
-from . import devices, passes
+from ..scene import devices
+from ..scene.array.spaces import Matrix, to_blender
+from ..scene.overrides import new_data, overridden
+from . import passes
 from .bands import border, render_in_bands
 from .card_camera import card_camera
 from .clip_plane import clip_plane
 from .osl_camera import layout_parameters, layout_source, set_shader
 from .output import render_to
-from .overrides import new_data, overridden
 from .progress import Progress
 
 LEAST_PIXELS = 4        # Blender renders nothing narrower

@@ -19,13 +19,14 @@ from lfsr_core.optics.lens_rows import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.pipeline.parts import ImageParts, Part, remove_others
 
-from ..array import motion, placement
-from ..array.scale import scale_of
+from ..scene import devices
+from ..scene.array import motion, placement
+from ..scene.array.scale import scale_of
+from ..scene.color import color_settings
 from ..scene.light import lit
 from ..scene.subject import find_subject, has_background_meshes
-from . import animation, devices, passes, world
+from . import animation, passes, world
 from .arrival import chosen_light
-from .color import color_settings
 from .cycles import RenderSettings, Shot, render_encoded
 from .inputs import Opened, inputs
 from .output import unfinished

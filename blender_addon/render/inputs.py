@@ -19,7 +19,7 @@ from ..scene.notices import image_files
 HERE = Path(__file__).resolve().parent
 # Fields of a job that the scene or this machine may settle. The panel renders copies of its file, whatever their path.
 SETTLED = ("scene", "device", "light", "scale", "scales", "scale_frames", "scale_reason", "spp", "rays")
-SOURCES = ("array", "render", "scene")  # packages whose modules decide pixels
+SOURCES = ("render", "scene", "scene/array")  # packages whose modules decide pixels
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,7 +36,7 @@ def inputs_before_opening(job: Request, content: str) -> dict[str, str]:
     """Return those of the ``inputs`` that do not need the scene."""
     settings = request_facts(job, (*PLACES, *SETTLED))
     program = [__version__, *(file_content(path) for name in SOURCES
-                              for path in sorted(HERE.with_name(name).iterdir()) if path.is_file())]
+                              for path in sorted((HERE.parent / name).iterdir()) if path.is_file())]
     chosen = {} if job.sampling.scales else {"samples or scale": digest([job.sampling.scale, job.sampling.samples])}
     return {"settings": digest(settings), **chosen, "scene file": digest(content),
             "Blender": digest([bpy.app.version_string, str(bpy.app.build_hash)]), "version of LFSR": digest(program)}

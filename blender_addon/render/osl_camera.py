@@ -15,7 +15,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
 from lfsr_core.optics.rays import RayLayout
 
-from . import devices
+from ..scene import devices
 
 ROOM = 10  # times the size of the source that its bytecode has at most
 SOURCE = Path(__file__).with_name("ray_layout.osl")

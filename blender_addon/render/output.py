@@ -14,7 +14,7 @@ from lfsr_core.base.files import atomic_path, lock_file
 from lfsr_core.images import exr
 
 from .. import compat
-from .overrides import overridden
+from ..scene.overrides import overridden
 from .progress import Progress, following
 
 # Files and folders that a render is writing now; a process that must end at once removes them.

@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 
 import bpy
 
-from .overrides import overridden
+from ..scene.overrides import overridden
 
 FOREGROUND, BACKGROUND = 1, 2
 

@@ -25,10 +25,10 @@ from lfsr_core.pipeline.pace import is_worth_storing, seconds_per_part
 from lfsr_core.pipeline.parts import ImageParts, Part
 
 from .. import compat
-from ..array.spaces import to_blender
+from ..scene.array.spaces import to_blender
+from ..scene.overrides import overridden
 from .cycles import RenderSettings, Shot, cycles_settings, pixel_aspect, temporary_camera
 from .output import listed, render_to, unfinished
-from .overrides import overridden
 from .progress import Progress, one_of
 
 SENSOR_MM = 36.0

@@ -16,10 +16,10 @@ import bpy
 from lfsr_core.optics.world_view import WorldImage
 
 from .. import compat
-from ..array.spaces import Matrix
+from ..scene.array.spaces import Matrix
+from ..scene.overrides import new_data, overridden
 from .cycles import RenderSettings, cycles_settings, pixel_aspect, temporary_camera
 from .output import render_to
-from .overrides import new_data, overridden
 from .wiring import Wiring
 
 NAME = "LFSR World"

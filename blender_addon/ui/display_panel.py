@@ -6,8 +6,8 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 
-from ..settings import scene_settings
-from ..settings.displays import PROFILE_FILE
+from ..scene import settings as scene_settings
+from ..scene.displays import PROFILE_FILE
 from . import summary
 from .drawing import LightFieldPanel, columns, facts, row_if, sentence
 from .presets import LFSR_PT_presets

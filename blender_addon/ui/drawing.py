@@ -10,7 +10,7 @@ import bpy
 import gpu
 from gpu_extras.batch import batch_for_shader
 
-from ..settings.words import for_panel
+from ..scene.words import for_panel
 
 PIXELS_PER_LETTER = 6.6
 

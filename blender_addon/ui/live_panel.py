@@ -6,8 +6,8 @@ import bpy
 
 from ..live import nodes, session
 from ..live.scene import EYE
-from ..render import devices
-from ..settings import scene_settings
+from ..scene import devices
+from ..scene import settings as scene_settings
 from .drawing import LightFieldPanel, columns, row_if, sentence
 
 HOW_TO_PLACE = "Drag the new window to the display and make it full screen. It follows all changes here"

@@ -15,11 +15,11 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 
-from ..array import known, rig
-from ..array.view import free_part
-from ..results import show_image
-from ..settings import scene_settings
-from ..settings.displays import title_of
+from ..jobs import show_image
+from ..scene import settings as scene_settings
+from ..scene.array import known, rig
+from ..scene.array.view import free_part
+from ..scene.displays import title_of
 from .drawing import draw_points
 
 FILL = 0.92  # of the 3D view's free part

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..array import known
+from ..scene.array import known
 
 
 class LFSR_MT_render(bpy.types.Menu):

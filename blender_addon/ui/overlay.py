@@ -13,8 +13,8 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..array import known, rig
-from ..settings import scene_settings
+from ..scene import settings as scene_settings
+from ..scene.array import known, rig
 from . import look
 from .drawing import draw_points
 

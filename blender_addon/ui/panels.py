@@ -7,13 +7,13 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.progress import duration
 
-from ..array import known, rig
 from ..check import watch
-from ..jobs import probe, session
+from ..jobs import preview, probe, session
 from ..jobs.steps import ALONE
-from ..results import preview
-from ..settings import folders, scene_settings
-from ..settings.lights import FILE_LIGHT
+from ..scene import folders
+from ..scene import settings as scene_settings
+from ..scene.array import known, rig
+from ..scene.lights import FILE_LIGHT
 from . import display_panel, look, summary
 from .drawing import LightFieldPanel, columns, facts, row_if, sentence
 from .operators.array import FIT_ITEMS

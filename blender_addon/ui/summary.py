@@ -18,11 +18,11 @@ from lfsr_core.optics.panel.panel_rays import rendered_size
 from lfsr_core.plan.first import most_paths
 from lfsr_core.plan.options import PlanOptions
 
-from ..array import known, rig
-from ..render import devices
-from ..settings import folders, proof, scene_settings
-from ..settings.scene_settings import Resolved, length
-from ..settings.words import counted
+from ..scene import devices, folders, proof
+from ..scene import settings as scene_settings
+from ..scene.array import known, rig
+from ..scene.settings import Resolved, length
+from ..scene.words import counted
 
 Facts = list[tuple[str, str]]
 METRICS = {"ssim_eia_fg": "SSIM Foreground", "ssim_lens_fg": "SSIM per Lens", "ssim_views_fg": "SSIM Views",

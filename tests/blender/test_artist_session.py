@@ -7,8 +7,8 @@ import random
 import bpy
 import pytest
 
-from blender_addon.array import edit, rig
 from blender_addon.check.fixes import FIXES
+from blender_addon.scene.array import edit, rig
 from tests.support import panel
 
 STEPS = 100

@@ -11,10 +11,9 @@ from typing import Any
 import bpy
 
 import blender_addon
-from blender_addon.array import edit
-from blender_addon.jobs import session
-from blender_addon.results import preview
-from blender_addon.settings import scene_settings
+from blender_addon.jobs import preview, session
+from blender_addon.scene import settings as scene_settings
+from blender_addon.scene.array import edit
 from tests.support.scenes import add_box
 
 SKIPPED = {"rna_type", "bl_rna"}

@@ -11,8 +11,8 @@ import mathutils
 import numpy as np
 
 from blender_addon import compat
-from blender_addon.array import spaces
 from blender_addon.render import cycles
+from blender_addon.scene.array import spaces
 from lfsr_core.images import exr
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray, RayLayout

@@ -7,8 +7,8 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 
-from ...array import edit, rig, view
-from ...settings import scene_settings
+from ...scene import settings as scene_settings
+from ...scene.array import edit, rig, view
 from .. import look
 from .base import UNDO, Result, activate, reports_errors
 

@@ -12,11 +12,12 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
 
-from ...array import edit, rig
 from ...jobs import session
 from ...jobs.steps import Steps
-from ...settings import folders, scene_settings
-from ...settings.words import capitalized
+from ...scene import folders
+from ...scene import settings as scene_settings
+from ...scene.array import edit, rig
+from ...scene.words import capitalized
 from ..drawing import sentence
 
 UNDO = {"REGISTER", "UNDO"}

@@ -9,10 +9,9 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.calibration.patterns import pattern
 
-from ...jobs import session
-from ...results import show_image
-from ...settings import scene_settings
-from ...settings.displays import PROFILE_FILE
+from ...jobs import session, show_image
+from ...scene import settings as scene_settings
+from ...scene.displays import PROFILE_FILE
 from .base import Result, reports_errors
 
 

@@ -9,14 +9,14 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.progress import duration
 
-from ...array.rig import check_editable
 from ...check import watch
 from ...check.fixes import FIXES, OUTSIDE_SCENE, find_object
 from ...check.groups import MOST_ROWS, Group, grouped
 from ...check.problem import INFO, Problem
 from ...check.problems import to_ask
 from ...jobs import probe, session
-from ...settings.words import counted
+from ...scene.array.rig import check_editable
+from ...scene.words import counted
 from .base import UNDO, Question, Result, activate, reports_errors
 
 LONG = 600.0  # seconds of a render that is asked about

@@ -9,7 +9,7 @@ import bpy
 from lfsr_core.exports.format_names import DESCRIPTIONS, TITLES
 
 from ...jobs import exports, session
-from ...settings import folders
+from ...scene import folders
 from .base import Prepared, TaskOperator
 
 PURPOSE = "to show or export"

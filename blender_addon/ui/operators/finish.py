@@ -9,8 +9,8 @@ from lfsr_core.frames.frame import read_rendered
 from lfsr_core.reconstruct.method_name import AS_RENDERED, PANEL_METHODS, MethodName
 
 from ...jobs import denoiser, recipes
-from ...settings import folders
-from ...settings.methods import METHODS, MORE, title
+from ...scene import folders
+from ...scene.methods import METHODS, MORE, title
 from .base import Prepared, TaskOperator
 from .render import show_image_of
 

@@ -22,9 +22,9 @@ from lfsr_core.tasks.blender_tasks import Found
 
 from ...jobs import recipes, session, steps
 from ...jobs.steps import Steps
-from ...settings import scene_settings
-from ...settings.methods import title
-from ...settings.words import counted
+from ...scene import settings as scene_settings
+from ...scene.methods import title
+from ...scene.words import counted
 from .base import UNDO, Prepared, Result, TaskOperator, add_missing_array, reports_errors
 
 LOOK_FRACTION = 0.03  # of a plan's time

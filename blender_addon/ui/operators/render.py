@@ -12,11 +12,11 @@ import bpy
 
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
 
-from ...jobs import denoiser, probe, recipes, session
-from ...results import preview, show_image
+from ...jobs import denoiser, preview, probe, recipes, session, show_image
+from ...scene import folders
+from ...scene import settings as scene_settings
+from ...scene.methods import title
 from ...scene.subject import find_subject
-from ...settings import folders, scene_settings
-from ...settings.methods import title
 from . import check
 from .base import Prepared, Question, Result, TaskOperator, add_missing_array
 

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.array import rig
+from blender_addon.scene.array import rig
 from lfsr_core.optics.display import load_display
 from tests.support.problems import fix, found
 from tests.support.scenes import add_box

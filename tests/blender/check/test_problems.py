@@ -8,11 +8,11 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.array import rig
 from blender_addon.check import disk, problems
 from blender_addon.check.fixes import OPERATORS
+from blender_addon.scene import settings as scene_settings
+from blender_addon.scene.array import rig
 from blender_addon.scene.notices import SWITCHES
-from blender_addon.settings import scene_settings
 from lfsr_core.optics.display import load_display
 from tests.support.problems import fix, found
 from tests.support.scenes import compositing

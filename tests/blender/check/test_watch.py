@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from blender_addon.array import rig
 from blender_addon.check import watch
 from blender_addon.check.groups import MOST_ROWS
 from blender_addon.jobs import denoiser
+from blender_addon.scene.array import rig
 from blender_addon.ui import panels, problem_rows
 from blender_addon.ui.operators import check
 from lfsr_core.optics.display import load_display

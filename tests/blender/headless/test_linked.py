@@ -11,7 +11,7 @@ import pytest
 
 from blender_addon.jobs import recipes
 from blender_addon.jobs.steps import Task
-from blender_addon.settings import folders
+from blender_addon.scene import folders
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers
 from tests.support import panel

@@ -12,7 +12,8 @@ import pytest
 from blender_addon.check.problems import check_scene
 from blender_addon.jobs import denoiser, recipes, runtime
 from blender_addon.jobs.steps import Task
-from blender_addon.settings import folders, scene_settings
+from blender_addon.scene import folders
+from blender_addon.scene import settings as scene_settings
 from blender_addon.ui.operators import check, finish, render
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.report import read_report

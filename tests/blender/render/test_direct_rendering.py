@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from blender_addon import compat
-from blender_addon.render import devices, frame_folder
+from blender_addon.render import frame_folder
+from blender_addon.scene import devices
 from lfsr_core.frames.frame import PANEL_FILE
 from lfsr_core.images.png import read_png
 from lfsr_core.reconstruct.second_stage import upscale_frame

@@ -9,10 +9,10 @@ import mathutils
 import numpy as np
 import pytest
 
-from blender_addon.array import spaces
 from blender_addon.render import cycles, output
 from blender_addon.render.card_camera import card_camera
-from blender_addon.render.overrides import overridden
+from blender_addon.scene.array import spaces
+from blender_addon.scene.overrides import overridden
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.images import exr
 from lfsr_core.optics.panel.panel_rays import PanelLayout, panel_rays

@@ -9,7 +9,7 @@ import mathutils
 import numpy as np
 import pytest
 
-from blender_addon.array import spaces
+from blender_addon.scene.array import spaces
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics import eia
 from lfsr_core.optics.rays import RayLayout, view_offset

@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.array import edit, placement, rig
-from blender_addon.array.cameras import camera_notices, choose_camera
+from blender_addon.scene.array import edit, placement, rig
+from blender_addon.scene.array.cameras import camera_notices, choose_camera
 from blender_addon.scene.open import open_scene
 from blender_addon.scene.subject import find_subject
 from lfsr_core.base.errors import LfsrError

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.array import placement as rig
+from blender_addon.scene.array import placement as rig
 from blender_addon.scene.open import open_scene
 from blender_addon.scene.subject import find_subject
 from lfsr_core.base.files import write_json

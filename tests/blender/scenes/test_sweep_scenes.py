@@ -12,9 +12,9 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.array import rig
 from blender_addon.render.frame_folder import render_job
 from blender_addon.scene import light, open, subject
+from blender_addon.scene.array import rig
 from blender_addon.scene.notices import missing_images
 from lfsr_core.base.files import read_json
 from lfsr_core.frames.foreground import foreground_mask

@@ -6,8 +6,8 @@ import bpy
 import pytest
 
 from blender_addon.jobs import recipes, session
+from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.open import choose_scene
-from blender_addon.settings import scene_settings
 from blender_addon.ui.operators import check
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame

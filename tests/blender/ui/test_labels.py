@@ -8,7 +8,7 @@ import bpy
 import pytest
 
 import blender_addon
-from blender_addon.settings import words
+from blender_addon.scene import words
 from blender_addon.ui import live_panel, summary
 from blender_addon.ui.operators import check
 from tests.blender.ui.test_panels import draw, draw_all

@@ -7,7 +7,7 @@ import pytest
 
 from blender_addon.live import nodes, session
 from blender_addon.live.scene import EYE, PANEL
-from blender_addon.render import devices
+from blender_addon.scene import devices
 from blender_addon.ui import live_panel
 from tests.blender.ui.test_panels import draw, greyed, labels, operators, properties
 from tests.support import panel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from blender_addon.array import rig
+from blender_addon.scene.array import rig
 from blender_addon.ui import overlay
 from lfsr_core.optics.display import load_display
 from tests.support import panel

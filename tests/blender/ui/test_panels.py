@@ -9,7 +9,8 @@ import bpy
 import pytest
 
 from blender_addon.jobs import session
-from blender_addon.settings import folders, scene_settings
+from blender_addon.scene import folders
+from blender_addon.scene import settings as scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.display_panel import LFSR_MT_scale, LFSR_PT_display
 from blender_addon.ui.operators import check

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from blender_addon.settings import folders
+from blender_addon.scene import folders
 from blender_addon.ui import summary
 from lfsr_core.frames.report import Report, write_report
 from tests.support import panel

@@ -21,7 +21,7 @@ sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4)
 import bpy
 import mathutils
 
-from blender_addon.array import edit, placement, rig
+from blender_addon.scene.array import edit, placement, rig
 from blender_addon.scene.open import open_scene
 from blender_addon.scene.subject import find_subject
 from lfsr_core.optics.display import DisplayProfile

@@ -8,8 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs import recipes
-from blender_addon.results import preview
+from blender_addon.jobs import preview, recipes
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.png import read_png

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.optics.panel.test_visual_json import OLD
 
-from blender_addon.settings import folders
+from blender_addon.scene import folders
 from lfsr_core.exports import loopback
 from lfsr_core.exports.format_names import DESCRIPTIONS
 from lfsr_core.exports.light_field import read_light_field

@@ -10,7 +10,8 @@ import bpy
 import pytest
 
 from blender_addon.jobs import recipes, session
-from blender_addon.settings import methods, scene_settings
+from blender_addon.scene import methods
+from blender_addon.scene import settings as scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.operators import plan
 from lfsr_core.plan import options

@@ -8,10 +8,10 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.array import rig
-from blender_addon.jobs import recipes
-from blender_addon.results import preview
-from blender_addon.settings import folders, scene_settings
+from blender_addon.jobs import preview, recipes
+from blender_addon.scene import folders
+from blender_addon.scene import settings as scene_settings
+from blender_addon.scene.array import rig
 from blender_addon.ui import summary
 from lfsr_core.base.files import read_json
 from lfsr_core.frames.frame import read_frame

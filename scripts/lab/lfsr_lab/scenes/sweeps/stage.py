@@ -15,8 +15,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from blender_addon.array import edit
 from blender_addon.scene import subject
+from blender_addon.scene.array import edit
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.process.protocol import emit

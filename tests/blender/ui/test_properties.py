@@ -7,7 +7,8 @@ import zlib
 import bpy
 import pytest
 
-from blender_addon.settings import displays, scene_settings
+from blender_addon.scene import displays
+from blender_addon.scene import settings as scene_settings
 from lfsr_core.optics.display import builtin_names
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from tests.support import panel

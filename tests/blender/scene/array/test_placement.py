@@ -7,8 +7,8 @@ import mathutils
 import numpy as np
 import pytest
 
-from blender_addon.array import cameras, motion, placement, spaces
 from blender_addon.scene import subject
+from blender_addon.scene.array import cameras, motion, placement, spaces
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_core.optics.rays import CameraArray

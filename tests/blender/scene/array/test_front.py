@@ -7,7 +7,7 @@ import mathutils
 import numpy as np
 import pytest
 
-from blender_addon.array import edit, front, placement, rig
+from blender_addon.scene.array import edit, front, placement, rig
 from lfsr_core.optics.display import load_display
 from tests.support.scenes import add_box, add_camera
 

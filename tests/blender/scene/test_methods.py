@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 
-from blender_addon.settings import methods
+from blender_addon.scene import methods
 from lfsr_core.plan.candidates import default_methods
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, FAST_METHOD, MethodName
 

@@ -13,7 +13,7 @@ from lfsr_core.frames.request import Request
 from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile
 
-from ..scene.subject import find_subject
+from ..subject import find_subject
 from . import motion, placement
 
 CHOOSE, LOOK = "scale", "depth"  # the headless Blender's words for these jobs

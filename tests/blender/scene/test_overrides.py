@@ -10,7 +10,7 @@ import pytest
 
 from blender_addon.render import frame_folder, view_by_view
 from blender_addon.render.cycles import RenderSettings, cycles_settings
-from blender_addon.render.overrides import overridden
+from blender_addon.scene.overrides import overridden
 from lfsr_core.base.cores import CORES
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.images import exr

@@ -13,7 +13,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..scene.subject import find_subject
+from ..subject import find_subject
 from . import front, placement, rig
 from .rig import Placement
 from .spaces import from_blender, to_blender, upright

@@ -10,7 +10,7 @@ from typing import TypeVar
 from lfsr_core.optics.depth_scale import samples_at, scales_up_to
 from lfsr_core.optics.display import DisplayProfile
 
-from .scene_settings import Resolved
+from .settings import Resolved
 
 Number = TypeVar("Number", int, float)
 MOST_LENSES, LEAST_VIEWS = 6000, 8

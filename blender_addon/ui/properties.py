@@ -22,13 +22,13 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.averaging import MOST_AVERAGED
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, GONE_SINCE
 
-from ..array import known, rig
-from ..results import preview, show_image
-from . import folders
-from .displays import profile_items
-from .lights import AUTO_LIGHT, light_items
-from .methods import DIRECT, METHODS, method_items
-from .scene_settings import AUTO_SCALE, SCALES, offered_scales, qualities
+from ..jobs import preview, show_image
+from ..scene import folders
+from ..scene.array import known, rig
+from ..scene.displays import profile_items
+from ..scene.lights import AUTO_LIGHT, light_items
+from ..scene.methods import DIRECT, METHODS, method_items
+from ..scene.settings import AUTO_SCALE, SCALES, offered_scales, qualities
 from .session_state import FoundProblem, SessionState
 
 LIVE_SCALES = (1, 2, 4, 8)  # pixel sizes of Blender's viewport

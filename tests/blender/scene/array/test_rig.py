@@ -6,8 +6,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.array import edit, placement, rig
 from blender_addon.scene import subject
+from blender_addon.scene.array import edit, placement, rig
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import load_display
 from tests.support import panel

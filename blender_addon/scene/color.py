@@ -12,7 +12,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.images.color_settings import ColorSettings
 
 from .. import compat
-from ..scene.subject import GEOMETRY
+from .subject import GEOMETRY
 
 WORKING_SPACE = "Linear Rec.709"
 

@@ -7,7 +7,7 @@ import operator
 import bpy
 import pytest
 
-from blender_addon.array import edit, known, rig
+from blender_addon.scene.array import edit, known, rig
 from tests.support import panel
 
 

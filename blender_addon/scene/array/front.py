@@ -13,7 +13,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 
-from ..scene.subject import GEOMETRY, find_subject
+from ..subject import GEOMETRY, find_subject
 from . import motion, placement
 from .rig import Placement
 

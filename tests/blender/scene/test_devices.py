@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from blender_addon.render import devices
+from blender_addon.scene import devices
 
 
 @pytest.mark.parametrize(("ids", "addresses"), [

@@ -7,8 +7,8 @@ import mathutils
 import numpy as np
 import pytest
 
-from blender_addon.render.color import color_settings
 from blender_addon.render.frame_folder import render_job
+from blender_addon.scene.color import color_settings
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.images.exr import read_layers
 from tests.support.requests import make_request

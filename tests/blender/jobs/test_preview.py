@@ -9,8 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs import recipes
-from blender_addon.results import preview
+from blender_addon.jobs import preview, recipes
 from blender_addon.scene.notices import missing_images
 from tests.support import panel
 

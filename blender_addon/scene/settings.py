@@ -16,14 +16,14 @@ from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.method_name import AS_RENDERED, DEFAULT_METHOD, PANEL_METHODS, MethodName
 
-from ..array import rig
-from ..render import devices
-from ..render.color import color_settings
-from ..scene.subject import find_subject
+from . import devices
+from .array import rig
+from .color import color_settings
 from .displays import FIRST_PROFILES, PROFILE_FILE
 from .folders import absolute
 from .lights import check_chosen, light_of
 from .methods import DIRECT
+from .subject import find_subject
 
 SCALES = (1, 2, 3, 4, 5, 8)
 AUTO_SCALE = "AUTO"

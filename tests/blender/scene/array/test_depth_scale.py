@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from blender_addon.array import placement
 from blender_addon.jobs import recipes, session
 from blender_addon.render import frame_folder
-from blender_addon.settings import scene_settings
+from blender_addon.scene import settings as scene_settings
+from blender_addon.scene.array import placement
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.optics.display import load_display
 from tests.support import panel

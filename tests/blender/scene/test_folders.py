@@ -11,7 +11,7 @@ import pytest
 
 from blender_addon.check.problems import check_scene
 from blender_addon.jobs import recipes
-from blender_addon.settings import folders
+from blender_addon.scene import folders
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, write_json
 from lfsr_core.frames.frame import read_frame, write_frame

@@ -9,9 +9,9 @@ import mathutils
 import numpy as np
 import pytest
 
-from blender_addon.array import edit, placement, rig
-from blender_addon.array.view import View
 from blender_addon.scene import subject
+from blender_addon.scene.array import edit, placement, rig
+from blender_addon.scene.array.view import View
 from lfsr_core.optics.display import load_display
 from tests.support import panel
 from tests.support.scenes import add_box, add_camera

@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from blender_addon.settings import proof, scene_settings
+from blender_addon.scene import proof
+from blender_addon.scene import settings as scene_settings
 from lfsr_core.optics.display import builtin_names, load_display
 from tests.support import panel
 
