@@ -19,6 +19,8 @@ class Progress:
     fraction: float = 0.0  # of the stage, in [0, 1]
     detail: str = ""  # a file, a count or a place in the work, as it is shown beside the bar
     left: float | None = None  # seconds until all is done, None where they cannot be told
+    cpu: float | None = None  # CPU seconds of the process that works, None where it does not tell them
+    repeated: bool = False  # said again because there is nothing new
 
 
 @dataclasses.dataclass(frozen=True)

@@ -14,6 +14,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from lfsr_core.base.notices import Notice, Progress
+
 PROGRESS_PREFIX = "LFSR "
 RENDERED_STAGE = "rendered"  # one of several jobs is complete in its folder
 LAST_STAGES = ("done", "error", "cancelled")
@@ -52,6 +54,28 @@ def emit_progress(stage: str, fraction: float, message: str) -> None:
 
 def _cpu() -> float:
     return round(time.process_time(), 2)
+
+
+def tell(told: Progress | Notice) -> None:
+    """Write progress or a notice as a record, which ``told_of`` reads; a ``Tell``."""
+    if isinstance(told, Notice):
+        emit(stage="notice", warning=True, notice=told.code, values=told.values)
+    else:
+        emit(stage=told.stage, fraction=round(told.fraction, 4), message=told.detail,
+             left=told.left if told.left is None else round(told.left, 1),
+             cpu=_cpu() if told.cpu is None else told.cpu, repeated=told.repeated)
+
+
+def told_of(record: dict[str, Any]) -> Progress | Notice | None:
+    """Return the progress or the notice in a record, None where it is another."""
+    if "notice" in record:
+        return Notice(record["notice"], record["values"])
+    if record.get("warning"):
+        return Notice("said", {"text": record.get("message", "")})
+    if "fraction" not in record:
+        return None
+    return Progress(record["stage"], min(1.0, float(record["fraction"])), str(record.get("message", "")),
+                    record.get("left"), record.get("cpu"), bool(record.get("repeated")))
 
 
 def emit_warning(message: str) -> None:
