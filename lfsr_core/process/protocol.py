@@ -56,7 +56,7 @@ def _cpu() -> float:
     return round(time.process_time(), 2)
 
 
-def tell(told: Progress | Notice) -> None:
+def emit_told(told: Progress | Notice) -> None:
     """Write progress or a notice as a record, which ``told_of`` reads; a ``Tell``."""
     if isinstance(told, Notice):
         emit(stage="notice", warning=True, notice=told.code, values=told.values)
