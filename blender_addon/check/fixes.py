@@ -9,7 +9,6 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 
 from ..jobs import denoiser
-from ..scene import renamed
 from ..scene import settings as scene_settings
 from ..scene.array.edit import add, remove
 from ..scene.array.rig import check_editable
@@ -67,7 +66,7 @@ def _defaults(scene: bpy.types.Scene, _target: str) -> None:
         scene_settings.display_of(scene)
     except LfsrError:
         scene.lfsr.property_unset("display")
-    for name in ("scale", "method", "light", "straight"):
+    for name in ("scale", "method", "light", "subpixels"):
         scene.lfsr.property_unset(name)
 
 
@@ -137,7 +136,6 @@ FIXES: dict[str, Fix] = {
     "engine": _setting("render", engine="CYCLES"),
     "script": _setting("cycles", device="CPU", shading_system=True), "dirty": _pack, "background": _to_background,
     "denoise": lambda scene, _target: denoiser.use_replacement(scene, scene_settings.resolve(scene)),
-    "renamed": lambda scene, _target: renamed.take_over(scene),
     "display": _defaults, "subject": _show_subject, "rig": _array_again,
     "filter": _setting("cycles", pixel_filter_type="BOX"),
     "motion": _setting("render", use_motion_blur=False), "focus": _no_focus,
@@ -146,7 +144,7 @@ FIXES: dict[str, Fix] = {
     "compositor": _setting("render", use_compositing=False), "sequencer": _setting("render", use_sequencer=False),
     "view": _setting("view_settings", use_curve_mapping=False, use_white_balance=False),
     "catcher": _setting("render", film_transparent=True)}
-OUTSIDE_SCENE = ("dirty", "renamed", "focus", "shift")  # fixes that change more than the scene
+OUTSIDE_SCENE = ("dirty", "focus", "shift")  # fixes that change more than the scene
 # Fixes that Blender's own operators do, some after asking for a file.
 OPERATORS: dict[str, tuple[str, dict[str, object]]] = {
     "cycles": ("screen.userpref_show", {"section": "ADDONS"}),

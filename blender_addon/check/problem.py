@@ -1,10 +1,24 @@
-"""The record of one finding of the scene check."""
+"""One finding of the scene check, and several of a kind as one row: "4,998 objects are too thin"."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 
 ERROR, WARNING, INFO = SEVERITIES = ("ERROR", "WARNING", "INFO")
+MOST_ROWS = 5  # that are shown at first
+# Title and reason of several findings of a kind, by their code.
+SEVERAL = {
+    "thin": ("{} objects are too thin", "They are thinner than what the rendered views show at their depths. Choose a "
+             "smaller scale or move them nearer to the display plane."),
+    "depth": ("{} objects leave the usable depth", "The display blurs what is nearer or farther than the orange "
+              "rectangles. Move them, or move the display plane."),
+    "background": ("{} objects fill the display", "Every lens counts as foreground. Objects in a collection called "
+                   "Background are reconstructed faster."),
+    "texture": ("{} image files are missing", "They render magenta."),
+    "dirty": ("{} images have unsaved changes", "The render would not show them."),
+    "script": ("{} materials have Script nodes", "Script nodes need the CPU or OptiX as device, and Open Shading "
+               "Language switched on in Render Properties.")}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -19,3 +33,37 @@ class Problem:
     is_object: bool = False  # whether ``target`` is an object that can be selected
     title: str = ""  # shown instead of ``target``
     asks: bool = False  # whether a render is started only after the artist was asked
+
+
+@dataclasses.dataclass(frozen=True)
+class Group:
+    """One row: findings of one kind."""
+
+    problems: tuple[Problem, ...]
+
+    @property
+    def first(self) -> Problem:
+        """The finding that stands for the others."""
+        return self.problems[0]
+
+    @property
+    def title(self) -> str:
+        """The row's first line."""
+        if len(self.problems) == 1:
+            return self.first.title or self.first.target
+        return SEVERAL[self.first.code][0].format(f"{len(self.problems):,}")
+
+    @property
+    def reason(self) -> str:
+        """Sentences below it."""
+        return self.first.reason if len(self.problems) == 1 else SEVERAL[self.first.code][1]
+
+
+def grouped(problems: Iterable[Problem]) -> list[Group]:
+    """Return the rows of ``problems``, worst first, else in their order."""
+    rows: dict[tuple[str, ...], list[Problem]] = {}
+    for problem in problems:
+        key = (problem.code,) if problem.code in SEVERAL else (problem.code, problem.target, problem.reason)
+        rows.setdefault(key, []).append(problem)
+    groups = [Group(tuple(row)) for row in rows.values()]
+    return sorted(groups, key=lambda group: SEVERITIES.index(group.first.severity))

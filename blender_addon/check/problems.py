@@ -9,7 +9,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 
 from ..jobs import denoiser, preview
-from ..scene import devices, folders, renamed
+from ..scene import devices, folders
 from ..scene import settings as scene_settings
 from ..scene.array import rig
 from ..scene.array.cameras import mirror_notices
@@ -133,16 +133,6 @@ def _denoiser(scene: bpy.types.Scene) -> Iterator[Problem]:
                       f"Use {title(denoiser.replacement(settings).text)}", ERROR)
 
 
-def _renamed(scene: bpy.types.Scene) -> Iterator[Problem]:
-    try:
-        found = renamed.former(scene)
-    except LfsrError:
-        return  # said by _settings
-    if found:
-        yield Problem("renamed", found[1], f"The output folder has images of {found[1]}, which is gone, and none of "
-                      "this file. Take them over if this is that file with a new name.", "Take Over", INFO, asks=True)
-
-
 def _has_cycles() -> bool:
     return bpy.context.preferences.addons.get("cycles") is not None
 
@@ -153,4 +143,4 @@ def _has_script(tree: bpy.types.NodeTree | None) -> bool:
 
 
 # What takes no longer in a scene of many objects than looking at each of them once.
-QUICK = (_renderer, _settings, _array, _light, _scripts, _images, _renamed, disk.find, ignored.find)
+QUICK = (_renderer, _settings, _array, _light, _scripts, _images, disk.find, ignored.find)

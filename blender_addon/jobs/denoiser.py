@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import platform
 import sys
-import threading
 from pathlib import Path
 
 import bpy
@@ -21,8 +19,6 @@ from ..scene.settings import Resolved
 from . import runtime
 
 SECONDS_TO_ANSWER = 60
-_known: set[tuple[tuple[str, ...], str]] = set()  # questions that were answered
-_asking: threading.Thread | None = None
 LIBRARIES = {"win32": "OpenImageDenoise.dll", "darwin": "libOpenImageDenoise.dylib"}
 # Packages of the library, by the ID in /etc/os-release. Debian and those made of it have none.
 PACKAGES = {"fedora": "oidn-libs", "arch": "openimagedenoise", "alpine": "openimagedenoise",
@@ -48,25 +44,6 @@ def _reason(command: tuple[str, ...], _library: str) -> str:
     except OSError as error:
         raise LfsrError(f"Python {command[0]!r} cannot be started ({error}): choose another") from None
     return output.strip() if code == 0 else ""  # what else it lacks is said by the render
-
-
-def is_known() -> bool:
-    """True if ``is_missing`` answers at once; else it is asked in a thread, so that nobody waits."""
-    global _asking
-    try:
-        question = (*runtime.second_stage_command("lfsr_core.tasks.probe"), DENOISER), runtime.chosen_library()
-    except LfsrError:
-        return True  # it says so at once
-    if question not in _known and (_asking is None or not _asking.is_alive()):
-        _asking = threading.Thread(target=_ask, args=question, daemon=True, name="lfsr-denoiser")
-        _asking.start()
-    return question in _known
-
-
-def _ask(command: tuple[str, ...], library: str) -> None:
-    with contextlib.suppress(LfsrError):
-        _reason(command, library)
-    _known.add((command, library))
 
 
 def lacking(settings: Resolved) -> str:

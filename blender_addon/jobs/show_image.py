@@ -37,6 +37,12 @@ def areas(kind: str) -> list[bpy.types.Area]:
     return [area for window in bpy.context.window_manager.windows for area in window.screen.areas if area.type == kind]
 
 
+def redraw_views() -> None:
+    """Redraw the 3D views, with their sidebars."""
+    for area in areas("VIEW_3D"):
+        area.tag_redraw()
+
+
 def top_window() -> bpy.types.Window | None:
     """Return the window that no other window of this Blender hides: of those that lie over others, the newest."""
     windows = bpy.context.window_manager.windows

@@ -9,13 +9,11 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 
 from ..scene import devices
-from . import desktop
 from . import scene as live_scene
 from . import window as live_window
 from .scene import EYE, PANEL
 
 SECONDS_BETWEEN_LOOKS = 0.1
-SECONDS_TO_MOVE = 0.5  # a window, before it is made full screen where it is then
 # A region large enough for any display, to check a view before there is a window.
 LARGE = (65536, 65536)
 
@@ -28,7 +26,6 @@ class _Shown:
     view: live_scene.View | None = None  # view and smoothing that the live scene was made with
     smooth: bool | None = None
     message: str = ""  # what is wrong or what to do next
-    others: frozenset[int] | None = None  # the system's windows before this one, until it is on its screen
 
 
 # Only the identity of the scene is stored: undo and reloads replace everything else.
@@ -51,9 +48,8 @@ def start(scene: bpy.types.Scene, kind: str = PANEL) -> None:
         raise LfsrError("the live view is on already: press Stop Live first")
     devices.cycles_preferences()
     live_scene.view_of(scene, LARGE, kind)
-    others = frozenset(desktop.windows()) if kind == PANEL and scene.lfsr.live_place else None
     live_window.open_window(kind)
-    _on[kind] = _Shown(scene.session_uid, others=others)
+    _on[kind] = _Shown(scene.session_uid)
     try:
         keep_up(kind)
     except BaseException:
@@ -110,7 +106,6 @@ def _look() -> float | None:
         if live_window.find(kind) is None or artists_scene(kind) is None:
             stop(kind)
             continue
-        _place(kind)
         try:
             keep_up(kind)
             view = _on[kind].view
@@ -118,22 +113,6 @@ def _look() -> float | None:
         except LfsrError as error:
             _say(kind, str(error))
     return SECONDS_BETWEEN_LOOKS if _on else None
-
-
-def _place(kind: str) -> None:
-    """Bring the live window onto its screen, once the system has it: the panel's pixels there, then full screen."""
-    scene, window, state = artists_scene(kind), live_window.find(kind), _on[kind]
-    found = desktop.windows() - state.others if state.others is not None else None
-    if found and scene is not None and window is not None and state.view is not None:
-        desktop.move(max(found), (*scene.lfsr.live_corner, *state.view.profile.panel_pixels))
-        state.others = None
-        bpy.app.timers.register(lambda: _fill_screen(kind), first_interval=SECONDS_TO_MOVE)
-
-
-def _fill_screen(kind: str) -> None:
-    window = live_window.find(kind)
-    if window is not None:
-        live_window.toggle_full_screen(window)
 
 
 def _say(kind: str, text: str) -> None:

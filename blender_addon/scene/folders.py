@@ -31,7 +31,6 @@ from lfsr_core.frames.request import Request
 from lfsr_core.reconstruct.method_name import MethodName
 
 from .methods import DIRECT
-from .words import counted
 
 UNSAVED = "untitled"
 
@@ -131,38 +130,6 @@ def shown_frame(scene: bpy.types.Scene, purpose: str) -> Path:
     if not any((folder / name).is_file() for name in (EIA_FILE, PANEL_FILE)):
         raise LfsrError(f"there is no image in {folder} {purpose}: render the EIA first")
     return folder
-
-
-def move_older(scene: bpy.types.Scene) -> str:
-    """Move this file's frames of version 0.1, whose folders had no file's name, to their new place, and say so.
-
-    Frames of other files stay. Nothing is moved where the scene has a folder of its own already.
-    """
-    folder = scene_folder(scene)
-    older = _output(scene) / bpy.path.clean_name(scene.name)
-    frames = [] if folder.exists() else _older_frames(scene, older)
-    if not frames:
-        return ""
-    count = counted(len(frames), "frame")
-    try:
-        folder.mkdir(parents=True)
-        for path in (path for name in frames for path in (older / name, older / f"{name}_reference") if path.exists()):
-            path.rename(folder / path.name)
-        with contextlib.suppress(OSError):  # other files' frames stay
-            older.rmdir()
-    except OSError as error:
-        return f"{older} holds {count} of this file that cannot be moved to {folder} ({error.strerror})"
-    new = folder.relative_to(_output(scene)).as_posix()
-    return f"{count} of an older version moved from {older.name} to {new} in the output folder"
-
-
-def _older_frames(scene: bpy.types.Scene, older: Path) -> list[str]:
-    """Names of the frame folders in ``older`` that are of this file and do not know their source."""
-    if not bpy.data.filepath or scene.library is not None or not older.is_dir():
-        return []
-    found = {path.name: frame_in(path) for path in sorted(older.iterdir()) if path.name.lstrip("-").isdigit()}
-    return [name for name, frame in found.items()
-            if frame and frame.scene and not frame.source and is_of(frame, source_of(scene), scene.name_full)]
 
 
 def _clean(name: str) -> str:

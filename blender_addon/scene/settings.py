@@ -77,7 +77,7 @@ class Resolved:
 def resolve(scene: bpy.types.Scene) -> Resolved:
     """Resolve the settings; LfsrError where the display's profile cannot be read."""
     settings, display, device = scene.lfsr, display_of(scene), device_of(scene)
-    is_direct = settings.straight and display.is_woven
+    is_direct = settings.subpixels and display.is_woven
     direct = AS_RENDERED if settings.method == AS_RENDERED else PANEL_METHODS[0]
     method = MethodName.parse(direct if is_direct else settings.method or DEFAULT_METHOD)
     scales = method.scales_of(scales_up_to(display)) if settings.scale == AUTO_SCALE and not is_direct else ()
@@ -86,7 +86,7 @@ def resolve(scene: bpy.types.Scene) -> Resolved:
     return Resolved(scene.name_full, display, device, SUBPIXELS if is_direct else devices.way_of(device), method,
                     scale, scales, settings.samples or samples_at(display, scale, settings.rays), rays,
                     settings.seed, light_of(scene), linear_exr=settings.linear_exr and not is_direct,
-                    temporal_averaging=0 if is_direct else settings.share_frames)
+                    temporal_averaging=0 if is_direct else settings.temporal_averaging)
 
 
 def resolve_for_render(scene: bpy.types.Scene) -> Resolved:
@@ -163,7 +163,7 @@ def qualities(scene: bpy.types.Scene) -> dict[str, tuple[float, int, str]]:
         display = display_of(scene)
     except LfsrError:  # the panel shows what is wrong with it
         display = load_display(FIRST_PROFILES[0])
-    is_direct = scene.lfsr.straight and display.is_woven
+    is_direct = scene.lfsr.subpixels and display.is_woven
     return {name: (float(samples) if is_direct else usual_rays(display, samples), 0, DEFAULT_METHOD)
             for name, samples in QUALITY_SAMPLES.items()}
 

@@ -44,7 +44,7 @@ class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
             settings = scene_settings.resolve(context.scene)
             if settings.display.is_woven:
                 # Without a column for labels: its label is as long as the sidebar is wide.
-                self.layout.prop(lfsr, "straight")
+                self.layout.prop(lfsr, "subpixels")
                 row = self.layout.row(align=True)
                 row.operator("lfsr.test_picture", text="Test Picture…")
                 row.operator("lfsr.calibrate", text="Calibrate…")

@@ -34,9 +34,6 @@ class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
         row_if(nodes.can_interpolate() and not woven, column).prop(lfsr, "live_smooth")
         row_if(devices.has_denoiser(), column).prop(lfsr, "live_denoise")
         row_if(devices.has_denoiser() and lfsr.live_denoise, column).prop(lfsr, "live_denoise_start")
-        column.prop(lfsr, "live_place")
-        if lfsr.live_place:
-            column.prop(lfsr, "live_corner")
         for text, icon in notes(context.scene):
             sentence(layout, text, icon, context)
         self._draw_eye(layout, lfsr)

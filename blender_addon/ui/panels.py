@@ -7,7 +7,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.progress import duration
 
-from ..check import watch
+from ..check import last
 from ..jobs import preview, probe, session
 from ..jobs.steps import ALONE
 from ..scene import folders
@@ -60,14 +60,13 @@ class LFSR_PT_check(LightFieldPanel, bpy.types.Panel):
     bl_order = 2
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the button and the rows of the last check, which is repeated when the scene changes."""
+        """Draw the button and the rows of the last check."""
         layout, state = self.layout, context.window_manager.lfsr
-        watch.wanted(context.scene)
         layout.operator("lfsr.check_scene", text="Check Scene", icon="VIEWZOOM")
         _draw_time(layout, context.scene)
         if state.checked_scene != context.scene.name_full:
             return
-        if watch.is_late():
+        if last.has_changed():
             layout.label(text="Changed since this check", icon="INFO")
         if not state.problems:
             layout.label(text="No problems found", icon="CHECKMARK")
@@ -149,7 +148,7 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         column.operator("lfsr.render_animation", icon="RENDER_ANIMATION")
         column.menu("LFSR_MT_submit")
         # Without a column for labels, where this one would be cut off.
-        row_if(not scene_settings.is_direct(context.scene), layout).prop(context.scene.lfsr, "share_frames")
+        row_if(not scene_settings.is_direct(context.scene), layout).prop(context.scene.lfsr, "temporal_averaging")
         layout.prop(context.scene.lfsr, "use_overwrite")
         state = context.window_manager.lfsr
         if state.message:

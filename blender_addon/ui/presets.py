@@ -7,7 +7,7 @@ from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
 
 SUBFOLDER = "lfsr/light_field"
-SAVED = ("display", "profile_file", "straight", "scale", "rays", "samples", "method", "seed", "linear_exr",
+SAVED = ("display", "profile_file", "subpixels", "scale", "rays", "samples", "method", "seed", "linear_exr",
          "reference_samples", "reference_lenses")
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from ..check import watch
+from ..check import last
 from ..check.fixes import OPERATORS
-from ..check.groups import MOST_ROWS
+from ..check.problem import MOST_ROWS
 from .drawing import sentence
 
 ICONS = {"ERROR": "CANCEL", "WARNING": "ERROR", "INFO": "INFO"}
@@ -44,7 +44,7 @@ def _draw(layout: bpy.types.UILayout, row: bpy.types.PropertyGroup, context: bpy
 
 
 def _draw_names(layout: bpy.types.UILayout, code: str) -> None:
-    problems = watch.found(code)
+    problems = last.problems(code)
     column = layout.column(align=True)
     for problem in problems[:MOST_NAMES]:
         line = column.row(align=True)

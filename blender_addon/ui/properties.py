@@ -13,21 +13,20 @@ from bpy.props import (
     EnumProperty,
     FloatProperty,
     IntProperty,
-    IntVectorProperty,
     PointerProperty,
     StringProperty,
 )
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.averaging import MOST_AVERAGED
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, GONE_SINCE
+from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 
 from ..jobs import preview, show_image
 from ..scene import folders
 from ..scene.array import known, rig
 from ..scene.displays import profile_items
 from ..scene.lights import AUTO_LIGHT, light_items
-from ..scene.methods import DIRECT, METHODS, method_items
+from ..scene.methods import DIRECT, method_items
 from ..scene.settings import AUTO_SCALE, SCALES, offered_scales, qualities
 from .session_state import FoundProblem, SessionState
 
@@ -36,8 +35,7 @@ LIVE_SCALES = (1, 2, 4, 8)  # pixel sizes of Blender's viewport
 
 def _draws(_settings: SceneSettings, _context: bpy.types.Context) -> None:
     """Redraw the 3D views: the frustum depends on the setting."""
-    for area in show_image.areas("VIEW_3D"):
-        area.tag_redraw()
+    show_image.redraw_views()
 
 
 def _display_changed(settings: SceneSettings, context: bpy.types.Context) -> None:
@@ -64,18 +62,6 @@ def _is_custom(settings: SceneSettings, _context: bpy.types.Context) -> None:
         chosen = settings.rays, settings.samples, settings.method
         settings.quality = next((name for name, values in qualities(settings.id_data).items() if values == chosen),
                                 "CUSTOM")
-
-
-@bpy.app.handlers.persistent
-def replace_gone_methods(*_: object) -> None:
-    """Set the default where an opened file has a method of an older version, and say so in the panel."""
-    for scene in bpy.data.scenes:
-        if not scene.lfsr.method and scene.is_editable:
-            scene.lfsr.method = DEFAULT_METHOD
-            state = bpy.context.window_manager.lfsr
-            state.message_is_error, state.message = False, (
-                f"The method saved in scene {scene.name!r} is gone since version {GONE_SINCE}: "
-                f"{METHODS[DEFAULT_METHOD][0]} replaced it")
 
 
 @bpy.app.handlers.persistent
@@ -110,15 +96,13 @@ def _set_spacing(settings: SceneSettings, spacing: float) -> None:
 class SceneSettings(bpy.types.PropertyGroup):
     """Light-field settings of one scene."""
 
-    # Saved files know direct subpixel rendering as `straight` and temporal averaging as `share_frames`.
-
     display: EnumProperty(
         name="Display", description="Light-field display that will show the image",
         items=profile_items(), default="bupt-32in-8k", update=_display_changed)
     profile_file: StringProperty(
         name="Profile", description="Display profile (.toml) of a display that is not built in",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_display_changed)
-    straight: BoolProperty(
+    subpixels: BoolProperty(
         name=DIRECT, description="Render the panel's own image, one ray direction per subpixel, instead of a light "
         "field. It is more accurate and needs a quarter of the samples, but has no views to preview, compare or "
         "export. Scale, Method, Linear EXR and Temporal Averaging are not used", default=False, update=_display_changed)
@@ -172,7 +156,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     use_overwrite: BoolProperty(
         name="Overwrite", description="Also render frames of an animation that are complete, and overwrite images of "
         "other files without a question", default=False)
-    share_frames: IntProperty(
+    temporal_averaging: IntProperty(
         name="Temporal Averaging", description="Number of frames before and after each frame of an animation that are "
         "averaged with it against noise, where nothing has changed; 0 for none, 2 is a good value. Frames are not "
         "averaged while the camera array moves",
@@ -217,12 +201,6 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Denoise", description="Denoise the rendered views with Cycles' viewport denoiser", default=True)
     live_denoise_start: IntProperty(
         name="Start Sample", description="First sample that is denoised", min=1, soft_max=64, default=1)
-    live_place: BoolProperty(
-        name="Place on Screen", description="Move the live window to the display's screen and make it full screen",
-        default=False)
-    live_corner: IntVectorProperty(
-        name="Screen Starts At", description="Upper left corner of the display's screen on the desktop, in pixels, as "
-        "the system's display settings arrange the screens", size=2, default=(0, 0))
     live_eye_right: FloatProperty(
         name="Eye Right", description="Position of the eye; the viewing zone is from -1, its left, to 1, its right",
         min=-4.0, max=4.0, soft_min=-1.0, soft_max=1.0, step=10)
@@ -246,13 +224,11 @@ def register() -> None:
         name="Light Field", description="Light-field settings of this scene", type=SceneSettings)
     bpy.types.WindowManager.lfsr = PointerProperty(
         name="Light Field", description="State of the light-field panel", type=SessionState)
-    bpy.app.handlers.load_post.append(replace_gone_methods)
     bpy.app.handlers.save_post.append(keep_saved)
 
 
 def unregister() -> None:
     """Remove them again; saved files keep their values."""
     bpy.app.handlers.save_post.remove(keep_saved)
-    bpy.app.handlers.load_post.remove(replace_gone_methods)
     del bpy.types.WindowManager.lfsr
     del bpy.types.Scene.lfsr

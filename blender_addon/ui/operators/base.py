@@ -14,7 +14,6 @@ from lfsr_core.base.files import system_errors
 
 from ...jobs import session
 from ...jobs.steps import Steps
-from ...scene import folders
 from ...scene import settings as scene_settings
 from ...scene.array import edit, rig
 from ...scene.words import capitalized
@@ -63,7 +62,6 @@ class TaskOperator:
     report: Callable[[set[str], str], None]
     layout: bpy.types.UILayout
     asked: list[Question] | None = None  # in the dialog
-    moved = ""  # what is said of results of an older version
 
     def questions(self, _context: bpy.types.Context) -> list[Question]:
         """Return what to ask before the task starts."""
@@ -100,9 +98,7 @@ class TaskOperator:
         session.check_idle()
         prepared = self.prepare(context)
         if prepared is not None:
-            session.start(self.bl_label, *prepared).warnings += [self.moved] if self.moved else []
-        elif self.moved:
-            session.say(self.moved)
+            session.start(self.bl_label, *prepared)
         return {"FINISHED"}
 
     @reports_errors
@@ -126,9 +122,6 @@ class TaskOperator:
 
     def _questions(self, context: bpy.types.Context) -> list[Question]:
         session.check_idle()
-        if moved := folders.move_older(context.scene):
-            self.moved = capitalized(moved)
-            self.report({"INFO"}, self.moved)
         return self.questions(context)
 
 

@@ -9,12 +9,11 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.progress import duration
 
-from ...check import watch
+from ...check import last
 from ...check.fixes import FIXES, OUTSIDE_SCENE, find_object
-from ...check.groups import MOST_ROWS, Group, grouped
-from ...check.problem import INFO, Problem
+from ...check.problem import INFO, MOST_ROWS, Group, Problem, grouped
 from ...check.problems import to_ask
-from ...jobs import probe, session
+from ...jobs import probe
 from ...scene.array.rig import check_editable
 from ...scene.words import counted
 from .base import UNDO, Question, Result, activate, reports_errors
@@ -32,7 +31,7 @@ class LFSR_OT_check_scene(bpy.types.Operator):
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
         """Check the scene and report the number of problems."""
-        problems = refresh(context.scene)
+        problems = last.check(context.scene)
         serious = [problem for problem in problems if problem.severity != INFO]
         if serious:
             self.report({"WARNING"}, f"{counted(len(serious), 'problem')} found, first {serious[0].target}: "
@@ -56,7 +55,7 @@ class LFSR_OT_check_select(bpy.types.Operator):
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
         """Select them and nothing else."""
-        names = [self.target] if self.target else [problem.target for problem in watch.found(self.code)]
+        names = [self.target] if self.target else [problem.target for problem in last.problems(self.code)]
         items = [find_object(name) for name in names]
         if not items:
             raise LfsrError("no object has this problem any more: check the scene again")
@@ -84,10 +83,10 @@ class LFSR_OT_check_fix(bpy.types.Operator):
             raise LfsrError(f"problem {self.code!r} cannot be fixed by a button: choose one of {', '.join(FIXES)}")
         if self.code not in OUTSIDE_SCENE:
             check_editable(context.scene)
-        every = [problem.target for problem in watch.found(self.code)]
+        every = [problem.target for problem in last.problems(self.code)]
         for target in [self.target] if self.target or len(every) < 2 else every:
             FIXES[self.code](context.scene, target)
-        refresh(context.scene)
+        last.check(context.scene)
         return {"FINISHED"}
 
 
@@ -114,15 +113,8 @@ class LFSR_OT_choose_output(bpy.types.Operator):
         """Set it and check again."""
         check_editable(context.scene)
         context.scene.lfsr.output = self.directory
-        refresh(context.scene)
+        last.check(context.scene)
         return {"FINISHED"}
-
-
-def refresh(scene: bpy.types.Scene) -> list[Problem]:
-    """Check ``scene`` and fill the panel's rows."""
-    problems = watch.check(scene)
-    session.redraw()
-    return problems
 
 
 def questions(scene: bpy.types.Scene, frames: int = 1) -> list[Question]:

@@ -9,12 +9,13 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
+from blender_addon.check import last
 from blender_addon.check.problems import check_scene
 from blender_addon.jobs import denoiser, recipes, runtime
 from blender_addon.jobs.steps import Task
 from blender_addon.scene import folders
 from blender_addon.scene import settings as scene_settings
-from blender_addon.ui.operators import check, finish, render
+from blender_addon.ui.operators import finish, render
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.report import read_report
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
@@ -75,7 +76,7 @@ def test_a_blender_without_it_is_named(scene, monkeypatch):
 
 
 def test_the_check_offers_what_this_blender_has(scene, without_library):
-    check.refresh(scene)
+    last.check(scene)
     assert found(scene)[0] == "denoise"
     assert bpy.ops.lfsr.check_fix(code="denoise", target="Open Image Denoise") == {"FINISHED"}
     assert scene.lfsr.method == "bilinear" and "denoise" not in found(scene)
@@ -89,7 +90,7 @@ def test_the_replacement_is_the_method_without_its_denoiser(scene, method, other
 
 
 def test_direct_rendering_can_leave_the_noise(scene):
-    scene.lfsr.display, scene.lfsr.straight = "looking-glass-go", True
+    scene.lfsr.display, scene.lfsr.subpixels = "looking-glass-go", True
     settings = scene_settings.resolve(scene)
     assert settings.method.text == "oidn"
     denoiser.use_replacement(scene, settings)

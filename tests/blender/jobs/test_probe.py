@@ -51,7 +51,7 @@ def test_the_button_measures_and_the_image_takes_about_that_long(scene):
 def test_direct_subpixel_rendering_is_measured_too(scene, tmp_path):
     write_profile(tmp_path / "own.toml", small(lenticular()))
     scene.lfsr.profile_file = str(tmp_path / "own.toml")
-    scene.lfsr.display, scene.lfsr.straight, scene.lfsr.samples = "FILE", True, 8
+    scene.lfsr.display, scene.lfsr.subpixels, scene.lfsr.samples = "FILE", True, 8
     assert bpy.ops.lfsr.estimate_time() == {"FINISHED"}
     expected = probe.expected_seconds(scene)
     scene.lfsr.samples = 16

@@ -39,7 +39,7 @@ def test_an_animation_is_averaged_as_the_panel_says(scene, monkeypatch):
     asked = []
     monkeypatch.setattr(recipes, "rendering_step", lambda *_, **arguments: asked.append(arguments) or SAVING)
     for count in (0, 2):
-        scene.lfsr.share_frames = count
+        scene.lfsr.temporal_averaging = count
         steps = recipes.render_animation(recipes.animation_recipe(scene))
         assert next(steps) == SAVING
         next(steps)

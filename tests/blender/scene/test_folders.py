@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 from pathlib import Path
 
 import bpy
 import pytest
 
-from blender_addon.check.problems import check_scene
 from blender_addon.jobs import recipes
 from blender_addon.scene import folders
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, write_json
-from lfsr_core.frames.frame import read_frame, write_frame
 from lfsr_core.images.png import read_png
 from tests.support import panel
 from tests.support.scenes import add_box
@@ -109,31 +106,6 @@ def test_a_renamed_file_does_not_take_the_results_of_the_one_that_has_its_name_n
     assert not is_mine()  # whether it is the same file cannot be known
 
 
-def found(code: str) -> list[str]:
-    return [problem.target for problem in check_scene(bpy.context.scene) if problem.code == code]
-
-
-def test_images_of_a_renamed_file_are_offered_to_it(project):
-    assert found("renamed") == []
-    (project / "shot.blend").rename(project / "hero.blend")
-    bpy.ops.wm.open_mainfile(filepath=str(project / "hero.blend"))
-    assert found("renamed") == ["shot.blend"] and not is_mine()
-    assert bpy.ops.lfsr.check_fix(code="renamed", target="shot.blend") == {"FINISHED"}
-    assert is_mine() and recipes.frame_recipe(bpy.context.scene).is_complete and found("renamed") == []
-    assert [path.name for path in (project / "lightfield").iterdir()] == ["hero"]
-    with pytest.raises(RuntimeError, match="The images of the renamed file are not there any more: check the scene"):
-        bpy.ops.lfsr.check_fix(code="renamed", target="shot.blend")
-
-
-def test_images_of_a_copied_file_are_not_offered_to_the_copy(project):
-    shutil.copy(project / "shot.blend", project / "copy.blend")
-    bpy.ops.wm.open_mainfile(filepath=str(project / "copy.blend"))
-    assert found("renamed") == [] and not is_mine()
-    render()
-    (project / "shot.blend").unlink()
-    assert found("renamed") == [], "it has images of its own"
-
-
 def test_scenes_whose_names_are_cleaned_to_one_are_told_apart(project):
     scene = bpy.context.scene
     scene.name = "Set A"
@@ -166,41 +138,6 @@ def test_relative_output_folders(project, output):
     folder = render()
     assert is_mine() and folder.is_absolute()
     assert (project / "x" / ".." / bpy.path.abspath(output or "//")).resolve() / "shot/Scene/0001" == folder.resolve()
-
-
-def older(project: Path, file: str, number: int) -> Path:
-    """A frame as version 0.1 wrote it."""
-    images = project / "lightfield"
-    made, folder = images / "shot" / "Scene" / "0001", images / "Scene" / f"{number:04d}"
-    shutil.copytree(made, folder)
-    write_frame(folder, dataclasses.replace(read_frame(made), scene=file, scene_name="", source="", frame=number))
-    data = read_json(folder / "frame.json", "a frame")
-    write_json(folder / "frame.json", {name: value for name, value in data.items()
-                                       if name not in ("scene_name", "source")})
-    return folder
-
-
-def test_results_of_an_older_version_move_once_and_those_of_other_files_stay(project, capfd):
-    scene = bpy.context.scene
-    mine, theirs = older(project, "shot.blend", 1), older(project, "other.blend", 2)
-    (mine.with_name("0001_reference")).mkdir()
-    shutil.rmtree(project / "lightfield" / "shot")
-    assert bpy.ops.lfsr.preview_view() == {"FINISHED"}
-    moved = project / "lightfield" / "shot" / "Scene"
-    said = "1 frame of an older version moved from Scene to shot/Scene in the output folder"
-    assert said in capfd.readouterr().out
-    assert sorted(path.name for path in moved.iterdir()) == ["0001", "0001_reference"]
-    assert is_mine() and recipes.frame_recipe(scene).is_complete
-    assert [path.name for path in mine.parent.iterdir()] == [theirs.name]
-    older(project, "shot.blend", 3)
-    assert folders.move_older(scene) == ""
-
-
-def test_results_that_cannot_be_moved_are_said(project):
-    older(project, "shot.blend", 1)
-    shutil.rmtree(project / "lightfield" / "shot")
-    (project / "lightfield" / "shot").write_text("in the way")
-    assert "holds 1 frame of this file that cannot be moved to" in folders.move_older(bpy.context.scene)
 
 
 def test_what_was_rendered_before_the_first_save_moves_beside_the_file(scene, tmp_path):

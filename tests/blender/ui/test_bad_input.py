@@ -5,10 +5,10 @@ from __future__ import annotations
 import bpy
 import pytest
 
+from blender_addon.check import last
 from blender_addon.jobs import recipes, session
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.open import choose_scene
-from blender_addon.ui.operators import check
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.optics.display import PROFILE_FOLDER
@@ -91,7 +91,7 @@ def test_unsaved_file(tmp_path):
     with panel.registered():
         scene = panel.artist_scene(None)
         refuse(scene, "this file is not saved yet: save it or choose another folder")
-        check.refresh(scene)
+        last.check(scene)
         assert "unsaved" in [line.code for line in bpy.context.window_manager.lfsr.problems]
 
 
@@ -121,7 +121,7 @@ def test_missing_texture(scene, tmp_path):
     texture.image = bpy.data.images.new("Gone", 4, 4)
     texture.image.source, texture.image.filepath = "FILE", "//textures/gone.png"
     bpy.data.objects["Box"].data.materials.append(material)
-    check.refresh(scene)
+    last.check(scene)
     line = next(line for line in bpy.context.window_manager.lfsr.problems if line.code == "texture")
     assert line.target == "gone.png" and line.severity == "ERROR" and "magenta" in line.reason
     task = session.run("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)))

@@ -1,4 +1,4 @@
-"""In a real window: the scene check repeats itself, groups, and is asked before a render."""
+"""In a real window: the scene check groups what it finds, notices changes, and is asked before a render."""
 
 from __future__ import annotations
 
@@ -13,14 +13,6 @@ pytestmark = NEEDS_WINDOW
 TASK = "addon.jobs.session.current()"
 ROWS = "[(row.code, row.title) for row in bpy.context.window_manager.lfsr.problems]"
 CODES = "[row.code for row in bpy.context.window_manager.lfsr.problems]"
-COUNT_CHECKS = """
-watch = addon.check.watch
-counted, before = [], watch.check
-def check(scene):
-    counted.append(scene.name)
-    return before(scene)
-watch.check = check
-"""
 RODS = """
 mesh = bpy.data.objects["Suzanne"].data
 for number in range(300):
@@ -37,19 +29,20 @@ def window(tmp_path_factory):
     folder = tmp_path_factory.mktemp("gui")
     with blender_window(folder) as window:
         window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
-        window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True)" + COUNT_CHECKS)
+        window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True)")
         window.open_tab()
         yield window
 
 
-def test_the_check_runs_by_itself_and_rests_where_nothing_changes(window):
-    window.until("bpy.context.window_manager.lfsr.checked_scene", SECONDS_TO_CHECK)
+CHECK = "bpy.ops.lfsr.check_scene('INVOKE_DEFAULT', True)"
+
+
+def test_the_check_stays_of_the_scene_until_it_changes(window):
+    window.run(CHECK)
     assert ["background", "Floor"] in window.get(ROWS)
-    window.screenshot("check-by-itself")
-    time.sleep(3)
-    done = window.get("len(counted)")
-    time.sleep(5)
-    assert window.get("len(counted)") == done, "what the check writes is no change of the scene"
+    window.screenshot("check")
+    time.sleep(2)
+    assert not window.get("addon.check.last.has_changed()"), "what the check writes is no change of the scene"
 
 
 @pytest.mark.parametrize("change, code", [
@@ -59,7 +52,9 @@ def test_the_check_runs_by_itself_and_rests_where_nothing_changes(window):
 def test_a_change_is_noticed(window, change, code):
     assert code not in window.get(CODES)
     window.run(f"scene = bpy.context.scene; {change}")
-    window.until(f"{code!r} in {CODES}", SECONDS_TO_CHECK)
+    window.until("addon.check.last.has_changed()", SECONDS_TO_CHECK)
+    window.run(CHECK)
+    assert code in window.get(CODES)
     window.screenshot(f"check-{code}")
     if code != "motion":
         window.run(f"row = next(row for row in bpy.context.window_manager.lfsr.problems if row.code == {code!r})")
@@ -69,10 +64,10 @@ def test_a_change_is_noticed(window, change, code):
 
 def test_many_objects_are_one_row(window):
     window.run(RODS)
-    window.until(f"'thin' in {CODES}", SECONDS_TO_CHECK)
+    window.run(CHECK)
     assert ["thin", "300 objects are too thin"] in window.get(ROWS)
     window.run("next(row for row in bpy.context.window_manager.lfsr.problems if row.code == 'thin').expanded = True")
-    window.run("addon.check.watch.redraw()")
+    window.run("addon.jobs.show_image.redraw_views()")
     window.screenshot("check-thin")
     window.run("bpy.ops.lfsr.check_select('INVOKE_DEFAULT', True, code='thin')")
     assert window.get("len(bpy.context.selected_objects)") == 300
@@ -100,14 +95,15 @@ def test_the_time_is_measured_with_a_few_lenses(window):
     window.run("bpy.context.scene.lfsr.samples *= 1000")
     assert 0 < seconds < window.get("addon.jobs.probe.expected_seconds(bpy.context.scene)")
     window.close_others()
-    window.run("addon.check.watch.redraw()")
+    window.run("addon.jobs.show_image.redraw_views()")
     window.screenshot("check-time")
     window.run("bpy.context.scene.lfsr.samples //= 1000")
 
 
-def test_an_opened_file_is_watched_too(window):
+def test_changes_of_an_opened_file_are_noticed_too(window):
     window.run("bpy.ops.wm.save_mainfile(); bpy.ops.wm.open_mainfile(filepath=FILE)")
-    window.until("bpy.context.window_manager.lfsr.checked_scene", SECONDS_TO_CHECK)
+    window.until("not bpy.context.window_manager.lfsr.checked_scene", SECONDS_TO_CHECK)
+    window.run(CHECK)
     assert "motion" in window.get(CODES)
     window.run("bpy.context.scene.render.use_motion_blur = False")
-    window.until(f"'motion' not in {CODES}", SECONDS_TO_CHECK)
+    window.until("addon.check.last.has_changed()", SECONDS_TO_CHECK)

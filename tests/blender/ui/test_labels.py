@@ -8,9 +8,9 @@ import bpy
 import pytest
 
 import blender_addon
+from blender_addon.check import last
 from blender_addon.scene import words
 from blender_addon.ui import live_panel, summary
-from blender_addon.ui.operators import check
 from tests.blender.ui.test_panels import draw, draw_all
 from tests.support import panel
 
@@ -68,7 +68,7 @@ def test_texts_of_buttons_follow_them_too(tmp_path):
         scene = panel.artist_scene(tmp_path)
         scene.lfsr.display, scene.cycles.pixel_filter_type = "looking-glass-16", "GAUSSIAN"
         scene.collection.objects.unlink(bpy.data.objects["Sun"])
-        assert len(check.refresh(scene)) > 1
+        assert len(last.check(scene)) > 1
         drawn = [call for calls in draw_all().values() for call in calls]
         texts = {named["text"] for name, named in drawn if name in ("operator", "prop", "menu") and named.get("text")}
     assert {"Use Box", "Selection", "View", "Camera"} <= texts
@@ -101,14 +101,14 @@ def spoiled(scene, name: str) -> None:
         image = bpy.data.images.new("wood", 1, 1)
         image.source, image.filepath, image.use_fake_user = "FILE", "/no/such/folder/wood.png", True
     elif name == "lens sheet":
-        lfsr.display, lfsr.straight = "looking-glass-16-gen3", True
+        lfsr.display, lfsr.subpixels = "looking-glass-16-gen3", True
     elif name == "one sample":
         lfsr.samples = 1
     elif name == "one ray":
         lfsr.display, lfsr.scale, lfsr.samples = "bupt-32in-8k", "1", 1
     elif name == "warning":
         state.message = "The scene is dark (--light). Choose another light with --light, or see /tmp/lfsr-1/log.txt"
-    check.refresh(scene)
+    last.check(scene)
 
 
 STATES = ("as it is", "profile", "scale", "texture", "lens sheet", "one sample", "one ray", "warning")

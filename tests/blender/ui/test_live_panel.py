@@ -32,12 +32,6 @@ def test_a_lens_sheet_has_no_pixel_size(scene):
     assert {"live_scale", "live_smooth"} <= greyed(draw(live_panel.LFSR_PT_live))
 
 
-def test_a_screen_has_a_place_only_if_it_is_asked_for(scene):
-    assert "live_corner" not in properties(draw(live_panel.LFSR_PT_live))
-    scene.lfsr.live_place = True
-    assert {"live_place", "live_corner"} <= properties(draw(live_panel.LFSR_PT_live))
-
-
 def test_on(scene, monkeypatch):
     monkeypatch.setattr(session, "_on", {PANEL: session._Shown(bpy.context.scene.session_uid)})
     assert "exact" in labels(draw(live_panel.LFSR_PT_live))

@@ -171,25 +171,13 @@ def test_a_panel_with_a_lens_sheet_shows_its_subpixels(window, make):
 
 
 TRACED = """
-from bl_ext.user_default.lfsr.array import rig
+from bl_ext.user_default.lfsr.scene.array import rig
 from bl_ext.user_default.lfsr.render import cycles
 view, scene = live._on["panel"].view, bpy.context.scene
 shot = cycles.Shot(view.layout, rig.placement(scene, view.profile)[1], "subpixels")
 folder = __import__("pathlib").Path(bpy.data.filepath).parent
 cycles.render_encoded(scene, shot, cycles.RenderSettings(64), folder / "traced.exr")
 """
-
-
-def test_the_window_goes_to_the_screen_of_its_lens_sheet_by_itself(window):
-    display = dataclasses.replace(small(cells()), panel_pixels=(320, 240), panel_mm=(160.0, 120.0))
-    write_profile(window.folder / "own.toml", display)
-    window.run(f"lfsr = bpy.context.scene.lfsr\nlfsr.profile_file = {str(window.folder / 'own.toml')!r}\n"
-               "lfsr.display, lfsr.live_place, lfsr.live_corner = 'FILE', True, (300, 200)")
-    start(window)
-    window.until("live.message() == '' and live_window.find().width == 320", 30)
-    window.screenshot("live-placed")
-    found = window.place_of(window.windows()[-1])
-    assert [found[name] for name in ("X", "Y", "WIDTH", "HEIGHT")] == [300, 200, 320, 240]
 
 
 def test_start_and_stop_leave_everything_as_it_was(window):

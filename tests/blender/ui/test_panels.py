@@ -8,12 +8,12 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
+from blender_addon.check import last
 from blender_addon.jobs import session
 from blender_addon.scene import folders
 from blender_addon.scene import settings as scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.display_panel import LFSR_MT_scale, LFSR_PT_display
-from blender_addon.ui.operators import check
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.request import LIGHTS
 from tests.support import panel
@@ -75,7 +75,7 @@ def test_with_an_array(scene):
     assert {"quality", "rays", "samples", "method", "output"} <= properties(drawn["Quality"])
     assert {"lfsr.render_eia", "lfsr.render_animation"} <= operators(drawn["Render"])
     assert ("menu", {"menu": "LFSR_MT_submit"}) in drawn["Render"]
-    assert properties(drawn["Render"]) == {"share_frames", "use_overwrite"}
+    assert properties(drawn["Render"]) == {"temporal_averaging", "use_overwrite"}
     assert {"eye_right", "eye_up"} <= properties(drawn["Preview"])
     assert operators(drawn["View and Export"]) == {"lfsr.open_viewer", "lfsr.show"}
     assert operators(drawn["Reference"]) == {"lfsr.render_reference"}
@@ -145,25 +145,25 @@ def test_with_a_missing_profile(scene):
 
 
 def test_direct_rendering_is_offered_for_a_lens_sheet_only(scene):
-    scene.lfsr.straight, scene.lfsr.samples = True, 0
+    scene.lfsr.subpixels, scene.lfsr.samples = True, 0
     drawn = draw_all()
-    assert "straight" not in properties(drawn["Display"]) and "64 × 48 px" in labels(drawn["Display"])
+    assert "subpixels" not in properties(drawn["Display"]) and "64 × 48 px" in labels(drawn["Display"])
     assert all_greyed(drawn) == {"eye_right"}, "there are no views yet"
-    scene.lfsr.display, scene.lfsr.straight = "looking-glass-16", False
+    scene.lfsr.display, scene.lfsr.subpixels = "looking-glass-16", False
     drawn = draw_all()
-    assert "straight" in properties(drawn["Display"]) and "Lenses" in labels(drawn["Display"])
+    assert "subpixels" in properties(drawn["Display"]) and "Lenses" in labels(drawn["Display"])
     assert all_greyed(drawn) == {"eye_right"}, "there are no views yet"
-    scene.lfsr.straight = True
+    scene.lfsr.subpixels = True
     drawn = draw_all()
     assert "Rendered 11520 × 2160 px Image 3840 × 2160 px" in labels(drawn["Display"])
     assert "Lenses" not in labels(drawn["Display"])
-    assert all_greyed(drawn) == {"eye_right", "LFSR_MT_scale", "method", "linear_exr", "share_frames"}
+    assert all_greyed(drawn) == {"eye_right", "LFSR_MT_scale", "method", "linear_exr", "temporal_averaging"}
 
 
 def test_with_problems_of_every_kind(scene):
     scene.cycles.pixel_filter_type = "GAUSSIAN"
     scene.collection.objects.unlink(bpy.data.objects["Sun"])
-    check.refresh(scene)
+    last.check(scene)
     drawn = draw_all()["Scene Check"]
     assert {"lfsr.check_scene", "lfsr.check_fix"} <= operators(drawn)
     assert "Pixel Filter" in labels(drawn) and "The scene has no light" in labels(drawn)
@@ -214,7 +214,7 @@ def test_what_was_done_is_one_line_with_its_buttons(scene):
 def test_with_cycles_disabled(scene):
     bpy.ops.preferences.addon_disable(module="cycles")
     try:
-        check.refresh(scene)
+        last.check(scene)
         assert "Cycles" in labels(draw_all()["Scene Check"])
     finally:
         bpy.ops.preferences.addon_enable(module="cycles")

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import zlib
-
 import bpy
 import pytest
 
-from blender_addon.scene import displays
 from blender_addon.scene import settings as scene_settings
 from lfsr_core.optics.display import builtin_names
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
@@ -70,30 +67,8 @@ def test_a_preset_costs_the_same_on_every_display(scene):
     for display, rays in (("small", 1), ("looking-glass-16", 4)):
         scene.lfsr.display = display
         assert (scene.lfsr.quality, scene.lfsr.rays) == ("BALANCED", rays)
-    scene.lfsr.straight = True
+    scene.lfsr.subpixels = True
     assert (scene.lfsr.rays, scene_settings.resolve(scene).samples) == (16, 16)
-
-
-def test_a_saved_method_that_is_gone_becomes_the_default_and_that_is_said(tmp_path):
-    with panel.registered():
-        scene = panel.artist_scene(None)
-        # A file that version 0.1 saved with its method "light": Blender keeps the number.
-        saved = zlib.crc32(b"light") & 0x7FFFFFFF
-        getattr(scene, "bl_system_properties_get", lambda: scene)()["lfsr"]["method"] = saved
-        assert scene.lfsr.method == ""
-        assert scene_settings.resolve(scene).method.text == DEFAULT_METHOD, "where the file was open before"
-        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-        bpy.ops.wm.read_homefile(use_empty=True)
-        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
-        assert bpy.context.scene.lfsr.method == DEFAULT_METHOD
-        assert bpy.context.window_manager.lfsr.message == (
-            "The method saved in scene 'Scene' is gone since version 0.2: Default replaced it")
-
-
-def test_saved_scenes_keep_their_displays():
-    numbers = {item[0]: item[4] for item in displays.profile_items()}
-    assert [numbers[name] for name in ("FILE", "bupt-32in-8k", "dense-8k", "fhd", "mini", "small")] == list(range(6))
-    assert len(set(numbers.values())) == len(numbers)
 
 
 def test_more_quality_is_more_rays():

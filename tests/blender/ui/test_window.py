@@ -161,7 +161,7 @@ def test_preview_follows_the_slider(window):
     seconds, pixels = window.run("""
 import time
 import numpy as np
-from bl_ext.user_default.lfsr.results import preview
+from bl_ext.user_default.lfsr.jobs import preview
 lfsr, seconds, pixels = bpy.context.scene.lfsr, [], []
 for eye in (-1.0, -0.5, 0.0, 0.5, 1.0):
     started = time.perf_counter()

@@ -30,8 +30,8 @@ def rendered(add_on, tmp_path_factory) -> Path:
     write_profile(folder / "own.toml", small(cells()))
     scene = panel.artist_scene(folder)
     lfsr = scene.lfsr
-    lfsr.display, lfsr.profile_file, lfsr.straight = "FILE", "//own.toml", True
-    lfsr.linear_exr, lfsr.share_frames, lfsr.samples = True, 2, 4  # the first two do not count
+    lfsr.display, lfsr.profile_file, lfsr.subpixels = "FILE", "//own.toml", True
+    lfsr.linear_exr, lfsr.temporal_averaging, lfsr.samples = True, 2, 4  # the first two do not count
     bpy.ops.wm.save_mainfile()
     views = recipes.views_file(folder / "lightfield" / "scene" / "Scene" / "0001")
     np.save(views, np.zeros((8, 8, 12, 16, 3), np.uint8))
@@ -54,12 +54,12 @@ def test_the_panel_image_is_the_only_result(opened, rendered):
 
 def test_it_is_complete_for_these_settings_alone(opened, rendered):
     assert recipes.frame_recipe(opened).is_complete
-    opened.lfsr.straight, opened.lfsr.scale, opened.lfsr.method = False, "1", "oidn"
+    opened.lfsr.subpixels, opened.lfsr.scale, opened.lfsr.method = False, "1", "oidn"
     assert not recipes.frame_recipe(opened).is_complete
     (panel.frame_one(rendered) / EIA_FILE).touch()
     assert not recipes.frame_recipe(opened).is_complete
     (panel.frame_one(rendered) / EIA_FILE).unlink()
-    opened.lfsr.straight, opened.lfsr.samples = True, 5
+    opened.lfsr.subpixels, opened.lfsr.samples = True, 5
     assert not recipes.frame_recipe(opened).is_complete
 
 
@@ -84,6 +84,6 @@ def test_what_needs_a_light_field_says_so(opened, rendered, button, arguments, s
 
 
 def test_an_image_without_views_has_no_reference(opened):
-    opened.lfsr.straight = False
+    opened.lfsr.subpixels = False
     with pytest.raises(RuntimeError, match="no views to compare"):
         bpy.ops.lfsr.render_reference()

@@ -31,7 +31,7 @@ def add_on():
 def scene(add_on, tmp_path):
     scene = panel.artist_scene(tmp_path)
     scene.frame_start, scene.frame_end, scene.frame_step = 2, 6, 2
-    scene.lfsr.seed, scene.lfsr.linear_exr, scene.lfsr.share_frames, scene.lfsr.light = 7, True, 2, "SUNSET"
+    scene.lfsr.seed, scene.lfsr.linear_exr, scene.lfsr.temporal_averaging, scene.lfsr.light = 7, True, 2, "SUNSET"
     return scene
 
 

@@ -1,21 +1,18 @@
-"""The rows of the scene check: findings of one kind are one row, and a change is noticed without any work."""
+"""The rows of the scene check: findings of one kind are one row, and a change is noticed."""
 
 from __future__ import annotations
 
-import time
 from types import SimpleNamespace
 
 import bpy
 import pytest
 
-from blender_addon.check import watch
-from blender_addon.check.groups import MOST_ROWS
-from blender_addon.jobs import denoiser
+from blender_addon.check import last
+from blender_addon.check.problem import MOST_ROWS
 from blender_addon.scene.array import rig
 from blender_addon.ui import panels, problem_rows
 from blender_addon.ui.operators import check
 from lfsr_core.optics.display import load_display
-from tests.support import panel
 from tests.support.recording_layout import RecordingLayout
 from tests.support.scenes import add_box, compositing
 
@@ -51,19 +48,19 @@ def labels() -> list[str]:
 
 
 def test_many_objects_are_one_row_that_opens(scene, thin):
-    watch.check(scene)
+    last.check(scene)
     row = rows()["thin"]
     assert (row.title, row.count, row.target) == (f"{RODS} objects are too thin", RODS, "")
     assert row.title in labels() and "Rod 00" not in labels()
     row.expanded = True
     shown = labels()
     assert shown.count("Rod 00") == 1 and f"and {RODS - problem_rows.MOST_NAMES} more" in shown
-    watch.check(scene)
+    last.check(scene)
     assert rows()["thin"].expanded, "it stays open"
 
 
 def test_the_button_of_a_row_selects_all_or_one(scene, thin):
-    watch.check(scene)
+    last.check(scene)
     assert bpy.ops.lfsr.check_select(code="thin", target="") == {"FINISHED"}
     assert sorted(item.name for item in bpy.context.selected_objects) == thin
     assert bpy.ops.lfsr.check_select(code="thin", target="Rod 03") == {"FINISHED"}
@@ -75,7 +72,7 @@ def test_the_button_of_a_row_fixes_all(scene):
     for name in ("Floor", "Ceiling"):
         add_box(scene, (0, 0, -1), (far * 3, far * 3, 0.01)).name = name
     bpy.context.view_layer.update()
-    watch.check(scene)
+    last.check(scene)
     assert rows()["background"].count == 2
     assert bpy.ops.lfsr.check_fix(code="background", target="") == {"FINISHED"}
     assert "background" not in rows()
@@ -93,7 +90,7 @@ def spoil(scene) -> None:
 
 def test_at_most_five_rows_are_shown_at_first_and_each_has_a_button(scene):
     spoil(scene)
-    watch.check(scene)
+    last.check(scene)
     assert len(rows()) == 7 and all(row.fix or row.is_object for row in rows().values())
     boxes = [name for name, _ in drawn() if name == "box"]
     assert len(boxes) == MOST_ROWS and ("prop", "2 More") in [(name, named.get("text")) for name, named in drawn()]
@@ -116,41 +113,20 @@ def test_an_artist_is_asked_once_before_a_render(scene):
     assert [question.sentence.startswith("The scene has no light") for question in check.questions(scene)] == [True]
 
 
-@pytest.fixture
-def known() -> None:
-    """Open Image Denoise was looked for, in a thread."""
-    panel.wait_for(denoiser.is_known, look=False)
-
-
-@pytest.mark.usefixtures("known")
-def test_a_change_makes_the_check_stale_and_a_pause_repeats_it(scene, monkeypatch):
-    watch.check(scene)
-    assert watch._changed == 0
+def test_a_change_is_said_until_the_next_check(scene):
+    last.check(scene)
+    assert not last.has_changed() and "Changed since this check" not in labels()
     scene.render.use_motion_blur = True
     bpy.data.objects["Box"].location.x += 0.1
     bpy.context.view_layer.update()
-    assert watch._changed > 0 and "motion" not in rows(), "nothing is done at once"
-    assert watch._look() == watch.LOOKS, "no pause yet"
-    monkeypatch.setattr(watch, "_took", 0.0)
-    monkeypatch.setattr(watch, "_changed", time.monotonic() - watch.PAUSE)
-    assert watch._look() is None and "motion" in rows() and watch._changed == 0
-
-
-@pytest.mark.usefixtures("known")
-def test_a_check_that_takes_long_waits_for_a_longer_pause(scene, monkeypatch):
-    watch.check(scene)
-    monkeypatch.setattr(watch, "_took", 2.0)
-    assert not watch.is_late(), "nothing has changed"
-    monkeypatch.setattr(watch, "_changed", time.monotonic() - 10)
-    assert watch.is_late() and watch._look() == watch.LOOKS
-    assert "Changed since this check" in labels()
-    monkeypatch.setattr(watch, "_changed", time.monotonic() - 2.0 * watch.PAUSE_FACTOR)
-    assert watch._look() is None
+    assert "Changed since this check" in labels() and "motion" not in rows(), "nothing is done at once"
+    last.check(scene)
+    assert not last.has_changed() and "motion" in rows()
 
 
 def test_the_rows_of_another_file_are_forgotten(scene, tmp_path):
     scene.render.use_motion_blur = True
-    watch.check(scene)
+    last.check(scene)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "other.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "other.blend"))
-    assert bpy.context.window_manager.lfsr.checked_scene == "" and watch.found() == []
+    assert bpy.context.window_manager.lfsr.checked_scene == "" and last.problems() == []

@@ -1,0 +1,95 @@
+"""The last scene check: what it found, and whether the scene has changed since."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..jobs import show_image
+from .problem import Problem, grouped
+from .problems import check_scene
+
+_problems: list[Problem] = []
+_changed = _checking = False
+_OWNER = object()
+# Types of settings whose changes Blender does not report as changes of the scene.
+SETTINGS = (bpy.types.RenderSettings, bpy.types.ViewLayer, bpy.types.LayerCollection,
+            bpy.types.ColorManagedViewSettings)
+
+
+def problems(code: str = "") -> list[Problem]:
+    """Return what the last check found, of one kind where ``code`` is given."""
+    return [problem for problem in _problems if code in ("", problem.code)]
+
+
+def has_changed() -> bool:
+    """True if something has changed since the last check."""
+    return _changed
+
+
+def check(scene: bpy.types.Scene) -> list[Problem]:
+    """Check ``scene`` now, fill the panel's rows and return everything found."""
+    global _problems, _changed, _checking
+    _checking = True  # what it writes is no change of the scene
+    try:
+        _problems = check_scene(scene)
+        state = bpy.context.window_manager.lfsr
+        expanded = {row.code for row in state.problems if row.expanded}
+        state.checked_scene = scene.name_full
+        state.problems.clear()
+        for group in grouped(_problems):
+            row, first = state.problems.add(), group.first
+            for name in ("code", "fix", "severity", "is_object"):
+                setattr(row, name, getattr(first, name))
+            row.title, row.reason, row.count = group.title, group.reason, len(group.problems)
+            row.target = first.target if row.count == 1 else ""
+            row.expanded = row.count > 1 and row.code in expanded
+    finally:
+        _checking = False
+    _changed = False
+    show_image.redraw_views()
+    return _problems
+
+
+def _mark() -> None:
+    global _changed
+    if not _changed:
+        _changed = True
+        show_image.redraw_views()
+
+
+@bpy.app.handlers.persistent
+def _note(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None = None) -> None:
+    """Handler of every change: nothing here may take time."""
+    if not _checking and (depsgraph is None or len(depsgraph.updates)):
+        _mark()
+
+
+@bpy.app.handlers.persistent
+def _opened(*_: object) -> None:
+    """Another file: what was found is not of it."""
+    _problems.clear()
+    bpy.context.window_manager.lfsr.checked_scene = ""
+    _subscribe()  # Blender forgets them with the file
+
+
+def _subscribe() -> None:
+    bpy.msgbus.clear_by_owner(_OWNER)
+    for kind in SETTINGS:
+        bpy.msgbus.subscribe_rna(key=kind, owner=_OWNER, args=(), notify=_mark, options={"PERSISTENT"})
+
+
+HANDLERS = (("depsgraph_update_post", _note), ("undo_post", _note), ("redo_post", _note), ("load_post", _opened))
+
+
+def register() -> None:
+    """Listen to changes."""
+    for name, handler in HANDLERS:
+        getattr(bpy.app.handlers, name).append(handler)
+    _subscribe()
+
+
+def unregister() -> None:
+    """Stop listening."""
+    bpy.msgbus.clear_by_owner(_OWNER)
+    for name, handler in HANDLERS:
+        getattr(bpy.app.handlers, name).remove(handler)
