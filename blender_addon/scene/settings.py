@@ -19,7 +19,7 @@ from lfsr_core.reconstruct.method_name import AS_RENDERED, DEFAULT_METHOD, PANEL
 from . import devices
 from .array import rig
 from .color import color_settings
-from .displays import FIRST_PROFILES, PROFILE_FILE
+from .displays import DEFAULT_DISPLAY, PROFILE_FILE
 from .folders import absolute
 from .lights import check_chosen, light_of
 from .methods import DIRECT
@@ -162,7 +162,7 @@ def qualities(scene: bpy.types.Scene) -> dict[str, tuple[float, int, str]]:
     try:
         display = display_of(scene)
     except LfsrError:  # the panel shows what is wrong with it
-        display = load_display(FIRST_PROFILES[0])
+        display = load_display(DEFAULT_DISPLAY)
     is_direct = scene.lfsr.subpixels and display.is_woven
     return {name: (float(samples) if is_direct else usual_rays(display, samples), 0, DEFAULT_METHOD)
             for name, samples in QUALITY_SAMPLES.items()}

@@ -19,7 +19,6 @@ from ..jobs import show_image
 from ..scene import settings as scene_settings
 from ..scene.array import known, rig
 from ..scene.array.view import free_part
-from ..scene.displays import title_of
 from .drawing import draw_points
 
 FILL = 0.92  # of the 3D view's free part
@@ -153,7 +152,7 @@ def draw() -> None:
     except LfsrError:
         return  # the panel shows what is wrong
     if corners:
-        _draw_frame(corners, (region.width, region.height), title_of(display))
+        _draw_frame(corners, (region.width, region.height), display.title or display.name)
 
 
 def _draw_frame(corners: list[mathutils.Vector], size: tuple[int, int], title: str) -> None:

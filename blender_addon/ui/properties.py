@@ -24,7 +24,7 @@ from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from ..jobs import preview, show_image
 from ..scene import folders
 from ..scene.array import known, rig
-from ..scene.displays import profile_items
+from ..scene.displays import DEFAULT_DISPLAY, profile_items
 from ..scene.lights import AUTO_LIGHT, light_items
 from ..scene.methods import DIRECT, method_items
 from ..scene.settings import AUTO_SCALE, SCALES, offered_scales, qualities
@@ -98,7 +98,7 @@ class SceneSettings(bpy.types.PropertyGroup):
 
     display: EnumProperty(
         name="Display", description="Light-field display that will show the image",
-        items=profile_items(), default="bupt-32in-8k", update=_display_changed)
+        items=profile_items(), default=DEFAULT_DISPLAY, update=_display_changed)
     profile_file: StringProperty(
         name="Profile", description="Display profile (.toml) of a display that is not built in",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_display_changed)

@@ -47,6 +47,7 @@ class DisplayProfile:
     # display's driver flips them
     ei_order: str = "flipped"
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # scene-linear RGB in [0, 1], where a lens shows nothing
+    title: str = dataclasses.field(default="", compare=False)  # what menus call it; empty for its name
     description: str = ""  # one line for menus
     # the panel's subpixels and its lens sheet, of one of the two kinds; None if the EIA is the panel's image
     subpixels: Subpixels | None = None
@@ -149,6 +150,8 @@ class DisplayProfile:
     def to_dict(self) -> dict[str, Any]:
         """The profile as JSON-ready data; ``from_dict`` reads it back."""
         data = {key: value for key, value in to_data(self).items() if value is not None}
+        if not self.title:
+            del data["title"]
         if self.is_woven:
             return data | {"format": 2}
         del data["weave"]
@@ -181,7 +184,7 @@ def _without_format(data: Mapping[str, Any], source: str) -> dict[str, Any]:
 
 
 def _check_texts(profile: DisplayProfile) -> None:
-    for field, most in (("name", MAX_NAME), ("description", MAX_DESCRIPTION)):
+    for field, most in (("name", MAX_NAME), ("title", MAX_NAME), ("description", MAX_DESCRIPTION)):
         text = getattr(profile, field)
         if len(text) > most or not text.isprintable() or (field == "name" and not text):
             fail(field, text, f"it must be one line of text of at most {most} characters"

@@ -25,7 +25,7 @@ VERSION = 1  # of a map's content: maps of other versions are not read
 MIN_SUBPIXELS = 4_000_000  # a map of fewer is computed faster than it is worth caching
 MAX_MAPS = 3
 ABOUT, FIRST = "map.json", "first.npy"
-APPEARANCE = ("name", "description", "background")
+APPEARANCE = ("name", "title", "description", "background")
 
 
 def cached_gather_map(profile: DisplayProfile) -> GatherMap:
