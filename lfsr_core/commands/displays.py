@@ -162,7 +162,8 @@ def describe(profile: DisplayProfile) -> list[str]:
     """Lines that describe a profile: its own numbers, then those derived from them."""
     rows = [*_stated(profile), *(_sheet(profile) if profile.is_woven else ()), *_derived(profile)]
     rows += [(f"depth at scale {scale}", _depth(profile, scale)) for scale in (1, *profile.scales())]
-    return [f"{profile.name}: {profile.title}" if profile.title else profile.name, f"  {profile.description}", *(f"  {label:22} {value}" for label, value in rows)]
+    heading = f"{profile.name}: {profile.title}" if profile.title else profile.name
+    return [heading, f"  {profile.description}", *(f"  {label:22} {value}" for label, value in rows)]
 
 
 def _stated(profile: DisplayProfile) -> list[tuple[str, str]]:

@@ -45,7 +45,7 @@ def render(folder: Path) -> dict[str, object]:
     runtime = importlib.import_module(f"{MODULE}.jobs.runtime")
     display = importlib.import_module(f"{CORE}.optics.display").load_display("mini")
     job = importlib.import_module(f"{CORE}.frames.job").Job(
-        str(folder / "frame"), display, scene=str(folder / "cube.blend"), spp=2, layers=("albedo", "normal"))
+        str(folder / "frame"), display, scene=str(folder / "cube.blend"), samples=2, layers=("albedo", "normal"))
     bpy.ops.wm.save_as_mainfile(filepath=job.scene, copy=True)
     importlib.import_module(f"{CORE}.records").write_record(folder / "job.json", job)
     task = {"task": "upscale", "folder": job.output, "method": "denoise+bilinear"}

@@ -17,7 +17,7 @@ from lfsr_core.images import exr
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, emission
 
-KINDS = {"low": {}, "views": {"layout": "view-by-view"}, "reference": {"kind": "reference", "spp": 2}}
+KINDS = {"low": {}, "views": {"layout": "view-by-view"}, "reference": {"kind": "reference", "samples": 2}}
 
 
 def changes(before):

@@ -46,9 +46,9 @@ def test_a_scale_that_was_asked_for_stays(scene):
 
 def test_samples_follow_from_the_rays_and_fixed_ones_stay(scene):
     boxes(scene, (1.0, 20.0))
-    deep = [(frame.scale, frame.samples) for frame in (frame_of(scene, rays=4.0), frame_of(scene, spp=64))]
+    deep = [(frame.scale, frame.samples) for frame in (frame_of(scene, rays=4.0), frame_of(scene, samples=64))]
     assert deep == [(1, 4), (1, 64)]
-    assert "at 4 rays per finished pixel" in frame_of(scene, spp=64).scale_reason
+    assert "at 4 rays per finished pixel" in frame_of(scene, samples=64).scale_reason
 
 
 def test_a_few_frames_of_an_animation_decide_together(scene):
@@ -58,10 +58,10 @@ def test_a_few_frames_of_an_animation_decide_together(scene):
         moved.scale = (factor,) * 3
         moved.keyframe_insert("scale", frame=number)
     scene.frame_set(1)
-    alone, together = frame_of(scene), frame_of(scene, scale_frames=(1, 9))
+    alone, together = frame_of(scene), frame_of(scene, frames=(1, 9))
     assert together.scale < alone.scale
     assert (scene.frame_current, together.frame) == (1, 1)
-    assert frame_of(scene, frame=9, scale_frames=(1, 9)).scale == together.scale
+    assert frame_of(scene, frame=9, frames=(1, 9)).scale == together.scale
 
 
 def test_a_frame_without_an_array_does_not_count(scene):
@@ -70,7 +70,7 @@ def test_a_frame_without_an_array_does_not_count(scene):
         scene.camera.rotation_euler.x = 1.5708 + turned
         scene.camera.keyframe_insert("rotation_euler", frame=number)
     scene.frame_set(1)
-    assert frame_of(scene, scale_frames=(1, 9)).scale == frame_of(scene).scale
+    assert frame_of(scene, frames=(1, 9)).scale == frame_of(scene).scale
 
 
 def test_the_panel_leaves_the_choice_to_blender_and_gives_an_animation_one_scale(tmp_path, monkeypatch):
