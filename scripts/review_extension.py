@@ -23,7 +23,7 @@ MANIFEST = "blender_manifest.toml"
 BLENDER_BRINGS = {"aud", "bl_math", "bl_operators", "bl_ui", "blf", "bmesh", "bpy", "bpy_extras", "gpu", "gpu_extras",
                   "imbuf", "mathutils", "numpy", "OpenImageIO", "PyOpenColorIO", "_cycles"}
 # What a Python of the user's choice may have: imported inside functions, and done without where it is missing.
-OPTIONAL = {"PIL", "av", "flip_evaluator", "threadpoolctl", "zstandard"}
+OPTIONAL = {"PIL", "av", "flip_evaluator", "threadpoolctl"}
 NETWORK = {"aiohttp", "asyncio", "ftplib", "http", "imaplib", "poplib", "requests", "smtplib", "socket", "socketserver",
            "ssl", "telnetlib", "urllib", "urllib3", "webbrowser", "websockets", "xmlrpc"}
 # The module that calls a program on this computer, and the addresses that it may call.

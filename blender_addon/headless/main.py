@@ -13,11 +13,10 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import system_errors
-from lfsr_core.frames.identity import PLACES, digest, request_facts
+from lfsr_core.base.files import file_stamp, system_errors
+from lfsr_core.frames.identity import PLACES, digest, request_facts, scene_stamp
 from lfsr_core.frames.request import Request, read_request
 from lfsr_core.optics.depth_scale import ScaleChoice
-from lfsr_core.pipeline.content import scene_content, stamp
 from lfsr_core.pipeline.parts import remove_others
 from lfsr_core.process.protocol import (
     EXIT_BAD_INPUT,
@@ -102,11 +101,11 @@ def _of_one_scale(scene: bpy.types.Scene, job: Request, choices: dict[str, Scale
 def _opened(job: Request) -> tuple[bpy.types.Scene, Opened]:
     """The job's scene, as of ``_chosen_scene``, and how it was opened."""
     started = time.perf_counter()
-    before = stamp(Path(job.scene))
+    before = file_stamp(Path(job.scene))
     content = _content(job)
     emit(stage="open", fraction=0.0, message=job.scene or "the open scene")
     scene = _chosen_scene(job)
-    if stamp(Path(job.scene)) != before:
+    if file_stamp(Path(job.scene)) != before:
         content = ""
     is_imported = bool(job.scene) and not job.scene.endswith(".blend")
     seconds, notes = time.perf_counter() - started, list[str]()
@@ -133,10 +132,10 @@ def _chosen_scene(job: Request) -> bpy.types.Scene:
 
 
 def _content(job: Request) -> str:
-    """Digest of the job's file, "" if nothing is to be cached. Cached parts that cannot be used are removed."""
+    """Stamp of the job's file, "" if nothing is to be cached. Cached parts that cannot be used are removed."""
     if not job.parts or not Path(job.scene).is_file():
         return ""
-    content = scene_content(job.scene)
+    content = scene_stamp(job.scene)
     if sentence := remove_others(Path(job.parts), inputs_before_opening(job, content)):
         emit_warning(sentence)
     return content

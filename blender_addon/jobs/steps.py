@@ -246,7 +246,6 @@ def save_copy(path: Path) -> None:
     try:
         # Without the picture for file browsers, which would be rendered.
         with show_image.wait_cursor(), preferred("filepaths", file_preview_type="NONE"):
-            # Uncompressed, so that a later copy of the same scene is recognised.
             bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, compress=False)
     except RuntimeError as error:
         raise LfsrError(f"a copy of this file cannot be saved to {path.parent} ({str(error).strip()}): "

@@ -7,19 +7,19 @@ from pathlib import Path
 
 import bpy
 
+from lfsr_core.base.files import file_digest, file_stamp
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import Frame
 from lfsr_core.frames.identity import PLACES, digest, request_facts
 from lfsr_core.frames.request import AUTO, Request
-from lfsr_core.pipeline.content import file_content, stamp
 from lfsr_core.version import __version__
 
 from ..scene.notices import image_files
 
 HERE = Path(__file__).resolve().parent
 # Fields of a job that the scene or this machine may settle. The panel renders copies of its file, whatever their path.
-SETTLED = ("scene", "device", "light", "scale", "scales", "scale_frames", "scale_reason", "spp", "rays")
-SOURCES = ("render", "scene", "scene/array")  # packages whose modules decide pixels
+SETTLED = ("scene", "device", "light", "sampling")
+SOURCES = ("render", "scene")  # packages whose modules decide pixels
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Opened:
     """How the scene was opened."""
 
     seconds: float = 0.0  # it took
-    content: str = ""  # digest of its file, see ``lfsr_core.pipeline.content``; empty if it is not known
+    content: str = ""  # stamp of its file; empty if it is not known
     light: str = AUTO  # in which it is rendered, AUTO where that is not settled
     notes: tuple[str, ...] = ()  # what the user was told of it
 
@@ -35,18 +35,19 @@ class Opened:
 def inputs_before_opening(job: Request, content: str) -> dict[str, str]:
     """Return those of the ``inputs`` that do not need the scene."""
     settings = request_facts(job, (*PLACES, *SETTLED))
-    program = [__version__, *(file_content(path) for name in SOURCES
-                              for path in sorted((HERE.parent / name).iterdir()) if path.is_file())]
+    sources = (path for name in SOURCES for path in sorted((HERE.parent / name).rglob("*.*"))
+               if path.suffix in (".py", ".osl"))
+    program = [__version__, *map(file_digest, sources)]
     chosen = {} if job.sampling.scales else {"samples or scale": digest([job.sampling.scale, job.sampling.samples])}
     return {"settings": digest(settings), **chosen, "scene file": digest(content),
             "Blender": digest([bpy.app.version_string, str(bpy.app.build_hash)]), "version of LFSR": digest(program)}
 
 
 def inputs(scene: bpy.types.Scene, job: Request, frame: Frame, content: str) -> dict[str, str]:
-    """Return a digest of each kind of input, by a name for messages; ``content``: digest of the scene's file."""
+    """Return a digest of each kind of input, by a name for messages; ``content``: stamp of the scene's file."""
     resolved = to_data(dataclasses.replace(frame, seconds={}, gpus=()))
     resolved |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail, "light": job.light}
     files = {*map(Path, bpy.utils.blend_paths(absolute=True, packed=False, local=False)), *image_files()}
     return inputs_before_opening(job, content) | {
         "samples or scale": digest([frame.scale, frame.samples]), "device, light or camera": digest(resolved),
-        "images or linked files": digest([[str(path), stamp(path)] for path in sorted(files)])}
+        "images or linked files": digest([[str(path), file_stamp(path)] for path in sorted(files)])}

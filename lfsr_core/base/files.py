@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
 import json
 import math
 import os
@@ -228,3 +229,18 @@ def _check_depth(data: Any, left: int) -> None:
     for value in data.values() if isinstance(data, dict) else data if isinstance(data, list) else ():
         if isinstance(value, (dict, list)):
             _check_depth(value, left - 1)
+
+
+def file_stamp(path: Path) -> str:
+    """Return size and time of change of a file."""
+    try:
+        found = path.stat()
+    except OSError:
+        return "missing"
+    return f"{found.st_size} {found.st_mtime_ns}"
+
+
+def file_digest(path: Path) -> str:
+    """Return a digest of a file's bytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()

@@ -11,7 +11,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import read_bytes, system_errors
+from lfsr_core.base.files import file_digest, read_bytes, system_errors
 from lfsr_core.base.progress import Progress, silent
 from lfsr_core.exports.hci import PARAMETERS_FILE
 from lfsr_core.exports.quilt_files import Quilt, read_film, read_quilt
@@ -34,7 +34,6 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import from_views
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.optics.sheet import check_within
-from lfsr_core.pipeline.content import file_content
 from lfsr_core.pipeline.rendering import DERIVED_FILES, check_folder
 from lfsr_core.pipeline.staging import publish, staging_folder
 from lfsr_core.reconstruct.second_stage import upscale_frame
@@ -123,7 +122,7 @@ def import_film(source: str | Path, output: str | Path, quilt: Quilt, geometry: 
     """
     source, output, geometry = Path(source), Path(output), geometry or ImportGeometry()
     with system_errors():
-        content, notes = file_content(source), quilt.notes
+        content, notes = file_digest(source), quilt.notes
     display: DisplayProfile | None = None
     for number, (taken, count) in enumerate(read_film(source, quilt), start=1):
         progress("import", (number - 1) / max(count, number), f"frame {number}" + (f" of {count}" if count else ""))

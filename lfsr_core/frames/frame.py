@@ -67,7 +67,7 @@ class Frame:
     scene_name: str = ""  # of the scene in that file, with its library; empty where it is not known
     # way from the frame's folder to the artist's file, or a name for a file that was never saved; empty where not known
     source: str = ""
-    content: str = ""  # digest of the scene's file, see render.content; empty where it is not known
+    content: str = ""  # size and time of change of the scene's file; empty where it is not known
     camera: str = ""  # name of the camera that was asked for, empty for the scene's own
     light: str = ""  # its own, the name or file of a world image, or even, see ``job.LIGHTS``; empty where not known
     # blender, device, gpus: version and device that rendered it, with the PCI addresses of the GPUs where known

@@ -1,4 +1,4 @@
-"""What decides the pixels of a render, and in what two renders differ first."""
+"""What decides the pixels of a render, in what two renders differ first, and which version of a scene they show."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import file_stamp, system_errors
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, Frame, read_part
 from lfsr_core.frames.request import AUTO, Request
@@ -25,11 +26,23 @@ FARM_COPY = ".farm"  # ends the name of the copy of a file that a farm renders
 LABELS = {"world_visible": "visible world", "world_apart": "world image", "matrix_world": "camera placement",
           "frame": "frame number"}
 DIGEST_SIZE, MOST_SHOWN = 12, 60  # bytes, characters
+COMPANIONS = (".bin", ".mtl")  # of a scene, beside .gltf and .obj
+BETWEEN = "; "  # stamps of files
 
 
 def digest(data: object) -> str:
     """Return a short text that differs where JSON-ready ``data`` differs."""
     return hashlib.blake2b(json.dumps(data, sort_keys=True).encode(), digest_size=DIGEST_SIZE).hexdigest()
+
+
+def scene_stamp(path: str | Path) -> str:
+    """Return size and time of change of a scene's file and of those that belong to it; LfsrError if it is missing."""
+    path = Path(path)
+    with system_errors(path):
+        path.stat()
+        companions = () if path.suffix.lower() == ".blend" else sorted(
+            other for other in path.parent.iterdir() if other.suffix.lower() in COMPANIONS)
+    return BETWEEN.join(map(file_stamp, (path, *companions)))
 
 
 def request_facts(job: Request, free: Collection[str] = PLACES) -> dict[str, Any]:
@@ -41,7 +54,7 @@ def wanted_facts(job: Request, found: Frame, content: str = "") -> Facts:
     """Return the fields that a frame must have to be the render of ``job``.
 
     The values of ``found`` stand for what the job leaves open, such as the device or the choice of a scale; a
-    reference may have other samples and lenses than its job. ``content``: digest of the scene's file, empty for any.
+    reference may have other samples and lenses than its job. ``content``: stamp of the scene's file, empty for any.
     """
     is_reference, sampling = job.kind == "reference", job.sampling
     scale = found.scale if found.scale in sampling.scales else sampling.scale
@@ -80,8 +93,14 @@ def is_of(frame: Frame, source: str, scene_name: str = "") -> bool:
 
 
 def is_changed(before: str, now: str) -> bool:
-    """True if two digests of a scene's file differ, as far as both are known and of one format."""
-    return bool(before and now) and before != now and before.partition("-")[0] == now.partition("-")[0]
+    """True if two stamps of a scene differ, as far as both are known."""
+    return bool(before and now) and before != now
+
+
+def has_other_size(first: str, second: str) -> bool:
+    """True if two stamps of a scene, on two machines perhaps, are of files of other sizes, as far as both are known."""
+    sizes = [[stamp.split(" ")[0] for stamp in stamps.split(BETWEEN)] for stamps in (first, second)]
+    return bool(first and second) and sizes[0] != sizes[1]
 
 
 def first_difference(found: Facts, wanted: Facts) -> str:

@@ -11,13 +11,12 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import reading
 from lfsr_core.frames.averaging import check_averaging, seed_in_turn
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, PANEL_FILE, SUBPIXELS, Frame, frame_folder, read_part
-from lfsr_core.frames.identity import check_same, is_same
+from lfsr_core.frames.identity import check_same, is_same, scene_stamp
 from lfsr_core.frames.numbers import spread
 from lfsr_core.frames.report import read_report
 from lfsr_core.frames.request import Request
 from lfsr_core.images.exr import check_complete
 from lfsr_core.optics.depth_scale import ScaleChoice
-from lfsr_core.pipeline.content import scene_content
 from lfsr_core.pipeline.rendering import RENDERED_FILES, check_folder
 from lfsr_core.pipeline.store import is_complete
 from lfsr_core.reconstruct.method_name import MethodName
@@ -56,7 +55,7 @@ class Animation:
 
     jobs: tuple[Request, ...]  # one per frame, all of one scene
     second: SecondStage
-    content: str = ""  # digest of the scene's file, empty where it is not known
+    content: str = ""  # stamp of the scene's file, empty where it is not known
     # render frames of other settings again instead of refusing them; another device or content is accepted
     lenient: bool = False
 
@@ -86,7 +85,7 @@ def animation_of(job: Request, frames: Sequence[int], second: SecondStage, lenie
     jobs = tuple(dataclasses.replace(job, frame=number, output=str(frame_folder(output, number)),
                                      seed=seed_in_turn(job.seed, number, second.temporal_averaging))
                  for number in frames)
-    return Animation(jobs, second, scene_content(job.scene), lenient)
+    return Animation(jobs, second, scene_stamp(job.scene), lenient)
 
 
 def state(animation: Animation, job: Request) -> str:

@@ -12,11 +12,10 @@ from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.progress import Progress
-from lfsr_core.frames.identity import digest, request_facts
+from lfsr_core.frames.identity import digest, request_facts, scene_stamp
 from lfsr_core.frames.request import Request
 from lfsr_core.optics.lens_rows import parse_rows
 from lfsr_core.pipeline.cluster import Cluster, Task, work_through
-from lfsr_core.pipeline.content import scene_content
 from lfsr_core.pipeline.merge import merge
 from lfsr_core.pipeline.rendering import check_folder, run_job
 from lfsr_core.pipeline.store import is_complete
@@ -66,7 +65,7 @@ def part_jobs(job: Request, by: str, count: int) -> list[Request]:
     """Return ``count`` jobs that together are ``job``, in a folder that no other reference uses."""
     output = Path(job.output)
     # Named by what decides the pixels, so that parts of another reference are never mixed with these.
-    folder = output.with_name(f"{_prefix(output)}{digest([request_facts(job), scene_content(job.scene), by, count])}")
+    folder = output.with_name(f"{_prefix(output)}{digest([request_facts(job), scene_stamp(job.scene), by, count])}")
     if by == ROWS:
         height = job.display.lenses[1]
         return [dataclasses.replace(job, rows=parse_rows(f"{number}/{count}", height), output=str(folder / str(number)))

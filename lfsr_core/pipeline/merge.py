@@ -24,7 +24,7 @@ from lfsr_core.frames.frame import (
     read_part,
     write_frame,
 )
-from lfsr_core.frames.identity import first_difference, phrases
+from lfsr_core.frames.identity import first_difference, has_other_size, phrases
 from lfsr_core.images import exr
 from lfsr_core.optics.lens_rows import Rows, check_cover, pixel_rows, rows_text
 from lfsr_core.pipeline.rendering import DERIVED_FILES, RENDERED_FILES, check_folder
@@ -140,7 +140,7 @@ def _check_same(parts: list[_Part], free: set[str]) -> None:
             here, there = phrases(name, found[name], wanted[name])
             raise LfsrError(f"{part.folder} was rendered with {here}, but {first.folder} with {there}: "
                             "render one of them again like the other")
-        if first.frame.content and part.frame.content and first.frame.content != part.frame.content:
+        if has_other_size(first.frame.content, part.frame.content):
             raise LfsrError(f"{part.folder} was rendered from another version of {part.frame.scene} than "
                             f"{first.folder}: render one of them again")
 

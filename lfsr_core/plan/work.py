@@ -12,9 +12,8 @@ from typing import Any
 
 from lfsr_core.base.cache import cache_folder
 from lfsr_core.base.files import locks
-from lfsr_core.frames.identity import PLACES, digest, request_facts
+from lfsr_core.frames.identity import PLACES, digest, request_facts, scene_stamp
 from lfsr_core.frames.request import Request
-from lfsr_core.pipeline.content import scene_content
 from lfsr_core.pipeline.rendering import Warn
 from lfsr_core.pipeline.staging import LOCK_FILE, has_parts
 from lfsr_core.pipeline.store import is_complete
@@ -43,7 +42,7 @@ def work_folder(folder: Path | None, job: Request, options: PlanOptions, warn: W
     if folder is not None:
         yield folder
         return
-    facts = [sample_facts(job, options), scene_content(job.scene), __version__]
+    facts = [sample_facts(job, options), scene_stamp(job.scene), __version__]
     made = cache_folder() / "plans" / digest(facts)
     _sweep(made.parent)
     made.mkdir(parents=True, exist_ok=True)

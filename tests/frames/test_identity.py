@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 
 import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import SUBPIXELS, write_frame
-from lfsr_core.frames.identity import check_same, digest, first_difference, is_of, is_same, phrases, request_facts
+from lfsr_core.frames.identity import (
+    check_same,
+    digest,
+    first_difference,
+    has_other_size,
+    is_changed,
+    is_of,
+    is_same,
+    phrases,
+    request_facts,
+    scene_stamp,
+)
 from lfsr_core.frames.request import AUTO
 from lfsr_core.optics.rays import CameraArray
 from tests.support.panels import cells, hexagonal, lenticular
@@ -79,13 +91,28 @@ def test_a_light_field_is_no_render_of_subpixels():
 
 
 def test_a_file_that_has_changed_is_told_where_both_are_known(tmp_path):
-    write_frame(tmp_path, dataclasses.replace(FRAME, scene="a.blend", content="2-old"))
+    write_frame(tmp_path, dataclasses.replace(FRAME, scene="a.blend", content="2 10; 7 10"))
     check_same(tmp_path, JOB, "", None)
     with pytest.raises(LfsrError, match="was rendered before a.blend was changed: choose another folder"):
-        check_same(tmp_path, JOB, "2-new", None)
-    check_same(tmp_path, JOB, "3-new", None)  # digests of different formats say nothing
+        check_same(tmp_path, JOB, "2 11; 7 10", None)
     write_frame(tmp_path, FRAME)
-    check_same(tmp_path, JOB, "2-new", None)
+    check_same(tmp_path, JOB, "2 11; 7 10", None)
+
+
+def test_a_scene_is_known_by_size_and_time_of_its_files(tmp_path):
+    for name in ("a.gltf", "a.blend", "notes.txt"):
+        (tmp_path / name).write_text(name)
+    gltf, blend = scene_stamp(tmp_path / "a.gltf"), scene_stamp(tmp_path / "a.blend")
+    assert not is_changed(gltf, scene_stamp(tmp_path / "a.gltf")) and not is_changed(gltf, "")
+    (tmp_path / "a.bin").write_bytes(b"1")
+    with_bin = scene_stamp(tmp_path / "a.gltf")
+    assert is_changed(gltf, with_bin) and scene_stamp(tmp_path / "a.blend") == blend
+    os.utime(tmp_path / "a.bin", ns=(1, 1))
+    assert is_changed(with_bin, other_time := scene_stamp(tmp_path / "a.gltf"))
+    assert not has_other_size(with_bin, other_time), "a copy on another machine"
+    assert has_other_size(with_bin, gltf) and not has_other_size(with_bin, "")
+    with pytest.raises(LfsrError, match="b.blend"):
+        scene_stamp(tmp_path / "b.blend")
 
 
 def test_of_records_and_tuples_the_part_that_differs_is_shown():

@@ -20,7 +20,6 @@ from lfsr_core.cli import main
 from lfsr_core.frames.frame import read_frame, write_frame
 from lfsr_core.frames.report import read_report
 from lfsr_core.pipeline.animation import SecondStage, kept_scale
-from lfsr_core.pipeline.content import FORMAT
 from lfsr_core.pipeline.engine import FAILED, KEPT, MADE, Tools, render_animation
 from tests.support.animations import animation, images, played_tools, states
 from tests.support.played_blender import played_blender
@@ -135,7 +134,7 @@ def test_frames_of_another_render_are_refused(made):
 
 def test_frames_of_a_scene_that_has_changed_are_refused(made):
     folder = made / "film" / "0002"
-    write_frame(folder, dataclasses.replace(read_frame(folder), content=f"{FORMAT}-of yesterday"))
+    write_frame(folder, dataclasses.replace(read_frame(folder), content="1 of yesterday"))
     with pytest.raises(LfsrError, match="0002 was rendered before .* was changed: give --overwrite"):
         render_animation(animation(made, FRAMES), NO_BLENDER)
 

@@ -6,12 +6,10 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs.steps import file_copy
 from blender_addon.render import bands, frame_folder, view_by_view
 from blender_addon.render.inputs import Opened
 from lfsr_core.frames.request import LAYERS
 from lfsr_core.images import exr
-from lfsr_core.pipeline.content import scene_content
 from lfsr_core.pipeline.merge import merge
 from lfsr_core.pipeline.pace import Pace
 from lfsr_core.pipeline.parts import Part
@@ -122,60 +120,6 @@ def test_a_border_is_the_rows_that_were_meant(rows):
             values = bands.border(Part(first, min(first + size, rows)), rows)
             low, high = (int(np.float32(values[name]) * np.float32(rows)) for name in ("border_min_y", "border_max_y"))
             assert (rows - high, rows - low) == (first, min(first + size, rows))
-
-
-def test_a_copy_of_the_same_scene_has_the_same_content(noisy, tmp_path):
-    def content():
-        with file_copy() as copy:
-            return scene_content(copy)
-
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
-    first = content()
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
-    assert content() == first, "other addresses, another folder"
-    bpy.data.lights["lamp"].energy += 1
-    assert content() != first
-
-
-def test_what_was_in_memory_before_does_not_count(noisy):
-    def content(*paths):
-        for path in paths:
-            bpy.data.images["wood"].filepath_raw = path
-        with file_copy() as copy:
-            return scene_content(copy)
-
-    bpy.data.images.new("wood", 4, 4).use_fake_user = True
-    first = content("//wood.png")
-    assert first == content("//a/much/longer/path/to/the/wood.png", "//wood.png") != content("//oak.png")
-    noisy.view_layers[0].update()
-    bpy.ops.ed.undo_push(message="nothing")
-    assert content("//wood.png") == first
-    box = next(item for item in noisy.objects if item.type == "MESH")
-    box.data.vertices[0].co.x += 1e-3
-    assert content("//wood.png") != first
-
-
-def test_clicks_and_a_file_opened_anew_do_not_count(noisy, tmp_path):
-    def content():
-        with file_copy() as copy:
-            return scene_content(copy)
-
-    tree = next(material.node_tree for material in bpy.data.materials if material.node_tree)
-    for kind in ("ShaderNodeTexImage", "ShaderNodeValToRGB", "ShaderNodeBsdfPrincipled"):
-        tree.nodes.new(kind)
-    bpy.context.view_layer.objects.active = noisy.objects[0]
-    first = content()
-    bpy.context.view_layer.objects.active = noisy.objects["lamp"]
-    for item in noisy.objects:
-        item.select_set(not item.select_get())
-    noisy.cursor.location.x += 1
-    assert content() == first
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
-    assert content() == first
-    next(material.node_tree for material in bpy.data.materials if material.node_tree).nodes[0].mute = True
-    assert content() != first
 
 
 def test_time_limit_is_only_reached_by_long_renders():

@@ -11,7 +11,6 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.cli import main
-from lfsr_core.pipeline.content import FORMAT as CONTENT_FORMAT
 from lfsr_core.pipeline.staging import staging_folder
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 from lfsr_core.reconstruct.registry import method
@@ -186,7 +185,7 @@ def test_two_charts_at_once_and_a_scene_of_the_same_name_are_refused(tmp_path, c
     folder = experiment_folder(tmp_path)
     with staging_folder(folder / "chart"):
         assert "another process is writing" in main_fails(arguments(folder), capsys)
-    changed = {"scene": "vase.blend", "content": f"{CONTENT_FORMAT}-other"}
+    changed = {"scene": "vase.blend", "content": "1 other"}
     for samples, changes in ((1, {"scene": "vase.glb"}), (4, changed)):
         write_render(folder / "vase" / "s2-spp4", samples=samples, **changes)
         (tmp_path / "vase.blend").write_text("a scene")

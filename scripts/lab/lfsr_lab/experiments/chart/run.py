@@ -10,8 +10,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.progress import ProgressBar
 from lfsr_core.base.records import write_record
 from lfsr_core.frames.frame import FRAME_FILE, read_frame
-from lfsr_core.frames.identity import is_changed
-from lfsr_core.pipeline.content import scene_content
+from lfsr_core.frames.identity import is_changed, scene_stamp
 from lfsr_core.pipeline.staging import staging_folder
 from lfsr_core.pipeline.store import is_complete
 from lfsr_core.reconstruct.method_name import MethodName
@@ -67,7 +66,7 @@ def _measured(settings: Settings, scenes: Sequence[Path]) -> list[Path]:
 
 def _check_renders(folder: Path, scene: Path) -> None:
     """LfsrError if a render in the ``folder`` of a scene is one of another file, or from before it was changed."""
-    content = scene_content(scene) if scene.is_file() else ""
+    content = scene_stamp(scene) if scene.is_file() else ""
     for path in sorted(folder.glob(f"*/{FRAME_FILE}")):
         found = read_frame(path.parent)
         if found.scene and found.scene != scene.name:
