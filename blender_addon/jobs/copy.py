@@ -1,0 +1,200 @@
+"""The copy of the open file that a render uses. It lies beside the render's stored parts until the image is published.
+
+After a render that ended early the copy is used again if the scene was not edited since, saved or not, and the parts
+with it. Edits are counted while the file is open; the scene of a file that was opened has the stamp of that file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import itertools
+import os
+import secrets
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import file_stamp, read_json, write_json
+from lfsr_core.frames.identity import digest
+from lfsr_core.pipeline.staging import has_parts, parts_folder
+
+from ..render.overrides import preferred
+from ..results import show_image
+from ..settings import folders
+
+COPY_FOLDER, RECORD = "copy", "copy.json"  # in the folder of the parts
+FREE = ("frame_current", "frame_current_final", "frame_float", "frame_subframe")  # a request names its frame
+_numbers, _session = itertools.count(), secrets.token_hex(8)
+
+
+@dataclasses.dataclass
+class _State:
+    """The scene between two edits."""
+
+    names: set[str] = dataclasses.field(default_factory=lambda: {f"{_session} {next(_numbers)}"})  # with files' stamps
+    time: int = dataclasses.field(default_factory=time.time_ns)  # of the edit before
+    records: list[Path] = dataclasses.field(default_factory=list)  # of copies of it
+    is_opening: bool = False
+
+
+_state = _State()
+
+
+@contextlib.contextmanager
+def file_copy(output: Path | None = None) -> Iterator[Path]:
+    """Yield a copy of the .blend as it is now, unsaved changes included.
+
+    Without ``output``, the folder of a frame or of an animation's frames, it is temporary. Else it stays after a block
+    that ends early, if the render has left parts. Saving stops Blender for as long as it takes: yield SAVING before.
+    """
+    kept = parts_folder(output) / COPY_FOLDER if output else None
+    try:
+        if kept:
+            kept.mkdir(parents=True, exist_ok=True)
+    except OSError:  # no place beside the output
+        kept = None
+    folder = kept or Path(tempfile.mkdtemp(prefix="lfsr-", dir=bpy.app.tempdir or None))
+    try:
+        yield _kept_copy(folder) if kept else save_copy(folder / f"{folders.file_stem()}.blend")
+    except BaseException:
+        if kept and output and any(map(has_parts, (kept.parent, *output.glob(".*-parts")))):
+            folder = None  # the next render continues
+        raise
+    finally:
+        if folder:
+            shutil.rmtree(folder, ignore_errors=True)
+        if kept:
+            with contextlib.suppress(OSError):
+                kept.parent.rmdir()  # if it is empty
+
+
+def save_copy(path: Path) -> Path:
+    """Save the file as it is now as ``path``, stay in the open one, and return the path; LfsrError where that fails."""
+    try:
+        # Without the picture for file browsers, which would be rendered.
+        with show_image.wait_cursor(), preferred("filepaths", file_preview_type="NONE"):
+            bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, compress=False)
+    except RuntimeError as error:
+        raise LfsrError(f"a copy of this file cannot be saved to {path.parent} ({str(error).strip()}): "
+                        "free some space there") from None
+    return path
+
+
+def _kept_copy(folder: Path) -> Path:
+    """Return the copy in ``folder``, saved anew unless it is of the scene as it is now."""
+    bpy.context.view_layer.update()  # tells of the last edits
+    path, record, facts = folder / f"{folders.file_stem()}.blend", folder / RECORD, digest(_unreported())
+    try:
+        known = read_json(record, "the record of a copy")
+        is_same = path.is_file() and known["facts"] == facts and not _state.names.isdisjoint(known["names"])
+    except (LfsrError, LookupError, TypeError):
+        is_same = False
+    if not is_same:
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        save_copy(path)
+        os.utime(path, ns=(_state.time, _state.time))  # copies of one state have one time
+    write_json(record, {"facts": facts, "names": sorted(_state.names)})
+    if record not in _state.records:
+        _state.records.append(record)
+    return path
+
+
+def _unreported() -> list[Any]:
+    """Return what may decide pixels of a render and can change without a report to ``_updated``."""
+    layers = [(scene, layer) for scene in bpy.data.scenes for layer in scene.view_layers]
+    owners = [owner for scene in bpy.data.scenes
+              for owner in (scene, scene.render, scene.view_settings, scene.display_settings, getattr(scene, "cycles", None))]
+    owners += [owner for _, layer in layers for owner in (layer, getattr(layer, "cycles", None))]
+    owners += [each for _, layer in layers for each in _collections(layer.layer_collection)]
+    used = bpy.data.user_map(key_types={"IMAGE"}, value_types={"MATERIAL", "WORLD", "LIGHT", "NODETREE", "TEXTURE"})
+    images = [[image.name_full, image.source, image.filepath, image.alpha_mode, image.colorspace_settings.name]
+              for image, users in used.items() if users]
+    markers = [[marker.frame, marker.camera and marker.camera.name_full]
+               for scene in bpy.data.scenes for marker in scene.timeline_markers]
+    return [[_values(owner) for owner in owners if owner is not None], sorted(images), markers]
+
+
+def _collections(parent: bpy.types.LayerCollection) -> Iterator[bpy.types.LayerCollection]:
+    yield parent
+    for child in parent.children:
+        yield from _collections(child)
+
+
+def _values(owner: Any) -> list[str]:
+    """Return the properties of ``owner``, with names in place of data-blocks."""
+    found = []
+    for item in owner.bl_rna.properties:
+        if item.identifier in FREE or item.type == "COLLECTION":
+            continue
+        value = getattr(owner, item.identifier)
+        if isinstance(value, bpy.types.ID):
+            value = value.name_full
+        elif item.type == "POINTER":
+            continue
+        found.append(f"{item.identifier} {list(value) if getattr(item, 'is_array', False) else value}")
+    return found
+
+
+@bpy.app.handlers.persistent
+def _updated(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Blender has evaluated changes. Of a scene itself it tells too of clicks; ``_unreported`` has the rest of it."""
+    if not _state.is_opening and depsgraph.mode == "VIEWPORT" and any(
+            update.is_updated_geometry or update.is_updated_transform or update.is_updated_shading
+            or not isinstance(update.id, bpy.types.Scene) for update in depsgraph.updates):
+        _edited()
+
+
+@bpy.app.handlers.persistent
+def _edited(*_: object) -> None:
+    global _state
+    _state = _State()
+
+
+@bpy.app.handlers.persistent
+def _opened(*_: object) -> None:
+    global _state
+    _state = _State(is_opening=not bpy.app.background)
+    path = Path(bpy.data.filepath)
+    if bpy.data.filepath and path.is_file():
+        _state.names, _state.time = {file_stamp(path)}, path.stat().st_mtime_ns
+    if _state.is_opening:  # until all that was opened is evaluated
+        bpy.app.timers.register(_settle, first_interval=0)
+
+
+def _settle() -> None:
+    _state.is_opening = False
+
+
+@bpy.app.handlers.persistent
+def _saved(path: str, *_: object) -> None:
+    """The scene as it is now is in the file ``path``: opened again, it is the same."""
+    if isinstance(path, str) and path:
+        _state.names.add(file_stamp(Path(path)))
+        for record in filter(Path.is_file, _state.records):
+            with contextlib.suppress(LfsrError, LookupError, TypeError):
+                write_json(record, read_json(record, "the record of a copy") | {"names": sorted(_state.names)})
+
+
+HANDLERS = (("depsgraph_update_post", _updated), ("undo_post", _edited), ("redo_post", _edited),
+            ("load_post", _opened), ("save_post", _saved))
+
+
+def register() -> None:
+    """Count edits from now on."""
+    _edited()
+    for name, function in HANDLERS:
+        getattr(bpy.app.handlers, name).append(function)
+
+
+def unregister() -> None:
+    """Stop counting."""
+    for name, function in HANDLERS:
+        getattr(bpy.app.handlers, name).remove(function)
