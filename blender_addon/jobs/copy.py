@@ -25,12 +25,13 @@ from lfsr_core.base.files import file_stamp, read_json, write_json
 from lfsr_core.frames.identity import digest
 from lfsr_core.pipeline.staging import has_parts, parts_folder
 
-from ..render.overrides import preferred
-from ..results import show_image
-from ..settings import folders
+from ..scene import folders
+from ..scene.overrides import preferred
+from . import show_image
 
-COPY_FOLDER, RECORD = "copy", "copy.json"  # in the folder of the parts
-FREE = ("frame_current", "frame_current_final", "frame_float", "frame_subframe")  # a request names its frame
+COPY_FOLDER, RECORD = "copy", "names.json"  # in the folder of the parts, and in that of the copy
+# A request names its frame; whether a compositor is used decides nothing.
+FREE = ("frame_current", "frame_current_final", "frame_float", "frame_subframe", "use_nodes")
 _numbers, _session = itertools.count(), secrets.token_hex(8)
 
 
@@ -40,11 +41,12 @@ class _State:
 
     names: set[str] = dataclasses.field(default_factory=lambda: {f"{_session} {next(_numbers)}"})  # with files' stamps
     time: int = dataclasses.field(default_factory=time.time_ns)  # of the edit before
+    unreported: str = ""  # digest of ``_unreported``, empty where nobody has looked yet
     records: list[Path] = dataclasses.field(default_factory=list)  # of copies of it
     is_opening: bool = False
 
 
-_state = _State()
+_last = _State()
 
 
 @contextlib.contextmanager
@@ -89,29 +91,36 @@ def save_copy(path: Path) -> Path:
 
 def _kept_copy(folder: Path) -> Path:
     """Return the copy in ``folder``, saved anew unless it is of the scene as it is now."""
-    bpy.context.view_layer.update()  # tells of the last edits
-    path, record, facts = folder / f"{folders.file_stem()}.blend", folder / RECORD, digest(_unreported())
+    state, path, record = _state(), folder / f"{folders.file_stem()}.blend", folder / RECORD
     try:
-        known = read_json(record, "the record of a copy")
-        is_same = path.is_file() and known["facts"] == facts and not _state.names.isdisjoint(known["names"])
-    except (LfsrError, LookupError, TypeError):
+        is_same = path.is_file() and not state.names.isdisjoint(read_json(record, "the names of a copy"))
+    except (LfsrError, TypeError):
         is_same = False
     if not is_same:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True, exist_ok=True)
         save_copy(path)
-        os.utime(path, ns=(_state.time, _state.time))  # copies of one state have one time
-    write_json(record, {"facts": facts, "names": sorted(_state.names)})
-    if record not in _state.records:
-        _state.records.append(record)
+        os.utime(path, ns=(state.time, state.time))  # copies of one state have one stamp
+    write_json(record, sorted(state.names))
+    state.records.append(record)
     return path
+
+
+def _state() -> _State:
+    """Return the state of the scene now."""
+    bpy.context.view_layer.update()  # reports the last edits
+    unreported = digest(_unreported())
+    if _last.unreported not in ("", unreported) or _updated not in bpy.app.handlers.depsgraph_update_post:
+        _edited()
+    _last.unreported = unreported
+    return _last
 
 
 def _unreported() -> list[Any]:
     """Return what may decide pixels of a render and can change without a report to ``_updated``."""
     layers = [(scene, layer) for scene in bpy.data.scenes for layer in scene.view_layers]
     owners = [owner for scene in bpy.data.scenes
-              for owner in (scene, scene.render, scene.view_settings, scene.display_settings, getattr(scene, "cycles", None))]
+              for owner in (scene, scene.render, scene.view_settings, getattr(scene, "cycles", None))]
     owners += [owner for _, layer in layers for owner in (layer, getattr(layer, "cycles", None))]
     owners += [each for _, layer in layers for each in _collections(layer.layer_collection)]
     used = bpy.data.user_map(key_types={"IMAGE"}, value_types={"MATERIAL", "WORLD", "LIGHT", "NODETREE", "TEXTURE"})
@@ -135,18 +144,20 @@ def _values(owner: Any) -> list[str]:
         if item.identifier in FREE or item.type == "COLLECTION":
             continue
         value = getattr(owner, item.identifier)
-        if isinstance(value, bpy.types.ID):
-            value = value.name_full
-        elif item.type == "POINTER":
-            continue
-        found.append(f"{item.identifier} {list(value) if getattr(item, 'is_array', False) else value}")
+        if item.type == "POINTER":
+            value = getattr(value, "name_full", "")
+        elif isinstance(value, set):
+            value = sorted(value)
+        elif getattr(item, "is_array", False):
+            value = list(value)
+        found.append(f"{item.identifier} {value}")
     return found
 
 
 @bpy.app.handlers.persistent
 def _updated(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Blender has evaluated changes. Of a scene itself it tells too of clicks; ``_unreported`` has the rest of it."""
-    if not _state.is_opening and depsgraph.mode == "VIEWPORT" and any(
+    if not _last.is_opening and depsgraph.mode == "VIEWPORT" and any(
             update.is_updated_geometry or update.is_updated_transform or update.is_updated_shading
             or not isinstance(update.id, bpy.types.Scene) for update in depsgraph.updates):
         _edited()
@@ -154,33 +165,33 @@ def _updated(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 @bpy.app.handlers.persistent
 def _edited(*_: object) -> None:
-    global _state
-    _state = _State()
+    global _last
+    _last = _State()
 
 
 @bpy.app.handlers.persistent
 def _opened(*_: object) -> None:
-    global _state
-    _state = _State(is_opening=not bpy.app.background)
+    global _last
+    _last = _State(unreported=digest(_unreported()), is_opening=not bpy.app.background)
     path = Path(bpy.data.filepath)
     if bpy.data.filepath and path.is_file():
-        _state.names, _state.time = {file_stamp(path)}, path.stat().st_mtime_ns
-    if _state.is_opening:  # until all that was opened is evaluated
+        _last.names, _last.time = {file_stamp(path)}, path.stat().st_mtime_ns
+    if _last.is_opening:  # until all that was opened is evaluated
         bpy.app.timers.register(_settle, first_interval=0)
 
 
 def _settle() -> None:
-    _state.is_opening = False
+    _last.is_opening = False
 
 
 @bpy.app.handlers.persistent
 def _saved(path: str, *_: object) -> None:
     """The scene as it is now is in the file ``path``: opened again, it is the same."""
-    if isinstance(path, str) and path:
-        _state.names.add(file_stamp(Path(path)))
-        for record in filter(Path.is_file, _state.records):
-            with contextlib.suppress(LfsrError, LookupError, TypeError):
-                write_json(record, read_json(record, "the record of a copy") | {"names": sorted(_state.names)})
+    state = _state()
+    if path and Path(path).suffix == ".blend":
+        state.names.add(file_stamp(Path(path)))
+        for record in filter(Path.is_file, state.records):
+            write_json(record, sorted(state.names))
 
 
 HANDLERS = (("depsgraph_update_post", _updated), ("undo_post", _edited), ("redo_post", _edited),

@@ -20,7 +20,8 @@ from ..scene import devices
 from ..scene import settings as scene_settings
 from ..scene.settings import Resolved
 from . import estimate
-from .steps import SAVING, Steps, file_copy, render_step, write_job
+from .copy import file_copy
+from .steps import SAVING, Steps, render_step, write_job
 
 PATHS = 600_000  # path samples to measure: a second or two
 SAMPLES = 16  # at most, so that many lenses are seen

@@ -22,7 +22,8 @@ from ..scene import folders
 from ..scene import settings as scene_settings
 from ..scene.proof import proof_of
 from . import estimate, runtime
-from .steps import PANEL_TASKS, SAVING, Steps, file_copy, render_step, rendering_step, scale_step, second_stage_step
+from .copy import file_copy
+from .steps import PANEL_TASKS, SAVING, Steps, render_step, rendering_step, scale_step, second_stage_step
 
 RENDER_FRACTION = 0.85  # of a frame's time
 SCALE_FRACTION = 0.01  # of an animation's time
@@ -79,13 +80,13 @@ def render_animation(recipe: Recipe) -> Steps:
     """Render and finish the frames that are missing; the result is the last one's folder and a sentence."""
     output = recipe.folder.parent
     yield SAVING
-    with file_copy() as copy:
+    with file_copy(output) as copy, staging_folder(runtime.temporary("animation", output)) as work:
         job = dataclasses.replace(recipe.job, scene=str(copy), output=str(output))
         if job.sampling.scales:  # before the frames, so that those of another scale are rendered again
-            chosen = yield scale_step(job, copy.parent, SCALE_FRACTION)
+            chosen = yield scale_step(job, work, SCALE_FRACTION)
             job = job.with_scale(ScaleChoice(chosen["scale"], chosen["reason"]))
         second = {"method": recipe.method, "linear_exr": recipe.linear_exr, "share_frames": recipe.temporal_averaging}
-        step = rendering_step("Rendering", 0.98 - SCALE_FRACTION, copy.parent, "animation", job=to_data(job),
+        step = rendering_step("Rendering", 0.98 - SCALE_FRACTION, work, "animation", job=to_data(job),
                               frames=recipe.frames, second=second, overwrite=recipe.overwrite)
         done = yield dataclasses.replace(step, resumes=True)
     print(done["table"])
@@ -103,7 +104,7 @@ def render_frame(recipe: Recipe, proof: Recipe | None = None, show: Callable[[Pa
     A ``proof`` is made before it, and ``show`` called with its folder.
     """
     yield SAVING
-    with file_copy() as copy:
+    with file_copy(recipe.folder) as copy:
         if proof is not None:
             shutil.rmtree(proof.folder, ignore_errors=True)
             yield from _render_frame(proof, copy, PROOF_FRACTION, "Proof")
@@ -175,7 +176,7 @@ def render_reference(recipe: Recipe, job: Request, lenses: int) -> Steps:
     """Render the reference of ``lenses`` lenses (0: all) and compare; the result is the metrics."""
     folder = Path(job.output)
     yield SAVING
-    with file_copy() as copy, staging_folder(folder) as work:
+    with file_copy(folder) as copy, staging_folder(folder) as work:
         staged = work / "frame"
         staged.mkdir()
         chosen = yield second_stage_step("Choosing lenses", 0.01, work, "choose", folder=str(recipe.folder),

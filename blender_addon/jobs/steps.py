@@ -8,11 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import shutil
-import tempfile
 import time
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +20,8 @@ from lfsr_core.base.records import to_data
 from lfsr_core.frames.request import Request
 from lfsr_core.pipeline.staging import has_parts
 
-from ..scene import folders
 from ..scene.array.scale import CHOOSE, LOOK
-from ..scene.overrides import preferred
-from . import estimate, runtime, show_image
+from . import estimate, runtime
 from .worker import Worker
 
 PANEL_TASKS = "lfsr_core.tasks.runner"
@@ -224,32 +219,6 @@ def rendering_step(stage: str, fraction: float, work: Path, task: str, /, **argu
     """Run a task that starts renders itself: a ``second_stage_step`` with the ``command`` for renders."""
     step = second_stage_step(stage, fraction, work, task, **arguments, command=_render_command(Path())[:-1])
     return dataclasses.replace(step, message=OPENING)
-
-
-@contextmanager
-def file_copy() -> Iterator[Path]:
-    """Save a temporary copy of the .blend as it is now, unsaved changes included; remove it after the block.
-
-    Saving stops Blender for as long as it takes: yield SAVING before.
-    """
-    folder = Path(tempfile.mkdtemp(prefix="lfsr-", dir=bpy.app.tempdir or None))
-    path = folder / f"{folders.file_stem()}.blend"
-    try:
-        save_copy(path)
-        yield path
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def save_copy(path: Path) -> None:
-    """Save the file as it is now under another name, and stay in this one; LfsrError where that fails."""
-    try:
-        # Without the picture for file browsers, which would be rendered.
-        with show_image.wait_cursor(), preferred("filepaths", file_preview_type="NONE"):
-            bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, compress=False)
-    except RuntimeError as error:
-        raise LfsrError(f"a copy of this file cannot be saved to {path.parent} ({str(error).strip()}): "
-                        "free some space there") from None
 
 
 def _render_command(job_file: Path) -> list[str]:

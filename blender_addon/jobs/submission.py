@@ -19,7 +19,7 @@ from ..scene.array.scale import scale_of
 from ..scene.displays import PROFILE_FILE
 from . import show_image
 from .recipes import animation_recipe
-from .steps import save_copy
+from .copy import save_copy
 
 COPY_SUFFIX = f"{FARM_COPY}.blend"  # never the name of a file that somebody works on
 

@@ -6,8 +6,8 @@ the range, the image and a digest of what decides the pixels, so that parts of d
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -90,7 +90,10 @@ def remove_others(folder: Path, inputs: Mapping[str, str]) -> str:
     if not name:
         return ""
     removed = has_parts(folder)
-    shutil.rmtree(folder, ignore_errors=True)
+    for path in [*folder.glob("*.exr"), folder / INPUTS_FILE]:
+        path.unlink(missing_ok=True)
+    with contextlib.suppress(OSError):
+        folder.rmdir()  # unless it holds the copy of the scene that is rendered
     return (f"the parts of an earlier render were made with other {name}: they are removed, and the render starts from "
             "the beginning") if removed else ""
 

@@ -21,6 +21,7 @@ from lfsr_core.reconstruct.method_name import AS_RENDERED
 from lfsr_core.tasks.blender_tasks import Found
 
 from ...jobs import recipes, session, steps
+from ...jobs.copy import file_copy
 from ...jobs.steps import Steps
 from ...scene import settings as scene_settings
 from ...scene.methods import title
@@ -77,7 +78,7 @@ def wanted(scene: bpy.types.Scene) -> PlanOptions:
 def find(job: Request, options: PlanOptions, tell: Callable[[Guess], None] = lambda _: None) -> Steps:
     """Plan for a copy of this file; the result is a ``Found``. ``tell`` is called with a first guess."""
     yield steps.SAVING
-    with steps.file_copy() as copy:
+    with file_copy() as copy:
         job = dataclasses.replace(job, scene=str(copy), output=str(copy.parent))
         looked = yield steps.depth_step(job, copy.parent, LOOK_FRACTION)
         tell(first_guess(job.display, np.array(looked["moves"]), options))

@@ -121,27 +121,48 @@ def test_an_interrupted_render_says_what_is_kept_and_a_changed_scene_starts_anew
 
 
 def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, monkeypatch):
+    """Saved or not; with an edit it starts over."""
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", SECONDS_PER_PART)
     with panel.registered():
         scene = panel.artist_scene(tmp_path)
         scene.lfsr.samples = 800
+        bpy.data.lights["Sun"].energy += 1  # not saved
         folder = recipes.frame_recipe(scene).folder
-        session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
+
+        def press():
+            return session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
+
+        def cancel():
+            assert session.cancel().cancelled == "Cancelled. Render again to continue"
+            return written(folder)
+
+        def same(before):
+            return {name: written(folder).get(name) for name in before} == before
+
+        press()
         panel.wait_for(lambda: len(parts(folder)) >= 2)
-        task = session.cancel()
-        assert task.cancelled == "Cancelled. Render again to continue"
-        done = written(folder)
-        task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
-        seen, fractions = {}, []
+        for save in (False, True):
+            done = cancel()
+            if save:
+                bpy.ops.wm.save_mainfile()
+            task = press()
+            panel.wait_for(lambda: len(parts(folder)) > len(done))
+            assert same(done) and not task.warnings
+        rows = sum(int(last) - int(first) for first, last in (name.split("-")[-3:-1] for name in cancel()))
+        task, fractions = press(), []
 
         def ended():
-            seen.update(written(folder))
             fractions.append(task.fraction)
             return session.current() is None
         panel.wait_for(ended)
-    assert {name: seen.get(name) for name in done} == done and not task.warnings
-    rows = sum(int(last) - int(first) for first, last in (name.split("-")[-3:-1] for name in done))
-    fraction = recipes.RENDER_FRACTION * rows / read_layers(folder / "lr_eia.exr")["color"].shape[0]
-    assert min(filter(None, fractions)) >= 0.99 * fraction > 0, "progress begins at what was kept"
-    assert json.loads((folder / "report.json").read_text())["method"] == "bicubic"
-    assert [path.name for path in folder.parent.iterdir()] == [folder.name]
+        fraction = recipes.RENDER_FRACTION * rows / read_layers(folder / "lr_eia.exr")["color"].shape[0]
+        assert min(filter(None, fractions)) >= 0.99 * fraction > 0, "progress begins at what was kept"
+        assert json.loads((folder / "report.json").read_text())["method"] == "bicubic"
+        assert [path.name for path in folder.parent.iterdir()] == [folder.name]
+        press()
+        panel.wait_for(lambda: len(parts(folder)) >= 1)
+        done = cancel()
+        bpy.data.objects["Box"].location.z += 0.1
+        task = press()
+        panel.wait_for(lambda: task.warnings)
+        assert "other scene file" in task.warnings[0] and not set(done) & set(written(folder))

@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.jobs import estimate, recipes, session, steps
+from blender_addon.jobs import copy, estimate, recipes, session, steps
 from blender_addon.ui.operators import render
 from tests.support import panel
 
@@ -77,7 +77,7 @@ def test_a_cancelled_animation_can_be_continued(scene):
 
 def test_saving_is_announced_before_blender_stops_for_it(scene, monkeypatch):
     saved = []
-    monkeypatch.setattr(steps, "save_copy", saved.append)
+    monkeypatch.setattr(copy, "save_copy", lambda path: saved.append(path) or path.touch() or path)
     task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
     assert (saved, task.worker, task.ended) == ([], None, False)
     assert session.progress_text(task) == "Saving a copy of the file"
@@ -96,14 +96,15 @@ def test_a_copy_has_no_preview_image_and_the_preferences_stay(scene, tmp_path):
     def note(*_: object) -> None:
         seen.append(preferences.filepaths.file_preview_type)
     bpy.app.handlers.save_pre.append(note)
-    steps.save_copy(tmp_path / "copy.blend")
+    copy.save_copy(tmp_path / "copy.blend")
     bpy.app.handlers.save_pre.remove(note)
     assert seen == ["NONE"] and (tmp_path / "copy.blend").is_file()
     assert (preferences.filepaths.file_preview_type, preferences.is_dirty) == before
 
 
 def test_a_copy_that_cannot_be_saved_ends_the_task(scene, monkeypatch):
-    monkeypatch.setattr(steps.tempfile, "mkdtemp", lambda **_: "/no/such/folder")
+    monkeypatch.setattr(copy, "parts_folder", lambda _: Path("/dev/null/parts"))
+    monkeypatch.setattr(copy.tempfile, "mkdtemp", lambda **_: "/no/such/folder")
     task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
     panel.wait_for(lambda: session.current() is None)
     assert task.ended and "cannot be saved" in bpy.context.window_manager.lfsr.message and message_is_error()
