@@ -63,14 +63,14 @@ def file_copy(output: Path | None = None) -> Iterator[Path]:
     except OSError:  # no place beside the output
         kept = None
     folder = kept or Path(tempfile.mkdtemp(prefix="lfsr-", dir=bpy.app.tempdir or None))
+    stays = False
     try:
         yield _kept_copy(folder) if kept else save_copy(folder / f"{folders.file_stem()}.blend")
     except BaseException:
-        if kept and output and any(map(has_parts, (kept.parent, *output.glob(".*-parts")))):
-            folder = None  # the next render continues
+        stays = bool(kept and output and any(map(has_parts, (kept.parent, *output.glob(".*-parts")))))
         raise
     finally:
-        if folder:
+        if not stays:
             shutil.rmtree(folder, ignore_errors=True)
         if kept:
             with contextlib.suppress(OSError):

@@ -18,8 +18,8 @@ from ..scene import settings as scene_settings
 from ..scene.array.scale import scale_of
 from ..scene.displays import PROFILE_FILE
 from . import show_image
-from .recipes import animation_recipe
 from .copy import save_copy
+from .recipes import animation_recipe
 
 COPY_SUFFIX = f"{FARM_COPY}.blend"  # never the name of a file that somebody works on
 
