@@ -3,10 +3,10 @@
 ``__all__`` lists the public names; docs/reference/python.md shows how to use them. Importing this package is quick:
 each name is loaded from its module when it is first used, and neither Blender nor torch nor NumPy is loaded before.
 
-    from lfsr_core import Request, find_blender, load_display, run_job, upscale_frame
+    from lfsr_core import Request, find_blender, load_display, run_job, finish_frame
 
     run_job(Request("frame", load_display("fhd"), scene="scene.blend"), find_blender())
-    report = upscale_frame("frame", "denoise+bicubic")
+    report = finish_frame("frame", "denoise+bicubic")
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.exports.options import ExportOptions
     from lfsr_core.exports.page import Page, write_page
     from lfsr_core.frames.contact_sheet import write_views
+    from lfsr_core.frames.finish import Finish
     from lfsr_core.frames.frame import Frame, read_frame
     from lfsr_core.frames.reference import Reference
     from lfsr_core.frames.report import Report, read_report
@@ -33,13 +34,12 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.optics.display import DisplayProfile, load_display
     from lfsr_core.optics.eye import eye_view
     from lfsr_core.optics.rays import CameraArray, RayLayout
+    from lfsr_core.pipeline.finishing import finish_frame
     from lfsr_core.pipeline.rendering import run_job
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import Planned, make_plan
     from lfsr_core.process.blender import Blender, find_blender
     from lfsr_core.reconstruct.method_name import MethodName
-    from lfsr_core.reconstruct.options import UpscaleOptions
-    from lfsr_core.reconstruct.second_stage import upscale_frame
 
 __all__ = [
     "Blender",
@@ -47,6 +47,7 @@ __all__ = [
     "DisplayProfile",
     "ExportOptions",
     "Exported",
+    "Finish",
     "Frame",
     "ImportGeometry",
     "Imported",
@@ -60,13 +61,13 @@ __all__ = [
     "Reference",
     "Report",
     "Request",
-    "UpscaleOptions",
     "__version__",
     "compare_folders",
     "eia_to_views",
     "export",
     "eye_view",
     "find_blender",
+    "finish_frame",
     "import_views",
     "load_display",
     "make_plan",
@@ -75,7 +76,6 @@ __all__ = [
     "read_report",
     "read_views",
     "run_job",
-    "upscale_frame",
     "views_to_eia",
     "write_page",
     "write_png",
@@ -89,8 +89,9 @@ _MODULES = {
     "exports.options": "ExportOptions",
     "exports.page": "Page write_page",
     "frames.contact_sheet": "write_views",
+    "frames.finish": "Finish",
     "frames.frame": "Frame read_frame",
-    "frames.job": "Request",
+    "frames.request": "Request",
     "frames.reference": "Reference",
     "frames.report": "Report read_report",
     "frames.views": "eia_to_views read_views views_to_eia",
@@ -102,8 +103,7 @@ _MODULES = {
     "plan.options": "PlanOptions",
     "plan.planner": "Planned make_plan",
     "reconstruct.method_name": "MethodName",
-    "reconstruct.options": "UpscaleOptions",
-    "reconstruct.second_stage": "upscale_frame",
+    "pipeline.finishing": "finish_frame",
     "process.blender": "Blender find_blender",
     "pipeline.rendering": "run_job",
 }

@@ -22,8 +22,8 @@ def test_the_list_of_names_is_complete():
 
 
 def test_unknown_names_are_no_attributes():
-    with pytest.raises(AttributeError, match="no attribute 'upscale_frames'"):
-        _ = lfsr_core.upscale_frames
+    with pytest.raises(AttributeError, match="no attribute 'finish_frames'"):
+        _ = lfsr_core.finish_frames
 
 
 def test_importing_the_package_loads_nothing_heavy():

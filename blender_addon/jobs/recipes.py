@@ -85,7 +85,8 @@ def render_animation(recipe: Recipe) -> Steps:
         if job.sampling.scales:  # before the frames, so that those of another scale are rendered again
             chosen = yield scale_step(job, work, SCALE_FRACTION)
             job = job.with_scale(ScaleChoice(chosen["scale"], chosen["reason"]))
-        second = {"method": recipe.method, "linear_exr": recipe.linear_exr, "share_frames": recipe.temporal_averaging}
+        second = {"method": recipe.method, "linear_exr": recipe.linear_exr,
+                  "temporal_averaging": recipe.temporal_averaging}
         step = rendering_step("Rendering", 0.98 - SCALE_FRACTION, work, "animation", job=to_data(job),
                               frames=recipe.frames, second=second, overwrite=recipe.overwrite)
         done = yield dataclasses.replace(step, resumes=True)

@@ -12,6 +12,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, write_frame
 from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.frames.request import AUTO, GUIDES, OWN, Request
@@ -72,7 +73,7 @@ def render_job(scene: bpy.types.Scene, job: Request, opened: Opened | None = Non
             seconds["render"] = seconds.get("world", 0.0) + _render(scene, job, frame, known, progress)
     seconds = {name: round(value, 3) for name, value in seconds.items()}
     write_frame(job.output, dataclasses.replace(frame, content=opened.content, seconds=seconds,
-                                                notes=tuple(notes)))
+                                                notes=tuple(Notice("render-note", {"text": text}) for text in notes)))
     return Path(job.output)
 
 

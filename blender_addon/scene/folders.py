@@ -106,7 +106,7 @@ def is_complete(folder: Path, job: Request, method: str) -> bool:
     except LfsrError:
         return False  # an incomplete or older folder is rendered again
     # In an animation with temporal averaging neighbouring frames have seeds of their own.
-    job = dataclasses.replace(job, seed=seed_in_turn(job.seed, frame.frame, report.temporal_averaging))
+    job = dataclasses.replace(job, seed=seed_in_turn(job.seed, frame.frame, report.finish.temporal_averaging))
     return report.method == MethodName.parse(method).at_scale(frame.scale).text and is_same(frame, job)
 
 

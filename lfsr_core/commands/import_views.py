@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> None:
     from lfsr_core.exports.importing import ImportGeometry, import_film, import_quilt, import_views
     from lfsr_core.exports.quilt_files import is_film, quilt_of
     from lfsr_core.optics.display import load_display
-    from lfsr_core.reconstruct.second_stage import upscale_frame
+    from lfsr_core.pipeline.finishing import finish_frame
 
     source, folder, scale = arguments.source, arguments.output, arguments.scale
     target = load_display(arguments.display) if arguments.display else None
@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> None:
         else:
             imported = import_quilt(source, folder, quilt, scale, geometry, bar)
         if scale == 1 and not film:
-            upscale_frame(folder, "none")
+            finish_frame(folder, "none")
         for note in imported.notes:
             bar.note(note)
     display, following = imported.display, "view" if scale == 1 else "upscale"

@@ -15,8 +15,9 @@ from lfsr_core.base.progress import ProgressBar
 from lfsr_core.commands import arguments as common
 from lfsr_core.commands import upscale
 from lfsr_core.commands.renamed import add_old_option
+from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.averaging import check_averaging, seed_in_turn
-from lfsr_core.frames.foreground import UNSEEN, check_dilate
+from lfsr_core.frames.foreground import check_dilate
 from lfsr_core.frames.frame import SUBPIXELS, read_frame
 from lfsr_core.frames.numbers import parse_frames, spread
 from lfsr_core.frames.report import Report, read_report
@@ -139,11 +140,11 @@ def _render_frames(arguments: argparse.Namespace, job: Request, method: MethodNa
 
 def _check_seen(arguments: argparse.Namespace, reports: Sequence[Report]) -> None:
     """LfsrError where no image shows any of the subject, unless that is allowed."""
-    said = [[note for note in report.notes if note.startswith(UNSEEN)] for report in reports]
+    said = [[note for note in report.notes if note.code == "subject-unseen"] for report in reports]
     if arguments.allow_empty or not all(said):
         return
-    raise LfsrError(f"{said[0][0]}. Turn the camera, choose another --camera or --subject, or keep the image in "
-                    f"{arguments.output} with --allow-empty")
+    raise LfsrError(f"{sentence(said[0][0])}. Turn the camera, choose another --camera or --subject, or keep the image "
+                    f"in {arguments.output} with --allow-empty")
 
 
 def _check_together(arguments: argparse.Namespace) -> None:

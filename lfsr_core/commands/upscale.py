@@ -7,15 +7,17 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lfsr_core.base.progress import Progress, ProgressBar, silent
+from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.progress import ProgressBar
 from lfsr_core.commands.renamed import add_old_option
+from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.averaging import check_averaging
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, frame_folder, read_rendered
 
 if TYPE_CHECKING:  # slow to import, and `lfsr --help` has to be quick
     from lfsr_core.frames.report import Report
     from lfsr_core.reconstruct.method_name import MethodName
-    from lfsr_core.reconstruct.options import UpscaleOptions
 
 NAME = "upscale"
 HELP = "repeat the second stage of a rendered frame folder"
@@ -59,12 +61,11 @@ def panel_method(arguments: argparse.Namespace) -> MethodName:
     """The given or default method for a direct subpixel render; LfsrError for a method that needs a light field."""
     from lfsr_core.reconstruct.method_name import PANEL_METHODS, MethodName
     from lfsr_core.reconstruct.methods import denoise
-    from lfsr_core.reconstruct.panel_stage import check_panel_finish
+    from lfsr_core.reconstruct.subpixels import check_subpixels_finish
 
     name = arguments.method or PANEL_METHODS[0 if denoise.is_available() else -1]
-    method = MethodName.parse(name)
-    check_panel_finish(method, options_of(arguments))
-    return method
+    check_subpixels_finish(finish_of(name, arguments))
+    return MethodName.parse(name)
 
 
 def chosen_method(name: str | None, scale: int) -> MethodName:
@@ -80,24 +81,26 @@ def chosen_method(name: str | None, scale: int) -> MethodName:
     return chosen.at_scale(scale)
 
 
-def options_of(arguments: argparse.Namespace, progress: Progress = silent) -> UpscaleOptions:
-    """Options of the second stage."""
-    from lfsr_core.reconstruct.options import UpscaleOptions
-
-    return UpscaleOptions(arguments.step, arguments.dilate, weights=arguments.weights, linear_exr=arguments.linear_exr,
-                          temporal_averaging=arguments.temporal_averaging or 0, progress=progress)
+def finish_of(method: str, arguments: argparse.Namespace) -> Finish:
+    """The method with the options of the second stage."""
+    return Finish(method, arguments.dilate, str(arguments.weights) if arguments.weights else None,
+                  arguments.linear_exr, arguments.temporal_averaging or 0)
 
 
 def upscale(folder: Path, method: MethodName, arguments: argparse.Namespace) -> Report:
     """Run the second stage with a progress bar, print its times, and return its report."""
-    from lfsr_core.reconstruct.second_stage import upscale_frame
+    from lfsr_core.pipeline.finishing import finish_frame
 
     with closing(ProgressBar()) as bar:
-        report = upscale_frame(folder, method, options_of(arguments, bar))
+        def tell(told: Progress | Notice) -> None:
+            if isinstance(told, Progress):
+                bar(told.stage, told.fraction, told.detail)
+
+        report = finish_frame(folder, finish_of(method.text, arguments), tell, step=arguments.step)
         frame = read_rendered(folder)
         for note in report.notes:
             if note not in frame.notes:  # the render has said those
-                bar.note(note)
+                bar.note(sentence(note))
     times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report.seconds.items())
     if frame.panel_rays:
         print(f"{folder / PANEL_FILE}: the panel's image, traced for its subpixels; {method} ({times})")

@@ -34,9 +34,9 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import from_views
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.optics.sheet import check_within
+from lfsr_core.pipeline.finishing import finish_frame
 from lfsr_core.pipeline.rendering import DERIVED_FILES, check_folder
 from lfsr_core.pipeline.staging import publish, staging_folder
-from lfsr_core.reconstruct.second_stage import upscale_frame
 
 NAME = "imported"
 MOST_SCALE = 10
@@ -133,7 +133,7 @@ def import_film(source: str | Path, output: str | Path, quilt: Quilt, geometry: 
         if not _holds(folder, frame):
             _write(folder, frame, _views(taken, geometry, geometry.angle_deg))
         if not all((folder / name).is_file() for name in (EIA_FILE, *((PANEL_FILE,) if display.is_woven else ()))):
-            upscale_frame(folder, "none")
+            finish_frame(folder, "none")
     if display is None:
         raise LfsrError(f"{source} has no images that can be read: give a film of quilts")
     progress("import", 1.0, str(output))

@@ -8,10 +8,10 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.optics.eia import to_elemental_images
 
 MOST_DILATE = 65536
-UNSEEN = "no lens sees the subject"
 FOREGROUND_INDEX, BACKGROUND_INDEX = 1, 2
 
 
@@ -49,16 +49,14 @@ def foreground_pixels(layers: Mapping[str, Array]) -> Mask:
     return found
 
 
-def unseen_notes(layers: Mapping[str, Array]) -> list[str]:
-    """Return a note for a report if a render shows none of the subject: what it shows instead."""
+def unseen_notices(layers: Mapping[str, Array]) -> list[Notice]:
+    """Return a notice if a render shows none of the subject: the fraction that background objects fill instead."""
     covered, index = layers["color"][..., 3] > 0, layers.get("index")
     # Without background meshes whatever covers a pixel is the subject. Pixels at the edges of such meshes are in doubt
     # everywhere, so they do not count here.
     if (covered if index is None else index == FOREGROUND_INDEX).any():
         return []
-    fraction = float(covered.mean())
-    shown = f"background objects fill {fraction:.0%} of the image" if fraction else "no object is in sight"
-    return [f"{UNSEEN}: {shown}"]
+    return [Notice("subject-unseen", {"background": float(covered.mean())})]
 
 
 def recall(mask: Mask, reference_mask: Mask) -> float:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, write_json
+from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import from_data, to_data
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.optics.display import DisplayProfile
@@ -74,7 +75,7 @@ class Frame:
     blender: str = ""
     device: str = "CPU"
     gpus: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()  # what the user was told of this render
+    notes: tuple[Notice, ...] = ()  # what the user was told of this render
     # of the render stage: "open" and "render", which includes that of the "world"
     seconds: dict[str, float] = dataclasses.field(default_factory=dict)
 

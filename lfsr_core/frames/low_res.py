@@ -11,6 +11,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, Frame
 from lfsr_core.frames.request import GUIDES
 from lfsr_core.optics.eia import to_elemental_images
@@ -39,7 +40,7 @@ class LowResEIA:
     # device, gpus: on which the frame was rendered
     device: str = "CPU"
     gpus: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()  # sentences for the report, on what was done to it
+    notes: tuple[Notice, ...] = ()  # for the report, on what was done to it
     # For a world that is put behind the finished elemental images: how much of it is covered (C = 3, in [0, 1]), the
     # row and column of each lens on the display (sy, sx, 2), and what the lenses see of the world.
     opacity: Array | None = None

@@ -6,7 +6,9 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import read_record, write_record
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import REPORT_FILE
 
 
@@ -14,7 +16,8 @@ from lfsr_core.frames.frame import REPORT_FILE
 class Report:
     """How a frame was finished, see docs/reference/frame-folder.md."""
 
-    method: str  # name of the method
+    finish: Finish  # as it was asked for
+    method: str  # what ran of its method at this scale
     display: str  # name of the display
     # scale, samples: of the render
     scale: int
@@ -22,19 +25,15 @@ class Report:
     seconds: dict[str, float]  # of each stage
     peak_bytes: int | None  # most memory that the process held, None where the system does not say
     # of the lenses, or of a panel's traced subpixels, in [0, 1]
-    foreground_fraction: float = dataclasses.field(metadata={"key": "foreground_share"})
-    notes: tuple[str, ...] = ()  # what the user should know
+    foreground_fraction: float
+    notes: tuple[Notice, ...] = ()  # what the user should know
     # against a reference, empty until they are measured
     metrics: dict[str, Any] = dataclasses.field(default_factory=dict)
     replaced_pixels: int = 0  # pixels of the render that were not finite
-    dilate: int = 0  # lenses by which the foreground mask was grown
     # layout, device: what sent the rays, and what Cycles rendered on
     layout: str = ""
     device: str = ""
-    weights: str | None = None  # file of the network's weights, None for the shipped ones
-    # neighbouring frames to each side
-    temporal_averaging: int = dataclasses.field(default=0, metadata={"key": "share_frames"})
-    neighbours: tuple[int, ...] = ()  # their numbers, with those that could not be averaged
+    neighbours: tuple[int, ...] = ()  # numbers of the frames it was averaged with, and those that could not be
     averaged: float | None = None  # mean weight of the neighbouring frames where this one shows something, in [0, 1]
 
 

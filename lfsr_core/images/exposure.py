@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from lfsr_core.base.arrays import Array
+from lfsr_core.base.notices import Notice
 
 BLACK, WHITE = 8.5 / 255, 249.5 / 255  # display values
 # Percentiles that are compared with these, so that a few sparks in the dark or specks on white do not count.
 SPARKS, SPECKS = 99.5, 5.0
-REMEDIES = {"black": "make lights or exposure stronger", "white": "make lights or exposure weaker"}
 
 
-def exposure_notes(shown: Array, background: Array) -> list[str]:
-    """Notes for a report: one if the image is almost black or white; parameters as of ``extreme_tone``."""
+def exposure_notices(shown: Array, background: Array) -> list[Notice]:
+    """Return a notice if the image is almost black or white; parameters as of ``extreme_tone``."""
     tone = extreme_tone(shown, background)
-    return [f"the image is almost {tone}: {REMEDIES[tone]}, or check where the camera looks"] if tone else []
+    return [Notice("image-extreme", {"tone": tone})] if tone else []
 
 
 def extreme_tone(shown: Array, background: Array | None = None) -> str:

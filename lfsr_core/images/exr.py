@@ -12,6 +12,7 @@ import OpenImageIO as oiio
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path, reading
+from lfsr_core.base.notices import Notice
 from lfsr_core.images.source import opened
 
 # Names, in lower case, that Blender 4.5, Blender 5.x and this program give the same pass.
@@ -184,12 +185,10 @@ def read_finite(path: str | Path) -> tuple[Layers, int]:
     return layers, replaced
 
 
-def replaced_notes(replaced: int, pixels: int) -> list[str]:
-    """Return a note for a report if more than a few of an image's ``pixels`` were ``replaced``."""
-    if replaced <= FEW_REPLACED * pixels:
-        return []
-    return [f"{replaced} of {pixels} rendered pixels were not finite and are black: find the material or light that "
-            "makes them"]
+def replaced_notices(replaced: int, pixels: int) -> list[Notice]:
+    """Return a notice if more than a few of an image's ``pixels`` were ``replaced``."""
+    few = replaced <= FEW_REPLACED * pixels
+    return [] if few else [Notice("pixels-replaced", {"replaced": replaced, "pixels": pixels})]
 
 
 def _read_parts(path: Path) -> Iterator[tuple[tuple[str, ...], Array]]:

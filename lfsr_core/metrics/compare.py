@@ -17,7 +17,6 @@ from lfsr_core.frames.report import read_report, write_report
 from lfsr_core.images.png import read_mask
 from lfsr_core.metrics.eia_metrics import compare
 from lfsr_core.optics.rays import LensList
-from lfsr_core.reconstruct.options import UpscaleOptions
 from lfsr_core.reconstruct.second_stage import finished_linear, read_finished_linear
 
 MIN_SAMPLES = 8
@@ -67,8 +66,7 @@ def compare_folders(folder: str | Path, reference: str | Path) -> Metrics:
     report = read_report(folder)
     image = read_finished_linear(folder)
     if image is None:
-        image = finished_linear(folder, report.method, UpscaleOptions(
-            dilate=report.dilate, weights=report.weights, temporal_averaging=report.temporal_averaging))
+        image = finished_linear(folder, report.finish)
     known, mask = Reference.read(reference), read_mask(folder / MASK_FILE, frame.display.lenses)
     metrics = compare(image, (known.half_a, known.half_b), frame.display.lenses, known.foreground_mask(mask),
                       known.lens_list)

@@ -10,6 +10,7 @@ from pathlib import Path
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import reading
 from lfsr_core.frames.averaging import check_averaging, seed_in_turn
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, PANEL_FILE, SUBPIXELS, Frame, frame_folder, read_part
 from lfsr_core.frames.identity import check_same, is_same, scene_stamp
 from lfsr_core.frames.numbers import spread
@@ -21,7 +22,6 @@ from lfsr_core.pipeline.rendering import RENDERED_FILES, check_folder
 from lfsr_core.pipeline.store import is_complete
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.neighbours import numbered, numbered_beside
-from lfsr_core.reconstruct.options import UpscaleOptions
 
 PNG_END = b"IEND\xaeB`\x82"
 TO_RENDER, TO_FINISH, DONE = "to render", "to finish", "done"
@@ -29,20 +29,19 @@ TO_RENDER, TO_FINISH, DONE = "to render", "to finish", "done"
 
 @dataclasses.dataclass(frozen=True)
 class SecondStage:
-    """How a rendered frame is finished; the fields are those of ``UpscaleOptions``."""
+    """How a rendered frame is finished."""
 
     method: str
     dilate: int = 0
     weights: str | None = None
     step: int | None = None
     linear_exr: bool = False
-    temporal_averaging: int = dataclasses.field(default=0, metadata={"key": "share_frames"})
+    temporal_averaging: int = 0
 
     @property
-    def options(self) -> UpscaleOptions:
-        """Options for ``upscale_frame``."""
-        return UpscaleOptions(self.step, self.dilate, weights=self.weights, linear_exr=self.linear_exr,
-                              temporal_averaging=self.temporal_averaging)
+    def finish(self) -> Finish:
+        """The same for ``finish_frame``."""
+        return Finish(self.method, self.dilate, self.weights, self.linear_exr, self.temporal_averaging)
 
     def method_at(self, scale: int) -> MethodName:
         """The method for frames of ``scale``."""
@@ -134,8 +133,7 @@ def _is_finished(animation: Animation, job: Request) -> bool:
         report = read_report(folder)
     except LfsrError:
         return False
-    made = (report.method, report.dilate, report.weights, report.temporal_averaging)
-    if made != (second.method_at(report.scale).text, second.dilate, second.weights, second.temporal_averaging):
+    if dataclasses.replace(report.finish, linear_exr=second.linear_exr) != second.finish:
         return False
     if second.linear_exr and not _is_complete(folder / EIA_LINEAR_FILE):
         return False

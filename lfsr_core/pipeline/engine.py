@@ -16,11 +16,11 @@ from lfsr_core.frames.frame import read_part
 from lfsr_core.frames.report import read_report
 from lfsr_core.frames.request import Request
 from lfsr_core.pipeline.animation import DONE, TO_RENDER, Animation, SecondStage, beside, state
+from lfsr_core.pipeline.finishing import finish_frame
 from lfsr_core.pipeline.rendering import Listener, Warn, run_jobs
 from lfsr_core.pipeline.staging import remove_dead
 from lfsr_core.process.blender import Starts, find_blender
 from lfsr_core.process.child import CrashError
-from lfsr_core.reconstruct.second_stage import upscale_frame
 
 CHUNK = 16  # frames of one Blender
 TRIES = 2  # of a frame at which Blender crashes
@@ -185,8 +185,7 @@ class _Finishing:
         self._thread.shutdown(wait=True, cancel_futures=True)
 
     def _finish(self, job: Request) -> None:
-        options = dataclasses.replace(self.second.options, progress=self._check_stopped)
-        upscale_frame(Path(job.output), self.second.method_at(read_part(job.output).scale), options)
+        finish_frame(Path(job.output), self.second.finish, self._check_stopped, step=self.second.step)
 
     def _check_stopped(self, *_: object) -> None:
         if self._stopped.is_set():

@@ -35,7 +35,7 @@ class FarmJob:
     linear_exr: bool = False
     parts: int = 1  # into which each frame is split, by rows of lenses
     display: str = ""  # file of the display's profile, empty for the built-in one of its name
-    temporal_averaging: int = 0  # as of ``UpscaleOptions``
+    temporal_averaging: int = 0  # as of ``Finish``
 
     def __post_init__(self) -> None:
         most = min(MOST_PARTS, self.job.display.lenses[1])

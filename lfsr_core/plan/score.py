@@ -19,13 +19,14 @@ from lfsr_core.frames.reference import listed_images, read_half
 from lfsr_core.images.exr import read_finite
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
+from lfsr_core.pipeline.finishing import finish_frame
 from lfsr_core.plan.sample import Lens, Mosaic, strata_masks
 from lfsr_core.plan.times import StageTime
 from lfsr_core.reconstruct.assembly import MAX_WORKERS
 from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution, is_available, shown_part
 from lfsr_core.reconstruct.methods.epipolar import Recovering
 from lfsr_core.reconstruct.registry import method
-from lfsr_core.reconstruct.second_stage import FILL_METHOD, finished_lenses, upscale_frame
+from lfsr_core.reconstruct.second_stage import FILL_METHOD, finished_lenses
 from lfsr_core.reconstruct.world import finish_lenses, prepared
 
 CORRECTED = 0.5  # fraction of the loss by the reference's remaining noise that is added to the metric
@@ -109,7 +110,7 @@ def quick_look(folder: Path) -> QuickLook:
     layers, _ = read_finite(folder / LOW_RES_FILE)
     mask, wide = (foreground_mask(layers, frame.rays.tiles, reach) for reach in (0, 1))
     low = low_resolution(layers, frame, read_world(folder, frame))
-    seconds = upscale_frame(folder, FILL_METHOD if frame.scale > 1 else "none").seconds
+    seconds = finish_frame(folder, FILL_METHOD if frame.scale > 1 else "none").seconds
     shown = low.alpha[shown_part(low.color)].size / low.alpha.size
     return QuickLook(strata_masks(mask, wide), features(low), {name: seconds[name] for name in FINISHING}, shown,
                      _world_seconds(low, mask))
@@ -148,7 +149,7 @@ def score(folder: Path, name: str, mosaic: Mosaic, reference: SampledReference) 
     ``mosaic``: the sampled lenses (its centres) and their neighbours.
     """
     low, mask = _sampled(folder, mosaic)
-    images = srgb_encode(finished_lenses(low, mask, method(name, block=mosaic.side), mosaic.centres))
+    images = srgb_encode(finished_lenses(low, mask, name, mosaic.centres, block=mosaic.side))
     return split_scores(images, reference)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.cores import usable_cores
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.progress import Progress
+from lfsr_core.base.notices import Progress, Tell
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.reconstruct.blas import blas_threads
@@ -27,7 +27,7 @@ from lfsr_core.reconstruct.world import finish_lenses
 
 MAX_WORKERS = 8
 STEP_IN_CACHE = 24
-Finish = Callable[[Array, Array], None]
+Put = Callable[[Array, Array], None]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,10 +62,10 @@ class Assembly:
         return parts
 
 
-def upscale_all(assembly: Assembly, step: int | None, finish: Finish, clock: StageClock, progress: Progress) -> None:
+def upscale_all(assembly: Assembly, step: int | None, put: Put, clock: StageClock, tell: Tell) -> None:
     """Finish every lens of the assembly, in several threads and in any order.
 
-    Upscalers that are not thread-safe run one call at a time. ``step``: see ``Assembly.parts``. ``finish``: called
+    Upscalers that are not thread-safe run one call at a time. ``step``: see ``Assembly.parts``. ``put``: called
     with lenses (n, 2) and their elemental images (n, py, px, 3), scene-linear.
     """
     parts = assembly.parts(step)
@@ -76,12 +76,12 @@ def upscale_all(assembly: Assembly, step: int | None, finish: Finish, clock: Sta
         upscaler, lenses = part
         with contextlib.nullcontext() if upscaler.thread_safe else one_at_a_time, clock("upscale"):
             images = finish_lenses(upscaler, assembly.low, lenses)
-        finish(lenses, images)
+        put(lenses, images)
 
     most = 1 if assembly.upscaler.thread_safe else None
     with blas_threads(most), ThreadPoolExecutor(workers) as pool, clock.shared_by(workers):
         for done, _ in enumerate(pool.map(work, parts), start=1):
-            progress("upscale", done / len(parts), f"{done} of {len(parts)} steps")
+            tell(Progress("upscale", done / len(parts), f"{done} of {len(parts)} steps"))
 
 
 def filled(size: tuple[int, int], color: Array) -> Array:

@@ -6,7 +6,7 @@ Low view k' covers high views s·k' … s·k' + s - 1, so pixels are sampled at 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -29,10 +29,6 @@ class Upscaler(Protocol):
     @property
     def thread_safe(self) -> bool:
         """Whether several threads may call it at once."""
-
-    @property
-    def notes(self) -> Sequence[str]:
-        """Sentences for the report, about the calls so far."""
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
         """EIs (N, h·s, w·s, 3), scene-linear RGB >= 0, of ``lenses`` (N, 2) as int (row, column)."""

@@ -7,6 +7,7 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
+from lfsr_core.base.notices import Notice
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, Frame, read_frame
 from lfsr_core.frames.identity import first_difference
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
@@ -68,12 +69,9 @@ def read_low(folder: Path) -> LowResEIA:
     return low_resolution(read_finite(folder / LOW_RES_FILE)[0], read_frame(folder))
 
 
-def averaging_notes(neighbours: Sequence[Neighbour]) -> list[str]:
-    """Sentences on neighbours that were not averaged: those with the same noise, and those that show other rays."""
-    reasons = {
-        "they have the same seed: render the animation with --temporal-averaging":
-            [str(each.number) for each in neighbours if each.same_seed],
-        "their camera array or render settings differ: leave out --temporal-averaging while the camera array moves":
-            [str(each.number) for each in neighbours if not each.same_rays]}
-    return [f"frames {', '.join(frames)} were not averaged, because {reason}" for reason, frames in reasons.items()
-            if frames]
+def averaging_notices(neighbours: Sequence[Neighbour]) -> list[Notice]:
+    """Notices of neighbours that were not averaged: those with the same noise, and those that show other rays."""
+    same_seed = [each.number for each in neighbours if each.same_seed]
+    other_rays = [each.number for each in neighbours if not each.same_rays]
+    return [*([Notice("averaging-same-seed", {"frames": same_seed})] if same_seed else []),
+            *([Notice("averaging-other-rays", {"frames": other_rays})] if other_rays else [])]

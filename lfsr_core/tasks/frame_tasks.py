@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.files import atomic_path
-from lfsr_core.frames.frame import MASK_FILE, read_frame, read_rendered
-from lfsr_core.process.protocol import emit_progress, emit_warning
+from lfsr_core.frames.finish import Finish
+from lfsr_core.frames.frame import MASK_FILE, read_frame
+from lfsr_core.process.protocol import emit_progress, emit_told, emit_warning
 
 
 def upscale(folder: str, method: str, linear_exr: bool = False, views: str | None = None) -> dict[str, Any]:
@@ -18,12 +19,9 @@ def upscale(folder: str, method: str, linear_exr: bool = False, views: str | Non
 
     Return the "method" and the "seconds" of each stage.
     """
-    from lfsr_core.reconstruct.method_name import MethodName
-    from lfsr_core.reconstruct.options import UpscaleOptions
-    from lfsr_core.reconstruct.second_stage import upscale_frame
+    from lfsr_core.pipeline.finishing import finish_frame
 
-    name = MethodName.parse(method).at_scale(read_rendered(folder).scale)
-    report = upscale_frame(folder, name, UpscaleOptions(linear_exr=linear_exr, progress=emit_progress))
+    report = finish_frame(folder, Finish(method, linear_exr=linear_exr), emit_told)
     if views:
         decode(folder, views)
     return {"method": report.method, "seconds": report.seconds}

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
+from lfsr_core.frames.finish import Finish
 from lfsr_core.metrics.compare import compare_folders
-from lfsr_core.reconstruct.options import UpscaleOptions
-from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.synthetic import write_reference, write_render
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "reference" / "frame-folder.md"
@@ -42,7 +42,7 @@ def read(path: Path) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = write_render(tmp_path_factory.mktemp("frame"))
-    upscale_frame(folder, "bicubic", UpscaleOptions(dilate=1))
+    finish_frame(folder, Finish("bicubic", dilate=1))
     return folder
 
 
@@ -55,8 +55,8 @@ def test_report(folder):
     check(report, "report.json")
     assert set(report["seconds"]) == STAGES
     assert all(value >= 0 for value in report["seconds"].values())
-    assert 0 < report["foreground_share"] < 1
-    assert report["dilate"] == 1
+    assert 0 < report["foreground_fraction"] < 1
+    assert report["finish"]["dilate"] == 1
 
 
 def test_metrics(folder, tmp_path):

@@ -53,7 +53,7 @@ def test_programs_that_render(tmp_path, scene):
 
 @pytest.mark.parametrize("name", sorted(set(FILES) - NEED_BLENDER))
 def test_programs_on_a_finished_frame(tmp_path, name):
-    lfsr_core.upscale_frame(write_render(tmp_path / "frame"), "bilinear")
+    lfsr_core.finish_frame(write_render(tmp_path / "frame"), "bilinear")
     run(tmp_path, "-c", PROGRAMS[name])
     assert all((tmp_path / file).exists() for file in FILES[name])
 
@@ -64,15 +64,15 @@ def test_every_public_name_is_on_the_page():
 
 
 USER = """import lfsr_core
-from lfsr_core import Frame, Metrics, Report, UpscaleOptions, compare_folders, read_frame, read_views, upscale_frame
+from lfsr_core import Finish, Frame, Metrics, Report, compare_folders, finish_frame, read_frame, read_views
 
 frame: Frame = read_frame("frame")
-report: Report = upscale_frame("frame", "denoise+bilinear", UpscaleOptions(dilate=1))
+report: Report = finish_frame("frame", Finish("denoise+bilinear", dilate=1))
 metrics: Metrics = compare_folders("frame", "reference")
 brightest: int = int(read_views("frame").max())
 print(report.seconds["render"], metrics.notes, brightest, frame.display.lenses[0] + 1, lfsr_core.__version__)
 """
-WRONG = ["from lfsr_core import upscale_frames", "from lfsr_core import UpscaleOptions; UpscaleOptions(dilate='1')",
+WRONG = ["from lfsr_core import finish_frames", "from lfsr_core import Finish; Finish('none', dilate='1')",
          "from lfsr_core import compare_folders; compare_folders('a', 'b')['p']",
          "from lfsr_core import read_frame; read_frame('a').display.lense"]
 

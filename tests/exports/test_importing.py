@@ -16,7 +16,7 @@ from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers
-from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.finished import MINI, finished
 
 
@@ -44,14 +44,14 @@ def images(tmp_path, field):
 def test_what_was_exported_comes_back_equal(folder, field, tmp_path, name):
     export(folder, name, tmp_path / "views")
     import_views(tmp_path / "views", tmp_path / "back")
-    upscale_frame(tmp_path / "back", "none")
+    finish_frame(tmp_path / "back", "none")
     np.testing.assert_array_equal(read_light_field(tmp_path / "back").views, field.views)
 
 
 def test_ten_bits_of_pleno_come_back_to_eight(folder, field, tmp_path):
     export(folder, "pleno", tmp_path / "views")
     import_views(tmp_path / "views", tmp_path / "back")
-    upscale_frame(tmp_path / "back", "none")
+    finish_frame(tmp_path / "back", "none")
     np.testing.assert_array_equal(read_light_field(tmp_path / "back").views, field.views)
 
 
@@ -69,7 +69,7 @@ def test_hci_tells_its_geometry(folder, tmp_path):
 def test_the_second_stage_makes_the_views_between(images, field, tmp_path):
     imported = import_views(images, tmp_path / "frame", scale=2, geometry=ImportGeometry(angle_deg=30.0))
     assert "--width-mm 600, --distance-mm 1000" in imported.notes[0] and "angle" not in imported.notes[0]
-    upscale_frame(tmp_path / "frame", "bilinear")
+    finish_frame(tmp_path / "frame", "bilinear")
     made = read_light_field(tmp_path / "frame")
     assert made.count == (6, 6) and made.display.viewing_angle_deg == 30
     # Low view k covers high views 2k and 2k + 1, a quarter of a step to its sides.
@@ -99,13 +99,13 @@ def test_stanford_cameras_are_ordered_by_place(field, tmp_path):
             Image.fromarray(field.views[row * 4, 4 - column * 4]).save(
                 source / f"out_{row:02d}_{column:02d}_{row * 10.5:.3f}_{-60.25 * column:.3f}.png")
     import_views(source, tmp_path / "frame")
-    upscale_frame(tmp_path / "frame", "none")
+    finish_frame(tmp_path / "frame", "none")
     np.testing.assert_array_equal(read_light_field(tmp_path / "frame").views, field.views[::4, ::4][:, :2])
 
 
 def test_mirrored_cameras_are_turned_round(images, field, tmp_path):
     import_views(images, tmp_path / "frame", geometry=ImportGeometry(mirror="x"))
-    upscale_frame(tmp_path / "frame", "none")
+    finish_frame(tmp_path / "frame", "none")
     np.testing.assert_array_equal(read_light_field(tmp_path / "frame").views, field.resampled((3, 3))[:, ::-1])
 
 
@@ -122,7 +122,7 @@ def test_a_row_of_cameras_has_views_along_it_alone(images, field, tmp_path):
         (images / f"input_Cam{number:03d}.png").rename(images / f"row_00_{number:02d}.png")
     imported = import_views(images, tmp_path / "frame", scale=3)
     assert imported.display.views == (9, 1) and imported.display.lenses == (16, 12)
-    upscale_frame(tmp_path / "frame", "bilinear")
+    finish_frame(tmp_path / "frame", "bilinear")
     made, given = read_light_field(tmp_path / "frame").views, field.resampled((3, 3))[:1]
     np.testing.assert_array_equal(made[:, 1::3], given)
     between = (2 * given[:, 0].astype(float) + given[:, 1]) / 3
@@ -141,7 +141,7 @@ def test_any_digits_separators_and_endings(images, field, tmp_path, pattern):
         name = pattern.format(row=row, column=column, number=number)
         Image.open(images / f"input_Cam{number:03d}.png").save(source / name, quality=100, subsampling=0)
     import_views(source, tmp_path / "frame")
-    upscale_frame(tmp_path / "frame", "none")
+    finish_frame(tmp_path / "frame", "none")
     off = np.abs(read_light_field(tmp_path / "frame").views.astype(int) - field.resampled((3, 3)))
     assert off.mean() < (1.5 if "j" in pattern.lower().split(".")[-1] else 1e-9)
 

@@ -22,7 +22,7 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray
-from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.finished import MINI, finished, picture
 from tests.support.synthetic import fails
 
@@ -63,7 +63,7 @@ def check_coordinates(views):
 def test_tiles_become_views_from_the_left(tmp_path):
     path = coordinates(tmp_path)
     imported = import_quilt(path, tmp_path / "frame", quilt_of(path))
-    upscale_frame(tmp_path / "frame", "none")
+    finish_frame(tmp_path / "frame", "none")
     check_coordinates(read_light_field(tmp_path / "frame").views)
     display = imported.display
     assert (display.views, display.lenses, display.viewing_angle_deg) == ((8, 1), (6, 9), 40)
@@ -76,7 +76,7 @@ def test_tiles_become_views_from_the_left(tmp_path):
 def test_tiles_in_other_orders(tmp_path, top_first, mirror):
     path = coordinates(tmp_path)
     import_quilt(path, tmp_path / "frame", quilt_of(path, None, top_first), geometry=ImportGeometry(mirror=mirror))
-    upscale_frame(tmp_path / "frame", "none")
+    finish_frame(tmp_path / "frame", "none")
     numbers = (read_light_field(tmp_path / "frame").views[0, :, 0, 0, 0] // 20).tolist()
     assert numbers == ([6, 7, 4, 5, 2, 3, 0, 1] if top_first else [7, 6, 5, 4, 3, 2, 1, 0])
 
@@ -115,9 +115,9 @@ def test_woven_for_another_display_as_if_made_for_it(tmp_path, angle, seen, most
     (quilt,), _ = export(finished(tmp_path / "portrait", PORTRAIT, scale=1), "quilt", tmp_path)
     display = landscape(angle)
     import_quilt(quilt, tmp_path / "frame", quilt_of(quilt), geometry=ImportGeometry(display=display, angle_deg=40.0))
-    upscale_frame(tmp_path / "frame", "none")
+    finish_frame(tmp_path / "frame", "none")
     covered = 0.75 * display.panel_mm[1] / display.panel_mm[0]  # of the panel's width, by a picture of its height
-    upscale_frame(direct(tmp_path / "direct", display, 1.6 / covered), "none")
+    finish_frame(direct(tmp_path / "direct", display, 1.6 / covered), "none")
     woven, wanted = (read_png(tmp_path / name / "panel.png").astype(float) for name in ("frame", "direct"))
     views, wanted_views = (read_light_field(tmp_path / name).views.astype(float) for name in ("frame", "direct"))
     inside = slice(round(960 * (1 - covered) / 2) + 12, round(960 * (1 + covered) / 2) - 12)
@@ -135,7 +135,7 @@ def test_fill_cuts_the_picture(tmp_path):
     for fill in (False, True):
         import_quilt(path, tmp_path / str(fill), quilt_of(path),
                      geometry=ImportGeometry(display=landscape(), fill=fill))
-        upscale_frame(tmp_path / str(fill), "none")
+        finish_frame(tmp_path / str(fill), "none")
     whole, cut = (read_light_field(tmp_path / str(fill)).views[0, 24] for fill in (False, True))
     assert (whole[:, 0] == 0).all() and cut[:, 0, 0].min() > 0
     assert cut[0, 107, 2] > whole[0, 107, 2] + 30, "the top of the picture is cut"
@@ -145,7 +145,7 @@ def test_a_folder_of_views_for_a_display(tmp_path, folder, field):
     export(folder, "hci", tmp_path / "views")
     smaller = dataclasses.replace(MINI, views=(4, 4), panel_pixels=(64, 48), name="smaller")
     imported = import_views(tmp_path / "views", tmp_path / "frame", geometry=ImportGeometry(display=smaller))
-    upscale_frame(tmp_path / "frame", "none")
+    finish_frame(tmp_path / "frame", "none")
     assert imported.display == smaller and imported.notes == ()
     off = np.abs(read_light_field(tmp_path / "frame").views.astype(int) - field.resampled((4, 4)))
     assert off.max() <= 1

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.foreground import foreground_mask, recall, unseen_notes
+from lfsr_core.base.notices import Notice
+from lfsr_core.frames.foreground import foreground_mask, recall, unseen_notices
 
 LENSES = (5, 4)  # across, down, of 3 × 2 pixels
 
@@ -38,10 +39,9 @@ def test_any_hit_however_faint_marks_its_lens_and_no_other():
 def test_a_render_without_its_subject_is_said_with_what_it_shows():
     wall = image((0, 0), (1, 1), (2, 2))
     edge = image((0, 0), (1, 1), value=2.0)  # where a ray passed the wall first, the index is 0
-    for seen, said in ((layers(), "no object is in sight"), (layers(alpha=wall, index=edge), "objects fill 2% of")):
-        (note,) = unseen_notes(seen)
-        assert note.startswith("no lens sees the subject") and said in note
-    assert unseen_notes(layers(alpha=wall)) == unseen_notes(layers(alpha=wall, index=image((2, 2)))) == []
+    for seen, said in ((layers(), 0.0), (layers(alpha=wall, index=edge), 3 / wall.size)):
+        assert unseen_notices(seen) == [Notice("subject-unseen", {"background": said})]
+    assert unseen_notices(layers(alpha=wall)) == unseen_notices(layers(alpha=wall, index=image((2, 2)))) == []
 
 
 def test_dilation_grows_by_lenses_and_stops_at_the_edge():

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.frames.frame import FRAME_FILE, Frame, read_frame, read_part, write_frame
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.optics.display import load_display
@@ -26,7 +27,8 @@ FRAME = Frame(
     gpus=("0000:01:00",), layers=("albedo", "normal"), world_visible=True, world_apart=True, scale_reason="it is deep",
     color=ColorSettings("Rec.2020", "AgX", "AgX - Punchy", 0.5, 1.1, "config.ocio"),
     scene="scene.blend", scene_name="Set", source="../shot.blend", subject="Things", camera="Left", content="abc",
-    blender="5.0.1", device="OPTIX", notes=("a note",), light="city", seconds={"render": 1.5})
+    blender="5.0.1", device="OPTIX", notes=(Notice("render-note", {"text": "a note"}),),
+    light="city", seconds={"render": 1.5})
 
 
 def test_round_trip_keeps_every_field(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.views import eia_to_views, read_views, views_to_eia
 from lfsr_core.images.png import read_png
-from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.synthetic import FLAT, MINI, write_render
 
 DIRECT = dataclasses.replace(MINI, ei_order="direct")
@@ -36,7 +36,7 @@ def test_the_left_pixel_behind_a_lens_is_the_rightmost_view_where_the_display_fl
 
 def test_views_of_a_finished_folder(tmp_path):
     folder = write_render(tmp_path)
-    upscale_frame(folder, "bilinear")
+    finish_frame(folder, "bilinear")
     views = read_views(folder)
     assert views.shape == (8, 8, 12, 16, 3) and views.dtype == np.uint8 and views.std() > 10
     np.testing.assert_array_equal(views_to_eia(views, MINI), read_png(folder / "eia.png"))

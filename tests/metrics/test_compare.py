@@ -5,20 +5,20 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE
 from lfsr_core.images.exr import write_layers
 from lfsr_core.images.png import read_mask, write_mask
 from lfsr_core.metrics import compare as compare_module
 from lfsr_core.metrics.compare import compare_folders, sampled_recall
 from lfsr_core.optics.display import load_display
-from lfsr_core.reconstruct.options import UpscaleOptions
-from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.synthetic import write_reference, write_render
 
 
 def test_a_lens_lost_by_the_mask_lowers_recall_and_still_counts_as_foreground(tmp_path):
     folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
-    upscale_frame(folder, "bicubic")
+    finish_frame(folder, "bicubic")
     whole = compare_folders(folder, reference)
     mask = read_mask(folder / MASK_FILE)
     lost = np.argwhere(mask)[: mask.sum() // 3]
@@ -32,11 +32,11 @@ def test_a_lens_lost_by_the_mask_lowers_recall_and_still_counts_as_foreground(tm
 
 def test_a_frame_that_is_finished_anew_meanwhile_keeps_its_own_report(tmp_path, monkeypatch):
     folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
-    upscale_frame(folder, "bicubic")
+    finish_frame(folder, "bicubic")
     real = compare_module.compare
 
     def slow(*arguments, **options):
-        upscale_frame(folder, "nearest")
+        finish_frame(folder, "nearest")
         return real(*arguments, **options)
     monkeypatch.setattr(compare_module, "compare", slow)
     with pytest.raises(LfsrError, match="was finished again while it was compared"):
@@ -70,9 +70,9 @@ def test_eia_exr_is_read_instead_of_computed_again(tmp_path, monkeypatch, displa
     assert display.ei_order == "flipped"
     folder = write_render(tmp_path / "f", display=display)
     reference = write_reference(tmp_path / "r", display=display)
-    upscale_frame(folder, "bicubic")
+    finish_frame(folder, "bicubic")
     made = compare_folders(folder, reference)
-    upscale_frame(folder, "bicubic", UpscaleOptions(linear_exr=True))
+    finish_frame(folder, Finish("bicubic", linear_exr=True))
     monkeypatch.setattr(compare_module, "finished_linear", lambda *_: 1 / 0)
     kept = compare_folders(folder, reference)
     for name, value in vars(made).items():
@@ -82,7 +82,7 @@ def test_eia_exr_is_read_instead_of_computed_again(tmp_path, monkeypatch, displa
 
 def test_kept_linear_world_image_another_size_is_refused(tmp_path):
     folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
-    upscale_frame(folder, "bicubic")
+    finish_frame(folder, "bicubic")
     write_layers(folder / "eia.exr", {"color": np.zeros((8, 8, 3), np.float16)}, half=True)
     with pytest.raises(LfsrError, match="finish the frame again with --linear-exr"):
         compare_folders(folder, reference)

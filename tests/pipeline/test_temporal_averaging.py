@@ -7,12 +7,12 @@ import shutil
 import pytest
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.report import read_report
 from lfsr_core.pipeline.animation import SecondStage
 from lfsr_core.pipeline.engine import KEPT, MADE, Tools, render_animation
-from lfsr_core.reconstruct.options import UpscaleOptions
-from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.animations import animation, images, states
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import fails
@@ -50,9 +50,9 @@ def test_alone_every_frame_has_the_same_noise(tmp_path):
 
 def test_the_picture_is_that_of_the_second_stage_alone(made):
     before = images(made / "film")
-    upscale_frame(made / "film" / "0002", "bicubic", UpscaleOptions(temporal_averaging=1))
+    finish_frame(made / "film" / "0002", Finish("bicubic", temporal_averaging=1))
     assert images(made / "film") == before
-    upscale_frame(made / "film" / "0002", "bicubic")
+    finish_frame(made / "film" / "0002", "bicubic")
     assert images(made / "film")["0002"] != before["0002"]
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lfsr_core.base.notices import Notice
 from lfsr_core.frames.averaging import seed_in_turn
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.reconstruct.neighbours import averaging_notes, near, neighbours_of, numbered_beside
-from lfsr_core.reconstruct.options import UpscaleOptions
-from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
+from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.reconstruct.neighbours import averaging_notices, near, neighbours_of, numbered_beside
+from lfsr_core.reconstruct.second_stage import finished_linear
 from tests.support.synthetic import IDENTITY, write_render
 
 
@@ -57,24 +59,23 @@ def test_an_array_that_moved_or_the_same_seed_is_not_averaged(tmp_path):
     film(tmp_path, (1,), matrix_world=moved)
     assert numbers_near(tmp_path, 3, 2) == [(1, False), (2, True), (4, False)]
     found = neighbours_of(tmp_path / "0003", read_frame(tmp_path / "0003"), 2)
-    notes = averaging_notes(found)
-    assert len(notes) == 2 and "frames 4 were" in notes[0] and "same seed" in notes[0]
-    assert "frames 1 were" in notes[1] and "camera array" in notes[1]
-    assert not averaging_notes(found[1:2])
+    notes = averaging_notices(found)
+    assert notes == [Notice("averaging-same-seed", {"frames": [4]}), Notice("averaging-other-rays", {"frames": [1]})]
+    assert not averaging_notices(found[1:2])
 
 
 def test_the_second_stage_averages_and_says_with_which(tmp_path):
     film(tmp_path, (1, 2, 3))
-    report = upscale_frame(tmp_path / "0002", "bicubic", UpscaleOptions(temporal_averaging=1))
-    assert (report.temporal_averaging, report.neighbours) == (1, (1, 3)) and report.seconds["share"] >= 0
+    report = finish_frame(tmp_path / "0002", Finish("bicubic", temporal_averaging=1))
+    assert report.neighbours == (1, 3) and report.seconds["average"] >= 0
     assert report.averaged == 1, "the frames are the same"
-    alone = upscale_frame(tmp_path / "0002", "bicubic")
-    assert (alone.temporal_averaging, alone.neighbours, alone.averaged) == (0, (), None)
-    assert "share" not in alone.seconds
+    alone = finish_frame(tmp_path / "0002", "bicubic")
+    assert (alone.neighbours, alone.averaged) == ((), None)
+    assert "average" not in alone.seconds
 
 
 def test_frames_without_noise_are_finished_as_alone(tmp_path):
     film(tmp_path, (1, 2))
-    images = [finished_linear(tmp_path / "0001", "bicubic", UpscaleOptions(temporal_averaging=count))
+    images = [finished_linear(tmp_path / "0001", Finish("bicubic", temporal_averaging=count))
               for count in (0, 2)]
     np.testing.assert_allclose(*images, atol=1e-5)

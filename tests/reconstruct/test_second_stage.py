@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.frames import low_res
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame, write_frame
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.color_settings import ColorSettings
@@ -17,11 +19,9 @@ from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_png
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics import eia
-from lfsr_core.reconstruct import second_stage
+from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.reconstruct import registry, second_stage
 from lfsr_core.reconstruct.clock import STAGES
-from lfsr_core.reconstruct.method_name import MethodName
-from lfsr_core.reconstruct.options import UpscaleOptions
-from lfsr_core.reconstruct.registry import Method, method
 from tests.support.prerequisites import needs_bpy
 from tests.support.slow_way import expected_linear
 from tests.support.synthetic import FLAT, MINI, light_field, write_render
@@ -33,7 +33,7 @@ pytestmark = needs_bpy  # for Blender's colour configuration
 @pytest.mark.parametrize("step", [None, 7, 1000])
 def test_finished_eia_is_the_method_on_every_foreground_lens(tmp_path, name, step):
     write_render(tmp_path)
-    result = second_stage.finished_linear(tmp_path, name, UpscaleOptions(step=step))
+    result = second_stage.finished_linear(tmp_path, name, step=step)
     np.testing.assert_allclose(result, expected_linear(tmp_path, name), atol=1e-6)
 
 
@@ -45,12 +45,12 @@ def test_upscaling_comes_near_the_true_light_field(tmp_path, display, shape):
              for name in ("nearest", "bicubic", "bicubic+epi")}
     assert error["bicubic"] < 0.06 and error["bicubic"] < error["nearest"]
     assert error["bicubic+epi"] <= error["bicubic"] * 1.05
-    second_stage.upscale_frame(tmp_path, "oidn+bilinear+epi")
+    finish_frame(tmp_path, "oidn+bilinear+epi")
     assert read_png(tmp_path / "eia.png").shape == shape
 
 
 def test_a_frame_of_a_device_that_is_not_here_is_denoised_on_the_cpu_and_says_so(tmp_path):
-    """The same image as a frame that the CPU rendered, with one sentence in the report."""
+    """The same image as a frame that the CPU rendered, with a notice in the report."""
     refused = "HIP" if sys.platform == "darwin" else "METAL"
     images = {}
     for device in ("CPU", f"CPU+{refused}"):
@@ -59,17 +59,17 @@ def test_a_frame_of_a_device_that_is_not_here_is_denoised_on_the_cpu_and_says_so
         write_render(folder)
         write_frame(folder, dataclasses.replace(read_frame(folder), device=device, gpus=("0000:65:00",)))
         images[device] = second_stage.finished_linear(folder, "denoise+bilinear")
-        report = second_stage.upscale_frame(folder, "denoise+bilinear")
-        said = [note for note in report.notes if "denoised on the CPU" in note]
+        report = finish_frame(folder, "denoise+bilinear")
+        said = [note for note in report.notes if note.code == "denoised-on-cpu"]
         assert (len(said), report.device) == (device != "CPU", device)
-        assert all(f"the {refused} device of the render cannot be used here (" in note for note in said)
+        assert all(note.values["device"] == refused and note.values["error"] for note in said)
     np.testing.assert_array_equal(*images.values())
 
 
 def test_a_network_says_that_it_wants_views_along_both_axes(tmp_path):
     write_render(tmp_path, display=FLAT)
     with pytest.raises(LfsrError, match="'paper' needs views in two directions.*'denoise\\+bilinear\\+epi'"):
-        second_stage.upscale_frame(tmp_path, "paper")
+        finish_frame(tmp_path, "paper")
     assert not (tmp_path / "eia.png").exists()
 
 
@@ -77,7 +77,7 @@ def test_a_network_says_that_it_wants_views_along_both_axes(tmp_path):
 def test_png_is_the_linear_eia_as_blender_shows_it_in_panel_order(tmp_path, view):
     color = ColorSettings(view_transform=view, exposure=0.5)
     write_render(tmp_path, color=color)
-    second_stage.upscale_frame(tmp_path, "bicubic")
+    finish_frame(tmp_path, "bicubic")
     shown = ViewTransform(color).to_uint8(second_stage.finished_linear(tmp_path, "bicubic"))
     np.testing.assert_array_equal(read_png(tmp_path / "eia.png"), eia.flip_order(shown, MINI.lenses))
 
@@ -85,18 +85,18 @@ def test_png_is_the_linear_eia_as_blender_shows_it_in_panel_order(tmp_path, view
 def test_direct_display_gets_view_order(tmp_path):
     direct = dataclasses.replace(MINI, ei_order="direct")
     write_render(tmp_path, display=direct)
-    second_stage.upscale_frame(tmp_path, "bicubic")
+    finish_frame(tmp_path, "bicubic")
     shown = ViewTransform(ColorSettings()).to_uint8(second_stage.finished_linear(tmp_path, "bicubic"))
     np.testing.assert_array_equal(read_png(tmp_path / "eia.png"), shown)
 
 
 def test_linear_exr_is_in_panel_order_and_an_old_one_goes(tmp_path):
     write_render(tmp_path)
-    second_stage.upscale_frame(tmp_path, "bicubic", UpscaleOptions(linear_exr=True))
+    finish_frame(tmp_path, Finish("bicubic", linear_exr=True))
     linear = read_layers(tmp_path / "eia.exr")["color"][..., :3]
     expected = eia.flip_order(second_stage.finished_linear(tmp_path, "bicubic"), MINI.lenses)
     np.testing.assert_allclose(linear, expected, rtol=1e-3, atol=1e-6)
-    second_stage.upscale_frame(tmp_path, "nearest")
+    finish_frame(tmp_path, "nearest")
     assert not (tmp_path / "eia.exr").exists()
 
 
@@ -106,7 +106,7 @@ def test_broken_pixels_are_counted_and_black(tmp_path):
     layers["color"][20, 30] = np.nan
     layers["color"][21, 30, 0] = np.inf
     write_layers(tmp_path / LOW_RES_FILE, layers)
-    assert second_stage.upscale_frame(tmp_path, "nearest").replaced_pixels == 2
+    assert finish_frame(tmp_path, "nearest").replaced_pixels == 2
     linear = second_stage.finished_linear(tmp_path, "nearest")
     assert np.isfinite(linear).all()
     np.testing.assert_array_equal(linear[40:42, 60:62], 0)
@@ -117,12 +117,13 @@ def test_a_picture_with_many_broken_pixels_is_said_and_one_of_nothing_else_refus
     layers = read_layers(tmp_path / LOW_RES_FILE)
     layers["color"][:2] = np.nan
     write_layers(tmp_path / LOW_RES_FILE, layers)
-    assert "pixels were not finite" in " ".join(second_stage.upscale_frame(tmp_path, "nearest").notes)
+    (note,) = finish_frame(tmp_path, "nearest").notes
+    assert note.code == "pixels-replaced"
     (tmp_path / "eia.png").unlink()
     layers["color"][:] = np.inf
     write_layers(tmp_path / LOW_RES_FILE, layers)
     with pytest.raises(LfsrError, match="pixels that are not finite"):
-        second_stage.upscale_frame(tmp_path, "nearest")
+        finish_frame(tmp_path, "nearest")
     assert not (tmp_path / "eia.png").exists()
 
 
@@ -131,13 +132,13 @@ def test_edges_of_background_meshes_alone_are_no_foreground(tmp_path):
     layers = read_layers(tmp_path / LOW_RES_FILE)
     layers["index"] = np.where(layers["color"][..., 3:] == 1, np.float32(2), np.float32(0))
     write_layers(tmp_path / LOW_RES_FILE, layers)
-    report = second_stage.upscale_frame(tmp_path, "nearest")
-    assert report.foreground_fraction == 0 and "no lens sees the subject: background objects fill" in report.notes[0]
+    report = finish_frame(tmp_path, "nearest")
+    assert report.foreground_fraction == 0 and report.notes[0].code == "subject-unseen"
 
 
 def test_report_has_what_the_documentation_says(tmp_path):
     write_render(tmp_path, seconds={"open": 0.5, "render": 2.0})
-    second_stage.upscale_frame(tmp_path, "oidn+bicubic")
+    finish_frame(tmp_path, "oidn+bicubic")
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["method"] == "oidn+bicubic"
     assert tuple(report["seconds"]) == STAGES
@@ -145,23 +146,25 @@ def test_report_has_what_the_documentation_says(tmp_path):
     assert all(report["seconds"][stage] > 0 for stage in STAGES)
     assert report["peak_bytes"] > 50_000_000
     assert report["metrics"] == {}
-    assert (report["replaced_pixels"], report["dilate"], report["notes"]) == (0, 0, [])
+    assert (report["replaced_pixels"], report["finish"]["dilate"], report["notes"]) == (0, 0, [])
+
+
+LIT = Notice("render-note", {"text": "the scene was lit"})
 
 
 def test_notes_of_the_render_are_in_the_report(tmp_path):
-    write_render(tmp_path, notes=("the scene was lit",), scale_reason="it is deep")
-    assert second_stage.upscale_frame(tmp_path, "bicubic").notes == ("it is deep", "the scene was lit")
+    write_render(tmp_path, notes=(LIT,), scale_reason="it is deep")
+    assert finish_frame(tmp_path, "bicubic").notes == (Notice("scale-chosen", {"reason": "it is deep"}), LIT)
 
 
 def test_progress_rises_to_the_end(tmp_path):
     write_render(tmp_path)
     seen = []
-    second_stage.upscale_frame(tmp_path, "bicubic", UpscaleOptions(progress=lambda *state: seen.append(state)))
-    stages = list(dict.fromkeys(stage for stage, _, _ in seen))
-    assert stages == ["load", "upscale", "write"]
-    fractions = [fraction for stage, fraction, _ in seen if stage == "upscale"]
+    finish_frame(tmp_path, "bicubic", seen.append)
+    assert list(dict.fromkeys(told.stage for told in seen)) == ["load", "upscale", "write"]
+    fractions = [told.fraction for told in seen if told.stage == "upscale"]
     assert fractions == sorted(fractions) and fractions[-1] == 1
-    assert seen[-1][:2] == ("write", 1.0)
+    assert (seen[-1].stage, seen[-1].fraction) == ("write", 1.0)
 
 
 @pytest.mark.parametrize(("scale", "name", "message"), [
@@ -172,17 +175,17 @@ def test_bad_method_leaves_the_folder_as_it_was(tmp_path, scale, name, message):
     write_render(tmp_path, scale)
     before = {path.name for path in tmp_path.iterdir()}
     with pytest.raises(LfsrError, match=message):
-        second_stage.upscale_frame(tmp_path, name)
+        finish_frame(tmp_path, name)
     assert {path.name for path in tmp_path.iterdir()} == before
 
 
 def test_bad_step_and_wrong_size_are_errors(tmp_path):
     write_render(tmp_path)
     with pytest.raises(LfsrError, match="step is 0"):
-        second_stage.upscale_frame(tmp_path, "bicubic", UpscaleOptions(step=0))
+        finish_frame(tmp_path, "bicubic", step=0)
     write_layers(tmp_path / LOW_RES_FILE, {"color": np.zeros((48, 60, 4), np.float32)})
     with pytest.raises(LfsrError, match="60×48 pixels, but frame.json says 64×48"):
-        second_stage.upscale_frame(tmp_path, "bicubic")
+        finish_frame(tmp_path, "bicubic")
 
 
 def test_lens_list_is_finished_as_tiles(tmp_path):
@@ -199,21 +202,21 @@ def test_lens_list_is_finished_as_tiles(tmp_path):
         np.testing.assert_allclose(result[tile // across, tile % across], expected[lens], atol=1e-6)
 
 
-def test_prefilters_see_the_low_resolution_eia_before_the_upscaler(tmp_path):
+def test_prefilters_see_the_low_resolution_eia_before_the_upscaler(tmp_path, monkeypatch):
     write_render(tmp_path)
     expected = 2 * second_stage.finished_linear(tmp_path, "nearest")
 
     def doubled(low):
         return dataclasses.replace(low, color=2 * low.color)
 
-    doubling = Method(MethodName.parse("nearest"), (doubled,), method("nearest").upscaler)
-    np.testing.assert_allclose(second_stage.linear_and_mask(tmp_path, doubling)[0], expected, rtol=1e-6)
+    monkeypatch.setitem(registry.PREFILTERS, "oidn", doubled)
+    np.testing.assert_allclose(second_stage.finished_linear(tmp_path, "oidn+nearest"), expected, rtol=1e-6)
 
 
 class OneAtATime:
     """An upscaler that notices a second call while the first runs."""
 
-    thread_safe, notes = False, ()
+    thread_safe = False
 
     def __init__(self):
         self.running, self.calls, self.overlapped = 0, [], False
@@ -230,20 +233,20 @@ class OneAtATime:
 def test_an_upscaler_that_is_not_thread_safe_runs_alone_in_steps(tmp_path):
     write_render(tmp_path)
     upscaler = OneAtATime()
-    second_stage.panel_image(tmp_path, method("bilinear", upscaler=upscaler), UpscaleOptions(step=5))
+    second_stage.finished_panel(tmp_path, "bilinear", step=5, upscaler=upscaler)
     assert not upscaler.overlapped
     assert max(upscaler.calls) == 5
-    assert sum(upscaler.calls) == second_stage.linear_and_mask(tmp_path, method("bilinear"))[1].sum()
+    assert sum(upscaler.calls) == second_stage.linear_and_mask(tmp_path, "bilinear")[1].sum()
 
 
 FULL_DISK = """
 import resource, sys
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.reconstruct.options import UpscaleOptions
-from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.frames.finish import Finish
+from lfsr_core.pipeline.finishing import finish_frame
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)
 try:
-    upscale_frame(sys.argv[1], "bicubic", UpscaleOptions(linear_exr=True))
+    finish_frame(sys.argv[1], Finish("bicubic", linear_exr=True))
 except LfsrError as error:
     print(error)
 """
@@ -252,10 +255,10 @@ except LfsrError as error:
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX limit on file size")
 def test_a_full_disk_leaves_all_files_of_the_finish_before(tmp_path):
     folder = write_render(tmp_path / "frame")
-    second_stage.upscale_frame(folder, "bicubic", UpscaleOptions(linear_exr=True))
+    finish_frame(folder, Finish("bicubic", linear_exr=True))
     most = (folder / "eia.exr").stat().st_size - 1
     assert all(path.stat().st_size < most for path in folder.glob("*.png"))
-    second_stage.upscale_frame(folder, "nearest")
+    finish_frame(folder, "nearest")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     result = subprocess.run([sys.executable, "-c", FULL_DISK, folder, str(most)], capture_output=True, text=True)
     assert re.search(r"eia\.exr (cannot be written|was not written completely) .*free some", result.stdout), result
@@ -270,10 +273,10 @@ def test_only_one_process_finishes_a_folder_at_a_time(tmp_path):
     def again(*_state):
         if not messages:
             with pytest.raises(LfsrError) as refused:
-                second_stage.upscale_frame(folder, "nearest")
+                finish_frame(folder, "nearest")
             messages.append(str(refused.value))
 
-    assert second_stage.upscale_frame(folder, "bicubic", UpscaleOptions(progress=again)).method == "bicubic"
+    assert finish_frame(folder, "bicubic", tell=again).method == "bicubic"
     assert messages == [f"another process is writing {folder}: wait for it, or choose another folder"]
     assert read_report(folder).method == "bicubic"
     assert [path.name for path in tmp_path.iterdir()] == ["frame"]
@@ -282,35 +285,35 @@ def test_only_one_process_finishes_a_folder_at_a_time(tmp_path):
 def test_a_folder_is_finished_from_inside(tmp_path, monkeypatch):
     folder = write_render(tmp_path / "frame")
     monkeypatch.chdir(folder)
-    second_stage.upscale_frame(".", "nearest")
+    finish_frame(".", "nearest")
     assert (folder / "eia.png").is_file() and [path.name for path in tmp_path.iterdir()] == ["frame"]
 
 
 def test_what_is_written_can_be_had_without_writing(tmp_path):
     folder = write_render(tmp_path)
-    image = second_stage.panel_image(folder, method("bicubic"))
+    image = second_stage.finished_panel(folder, "bicubic")
     assert not (folder / "eia.png").exists()
-    second_stage.upscale_frame(folder, "bicubic")
+    finish_frame(folder, "bicubic")
     np.testing.assert_array_equal(image, read_png(folder / "eia.png"))
 
 
 def test_single_lenses_are_finished_as_in_the_whole_frame(tmp_path):
     folder = write_render(tmp_path)
-    linear, mask = second_stage.linear_and_mask(folder, method("bicubic"))
+    linear, mask = second_stage.linear_and_mask(folder, "bicubic")
     low = low_res.low_resolution(read_layers(folder / LOW_RES_FILE), read_frame(folder))
     lenses = np.concatenate([np.argwhere(mask)[:3], np.argwhere(~mask & low.alpha.any((2, 3, 4)))[:3]])
-    images = second_stage.finished_lenses(low, mask[tuple(lenses.T)], method("bicubic"), lenses)
+    images = second_stage.finished_lenses(low, mask[tuple(lenses.T)], "bicubic", lenses)
     expected = eia.to_elemental_images(linear, MINI.lenses)[tuple(lenses.T)]
     np.testing.assert_allclose(images, expected, atol=1e-6)
 
 
 def test_a_plain_frame_has_no_notes(tmp_path):
     write_render(tmp_path)
-    assert second_stage.upscale_frame(tmp_path, "denoise+bilinear").notes == ()
+    assert finish_frame(tmp_path, "denoise+bilinear").notes == ()
 
 
 @pytest.mark.parametrize(("exposure", "tone"), [(-12, "black"), (0, ""), (12, "white")])
 def test_almost_black_and_almost_white_images_say_so(tmp_path, exposure, tone):
     folder = write_render(tmp_path, color=ColorSettings(exposure=exposure))
-    notes = " ".join(second_stage.upscale_frame(folder, "bilinear").notes)
-    assert (f"almost {tone}" in notes) if tone else "almost" not in notes
+    notes = finish_frame(folder, "bilinear").notes
+    assert notes == ((Notice("image-extreme", {"tone": tone}),) if tone else ())

@@ -9,13 +9,13 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames import low_res
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_mask, read_png
 from lfsr_core.optics import eia
+from lfsr_core.pipeline.finishing import finish_frame
 from lfsr_core.reconstruct import second_stage
-from lfsr_core.reconstruct.options import UpscaleOptions
-from lfsr_core.reconstruct.registry import method
 from tests.support.prerequisites import needs_bpy
 from tests.support.slow_way import expected_linear
 from tests.support.synthetic import MINI, light_field, write_render
@@ -29,7 +29,7 @@ def test_display_background_shows_around_and_through(tmp_path):
     truth = light_field()
     expected = truth[..., :3] + (1 - truth[..., 3:]) * np.float32([0, 0.5, 0])
     np.testing.assert_allclose(second_stage.finished_linear(tmp_path, "none"), expected, atol=1e-6)
-    second_stage.upscale_frame(tmp_path, "none")
+    finish_frame(tmp_path, "none")
     np.testing.assert_array_equal(read_png(tmp_path / "eia.png")[0, 0], [0, 188, 0])
 
 
@@ -52,7 +52,7 @@ def test_visible_world_fills_the_background_lenses(tmp_path):
 def test_visible_world_without_its_layer_is_an_error(tmp_path):
     write_render(tmp_path, world_visible=True)
     with pytest.raises(LfsrError, match="no environment layer"):
-        second_stage.upscale_frame(tmp_path, "bicubic")
+        finish_frame(tmp_path, "bicubic")
     assert not (tmp_path / "eia.png").exists()
 
 
@@ -74,19 +74,19 @@ def test_background_meshes_are_filled_cheaply_and_objects_by_the_method(tmp_path
 
 def test_mask_and_dilation_are_written(tmp_path):
     write_render(tmp_path)
-    report = second_stage.upscale_frame(tmp_path, "bicubic")
+    report = finish_frame(tmp_path, "bicubic")
     plain = read_mask(tmp_path / "mask.png")
     alpha = eia.to_elemental_images(read_layers(tmp_path / LOW_RES_FILE)["color"][..., 3:], MINI.lenses)
     np.testing.assert_array_equal(plain, alpha.any((2, 3, 4)))
     assert report.foreground_fraction == pytest.approx(plain.mean())
-    assert second_stage.upscale_frame(tmp_path, "bicubic", UpscaleOptions(dilate=1)).foreground_fraction > plain.mean()
+    assert finish_frame(tmp_path, Finish("bicubic", dilate=1)).foreground_fraction > plain.mean()
     assert (read_mask(tmp_path / "mask.png") >= plain).all()
 
 
 def test_without_selection_every_lens_is_foreground(tmp_path):
     folder = write_render(tmp_path)
-    linear, mask = second_stage.linear_and_mask(folder, method("bicubic"))
-    whole, every = second_stage.linear_and_mask(folder, method("bicubic"), UpscaleOptions(selection=False))
+    linear, mask = second_stage.linear_and_mask(folder, "bicubic")
+    whole, every = second_stage.linear_and_mask(folder, "bicubic", selection=False)
     assert every.all() and not mask.all()
     inside = np.repeat(np.repeat(mask, 8, 0), 8, 1)
     np.testing.assert_allclose(linear[inside], whole[inside], atol=1e-6)

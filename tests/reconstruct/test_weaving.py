@@ -15,7 +15,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.panel.gather import gather_map
 from lfsr_core.optics.panel.weave import weave
-from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.panels import hexagonal, lenticular, whole
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import MINI, write_reference, write_render
@@ -32,7 +32,7 @@ def small(display: DisplayProfile) -> DisplayProfile:
 @pytest.mark.parametrize("display", [small(lenticular()), small(hexagonal())], ids=["lenticular", "hexagonal"])
 def test_the_panels_image_is_woven_from_the_finished_eia(tmp_path, display):
     write_render(tmp_path, display=display)
-    report = upscale_frame(tmp_path, "bilinear")
+    report = finish_frame(tmp_path, "bilinear")
     assert read_frame(tmp_path).display == display
     eia, panel = read_png(tmp_path / "eia.png"), read_png(tmp_path / PANEL_FILE)
     np.testing.assert_array_equal(panel, weave(eia, gather_map(display, "views")))
@@ -44,7 +44,7 @@ def test_a_whole_number_sheet_shows_what_a_profile_of_format_1_shows(tmp_path):
     display = whole("lenslet", subpixels={"stripes": "white"})
     for name, profile in (("old", MINI), ("new", display)):
         write_render(tmp_path / name, display=profile)
-        upscale_frame(tmp_path / name, "bicubic")
+        finish_frame(tmp_path / name, "bicubic")
     assert not (tmp_path / "old" / PANEL_FILE).exists()
     old, new = (read_png(tmp_path / name) for name in ("old/eia.png", "new/panel.png"))
     np.testing.assert_array_equal(new, old)

@@ -71,7 +71,7 @@ def test_sampled_lenses_are_finished_as_those_of_a_frame(tmp_path):
     low = low_resolution(read_layers(tmp_path / LOW_RES_FILE), frame, read_world(tmp_path, frame))
     lenses = np.array([(3, 5), (6, 9), (0, 0), (6, 8)])
     mosaic = low.each(lambda layer: layer[lenses[:, 0], lenses[:, 1]][None])
-    found = finished_lenses(mosaic, np.ones(4, bool), method("bilinear"), np.array([(0, n) for n in range(4)]))
+    found = finished_lenses(mosaic, np.ones(4, bool), "bilinear", np.array([(0, n) for n in range(4)]))
     whole = to_elemental_images(finished_linear(tmp_path, "bilinear"), MINI.lenses)
     np.testing.assert_allclose(found, whole[tuple(lenses.T)], atol=1e-6)
 

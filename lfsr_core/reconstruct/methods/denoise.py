@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.denoiser import Weights
 from lfsr_core.reconstruct.methods import oidn
+from lfsr_core.reconstruct.methods.oidn import Note, ignored
 from lfsr_core.reconstruct.methods.oidn_devices import CPU, Wanted
 
 CONTEXT = 32  # pixels around the wanted ones that the denoiser sees too
@@ -31,7 +31,7 @@ Box = tuple[slice, slice]  # rows and columns of lenses
 
 
 def denoise_eia(color: Array, guides: Array | None = None, *, weights: Weights | None = None, exposure: float = 0.0,
-                device: Wanted = CPU, note: Callable[[str], object] = str) -> Array:
+                device: Wanted = CPU, note: Note = ignored) -> Array:
     """Denoise one image (H, W, 3), scene-linear >= 0; LfsrError where the library is missing or fails.
 
     ``guides``: albedo and normal (H, W, 6) for guided weights, None for zeros. ``weights``: they see display white as

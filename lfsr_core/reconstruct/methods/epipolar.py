@@ -65,11 +65,6 @@ class Recovering:
     def __init__(self, upscaler: Cleaner, block: int | None = None) -> None:
         self._upscaler, self._block, self.thread_safe = upscaler, block, upscaler.thread_safe
 
-    @property
-    def notes(self) -> Sequence[str]:
-        """Those of the upscaler."""
-        return self._upscaler.notes
-
     def prepare(self, low: LowResEIA) -> RecoverableEIA:
         """Add the detail that the upscaler would lose to ``low``."""
         covered = (low.alpha.max((2, 3, 4)) > 0) & (low.samples >= LEAST_SAMPLES)

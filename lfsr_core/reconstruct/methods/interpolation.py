@@ -131,7 +131,6 @@ class Interpolation:
     kernel: str  # of KERNELS
     crosstalk: bool = False  # interpolate across the borders of EIs, as if the EIA were one photograph
     thread_safe: bool = True
-    notes: tuple[str, ...] = ()
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
         margin = CROSSTALK_REACH if self.crosstalk else 0

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.base.arrays import Array
+from lfsr_core.base.notices import Notice
 from lfsr_core.process.protocol import BLENDER_FOLDER
 from lfsr_core.reconstruct.methods import oidn_devices
 from lfsr_core.reconstruct.methods.oidn_devices import CPU, Wanted, check
@@ -34,6 +35,7 @@ LIBRARY_VARIABLE = "LFSR_OIDN"  # environment variable: the library to use
 MODULES = "OpenImageDenoise_device_*.dll"  # Windows finds what these need only if they are loaded by their paths
 FLOAT3 = 3  # OIDNFormat
 QUALITIES = {"fast": 4, "balanced": 5, "high": 6}  # OIDNQuality; "fast" exists since library 2.3
+Note = Callable[[Notice], object]  # what hears a notice
 
 _HANDLE, _SIZE, _NAME = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
 SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
@@ -55,16 +57,20 @@ SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
 }
 
 
+def ignored(_notice: Notice) -> None:
+    """Tell nobody."""
+
+
 def denoise(color: Array, albedo: Array | None = None, normal: Array | None = None, *,
             hdr: bool = False, srgb: bool = False, clean_aux: bool = False, quality: str = "high",
             weights: bytes | None = None, input_scale: float | None = None, device: Wanted = CPU,
-            note: Callable[[str], object] = str) -> Array:
+            note: Note = ignored) -> Array:
     """Denoise an image (H, W, 3), float32; a normal needs an albedo.
 
     ``hdr``: values may exceed 1; they are multiplied by ``input_scale`` before the network, None to let the library
     expose by itself. ``srgb``: values in [0, 1] that are encoded already. ``clean_aux``: albedo and normal have no
     noise. ``weights``: content of a checked TZA file (``reconstruct/denoiser.py``) instead of the library's own.
-    ``device``: the one that rendered; where it cannot be had or fails, ``note`` gets a sentence and the CPU denoises.
+    ``device``: the one that rendered; where it cannot be had or fails, ``note`` gets a notice and the CPU denoises.
     ImportError where no library is found or loads, RuntimeError where it fails on the CPU.
     """
     library = _load(tuple(find_libraries()))
@@ -75,8 +81,7 @@ def denoise(color: Array, albedo: Array | None = None, normal: Array | None = No
         try:
             return _run(library, oidn_devices.kept(library, device), images, settings, copies=True)
         except RuntimeError as error:
-            note(f"denoised on the CPU, since the {device.kind} device of the render cannot be used here ({error}): "
-                 "check its driver, or finish the frame where it was rendered")
+            note(Notice("denoised-on-cpu", {"device": device.kind, "error": str(error)}))
     return _run(library, oidn_devices.kept(library, CPU), images, settings, copies=False)
 
 

@@ -10,6 +10,7 @@ import pytest
 from blender_addon.jobs import recipes
 from blender_addon.jobs.steps import SAVING
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import EIA_FILE, write_frame
 from lfsr_core.frames.report import Report, write_report
 from tests.support import panel
@@ -44,7 +45,7 @@ def test_an_animation_is_averaged_as_the_panel_says(scene, monkeypatch):
         assert next(steps) == SAVING
         next(steps)
         steps.close()
-    assert [arguments["second"]["share_frames"] for arguments in asked] == [0, 2]
+    assert [arguments["second"]["temporal_averaging"] for arguments in asked] == [0, 2]
     assert {arguments["job"]["seed"] for arguments in asked} == {scene.lfsr.seed}, "each frame's follows from it"
 
 
@@ -56,8 +57,7 @@ def test_a_frame_of_an_averaged_animation_is_the_panels_in_spite_of_its_seed(sce
     job = recipe.job
     for seed, averaging, complete in ((0, 0, True), (2, 0, False), (2, 2, True), (2, 1, True), (1, 2, False)):
         write_frame(recipe.folder, frame_of(job.sampling.scale, samples=job.sampling.samples, seed=seed, frame=3))
-        write_report(recipe.folder, Report(recipe.method, "mini", job.sampling.scale, job.sampling.samples, {}, None,
-                                           1.0,
-                                           temporal_averaging=averaging))
+        write_report(recipe.folder, Report(Finish(recipe.method, temporal_averaging=averaging), recipe.method,
+                                               "mini", job.sampling.scale, job.sampling.samples, {}, None, 1.0))
         assert recipe.is_complete == complete
     assert not dataclasses.replace(recipe, method="bilinear").is_complete

@@ -11,7 +11,7 @@ from blender_addon.render import frame_folder
 from blender_addon.scene import devices
 from lfsr_core.frames.frame import PANEL_FILE
 from lfsr_core.images.png import read_png
-from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.panels import cells, hexagonal, small
 from tests.support.requests import make_request
 from tests.support.scenes import add_box, add_camera
@@ -42,7 +42,7 @@ def _waves():
 
 def panel(scene, folder, display, **options):
     frame_folder.render_job(scene, make_request(str(folder), display, **{"samples": 16, "scale": 1} | options))
-    upscale_frame(folder, "none")
+    finish_frame(folder, "none")
     return read_png(folder / PANEL_FILE).astype(float)
 
 

@@ -52,7 +52,7 @@ def test_render_writes_the_frame_folder_beside_the_file(rendered):
     assert image.shape == (96, 128, 3) and image.max() > 60
     frame, report = read_frame(folder), read_json(folder / "report.json", "report")
     assert (frame.display.name, frame.scale, frame.samples, frame.frame) == ("mini", 2, 1, 1)
-    assert report["method"] == "bicubic" and 0 < report["foreground_share"] < 1
+    assert report["method"] == "bicubic" and 0 < report["foreground_fraction"] < 1
 
 
 def test_render_used_the_array_of_the_scene(opened, rendered):
@@ -70,7 +70,7 @@ def test_a_scene_without_an_array_gets_one(scene):
     folder = folders.frame_folder(scene)
     frame = read_frame(folder)
     assert np.allclose(frame.matrix_world, matrix, atol=1e-6) and scene.camera.name == "camera"
-    assert read_json(folder / "report.json", "report")["foreground_share"] > 0.05
+    assert read_json(folder / "report.json", "report")["foreground_fraction"] > 0.05
 
 
 def test_where_nothing_would_be_rendered_nothing_is_asked(scene):

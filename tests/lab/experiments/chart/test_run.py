@@ -45,13 +45,13 @@ def finished(monkeypatch):
 def timed(monkeypatch):
     """Names of the methods that were really timed."""
     runs = []
-    real = timing.upscale_frame
+    real = timing.finish_frame
 
     def run(folder, name):
         runs.append(name)
         return real(folder, name)
 
-    monkeypatch.setattr(timing, "upscale_frame", run)
+    monkeypatch.setattr(timing, "finish_frame", run)
     return runs
 
 

@@ -16,7 +16,7 @@ from lfsr_core.base.records import from_data, to_data
 from lfsr_core.metrics.compare import compare_folders
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES
 from lfsr_core.pipeline import store
-from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.pipeline.finishing import finish_frame
 from lfsr_lab.experiments.engine import timing
 from lfsr_lab.experiments.engine.plots import save
 from lfsr_lab.experiments.seed_paper import __main__ as command
@@ -78,7 +78,7 @@ def test_networks_without_weights_are_named_and_not_invented(measured):
 
 def test_accuracy_is_what_compare_gives(frames, measured):
     folder = frames.bench / "toy" / f"s4-spp{CLEAN}"
-    upscale_frame(folder, "bicubic")
+    finish_frame(folder, "bicubic")
     expected = compare_folders(folder, frames.bench / "toy" / "reference")
     row = next(row for row in measured["fig9"].rows if row.method == "bicubic" and row.samples == CLEAN)
     assert [row.values[name] for name in METRIC_NAMES] == pytest.approx([getattr(expected, n) for n in METRIC_NAMES])

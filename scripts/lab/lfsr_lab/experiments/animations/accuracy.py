@@ -16,7 +16,6 @@ from lfsr_core.metrics.split_ssim import mean_of
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.reconstruct.methods.temporal_averaging import average_frames
 from lfsr_core.reconstruct.neighbours import near
-from lfsr_core.reconstruct.registry import Method
 from lfsr_core.reconstruct.second_stage import finished_lenses
 from lfsr_lab.experiments.engine.accuracy import split_rms
 from lfsr_lab.experiments.engine.measures import lens_ssims
@@ -51,7 +50,7 @@ class Truth:
         return cls(found[0].lenses, *(np.stack(images) for images in halves))
 
 
-def measure(lows: Sequence[LowResEIA], truth: Truth, method: Method, reach: int) -> Figures:
+def measure(lows: Sequence[LowResEIA], truth: Truth, method: str, reach: int) -> Figures:
     """Finish every frame, averaged with the 2 · ``reach`` nearest ones, and compare all with the references."""
     started, everywhere = cpu_seconds(), np.ones(len(truth.lenses), bool)
     images = []

@@ -15,7 +15,6 @@ from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.methods import temporal_averaging
 from lfsr_core.reconstruct.neighbours import read_low
-from lfsr_core.reconstruct.registry import method
 from lfsr_lab.experiments.animations.accuracy import Figures, Truth, measure
 from lfsr_lab.experiments.engine.cells import Cell
 from lfsr_lab.experiments.engine.records import method_facts
@@ -119,4 +118,4 @@ class Animation:
         return Truth.read([Path(job.output) for job in self.references()])
 
     def _measure(self, way: Way, jobs: Sequence[Request]) -> Figures:
-        return measure([read_low(Path(job.output)) for job in jobs], self.truth, method(METHOD), way.reach)
+        return measure([read_low(Path(job.output)) for job in jobs], self.truth, METHOD, way.reach)

@@ -11,7 +11,6 @@ import numpy as np
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.reference import check_reference
 from lfsr_core.frames.request import Request, Sampling
-from lfsr_core.reconstruct.registry import method
 from lfsr_lab.experiments.chart.analysis import short
 from lfsr_lab.experiments.chart.records import DIRECT, LOW, Measured, Role, Times
 from lfsr_lab.experiments.chart.settings import Settings
@@ -76,10 +75,9 @@ def measured(render: Render, name: str, truth: Truth) -> Measured:
 
 
 def _measure(render: Render, name: str, truth: Truth) -> Measured:
-    ready = method(name)
     for folder in render.folders:
         check_reference(read_frame(folder), truth.reference.frame)
-    images = np.array([truth.finished(folder, ready) for folder in render.folders])
+    images = np.array([truth.finished(folder, name) for folder in render.folders])
     found = errors(images, *truth.halves)
     return Measured({measure: tuple(tuple(short(float(value)) for value in row) for row in np.atleast_2d(values))
                      for measure, values in found.items()})

@@ -18,7 +18,6 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.reconstruct.registry import method
 from lfsr_lab.experiments.chart import cells
 from lfsr_lab.experiments.chart.findings import RIVAL, label
 from lfsr_lab.experiments.chart.records import LOW, Cell, Chart, SceneRow
@@ -123,7 +122,7 @@ def _render(settings: Settings, scene: Path, cell: Cell) -> cells.Render:
 
 def _row(settings: Settings, scene: Path, pair: Pair, index: int, title: str, ours: str) -> Row:
     truth = Truth(settings.folder / scene.stem / REFERENCE)
-    images = [truth.finished(_render(settings, scene, cell).folders[0], method(cell.method))[index] for cell in pair]
+    images = [truth.finished(_render(settings, scene, cell).folders[0], cell.method)[index] for cell in pair]
     names = [f"{name}, {cell.samples} samples"
              for name, cell in zip(("ours", label(RIVAL, ours)), pair, strict=True)]
     errors = [float(_flips(settings, scene, cell)[index]) for cell in pair]

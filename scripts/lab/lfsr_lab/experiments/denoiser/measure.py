@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import Frame
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.reconstruct.method_name import MethodName
-from lfsr_core.reconstruct.registry import method
 from lfsr_lab.experiments.engine.measures import FLIP, RELMSE, SSIM, VERSION, errors
 from lfsr_lab.experiments.engine.records import Fingerprint, method_facts
 from lfsr_lab.experiments.engine.renders import digest, frame_digest
@@ -71,8 +71,9 @@ class Candidate:
 
 def measure(render: Path, truth: Truth, candidate: Candidate) -> Figures:
     """Finish the reference's lenses and compare them with it."""
-    ready, started = method(candidate.name, candidate.weights), cpu_seconds()
-    images = truth.finished(render, ready)
+    finish = Finish(candidate.name.text, weights=str(candidate.weights) if candidate.weights else None)
+    started = cpu_seconds()
+    images = truth.finished(render, finish)
     return figures(truth, images, cpu_seconds() - started)
 
 

@@ -19,8 +19,8 @@ from lfsr_core.optics.panel.gather import gather_map
 from lfsr_core.optics.panel.weave import weave
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PANEL_METHODS, MethodName
 from lfsr_core.reconstruct.methods import oidn
-from lfsr_core.reconstruct.panel_stage import linear_panel_image
 from lfsr_core.reconstruct.second_stage import finished_linear
+from lfsr_core.reconstruct.subpixels import linear_panel_image
 
 GUIDES = ("albedo", "normal")
 
@@ -64,8 +64,7 @@ def panel_image(folder: Path, way: Way) -> Array:
     frame = read_frame(folder)
     if way == USUAL:
         return shown(_view_by_view(folder, frame), frame.display, "nearest")
-    method = MethodName.parse(DEFAULT_METHOD)
-    return shown(finished_linear(folder, method.at_scale(frame.scale)), frame.display)
+    return shown(finished_linear(folder, DEFAULT_METHOD), frame.display)
 
 
 def traced(folder: Path, name: str, method: str = "none") -> Array:

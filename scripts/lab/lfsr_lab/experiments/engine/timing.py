@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import FRAME_FILE, read_frame
 from lfsr_core.frames.request import Request
-from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.pipeline.finishing import finish_frame
 from lfsr_lab.experiments.engine.environment import load_average
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import Store
@@ -91,15 +92,15 @@ class StageTimes:
 def second_stage_times(folder: Path, name: str, repeats: int, warm: bool) -> StageTimes:
     """Time the second stage of a frame folder, which is written to; without ``warm`` one run first does not count."""
     if not warm:
-        upscale_frame(folder, name)
+        finish_frame(folder, name)
     load = load_average()
     seconds, reports = [], []
     for _ in range(repeats):
         started = time.perf_counter()
-        reports.append(upscale_frame(folder, name))
+        reports.append(finish_frame(folder, name))
         seconds.append(round(time.perf_counter() - started, 4))
     stages = {stage: statistics.median(report.seconds[stage] for report in reports) for stage in STAGES}
-    return StageTimes(tuple(seconds), stages, reports[-1].notes, load)
+    return StageTimes(tuple(seconds), stages, tuple(map(sentence, reports[-1].notes)), load)
 
 
 @contextmanager

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.base.arrays import Array
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.frames.low_res import low_resolution, read_world
 from lfsr_core.frames.reference import Reference
 from lfsr_core.images.exr import clean, read_layers
-from lfsr_core.reconstruct.registry import Method
 from lfsr_core.reconstruct.second_stage import finished_lenses
 
 
@@ -54,10 +54,10 @@ class Truth:
         block = images.reshape(rows, -1, images.shape[1] * images.shape[2], 3)
         return np.ascontiguousarray(np.moveaxis(block, 2, 0))
 
-    def finished(self, render: Path, method: Method) -> Array:
+    def finished(self, render: Path, finish: Finish | str) -> Array:
         """Finish the lenses that count of a render, as ``shown``, scene-linear; nothing is written."""
         layers, frame = clean(read_layers(render / LOW_RES_FILE))[0], read_frame(render)
         low = low_resolution(layers, frame, read_world(render, frame))
         rows, columns = self.lenses.T
         mask = foreground_mask(layers, frame.rays.tiles)[rows, columns]
-        return self.shown(finished_lenses(low, mask, method, self.lenses))
+        return self.shown(finished_lenses(low, mask, finish, self.lenses))

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 
 from lfsr_core.base.arrays import Array
+from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import AUTO, GUIDES, Request, Sampling
 from lfsr_core.optics.display import DisplayProfile
@@ -55,7 +56,7 @@ def measure(store: Store, scene: Path, display: DisplayProfile, scale: int, spp:
     rate = pixels * 3 * spp / max(many - few, 1e-3)
     device = best_device()
     milliseconds = {TRACE: 1e3 * pixels * spp / rate, DENOISE: median_ms(lambda: denoise_low_resolution(low))}
-    notes = denoise_low_resolution(low).notes
+    notes = tuple(map(sentence, denoise_low_resolution(low).notes))
     with torch.inference_mode():
         milliseconds |= tensor_steps(np.asarray(low.color, np.float32), low.factors, display, device)
     return Measured(display.name, scale, spp, frames[0].device, str(device), rate, max(0.0, 1e3 * few

@@ -23,10 +23,11 @@ from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Fr
 from lfsr_core.frames.request import Request
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.pipeline.finishing import finish_frame
 from lfsr_core.plan.candidates import Candidate
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.times import path_samples, render_seconds
-from lfsr_core.reconstruct.second_stage import finished_linear, upscale_frame
+from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_lab.experiments.engine.accuracy import Target
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import REFERENCE
@@ -85,7 +86,7 @@ def _measure(scene: Path, candidate: Candidate, rate: float | None) -> Actual:
     similarity = target.lens_ssim(finished_linear(folder, candidate.method))
     with scratch_copy(folder) as copy:  # render, as it took then, and second stage, as it takes now
         write_frame(copy, timed_frame(folder, rate))
-        seconds = upscale_frame(copy, candidate.method).seconds
+        seconds = finish_frame(copy, candidate.method).seconds
     return Actual(float(similarity.mean()), sum(seconds.values()))
 
 

@@ -19,7 +19,7 @@ from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_decode, srgb_encode
-from lfsr_core.reconstruct.registry import PREFILTERS, method
+from lfsr_core.reconstruct.registry import PREFILTERS
 from lfsr_core.reconstruct.second_stage import finished_lenses
 from lfsr_lab.experiments.engine.accuracy import lens_ssims
 from lfsr_lab.experiments.engine.timing import children_cpu_seconds, cpu_seconds
@@ -97,7 +97,7 @@ def finished(low: LowResEIA, name: str, clones: Path) -> Array:
         return MAKERS[name].load(clones, low.scale, MOST_SHEAR)(_views(low.color)).transpose(2, 3, 0, 1, 4)
     sy, sx = low.color.shape[:2]
     every = np.stack(np.divmod(np.arange(sy * sx), sx), -1)
-    images = finished_lenses(low, np.ones(len(every), bool), method(name), every)
+    images = finished_lenses(low, np.ones(len(every), bool), name, every)
     images = _inside(srgb_encode(images), low.scale // 2)
     return images.reshape(sy, sx, *images.shape[1:])
 

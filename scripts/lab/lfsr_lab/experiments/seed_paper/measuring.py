@@ -15,8 +15,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import Frame, read_frame
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES
-from lfsr_core.reconstruct.registry import Method
-from lfsr_core.reconstruct.second_stage import linear_and_mask, panel_image
+from lfsr_core.reconstruct.second_stage import finished_panel, linear_and_mask
 from lfsr_lab.experiments.engine import timing
 from lfsr_lab.experiments.engine.accuracy import Figures as Numbers
 from lfsr_lab.experiments.engine.accuracy import Target
@@ -38,7 +37,7 @@ class Finished:
     image: Array  # EIA (H, W, 3), scene-linear, in view order
     folder: Path  # of the render
     frame: Frame  # in it
-    method: Method
+    method: weights.Ready
     target: Target
     file: Path  # for an image of it
 
@@ -65,7 +64,7 @@ def accuracy_cell(settings: Settings, figure: str, view: View, name: str, measur
             folder, target = renders.rendered(settings, view), Target.read(renders.reference(settings, view.scene))
             frame = read_frame(folder)
             target.check(frame)
-            image, _ = linear_and_mask(folder, method)
+            image, _ = linear_and_mask(folder, method[0], upscaler=method[1])
             file = settings.output / CELLS / figure / f"{key}.png"
             found = measure(Finished(image, folder, frame, method, target, file))
         return Rows((dataclasses.replace(found, scene=scene, method=label, samples=view.spp),))
@@ -90,9 +89,9 @@ def accuracy(made: Finished) -> Row:
     return Row(values=made.target.accuracy(made.image), series={LENS_SSIM: lenses})
 
 
-def frame_seconds(settings: Settings, folder: Path, method: Method) -> Numbers:
+def frame_seconds(settings: Settings, folder: Path, method: weights.Ready) -> Numbers:
     """Return the seconds of a frame: its render, and the median of the second stage short of writing files."""
-    seconds = timing.take_turns({"": lambda: panel_image(folder, method)}, settings.repeats)
+    seconds = timing.take_turns({"": lambda: finished_panel(folder, method[0], upscaler=method[1])}, settings.repeats)
     render, second_stage = read_frame(folder).seconds["render"], timing.median_ms(seconds[""]) / 1e3
     return {RENDER: render, SECOND_STAGE: second_stage, TOTAL: render + second_stage}
 

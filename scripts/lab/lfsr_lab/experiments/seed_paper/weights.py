@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from lfsr_core.base.files import read_json
 from lfsr_core.base.progress import ProgressBar
-from lfsr_core.reconstruct import registry
+from lfsr_core.frames.finish import Finish
+from lfsr_core.reconstruct.contract import Upscaler
 from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_core.reconstruct.networks import catalogue
 from lfsr_lab.experiments.engine.cells import to_stderr
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from torch import nn
 SHORT_CONFIG, ADVERSARIAL = "paper-short", 1e-3
 NONE = "no weights"
+Ready = tuple[Finish, Upscaler | None]  # a method, and its network where it has one
 
 
 def weights(settings: Settings, name: str) -> Path | None:
@@ -72,15 +74,15 @@ def schedules(settings: Settings, names: Iterable[str]) -> dict[str, str]:
     return {name: schedule(weights(settings, each.upscaler)) for name, each in parsed.items() if each.network}
 
 
-def method(settings: Settings, name: str) -> registry.Method | None:
+def method(settings: Settings, name: str) -> Ready | None:
     """Return a method, its network with the weights chosen here; None where these are missing."""
     parsed = MethodName.parse(name)
     if not parsed.network:
-        return registry.method(parsed)
+        return Finish(name), None
     path = weights(settings, parsed.upscaler)
     if path is None:
         return None
-    return registry.method(parsed, upscaler=catalogue.upscaler(parsed.upscaler, weights=path, device=settings.device))
+    return Finish(name), catalogue.upscaler(parsed.upscaler, weights=path, device=settings.device)
 
 
 def untrained(name: str, scale: int) -> nn.Module:
@@ -93,16 +95,16 @@ def untrained(name: str, scale: int) -> nn.Module:
     return build(name, scale).eval().requires_grad_(False)
 
 
-def untrained_method(settings: Settings, name: str, scale: int) -> registry.Method:
+def untrained_method(settings: Settings, name: str, scale: int) -> Ready:
     """Return the method for timing at any scale, its network with random weights."""
     if not MethodName.parse(name).network:
-        return registry.method(name)
+        return Finish(name), None
     from lfsr_lab.networks import checkpoint as files
 
     path = comparators.weights_path(name, scale, settings.output / "untrained")
     if not path.exists():
         files.save(path, untrained(name, scale), scale, {"untrained": True}, comparators.spec(name).options)
-    return registry.method(name, upscaler=catalogue.upscaler(name, weights=path, device=settings.device))
+    return Finish(name), catalogue.upscaler(name, weights=path, device=settings.device)
 
 
 def train(settings: Settings, name: str) -> Path:

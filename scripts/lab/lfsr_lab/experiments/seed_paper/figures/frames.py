@@ -9,8 +9,7 @@ from pathlib import Path
 
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
-from lfsr_core.reconstruct.options import UpscaleOptions
-from lfsr_core.reconstruct.second_stage import panel_image
+from lfsr_core.reconstruct.second_stage import finished_panel
 from lfsr_lab.experiments.engine import plots, timing
 from lfsr_lab.experiments.engine.cells import Cell
 from lfsr_lab.experiments.engine.renders import foreground
@@ -46,8 +45,8 @@ def selection(settings: Settings, scene: Path, distance: float | None = None) ->
     def measure() -> Rows:
         seen = scene if distance is None else renders.moved(settings, scene, distance)
         folder = renders.rendered(settings, View(seen, settings.spp, display=display))
-        method = weights.untrained_method(settings, NETWORK, SCALE)
-        runs = {kind: functools.partial(panel_image, folder, method, UpscaleOptions(selection=kind == WITH))
+        finish, upscaler = weights.untrained_method(settings, NETWORK, SCALE)
+        runs = {kind: functools.partial(finished_panel, folder, finish, selection=kind == WITH, upscaler=upscaler)
                 for kind in (WITH, WITHOUT)}
         facts = {"p": float(foreground(folder).mean()), RENDER: read_frame(folder).seconds["render"]}
         return measuring.timed_rows(timing.take_turns(runs, settings.repeats), scene=name, facts=facts)

@@ -6,7 +6,7 @@ it has one: three times the pixels, but 1.6 to 3.2 dB more accurate (docs/notebo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -15,63 +15,65 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.cores import usable_cores
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.progress import Progress, silent
-from lfsr_core.frames.foreground import foreground_pixels, unseen_notes
+from lfsr_core.base.notices import Notice, Progress, Tell, silent
+from lfsr_core.frames.finish import Finish
+from lfsr_core.frames.foreground import foreground_pixels, unseen_notices
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS, Frame
 from lfsr_core.frames.low_res import over_background
 from lfsr_core.frames.report import Report
-from lfsr_core.images.exposure import exposure_notes
-from lfsr_core.images.exr import read_finite, replaced_notes
+from lfsr_core.images.exposure import exposure_notices
+from lfsr_core.images.exr import read_finite, replaced_notices
 from lfsr_core.images.png import write_png
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.panel.panel_rays import panel_image
 from lfsr_core.reconstruct.clock import StageClock, peak_bytes
 from lfsr_core.reconstruct.method_name import AS_RENDERED, PANEL_METHODS, MethodName
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, span
+from lfsr_core.reconstruct.methods.oidn import Note, ignored
 from lfsr_core.reconstruct.methods.oidn_devices import Wanted
-from lfsr_core.reconstruct.options import UpscaleOptions
 
-NEED_LENSES = ("dilate", "weights", "step", "linear_exr", "temporal_averaging")
+NEED_LENSES = ("dilate", "weights", "linear_exr", "temporal_averaging")
 ROWS_AT_ONCE, MOST_WORKERS = 64, 8
 
 
-def check_panel_finish(method: MethodName, options: UpscaleOptions) -> None:
-    """LfsrError where ``method`` or one of the ``options`` needs elemental images."""
-    if method.text not in PANEL_METHODS:
-        raise LfsrError(f"method {method.text!r} needs elemental images, which the layout {SUBPIXELS} does not have: "
+def check_subpixels_finish(finish: Finish) -> None:
+    """LfsrError where the method or one of its options needs elemental images."""
+    if MethodName.parse(finish.method).text not in PANEL_METHODS:
+        raise LfsrError(f"method {finish.method!r} needs elemental images, which the layout {SUBPIXELS} does not have: "
                         f"choose one of {', '.join(PANEL_METHODS)}")
-    for name in (name for name in NEED_LENSES if getattr(options, name)):
+    for name in (name for name in NEED_LENSES if getattr(finish, name)):
         raise LfsrError(f"--{name.replace('_', '-')} is for elemental images, which the layout {SUBPIXELS} does not "
                         "have: leave it out")
 
 
-def finish_panel(folder: Path, staged: Path, frame: Frame, method: MethodName, progress: Progress = silent) -> Report:
+def finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, tell: Tell = silent) -> Report:
     """Write the panel.png of a frame folder after direct subpixel rendering into the folder ``staged``."""
-    clock, said = StageClock(frame.seconds), list[str]()
-    progress("load", 0.0, LOW_RES_FILE)
+    check_subpixels_finish(finish)
+    clock, said, method = StageClock(frame.seconds), list[Notice](), MethodName.parse(finish.method)
+    tell(Progress("load", 0.0, LOW_RES_FILE))
     with clock("load"):
         layers, replaced = read_finite(folder / LOW_RES_FILE)
-    progress("upscale", 0.0, method.text)
+    tell(Progress("upscale", 0.0, method.text))
     with clock("upscale"):
         image = linear_panel_image(layers, frame, method, said.append)
-    progress("color", 0.0, PANEL_FILE)
+    tell(Progress("color", 0.0, PANEL_FILE))
     with clock("color"):
         show = ViewTransform(frame.color, image.shape[0] * image.shape[1])
         pixels = _shown(show, image)
     with clock("write"):
         write_png(staged / PANEL_FILE, pixels)
     background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]
-    notes = (*frame.notes, *replaced_notes(replaced, layers["color"][..., 3].size), *said,
-             *(unseen_notes(layers) or exposure_notes(pixels, background)))
+    notes = (*frame.notes, *replaced_notices(replaced, layers["color"][..., 3].size), *said,
+             *(unseen_notices(layers) or exposure_notices(pixels, background)))
     return Report(
-        method=method.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
+        finish=finish, method=method.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
         seconds=clock.rounded, peak_bytes=peak_bytes(),
         foreground_fraction=float(foreground_pixels(layers).mean()), notes=notes,
         replaced_pixels=replaced, layout=frame.layout, device=frame.device)
 
 
 def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: MethodName,
-                       note: Callable[[str], object] = str) -> Array:
+                       note: Note = ignored) -> Array:
     """Panel image (H, W, 3), scene-linear, from the layers of a direct subpixel rendering; ``note``: see ``oidn``.
 
     LfsrError where the layers and the frame differ in size.
@@ -87,7 +89,7 @@ def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: Method
     return panel_image(frame.panel_rays, traced)
 
 
-def _denoised(traced: Array, frame: Frame, note: Callable[[str], object]) -> Array:
+def _denoised(traced: Array, frame: Frame, note: Note) -> Array:
     """Denoise the rectangle that shows more than the background."""
     seen = (traced != np.asarray(frame.display.background, np.float32)).any(-1)
     part = span(seen.any(1), 1), span(seen.any(0), 1)

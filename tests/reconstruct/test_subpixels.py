@@ -7,12 +7,12 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.cli import main
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame, read_rendered
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_png
-from lfsr_core.reconstruct.options import UpscaleOptions
-from lfsr_core.reconstruct.second_stage import upscale_frame
+from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.panels import SHEETS, cells, hexagonal
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import fails, write_reference, write_render, write_traced
@@ -27,8 +27,8 @@ def psnr(first, second):
 @pytest.mark.parametrize("sheet", ["cells", "hexagonal"])
 def test_direct_subpixel_rendering_is_the_image_woven_of_every_view(tmp_path, sheet):
     display = SHEETS[sheet](weave="all")
-    upscale_frame(write_traced(tmp_path / "direct", display), "none")
-    upscale_frame(write_render(tmp_path / "woven", 1, display), "none")
+    finish_frame(write_traced(tmp_path / "direct", display), "none")
+    finish_frame(write_render(tmp_path / "woven", 1, display), "none")
     direct, woven = (read_png(tmp_path / name / PANEL_FILE) for name in ("direct", "woven"))
     assert direct.shape == woven.shape and direct.std() > 10
     # The least is what interpolation costs at the edge of the disc and in its waves; the rest, that this can tell.
@@ -39,7 +39,7 @@ def test_direct_subpixel_rendering_is_the_image_woven_of_every_view(tmp_path, sh
 
 def test_the_background_shows_where_a_subpixel_sees_nothing(tmp_path):
     display = hexagonal(background=[0.2, 0.5, 1.0])
-    upscale_frame(write_traced(tmp_path, display), "oidn")
+    finish_frame(write_traced(tmp_path, display), "oidn")
     panel = read_png(tmp_path / PANEL_FILE)
     assert (panel[0, 0] == panel[-1, -1]).all() and panel[0, 0].tolist() == [124, 188, 255]
     assert not (tmp_path / EIA_FILE).exists()
@@ -47,13 +47,13 @@ def test_the_background_shows_where_a_subpixel_sees_nothing(tmp_path):
 
 def test_noise_goes_from_what_was_traced(tmp_path):
     folder = write_traced(tmp_path, cells())
-    upscale_frame(folder, "none")
+    finish_frame(folder, "none")
     clean, color = read_png(folder / PANEL_FILE), read_layers(folder / "lr_eia.exr")["color"]
     noise = np.random.default_rng(0).normal(0, 0.2, color.shape) * color[..., 3:] * [1, 1, 1, 0]
     write_layers(folder / "lr_eia.exr", {"color": np.maximum(color + noise, 0).astype(np.float32)})
     found = {}
     for method in ("none", "oidn"):
-        report = upscale_frame(folder, method)
+        report = finish_frame(folder, method)
         assert (report.method, report.layout) == (method, "subpixels") and 0 < report.foreground_fraction < 1
         found[method] = psnr(read_png(folder / PANEL_FILE), clean)
     assert found["oidn"] > found["none"] + 1
@@ -68,7 +68,7 @@ def test_noise_goes_from_what_was_traced(tmp_path):
 def test_what_needs_elemental_images_is_refused(tmp_path, method, options, message):
     folder = write_traced(tmp_path, cells())
     with pytest.raises(LfsrError, match=message):
-        upscale_frame(folder, method, UpscaleOptions(**options))
+        finish_frame(folder, Finish(method, **options))
     assert not (folder / PANEL_FILE).exists()
 
 
@@ -76,7 +76,7 @@ def test_a_render_of_another_size_is_refused(tmp_path):
     folder = write_traced(tmp_path, cells())
     write_layers(folder / "lr_eia.exr", {"color": np.zeros((4, 4, 4), np.float32)})
     with pytest.raises(LfsrError, match="4×4 pixels, but frame.json says 720×160"):
-        upscale_frame(folder, "none")
+        finish_frame(folder, "none")
 
 
 def test_verbs_finish_it_show_it_to_an_eye_or_say_why_not(tmp_path, capsys):
