@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -36,17 +37,15 @@ def find(scene: bpy.types.Scene, frames: int = 1) -> Iterator[Problem]:
 
 def bytes_of_frame(settings: Resolved) -> int:
     """Bytes that one image may take in its frame folder, uncompressed."""
-    width, height = settings.display.panel_pixels if settings.is_direct else settings.display.eia_pixels
-    finished = width * height
-    rendered = finished // settings.display.finished_pixels(settings.scale)
-    return RENDERED * rendered + (IMAGE + LINEAR * settings.linear_exr) * finished
+    finished = math.prod(settings.display.panel_pixels if settings.subpixels else settings.display.eia_pixels)
+    rendered = finished // settings.display.finished_pixels(settings.sampling.scale)
+    return RENDERED * rendered + (IMAGE + LINEAR * settings.finish.linear_exr) * finished
 
 
 def bytes_of_work(settings: Resolved) -> int:
     """Bytes of the temporary files of one render: a copy of the open file, and the decoded views."""
-    width, height = settings.display.eia_pixels
     file = Path(bpy.data.filepath)
-    return VIEWS * width * height + (file.stat().st_size if file.is_file() else 0)
+    return VIEWS * math.prod(settings.display.eia_pixels) + (file.stat().st_size if file.is_file() else 0)
 
 
 def free(folder: Path) -> float:

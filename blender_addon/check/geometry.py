@@ -101,7 +101,7 @@ def _problems(scene: bpy.types.Scene, items: list[bpy.types.Object], extents: Ex
     # A floor or a room begins beside the viewer, or in front of the usable depth, and ends behind the display.
     through = (extents.far > np.where(extents.near <= 0, distance, far)) & (extents.near < near)
     background = through | (extents.cover & (extents.far > far + margin))
-    seen = finest(extents, display, array, resolve(scene).scale)
+    seen = finest(extents, display, array, resolve(scene).sampling.scale)
     for row in np.flatnonzero(extents.visible):
         item = items[row]
         if background[row]:

@@ -9,8 +9,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 
 from ..scene.color import color_settings
-from ..scene.light import has_light
-from ..scene.lights import AUTO_LIGHT, OWN_LIGHT
+from ..scene.light import AUTO_LIGHT, OWN_LIGHT, has_light
 from ..scene.notices import left_out
 from ..scene.words import capitalized
 from .problem import ERROR, INFO, Problem

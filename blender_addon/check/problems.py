@@ -13,8 +13,7 @@ from ..scene import devices, folders
 from ..scene import settings as scene_settings
 from ..scene.array import rig
 from ..scene.array.cameras import mirror_notices
-from ..scene.light import has_light, is_dim
-from ..scene.lights import AUTO_LIGHT, SCENE_LIGHTS
+from ..scene.light import AUTO_LIGHT, SCENE_LIGHTS, has_light, is_dim
 from ..scene.methods import title
 from ..scene.notices import missing_images
 from ..scene.subject import find_subject
@@ -50,7 +49,7 @@ def _renderer(scene: bpy.types.Scene) -> Iterator[Problem]:
 def _settings(scene: bpy.types.Scene) -> Iterator[Problem]:
     output = ("output", "Choose Folder…") if bpy.data.filepath else ("unsaved", "Save File…")
     for (code, fix), target, check in (
-            (("display", "Use Defaults"), "Display", lambda scene: scene_settings.resolve(scene).check()),
+            (("display", "Use Defaults"), "Display", scene_settings.check),
             (output, "Output", folders.scene_folder),
             (("subject", "Show in Renders"), scene.name, find_subject)):
         try:
@@ -118,7 +117,7 @@ def _geometry(scene: bpy.types.Scene) -> Iterator[Problem]:
         yield Problem("rig", array.name, f"{capitalized(str(error))}.", "Add Again", ERROR, is_object=True)
         return
     # Where nothing is reconstructed, marking the background saves no time.
-    ignored = {"background"} if scene_settings.is_direct(scene) else set()
+    ignored = {"background"} if scene_settings.renders_subpixels(scene) else set()
     yield from (problem for problem in found if problem.code not in ignored)
 
 

@@ -19,15 +19,15 @@ LEAST_PATHS = 10**6  # of an image, below which it needs no proof
 
 def proof_of(settings: Resolved) -> Resolved | None:
     """Return the settings of the proof of an image; None where the image itself is small, or has no lenses."""
-    if settings.is_direct or paths_of(settings) < LEAST_PATHS:
+    if settings.subpixels or paths_of(settings) < LEAST_PATHS:
         return None
-    display = proof_display(settings.display)
+    display, sampling = proof_display(settings.display), settings.sampling
     scales = settings.method.scales_of(scales_up_to(display))
-    fixed = max(scale for scale in scales if scale <= settings.scale)
-    scale = scales[0] if settings.scales else fixed
-    samples = settings.samples if settings.rays is None else samples_at(display, scale, settings.rays)
-    return dataclasses.replace(settings, display=display, scale=scale, scales=scales if settings.scales else (),
-                               samples=samples)
+    scale = scales[0] if sampling.scales else max(scale for scale in scales if scale <= sampling.scale)
+    samples = sampling.samples if settings.rays is None else samples_at(display, scale, settings.rays)
+    sampling = dataclasses.replace(sampling, scale=scale, scales=scales if sampling.scales else (), samples=samples)
+    request = dataclasses.replace(settings.request, display=display, sampling=sampling)
+    return dataclasses.replace(settings, request=request)
 
 
 def proof_display(display: DisplayProfile) -> DisplayProfile:
@@ -57,4 +57,4 @@ def paths_of(settings: Resolved) -> float:
     pixels = math.prod(settings.display.eia_pixels)
     if settings.rays is not None:
         return pixels * settings.rays
-    return pixels / settings.display.finished_pixels(settings.scale) * settings.samples
+    return pixels / settings.display.finished_pixels(settings.sampling.scale) * settings.sampling.samples

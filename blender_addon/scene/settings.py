@@ -10,8 +10,9 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import SUBPIXELS
-from lfsr_core.frames.request import Request, Sampling
+from lfsr_core.frames.request import AUTO, LIGHTS, Request, Sampling, is_light_file
 from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.method_name import AS_RENDERED, DEFAULT_METHOD, PANEL_METHODS, MethodName
@@ -21,7 +22,7 @@ from .array import rig
 from .color import color_settings
 from .displays import DEFAULT_DISPLAY, PROFILE_FILE
 from .folders import absolute
-from .lights import check_chosen, light_of
+from .light import check_chosen, light_of
 from .methods import DIRECT
 from .subject import find_subject
 
@@ -34,80 +35,93 @@ QUALITY_SAMPLES = {"DRAFT": 4, "BALANCED": 16, "FINAL": 64}  # at the usual scal
 class Resolved:
     """Settings of a scene, with what its display and its device decide."""
 
-    scene_name: str  # with its library
-    display: DisplayProfile
-    device: str  # "CPU" or a GPU type such as "OPTIX"
-    layout: str  # as of ``Job``
-    method: MethodName
-    scale: int  # of Auto the largest
-    scales: tuple[int, ...]  # that Auto chooses from, the largest first; else none
-    samples: int  # per pixel, at that scale
-    rays: float | None  # per finished pixel, which decide the samples at other scales; None where samples are fixed
-    seed: int
-    light: str  # as of ``Job``
-    linear_exr: bool
-    temporal_averaging: int  # neighbouring frames on each side
+    request: Request  # of the current frame, without a folder; of the scale Auto it has the largest
+    finish: Finish
+    rays: float | None  # per finished pixel, which decide the samples; None where these are fixed
 
     @property
-    def is_direct(self) -> bool:
-        """True if the panel's subpixels are rendered, without a light field."""
-        return self.layout == SUBPIXELS
+    def display(self) -> DisplayProfile:
+        """The display that is rendered for."""
+        return self.request.display
 
-    def check(self) -> None:
-        """LfsrError where the display, the scale, the method and the device do not go together, or light is missing."""
-        check_chosen(self.light)
-        if self.is_direct:
-            return
-        self.display.low_views(self.scale)
-        self.method.check_scale(self.scale)
+    @property
+    def sampling(self) -> Sampling:
+        """Scale and samples, or what they follow from."""
+        return self.request.sampling
+
+    @property
+    def subpixels(self) -> bool:
+        """True if the panel's subpixels are rendered, without a light field."""
+        return self.request.layout == SUBPIXELS
+
+    @property
+    def method(self) -> MethodName:
+        """The method that finishes the image."""
+        return MethodName.parse(self.finish.method)
+
+    # For jobs, until they read the request and the finish.
+    is_direct = subpixels
+    scale = property(lambda self: self.sampling.scale)
+    scales = property(lambda self: self.sampling.scales)
+    samples = property(lambda self: self.sampling.samples)
+    linear_exr = property(lambda self: self.finish.linear_exr)
+    temporal_averaging = property(lambda self: self.finish.temporal_averaging)
+
+    def job(self, output: Path, frame: int) -> Request:
+        """Return the request of one frame into a folder."""
+        return dataclasses.replace(self.request, output=str(output), frame=frame)
 
     def check_light_field(self, what: str) -> None:
         """LfsrError if ``what``, as in "a plan", has no light field to work on."""
-        if self.is_direct:
+        if self.subpixels:
             raise LfsrError(f"{what} needs a light field, which {DIRECT} does not render: switch it off under Display")
-
-    def job(self, output: Path, frame: int) -> Request:
-        """The render job of one frame, into the folder ``output``; of Auto, Blender chooses the scale."""
-        return Request(output=str(output), display=self.display, sampling=Sampling(self.scale, self.samples,
-                self.scales, self.rays if self.scales else None),
-                       scene_name=self.scene_name, layout=self.layout,
-                   seed=self.seed, frame=frame, device=self.device, light=self.light)
 
 
 def resolve(scene: bpy.types.Scene) -> Resolved:
-    """Resolve the settings; LfsrError where the display's profile cannot be read."""
-    settings, display, device = scene.lfsr, display_of(scene), device_of(scene)
-    is_direct = settings.subpixels and display.is_woven
-    direct = AS_RENDERED if settings.method == AS_RENDERED else PANEL_METHODS[0]
-    method = MethodName.parse(direct if is_direct else settings.method or DEFAULT_METHOD)
-    scales = method.scales_of(scales_up_to(display)) if settings.scale == AUTO_SCALE and not is_direct else ()
-    scale = 1 if is_direct else scales[0] if scales else int(settings.scale)
+    """Resolve the settings; LfsrError where the display's profile cannot be read, or the scale is not one of it."""
+    settings, display, device, light = scene.lfsr, display_of(scene), device_of(scene), light_of(scene)
     rays = None if settings.samples else settings.rays
-    return Resolved(scene.name_full, display, device, SUBPIXELS if is_direct else devices.way_of(device), method,
-                    scale, scales, settings.samples or samples_at(display, scale, settings.rays), rays,
-                    settings.seed, light_of(scene), linear_exr=settings.linear_exr and not is_direct,
-                    temporal_averaging=0 if is_direct else settings.temporal_averaging)
+    scale, method = 1, MethodName.parse(settings.method)
+    scales: tuple[int, ...] = ()
+    if subpixels := settings.subpixels and display.is_woven:
+        method = method if method.text == AS_RENDERED else MethodName.parse(PANEL_METHODS[0])
+        finish = Finish(method.text)
+    else:
+        scales = method.scales_of(scales_up_to(display)) if settings.scale == AUTO_SCALE else ()
+        scale = scales[0] if scales else int(settings.scale)
+        finish = Finish(method.text, linear_exr=settings.linear_exr, temporal_averaging=settings.temporal_averaging)
+    sampling = Sampling(scale, settings.samples or samples_at(display, scale, settings.rays), scales,
+                        rays if scales else None)
+    request = Request("", display, sampling=sampling, layout=SUBPIXELS if subpixels else devices.way_of(device),
+                      scene_name=scene.name_full, seed=settings.seed, frame=scene.frame_current, device=device,
+                      light=light if light in LIGHTS or is_light_file(light) else AUTO)
+    return Resolved(request, finish, rays)
+
+
+def check(scene: bpy.types.Scene) -> Resolved:
+    """Resolve the settings; LfsrError where display, scale and method do not go together, or light is missing."""
+    resolved = resolve(scene)
+    check_chosen(light_of(scene))
+    if not resolved.subpixels:
+        resolved.method.check_scale(resolved.sampling.scale)
+    return resolved
 
 
 def resolve_for_render(scene: bpy.types.Scene) -> Resolved:
     """Resolve the settings; LfsrError for whatever makes a render impossible before it starts."""
     if bpy.context.preferences.addons.get("cycles") is None:
         raise LfsrError("Cycles is switched off in Blender's preferences: switch the Cycles Render Engine add-on on")
-    found = resolve(scene)
-    found.check()
+    resolved = check(scene)
     find_subject(scene)
     color_settings(scene)
-    if rig.placement(scene, found.display) is None:
+    if rig.placement(scene, resolved.display) is None:
         raise LfsrError(f"scene {scene.name!r} has no camera array: add one in the Light Field tab")
-    return found
+    return resolved
 
 
-def is_direct(scene: bpy.types.Scene) -> bool:
+def renders_subpixels(scene: bpy.types.Scene) -> bool:
     """True if the panel's subpixels are rendered; False also where the display cannot be read."""
-    try:
-        return resolve(scene).is_direct
-    except LfsrError:
-        return False  # the panel shows what is wrong with the display
+    return scene.lfsr.subpixels and is_woven(scene)
 
 
 def device_of(scene: bpy.types.Scene) -> str:
@@ -163,8 +177,8 @@ def qualities(scene: bpy.types.Scene) -> dict[str, tuple[float, int, str]]:
         display = display_of(scene)
     except LfsrError:  # the panel shows what is wrong with it
         display = load_display(DEFAULT_DISPLAY)
-    is_direct = scene.lfsr.subpixels and display.is_woven
-    return {name: (float(samples) if is_direct else usual_rays(display, samples), 0, DEFAULT_METHOD)
+    subpixels = scene.lfsr.subpixels and display.is_woven
+    return {name: (float(samples) if subpixels else usual_rays(display, samples), 0, DEFAULT_METHOD)
             for name, samples in QUALITY_SAMPLES.items()}
 
 
@@ -179,7 +193,7 @@ def is_woven(scene: bpy.types.Scene) -> bool:
 def has_quilts(scene: bpy.types.Scene) -> bool:
     """True if images for the display have views that Looking Glass Bridge can show."""
     try:
-        return display_of(scene).lenticular is not None and not is_direct(scene)
+        return display_of(scene).lenticular is not None and not renders_subpixels(scene)
     except LfsrError:
         return False
 

@@ -40,27 +40,22 @@ class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
         self.layout.prop(lfsr, "display", text="")  # without a column for labels, where long names would be cut off
         if lfsr.display == PROFILE_FILE:
             columns(self.layout).prop(lfsr, "profile_file", text="File")
+        if scene_settings.is_woven(context.scene):
+            # Without a column for labels: its label is as long as the sidebar is wide.
+            self.layout.prop(lfsr, "subpixels")
+            row = self.layout.row(align=True)
+            row.operator("lfsr.test_picture", text="Test Picture…")
+            row.operator("lfsr.calibrate", text="Calibrate…")
+        # The menu of scales, where Blender draws a property's.
+        split = row_if(not scene_settings.renders_subpixels(context.scene), self.layout).split(factor=0.4)
+        label = split.row()
+        label.alignment = "RIGHT"
+        label.label(text="Scale")
+        split.menu("LFSR_MT_scale", text=lfsr.bl_rna.properties["scale"].enum_items[lfsr.scale].name)
         try:
-            settings = scene_settings.resolve(context.scene)
-            if settings.display.is_woven:
-                # Without a column for labels: its label is as long as the sidebar is wide.
-                self.layout.prop(lfsr, "subpixels")
-                row = self.layout.row(align=True)
-                row.operator("lfsr.test_picture", text="Test Picture…")
-                row.operator("lfsr.calibrate", text="Calibrate…")
-            _draw_scale(row_if(not settings.is_direct, self.layout), lfsr)
-            facts(self.layout, summary.display_facts(settings))
+            facts(self.layout, summary.display_facts(scene_settings.resolve(context.scene)))
         except LfsrError as error:
             sentence(self.layout, str(error), "ERROR", context)
-
-
-def _draw_scale(layout: bpy.types.UILayout, lfsr: bpy.types.PropertyGroup) -> None:
-    """The menu, where Blender draws a property's."""
-    split = layout.split(factor=0.4)
-    label = split.row()
-    label.alignment = "RIGHT"
-    label.label(text="Scale")
-    split.menu("LFSR_MT_scale", text=lfsr.bl_rna.properties["scale"].enum_items[lfsr.scale].name)
 
 
 CLASSES = (LFSR_MT_scale, LFSR_PT_display)

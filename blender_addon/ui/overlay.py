@@ -76,7 +76,7 @@ def draw() -> None:
     except LfsrError:
         return  # the panel shows what is wrong
     if placed is not None:
-        _draw(placed, settings.display, settings.scale)
+        _draw(placed, settings.display, settings.sampling.scale)
 
 
 def _draw(placed: rig.Placement, display: DisplayProfile, scale: int) -> None:

@@ -13,7 +13,7 @@ from ..jobs.steps import ALONE
 from ..scene import folders
 from ..scene import settings as scene_settings
 from ..scene.array import known, rig
-from ..scene.lights import FILE_LIGHT
+from ..scene.light import FILE_LIGHT
 from . import display_panel, look, summary
 from .drawing import LightFieldPanel, columns, facts, row_if, sentence
 from .operators.array import FIT_ITEMS
@@ -81,7 +81,7 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw preset, rays, method, light, device and output."""
-        lfsr, has_lenses = context.scene.lfsr, not scene_settings.is_direct(context.scene)
+        lfsr, has_lenses = context.scene.lfsr, not scene_settings.renders_subpixels(context.scene)
         layout = columns(self.layout)
         layout.prop(lfsr, "quality", text="Preset")
         row_if(not lfsr.samples, layout).prop(lfsr, "rays")
@@ -148,7 +148,8 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         column.operator("lfsr.render_animation", icon="RENDER_ANIMATION")
         column.menu("LFSR_MT_submit")
         # Without a column for labels, where this one would be cut off.
-        row_if(not scene_settings.is_direct(context.scene), layout).prop(context.scene.lfsr, "temporal_averaging")
+        has_lenses = not scene_settings.renders_subpixels(context.scene)
+        row_if(has_lenses, layout).prop(context.scene.lfsr, "temporal_averaging")
         layout.prop(context.scene.lfsr, "use_overwrite")
         state = context.window_manager.lfsr
         if state.message:
@@ -249,7 +250,7 @@ def _draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
 def _is_light_field(scene: bpy.types.Scene, folder: str) -> bool:
     """True if ``folder`` is that of the scene's current frame, and has views to look at."""
     try:
-        return str(folders.frame_folder(scene)) == folder and not scene_settings.is_direct(scene)
+        return str(folders.frame_folder(scene)) == folder and not scene_settings.renders_subpixels(scene)
     except LfsrError:
         return False
 

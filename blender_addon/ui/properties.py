@@ -25,7 +25,7 @@ from ..jobs import preview, show_image
 from ..scene import folders
 from ..scene.array import known, rig
 from ..scene.displays import DEFAULT_DISPLAY, profile_items
-from ..scene.lights import AUTO_LIGHT, light_items
+from ..scene.light import AUTO_LIGHT, light_items
 from ..scene.methods import DIRECT, method_items
 from ..scene.settings import AUTO_SCALE, SCALES, offered_scales, qualities
 from .session_state import FoundProblem, SessionState

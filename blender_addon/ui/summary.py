@@ -34,11 +34,11 @@ CAMERAS = {"one-pass": "OSL camera", "lens-card": "lens card", SUBPIXELS: "panel
 def display_facts(settings: Resolved) -> Facts:
     """Lenses, views and resolutions; LfsrError if the scale does not divide the views."""
     display = settings.display
-    if settings.is_direct:
+    if settings.subpixels:
         (width, height), panel = rendered_size(display), display.panel_pixels
         return [("Rendered", f"{width} × {height} px"), ("Image", f"{panel[0]} × {panel[1]} px")]
-    low, lenses, views = display.low_views(settings.scale), display.lenses, display.views
-    more = " or more" if settings.scales else ""
+    low, lenses, views = display.low_views(settings.sampling.scale), display.lenses, display.views
+    more = " or more" if settings.sampling.scales else ""
     return [("Lenses", f"{lenses[0]} × {lenses[1]}"),
             ("Views", f"{views[0]} × {views[1]}"),
             ("Rendered", f"{low[0]} × {low[1]}{more}"),
@@ -51,9 +51,9 @@ def sample_facts(settings: Resolved) -> Facts:
 
     LfsrError if the rays are too many.
     """
-    display, scales = settings.display, settings.scales or (settings.scale,)
+    display, scales = settings.display, settings.sampling.scales or (settings.sampling.scale,)
     if settings.rays is None:
-        rays = [f"{settings.samples / display.finished_pixels(scale):.3g}" for scale in scales]
+        rays = [f"{settings.sampling.samples / display.finished_pixels(scale):.3g}" for scale in scales]
         return [("", _up_to(rays[0], rays[-1], "ray") + " per pixel")]
     samples = [f"{samples_at(display, scale, settings.rays)}" for scale in scales]
     return [("", _up_to(samples[-1], samples[0], "sample"))]
@@ -99,7 +99,7 @@ def depth_facts(scene: bpy.types.Scene) -> Facts:
 def device_facts(scene: bpy.types.Scene) -> Facts:
     """Device that renders the scene, and the camera that it uses."""
     device = scene_settings.device_of(scene)
-    way = SUBPIXELS if scene_settings.is_direct(scene) else devices.way_of(device)
+    way = SUBPIXELS if scene_settings.renders_subpixels(scene) else devices.way_of(device)
     return [("Renders On", f"{device}, {CAMERAS[way]}")]
 
 

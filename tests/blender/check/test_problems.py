@@ -139,9 +139,9 @@ def test_every_device_traces_all_views_at_once(scene, monkeypatch):
     monkeypatch.setattr(scene_settings, "device_of", lambda scene: "CUDA" if scene.cycles.device == "GPU" else "CPU")
     scene.cycles.device = "GPU"
     assert found(scene, "device") is None
-    assert scene_settings.resolve(scene).layout == "lens-card"
+    assert scene_settings.resolve(scene).request.layout == "lens-card"
     scene.cycles.device = "CPU"
-    assert scene_settings.resolve(scene).layout == "one-pass"
+    assert scene_settings.resolve(scene).request.layout == "one-pass"
 
 
 def test_material_that_needs_osl(scene):

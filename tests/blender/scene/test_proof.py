@@ -33,9 +33,8 @@ def test_a_proof_has_the_displays_shape_and_few_pixels(name):
 def test_the_settings_of_a_proof_go_together(scene, scale):
     scene.lfsr.display, scene.lfsr.scale, scene.lfsr.method = "bupt-32in-8k", scale, "denoise+bilinear"
     found = proof.proof_of(scene_settings.resolve(scene))
-    found.check()
-    assert found.display.lenses == (96, 54) and bool(found.scales) == (scale == "AUTO")
-    found.job(scene.lfsr.output, 1)
+    assert found.display.lenses == (96, 54) and bool(found.sampling.scales) == (scale == "AUTO")
+    found.method.check_scale(found.sampling.scale)
 
 
 def test_small_images_need_no_proof(scene):

@@ -96,12 +96,12 @@ def test_what_follows_from_rays_and_from_fixed_samples(scene):
 
 def test_the_light_of_the_menu_is_the_jobs(scene, tmp_path):
     assert {"light"} == properties(draw_all()["Quality"]) & {"light", "light_file"}
-    assert scene_settings.resolve(scene).job(tmp_path, 1).light == "auto"
+    assert scene_settings.resolve(scene).request.light == "auto"
     items = scene.lfsr.bl_rna.properties["light"].enum_items
     assert {item.identifier.lower() for item in items} == {*LIGHTS, "file"}
     for name in LIGHTS:
         scene.lfsr.light = name.upper()
-        assert scene_settings.resolve_for_render(scene).job(tmp_path, 1).light == name
+        assert scene_settings.resolve_for_render(scene).request.light == name
     scene.lfsr.light = "FILE"
     assert {"light", "light_file"} <= properties(draw_all()["Quality"])
     for path, sentence in (("", "no light file is chosen"), ("//gone.hdr", "does not exist"), ("//x.jpg", "light is")):
@@ -111,7 +111,7 @@ def test_the_light_of_the_menu_is_the_jobs(scene, tmp_path):
         assert sentence in found(scene, "display").reason.lower()
     (tmp_path / "sky.hdr").touch()
     scene.lfsr.light_file = "//sky.hdr"
-    assert scene_settings.resolve_for_render(scene).job(tmp_path, 1).light == str(tmp_path / "sky.hdr")
+    assert scene_settings.resolve_for_render(scene).request.light == str(tmp_path / "sky.hdr")
 
 
 def test_without_an_array(scene):

@@ -21,7 +21,7 @@ def scene(tmp_path):
 def test_quality_sets_rays_and_method(scene, name):
     scene.lfsr.quality, scene.lfsr.scale = name, "4"
     assert (scene.lfsr.samples, scene.lfsr.method) == (0, DEFAULT_METHOD)
-    assert scene_settings.resolve(scene).samples == scene_settings.QUALITY_SAMPLES[name]
+    assert scene_settings.resolve(scene).sampling.samples == scene_settings.QUALITY_SAMPLES[name]
     assert scene.lfsr.quality == name
 
 
@@ -57,7 +57,7 @@ def test_the_rays_stay_when_the_scale_changes(scene):
     found = {}
     for scale in ("1", "2", "4", "8"):
         scene.lfsr.scale = scale
-        found[scale] = scene_settings.resolve(scene).samples
+        found[scale] = scene_settings.resolve(scene).sampling.samples
     assert found == {"1": 2, "2": 8, "4": 32, "8": 128}
 
 
@@ -68,7 +68,7 @@ def test_a_preset_costs_the_same_on_every_display(scene):
         scene.lfsr.display = display
         assert (scene.lfsr.quality, scene.lfsr.rays) == ("BALANCED", rays)
     scene.lfsr.subpixels = True
-    assert (scene.lfsr.rays, scene_settings.resolve(scene).samples) == (16, 16)
+    assert (scene.lfsr.rays, scene_settings.resolve(scene).sampling.samples) == (16, 16)
 
 
 def test_more_quality_is_more_rays():

@@ -47,7 +47,7 @@ def test_plan_is_found_shown_and_used(scene):
     assert "cale 2×, 1 sample, " in labels(drawn) and operators(drawn) == {"lfsr.plan", "lfsr.plan_use"}
     assert bpy.ops.lfsr.plan_use() == {"FINISHED"}
     assert (scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method) == ("2", 0, state.plan_method)
-    assert (scene.lfsr.rays, scene_settings.resolve(scene).samples) == (0.25, 1)
+    assert (scene.lfsr.rays, scene_settings.resolve(scene).sampling.samples) == (0.25, 1)
     assert not list(Path(bpy.app.tempdir).glob("lfsr-*")), "what was rendered is gone"
 
 
