@@ -35,7 +35,7 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.optics.eye import eye_view
     from lfsr_core.optics.rays import CameraArray, RayLayout
     from lfsr_core.pipeline.finishing import finish_frame
-    from lfsr_core.pipeline.rendering import run_job
+    from lfsr_core.pipeline.store import run_job
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import Planned, make_plan
     from lfsr_core.process.blender import Blender, find_blender
@@ -105,7 +105,7 @@ _MODULES = {
     "reconstruct.method_name": "MethodName",
     "pipeline.finishing": "finish_frame",
     "process.blender": "Blender find_blender",
-    "pipeline.rendering": "run_job",
+    "pipeline.store": "run_job",
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names.split()}
 

@@ -11,11 +11,11 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import to_data
+from lfsr_core.frames.folder import DERIVED_FILES
 from lfsr_core.frames.frame import EIA_FILE, SUBPIXELS, frame_folder, read_rendered
 from lfsr_core.frames.numbers import spread
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.optics.depth_scale import ScaleChoice
-from lfsr_core.pipeline.rendering import DERIVED_FILES
 from lfsr_core.pipeline.staging import parts_folder, publish, staging_folder
 
 from ..scene import folders

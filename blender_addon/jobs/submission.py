@@ -10,6 +10,7 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path, system_errors
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.identity import FARM_COPY
 from lfsr_core.pipeline.farms import FarmJob, Submission, write_job
 
@@ -40,8 +41,8 @@ def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> Submi
         folder.mkdir(parents=True, exist_ok=True)
     copy = folder / f"{folders.file_stem()}{COPY_SUFFIX}"
     job = dataclasses.replace(job, output=str(recipe.folder.parent), scene=str(copy))
-    wanted = FarmJob(job, recipe.frames, recipe.method, recipe.linear_exr, parts, _profile(scene, folder),
-                     recipe.temporal_averaging)
+    finish = Finish(recipe.method, linear_exr=recipe.linear_exr, temporal_averaging=recipe.temporal_averaging)
+    wanted = FarmJob(job, finish, recipe.frames, parts, _profile(scene, folder))
     with atomic_path(copy) as temporary:
         save_copy(temporary)
     return write_job(farm, folder, wanted)

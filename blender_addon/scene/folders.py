@@ -14,7 +14,6 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import check_name, is_forbidden, read_json, write_json
-from lfsr_core.frames.averaging import seed_in_turn
 from lfsr_core.frames.frame import (
     EIA_FILE,
     FRAME_FILE,
@@ -106,7 +105,7 @@ def is_complete(folder: Path, job: Request, method: str) -> bool:
     except LfsrError:
         return False  # an incomplete or older folder is rendered again
     # In an animation with temporal averaging neighbouring frames have seeds of their own.
-    job = dataclasses.replace(job, seed=seed_in_turn(job.seed, frame.frame, report.finish.temporal_averaging))
+    job = dataclasses.replace(job, seed=report.finish.seed_of(job.seed, frame.frame))
     return report.method == MethodName.parse(method).at_scale(frame.scale).text and is_same(frame, job)
 
 

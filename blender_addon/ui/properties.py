@@ -18,7 +18,7 @@ from bpy.props import (
 )
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.averaging import MOST_AVERAGED
+from lfsr_core.frames.finish import MOST_AVERAGED
 from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 
 from ..jobs import preview, show_image

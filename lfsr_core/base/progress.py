@@ -13,6 +13,9 @@ import time
 from collections.abc import Callable
 from typing import TextIO
 
+from lfsr_core.base import notices
+from lfsr_core.base.notices import Notice
+
 BAR_WIDTH = 30
 SECONDS_BETWEEN_LINES = 4.0  # a render writes a record each second, so that a line comes every five at the latest
 PROGRESS_VARIABLE, OPENJD = "LFSR_PROGRESS", "openjd"  # environment variable, set by our OpenJD template
@@ -22,13 +25,21 @@ Progress = Callable[[str, float, str], None]
 class ProgressBar:
     """Callable ``(stage, fraction, message)``; ``fraction`` in [0, 1]."""
 
-    def __init__(self, stream: TextIO | None = None) -> None:
+    def __init__(self, stream: TextIO | None = None, words: Callable[[Notice], str] = str) -> None:
+        self._words = words
         self._stream = stream or sys.stderr
         self._moving = self._stream.isatty()
         self._stage, self._shown_at, self._most = "", 0.0, 0.0
 
-    def __call__(self, stage: str, fraction: float = 0.0, message: str = "") -> None:
+    def __call__(self, told: notices.Progress | Notice | str, fraction: float = 0.0, message: str = "") -> None:
         """Show one state; elsewhere than on a terminal only at a new stage, at the end, and every few seconds."""
+        if isinstance(told, Notice):
+            self.note(self._words(told))
+            return
+        stage = told if isinstance(told, str) else told.stage
+        if not isinstance(told, str):
+            left = "" if told.left is None else f"{duration(told.left)} left"
+            fraction, message = told.fraction, ", ".join(filter(None, (told.detail, left)))
         if self._moving:
             self._draw(stage, fraction, message)
         elif (stage != self._stage or fraction >= 1 or time.monotonic() - self._shown_at >= SECONDS_BETWEEN_LINES):

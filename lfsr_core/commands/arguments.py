@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.frame import LAYOUTS
+from lfsr_core.frames.frame import LAYOUTS, VIEW_BY_VIEW
 from lfsr_core.frames.request import AUTO, DEVICES, EVEN, OWN, WORLD_IMAGES, Request, check_light, check_scene
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lens_rows import parse_rows
-from lfsr_core.optics.rays import CONVENTIONS
-
-if TYPE_CHECKING:
-    from lfsr_core.pipeline.cluster import Cluster
 
 FARTHEST_MM = 1e6
-MOST_WORKERS = 256
+OFFERED_LAYOUTS = tuple(layout for layout in LAYOUTS if layout != VIEW_BY_VIEW)
 
 
 def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,11 +31,9 @@ def add_rows_argument(parser: argparse.ArgumentParser) -> None:
 def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
     """Display, views, subject, and the Blender that renders them."""
     parser.add_argument("--display", default="bupt-32in-8k", metavar="NAME|FILE.toml", help="default: %(default)s")
-    parser.add_argument("--layout", choices=LAYOUTS, default=LAYOUTS[0],
+    parser.add_argument("--layout", choices=OFFERED_LAYOUTS, default=LAYOUTS[0],
                         help="how rays are sent, default: %(default)s; subpixels: direct subpixel rendering with "
                              "`lfsr render`, for displays with a lens sheet: the panel's image, no light field")
-    parser.add_argument("--convention", choices=CONVENTIONS, default=CONVENTIONS[0],
-                        help="where views lie; `paper` only to reproduce the paper")
     parser.add_argument("--view-aperture", type=float, default=1.0, metavar="0..1",
                         help="fraction of a view's cell that its rays cover, default: %(default)s")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the noise, default: %(default)s")
@@ -64,7 +57,7 @@ def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
 
 def make_request(arguments: argparse.Namespace, **values: Any) -> Request:
     """Validated job of the parsed arguments; ``values`` add to them or replace them."""
-    same = ("output", "layout", "convention", "view_aperture", "seed", "frame", "subject", "device",
+    same = ("output", "layout", "view_aperture", "seed", "frame", "subject", "device",
             "world_visible", "camera")
     given = {name: getattr(arguments, name) for name in same if name not in values}
     display = load_display(arguments.display)
@@ -75,24 +68,10 @@ def make_request(arguments: argparse.Namespace, **values: Any) -> Request:
     return Request(**given | {"output": str(given["output"])})
 
 
-def add_cluster_arguments(parser: argparse.ArgumentParser, when: str = "") -> None:
-    """Workers that do the work; ``when``: words of help before each."""
-    parser.add_argument("--workers", type=int, metavar="N", help=f"{when}on N workers of this machine")
+def add_cluster_argument(parser: argparse.ArgumentParser, when: str = "") -> None:
+    """The scheduler whose workers do the work; ``when``: words of help before it."""
     parser.add_argument("--cluster", metavar="ADDRESS",
                         help=f"{when}on the workers of this Dask scheduler, such as tcp://host:8786")
-
-
-def chosen_cluster(arguments: argparse.Namespace) -> Cluster | None:
-    """The cluster asked for, None for this process alone; LfsrError where both kinds were."""
-    from lfsr_core.pipeline.cluster import Cluster
-
-    if arguments.workers is not None and arguments.cluster is not None:
-        raise LfsrError(f"--workers {arguments.workers} and --cluster were both given: leave out one of them")
-    if arguments.workers is not None and not 1 <= arguments.workers <= MOST_WORKERS:
-        raise LfsrError(f"workers are {arguments.workers}, but they must be 1 to {MOST_WORKERS}")
-    if arguments.cluster is not None:
-        return Cluster(arguments.cluster)
-    return Cluster(workers=arguments.workers) if arguments.workers else None
 
 
 def position(text: str) -> tuple[float, float, float]:

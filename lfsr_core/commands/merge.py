@@ -7,6 +7,7 @@ from contextlib import closing
 from pathlib import Path
 
 from lfsr_core.base.progress import ProgressBar
+from lfsr_core.commands.sentences import sentence
 
 NAME = "merge"
 HELP = "join parts of `lfsr render --rows` or `lfsr reference --rows`, or average references of other seeds"
@@ -23,13 +24,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Join the parts and print the result."""
-    from lfsr_core.frames.frame import frame_folder, read_part
+    from lfsr_core.frames.folder import FrameFolder
     from lfsr_core.pipeline.merge import merge, part_folders
 
     parts, output = part_folders(arguments.parts), arguments.output
     if arguments.numbered:
-        output = frame_folder(output, read_part(parts[0]).frame)
-    with closing(ProgressBar()) as bar:
+        output = FrameFolder.of_frame(output, FrameFolder(parts[0]).part.frame).path
+    with closing(ProgressBar(words=sentence)) as bar:
         frame = merge(parts, output, bar)
     print(f"{output}: {len(parts)} parts, {frame.samples} samples, rendered in "
           f"{frame.seconds.get('render', 0.0):.1f} s in all")

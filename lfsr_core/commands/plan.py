@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Plan; print the table and the command that renders the choice."""
     from lfsr_core.base.records import write_record
-    from lfsr_core.pipeline.rendering import run_job
+    from lfsr_core.pipeline.store import run_job
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import make_plan
     from lfsr_core.plan.report import plan_report, table

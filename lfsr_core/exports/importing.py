@@ -18,6 +18,7 @@ from lfsr_core.exports.quilt_files import Quilt, read_film, read_quilt
 from lfsr_core.exports.quilt_names import Pair, without_suffix
 from lfsr_core.exports.retarget import Source, retargeted
 from lfsr_core.exports.view_files import ViewFiles, find_views, read_views
+from lfsr_core.frames.folder import DERIVED_FILES, FrameFolder
 from lfsr_core.frames.frame import (
     EIA_FILE,
     FRAME_FILE,
@@ -35,8 +36,7 @@ from lfsr_core.optics.eia import from_views
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.optics.sheet import check_within
 from lfsr_core.pipeline.finishing import finish_frame
-from lfsr_core.pipeline.rendering import DERIVED_FILES, check_folder
-from lfsr_core.pipeline.staging import publish, staging_folder
+from lfsr_core.pipeline.staging import staging_folder
 
 NAME = "imported"
 MOST_SCALE = 10
@@ -87,7 +87,7 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
     LfsrError : for views that are missing, unreadable or of several sizes, or a scale or geometry out of range
     """
     source, output, geometry = Path(source), Path(output), geometry or ImportGeometry()
-    check_folder(output, "render")
+    FrameFolder(output).check_free("render")
     if output.resolve() == source.resolve():
         raise LfsrError(f"{output} holds the views themselves, expected another folder for the frame: choose one")
     hci = _hci_parameters(source / PARAMETERS_FILE)
@@ -106,7 +106,7 @@ def import_quilt(source: str | Path, output: str | Path, quilt: Quilt, scale: in
                  geometry: ImportGeometry | None = None, progress: Progress = silent) -> Imported:
     """Make a frame folder of a quilt; parameters and errors as of ``import_views``."""
     source, output, geometry = Path(source), Path(output), geometry or ImportGeometry()
-    check_folder(output, "render")
+    FrameFolder(output).check_free("render")
     taken = read_quilt(source, quilt)
     display, notes = _quilt_display(taken, scale, geometry)
     _write(output, _frame(display, scale, without_suffix(source.stem)), _views(taken, geometry, geometry.angle_deg))
@@ -144,7 +144,7 @@ def _holds(folder: Path, frame: Frame) -> bool:
     """Whether a folder has this frame already; LfsrError where it has another."""
     if not (folder / FRAME_FILE).exists():
         return False
-    check_folder(folder, "render")
+    FrameFolder(folder).check_free("render")
     if read_frame(folder) != frame:
         raise LfsrError(f"{folder} holds a frame of another film, or for another display: choose another folder")
     return (folder / LOW_RES_FILE).is_file()
@@ -172,7 +172,8 @@ def _write(output: Path, frame: Frame, views: Array) -> None:
         write_layers(staged / LOW_RES_FILE, {"color": linear})
         write_frame(staged, frame)
         # In a folder that holds no frame, files of these names are the user's own.
-        publish(staged, output, DERIVED_FILES if (output / FRAME_FILE).exists() else ())
+        output.mkdir(exist_ok=True)
+        FrameFolder(output).replace(staged, DERIVED_FILES if (output / FRAME_FILE).exists() else ())
 
 
 def _quilt_display(taken: Source, scale: int, geometry: ImportGeometry) -> tuple[DisplayProfile, list[str]]:

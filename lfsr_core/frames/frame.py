@@ -20,17 +20,17 @@ from lfsr_core.optics.panel.panel_rays import PanelLayout, check_sheet
 from lfsr_core.optics.rays import CameraArray, RayLayout
 
 FORMAT = 1
-SUBPIXELS = "subpixels"
+SUBPIXELS, VIEW_BY_VIEW = "subpixels", "view-by-view"
 DEVICES_JOINED = "+"  # between the devices of a frame that several machines rendered
 # The OSL camera, or the lens card on devices that cannot run it; the lens card; one ordinary camera per view; a card
 # with the rays of a panel's subpixels (direct subpixel rendering) instead of those of a light field.
-LAYOUTS = ("one-pass", "lens-card", "view-by-view", SUBPIXELS)
+LAYOUTS = ("one-pass", "lens-card", VIEW_BY_VIEW, SUBPIXELS)
 # The only values that direct subpixel rendering has: there are neither views nor lenses to choose from.
 DIRECT_ONLY = {"scale": 1, "convention": "centred", "view_aperture": 1, "lens_list": None, "rows": None}
 LEAST_LENGTH = 1e-30  # scene units; its inverse is the most
 ROTATION_TOLERANCE = 1e-3  # for products of columns; Blender's matrices are single precision
 FRAME_FILE, REPORT_FILE = "frame.json", "report.json"
-VIEWER_FILE = "view.html"
+VIEWER_FILE, LOG_FILE = "view.html", "blender.log"
 LOW_RES_FILE, MASK_FILE, EIA_FILE, EIA_LINEAR_FILE = "lr_eia.exr", "mask.png", "eia.png", "eia.exr"
 PANEL_FILE = "panel.png"
 WORLD_FILE = "world.exr"

@@ -121,11 +121,11 @@ class Request:
 
 
 def read_request(path: str | Path) -> Request:
-    """Read a job from a JSON file; LfsrError if it is unreadable or wrong."""
-    data = read_json(path, "a render job")
+    """Read a request from a JSON file; LfsrError if it is unreadable or wrong."""
+    data = read_json(path, "a render request")
     if not isinstance(data, dict):
-        raise LfsrError(f"{path} holds a {type(data).__name__}, but a render job must be a JSON object")
-    return from_data(Request, data, "job")
+        raise LfsrError(f"{path} holds a {type(data).__name__}, but a render request must be a JSON object")
+    return from_data(Request, data, "request")
 
 
 def check_scene(scene: str | Path) -> str:

@@ -1,6 +1,7 @@
-"""Tasks on several workers of Dask distributed, which hands them out and repeats those of a worker that dies.
+"""A door to Dask distributed: frames of an animation, or parts of a reference, on the workers of a scheduler.
 
-Only jobs and results are sent: the scene and the folders are where every worker sees them.
+Only requests and results are sent: the scene and the folders are where every worker sees them. Dask hands tasks out
+and repeats those of a worker that dies.
 """
 
 from __future__ import annotations
@@ -9,23 +10,27 @@ import concurrent.futures
 import contextlib
 import dataclasses
 import logging
-import queue
 import secrets
-import tempfile
-import time
-from collections.abc import Callable, Iterable, Iterator
+import shutil
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
+from lfsr_core.base.notices import Progress, Tell
+from lfsr_core.frames.finish import Finish
+from lfsr_core.frames.folder import FrameFolder
+from lfsr_core.frames.identity import digest, request_facts, scene_stamp
+from lfsr_core.frames.request import Request
+from lfsr_core.optics.lens_rows import parse_rows
+from lfsr_core.pipeline.make import Made, make, requests_of
+from lfsr_core.pipeline.merge import merge
 
 RESOURCE = "LFSR"  # of a worker: how many tasks it may have at once
 RETRIES = 2  # of a task that fails on one worker and may succeed on another
-DEATHS = 3  # workers that may die over one task before it is given up
-SECONDS_TO_CONNECT = 20
-SECONDS_TO_LOOK = 2.0  # between two looks at the workers while no task ends
-SECONDS_WITHOUT_WORKERS = 20.0  # after which no new ones are awaited
+SECONDS_TO_CONNECT, SECONDS_WITHOUT_WORKERS = 20, 20.0
+MOST_CHUNK, PARTS_PER_WORKER = 16, 2  # frames that one Blender renders; so that a fast worker does more
 AGAIN = "and run the same command again to continue"
 PLACE_FILE = ".lfsr-place-"
 
@@ -38,142 +43,131 @@ class Task(NamedTuple):
     arguments: tuple[Any, ...]
 
 
-@dataclasses.dataclass(frozen=True)
-class Cluster:
-    """The workers."""
+def make_on(address: str, request: Request, finish: Finish, frames: Sequence[int], blender: str | None,
+            overwrite: bool, tell: Tell) -> list[Made]:
+    """Make an animation as ``make`` does, on the workers of the scheduler at ``address``; errors as of ``run_on``."""
+    if finish.temporal_averaging:
+        raise LfsrError("--temporal-averaging was given, but each worker of a cluster knows its own frames only: leave "
+                        "out --cluster, or --temporal-averaging")
+    requests, made = requests_of(request, finish, frames, overwrite), dict[str, Made]()
+    of_all = dataclasses.replace(request, sampling=requests[0].sampling)
 
-    address: str | None = None  # of a scheduler, None for workers on this machine
-    workers: int = 1  # on this machine
+    def tasks(workers: int) -> Iterator[Task]:
+        size = max(1, min(MOST_CHUNK, -(-len(frames) // (2 * workers))))
+        for first in range(0, len(frames), size):
+            yield Task(str(frames[first]), _make, (of_all, finish, frames[first:first + size], blender, overwrite))
 
-    @contextlib.contextmanager
-    def client(self) -> Iterator[Any]:
-        """Yield a connected ``distributed.Client``; LfsrError where that fails."""
-        try:
-            import dask
-            import distributed
-        except ImportError:
-            raise LfsrError("several workers need the package distributed: install the extra 'farm', as by "
-                            "pip install 'lfsr[farm]'") from None
-        package: Any = distributed  # has no types
-        with _silence(), contextlib.ExitStack() as stack:
-            folder = stack.enter_context(tempfile.TemporaryDirectory("", "lfsr-workers-", ignore_cleanup_errors=True))
-            stack.enter_context(dask.config.set({"distributed.scheduler.allowed-failures": DEATHS,
-                                                 "temporary-directory": folder}))
-            where = self.address or stack.enter_context(self._local(package))
-            try:
-                client = package.Client(where, timeout=SECONDS_TO_CONNECT, set_as_default=False)
-            except (OSError, ValueError) as error:
-                raise LfsrError(f"{self.address} cannot be reached as a Dask scheduler ({error}): start one by "
-                                "`dask scheduler` and give its address, as tcp://host:8786") from None
-            yield stack.enter_context(client)
+    def took(results: list[Made]) -> None:
+        made.update((result.folder, result) for result in results)
+        tell(Progress("frames", len(made) / len(frames), f"{len(made)} of {len(frames)}"))
 
-    def _local(self, package: Any) -> Any:
-        """Start a scheduler and workers on this machine."""
-        try:
-            return package.LocalCluster(n_workers=self.workers, threads_per_worker=1, resources={RESOURCE: 1},
-                                        dashboard_address=None, silence_logs=logging.CRITICAL)
-        except (OSError, RuntimeError) as error:
-            raise LfsrError(f"{self.workers} workers could not be started ({error}): check that this machine has "
-                            f"enough memory for them, {AGAIN}") from None
+    run_on(address, Path(request.output), request.scene, tasks, took)
+    return [made[asked.output] for asked in requests]
 
 
-@contextlib.contextmanager
-def _silence() -> Iterator[None]:
-    """Print nothing of distributed's log inside the block: it has tracebacks of what we tell in a sentence."""
-    before = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        logging.disable(before)
+def reference_on(address: str, request: Request, blender: str | None, tell: Tell) -> None:
+    """Render a reference on a cluster: by rows of lenses, or by samples where it has a list of lenses.
 
-
-def work_through(cluster: Cluster, output: Path, scene: str, tasks: Callable[[int], Iterable[Task]],
-                 took: Callable[[Any], None]) -> None:
-    """Have the workers of a cluster do ``tasks``, called with their number; ``took`` is called with each result.
-
-    Every worker must see the folder ``output`` and the file ``scene`` under the same path. LfsrError where one does
-    not, or with a task's own sentence.
+    Parts are stored in a hidden folder beside the reference until all are there; the same call continues from them.
     """
-    with cluster.client() as client, _place(output) as place:
+    folder, parts, done = FrameFolder(request.output), list[Request](), list[Path]()
+    folder.check_free(request.kind)
+    hidden = f".{folder.path.name}-workers-"
+
+    def tasks(workers: int) -> Iterator[Task]:
+        parts.extend(reference_parts(request, PARTS_PER_WORKER * workers, hidden))
+        return (Task(Path(part.output).name, _render_part, (part, blender)) for part in parts)
+
+    def took(output: str) -> None:
+        done.append(Path(output))
+        tell(Progress("reference", len(done) / len(parts), f"{len(done)} of {len(parts)} parts"))
+
+    run_on(address, folder.path.parent, request.scene, tasks, took)
+    merge(done, folder.path, tell)
+    for path in folder.path.parent.glob(f"{hidden}*"):
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def reference_parts(request: Request, most: int, hidden: str) -> list[Request]:
+    """Return at most ``most`` requests that together are ``request``, in a folder named by what decides the pixels."""
+    height, pairs = request.display.lenses[1], request.sampling.samples // 2
+    count = min(most, height if request.lens_list is None else pairs)
+    facts = digest([request_facts(request), scene_stamp(request.scene), count])
+    outputs = [str(Path(request.output).with_name(f"{hidden}{facts}") / str(number + 1)) for number in range(count)]
+    if request.lens_list is None:
+        return [dataclasses.replace(request, rows=parse_rows(f"{number + 1}/{count}", height), output=output)
+                for number, output in enumerate(outputs)]
+    samples = [2 * ((number + 1) * pairs // count - number * pairs // count) for number in range(count)]
+    samples[0] += request.sampling.samples % 2
+    return [dataclasses.replace(request.sampled(samples=samples[number]), seed=request.seed + number, output=output)
+            for number, output in enumerate(outputs)]
+
+
+def run_on(address: str, output: Path, scene: str, tasks: Callable[[int], Iterator[Task]],
+           took: Callable[[Any], None]) -> None:
+    """Have a scheduler's workers do ``tasks``, called with their number; ``took`` is called with each result.
+
+    LfsrError where no scheduler answers or no worker is left, where a worker does not see the folder ``output`` or
+    the file ``scene`` under the same path, or with a task's own sentence.
+    """
+    try:
+        import distributed
+    except ImportError:
+        raise LfsrError("a cluster needs the package distributed: install the extra 'farm', as by pip install "
+                        "'lfsr[farm]'") from None
+    package: Any = distributed  # has no types
+    place = output / f"{PLACE_FILE}{secrets.token_hex(4)}"  # by which workers recognise the folder
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)  # distributed's log has tracebacks of what is told here in a sentence
+    with contextlib.ExitStack() as stack:
+        stack.callback(logging.disable, before)
+        try:
+            client = stack.enter_context(package.Client(address, timeout=SECONDS_TO_CONNECT, set_as_default=False))
+        except (OSError, ValueError) as error:
+            raise LfsrError(f"{address} cannot be reached as a Dask scheduler ({error}): start one by `dask scheduler` "
+                            "and give its address, as tcp://host:8786") from None
+        with system_errors(output):
+            output.mkdir(parents=True, exist_ok=True)
+            place.touch()
+        stack.callback(place.unlink, missing_ok=True)
         workers = client.scheduler_info(n_workers=-1)["workers"]
         if not workers:
             raise LfsrError("the scheduler has no workers: start some by `dask worker ADDRESS`")
-        answers: dict[str, Any] = client.run(_blind, str(place), scene, on_error="return")
-        for worker, sentence in answers.items():
-            if sentence and not isinstance(sentence, OSError):  # that one has died, and its tasks go to others
-                raise LfsrError(f"the worker {worker} {sentence}")
         uses = all(RESOURCE in worker.get("resources", {}) for worker in workers.values())
-        submitted = [client.submit(_work, task.function, task.arguments, str(place), scene,
-                                   key=f"lfsr-{task.name}-{place.name[-8:]}", retries=RETRIES,
-                                   resources={RESOURCE: 1} if uses else None, pure=False)
-                     for task in tasks(len(workers))]
-        _gather(client, submitted, took)
+        submitted = [client.submit(_work, task.function, task.arguments, str(place), scene, retries=RETRIES,
+                                   key=f"lfsr-{task.name}-{place.name[-8:]}", pure=False,
+                                   resources={RESOURCE: 1} if uses else None) for task in tasks(len(workers))]
+        stack.callback(client.cancel, submitted)
+        waiting = set(submitted)
+        while waiting:
+            try:
+                ended = package.wait(waiting, timeout=SECONDS_WITHOUT_WORKERS, return_when="FIRST_COMPLETED").done
+                for task in ended:
+                    took(task.result())
+                waiting -= ended
+            except (TimeoutError, package.TimeoutError):
+                if not client.scheduler_info(n_workers=-1)["workers"]:
+                    raise LfsrError(f"no worker of {address} is left: start some by `dask worker ADDRESS`, {AGAIN}"
+                                    ) from None
+            except package.KilledWorker as error:
+                raise LfsrError(f"workers died over the same work ({error.task}): check that their machines have "
+                                f"enough memory, {AGAIN}") from None
+            except (concurrent.futures.CancelledError, OSError):
+                raise LfsrError(f"the scheduler {address} has ended: start it and its workers, {AGAIN}") from None
 
 
 def _work(function: Callable[..., Any], arguments: tuple[Any, ...], place: str, scene: str) -> Any:
-    """Do a task, on a worker."""
-    sentence = _blind(place, scene)
-    if sentence:
-        raise LfsrError(f"a worker {sentence}")
+    """Do a task, on a worker that sees the folder and the scene."""
+    for path, what in ((Path(place), f"folder {Path(place).parent}"), (Path(scene), f"scene {scene}")):
+        if not path.is_file():
+            raise LfsrError(f"a worker does not see the {what}: make it visible on its machine under the same path")
     return function(*arguments)
 
 
-def _gather(client: Any, submitted: list[Any], took: Callable[[Any], None]) -> None:
-    """Call ``took`` with each result; LfsrError where workers die over a task, or none or no scheduler is left."""
-    import distributed
-
-    package: Any = distributed
-    ended = queue.SimpleQueue[Any]()
-    for task in submitted:
-        task.add_done_callback(ended.put)
-    try:
-        for _ in submitted:
-            task = _next(client, ended)
-            try:
-                took(task.result())
-            except package.KilledWorker:
-                raise LfsrError(f"{DEATHS + 1} workers died over the same work, the last over {task.key}: check that "
-                                f"their machines have enough memory, {AGAIN}") from None
-            except concurrent.futures.CancelledError:
-                raise LfsrError(f"the scheduler {client.scheduler.address} has ended: start it and its workers, {AGAIN}"
-                                ) from None
-    finally:
-        with contextlib.suppress(concurrent.futures.CancelledError, OSError):
-            client.cancel(submitted)
+def _make(request: Request, finish: Finish, frames: Sequence[int], blender: str | None, overwrite: bool) -> list[Made]:
+    return make(request, finish, frames, blender=blender, overwrite=overwrite)
 
 
-def _next(client: Any, ended: queue.SimpleQueue[Any]) -> Any:
-    """Wait for the next task that ends."""
-    seen = time.monotonic()
-    while True:
-        with contextlib.suppress(queue.Empty):
-            return ended.get(timeout=min(SECONDS_TO_LOOK, SECONDS_WITHOUT_WORKERS))
-        with contextlib.suppress(OSError):  # the scheduler is away: then all tasks are cancelled
-            if client.scheduler_info(n_workers=-1)["workers"]:
-                seen = time.monotonic()
-        if time.monotonic() - seen > SECONDS_WITHOUT_WORKERS:
-            raise LfsrError(f"no worker of {client.scheduler.address} is left: start some by `dask worker ADDRESS`, "
-                            f"{AGAIN}")
-
-
-@contextlib.contextmanager
-def _place(output: Path) -> Iterator[Path]:
-    """Put a file into ``output`` while the block runs, by which workers recognise the folder."""
-    place = output / f"{PLACE_FILE}{secrets.token_hex(4)}"
-    with system_errors(output):
-        output.mkdir(parents=True, exist_ok=True)
-        place.touch()
-    try:
-        yield place
-    finally:
-        place.unlink(missing_ok=True)
-
-
-def _blind(place: str, scene: str) -> str:
-    """Return what a worker cannot see, empty where it sees everything; runs on the worker."""
-    if not Path(place).exists():
-        return f"does not see the folder {Path(place).parent}: make it visible on its machine under the same path"
-    if not Path(scene).is_file():
-        return f"does not see the scene {scene}: make it visible on its machine under the same path"
-    return ""
+def _render_part(request: Request, blender: str | None) -> str:
+    make(request, blender=blender)
+    return request.output

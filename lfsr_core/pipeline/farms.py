@@ -12,7 +12,7 @@ from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path, write_json
-from lfsr_core.frames.averaging import check_averaging
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.request import Request
 
 OPENJD, FLAMENCO = "openjd", "flamenco"
@@ -29,29 +29,27 @@ LINEAR_EXR = {True: "--linear-exr", False: "--no-linear-exr"}
 class FarmJob:
     """An animation to be rendered by a farm; LfsrError on what no farm can do."""
 
-    job: Request  # its output is the folder of the frames' folders, its scene a file that every worker sees
+    request: Request  # its output is the folder of the frames' folders, its scene a file that every worker sees
+    finish: Finish
     frames: tuple[int, ...]
-    method: str
-    linear_exr: bool = False
     parts: int = 1  # into which each frame is split, by rows of lenses
     display: str = ""  # file of the display's profile, empty for the built-in one of its name
-    temporal_averaging: int = 0  # as of ``Finish``
 
     def __post_init__(self) -> None:
-        most = min(MOST_PARTS, self.job.display.lenses[1])
+        most = min(MOST_PARTS, self.request.display.lenses[1])
         if not 1 <= self.parts <= most:
             raise LfsrError(f"parts are {self.parts}, but they must be 1 to {most} on display "
-                            f"{self.job.display.name}")
-        check_averaging(self.temporal_averaging)
+                            f"{self.request.display.name}")
 
     @property
     def values(self) -> dict[str, Any]:
         """Settings by their names in the templates; Flamenco's are in lower case."""
-        rays = self.job.sampling.samples / self.job.display.finished_pixels(self.job.sampling.scale)
-        return {"Output": self.job.output, "Parts": self.parts, "Display": self.display or self.job.display.name,
-                "Scale": str(self.job.sampling.scale), "Rays": rays, "Seed": self.job.seed, "Light": self.job.light,
-                "Device": self.job.device, "Method": self.method, "Linear": LINEAR_EXR[self.linear_exr],
-                "Share": self.temporal_averaging}
+        request, sampling, finish = self.request, self.request.sampling, self.finish
+        return {"Output": request.output, "Parts": self.parts, "Display": self.display or request.display.name,
+                "Scale": str(sampling.scale),
+                "Rays": sampling.samples / request.display.finished_pixels(sampling.scale),
+                "Seed": request.seed, "Light": request.light, "Device": request.device, "Method": finish.method,
+                "Linear": LINEAR_EXR[finish.linear_exr], "TemporalAveraging": finish.temporal_averaging}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,7 +74,7 @@ def write_job(farm: str, folder: Path, job: FarmJob) -> Submission:
 
 def _openjd(folder: Path, job: FarmJob) -> Submission:
     """Write a job bundle: AWS Deadline Cloud reads ``parameter_values``, openjd-cli the plain parameters."""
-    values = {"Scene": job.job.scene, "Frames": _ranges(job.frames)} | job.values
+    values = {"Scene": job.request.scene, "Frames": _ranges(job.frames)} | job.values
     template, plain, bundle = folder / "template.yaml", folder / "parameters.json", folder / "parameter_values.json"
     write_template(OPENJD, template)
     write_json(plain, values)
@@ -92,9 +90,10 @@ def _flamenco(folder: Path, job: FarmJob) -> Submission:
     script, data = folder / f"{FLAMENCO_TYPE}.js", folder / "flamenco-job.json"
     write_template(FLAMENCO, script)
     write_json(data, {
-        "name": f"{Path(job.job.scene).stem} {_ranges(job.frames)}", "type": FLAMENCO_TYPE,
+        "name": f"{Path(job.request.scene).stem} {_ranges(job.frames)}", "type": FLAMENCO_TYPE,
         "priority": FLAMENCO_PRIORITY, "submitter_platform": FLAMENCO_PLATFORMS.get(platform.system(), "linux"),
-        "settings": {"blendfile": job.job.scene, "frames": ",".join(map(str, job.frames)), "lfsr": "lfsr"} | values})
+        "settings": {"blendfile": job.request.scene, "frames": ",".join(map(str, job.frames)),
+                     "lfsr": "lfsr"} | values})
     words = ["curl", "-H", "Content-Type: application/json", "--data", f"@{data}", "http://MANAGER:8080/api/v3/jobs"]
     return Submission((script, data), shlex.join(words),
                       f"Put your manager in place of MANAGER, once {script.name} is in its folder scripts")

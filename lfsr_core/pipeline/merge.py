@@ -14,7 +14,8 @@ import numpy as np
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
-from lfsr_core.base.progress import Progress, silent
+from lfsr_core.base.notices import Progress, Tell, silent
+from lfsr_core.frames.folder import RENDERED_FILES, FrameFolder
 from lfsr_core.frames.frame import (
     DEVICES_JOINED,
     FRAME_FILE,
@@ -27,8 +28,7 @@ from lfsr_core.frames.frame import (
 from lfsr_core.frames.identity import first_difference, has_other_size, phrases
 from lfsr_core.images import exr
 from lfsr_core.optics.lens_rows import Rows, check_cover, pixel_rows, rows_text
-from lfsr_core.pipeline.rendering import DERIVED_FILES, RENDERED_FILES, check_folder
-from lfsr_core.pipeline.staging import publish, staging_folder
+from lfsr_core.pipeline.staging import staging_folder
 
 FREE = {"rows", "seconds", "device", "gpus", "content", "notes"}  # fields in which the parts of one frame may differ
 
@@ -42,7 +42,7 @@ def part_folders(folders: Sequence[Path]) -> list[Path]:
     return found
 
 
-def merge(folders: Sequence[str | Path], output: str | Path, progress: Progress = silent) -> Frame:
+def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent) -> Frame:
     """Join parts by rows of lenses, or average whole references of other seeds, and return the frame in ``output``.
 
     ``folders``: parts of ``lfsr render --rows`` or ``lfsr reference --rows``, in any order; or whole references. The
@@ -54,19 +54,19 @@ def merge(folders: Sequence[str | Path], output: str | Path, progress: Progress 
         raise LfsrError("there are no parts to merge: name their folders")
     by_rows = any(part.frame.rows is not None for part in parts)
     frame = _by_rows(parts) if by_rows else _by_samples(parts)
-    check_folder(output, parts[0].kind)
+    FrameFolder(output).check_free(parts[0].kind)
     with staging_folder(output) as staging, system_errors(output):
         staged = staging / "frame"
         staged.mkdir()
         names = RENDERED_FILES[parts[0].kind]
         for number, name in enumerate(names):
-            progress("merge", number / len(names), name)
+            tell(Progress("merge", number / len(names), name))
             (_join if by_rows else _average)(parts, name, staged / name)
         if frame.world_apart:
             exr.write_layers(staged / WORLD_FILE, exr.read_layers(parts[0].folder / WORLD_FILE))
         write_frame(staged, frame)
-        publish(staged, output, DERIVED_FILES)
-    progress("merge", 1.0, "")
+        FrameFolder(output).publish(staged)
+    tell(Progress("merge", 1.0))
     return frame
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import locks, replace
+from lfsr_core.base.files import locks
 
 LOCK_FILE, RELEASED_FILE = "in-use", "released"
 RANGE = re.compile(r"(\d+)-(\d+)-(\d+)$")  # end of a part's name: its first row or view, the next one, milliseconds
@@ -57,43 +57,9 @@ def release(staging: Path) -> None:
     (staging / RELEASED_FILE).touch()
 
 
-def publish(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
-    """Replace the files in ``folder`` as ``replace_files`` does, and remove the stored parts of its render."""
-    folder.mkdir(exist_ok=True)
-    replace_files(staged, folder, stale)
-    shutil.rmtree(parts_folder(folder), ignore_errors=True)
-
-
-def replace_files(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
-    """Move finished files into ``folder``, and remove the ``stale`` files of an earlier run that are not replaced.
-
-    A process that is killed meanwhile leaves no JSON file that describes other files than those beside it. LfsrError,
-    and nothing is changed, where a file has the name of a folder.
-    """
-    paths = sorted(staged.iterdir(), key=lambda path: (path.suffix == ".json", path.name))
-    for path in (folder / path.name for path in paths):
-        if path.is_dir():
-            raise LfsrError(f"{path} cannot be written (it is a folder): remove it or choose another folder")
-    names = {path.name for path in paths if path.suffix != ".json"}
-    for name in {*(path.name for path in paths), *stale} - names:
-        (folder / name).unlink(missing_ok=True)
-    for path in paths:
-        replace(path, folder / path.name)
-
-
-def parts_folder(target: Path) -> Path:
-    """Return the folder for the finished parts of a long render into ``target``."""
-    return target.with_name(f".{target.name}-parts")
-
-
 def has_parts(folder: Path) -> bool:
     """True if the next render may continue from a part in ``folder``."""
     return any(RANGE.search(path.stem) for path in folder.glob("*.exr"))
-
-
-def parts_sentence(folder: Path) -> str:
-    """Return what to tell a user whose render ended early, "" where ``folder`` has no parts."""
-    return f"Render again to continue, or delete {folder} to start over" if has_parts(folder) else ""
 
 
 def remove_dead(target: Path) -> list[Path]:
@@ -137,3 +103,24 @@ def _ignores_case(folder: Path) -> bool:
 
 def _prefix(target: Path) -> str:
     return f".{target.name}-"
+
+
+def replace_files(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
+    """As ``FrameFolder.replace``."""
+    from lfsr_core.frames.folder import FrameFolder
+
+    FrameFolder(folder).replace(staged, stale)
+
+
+def publish(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
+    """As ``FrameFolder.publish``."""
+    from lfsr_core.frames.folder import FrameFolder
+
+    folder.mkdir(exist_ok=True)
+    FrameFolder(folder).replace(staged, stale)
+    shutil.rmtree(parts_folder(folder), ignore_errors=True)
+
+
+def parts_folder(target: Path) -> Path:
+    """As ``FrameFolder.parts``."""
+    return target.with_name(f".{target.name}-parts")

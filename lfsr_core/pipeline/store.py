@@ -1,27 +1,60 @@
-"""Cached renders: each is made when it is first asked for."""
+"""Glue until every caller uses ``make``."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from lfsr_core.base.notices import Notice, Progress, Tell
 from lfsr_core.base.progress import ProgressBar
-from lfsr_core.frames.frame import FRAME_FILE
+from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.identity import check_same
 from lfsr_core.frames.request import Request, check_scene
-from lfsr_core.pipeline.rendering import RENDERED_FILES, run_job
-from lfsr_core.process.blender import find_blender
+from lfsr_core.pipeline.rendering import render_all
+from lfsr_core.process.blender import Starts, find_blender
 
 Render = Callable[[Request], None]
+Warn = Callable[[str], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Listener:
+    """Functions that are called while renders run."""
+
+    progress: Callable[[str, float, str], None] | None = None
+    warn: Warn | None = None
+    rendered: Callable[[Request], object] = lambda job: None
+
+
+def _tell(progress: Callable[[str, float, str], None] | None, warn: Warn | None) -> Tell:
+    def tell(told: Progress | Notice) -> None:
+        if isinstance(told, Progress):
+            if progress:
+                progress(told.stage, told.fraction, told.detail)
+        elif warn:
+            warn(str(told.values.get("text", told)))
+    return tell
+
+
+def run_jobs(jobs: Sequence[Request], blender: Starts, listener: Listener) -> None:
+    """As ``render_all``."""
+    render_all(jobs, blender, _tell(listener.progress, listener.warn), listener.rendered)
+
+
+def run_job(job: Request, blender: Starts, progress: Callable[[str, float, str], None] | None = None,
+            warn: Warn | None = None) -> None:
+    """Render one request."""
+    render_all([job], blender, _tell(progress, warn))
 
 
 def is_complete(folder: Path, kind: str = "render") -> bool:
-    """True if ``folder`` has all files of a render, or of a reference where that is the ``kind``."""
-    return all((folder / name).exists() for name in (FRAME_FILE, *RENDERED_FILES[kind]))
+    """As ``FrameFolder.holds``."""
+    return FrameFolder(folder).holds(kind)
 
 
 def cached(job: Request, render: Render) -> Path:
-    """Return the job's folder, rendered by ``render(job)`` unless it is complete; LfsrError if it holds another one."""
+    """Return the folder, rendered unless it is there."""
     folder = Path(job.output)
     if not is_complete(folder, job.kind):
         render(job)
@@ -30,10 +63,7 @@ def cached(job: Request, render: Render) -> Path:
 
 
 def with_blender(executable: str | None = None, announce: bool = True) -> Render:
-    """Return a function that renders jobs in Blender, which is looked for when the first job comes.
-
-    ``executable``: Blender, None for the best there is; ``announce``: print a line that stays for each job.
-    """
+    """Return a function that renders in Blender."""
     def render(job: Request) -> None:
         check_scene(job.scene)
         blender, bar = find_blender(executable), ProgressBar()

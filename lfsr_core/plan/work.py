@@ -14,9 +14,8 @@ from lfsr_core.base.cache import cache_folder
 from lfsr_core.base.files import locks
 from lfsr_core.frames.identity import PLACES, digest, request_facts, scene_stamp
 from lfsr_core.frames.request import Request
-from lfsr_core.pipeline.rendering import Warn
 from lfsr_core.pipeline.staging import LOCK_FILE, has_parts
-from lfsr_core.pipeline.store import is_complete
+from lfsr_core.pipeline.store import Warn, is_complete
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.version import __version__
 

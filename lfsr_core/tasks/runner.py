@@ -20,14 +20,15 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, system_errors
 from lfsr_core.process.child import Child
 from lfsr_core.process.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit, repeated
-from lfsr_core.tasks import blender_tasks, frame_tasks
+from lfsr_core.tasks import folder_tasks, render_tasks
 
 # A task takes the entries of its file and returns JSON-ready data.
 Task = Callable[..., dict[str, Any]]
-STARTING: dict[str, Task] = {"plan": blender_tasks.plan, "animation": blender_tasks.animation}  # start processes
+STARTING: dict[str, Task] = {task.__name__: task for task in (
+    render_tasks.make, render_tasks.reference, render_tasks.plan)}  # start processes
 TASKS: dict[str, Task] = STARTING | {task.__name__: task for task in (
-    frame_tasks.upscale, frame_tasks.decode, frame_tasks.choose, frame_tasks.compare, frame_tasks.view,
-    frame_tasks.export, frame_tasks.find_display, frame_tasks.show)}
+    folder_tasks.finish, folder_tasks.decode, folder_tasks.view, folder_tasks.export, folder_tasks.find_display,
+    folder_tasks.show)}
 
 
 def main(arguments: list[str]) -> int:

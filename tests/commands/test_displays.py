@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
-from tests.optics.panel.test_fit import CYLINDERS, GOOD
-from tests.optics.panel.test_visual_json import CELLS, NEW, new_unit, written
 
 from lfsr_core.cli import main
 from lfsr_core.exports import loopback
@@ -14,6 +12,8 @@ from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.profile_file import write_profile
 from lfsr_lab.experiments.photographs.camera import jpeg
+from tests.calibration.test_fit import CYLINDERS, GOOD
+from tests.calibration.test_visual_json import CELLS, NEW, new_unit, written
 from tests.support.bridge import device
 from tests.support.bridge_displays import DEVICES, PORTRAIT
 from tests.support.synthetic import fails

@@ -10,12 +10,12 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
-from tests.optics.panel.test_visual_json import OLD
 
 from lfsr_core.cli import main
 from lfsr_core.exports import loopback
 from lfsr_core.frames.frame import SUBPIXELS, write_frame
 from lfsr_core.images.png import read_png, write_png
+from tests.calibration.test_visual_json import OLD
 from tests.support.bridge import device
 from tests.support.bridge_displays import DEVICES
 from tests.support.finished import MINI, finished

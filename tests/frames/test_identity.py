@@ -24,7 +24,7 @@ from lfsr_core.frames.identity import (
 from lfsr_core.frames.request import AUTO
 from lfsr_core.optics.rays import CameraArray
 from tests.support.panels import cells, hexagonal, lenticular
-from tests.support.requests import make_request
+from tests.support.requests import changed, make_request
 from tests.support.synthetic import MINI, frame_of
 
 JOB = make_request(output="film/0001", display=MINI, scale=2, samples=16)
@@ -33,9 +33,9 @@ LENSES = ((0, 0), (1, 1))
 
 
 @pytest.mark.parametrize(("changes", "sentence"), [
-    ({"spp": 4}, "with 16 samples per pixel, but 4 were asked for"),
+    ({"samples": 4}, "with 16 samples per pixel, but 4 were asked for"),
     ({"scales": (2, 4), "rays": 1.0}, "with 16 samples per pixel, but 4 were asked for"),
-    ({"scale": 4, "spp": 4}, "with scale 2, but scale 4 was asked for"),
+    ({"scale": 4, "samples": 4}, "with scale 2, but scale 4 was asked for"),
     ({"display": dataclasses.replace(MINI, name="other")}, "with display mini, but display other was"),
     ({"display": dataclasses.replace(MINI, viewing_angle_deg=33.0)},
      f"with display viewing angle deg {MINI.viewing_angle_deg}, but display viewing angle deg 33.0 was"),
@@ -52,7 +52,7 @@ LENSES = ((0, 0), (1, 1))
     ({"world_visible": True}, "with no visible world, but visible world was"),
     ({"layers": ("albedo", "normal")}, "with no layers, but layers albedo, normal were")])
 def test_the_first_difference_is_one_sentence(tmp_path, changes, sentence):
-    job = dataclasses.replace(JOB, **changes)
+    job = changed(JOB, **changes)
     write_frame(tmp_path, FRAME)
     with pytest.raises(LfsrError) as caught:
         check_same(tmp_path, job, names=None, advice="give --overwrite")
@@ -73,7 +73,7 @@ def test_the_first_difference_is_one_sentence(tmp_path, changes, sentence):
     ({"light": "night"}, {"light": ""}),  # an older frame does not know
     ({"kind": "reference", "scale": 1}, {"scale": 1, "samples": 500, "lens_list": LENSES})])
 def test_what_a_job_leaves_open_may_be_anything(changes, found):
-    assert is_same(dataclasses.replace(FRAME, **found), dataclasses.replace(JOB, **changes))
+    assert is_same(dataclasses.replace(FRAME, **found), changed(JOB, **changes))
 
 
 def test_another_light_is_another_render(tmp_path):
@@ -154,6 +154,6 @@ def test_a_digest_knows_what_decides_pixels_and_no_path():
     ({"scene_name": "Set"}, {}, True),
     ({}, {"scene_name": "Set"}, True)])
 def test_frames_of_another_file_or_scene_are_other_renders(frame, job, own):
-    found, wanted = dataclasses.replace(FRAME, **frame), dataclasses.replace(JOB, **job)
+    found, wanted = dataclasses.replace(FRAME, **frame), changed(JOB, **job)
     assert is_same(found, wanted) is own
     assert is_of(found, wanted.source, wanted.scene_name or "") is own

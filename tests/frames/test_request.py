@@ -20,7 +20,7 @@ JOB = make_request("out", MINI, scene="s.blend", kind="reference", scale=2, samp
           convention="paper", view_aperture=0.5, seed=5, frame=3, subject="Things", lens_list=((1, 2), (3, 4)),
           device="OPTIX", clamp_indirect=0.0, world_visible=True, scene_name="Set", parts="kept",
           source="../shot.blend",
-          camera="Camera", scales=(4, 2), scale_frames=(1, 9), rays=2.5, scale_reason="it is deep", world="world.exr",
+          camera="Camera", scales=(4, 2), frames=(1, 9), rays=2.5, reason="it is deep", world="world.exr",
           light="night")
 
 
@@ -43,16 +43,16 @@ def test_json_round_trip_keeps_every_field(tmp_path):
 @pytest.mark.parametrize(("options", "message"), [
     ({"scale": 3}, "scale is 3"),
     ({"scale": 2.0}, "scale is 2.0, but it must be a whole number"),
-    ({"spp": 2**24 + 1}, "samples per pixel is 16777217.*at most 16777216"),
+    ({"samples": 2**24 + 1}, "samples per pixel is 16777217.*at most 16777216"),
     ({"seed": 2**31}, "seed is 2147483648.*between 0 and 2147483647"),
     ({"seed": -(10**400)}, "seed is -1000"),
     ({"frame": 10**9}, "frame is 1000000000.*1048574"),
     ({"scale_frames": (1, 10**9)}, "frame is 1000000000.*1048574"),
     ({"rays": -2.0}, "rays per finished pixel are -2, but they must be above 0"),
     ({"clamp_indirect": -1.0}, "clamp indirect is -1.0"),
-    ({"spp": 0}, "samples per pixel is 0, but a render.*at least 1"),
-    ({"spp": 1.5}, "samples per pixel is 1.5"),
-    ({"spp": 1, "kind": "reference", "scale": 1}, "samples per pixel is 1, but a reference.*at least 2"),
+    ({"samples": 0}, "samples per pixel is 0, but a render.*at least 1"),
+    ({"samples": 1.5}, "samples per pixel is 1.5"),
+    ({"samples": 1, "kind": "reference", "scale": 1}, "samples per pixel is 1, but a reference.*at least 2"),
     ({"layout": "viewbyview"}, "layout is 'viewbyview': did you mean 'view-by-view'"),
     ({"convention": "old"}, "convention is 'old': It must be one of centred, paper"),
     ({"kind": "film"}, "kind is 'film'"),
@@ -70,9 +70,9 @@ def test_bad_value_is_named(options, message):
 
 
 @pytest.mark.parametrize(("change", "message"), [
-    ({"sp": 3}, "job: unknown field 'sp'; did you mean 'spp'"),
-    ({"zzzz": 3}, "job: unknown field 'zzzz'; the fields are"),
-    ({"display": None}, "job: field 'display' is missing"),
+    ({"sed": 3}, "unknown field 'sed'; did you mean 'seed'"),
+    ({"zzzz": 3}, "request: unknown field 'zzzz'; the fields are"),
+    ({"display": None}, "request: field 'display' is missing"),
 ])
 def test_bad_job_file_is_named(tmp_path, change, message):
     data = {key: value for key, value in (to_data(JOB) | change).items() if value is not None}
@@ -83,7 +83,7 @@ def test_bad_job_file_is_named(tmp_path, change, message):
 
 def test_job_file_of_another_type_is_named(tmp_path):
     (tmp_path / "job.json").write_text("[]")
-    with pytest.raises(LfsrError, match="holds a list, but a render job"):
+    with pytest.raises(LfsrError, match="holds a list, but a render request"):
         read_request(tmp_path / "job.json")
 
 
@@ -93,7 +93,7 @@ def test_samples_follow_from_the_rays_at_the_chosen_scale():
                                                                         reason="it is deep")
     assert job.judged_rays == 5 / 16
     by_rays = job.sampled(rays=4.0)
-    assert [by_rays.with_scale(ScaleChoice(scale)).spp for scale in job.sampling.scales] == [64, 16, 4]
+    assert [by_rays.with_scale(ScaleChoice(scale)).sampling.samples for scale in job.sampling.scales] == [64, 16, 4]
     assert by_rays.judged_rays == 4
 
 

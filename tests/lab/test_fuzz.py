@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 from _pytest.mark import ParameterSet
 from PIL import Image
-from tests.optics.panel.test_fit import CYLINDERS, GOOD
 
 from lfsr_core.base.files import write_json
 from lfsr_core.base.records import to_data
@@ -36,6 +35,7 @@ from lfsr_lab.experiments.sweeps.sweeps import choose_sweeps, label
 from lfsr_lab.networks import comparators
 from lfsr_lab.train.config import CONFIG_FOLDER
 from lfsr_lab.train.denoiser.data import load_scenes
+from tests.calibration.test_fit import CYLINDERS, GOOD
 from tests.lab.train.denoiser.test_denoiser import write_scene
 from tests.support import chart_folder, damage
 from tests.support.damage import Case

@@ -9,16 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.images.exr import write_layers
 from lfsr_core.pipeline.parts import ImageParts, Part, gaps, remove_others
-from lfsr_core.pipeline.staging import parts_folder, parts_sentence, publish, staging_folder
+from lfsr_core.pipeline.staging import has_parts, staging_folder
 
 INPUTS = {"settings": "abc", "scene file": "def"}
 
 
 @pytest.fixture
 def parts(tmp_path):
-    return ImageParts(parts_folder(tmp_path / "frame"), "lr_eia", INPUTS)
+    return ImageParts(FrameFolder(tmp_path / "frame").parts, "lr_eia", INPUTS)
 
 
 def put(parts, first, last, seconds=1.5):
@@ -76,11 +77,11 @@ def test_parts_without_readable_inputs_go(parts, content):
 
 
 def test_it_is_told_where_parts_are_until_the_render_is_published(parts, tmp_path):
-    assert parts_sentence(parts.folder) == ""
+    assert not has_parts(parts.folder)
     put(parts, 0, 4)
-    assert f"delete {parts.folder} to start over" in parts_sentence(parts.folder)
+    assert has_parts(parts.folder)
     with staging_folder(tmp_path / "frame") as staged:
         assert parts.folder.exists(), "a dead run's staging folder goes, parts stay"
         (staged / "frame").mkdir()
-        publish(staged / "frame", tmp_path / "frame")
+        FrameFolder(tmp_path / "frame").publish(staged / "frame")
     assert [path.name for path in tmp_path.iterdir()] == ["frame"]

@@ -16,13 +16,14 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.base.records import to_data
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, REPORT_FILE
+from lfsr_core.frames.folder import FrameFolder
+from lfsr_core.frames.frame import LOG_FILE, LOW_RES_FILE, REFERENCE_FILES, REPORT_FILE
 from lfsr_core.frames.request import Request
 from lfsr_core.optics.display import load_display
 from lfsr_core.pipeline import rendering as process
-from lfsr_core.pipeline.rendering import run_job
-from lfsr_core.pipeline.staging import parts_folder
+from lfsr_core.pipeline.rendering import render_all
 from lfsr_core.process import blender as blender_places
 from lfsr_core.process.blender import Blender, find_blender
 from lfsr_core.process.protocol import parse_progress
@@ -142,25 +143,24 @@ def test_progress_lines(line, record):
 
 def test_finished_render_is_moved_in_whole(blender, job):
     seen = []
-    run_job(job, Blender(blender(GOOD)), lambda *state: seen.append(state))
-    assert seen == [("render", 0.5, "half")]
+    render_all([job], Blender(blender(GOOD)), seen.append)
+    assert seen == [Progress("render", 0.5, "half")]
     assert leftovers(job) == ["frame", f"frame/{LOW_RES_FILE}"]
 
 
 def test_warnings_are_passed_on_apart_from_progress(blender, job):
     body = """print('LFSR {"stage": "render", "fraction": 0, "message": "no wood.png", "warning": true}')""" + GOOD
-    seen, warnings = [], []
-    run_job(job, Blender(blender(body)), lambda *state: seen.append(state), warnings.append)
-    assert seen == [("render", 0.5, "half")]
-    assert warnings == ["no wood.png"]
+    seen = []
+    render_all([job], Blender(blender(body)), seen.append)
+    assert seen == [Notice("said", {"text": "no wood.png"}), Progress("render", 0.5, "half")]
 
 
 def test_job_file_asks_for_the_job(blender, job, tmp_path):
     body = f"Path({str(tmp_path / 'copy.json')!r}).write_text(json.dumps(job))" + GOOD
-    run_job(job, Blender(blender(body)))
+    render_all([job], Blender(blender(body)))
     asked = json.loads((tmp_path / "copy.json").read_text())
     assert Path(asked.pop("output")).is_absolute()
-    assert asked.pop("parts") == str(parts_folder(Path(job.output)))
+    assert asked.pop("parts") == str(FrameFolder(job.output).parts)
     assert asked == {key: value for key, value in to_data(job).items() if key not in ("output", "parts")}
 
 
@@ -169,7 +169,7 @@ def test_new_render_replaces_what_was_made_from_the_old_one(blender, job):
     folder.mkdir(parents=True)
     for name in (LOW_RES_FILE, REPORT_FILE, "notes.txt"):
         (folder / name).write_text("old")
-    run_job(job, Blender(blender(GOOD)))
+    render_all([job], Blender(blender(GOOD)))
     assert (folder / LOW_RES_FILE).read_text() == "new"
     assert leftovers(job) == ["frame", f"frame/{LOW_RES_FILE}", "frame/notes.txt"]
 
@@ -183,7 +183,7 @@ sys.exit(2)
 
 def test_bad_input_is_told_in_blenders_sentence_and_leaves_nothing(blender, job):
     with pytest.raises(LfsrError, match=r"^scene x.blend has no visible subject: show one$"):
-        run_job(job, Blender(blender(BAD_INPUT)))
+        render_all([job], Blender(blender(BAD_INPUT)))
     assert leftovers(job) == []
 
 
@@ -196,7 +196,7 @@ def test_bad_input_is_told_in_blenders_sentence_and_leaves_nothing(blender, job)
 def test_crash_is_reported_with_the_last_lines_and_the_log_is_kept(blender, job, ending, message):
     body = "Path(job['output'], 'lr_eia.exr').write_text('half')\nprint('out of\\nmemory', flush=True)\n" + ending
     with pytest.raises(LfsrError, match=rf"stopped with {message} .*'out of / memory'.*blender.log") as caught:
-        run_job(job, Blender(blender(body)))
+        render_all([job], Blender(blender(body)))
     assert "\n" not in str(caught.value)
     assert leftovers(job) == ["frame", "frame/blender.log"]
 
@@ -207,18 +207,18 @@ def test_an_importers_error_reaches_the_user_as_one_sentence(job, tmp_path):
     scene.write_text('{"asset": {"version": "2.0"}, "meshes": [{"primitives": [{"attributes": {"POSITION": 99}}]}], '
                      '"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}], "scene": 0}')
     with pytest.raises(LfsrError, match=r"scene\.gltf cannot be read \(TypeError"):
-        run_job(dataclasses.replace(job, scene=str(scene)), Blender())
+        render_all([dataclasses.replace(job, scene=str(scene))], Blender())
     assert leftovers(job) == []
 
 
 def test_log_of_a_crash_is_not_written_through_a_link(blender, job, tmp_path):
     (tmp_path / "precious").write_text("mine")
     Path(job.output).mkdir(parents=True)
-    Path(job.output, process.LOG_FILE).symlink_to(tmp_path / "precious")
+    Path(job.output, LOG_FILE).symlink_to(tmp_path / "precious")
     with pytest.raises(LfsrError, match="exit code 3"):
-        run_job(job, find_blender(blender("sys.exit(3)")))
+        render_all([job], find_blender(blender("sys.exit(3)")))
     assert (tmp_path / "precious").read_text() == "mine"
-    assert not Path(job.output, process.LOG_FILE).is_symlink()
+    assert not Path(job.output, LOG_FILE).is_symlink()
 
 
 LOG_FILLS_THE_DISK = """
@@ -227,12 +227,12 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.request import Request
 from lfsr_core.optics.display import load_display
 from lfsr_core.process.blender import find_blender
-from lfsr_core.pipeline.rendering import run_job
+from lfsr_core.pipeline.rendering import render_all
 from tests.support.requests import make_request
 found = find_blender(sys.argv[1])
 resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
 try:
-    run_job(make_request(sys.argv[2], load_display("mini")), found)
+    render_all([make_request(sys.argv[2], load_display("mini"))], found)
 except LfsrError as error:
     print("one sentence:", error)
 """
@@ -248,9 +248,9 @@ def test_log_that_fills_the_disk_is_one_sentence_and_leaves_nothing(blender, job
 
 
 def test_crash_keeps_the_older_render(blender, job):
-    run_job(job, Blender(blender(GOOD)))
+    render_all([job], Blender(blender(GOOD)))
     with pytest.raises(LfsrError, match="exit code 1"):
-        run_job(job, Blender(blender("sys.exit(1)")))
+        render_all([job], Blender(blender("sys.exit(1)")))
     assert (Path(job.output) / LOW_RES_FILE).read_text() == "new"
 
 
@@ -260,14 +260,14 @@ def test_another_kind_of_render_is_never_overwritten(blender, tmp_path, kind, pr
     folder.mkdir()
     (folder / present).write_text("hours of work")
     with pytest.raises(LfsrError, match=f"but a {kind} was asked for: choose another folder"):
-        run_job(make_request(str(folder), load_display("mini"), kind=kind, scale=1), Blender(blender(GOOD)))
+        render_all([make_request(str(folder), load_display("mini"), kind=kind, scale=1)], Blender(blender(GOOD)))
     assert (folder / present).read_text() == "hours of work"
 
 
 def test_output_that_is_a_file_is_refused(blender, tmp_path):
     (tmp_path / "frame").write_text("x")
     with pytest.raises(LfsrError, match="frame is a file, but the output must be a folder"):
-        run_job(make_request(str(tmp_path / "frame"), load_display("mini")), Blender(blender(GOOD)))
+        render_all([make_request(str(tmp_path / "frame"), load_display("mini"))], Blender(blender(GOOD)))
 
 
 SLEEPER = """

@@ -10,20 +10,19 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.report import read_report
-from lfsr_core.pipeline.animation import SecondStage
-from lfsr_core.pipeline.engine import KEPT, MADE, Tools, render_animation
 from lfsr_core.pipeline.finishing import finish_frame
-from tests.support.animations import animation, images, states
+from lfsr_core.pipeline.make import KEPT, MADE, requests_of
+from tests.support.animations import FINISH, film, film_request, images, states
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import fails
 
-AVERAGED = SecondStage("bicubic", temporal_averaging=1)
+AVERAGED = Finish("bicubic", temporal_averaging=1)
 
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     folder = tmp_path_factory.mktemp("shared")
-    render_animation(animation(folder, range(1, 4), AVERAGED), Tools(played_blender(folder / "blender"), chunk=2))
+    film(folder, range(1, 4), AVERAGED, blender=played_blender(folder / "blender"), chunk=2)
     return folder
 
 
@@ -45,34 +44,33 @@ def test_every_frame_has_noise_of_its_own_and_sees_those_beside_it(finished):
 
 
 def test_alone_every_frame_has_the_same_noise(tmp_path):
-    assert {job.seed for job in animation(tmp_path, range(1, 4)).jobs} == {5}
+    assert {request.seed for request in requests_of(film_request(tmp_path), FINISH, range(1, 4))} == {5}
 
 
 def test_the_picture_is_that_of_the_second_stage_alone(made):
     before = images(made / "film")
-    finish_frame(made / "film" / "0002", Finish("bicubic", temporal_averaging=1))
+    finish_frame(made / "film" / "0002", AVERAGED)
     assert images(made / "film") == before
-    finish_frame(made / "film" / "0002", "bicubic")
+    finish_frame(made / "film" / "0002", FINISH)
     assert images(made / "film")["0002"] != before["0002"]
 
 
 def test_a_frame_is_finished_again_when_more_lie_beside_it(made):
-    tools = Tools(str(made / "blender"))
-    assert states(render_animation(animation(made, range(1, 4), AVERAGED), tools)) == [KEPT] * 3
-    assert states(render_animation(animation(made, range(1, 5), AVERAGED), tools)) == [KEPT, KEPT, MADE, MADE]
+    assert states(film(made, range(1, 4), AVERAGED)) == [KEPT] * 3
+    assert states(film(made, range(1, 5), AVERAGED, blender=str(made / "blender"))) == [KEPT, KEPT, MADE, MADE]
     assert neighbours(made) == [(2, 3), (1, 3), (2, 4), (2, 3)]
 
 
 def test_frames_of_other_seeds_are_refused(made):
-    with pytest.raises(LfsrError, match="seed 6, but seed 5 was asked for"):
-        render_animation(animation(made, (2,)), Tools("/must/not/run"))
+    with pytest.raises(LfsrError, match="seed 6.*seed 5"):
+        film(made, (2,))
 
 
 @pytest.mark.parametrize("words, sentence", [
     (["--temporal-averaging", "1"], "without --frames"),
     (["--frames", "1-3", "--temporal-averaging", "9"], "0 to 8"),
     (["--frame", "2", "--temporal-averaging", "9"], "0 to 8"),
-    (["--frames", "1-3", "--temporal-averaging", "1", "--workers", "2"], "several workers"),
+    (["--frames", "1-3", "--temporal-averaging", "1", "--cluster", "tcp://x"], "cluster"),
 ])
 def test_what_does_not_go_together_is_refused(tmp_path, capsys, words, sentence):
     (tmp_path / "scene.glb").write_text("a scene")

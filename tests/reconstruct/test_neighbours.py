@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.notices import Notice
-from lfsr_core.frames.averaging import seed_in_turn
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.pipeline.finishing import finish_frame
@@ -39,7 +38,8 @@ def test_the_nearest_on_both_sides():
 def test_frames_near_one_have_every_seed_once(count):
     numbers = range(-5, 20)
     for number in numbers:
-        seeds = [seed_in_turn(7, each, count) for each in [number, *near(number, numbers, count)]]
+        seeds = [Finish("bicubic", temporal_averaging=count).seed_of(7, each) for each in [number, *near(number,
+                numbers, count)]]
         assert sorted(seeds) == list(range(7, 7 + 2 * count + 1))
 
 

@@ -1,35 +1,38 @@
-"""Animations of a synthetic light field, and a Blender that is played by a script."""
+"""Animations of a synthetic light field, made with a Blender that is played by a script."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from lfsr_core.pipeline.animation import Animation, SecondStage, animation_of
-from lfsr_core.pipeline.engine import Result, Tools
+from lfsr_core.frames.finish import Finish
+from lfsr_core.frames.request import Request
+from lfsr_core.pipeline.make import Made, make
 from tests.support.noisy_renders import JOB
-from tests.support.played_blender import played_blender
 
-SECOND = SecondStage("bicubic")
+FINISH = Finish("bicubic")
 
 
-def animation(folder: Path, frames: range | tuple[int, ...], second: SecondStage = SECOND, **changes) -> Animation:
-    """An animation of a scene file in ``folder``, to be rendered into its ``film``."""
+def film_request(folder: Path, **changes: Any) -> Request:
+    """A request of a scene file in ``folder``, to be rendered into its ``film``; sampling at scale 2."""
     scene = folder / "scene.glb"
     if not scene.exists():
         scene.write_text("a scene")
-    job = dataclasses.replace(JOB, **{"scene": str(scene), "output": str(folder / "film"), "scale": 2} | changes)
-    return animation_of(job, frames, second)
+    fields = {name: changes.pop(name) for name in list(changes) if name in Request.__dataclass_fields__}
+    request = dataclasses.replace(JOB, **{"scene": str(scene), "output": str(folder / "film")} | fields)
+    return request.sampled(**{"scale": 2} | changes)
 
 
-def played_tools(folder: Path, chunk: int) -> Tools:
-    """Tools with a played Blender in ``folder``, which takes ``chunk`` frames at a time."""
-    return Tools(played_blender(folder / "blender"), chunk=chunk)
+def film(folder: Path, frames: Sequence[int], finish: Finish = FINISH, *, blender: str = "/must/not/run",
+         changes: dict[str, Any] | None = None, **options: Any) -> list[Made]:
+    """Make ``frames`` of that request with ``blender``; ``options``: of ``make``."""
+    return make(film_request(folder, **changes or {}), finish, frames, blender=blender, **options)
 
 
-def states(results: Sequence[Result]) -> list[str]:
-    return [result.state for result in results]
+def states(made: Sequence[Made]) -> list[str]:
+    return [result.state for result in made]
 
 
 def images(folder: Path) -> dict[str, bytes]:

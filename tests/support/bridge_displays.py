@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from tests.optics.panel.test_visual_json import CELLS, NEW, OLD
-
+from tests.calibration.test_visual_json import CELLS, NEW, OLD
 from tests.support.bridge import device
 
 MONITOR = device(0, "", "thirdparty", None)

@@ -15,3 +15,9 @@ def make_request(output: str, display: DisplayProfile, scene: str = "", **option
     """Return a request; ``options``: fields of ``Sampling`` and of ``Request``."""
     sampling = {name: options.pop(name) for name in list(options) if name in SAMPLING}
     return Request(output, display, scene, sampling=Sampling(**sampling), **options)
+
+
+def changed(request: Request, **options: Any) -> Request:
+    """Return ``request`` with other options, as of ``make_request``."""
+    sampling = {name: options.pop(name) for name in list(options) if name in SAMPLING}
+    return dataclasses.replace(request.sampled(**sampling), **options)

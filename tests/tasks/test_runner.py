@@ -29,7 +29,7 @@ def task(tmp_path: Path, blender: str, **options: object) -> Path:
     job = make_request(output=str(tmp_path), display=load_display("mini"), scene="scene.blend")
     options = {"target": 0.5, "scales": [2], "spps": [4], "methods": ["bilinear"], "lenses": 16} | options
     path = tmp_path / "task.json"
-    path.write_text(json.dumps({"task": "plan", "job": to_data(job), "options": options, "command": [blender, "--"],
+    path.write_text(json.dumps({"task": "plan", "request": to_data(job), "options": options, "command": [blender, "--"],
                                 "work": str(tmp_path / "work")}))
     return path
 
@@ -62,8 +62,8 @@ def animation(tmp_path: Path, blender: str) -> Path:
     job = make_request(output=str(tmp_path / "film"), display=load_display("mini"),
                        scene=str(tmp_path / "scene.blend"), scale=2)
     path = tmp_path / "task.json"
-    path.write_text(json.dumps({"task": "animation", "job": to_data(job), "frames": [1, 2],
-                                "second": {"method": "bicubic"}, "command": [blender, "--"]}))
+    path.write_text(json.dumps({"task": "make", "request": to_data(job), "frames": [1, 2],
+                                "finish": {"method": "bicubic"}, "command": [blender, "--"]}))
     return path
 
 
@@ -89,7 +89,8 @@ def test_task_takes_its_render_along_when_it_ends(tmp_path, how, written):
     ("bicubik", EXIT_BAD_INPUT, {"stage": "error"})])
 def test_a_task_that_starts_nothing_runs_too(tmp_path, method, code, record):
     path = tmp_path / "task.json"
-    path.write_text(json.dumps({"task": "upscale", "folder": str(write_render(tmp_path / "frame")), "method": method}))
+    path.write_text(json.dumps({"task": "finish", "folder": str(write_render(tmp_path / "frame")),
+                                "finish": {"method": method}}))
     with run_task(path) as process:
         found = json.loads(process.stdout.read().splitlines()[-1].removeprefix("LFSR "))
     assert process.returncode == code and found.items() >= record.items()

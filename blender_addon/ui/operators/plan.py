@@ -18,7 +18,7 @@ from lfsr_core.plan.candidates import METRICS, Candidate
 from lfsr_core.plan.first import Guess, first_guess
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.reconstruct.method_name import AS_RENDERED
-from lfsr_core.tasks.blender_tasks import Found
+from lfsr_core.tasks.render_tasks import Found
 
 from ...jobs import recipes, session, steps
 from ...jobs.copy import file_copy

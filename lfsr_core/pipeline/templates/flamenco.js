@@ -26,7 +26,7 @@ const JOB_TYPE = {
         { key: "method", type: "string", default: "denoise+bilinear+epi", description: "Method that makes the other views" },
         { key: "linear", type: "string", default: "--no-linear-exr", choices: ["--no-linear-exr", "--linear-exr"],
           description: "Whether the image before the view transform is written too" },
-        { key: "share", type: "int32", default: 0, propargs: { min: 0, max: 8 },
+        { key: "temporalaveraging", type: "int32", default: 0, propargs: { min: 0, max: 8 },
           description: "Temporal averaging: neighbouring frames to each side, 0 for none" },
         { key: "lfsr", type: "string", default: "lfsr", visible: "submission",
           description: "The command, where it is not on the workers' path" },
@@ -38,7 +38,7 @@ const JOB_TYPE = {
 function compileJob(job) {
     const frames = Array.from(frameChunker(job.settings.frames, 1)).sort((a, b) => a - b);
     // The first and the last frames are averaged with more frames on their other side.
-    const reach = 2 * job.settings.share, merges = [];
+    const reach = 2 * job.settings.temporalaveraging, merges = [];
     for (let index = 0; index < frames.length + reach; index++) {
         if (index < frames.length) {
             merges.push(addMerge(job, frames[index]));
@@ -64,7 +64,7 @@ function addMerge(job, frame) {
 function addFinish(job, frame, merges) {
     const finish = lfsrTask(job.settings, `finish-${frame}`,
         ["upscale", job.settings.output, "--frame", frame, "--method", job.settings.method, job.settings.linear,
-            "--temporal-averaging", String(job.settings.share)]);
+            "--temporal-averaging", String(job.settings.temporalaveraging)]);
     for (const merge of merges) {
         finish.addDependency(merge);
     }
@@ -79,7 +79,7 @@ function renderTasks(settings, frame) {
             "--frame", frame, "--rows", `${part}/${settings.parts}`, "--display", settings.display,
             "--scale", settings.scale, "--scale-frames", settings.frames, "--rays", String(settings.rays),
             "--seed", String(settings.seed), "--light", settings.light,
-            "--temporal-averaging", String(settings.share), "--device", settings.device, "--method", settings.method]));
+            "--temporal-averaging", String(settings.temporalaveraging), "--device", settings.device, "--method", settings.method]));
     }
     return tasks;
 }

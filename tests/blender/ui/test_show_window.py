@@ -7,13 +7,13 @@ import time
 
 import numpy as np
 import pytest
-from tests.optics.panel.test_visual_json import OLD
 
 from lfsr_core.exports import loopback
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.profile_file import write_profile
 from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
+from tests.calibration.test_visual_json import OLD
 from tests.support.bridge import device, stand_in
 from tests.support.panels import cells, lenticular, small
 from tests.support.window.desktop import NEEDS_WINDOW, blender_window

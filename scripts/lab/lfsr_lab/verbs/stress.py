@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 
 from lfsr_core.commands.arguments import names
-from lfsr_core.commands.renamed import add_old_option
 
 NAME = "stress"
 HELP = "parameter sweeps: generated scenes that grow harder, every method to its breaking point"
@@ -17,8 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb."""
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR",
                         help="folder of everything that is made; what is complete in it is not made again")
-    add_old_option(parser, "--dials", parser.add_argument(
-        "--sweeps", type=names, metavar="NAME,NAME", help="default: all, see docs/results/stress.md"))
+    parser.add_argument("--sweeps", type=names, metavar="NAME,NAME", help="default: all, see docs/results/stress.md")
     parser.add_argument("--methods", type=names, metavar="NAME,NAME",
                         help="bicubic is added; default: bicubic, the default method, every network with weights")
     parser.add_argument("--quick", action="store_true",

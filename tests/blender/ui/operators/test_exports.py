@@ -6,7 +6,6 @@ import av
 import bpy
 import numpy as np
 import pytest
-from tests.optics.panel.test_visual_json import OLD
 
 from blender_addon.scene import folders
 from lfsr_core.exports import loopback
@@ -17,6 +16,7 @@ from lfsr_core.exports.sway import eye_place
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.profile_file import write_profile
+from tests.calibration.test_visual_json import OLD
 from tests.support import panel
 from tests.support.bridge import device
 from tests.support.bridge_displays import DEVICES

@@ -117,7 +117,7 @@ def _flips(settings: Settings, scene: Path, cell: Cell) -> Array:
 
 def _render(settings: Settings, scene: Path, cell: Cell) -> cells.Render:
     return next(render for render in cells.renders(settings, scene)
-                if (render.role, render.jobs[0].spp) == (cell.role, cell.samples))
+                if (render.role, render.jobs[0].sampling.samples) == (cell.role, cell.samples))
 
 
 def _row(settings: Settings, scene: Path, pair: Pair, index: int, title: str, ours: str) -> Row:

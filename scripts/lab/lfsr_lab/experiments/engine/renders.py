@@ -20,8 +20,7 @@ from lfsr_core.frames.identity import RAYS, check_same
 from lfsr_core.frames.request import Request, Sampling, check_scene
 from lfsr_core.images.exr import read_finite
 from lfsr_core.optics.lens_sampling import choose_lenses
-from lfsr_core.pipeline.rendering import Listener, run_jobs
-from lfsr_core.pipeline.store import is_complete
+from lfsr_core.pipeline.store import Listener, is_complete, run_jobs
 from lfsr_core.process.blender import find_blender
 from lfsr_lab.scenes import scene_script
 from lfsr_lab.scenes.running import run_script

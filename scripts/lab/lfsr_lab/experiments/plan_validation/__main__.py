@@ -29,7 +29,7 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import Request
 from lfsr_core.metrics.intervals import NORMAL_95
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.pipeline.rendering import run_job
+from lfsr_core.pipeline.store import run_job
 from lfsr_core.plan.candidates import BETWEEN, Candidate, between, samples_of
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.planner import Planned, make_plan

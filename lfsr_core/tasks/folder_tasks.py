@@ -1,30 +1,28 @@
-"""Tasks of the add-on on one frame folder; each returns JSON-ready data."""
+"""Tasks of the add-on on frame folders; each returns JSON-ready data."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lfsr_core.base.files import atomic_path
+from lfsr_core.base.notices import Progress
+from lfsr_core.base.records import from_data
 from lfsr_core.frames.finish import Finish
-from lfsr_core.frames.frame import MASK_FILE, read_frame
+from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.process.protocol import emit_progress, emit_told, emit_warning
 
 
-def upscale(folder: str, method: str, linear_exr: bool = False, views: str | None = None) -> dict[str, Any]:
-    """Finish a rendered frame folder, and ``decode`` it into the file ``views``.
-
-    Return the "method" and the "seconds" of each stage.
-    """
+def finish(folder: str, finish: dict[str, Any], views: str | None = None) -> dict[str, Any]:
+    """Finish a rendered frame folder, and ``decode`` it into the file ``views``; return the "method" that ran."""
     from lfsr_core.pipeline.finishing import finish_frame
 
-    report = finish_frame(folder, Finish(method, linear_exr=linear_exr), emit_told)
-    if views:
+    report = finish_frame(folder, from_data(Finish, finish, "the finish"), emit_told)
+    if views and not FrameFolder(folder).rendered.panel_rays:
         decode(folder, views)
-    return {"method": report.method, "seconds": report.seconds}
+    return {"method": report.method}
 
 
 def decode(folder: str, views: str) -> dict[str, Any]:
@@ -34,43 +32,18 @@ def decode(folder: str, views: str) -> dict[str, Any]:
     """
     from lfsr_core.frames.views import read_views
 
-    emit_progress("preview", 0.0, "decoding views")
+    emit_told(Progress("views", 0.0, "decoding views"))
     decoded = read_views(folder)
     with atomic_path(views) as temporary, temporary.open("wb") as file:
         np.save(file, decoded)
     return {"shape": list(decoded.shape)}
 
 
-def choose(folder: str, count: int, seed: int = 0) -> dict[str, Any]:
-    """Choose lenses of a finished folder to compare: a "lens_list" of (row, column), None for all lenses.
-
-    ``count`` is their number; 0 and more than there are mean all.
-    """
-    from lfsr_core.images.png import read_mask
-    from lfsr_core.optics.lens_sampling import choose_lenses
-
-    mask = read_mask(Path(folder, MASK_FILE), read_frame(folder).display.lenses)
-    every = count < 1 or count >= mask.size
-    return {"lens_list": None if every else [list(lens) for lens in choose_lenses(mask, count, seed)]}
-
-
-def compare(folder: str, reference: str) -> dict[str, Any]:
-    """Compare a finished folder with a reference folder; return the "metrics" of its report."""
-    from lfsr_core.frames.report import read_report
-    from lfsr_core.metrics.compare import compare_folders
-
-    emit_progress("compare", 0.0, "comparing")
-    compare_folders(folder, reference)
-    return {"metrics": read_report(folder).metrics}
-
-
 def view(folder: str) -> dict[str, Any]:
     """Write the viewer of a finished frame folder; return its "path"."""
     from lfsr_core.exports.page import write_page
 
-    page = write_page([folder], progress=emit_progress)
-    _warn(page.notes)
-    return {"path": str(page.path)}
+    return {"path": str(write_page([folder], progress=emit_progress).path)}
 
 
 def export(folder: str, name: str, target: str, type: str | None = None) -> dict[str, Any]:
@@ -79,7 +52,8 @@ def export(folder: str, name: str, target: str, type: str | None = None) -> dict
     from lfsr_core.exports.options import ExportOptions
 
     files, notes = write(folder, name, target, ExportOptions(type=type, progress=emit_progress))
-    _warn(notes)
+    for note in notes:
+        emit_warning(note)
     return {"first": str(files[0]), "count": len(files)}
 
 
@@ -100,8 +74,3 @@ def show(path: str, full_screen: bool, fps: float) -> dict[str, Any]:
 
     shown = show_now(path, SCREEN if full_screen else None, fps, emit_progress)
     return {"sentence": shown.sentence, "page": shown.page and str(shown.page.absolute())}
-
-
-def _warn(notes: Iterable[str]) -> None:
-    for note in notes:
-        emit_warning(note)

@@ -16,12 +16,13 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.cli import main
-from lfsr_core.frames.frame import read_frame, write_frame
-from lfsr_core.frames.report import read_report
-from lfsr_core.pipeline.animation import SecondStage, kept_scale
-from lfsr_core.pipeline.engine import FAILED, KEPT, MADE, Tools, render_animation
-from tests.support.animations import animation, images, played_tools, states
+from lfsr_core.frames.finish import Finish
+from lfsr_core.frames.folder import FrameFolder
+from lfsr_core.frames.frame import write_frame
+from lfsr_core.pipeline.make import FAILED, KEPT, MADE, make, requests_of
+from tests.support.animations import FINISH, film, film_request, images, states
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import fails
 
@@ -31,28 +32,51 @@ FRAMES = range(1, 4)
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     folder = tmp_path_factory.mktemp("finished")
-    results = render_animation(animation(folder, FRAMES), played_tools(folder, 2))
-    return folder, results
+    made = film(folder, FRAMES, blender=played_blender(folder / "blender"), chunk=2)
+    return folder, made
 
 
 @pytest.fixture
 def made(finished, tmp_path):
-    """A folder with a finished film of its own."""
+    """A folder with a finished film of its own; its scene has the size and time of the first one's."""
     for name in ("film", "scene.glb"):
         copy = shutil.copytree if name == "film" else shutil.copy2
         copy(finished[0] / name, tmp_path / name)
     return tmp_path
 
 
-NO_BLENDER = Tools("/must/not/run")
-
-
 def test_every_frame_is_made_once(finished):
-    folder, results = finished
-    assert states(results) == [MADE] * 3 and [result.frame for result in results] == list(FRAMES)
-    assert all(result.render > 0 and result.finish > 0 for result in results)
+    folder, made = finished
+    assert states(made) == [MADE] * 3 and [result.frame for result in made] == list(FRAMES)
+    assert all(result.render > 0 and result.finish > 0 for result in made)
     assert sorted(path.name for path in (folder / "film").iterdir()) == [f"000{frame}" for frame in FRAMES]
-    assert states(render_animation(animation(folder, FRAMES), NO_BLENDER)) == [KEPT] * 3
+    assert states(film(folder, FRAMES)) == [KEPT] * 3
+
+
+def test_an_image_is_an_animation_of_one_frame(made):
+    """The same bytes, in the output itself; made once, anew where it is asked for, and another one is refused."""
+    request, blender = film_request(made, output=str(made / "one"), frame=2), played_blender(made / "blender")
+    assert states(make(request, FINISH, blender=blender)) == [MADE]
+    assert (made / "one" / "eia.png").read_bytes() == images(made / "film")["0002"]
+    assert states(make(request, FINISH)) == [KEPT] and states(make(request)) == [KEPT]
+    assert states(make(request, FINISH, blender=blender, overwrite=True)) == [MADE]
+    with pytest.raises(LfsrError, match="scale 4"):
+        make(request.sampled(scale=4), FINISH)
+    assert states(make(request.sampled(scale=4), FINISH, blender=blender, lenient=True)) == [MADE]
+
+
+@pytest.mark.parametrize("kind", ["render", "reference"])
+def test_a_render_alone_is_made_once(tmp_path, kind):
+    request = film_request(tmp_path, kind=kind, scale=2 if kind == "render" else 1)
+    assert states(make(request, blender=played_blender(tmp_path / "blender"))) == [MADE]
+    assert FrameFolder(request.output).is_rendered(request) and states(make(request)) == [KEPT]
+
+
+def test_progress_never_falls_and_ends_at_one(tmp_path):
+    told = []
+    film(tmp_path, FRAMES, blender=played_blender(tmp_path / "blender"), chunk=2, tell=told.append)
+    fractions = [message.fraction for message in told if isinstance(message, Progress)]
+    assert fractions == sorted(fractions) and fractions[-1] == 1
 
 
 def cut(path: Path) -> None:
@@ -76,7 +100,7 @@ DAMAGES = {
 def test_a_broken_frame_is_made_again(made, damage):
     before = images(made / "film")
     DAMAGES[damage](made / "film" / "0002")
-    assert states(render_animation(animation(made, FRAMES), played_tools(made, 2))) == [KEPT, MADE, KEPT]
+    assert states(film(made, FRAMES, blender=played_blender(made / "blender"), chunk=2)) == [KEPT, MADE, KEPT]
     assert images(made / "film") == before and len(before) == 3
 
 
@@ -87,61 +111,67 @@ def test_a_broken_frame_is_made_again(made, damage):
 def test_a_frame_that_lacks_its_picture_is_not_rendered_again(made, damage):
     before = images(made / "film")
     damage(made / "film" / "0002")
-    assert states(render_animation(animation(made, FRAMES), NO_BLENDER)) == [KEPT, MADE, KEPT]
+    assert states(film(made, FRAMES)) == [KEPT, MADE, KEPT]
     assert images(made / "film") == before
 
 
 def test_another_method_finishes_the_same_renders(made):
-    assert states(render_animation(animation(made, FRAMES, SecondStage("nearest")), NO_BLENDER)) == [MADE] * 3
+    assert states(film(made, FRAMES, Finish("nearest"))) == [MADE] * 3
 
 
 def test_one_scale_for_all_frames_is_chosen_by_the_depth_of_a_few(tmp_path):
-    asked = animation(tmp_path, range(1, 10), scales=(4, 2), rays=1.0)
-    assert {job.sampling.frames for job in asked.jobs} == {(1, 3, 5, 7, 9)}
-    asked = animation(tmp_path, range(1, 10), scales=(4, 2), rays=1.0, scale_frames=(2, 3))
-    assert {job.sampling.frames for job in asked.jobs} == {(2, 3)}
+    request = film_request(tmp_path, scales=(4, 2), rays=1.0)
+    assert {asked.sampling.frames for asked in requests_of(request, FINISH, range(1, 10))} == {(1, 3, 5, 7, 9)}
+    request = request.sampled(frames=(2, 3))
+    assert {asked.sampling.frames for asked in requests_of(request, FINISH, range(1, 10))} == {(2, 3)}
 
 
 def test_frames_that_are_there_decide_the_scale_of_others(made):
-    job = dataclasses.replace(animation(made, FRAMES).jobs[0], output=str(made / "film"), scale=4, scales=(4, 2),
-                              scale_frames=(1,), rays=4.0)
-    kept = kept_scale(job)
-    assert (kept.sampling.scale, kept.sampling.scales, kept.sampling.frames, kept.sampling.samples,
-            kept.sampling.rays) == (2, (), (), 16, None)
-    assert kept_scale(dataclasses.replace(job, output=str(made / "other"))).scales == (4, 2)
-    assert kept_scale(job.sampled(scales=(4, 8))).scales == (4, 8)
+    request = film_request(made, scale=4, scales=(4, 2), frames=(1,), rays=4.0)
+
+    def sampling(asked, **options):
+        return {one.sampling for one in requests_of(asked, FINISH, (7, 8), **options)}
+    [kept] = sampling(request)
+    assert (kept.scale, kept.scales, kept.frames, kept.samples, kept.rays) == (2, (), (), 16, None)
+    other = dataclasses.replace(request, output=str(made / "other"))
+    for asked in (sampling(other), sampling(request.sampled(scales=(4, 8))), sampling(request, overwrite=True)):
+        assert len(asked) == 1 and asked.pop().scales
 
 
 def test_frames_at_scale_1_are_denoised_alone(tmp_path):
-    asked = animation(tmp_path, (1,), SecondStage("oidn+bilinear+epi"), scale=1)
-    assert states(render_animation(asked, played_tools(tmp_path, 1))) == [MADE]
-    assert read_report(tmp_path / "film" / "0001").method == "oidn"
-    assert states(render_animation(asked, NO_BLENDER)) == [KEPT]
+    options = {"finish": Finish("oidn+bilinear+epi"), "changes": {"scale": 1}}
+    assert states(film(tmp_path, (1,), blender=played_blender(tmp_path / "blender"), **options)) == [MADE]
+    assert FrameFolder(tmp_path / "film" / "0001").report.method == "oidn"
+    assert states(film(tmp_path, (1,), **options)) == [KEPT]
 
 
 def test_overwrite_makes_all_again(made):
     before = images(made / "film")
-    again = Tools(played_blender(made / "blender"), overwrite=True)
-    assert states(render_animation(animation(made, FRAMES, seed=7), again)) == [MADE] * 3
+    assert states(film(made, FRAMES, changes={"seed": 7}, blender=played_blender(made / "blender"),
+                       overwrite=True)) == [MADE] * 3
     after = images(made / "film")
     assert all(after[name] != before[name] for name in before)
 
 
-def test_frames_of_another_render_are_refused(made):
-    with pytest.raises(LfsrError, match="with seed 5, but seed 9 was asked for: give --overwrite"):
-        render_animation(animation(made, FRAMES, seed=9), NO_BLENDER)
+def test_frames_of_another_render_are_refused_or_replaced(made):
+    with pytest.raises(LfsrError, match="seed 5.*--overwrite"):
+        film(made, FRAMES, changes={"seed": 9})
+    assert states(film(made, FRAMES, changes={"seed": 9}, blender=played_blender(made / "blender"),
+                       lenient=True)) == [MADE] * 3
 
 
-def test_frames_of_a_scene_that_has_changed_are_refused(made):
-    folder = made / "film" / "0002"
-    write_frame(folder, dataclasses.replace(read_frame(folder), content="1 of yesterday"))
-    with pytest.raises(LfsrError, match="0002 was rendered before .* was changed: give --overwrite"):
-        render_animation(animation(made, FRAMES), NO_BLENDER)
+def test_frames_of_a_scene_that_has_changed_are_refused_or_told(made):
+    folder, told = FrameFolder(made / "film" / "0002"), []
+    write_frame(folder.path, dataclasses.replace(folder.frame, content="of yesterday"))
+    with pytest.raises(LfsrError, match="0002.*changed"):
+        film(made, FRAMES)
+    assert states(film(made, FRAMES, lenient=True, tell=told.append)) == [KEPT] * 3
+    assert [message.values for message in told if isinstance(message, Notice)] == [{"count": 1, "first": 2}]
 
 
 def test_a_folder_that_is_a_frame_is_no_place_for_frames(made):
     with pytest.raises(LfsrError, match="0001 is a frame folder itself"):
-        animation(made, (1,), output=str(made / "film" / "0001"))
+        film(made, (1,), changes={"output": str(made / "film" / "0001")})
 
 
 def crashing(path: Path, frames: tuple[int, ...], times: int) -> str:
@@ -164,19 +194,18 @@ os.execv({inner!r}, sys.argv)
 
 
 def test_a_frame_that_crashed_once_is_tried_again(tmp_path):
-    tools = Tools(crashing(tmp_path / "blender", (1, 2), 1), chunk=1)
-    assert states(render_animation(animation(tmp_path, (1, 2)), tools)) == [MADE, MADE]
+    blender = crashing(tmp_path / "blender", (1, 2), 1)
+    assert states(film(tmp_path, (1, 2), blender=blender, chunk=1)) == [MADE, MADE]
     assert not list((tmp_path / "film").rglob("blender.log"))
 
 
 def test_a_frame_that_always_crashes_is_left_out(tmp_path, capsys):
-    warned = []
-    tools = Tools(crashing(tmp_path / "blender", (2,), 99), warn=warned.append, chunk=1)
-    results = render_animation(animation(tmp_path, FRAMES), tools)
-    assert states(results) == [MADE, FAILED, MADE]
-    assert "signal 11" in results[1].error and len(warned) == 1 and "frame 2 is left out" in warned[0]
+    told, blender = [], crashing(tmp_path / "blender", (2,), 99)
+    made = film(tmp_path, FRAMES, blender=blender, tell=told.append, chunk=1)
+    assert states(made) == [MADE, FAILED, MADE] and "signal 11" in made[1].error
+    assert [told.values["frame"] for told in told if isinstance(told, Notice)] == [2]
     command = ["render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "again"), "--frames", "1-2", "--display",
-               "mini", "--scale", "2", "--method", "bicubic", "--blender", tools.blender]
+               "mini", "--scale", "2", "--method", "bicubic", "--blender", blender]
     # Both frames are in one chunk, which begins with the first.
     assert main(command) == 0
     table = capsys.readouterr().out
@@ -187,7 +216,7 @@ def test_a_frame_that_cannot_be_finished_does_not_stop_the_others(made):
     for name in ("0001", "0002"):
         (made / "film" / name / "eia.png").unlink()
     (made / "film" / "0001" / "eia.png" / "x").mkdir(parents=True)
-    results = render_animation(animation(made, FRAMES), NO_BLENDER)
+    results = film(made, FRAMES)
     assert states(results) == [FAILED, MADE, KEPT] and "eia.png cannot be written" in results[0].error
 
 
@@ -217,9 +246,9 @@ noisy_renders.render = render
 def test_an_interrupted_run_loses_only_the_frame_in_work(tmp_path, number):
     blender = Path(played_blender(tmp_path / "blender"))
     blender.write_text(blender.read_text().replace(IMPORT, IMPORT + SLOW))
-    animation(tmp_path, FRAMES)
-    film = tmp_path / "film"
-    command = [sys.executable, "-m", "lfsr_core.cli", "render", str(tmp_path / "scene.glb"), "-o", str(film),
+    film_request(tmp_path)
+    output = tmp_path / "film"
+    command = [sys.executable, "-m", "lfsr_core.cli", "render", str(tmp_path / "scene.glb"), "-o", str(output),
                "--frames", "1-3", "--display", "mini", "--scale", "2", "--method", "bicubic", "--seed", "5",
                "--blender", str(blender)]
     program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -233,10 +262,10 @@ def test_an_interrupted_run_loses_only_the_frame_in_work(tmp_path, number):
         assert program.returncode == 130 and "interrupted" in said and "Traceback" not in said, said
     else:
         os.kill(int(children[0]), signal.SIGKILL)  # the real one ends with its standard input
-    rendered = {name: (film / name / "lr_eia.exr").stat().st_mtime_ns for name in ("0001",)}
-    assert not (film / "0003").exists()
+    rendered = {name: (output / name / "lr_eia.exr").stat().st_mtime_ns for name in ("0001",)}
+    assert not (output / "0003").exists()
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert re.search(r"3 frames: \d made, \d kept, 0 failed", done.stdout), done.stdout
-    assert {name: (film / name / "lr_eia.exr").stat().st_mtime_ns for name in rendered} == rendered
-    assert sorted(path.name for path in film.iterdir()) == [f"000{frame}" for frame in FRAMES]
+    assert {name: (output / name / "lr_eia.exr").stat().st_mtime_ns for name in rendered} == rendered
+    assert sorted(path.name for path in output.iterdir()) == [f"000{frame}" for frame in FRAMES]
     assert all(json.loads((film / f"000{frame}" / "frame.json").read_text())["frame"] == frame for frame in FRAMES)
