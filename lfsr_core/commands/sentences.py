@@ -29,11 +29,17 @@ SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
         f"{_frames(values)} they have the same seed: render the animation with --temporal-averaging"),
     "denoised-on-cpu": "denoised on the CPU, since the {device} device of the render cannot be used here ({error}): "
                        "check its driver, or finish the frame where it was rendered",
+    "frame-left-out": "frame {frame} is left out: {error}",
+    "frames-older": lambda values: (
+        ("1 frame is" if values["count"] == 1 else f"{values['count']} frames (from {values['first']}) are")
+        + " older than this file. Use --overwrite to render them again"),
     "image-extreme": lambda values: (
         f"the image is almost {values['tone']}: {REMEDIES[values['tone']]}, or check where the camera looks"),
+    "parts-kept": "Render again to continue, or delete {folder} to start over",
     "pixels-replaced": "{replaced} of {pixels} rendered pixels were not finite and are black: find the material or "
                        "light that makes them",
     "render-note": "{text}",
+    "said": "{text}",
     "scale-chosen": "{reason}",
     "subject-unseen": _subject_unseen,
 }

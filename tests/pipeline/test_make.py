@@ -268,4 +268,4 @@ def test_an_interrupted_run_loses_only_the_frame_in_work(tmp_path, number):
     assert re.search(r"3 frames: \d made, \d kept, 0 failed", done.stdout), done.stdout
     assert {name: (output / name / "lr_eia.exr").stat().st_mtime_ns for name in rendered} == rendered
     assert sorted(path.name for path in output.iterdir()) == [f"000{frame}" for frame in FRAMES]
-    assert all(json.loads((film / f"000{frame}" / "frame.json").read_text())["frame"] == frame for frame in FRAMES)
+    assert all(json.loads((output / f"000{frame}" / "frame.json").read_text())["frame"] == frame for frame in FRAMES)
