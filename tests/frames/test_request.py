@@ -47,7 +47,7 @@ def test_json_round_trip_keeps_every_field(tmp_path):
     ({"seed": 2**31}, "seed is 2147483648.*between 0 and 2147483647"),
     ({"seed": -(10**400)}, "seed is -1000"),
     ({"frame": 10**9}, "frame is 1000000000.*1048574"),
-    ({"scale_frames": (1, 10**9)}, "frame is 1000000000.*1048574"),
+    ({"frames": (1, 10**9)}, "frame is 1000000000.*1048574"),
     ({"rays": -2.0}, "rays per finished pixel are -2, but they must be above 0"),
     ({"clamp_indirect": -1.0}, "clamp indirect is -1.0"),
     ({"samples": 0}, "samples per pixel is 0, but a render.*at least 1"),
