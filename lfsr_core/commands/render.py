@@ -94,7 +94,8 @@ def run(arguments: argparse.Namespace) -> None:
     if failed:
         raise LfsrError(f"{len(failed)} of {len(made)} frames failed, first frame {failed[0].frame} "
                         f"({failed[0].error}): run the same command again to render them")
-    unseen = [[note for note in FrameFolder(result.folder).report.notes if note.code == "subject-unseen"] for result in made]
+    unseen = [[note for note in FrameFolder(result.folder).report.notes if note.code == "subject-unseen"]
+              for result in made]
     if all(unseen) and not arguments.allow_empty:
         raise LfsrError(f"{sentence(unseen[0][0])}. Turn the camera, choose another --camera or --subject, or keep the "
                         f"image in {arguments.output} with --allow-empty")
