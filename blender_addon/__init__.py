@@ -9,11 +9,11 @@ from __future__ import annotations
 import importlib
 
 # Each of these may list Blender classes to register in CLASSES, and have a register() and unregister() of its own.
-MODULES = ("ui.preferences", "ui.properties", "scene.array.known", "jobs.preview", "check.last", "jobs.copy",
+MODULES = ("ui.preferences", "ui.properties", "scene.array.cached", "jobs.preview", "check.last", "jobs.copy",
            "jobs.session", "live.session", "ui.operators.render", "ui.operators.finish", "ui.operators.array",
            "ui.operators.check", "ui.operators.estimate", "ui.operators.plan", "ui.operators.exports",
            "ui.operators.farm", "ui.operators.live", "ui.operators.calibration", "ui.presets", "ui.panels",
-           "ui.live_panel", "ui.menus", "ui.overlay", "ui.look")
+           "ui.live_panel", "ui.menus", "ui.overlay", "ui.array_view")
 
 
 def register() -> None:

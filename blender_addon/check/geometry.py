@@ -61,14 +61,14 @@ def find(scene: bpy.types.Scene, display: DisplayProfile, placed: rig.Placement,
 def _shown(subject: set[bpy.types.Object]) -> tuple[list[bpy.types.Object], Array, Array]:
     """Owner, corners (n, 8, 3) of the bounding box and world matrices (n, 4, 4) of what would be rendered."""
     owners, boxes, places = [], [], []
-    known: dict[int, Array] = {}  # by the geometry, which is an object's own where modifiers change it
+    corners: dict[int, Array] = {}  # by the geometry, which is an object's own where modifiers change it
     for item, owner, place in placement.instances(subject):
         if item.type in GEOMETRY and not owner.hide_render:
             geometry = item.data.as_pointer()
-            if geometry not in known:
-                known[geometry] = np.array(item.bound_box)
+            if geometry not in corners:
+                corners[geometry] = np.array(item.bound_box)
             owners.append(owner)
-            boxes.append(known[geometry])
+            boxes.append(corners[geometry])
             places.append(place)
     return owners, np.array(boxes), np.array(places)
 

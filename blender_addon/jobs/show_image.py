@@ -11,10 +11,10 @@ import bpy
 
 def open_file(path: Path) -> bpy.types.Image:
     """Load ``path``, or reload it, and show it."""
-    known = next((image for image in bpy.data.images if bpy.path.abspath(image.filepath) == str(path)), None)
-    if known is not None:
-        known.reload()
-    image = known or bpy.data.images.load(str(path))
+    loaded = next((image for image in bpy.data.images if bpy.path.abspath(image.filepath) == str(path)), None)
+    if loaded is not None:
+        loaded.reload()
+    image = loaded or bpy.data.images.load(str(path))
     image.name = f"{path.parent.parent.name} {path.parent.name} {path.stem}"
     in_editor(image)
     return image

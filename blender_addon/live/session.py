@@ -13,7 +13,7 @@ from . import scene as live_scene
 from . import window as live_window
 from .scene import EYE, PANEL
 
-SECONDS_BETWEEN_LOOKS = 0.1
+SECONDS_BETWEEN_UPDATES = 0.1
 # A region large enough for any display, to check a view before there is a window.
 LARGE = (65536, 65536)
 
@@ -55,8 +55,8 @@ def start(scene: bpy.types.Scene, kind: str = PANEL) -> None:
     except BaseException:
         stop(kind)
         raise
-    if not bpy.app.timers.is_registered(_look):
-        bpy.app.timers.register(_look, first_interval=SECONDS_BETWEEN_LOOKS, persistent=True)
+    if not bpy.app.timers.is_registered(_update):
+        bpy.app.timers.register(_update, first_interval=SECONDS_BETWEEN_UPDATES, persistent=True)
 
 
 def stop(*kinds: str) -> None:
@@ -65,8 +65,8 @@ def stop(*kinds: str) -> None:
         _on.pop(kind, None)
         live_window.close_window(kind)
         live_scene.remove_all(kind)
-    if not _on and bpy.app.timers.is_registered(_look):
-        bpy.app.timers.unregister(_look)
+    if not _on and bpy.app.timers.is_registered(_update):
+        bpy.app.timers.unregister(_update)
 
 
 def artists_scene(kind: str = PANEL) -> bpy.types.Scene | None:
@@ -100,7 +100,7 @@ def keep_up(kind: str = PANEL) -> None:
     live_window.show(window, shown)
 
 
-def _look() -> float | None:
+def _update() -> float | None:
     """Timer: update the live views, and stop those whose window or scene is gone."""
     for kind in tuple(_on):
         if live_window.find(kind) is None or artists_scene(kind) is None:
@@ -112,7 +112,7 @@ def _look() -> float | None:
             _say(kind, (view.region.sentence() if view and kind == PANEL else None) or "")
         except LfsrError as error:
             _say(kind, str(error))
-    return SECONDS_BETWEEN_LOOKS if _on else None
+    return SECONDS_BETWEEN_UPDATES if _on else None
 
 
 def _say(kind: str, text: str) -> None:
@@ -138,7 +138,7 @@ def _before_save(*_: object) -> None:
 def _after_save(*_: object) -> None:
     """Show the live views again, without waiting for the timer."""
     if any(live_window.find(kind) is not None for kind in _on):
-        _look()
+        _update()
 
 
 @bpy.app.handlers.persistent

@@ -59,8 +59,8 @@ def _found(kind: str) -> bool:
 def _devices(kind: str) -> Sequence[bpy.types.bpy_struct]:
     """Devices of a type on this machine; none for a type that this Blender does not know."""
     preferences = cycles_preferences()
-    known = {item[0] for item in preferences.get_device_types(bpy.context)}
-    return preferences.get_devices_for_type(kind) if kind in known else ()
+    kinds = {item[0] for item in preferences.get_device_types(bpy.context)}
+    return preferences.get_devices_for_type(kind) if kind in kinds else ()
 
 
 @contextmanager
@@ -70,9 +70,9 @@ def enabled(device: str) -> Iterator[None]:
         yield
         return
     preferences = cycles_preferences()
-    known = [item[0] for item in preferences.get_device_types(bpy.context) if item[0] != "NONE"]
-    if device not in known:
-        raise LfsrError(f"device is {device!r}, but this Blender knows only {', '.join(['CPU', *known])}: "
+    kinds = [item[0] for item in preferences.get_device_types(bpy.context) if item[0] != "NONE"]
+    if device not in kinds:
+        raise LfsrError(f"device is {device!r}, but this Blender knows only {', '.join(['CPU', *kinds])}: "
                         "choose one of them")
     with overridden(preferences, {"compute_device_type": device}), ExitStack() as stack:
         preferences.refresh_devices()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..scene.array import known
+from ..scene.array import cached
 
 
 class LFSR_MT_render(bpy.types.Menu):
@@ -19,7 +19,7 @@ class LFSR_MT_render(bpy.types.Menu):
         layout.operator("lfsr.render_eia", icon="RENDER_STILL")
         layout.operator("lfsr.render_animation", text="Render EIA Animation", icon="RENDER_ANIMATION")
         layout.separator()
-        if known.find(context.scene) is None:
+        if cached.find(context.scene) is None:
             _draw_add(layout)
         layout.operator("lfsr.array_fit", text="Fit Camera Array to Selection")
         layout.operator("lfsr.check_scene")

@@ -14,8 +14,8 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
 from ..scene import settings as scene_settings
-from ..scene.array import known, rig
-from . import look
+from ..scene.array import cached, rig
+from . import array_view
 from .drawing import draw_points
 
 DISPLAY_COLOR, FRUSTUM_COLOR = (0.36, 0.78, 1.0), (0.75, 0.85, 0.95)
@@ -65,14 +65,14 @@ def draw() -> None:
     """Draw handler of the 3D views, in world space."""
     context = bpy.context
     scene, space = context.scene, context.space_data
-    if not scene.lfsr.show_frustum or not space.overlay.show_overlays or look.is_looking(space, scene):
+    if not scene.lfsr.show_frustum or not space.overlay.show_overlays or array_view.is_looking(space, scene):
         return
-    array = known.find(scene)
+    array = cached.find(scene)
     if array is None or not array.visible_get():
         return
     try:
         settings = scene_settings.resolve(scene)
-        placed = known.placement(scene, settings.display)
+        placed = cached.placement(scene, settings.display)
     except LfsrError:
         return  # the panel shows what is wrong
     if placed is not None:

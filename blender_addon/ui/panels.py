@@ -12,9 +12,9 @@ from ..jobs import preview, probe, session
 from ..jobs.steps import ALONE
 from ..scene import folders
 from ..scene import settings as scene_settings
-from ..scene.array import known, rig
+from ..scene.array import cached, rig
 from ..scene.light import FILE_LIGHT
-from . import display_panel, look, summary
+from . import array_view, display_panel, summary
 from .drawing import LightFieldPanel, columns, facts, row_if, sentence
 from .operators.array import FIT_ITEMS
 from .problem_rows import draw_problems
@@ -31,13 +31,13 @@ class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the buttons, distance and spacing."""
         scene, layout = context.scene, self.layout
-        array = known.find(scene)
+        array = cached.find(scene)
         if array is None:
             layout.operator("lfsr.array_add", text="Add", icon="OUTLINER_OB_CAMERA")
             _draw_fits(layout, "Add at")
             return
         row = layout.row(align=True)
-        row.operator("lfsr.look_through", icon="VIEW_CAMERA", depress=look.is_looking(context.space_data, scene))
+        row.operator("lfsr.look_through", icon="VIEW_CAMERA", depress=array_view.is_looking(context.space_data, scene))
         row.operator("lfsr.array_remove", text="", icon="TRASH")
         _draw_fits(layout, "Fit to")
         column = columns(layout).column()

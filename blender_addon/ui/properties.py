@@ -23,7 +23,7 @@ from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
 
 from ..jobs import preview, show_image
 from ..scene import folders
-from ..scene.array import known, rig
+from ..scene.array import cached, rig
 from ..scene.displays import DEFAULT_DISPLAY, profile_items
 from ..scene.light import AUTO_LIGHT, light_items
 from ..scene.methods import DIRECT, method_items
@@ -72,13 +72,13 @@ def keep_saved(*_: object) -> None:
             folders.move_saved(scene)
 
 
-def _look(settings: SceneSettings, _context: bpy.types.Context) -> None:
+def _show_view(settings: SceneSettings, _context: bpy.types.Context) -> None:
     preview.show(settings.id_data, (settings.eye_right, settings.eye_up))
 
 
 # Named functions: Blender 5.2 loses a lambda that is written inside an annotation.
 def _get_distance(settings: SceneSettings) -> float:
-    return known.distance(settings.id_data)
+    return cached.distance(settings.id_data)
 
 
 def _set_distance(settings: SceneSettings, distance: float) -> None:
@@ -86,7 +86,7 @@ def _set_distance(settings: SceneSettings, distance: float) -> None:
 
 
 def _get_spacing(settings: SceneSettings) -> float:
-    return known.spacing(settings.id_data)
+    return cached.spacing(settings.id_data)
 
 
 def _set_spacing(settings: SceneSettings, spacing: float) -> None:
@@ -178,10 +178,10 @@ class SceneSettings(bpy.types.PropertyGroup):
 
     eye_right: FloatProperty(
         name="Eye Right", description="Position of the eye in the viewing zone, from its left (-1) to its right (1)",
-        subtype="FACTOR", min=-1.0, max=1.0, step=10, update=_look, options={"SKIP_SAVE"})
+        subtype="FACTOR", min=-1.0, max=1.0, step=10, update=_show_view, options={"SKIP_SAVE"})
     eye_up: FloatProperty(
         name="Eye Up", description="Position of the eye in the viewing zone, from its bottom (-1) to its top (1)",
-        subtype="FACTOR", min=-1.0, max=1.0, step=10, update=_look, options={"SKIP_SAVE"})
+        subtype="FACTOR", min=-1.0, max=1.0, step=10, update=_show_view, options={"SKIP_SAVE"})
 
     live_scale: EnumProperty(
         name="Pixel Size", description="Scale of the live view: one of this many views in each direction is rendered",

@@ -20,7 +20,7 @@ from lfsr_core.plan.options import PlanOptions
 
 from ..scene import devices, folders, proof
 from ..scene import settings as scene_settings
-from ..scene.array import known, rig
+from ..scene.array import cached, rig
 from ..scene.settings import Resolved, length
 from ..scene.words import counted
 
@@ -87,7 +87,7 @@ def _most_paths(display: DisplayProfile, target: float) -> float:
 def depth_facts(scene: bpy.types.Scene) -> Facts:
     """Width and usable depth of the scene's array; empty where it has none, LfsrError if it is broken."""
     display = scene_settings.display_of(scene)
-    placed = known.placement(scene, display)
+    placed = cached.placement(scene, display)
     if placed is None:
         return []
     array, (near, far) = placed[0], rig.usable_depth(placed[0], display)

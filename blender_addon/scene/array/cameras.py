@@ -21,8 +21,8 @@ def choose_camera(scene: bpy.types.Scene, name: str) -> None:
     camera = next((item for item in cameras(scene) if item.name == name), None)
     if camera is None and name != FIT:
         names = [item.name for item in cameras(scene)]
-        known = f"{did_you_mean(name, names)}Choose one of {', '.join(names[:MOST_NAMES])}" if names else "It has none"
-        raise LfsrError(f"the scene has no camera {name!r}: {known}, or {FIT} to place the array in front of the "
+        others = f"{did_you_mean(name, names)}Choose one of {', '.join(names[:MOST_NAMES])}" if names else "It has none"
+        raise LfsrError(f"the scene has no camera {name!r}: {others}, or {FIT} to place the array in front of the "
                         "subject")
     if not rig.is_array(camera):
         rig.forget(scene)

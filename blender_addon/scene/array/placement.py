@@ -244,7 +244,7 @@ class _Sight:
         """Depth at which rays begin."""
         return self.clip[0] if self.clip else 0.0
 
-    def look(self, x: float, y: float, eye: mathutils.Vector) -> tuple[mathutils.Vector, bpy.types.Object] | None:
+    def trace(self, x: float, y: float, eye: mathutils.Vector) -> tuple[mathutils.Vector, bpy.types.Object] | None:
         """World place and object seen from ``eye`` in the direction of (x, y) at depth 1, None for nothing."""
         direction = mathutils.Vector((x, y, -1))
         start, end = self.clip or (0.0, MOST_REACH)
@@ -283,7 +283,7 @@ def _depths(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Obj
 def _hits(sight: _Sight, half: tuple[float, float], eye: Sequence[float] | Array = (0.0, 0.0),
           distance: float = 1.0) -> list[tuple[mathutils.Vector, bpy.types.Object]]:
     """World places and objects that a grid of PROBES rays meets, from ``eye`` through the frame at ``distance``."""
-    hits = (sight.look(x * half[0] - eye[0] / distance, y * half[1] - eye[1] / distance, mathutils.Vector((*eye, 0)))
+    hits = (sight.trace(x * half[0] - eye[0] / distance, y * half[1] - eye[1] / distance, mathutils.Vector((*eye, 0)))
             for x in np.linspace(-1, 1, PROBES[0]) for y in np.linspace(-1, 1, PROBES[1]))
     return [hit for hit in hits if hit is not None]
 

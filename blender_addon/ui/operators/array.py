@@ -9,7 +9,7 @@ from lfsr_core.optics.display import DisplayProfile
 
 from ...scene import settings as scene_settings
 from ...scene.array import edit, rig, view
-from .. import look
+from .. import array_view
 from .base import UNDO, Result, activate, reports_errors
 
 FIT_ITEMS = [
@@ -107,10 +107,10 @@ class LFSR_OT_look_through(bpy.types.Operator):
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
         """Look through it, or return."""
-        if look.is_looking(context.space_data, context.scene):
-            look.leave(context.area)
+        if array_view.is_looking(context.space_data, context.scene):
+            array_view.leave(context.area)
         else:
-            look.enter(context.area, context.scene)
+            array_view.enter(context.area, context.scene)
         return {"FINISHED"}
 
 
@@ -118,7 +118,7 @@ def _view_of(context: bpy.types.Context, display: DisplayProfile) -> view.View:
     """The 3D view in which the button was pressed; LfsrError without one, or if it looks through the array."""
     if context.area is None or context.area.type != "VIEW_3D":
         raise LfsrError("there is no 3D view here: press the button in the sidebar of a 3D view")
-    if rig.is_array(look.camera_of(context.space_data, context.scene)):
+    if rig.is_array(array_view.camera_of(context.space_data, context.scene)):
         raise LfsrError("this view looks through the camera array already: leave it first")
     return view.of_area(context.area, display)
 

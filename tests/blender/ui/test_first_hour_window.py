@@ -12,10 +12,11 @@ from tests.support.window.desktop import NEEDS_WINDOW, blender_window
 pytestmark = NEEDS_WINDOW
 CORNERS = """
 from mathutils import Vector
-look, view, area = addon.ui.look, addon.array.view, bpy.context.area
+array_view, view, area = addon.ui.array_view, addon.scene.array.view, bpy.context.area
 region = next(region for region in area.regions if region.type == "WINDOW")
-value = {"corners": [list(c) for c in look.frame_corners(bpy.context.scene, region, area.spaces.active.region_3d)],
-         "free": view.free_part(area), "is_looking": look.is_looking(area.spaces.active, bpy.context.scene)}
+corners = array_view.frame_corners(bpy.context.scene, region, area.spaces.active.region_3d)
+value = {"corners": [list(corner) for corner in corners],
+         "free": view.free_part(area), "is_looking": array_view.is_looking(area.spaces.active, bpy.context.scene)}
 """
 OWN_VIEW = """
 space = bpy.context.space_data
@@ -47,7 +48,7 @@ def window(tmp_path_factory):
 @pytest.fixture
 def array(window):
     """The scene has an array at its camera."""
-    window.run("addon.array.rig.find(bpy.context.scene) or bpy.ops.lfsr.array_add('INVOKE_DEFAULT', True)")
+    window.run("addon.scene.array.rig.find(bpy.context.scene) or bpy.ops.lfsr.array_add('INVOKE_DEFAULT', True)")
     window.run("bpy.context.scene.lfsr.display = 'bupt-32in-8k'")
 
 
@@ -57,12 +58,12 @@ def test_the_view_through_the_array_has_the_displays_frame(window, array, displa
     before = window.run(OWN_VIEW)
     window.run(LOOK)
     seen = window.run(CORNERS)
-    window.screenshot(f"look-{display}")
+    window.screenshot(f"array-view-{display}")
     (left, bottom), (right, top) = seen["corners"][0], seen["corners"][2]
     assert seen["is_looking"]
     free = seen["free"]
     assert free[0] <= left < right <= free[2] and free[1] <= bottom < top <= free[3], "nothing covers the frame"
-    aspect = window.get("addon.settings.scene_settings.display_of(bpy.context.scene).panel_mm")
+    aspect = window.get("addon.scene.settings.display_of(bpy.context.scene).panel_mm")
     assert (right - left) / (top - bottom) == pytest.approx(aspect[0] / aspect[1], rel=0.01)
     assert max((right - left) / (free[2] - free[0]), (top - bottom) / (free[3] - free[1])) > 0.85, "it fills the view"
     window.run(LOOK)
@@ -82,7 +83,7 @@ def test_a_view_that_turns_away_has_its_own_camera_again(window, array):
 def test_fit_to_the_view_frames_what_is_seen(window, array):
     window.run("bpy.ops.view3d.view_axis(type='FRONT'); bpy.ops.view3d.view_persportho()")
     window.settle()
-    shown = "addon.array.view.of_area(bpy.context.area, addon.settings.scene_settings.display_of(bpy.context.scene))"
+    shown = "addon.scene.array.view.of_area(bpy.context.area, addon.scene.settings.display_of(bpy.context.scene))"
     view = window.run(f"v = {shown}; value = [[list(row) for row in v.matrix], v.half_width, v.is_perspective]")
     window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True, to='VIEW')")
     array_at = window.get("[list(row) for row in bpy.data.objects['Light Field Array'].matrix_world]")

@@ -73,7 +73,7 @@ def press(window) -> None:
     x, top, width, height = window.get("[(r.x, bpy.context.window.height - r.y - r.height, r.width, r.height) "
                                        "for r in bpy.context.area.regions if r.type == 'UI'][0]")
     sidebar, pictures = np.s_[top:top + height, x:x + width], []
-    window.run("settings, has = addon.settings.scene_settings, addon.settings.scene_settings.has_quilts")
+    window.run("settings, has = addon.scene.settings, addon.scene.settings.has_quilts")
     for answer in ("False", "True"):
         window.run(f"settings.has_quilts = lambda _: {answer}; addon.jobs.session.redraw()")
         pictures.append(read_png(window.screenshot("row"))[sidebar])

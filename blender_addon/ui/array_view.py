@@ -17,14 +17,14 @@ from lfsr_core.optics.display import DisplayProfile
 
 from ..jobs import show_image
 from ..scene import settings as scene_settings
-from ..scene.array import known, rig
+from ..scene.array import cached, rig
 from ..scene.array.view import free_part
 from .drawing import draw_points
 
 FILL = 0.92  # of the 3D view's free part
 MARGIN_COLOR, FRAME_COLOR = (0.0, 0.0, 0.0, 0.5), (0.36, 0.78, 1.0, 1.0)
 TEXT_SIZE, TEXT_GAP = 12, 6  # pixels at the usual size of the interface
-SECONDS_BETWEEN_LOOKS = 0.3
+SECONDS_BETWEEN_CHECKS = 0.3
 ZOOMS = (-30.0, 600.0)  # Blender's least and most
 GUIDES = "show_camera_guides"  # since Blender 5.0: the frame of the scene's own resolution
 
@@ -72,7 +72,7 @@ def enter(area: bpy.types.Area, scene: bpy.types.Scene) -> None:
         setattr(space.overlay, GUIDES, False)
     _frame(area, region, display)
     if not bpy.app.timers.is_registered(_watch):
-        bpy.app.timers.register(_watch, first_interval=SECONDS_BETWEEN_LOOKS)
+        bpy.app.timers.register(_watch, first_interval=SECONDS_BETWEEN_CHECKS)
 
 
 def leave(area: bpy.types.Area) -> None:
@@ -100,7 +100,7 @@ def _watch() -> float | None:
             del _before[key]
         elif space.region_3d.view_perspective != "CAMERA" or not rig.is_array(space.camera):
             _give_back(space, _before.pop(key))
-    return SECONDS_BETWEEN_LOOKS if _before else None
+    return SECONDS_BETWEEN_CHECKS if _before else None
 
 
 def _values(item: Any, *names: str) -> dict[str, Any]:
@@ -130,7 +130,7 @@ def _frame(area: bpy.types.Area, region: bpy.types.RegionView3D, display: Displa
 def frame_corners(scene: bpy.types.Scene, region: bpy.types.Region,
                   view: bpy.types.RegionView3D) -> list[mathutils.Vector]:
     """Return the display's corners in pixels of ``region``, from bottom left, in order; none without an array."""
-    placed = known.placement(scene, scene_settings.display_of(scene))
+    placed = cached.placement(scene, scene_settings.display_of(scene))
     if placed is None:
         return []
     array, matrix = placed

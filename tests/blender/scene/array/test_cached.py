@@ -7,7 +7,7 @@ import operator
 import bpy
 import pytest
 
-from blender_addon.scene.array import edit, known, rig
+from blender_addon.scene.array import cached, edit, rig
 from tests.support import panel
 
 
@@ -23,7 +23,7 @@ def same() -> tuple[str | None, str | None]:
     """Names of array and plane that are drawn; they are those that a search finds."""
     scene = bpy.context.scene
     bpy.context.view_layer.update()  # as before every redraw
-    array, plane = known.array_and_plane(scene)
+    array, plane = cached.array_and_plane(scene)
     assert (array, plane) == (rig.find(scene), rig.plane_of(rig.find(scene)))
     assert (scene.lfsr.distance, scene.lfsr.spacing) == pytest.approx((rig.distance_to(plane), rig.spacing_of(array)))
     return array and array.name, plane and plane.name
@@ -38,7 +38,7 @@ def second_array(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
 
 def test_nothing_is_searched_until_objects_come_or_go(scene, monkeypatch):
     assert same() == ("Light Field Array", "Display Plane")
-    monkeypatch.setattr(known, "_search", lambda _: pytest.fail("it searches"))
+    monkeypatch.setattr(cached, "_search", lambda _: pytest.fail("it searches"))
     scene.lfsr.distance *= 2
     scene.lfsr.spacing, bpy.data.objects["Box"].location.x = 0.5, 1
     scene.frame_set(7)
@@ -80,10 +80,10 @@ def test_another_scene(scene):
 def test_deletion(scene):
     assert same()[1]
     bpy.data.objects.remove(bpy.data.objects["Display Plane"])
-    assert known.array_and_plane(scene)[1] is None, "also before an update"
+    assert cached.array_and_plane(scene)[1] is None, "also before an update"
     assert same() == ("Light Field Array", None)
     bpy.data.objects.remove(bpy.data.objects["Light Field Array"])
-    assert known.find(scene) is None and same() == (None, None)
+    assert cached.find(scene) is None and same() == (None, None)
     assert scene.lfsr.distance == 0 and scene.lfsr.spacing == 1
 
 
@@ -114,7 +114,7 @@ def test_names_and_the_active_camera_decide_between_two(scene):
 
 
 def test_a_plane_that_belongs_to_another_array(scene):
-    array, plane = known.array_and_plane(scene)
+    array, plane = cached.array_and_plane(scene)
     plane.parent = None
     assert same() == (array.name, None)
     plane.parent = array
@@ -125,6 +125,6 @@ def test_a_render_farm_that_tells_of_no_changes(tmp_path):
     with panel.registered():
         panel.artist_scene(tmp_path)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
-    assert known.find(bpy.context.scene) == rig.find(bpy.context.scene)
+    assert cached.find(bpy.context.scene) == rig.find(bpy.context.scene)
     bpy.data.objects.remove(rig.find(bpy.context.scene))
-    assert known.find(bpy.context.scene) is None
+    assert cached.find(bpy.context.scene) is None
