@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import bpy
 
@@ -10,6 +11,7 @@ from lfsr_core.base.errors import LfsrError
 
 from ..jobs import denoiser
 from ..scene import settings as scene_settings
+from ..scene.array import rig
 from ..scene.array.edit import add, remove
 from ..scene.array.rig import check_editable
 from ..scene.light import add_light
@@ -21,13 +23,25 @@ Fix = Callable[[bpy.types.Scene, str], None]
 
 def find_object(name: str) -> bpy.types.Object:
     """Return the object ``name`` of the open file; LfsrError if it is gone."""
-    item = bpy.data.objects.get(name)
+    return _existing(bpy.data.objects, name, "object")
+
+
+def _existing(items: bpy.types.bpy_prop_collection, name: str, kind: str) -> Any:
+    item = items.get(name)
     if item is None:
-        raise LfsrError(f"object {name!r} is not there any more: check the scene again")
+        raise LfsrError(f"{kind} {name!r} is not there any more: check the scene again")
     return item
 
 
-def _setting(group: str, **values: object) -> Fix:
+def _camera(name: str) -> bpy.types.Camera:
+    item = find_object(name)
+    if item.type != "CAMERA":
+        raise LfsrError(f"object {name!r} is no camera any more: check the scene again")
+    check_editable(item.data)
+    return item.data
+
+
+def _set(group: str, **values: object) -> Fix:
     """Fix that sets properties of ``scene.group``."""
     def fix(scene: bpy.types.Scene, _target: str) -> None:
         for name, value in values.items():
@@ -35,22 +49,22 @@ def _setting(group: str, **values: object) -> Fix:
     return fix
 
 
+def _switch_off(switch: str) -> Fix:
+    """Fix that switches ``switch`` of a view layer's collections off."""
+    def fix(scene: bpy.types.Scene, target: str) -> None:
+        for collection in switched(_existing(scene.view_layers, target, "view layer"), switch):
+            setattr(collection, switch, False)
+    return fix
+
+
 def _add_light(scene: bpy.types.Scene, _target: str) -> None:
     add_light(scene).name = "Light Field World"
 
 
-def _pack(_scene: bpy.types.Scene, target: str) -> None:
-    image = bpy.data.images.get(target)
-    if image is None:
-        raise LfsrError(f"image {target!r} is not there any more: check the scene again")
-    image.pack()
-
-
 def _to_background(scene: bpy.types.Scene, target: str) -> None:
     item = find_object(target)
-    background = bpy.data.collections.get(BACKGROUND_COLLECTION)
-    if background is None:
-        background = bpy.data.collections.new(BACKGROUND_COLLECTION)
+    background = (bpy.data.collections.get(BACKGROUND_COLLECTION)
+                  or bpy.data.collections.new(BACKGROUND_COLLECTION))
     check_editable(background)
     if background not in scene.collection.children_recursive:
         scene.collection.children.link(background)
@@ -61,7 +75,7 @@ def _to_background(scene: bpy.types.Scene, target: str) -> None:
             collection.objects.unlink(item)
 
 
-def _defaults(scene: bpy.types.Scene, _target: str) -> None:
+def _use_defaults(scene: bpy.types.Scene, _target: str) -> None:
     try:
         scene_settings.display_of(scene)
     except LfsrError:
@@ -74,76 +88,42 @@ def _show_subject(scene: bpy.types.Scene, _target: str) -> None:
     items = [item for item in scene.objects if item.type in GEOMETRY]
     if not items:
         raise LfsrError("the scene has nothing to render: add an object")
-    for item in items:
+    for item in (*items, *scene.collection.children_recursive):
         if item.library is None:
             item.hide_render = False
-    for collection in scene.collection.children_recursive:
-        if collection.library is None:
-            collection.hide_render = False
 
 
-def _array_again(scene: bpy.types.Scene, _target: str) -> None:
-    remove(scene)
+def _add_array(scene: bpy.types.Scene, _target: str) -> None:
+    if rig.find(scene) is not None:
+        remove(scene)
     add(scene, scene_settings.display_of(scene))
 
 
-def _camera(name: str) -> bpy.types.Camera:
-    item = find_object(name)
-    if item.type != "CAMERA":
-        raise LfsrError(f"object {name!r} is no camera any more: check the scene again")
-    check_editable(item.data)
-    return item.data
-
-
-def _no_shift(_scene: bpy.types.Scene, target: str) -> None:
+def _reset_shift(_scene: bpy.types.Scene, target: str) -> None:
     camera = _camera(target)
     camera.shift_x = camera.shift_y = 0.0
 
 
-def _layer(scene: bpy.types.Scene, name: str) -> bpy.types.ViewLayer:
-    layer = scene.view_layers.get(name)
-    if layer is None:
-        raise LfsrError(f"view layer {name!r} is not there any more: check the scene again")
-    return layer
-
-
-def _no_override(scene: bpy.types.Scene, target: str) -> None:
-    _layer(scene, target).material_override = None
-
-
-def _switch_off(switch: str) -> Fix:
-    """Fix that switches ``switch`` of a view layer's collections off."""
-    def fix(scene: bpy.types.Scene, target: str) -> None:
-        for collection in switched(_layer(scene, target), switch):
-            setattr(collection, switch, False)
-    return fix
-
-
-def _one_layer(scene: bpy.types.Scene, target: str) -> None:
-    used = _layer(scene, target)
+def _use_one_layer(scene: bpy.types.Scene, target: str) -> None:
+    used = _existing(scene.view_layers, target, "view layer")
     for layer in scene.view_layers:
         layer.use = layer == used
 
 
-def _no_focus(_scene: bpy.types.Scene, target: str) -> None:
-    camera = _camera(target)
-    camera.dof.use_dof = False
-
-
 FIXES: dict[str, Fix] = {
-    "array": lambda scene, _target: add(scene, scene_settings.display_of(scene)), "light": _add_light,
-    "dim": _add_light,
-    "engine": _setting("render", engine="CYCLES"),
-    "script": _setting("cycles", device="CPU", shading_system=True), "dirty": _pack, "background": _to_background,
+    "array": _add_array, "rig": _add_array, "light": _add_light, "dim": _add_light,
+    "engine": _set("render", engine="CYCLES"), "script": _set("cycles", device="CPU", shading_system=True),
+    "dirty": lambda _scene, target: _existing(bpy.data.images, target, "image").pack(), "background": _to_background,
     "denoise": lambda scene, _target: denoiser.use_replacement(scene, scene_settings.resolve(scene)),
-    "display": _defaults, "subject": _show_subject, "rig": _array_again,
-    "filter": _setting("cycles", pixel_filter_type="BOX"),
-    "motion": _setting("render", use_motion_blur=False), "focus": _no_focus,
-    "shift": _no_shift, "override": _no_override, "layers": _one_layer,
-    **{switch: _switch_off(switch) for switch in SWITCHES},
-    "compositor": _setting("render", use_compositing=False), "sequencer": _setting("render", use_sequencer=False),
-    "view": _setting("view_settings", use_curve_mapping=False, use_white_balance=False),
-    "catcher": _setting("render", film_transparent=True)}
+    "display": _use_defaults, "subject": _show_subject, "filter": _set("cycles", pixel_filter_type="BOX"),
+    "motion": _set("render", use_motion_blur=False),
+    "focus": lambda _scene, target: setattr(_camera(target).dof, "use_dof", False), "shift": _reset_shift,
+    "override": lambda scene, target: setattr(_existing(scene.view_layers, target, "view layer"), "material_override",
+                                              None),
+    "layers": _use_one_layer, **{switch: _switch_off(switch) for switch in SWITCHES},
+    "compositor": _set("render", use_compositing=False), "sequencer": _set("render", use_sequencer=False),
+    "view": _set("view_settings", use_curve_mapping=False, use_white_balance=False),
+    "catcher": _set("render", film_transparent=True)}
 OUTSIDE_SCENE = ("dirty", "focus", "shift")  # fixes that change more than the scene
 # Fixes that Blender's own operators do, some after asking for a file.
 OPERATORS: dict[str, tuple[str, dict[str, object]]] = {

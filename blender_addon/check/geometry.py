@@ -16,7 +16,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
 from ..scene.array import placement, rig
-from ..scene.settings import length, resolve
+from ..scene.settings import Resolved, length
 from ..scene.subject import GEOMETRY
 from .problem import Problem
 
@@ -44,22 +44,9 @@ class Extents:
         return ((np.minimum(self.high, 1) - np.maximum(self.low, -1)) / 2 > COVERS).all(1)
 
 
-def find(scene: bpy.types.Scene, display: DisplayProfile, placed: rig.Placement,
+def find(scene: bpy.types.Scene, settings: Resolved, placed: rig.Placement,
          subject: set[bpy.types.Object]) -> Iterator[Problem]:
     """Problems of the visible objects of ``subject``, by name; ``placed``: the camera array and its world matrix."""
-    array, matrix = placed
-    owners, boxes, places = _shown(subject)
-    if not len(boxes):
-        return
-    inverse = np.linalg.inv(np.array(matrix))
-    items = sorted(set(owners), key=lambda item: item.name)
-    rows = {item: row for row, item in enumerate(items)}
-    extents = extents_of(boxes, inverse @ places, array, np.array([rows[owner] for owner in owners]))
-    yield from _problems(scene, items, extents, display, array)
-
-
-def _shown(subject: set[bpy.types.Object]) -> tuple[list[bpy.types.Object], Array, Array]:
-    """Owner, corners (n, 8, 3) of the bounding box and world matrices (n, 4, 4) of what would be rendered."""
     owners, boxes, places = [], [], []
     corners: dict[int, Array] = {}  # by the geometry, which is an object's own where modifiers change it
     for item, owner, place in placement.instances(subject):
@@ -70,7 +57,14 @@ def _shown(subject: set[bpy.types.Object]) -> tuple[list[bpy.types.Object], Arra
             owners.append(owner)
             boxes.append(corners[geometry])
             places.append(place)
-    return owners, np.array(boxes), np.array(places)
+    if not boxes:
+        return
+    array, matrix = placed
+    items = sorted(set(owners), key=lambda item: item.name)
+    rows = {item: row for row, item in enumerate(items)}
+    extents = extents_of(np.array(boxes), np.linalg.inv(np.array(matrix)) @ np.array(places), array,
+                         np.array([rows[owner] for owner in owners]))
+    yield from _problems(scene, items, extents, settings, array)
 
 
 def extents_of(boxes: Array, places: Array, array: CameraArray, rows: Array) -> Extents:
@@ -94,14 +88,14 @@ def _lowest(values: Array, rows: Array) -> Array:
     return lowest
 
 
-def _problems(scene: bpy.types.Scene, items: list[bpy.types.Object], extents: Extents, display: DisplayProfile,
+def _problems(scene: bpy.types.Scene, items: list[bpy.types.Object], extents: Extents, settings: Resolved,
               array: CameraArray) -> Iterator[Problem]:
-    distance, (near, far) = array.distance, rig.usable_depth(array, display)
+    distance, (near, far) = array.distance, rig.usable_depth(array, settings.display)
     margin = TOLERANCE * distance
     # A floor or a room begins beside the viewer, or in front of the usable depth, and ends behind the display.
     through = (extents.far > np.where(extents.near <= 0, distance, far)) & (extents.near < near)
     background = through | (extents.cover & (extents.far > far + margin))
-    seen = finest(extents, display, array, resolve(scene).sampling.scale)
+    seen = finest(extents, settings.display, array, settings.sampling.scale)
     for row in np.flatnonzero(extents.visible):
         item = items[row]
         if background[row]:

@@ -22,51 +22,33 @@ BUTTONS = {"linked": "Find Files…", "autoexec": "Reload Trusted", "shift": "Re
 
 def find(scene: bpy.types.Scene) -> Iterator[Problem]:
     """Everything of ``scene`` that a render does not show as Blender's own would."""
-    yield from _filter(scene)
-    yield from _blur(scene)
-    yield from _colors(scene)
+    cycles, camera = getattr(scene, "cycles", None), scene.camera
+    if cycles is not None and cycles.pixel_filter_type not in (
+            "BOX", cycles.bl_rna.properties["pixel_filter_type"].default):
+        yield Problem("filter", "Pixel Filter", "This filter would mix neighbouring views. Light-field renders use a "
+                      "box of one pixel instead.", "Use Box", INFO)
+    if scene.render.use_motion_blur:
+        yield Problem("motion", "Motion Blur", "Light-field renders ignore motion blur.", "Switch Off", INFO, asks=True)
+    if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
+        yield Problem("focus", camera.name, "Light-field renders ignore depth of field, since the viewer's eye "
+                      "focuses.", "Switch Off", INFO, is_object=True, asks=True)
+    try:
+        color_settings(scene, _shows_world(scene))
+    except LfsrError as error:
+        code, fix, view = "space", "", scene.view_settings
+        if view.use_curve_mapping or view.use_white_balance:
+            code, fix = "view", "Switch Off"
+        elif _shows_world(scene):
+            code, fix = "catcher", "Make Film Transparent"
+        yield Problem(code, scene.name, f"{capitalized(str(error))}.", fix, ERROR, title="Colors")
     for notice in left_out(scene):
         yield Problem(notice.code, notice.target or scene.name, f"{notice.sentence}.", BUTTONS[notice.code], INFO,
                       title=notice.title, asks=True)
 
 
-def _filter(scene: bpy.types.Scene) -> Iterator[Problem]:
-    cycles = getattr(scene, "cycles", None)
-    if cycles is None:
-        return
-    default = cycles.bl_rna.properties["pixel_filter_type"].default
-    if cycles.pixel_filter_type not in ("BOX", default):
-        yield Problem("filter", "Pixel Filter", "This filter would mix neighbouring views. Light-field renders use a "
-                      "box of one pixel instead.", "Use Box", INFO)
-
-
-def _blur(scene: bpy.types.Scene) -> Iterator[Problem]:
-    if scene.render.use_motion_blur:
-        yield Problem("motion", "Motion Blur", "Light-field renders ignore motion blur.", "Switch Off", INFO, asks=True)
-    camera = scene.camera
-    if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
-        yield Problem("focus", camera.name, "Light-field renders ignore depth of field, since the viewer's eye "
-                      "focuses.", "Switch Off", INFO, is_object=True, asks=True)
-
-
-def _colors(scene: bpy.types.Scene) -> Iterator[Problem]:
-    try:
-        color_settings(scene, _shows_world(scene))
-    except LfsrError as error:
-        view = scene.view_settings
-        is_view = view.use_curve_mapping or view.use_white_balance
-        code, fix = "space", ""
-        if is_view or _shows_world(scene):
-            code, fix = ("view", "Switch Off") if is_view else ("catcher", "Make Film Transparent")
-        yield Problem(code, scene.name, f"{capitalized(str(error))}.", fix, ERROR, title="Colors")
-
-
 def _shows_world(scene: bpy.types.Scene) -> bool:
     """True if the scene's own world is seen behind a subject that may catch shadows."""
     is_own = scene.lfsr.light == OWN_LIGHT or (scene.lfsr.light == AUTO_LIGHT and has_light(scene))
-    return is_own and scene.world is not None and not scene.render.film_transparent and _has_catchers()
-
-
-def _has_catchers() -> bool:
-    """True if any object catches shadows: asked first, since finding those of instances takes long."""
-    return any(item.is_shadow_catcher for item in bpy.data.objects)
+    # Whether any object catches shadows is asked here, since finding those of instances takes long.
+    return is_own and scene.world is not None and not scene.render.film_transparent and any(
+        item.is_shadow_catcher for item in bpy.data.objects)

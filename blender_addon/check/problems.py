@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 
 import bpy
 
@@ -110,15 +111,15 @@ def _geometry(scene: bpy.types.Scene) -> Iterator[Problem]:
     if array is None:
         return
     try:
-        display = scene_settings.display_of(scene)
-        placed = rig.placement(scene, display)
-        found = geometry.find(scene, display, placed, find_subject(scene)) if placed else ()
+        placed, subject = rig.placement(scene, scene_settings.display_of(scene)), find_subject(scene)
     except LfsrError as error:
         yield Problem("rig", array.name, f"{capitalized(str(error))}.", "Add Again", ERROR, is_object=True)
         return
-    # Where nothing is reconstructed, marking the background saves no time.
-    ignored = {"background"} if scene_settings.renders_subpixels(scene) else set()
-    yield from (problem for problem in found if problem.code not in ignored)
+    with suppress(LfsrError):  # said by _settings
+        settings = scene_settings.resolve(scene)
+        # Where nothing is reconstructed, marking the background saves no time.
+        yield from (problem for problem in (geometry.find(scene, settings, placed, subject) if placed else ())
+                    if not settings.subpixels or problem.code != "background")
 
 
 def _denoiser(scene: bpy.types.Scene) -> Iterator[Problem]:

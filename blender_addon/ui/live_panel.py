@@ -36,11 +36,6 @@ class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
         row_if(devices.has_denoiser() and lfsr.live_denoise, column).prop(lfsr, "live_denoise_start")
         for text, icon in notes(context.scene):
             sentence(layout, text, icon, context)
-        self._draw_eye(layout, lfsr)
-        if session.message(EYE):
-            sentence(layout, session.message(EYE), "ERROR", context)
-
-    def _draw_eye(self, layout: bpy.types.UILayout, lfsr: bpy.types.PropertyGroup) -> None:
         if session.is_on(EYE):
             layout.operator("lfsr.live_eye_stop", icon="HIDE_ON")
         else:
@@ -48,6 +43,8 @@ class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
         column = columns(layout).column(align=True)
         for name in ("live_eye_right", "live_eye_up", "live_eye_near"):
             column.prop(lfsr, name, slider=True)
+        if session.message(EYE):
+            sentence(layout, session.message(EYE), "ERROR", context)
 
 
 def notes(scene: bpy.types.Scene) -> list[tuple[str, str]]:

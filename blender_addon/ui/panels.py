@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import bpy
 
 from lfsr_core.base.errors import LfsrError
@@ -63,7 +65,12 @@ class LFSR_PT_check(LightFieldPanel, bpy.types.Panel):
         """Draw the button and the rows of the last check."""
         layout, state = self.layout, context.window_manager.lfsr
         layout.operator("lfsr.check_scene", text="Check Scene", icon="VIEWZOOM")
-        _draw_time(layout, context.scene)
+        seconds, row = probe.expected_seconds(context.scene), row_if(session.current() is None, layout)
+        if seconds is None:
+            row.operator("lfsr.estimate_time", icon="TIME")
+        else:
+            row.label(text=f"About {duration(seconds)} per image", icon="TIME")
+            row.operator("lfsr.estimate_time", text="", icon="FILE_REFRESH")
         if state.checked_scene != context.scene.name_full:
             return
         if last.has_changed():
@@ -86,7 +93,8 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
         layout.prop(lfsr, "quality", text="Preset")
         row_if(not lfsr.samples, layout).prop(lfsr, "rays")
         layout.prop(lfsr, "samples")
-        facts(self.layout, _sample_facts(context.scene))
+        with contextlib.suppress(LfsrError):  # the panel Display says what is wrong
+            facts(self.layout, summary.sample_facts(scene_settings.resolve(context.scene)))
         layout = columns(self.layout)  # columns stand in the order in which they were made
         row_if(has_lenses, layout).prop(lfsr, "method")
         layout.prop(lfsr, "seed")
@@ -154,8 +162,11 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         state = context.window_manager.lfsr
         if state.message:
             sentence(layout, state.message, "ERROR" if state.message_is_error else "INFO", context)
-        if task is None:
-            _draw_unfinished(layout, context)
+        with contextlib.suppress(LfsrError):  # said by the buttons
+            if task is None and folders.is_unfinished(folders.frame_folder(context.scene)):
+                sentence(layout, f"Frame {context.scene.frame_current} is rendered, but its image is not finished",
+                         "INFO", context)
+                layout.operator_menu_enum("lfsr.finish_frame", "method", text="Finish With")
 
 
 class LFSR_PT_reference(LightFieldPanel, bpy.types.Panel):
@@ -217,54 +228,20 @@ def _draw_fits(layout: bpy.types.UILayout, text: str) -> None:
         row.operator("lfsr.array_fit", text=title).to = name
 
 
-def _sample_facts(scene: bpy.types.Scene) -> summary.Facts:
-    try:
-        return summary.sample_facts(scene_settings.resolve(scene))
-    except LfsrError:
-        return []  # the panel Display says what is wrong
-
-
-def _draw_time(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    seconds = probe.expected_seconds(scene)
-    row = row_if(session.current() is None, layout)
-    if seconds is None:
-        row.operator("lfsr.estimate_time", icon="TIME")
-        return
-    row.label(text=f"About {duration(seconds)} per image", icon="TIME")
-    row.operator("lfsr.estimate_time", text="", icon="FILE_REFRESH")
-
-
 def _draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """One quiet line on what was done, and what can be done with it."""
-    state = context.window_manager.lfsr
+    state, scene = context.window_manager.lfsr, context.scene
     if state.outcome:
         layout.label(text=state.outcome, icon="CHECKMARK")
-    if state.outcome_folder:
-        row = layout.row(align=True)
-        row.operator("wm.path_open", text="Open Folder").filepath = state.outcome_folder
-        if _is_light_field(context.scene, state.outcome_folder):
+    if not state.outcome_folder:
+        return
+    row = layout.row(align=True)
+    row.operator("wm.path_open", text="Open Folder").filepath = state.outcome_folder
+    with contextlib.suppress(LfsrError):
+        is_shown = str(folders.frame_folder(scene)) == state.outcome_folder
+        if is_shown and not scene_settings.renders_subpixels(scene):
             row.operator("lfsr.preview_view", text="View")
             row.operator("lfsr.render_reference", text="Compare")
-
-
-def _is_light_field(scene: bpy.types.Scene, folder: str) -> bool:
-    """True if ``folder`` is that of the scene's current frame, and has views to look at."""
-    try:
-        return str(folders.frame_folder(scene)) == folder and not scene_settings.renders_subpixels(scene)
-    except LfsrError:
-        return False
-
-
-def _draw_unfinished(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """A render whose second stage failed can be finished in another way."""
-    try:
-        folder = folders.frame_folder(context.scene)
-    except LfsrError:
-        return  # said by the buttons
-    if folders.is_unfinished(folder):
-        sentence(layout, f"Frame {context.scene.frame_current} is rendered, but its image is not finished", "INFO",
-                 context)
-        layout.operator_menu_enum("lfsr.finish_frame", "method", text="Finish With")
 
 
 CLASSES = (*display_panel.CLASSES, LFSR_PT_array, LFSR_PT_check, LFSR_PT_quality, LFSR_PT_plan, LFSR_PT_render,

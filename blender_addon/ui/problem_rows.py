@@ -38,36 +38,26 @@ def _draw(layout: bpy.types.UILayout, row: bpy.types.PropertyGroup, context: bpy
         _select_button(head, row.code, row.target)
     sentence(box, row.reason, "NONE", context)
     if row.expanded:
-        _draw_names(box, row.code)
-    if row.fix:
-        _fix_button(box, row)
-
-
-def _draw_names(layout: bpy.types.UILayout, code: str) -> None:
-    problems = last.problems(code)
-    column = layout.column(align=True)
-    for problem in problems[:MOST_NAMES]:
-        line = column.row(align=True)
-        line.label(text=problem.target)
-        if problem.is_object:
-            _select_button(line, code, problem.target)
-    if len(problems) > MOST_NAMES:
-        column.label(text=f"and {len(problems) - MOST_NAMES:,} more")
+        problems, column = last.problems(row.code), box.column(align=True)
+        for problem in problems[:MOST_NAMES]:
+            line = column.row(align=True)
+            line.label(text=problem.target)
+            if problem.is_object:
+                _select_button(line, row.code, problem.target)
+        if len(problems) > MOST_NAMES:
+            column.label(text=f"and {len(problems) - MOST_NAMES:,} more")
+    if row.fix and row.code in OPERATORS:
+        name, settings = OPERATORS[row.code]
+        asking = box.row()
+        asking.operator_context = "INVOKE_DEFAULT"
+        button = asking.operator(name, text=row.fix)
+        for key, value in settings.items():
+            setattr(button, key, value)
+    elif row.fix:
+        button = box.operator("lfsr.check_fix", text=row.fix)
+        button.code, button.target = row.code, row.target
 
 
 def _select_button(layout: bpy.types.UILayout, code: str, target: str) -> None:
     button = layout.operator("lfsr.check_select", text="", icon="RESTRICT_SELECT_OFF")
     button.code, button.target = code, target
-
-
-def _fix_button(layout: bpy.types.UILayout, row: bpy.types.PropertyGroup) -> None:
-    if row.code not in OPERATORS:
-        button = layout.operator("lfsr.check_fix", text=row.fix)
-        button.code, button.target = row.code, row.target
-        return
-    name, settings = OPERATORS[row.code]
-    asking = layout.row()
-    asking.operator_context = "INVOKE_DEFAULT"
-    button = asking.operator(name, text=row.fix)
-    for key, value in settings.items():
-        setattr(button, key, value)
