@@ -10,6 +10,7 @@ from pathlib import Path
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.progress import ProgressBar
 from lfsr_core.commands.arguments import add_geometry_arguments, make_request, names, numbers, reals
+from lfsr_core.frames.request import Sampling
 
 NAME = "plan"
 HELP = "find the cheapest scale, samples and method that reach an accuracy, from a small sample of lenses"
@@ -57,7 +58,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise LfsrError("--rays and --spps were both given: leave out one of them")
     given = {name: value for name in OPTIONS if (value := getattr(arguments, name)) is not None}
     options = PlanOptions(**given)
-    job = make_request(arguments, output=".")
+    job = make_request(arguments, output=".", sampling=Sampling(1, 1))
     blender = find_blender(arguments.blender)
     with closing(ProgressBar()) as bar, work_folder(arguments.work, job, options, bar.note) as folder:
         planned = make_plan(job, options, lambda job, progress: run_job(job, blender, progress, bar.note), folder, bar)

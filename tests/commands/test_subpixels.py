@@ -52,7 +52,6 @@ def test_frames_of_an_animation_are_finished_once(command, capsys):
     (["--display", "mini"], "display 'mini' has no lens sheet"),
     (["--scale", "2"], "scale is 2, but the layout subpixels"),
     (["--rows", "1/2"], "rows is (1, 40), but the layout subpixels"),
-    (["--convention", "paper"], "convention is paper, but the layout subpixels"),
     (["--view-aperture", "0.5"], "view aperture is 0.5, but the layout subpixels"),
     (["--method", "oidn+bilinear"], "needs elemental images"),
     (["--linear-exr"], "--linear-exr is for elemental images"),

@@ -79,15 +79,15 @@ def test_what_a_job_leaves_open_may_be_anything(changes, found):
 def test_another_light_is_another_render(tmp_path):
     write_frame(tmp_path, dataclasses.replace(FRAME, light="own"))
     with pytest.raises(LfsrError, match="with light own, but light night was asked for"):
-        check_same(tmp_path, dataclasses.replace(JOB, light="night"), names=None)
+        check_same(tmp_path, changed(JOB, light="night"), names=None)
 
 
 def test_a_light_field_is_no_render_of_subpixels():
     display = lenticular()
-    frame, job = frame_of(1, display), dataclasses.replace(JOB, display=display, scale=1, device="OPTIX")
-    assert is_same(frame, dataclasses.replace(job, layout="lens-card"))
+    frame, job = frame_of(1, display), changed(JOB, display=display, scale=1, device="OPTIX")
+    assert is_same(frame, changed(job, layout="lens-card"))
     assert not is_same(dataclasses.replace(frame, layout=SUBPIXELS), job)
-    assert not is_same(frame, dataclasses.replace(job, layout=SUBPIXELS))
+    assert not is_same(frame, changed(job, layout=SUBPIXELS))
 
 
 def test_a_file_that_has_changed_is_told_where_both_are_known(tmp_path):
@@ -136,9 +136,9 @@ def test_of_displays_that_differ_the_field_is_named_and_no_record_printed():
 
 
 def test_a_digest_knows_what_decides_pixels_and_no_path():
-    moved = dataclasses.replace(JOB, output="elsewhere", parts="p", world="w")
+    moved = changed(JOB, output="elsewhere", parts="p", world="w")
     assert digest(request_facts(JOB)) == digest(request_facts(moved))
-    assert digest(request_facts(JOB)) != digest(request_facts(dataclasses.replace(JOB, seed=1)))
+    assert digest(request_facts(JOB)) != digest(request_facts(changed(JOB, seed=1)))
 
 
 @pytest.mark.parametrize(("frame", "job", "own"), [

@@ -42,6 +42,7 @@ from tests.support.damage import Case
 from tests.support.finished import finished
 from tests.support.noisy_renders import JOB, render
 from tests.support.played_blender import played_blender
+from tests.support.requests import changed
 from tests.support.synthetic import MINI, light_field, write_apart, write_reference, write_render
 from tests.support.training_photographs import write_photographs
 
@@ -112,7 +113,7 @@ def photographed(folder: Path) -> None:
 def parts(folder: Path, **changes: object) -> None:
     for name, rows in (("a", (1, 6)), ("b", (7, 12))):
         (folder / name).mkdir()
-        render(dataclasses.replace(JOB, output=str(folder / name), scale=2, rows=rows))
+        render(changed(JOB, output=str(folder / name), scale=2, rows=rows))
 
 
 def played(folder: Path) -> None:
@@ -177,7 +178,7 @@ def scenes(folder: Path) -> None:
 
 
 def job(folder: Path) -> None:
-    wanted = dataclasses.replace(JOB, layers=("albedo",), lens_list=((0, 0), (1, 1)))
+    wanted = changed(JOB, layers=("albedo",), lens_list=((0, 0), (1, 1)))
     write_json(folder / "job.json", to_data(wanted))
 
 

@@ -17,13 +17,14 @@ from lfsr_core.optics.lens_rows import parse_rows
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.pipeline.merge import merge
 from tests.support.noisy_renders import JOB, render
+from tests.support.requests import changed
 from tests.support.synthetic import MINI, fails
 
 
 def made(folder: Path, **changes) -> Path:
     """A render, a reference, or a part of one, in ``folder``."""
     folder.mkdir()
-    render(dataclasses.replace(JOB, **{"output": str(folder), "scale": 2} | changes))
+    render(changed(JOB, **{"output": str(folder), "scale": 2} | changes))
     return folder
 
 
@@ -120,10 +121,10 @@ def test_references_of_other_seeds_become_one_of_all_samples(tmp_path):
     """The noise of each half falls as it should, and the halves stay independent."""
     options = {"kind": "reference", "scale": 1}
     counts = (20, 41, 60)
-    folders = [made(tmp_path / f"seed{seed}", seed=seed, spp=spp, **options) for seed, spp in enumerate(counts)]
+    folders = [made(tmp_path / f"seed{seed}", seed=seed, samples=spp, **options) for seed, spp in enumerate(counts)]
     frame = merge(folders, tmp_path / "merged")
     assert frame.samples == sum(counts) and frame.seed == 0
-    clean = read_layers(made(tmp_path / "clean", spp=2**20, **options) / REFERENCE_FILES[0])["color"]
+    clean = read_layers(made(tmp_path / "clean", samples=2**20, **options) / REFERENCE_FILES[0])["color"]
     halves = [read_layers(tmp_path / "merged" / name)["color"] for name in REFERENCE_FILES]
     single = read_layers(folders[0] / REFERENCE_FILES[0])["color"]
     # Where values are not clipped at 0.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib.util
 import json
 import os
@@ -27,7 +26,7 @@ from lfsr_core.pipeline.rendering import render_all
 from lfsr_core.process import blender as blender_places
 from lfsr_core.process.blender import Blender, find_blender
 from lfsr_core.process.protocol import parse_progress
-from tests.support.requests import make_request
+from tests.support.requests import changed, make_request
 
 READ_JOB = "import json, os, sys, time\nfrom pathlib import Path\njob = json.loads(Path(sys.argv[-1]).read_text())\n"
 GOOD = """
@@ -207,7 +206,7 @@ def test_an_importers_error_reaches_the_user_as_one_sentence(job, tmp_path):
     scene.write_text('{"asset": {"version": "2.0"}, "meshes": [{"primitives": [{"attributes": {"POSITION": 99}}]}], '
                      '"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}], "scene": 0}')
     with pytest.raises(LfsrError, match=r"scene\.gltf cannot be read \(TypeError"):
-        render_all([dataclasses.replace(job, scene=str(scene))], Blender())
+        render_all([changed(job, scene=str(scene))], Blender())
     assert leftovers(job) == []
 
 
@@ -228,7 +227,7 @@ from lfsr_core.frames.request import Request
 from lfsr_core.optics.display import load_display
 from lfsr_core.process.blender import find_blender
 from lfsr_core.pipeline.rendering import render_all
-from tests.support.requests import make_request
+from tests.support.requests import changed, make_request
 found = find_blender(sys.argv[1])
 resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
 try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.request import Request
 from lfsr_core.pipeline.make import Made, make
 from tests.support.noisy_renders import JOB
+from tests.support.requests import changed
 
 FINISH = Finish("bicubic")
 
@@ -21,7 +21,7 @@ def film_request(folder: Path, **changes: Any) -> Request:
     if not scene.exists():
         scene.write_text("a scene")
     fields = {name: changes.pop(name) for name in list(changes) if name in Request.__dataclass_fields__}
-    request = dataclasses.replace(JOB, **{"scene": str(scene), "output": str(folder / "film")} | fields)
+    request = changed(JOB, **{"scene": str(scene), "output": str(folder / "film")} | fields)
     return request.sampled(**{"scale": 2} | changes)
 
 

@@ -52,7 +52,7 @@ def serve(address: str, blender: str) -> None:
     """Import what calls need, then answer them until the end."""
     from lfsr_core.cli import main
     from lfsr_core.pipeline import (
-        engine,  # noqa: F401
+        make,  # noqa: F401
         merge,  # noqa: F401
     )
     from lfsr_core.reconstruct import second_stage  # noqa: F401, a call would import it
