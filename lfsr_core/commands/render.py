@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import os
 import time
 from contextlib import closing
@@ -63,6 +64,8 @@ def run(arguments: argparse.Namespace) -> None:
     frames = None if arguments.frames is None else parse_frames(arguments.frames)
     request = _request(arguments)
     finish = upscale.finish_of(arguments, request.layout == SUBPIXELS, request.sampling.scale)
+    if finish.temporal_averaging and frames is None:
+        request = dataclasses.replace(request, seed=finish.seed_of(request.seed, arguments.frame))
     from lfsr_core.pipeline.make import FAILED, make
 
     started = time.monotonic()

@@ -138,6 +138,7 @@ def run_on(address: str, output: Path, scene: str, tasks: Callable[[int], Iterat
                                    key=f"lfsr-{task.name}-{place.name[-8:]}", pure=False,
                                    resources={RESOURCE: 1} if uses else None) for task in tasks(len(workers))]
         stack.callback(client.cancel, submitted)
+        stack.enter_context(client.as_current())
         waiting = set(submitted)
         while waiting:
             try:

@@ -184,10 +184,8 @@ def requests_of(request: Request, finish: Finish | None, frames: Sequence[int] |
     A scale that the depth decides is one for all frames: that of a frame which is there already, else by the depth of
     a few of them.
     """
-    averaged = finish is not None and finish.temporal_averaging
     if frames is None:
-        return [dataclasses.replace(request, seed=finish.seed_of(request.seed, request.frame))
-                if finish is not None and averaged and request.frame is not None else request]
+        return [request]
     output = Path(os.path.abspath(request.output))
     if any(FrameFolder(output).holds(kind) for kind in ("render", "reference")):
         raise LfsrError(f"{output} is a frame folder itself: choose another folder for the frames of an animation")

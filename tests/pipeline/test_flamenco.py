@@ -42,7 +42,7 @@ def compiled(folder: Path, **settings) -> dict:
 def test_settings_are_of_kinds_that_flamenco_has(tmp_path):
     found = compiled(tmp_path, frames="1", parts=1, output="/o", blendfile="/s.blend", method="m", lfsr="lfsr",
                      display="mini", scale="4", rays=1.5, seed=0, light="auto", device="CPU", linear="--linear-exr",
-                     share=0)["type"]
+                     temporalaveraging=0)["type"]
     settings = {setting["key"]: setting for setting in found["settings"]}
     assert {setting["type"] for setting in settings.values()} <= TYPES
     assert set().union(*settings.values()) <= KEYS
@@ -54,7 +54,7 @@ def test_tasks_run_in_the_order_of_their_dependencies(tmp_path, lfsr):
     output = tmp_path / "film"
     tasks = compiled(tmp_path, frames="2, 7-8", parts=2, output=str(output), blendfile=str(tmp_path / "scene.glb"),
                      method="bicubic", lfsr=str(lfsr), display="mini", scale="2", rays=1, seed=0, light="city",
-                     linear="--no-linear-exr", device="CPU", share=0)["tasks"]
+                     linear="--no-linear-exr", device="CPU", temporalaveraging=0)["tasks"]
     assert len(tasks) == 3 * (2 + 1 + 1)
     done: set[str] = set()
     for task in tasks:
@@ -69,7 +69,7 @@ def test_tasks_run_in_the_order_of_their_dependencies(tmp_path, lfsr):
 def test_a_frame_that_shares_is_finished_after_those_beside_it_are_merged(tmp_path):
     tasks = compiled(tmp_path, frames="9, 1-7", parts=1, output="/o", blendfile="/s.blend", method="m", lfsr="lfsr",
                      display="mini", scale="4", rays=1.5, seed=0, light="auto", device="CPU", linear="--linear-exr",
-                     share=1)["tasks"]
+                     temporalaveraging=1)["tasks"]
     names, frames = [task["name"] for task in tasks], (*range(1, 8), 9)
     for task in tasks:
         assert {names.index(name) for name in task["dependencies"]} <= set(range(names.index(task["name"])))

@@ -41,7 +41,7 @@ def messages(log: str) -> list[tuple[str, str]]:
 def test_all_steps_run_in_their_order(template, tmp_path, lfsr):
     (tmp_path / "scene.glb").touch()
     settings = {"Scene": tmp_path / "scene.glb", "Output": tmp_path / "film", "Frames": "3-4", "Parts": 2,
-                "Display": "mini", "Scale": 2, "Method": "bicubic", "Share": 1, "Lfsr": lfsr}
+                "Display": "mini", "Scale": 2, "Method": "bicubic", "TemporalAveraging": 1, "Lfsr": lfsr}
     words = [word for name, value in settings.items() for word in ("-p", f"{name}={value}")]
     done = subprocess.run([OPENJD, "run", template, *words, "--step", "Finish", "--run-dependencies"], cwd=tmp_path,
                           capture_output=True, text=True, check=False)
