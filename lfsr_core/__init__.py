@@ -18,8 +18,8 @@ from lfsr_core.version import __version__ as __version__
 
 if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.base.errors import LfsrError
-    from lfsr_core.exports.formats import Exported, export
-    from lfsr_core.exports.importing import Imported, ImportGeometry, import_views
+    from lfsr_core.exports.formats import export
+    from lfsr_core.exports.importing import ImportGeometry, import_views
     from lfsr_core.exports.options import ExportOptions
     from lfsr_core.exports.page import Page, write_page
     from lfsr_core.frames.contact_sheet import write_views
@@ -46,11 +46,9 @@ __all__ = [
     "CameraArray",
     "DisplayProfile",
     "ExportOptions",
-    "Exported",
     "Finish",
     "Frame",
     "ImportGeometry",
-    "Imported",
     "LfsrError",
     "MethodName",
     "Metrics",
@@ -84,8 +82,8 @@ __all__ = [
 
 _MODULES = {
     "base.errors": "LfsrError",
-    "exports.formats": "Exported export",
-    "exports.importing": "Imported ImportGeometry import_views",
+    "exports.formats": "export",
+    "exports.importing": "ImportGeometry import_views",
     "exports.options": "ExportOptions",
     "exports.page": "Page write_page",
     "frames.contact_sheet": "write_views",

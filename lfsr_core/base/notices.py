@@ -25,10 +25,10 @@ class Progress:
 
 @dataclasses.dataclass(frozen=True)
 class Notice:
-    """A fact about a render or an export, by its code; ``values`` are JSON-ready and fill its sentence."""
+    """A fact about a render or an export, by its code such as "scale-chosen"; ``values`` fill its sentence."""
 
     code: str
-    values: dict[str, Any] = dataclasses.field(default_factory=dict)
+    values: dict[str, Any] = dataclasses.field(default_factory=dict, hash=False)  # JSON-ready
 
 
 Tell = Callable[[Progress | Notice], None]

@@ -23,34 +23,40 @@ Progress = Callable[[str, float, str], None]
 
 
 class ProgressBar:
-    """Callable ``(stage, fraction, message)``; ``fraction`` in [0, 1]."""
+    """A ``Tell``: shows progress, and prints each notice once, as ``words`` says it."""
 
     def __init__(self, stream: TextIO | None = None, words: Callable[[Notice], str] = str) -> None:
-        self._words = words
-        self._stream = stream or sys.stderr
+        self._words, self._stream = words, stream or sys.stderr
         self._moving = self._stream.isatty()
         self._stage, self._shown_at, self._most = "", 0.0, 0.0
+        self._told: list[Notice] = []
 
-    def __call__(self, told: notices.Progress | Notice | str, fraction: float = 0.0, message: str = "") -> None:
-        """Show one state; elsewhere than on a terminal only at a new stage, at the end, and every few seconds."""
+    def __call__(self, told: notices.Progress | Notice | str, fraction: float = 0.0, detail: str = "") -> None:
+        """Show progress, elsewhere than on a terminal only at a new stage, at the end, and every few seconds."""
+        if isinstance(told, str):  # for callers that still give progress by stage, fraction and message
+            told = notices.Progress(told, fraction, detail)
         if isinstance(told, Notice):
-            self.note(self._words(told))
+            if told not in self._told:
+                self._told.append(told)
+                self.note(self._words(told))
             return
-        stage = told if isinstance(told, str) else told.stage
-        if not isinstance(told, str):
-            left = "" if told.left is None else f"{duration(told.left)} left"
-            fraction, message = told.fraction, ", ".join(filter(None, (told.detail, left)))
+        left = "" if told.left is None else f"{duration(told.left)} left"
+        fraction, detail = min(max(told.fraction, 0.0), 1.0), ", ".join(filter(None, (told.detail, left)))
         if self._moving:
-            self._draw(stage, fraction, message)
-        elif (stage != self._stage or fraction >= 1 or time.monotonic() - self._shown_at >= SECONDS_BETWEEN_LINES):
+            filled = round(BAR_WIDTH * fraction)
+            start = "\n" if self._stage not in ("", told.stage) else "\r"
+            bar = "█" * filled + "░" * (BAR_WIDTH - filled)
+            self._stream.write(f"{start}{told.stage:10} {bar} {fraction:4.0%}  {detail[:60]}\x1b[K")
+            self._stream.flush()
+        elif told.stage != self._stage or fraction >= 1 or time.monotonic() - self._shown_at >= SECONDS_BETWEEN_LINES:
             if is_openjd():
                 # A farm shows one number for the whole task: it must not fall where a new stage begins.
-                self._most = max(self._most, min(fraction, 1.0))
-                tell_openjd(progress=f"{100 * self._most:.1f}", status=f"{stage} {message}")
+                self._most = max(self._most, fraction)
+                tell_openjd(progress=f"{100 * self._most:.1f}", status=f"{told.stage} {detail}")
             else:
-                print(f"{stage:10} {fraction:4.0%}  {message}".rstrip(), file=self._stream, flush=True)
+                print(f"{told.stage:10} {fraction:4.0%}  {detail}".rstrip(), file=self._stream, flush=True)
             self._shown_at = time.monotonic()
-        self._stage = stage
+        self._stage = told.stage
 
     def note(self, message: str) -> None:
         """Print a line that stays."""
@@ -62,13 +68,6 @@ class ProgressBar:
         if self._moving and self._stage:
             print(file=self._stream)
         self._stage = ""
-
-    def _draw(self, stage: str, fraction: float, message: str) -> None:
-        filled = round(BAR_WIDTH * min(max(fraction, 0.0), 1.0))
-        start = "\n" if self._stage not in ("", stage) else "\r"
-        bar = "█" * filled + "░" * (BAR_WIDTH - filled)
-        self._stream.write(f"{start}{stage:10} {bar} {fraction:4.0%}  {message[:60]}\x1b[K")
-        self._stream.flush()
 
 
 def accept_all_letters() -> None:

@@ -7,6 +7,8 @@ import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lfsr_core.commands.sentences import sentence
+
 if TYPE_CHECKING:
     from lfsr_core.metrics.compare import Metrics
 
@@ -32,7 +34,7 @@ def table(metrics: Metrics) -> list[str]:
     lines = [f"{field.name:17} {value:8.4f}{_spread(metrics, field.name):10}  {field.metadata['meaning']}"
              for field in dataclasses.fields(metrics) if field.metadata
              and (value := getattr(metrics, field.name)) is not None]
-    return [*lines, *metrics.notes]
+    return [*lines, *map(sentence, metrics.notes)]
 
 
 def _spread(metrics: Metrics, name: str) -> str:

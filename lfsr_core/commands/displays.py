@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.commands.arguments import position
+from lfsr_core.commands.sentences import sentence
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.optics.proposal import PanelShape, proposed_light_field
 from lfsr_core.optics.sheet import Lenslet, Lenticular
@@ -105,7 +107,7 @@ def _imported(arguments: argparse.Namespace) -> DisplayProfile:
     write_profile(output, profile)
     for name, usual in (("fringe", 0), ("invView", 1)):
         if (value := calibration.numbers[name]) != usual:
-            print(f"note: the calibration's {name} of {value:g} is ignored, as by the maker's programs")
+            print(f"note: {sentence(Notice('number-ignored', {'name': name, 'value': value}))}")
     return profile
 
 
@@ -141,8 +143,10 @@ def _fitted(arguments: argparse.Namespace) -> DisplayProfile:
                         "each photograph")
     if arguments.output and arguments.output.suffix != ".toml":
         raise LfsrError(f"{arguments.output} cannot be a display profile: end its name in .toml")
-    found, lines = calibrate(profile, photos, places, arguments.output)
-    print("\n".join(lines))
+    found, notices = calibrate(profile, photos, places, arguments.output)
+    print("\n".join(map(sentence, notices)))
+    if arguments.output:
+        print(f"taken and predicted: {arguments.output.with_suffix('.png')}")
     return found.profile
 
 

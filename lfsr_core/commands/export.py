@@ -8,6 +8,7 @@ from contextlib import closing
 from pathlib import Path
 
 from lfsr_core.base.progress import ProgressBar
+from lfsr_core.commands.sentences import sentence
 from lfsr_core.exports.format_names import DESCRIPTIONS, FILM_TYPES, VIEW_TYPES
 from lfsr_core.exports.quilt_names import PRESETS
 
@@ -45,12 +46,10 @@ def run(arguments: argparse.Namespace) -> None:
         views = (views[0], 1 if arguments.format.startswith("quilt") else views[0])
     if grid and len(grid) == 1:
         grid = (grid[0], 1)
-    with closing(ProgressBar()) as bar:
+    with closing(ProgressBar(words=sentence)) as bar:
         options = ExportOptions(views, grid, arguments.preset, arguments.eyes_mm, arguments.width, arguments.type,
                                 arguments.seconds, arguments.fps, bar)
-        files, notes = export(arguments.folder, arguments.format, arguments.output, options)
-        for note in notes:
-            bar.note(note)
+        files = export(arguments.folder, arguments.format, arguments.output, options)
     print(files[0] if len(files) == 1 else f"{os.path.commonpath([file.parent for file in files])}: {len(files)} files")
 
 

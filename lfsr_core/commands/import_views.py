@@ -8,6 +8,7 @@ from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.progress import ProgressBar
+from lfsr_core.commands.sentences import sentence
 
 NAME = "import"
 HELP = "make a frame folder from a quilt or a folder of views (HCI, Stanford, JPEG Pleno), or several from a quilt film"
@@ -54,17 +55,15 @@ def run(arguments: argparse.Namespace) -> None:
     film = quilt is not None and is_film(source)
     if film and scale != 1:
         raise LfsrError(f"scale is {scale}, but a film of quilts has all its views: leave it out")
-    with closing(ProgressBar()) as bar:
+    with closing(ProgressBar(words=sentence)) as bar:
         if quilt is None:
-            imported = import_views(source, folder, scale, geometry, bar)
+            display = import_views(source, folder, scale, geometry, bar)
         elif film:
-            imported = import_film(source, folder, quilt, geometry, bar)
+            display = import_film(source, folder, quilt, geometry, bar)
         else:
-            imported = import_quilt(source, folder, quilt, scale, geometry, bar)
+            display = import_quilt(source, folder, quilt, scale, geometry, bar)
         if scale == 1 and not film:
             finish_frame(folder, "none")
-        for note in imported.notes:
-            bar.note(note)
-    display, following = imported.display, "view" if scale == 1 else "upscale"
+    following = "view" if scale == 1 else "upscale"
     print(f"{folder}: {display.views[0]}×{display.views[1]} views of {display.lenses[0]}×{display.lenses[1]} pixels; "
           f"next: lfsr {following} {folder}")

@@ -1,51 +1,153 @@
-"""The sentences of notices, as the command line shows them."""
+"""The sentences of notices, as the command line shows them: what is, and what can be done."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from lfsr_core.base.notices import Notice
 
-REMEDIES = {"black": "make lights or exposure stronger", "white": "make lights or exposure weaker"}
+MOST_LETTERS = 300  # of a text from elsewhere, such as a file's or a device's name
+MOST_NAMES = 3
+Values = Mapping[str, Any]
+Wording = str | Callable[[Values], str]  # with the values in place of {name}, or made of them
 
 
-def _subject_unseen(values: Mapping[str, Any]) -> str:
-    shown = (f"background objects fill {values['background']:.0%} of the image" if values["background"]
-             else "no object is in sight")
+def listed(items: Sequence[Any], most: int | None = None) -> str:
+    """Return the first items of a list, as in "a, b, c"."""
+    return ", ".join(map(str, items[:most]))
+
+
+def files(values: Values, kind: str, one: str, several: str) -> str:
+    """Return that files are missing, and what follows."""
+    if values["count"] == 1:
+        return f"the {kind} file {values['first']} is missing and {one}"
+    return f"{values['count']} {kind} files are missing and {several}, such as {values['first']}"
+
+
+def _scale_chosen(values: Values) -> str:
+    scale, largest, rays, moved = (values[name] for name in ("scale", "largest", "rays", "moved"))
+    there = "" if scale == largest else f", at scale {largest} by {moved * largest:.2g}"
+    return (f"scale {scale} is predicted to lose least at {rays:.3g} ray{'' if rays == 1 else 's'} per finished pixel: "
+            f"half of the subject moves by at least {moved * scale:.2g} lenses between neighbouring rendered views"
+            f"{there}")
+
+
+def _geometry_assumed(values: Values) -> str:
+    assumed = ", ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in values.items())
+    return f"there is no camera geometry, assumed: {assumed}"
+
+
+def _subject_unseen(values: Values) -> str:
+    shown = f"background objects fill {values['background']:.0%} of the image" if values["background"] else (
+        "no object is in sight")
     return f"no lens sees the subject: {shown}"
 
 
-def _frames(values: Mapping[str, Any]) -> str:
-    return f"frames {', '.join(map(str, values['frames']))} were not averaged, because"
+def _frames_older(values: Values) -> str:
+    which = "1 frame is" if values["count"] == 1 else f"{values['count']} frames (from {values['first']}) are"
+    return f"{which} older than this file. Use --overwrite to render them again"
 
 
-# By the code of a notice: a template for its values, or a function of them.
-SENTENCES: dict[str, str | Callable[[Mapping[str, Any]], str]] = {
-    "averaging-other-rays": lambda values: (
-        f"{_frames(values)} their camera array or render settings differ: leave out --temporal-averaging while the "
-        "camera array moves"),
-    "averaging-same-seed": lambda values: (
-        f"{_frames(values)} they have the same seed: render the animation with --temporal-averaging"),
-    "denoised-on-cpu": "denoised on the CPU, since the {device} device of the render cannot be used here ({error}): "
-                       "check its driver, or finish the frame where it was rendered",
-    "frame-left-out": "frame {frame} is left out: {error}",
-    "frames-older": lambda values: (
-        ("1 frame is" if values["count"] == 1 else f"{values['count']} frames (from {values['first']}) are")
-        + " older than this file. Use --overwrite to render them again"),
-    "image-extreme": lambda values: (
-        f"the image is almost {values['tone']}: {REMEDIES[values['tone']]}, or check where the camera looks"),
-    "parts-kept": "Render again to continue, or delete {folder} to start over",
+def _array_blind(values: Values) -> str:
+    place = PLACES[values["place"]]
+    return f"the array sees {listed(values['seen'], MOST_NAMES)}, but nothing of the subject, which {place}" if values["seen"] else (
+        f"the array sees nothing, and the subject {place}")
+
+
+def _camera_missing(values: Values) -> str:
+    choose = f"choose a camera with --camera ({listed(values['others'], MOST_NAMES)}), or " if values["others"] else ""
+    return ("the scene has no active camera, so the array stands in front of the subject: of a room it sees the outer "
+            f"wall. For a view from inside {choose}add one in Blender and move it with Align Active Camera to View")
+
+
+def _camera_chosen(values: Values) -> str:
+    others = f"{listed(values['others'], MOST_NAMES)} or " if values["others"] else ""
+    return (f"the file's camera {values['camera']!r} is used. Choose another with --camera: {others}fit, which places "
+            "the array in front of the subject")
+
+
+def _calibrated(values: Values) -> str:
+    count = values["photographs"]
+    return (f"by {count} photograph{'' if count == 1 else 's'}: pitch ±{values['pitch']:.1e} of it, rotation "
+            f"±{values['turn']:.1e}, shift ±{values['shift']:.4f} of a lens pitch (standard deviations)")
+
+
+# Where the subject is that no ray meets.
+PLACES = {"behind": "lies behind the camera", "left": "lies to the left", "right": "lies to the right",
+          "below": "lies below", "above": "lies above", "beyond": "lies beyond the clip end of the camera",
+          "hidden": "is hidden or too small"}
+# Why a scene is lit otherwise than it says, and why its world is not rendered apart.
+DARK = {"dark": "almost no light reaches what the array sees", "none": "the scene has no light"}
+WORLDS = {"volume": "the world has a volume", "coordinates": "the world uses window or camera coordinates",
+          "sun": "a sun lamp is visible to the camera"}
+
+SENTENCES: dict[str, Wording] = {
+    # Scale and light
+    "scale-chosen": "{reason}",
+    "scale-unseen": "scale {scale}: the middle view sees nothing of the subject",
+    # The image
+    "subject-unseen": _subject_unseen,
+    "image-extreme": lambda values: f"the image is almost {values['tone']}: make lights or exposure "
+                                    f"{'stronger' if values['tone'] == 'black' else 'weaker'}, or check where the "
+                                    "camera looks",
     "pixels-replaced": "{replaced} of {pixels} rendered pixels were not finite and are black: find the material or "
                        "light that makes them",
+    "denoised-on-cpu": "denoised on the CPU, since the {device} device of the render cannot be used here ({error}): "
+                       "check its driver, or finish the frame where it was rendered",
+    "averaging-other-rays": lambda values: f"frames {listed(values['frames'])} were not averaged, because their camera "
+                                           "array or render settings differ: leave out --temporal-averaging while the "
+                                           "camera array moves",
+    "averaging-same-seed": lambda values: f"frames {listed(values['frames'])} were not averaged, because they have the "
+                                          "same seed: render the animation with --temporal-averaging",
+    # Renders
+    "frame-left-out": "frame {frame} is left out: {error}",
+    "frames-older": _frames_older,
+    "parts-kept": "render again to continue, or delete {folder} to start over",
     "render-note": "{text}",
     "said": "{text}",
-    "scale-chosen": "{reason}",
-    "subject-unseen": _subject_unseen,
+    # Exports and imports
+    "page-reduced": "the page holds {width}×{height} of the {eia_width}×{eia_height} pixels: browsers show no more "
+                    "than {most} a side",
+    "page-large": lambda values: f"the page has {values['bytes'] / 1e6:.0f} MB: phones and mail may refuse it; a lower "
+                                 "--quality makes it smaller",
+    "views-nearest": "scene-linear views are not interpolated: each part is the rendered view nearest to the one asked "
+                     "for",
+    "disparity-missing": "disparity was not written, because the frame has no position layer: render it with --layers "
+                         "position",
+    "display-plane": "things on the display's plane have a depth of {depth:.2f} (0 black, 1 white): set the focus "
+                     "there",
+    "cameras-cut": "only the {side}×{side} cameras in the middle of {across}×{down} are imported: elemental images are "
+                   "square",
+    "aspect-assumed": "the quilt's name has no aspect ratio, assumed: --quilt {across}x{down}a{aspect:.4g}",
+    "geometry-assumed": _geometry_assumed,
+    "angle-assumed": "the angle of the cameras is not known, assumed: that of the display, --angle-deg {angle_deg:g}",
+    "browser-missing": "no browser was found here: open that page yourself",
+    "flip-missing": "FLIP was not computed: the Python that compared has no package flip-evaluator",
+    # Calibrations
+    "calibrated": _calibrated,
+    "calibrated-at-distance": "an error of 1 mm in the camera's distance changes the pitch by {pitch:.1e} of it",
+    "number-ignored": "the calibration's {name} of {value:g} is ignored, as by the maker's programs",
+    "photograph-mirrored": "{photograph} is mirrored and was mirrored back; if the panel itself mirrors its image, set "
+                           "flip in the profile",
+    "photograph-turned": "{photograph} shows the panel turned by {degrees}° and was turned back; camera positions "
+                         "count along the pattern's own right and up",
+    "lens-distorts": "the lens of {photograph} distorts by {fraction:.1%} at the corner, now corrected",
 }
 
 
-def sentence(notice: Notice) -> str:
-    """Return the sentence of a notice."""
-    found = SENTENCES[notice.code]
-    return found.format(**notice.values) if isinstance(found, str) else found(notice.values)
+def sentence(notice: Notice, table: Mapping[str, Wording] | None = None) -> str:
+    """Return the sentence of a notice, of ``table`` where that has it."""
+    wording = (table or {}).get(notice.code) or SENTENCES[notice.code]
+    values = {name: cleaned(value) for name, value in notice.values.items()}
+    return wording.format(**values) if isinstance(wording, str) else wording(values)
+
+
+def cleaned(value: Any) -> Any:
+    """Return a notice's value for its sentence: text from elsewhere without control characters, cut to a length."""
+    if isinstance(value, (list, tuple)):
+        return [cleaned(item) for item in value]
+    if not isinstance(value, str):
+        return value
+    text = " ".join("".join(letter if letter.isprintable() else " " for letter in value).split())
+    return text if len(text) <= MOST_LETTERS else f"{text[:MOST_LETTERS - 1]}…"

@@ -7,7 +7,9 @@ import webbrowser
 from contextlib import closing
 from pathlib import Path
 
+from lfsr_core.base.notices import Notice
 from lfsr_core.base.progress import ProgressBar
+from lfsr_core.commands.sentences import sentence
 
 NAME = "show"
 HELP = "show a frame, an animation or a quilt on a display: through Looking Glass Bridge, or full screen in a browser"
@@ -28,8 +30,8 @@ def run(arguments: argparse.Namespace) -> None:
     """Show it and say where."""
     from lfsr_core.exports.show import show
 
-    with closing(ProgressBar()) as bar:
+    with closing(ProgressBar(words=sentence)) as bar:
         shown = show(arguments.path, arguments.display, arguments.fps, bar)
         print(f"{shown.page}: {shown.sentence}" if shown.page else shown.sentence)
         if shown.page and not webbrowser.open(shown.page.resolve().as_uri()):
-            bar.note("no browser was found here: open that page yourself")
+            bar(Notice("browser-missing"))

@@ -8,6 +8,7 @@ from contextlib import closing
 from pathlib import Path
 
 from lfsr_core.base.progress import ProgressBar
+from lfsr_core.commands.sentences import sentence
 
 NAME = "view"
 HELP = "write one HTML file that shows finished EIAs as an eye in front of the display sees them"
@@ -27,10 +28,8 @@ def run(arguments: argparse.Namespace) -> None:
     """Write the page and print its path."""
     from lfsr_core.exports.page import write_page
 
-    with closing(ProgressBar()) as bar:
+    with closing(ProgressBar(words=sentence)) as bar:
         page = write_page(arguments.folders, arguments.output, arguments.quality, bar)
-        for note in page.notes:
-            bar.note(note)
     print(f"{page.path}: {page.bytes / 1e6:.1f} MB, opens in a browser")
     if arguments.open:
         webbrowser.open(page.path.resolve().as_uri())

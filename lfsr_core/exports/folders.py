@@ -10,6 +10,7 @@ import OpenImageIO as oiio
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.exports.format_names import VIEW_TYPES
 from lfsr_core.exports.light_field import LightField, camera_places, read_linear_views
 from lfsr_core.exports.options import ExportOptions, chosen_type
@@ -21,44 +22,42 @@ MOST_PARTS = 1024  # that readers here and elsewhere accept
 PLENO_MAX = 1023
 
 
-def write_stanford(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
-    """Write ``out_ROW_COLUMN_Y_X_.png``, y downwards and x rightwards in millimetres on the display; no notes."""
+def write_stanford(field: LightField, folder: Path, options: ExportOptions) -> None:
+    """Write ``out_ROW_COLUMN_Y_X_.png``, y downwards and x rightwards in millimetres on the display."""
     spacing = field.frame.array.spacing * field.mm_per_unit
     count = options.views or field.count
     x, y = ((camera_places(n, wanted) - (n - 1) / 2) * spacing
             for n, wanted in zip(field.count, count, strict=True))
     for row, column, view in each_view(field, options):
         write_png(folder / f"out_{row:02d}_{column:02d}_{y[row]:.6f}_{x[column]:.6f}_.png", view)
-    return []
 
 
-def write_pleno(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
-    """Write ``COLUMN_ROW.ppm``, 16 bit with values to 1023, as in the JPEG Pleno test sets; no notes."""
+def write_pleno(field: LightField, folder: Path, options: ExportOptions) -> None:
+    """Write ``COLUMN_ROW.ppm``, 16 bit with values to 1023, as in the JPEG Pleno test sets."""
     for row, column, view in each_view(field, options):
         values = np.rint(view * np.float32(PLENO_MAX / 255)).astype(">u2")
         header = f"P6\n{view.shape[1]} {view.shape[0]}\n{PLENO_MAX}\n".encode()
         (folder / f"{column:03d}_{row:03d}.ppm").write_bytes(header + values.tobytes())
-    return []
 
 
-def write_views(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
-    """Write ``view_ROW_COLUMN.png`` of display values, or one EXR of scene-linear parts; return the notes."""
+def write_views(field: LightField, folder: Path, options: ExportOptions) -> None:
+    """Write ``view_ROW_COLUMN.png`` of display values, or one EXR of scene-linear parts."""
     if chosen_type(options, VIEW_TYPES) == "exr":
-        return _write_exr(field, folder / EXR_FILE, options)
+        _write_exr(field, folder / EXR_FILE, options)
+        return
     for row, column, view in each_view(field, options):
         write_png(folder / f"view_{row:03d}_{column:03d}.png", view)
-    return []
 
 
 def each_view(field: LightField, options: ExportOptions) -> Iterator[tuple[int, int, Array]]:
     """Row, column and (sy, sx, 3) of every view to export; reports progress after each row."""
     views = field.resampled(options.views)
     for row, line in enumerate(views):
-        options.progress("export", row / len(views), f"row {row + 1} of {len(views)}")
+        options.tell(Progress("export", row / len(views), f"row {row + 1} of {len(views)}"))
         yield from ((row, column, view) for column, view in enumerate(line))
 
 
-def _write_exr(field: LightField, path: Path, options: ExportOptions) -> list[str]:
+def _write_exr(field: LightField, path: Path, options: ExportOptions) -> None:
     """Write one half-float part per view, whose ``view`` and ``name`` are ``vROW_COLUMN``."""
     linear = np.clip(read_linear_views(field), 0, HALF_MAX)
     columns, rows = (_nearest(n, wanted) for n, wanted in zip(field.count, options.views or field.count, strict=True))
@@ -74,8 +73,8 @@ def _write_exr(field: LightField, path: Path, options: ExportOptions) -> list[st
         done = done and output.write_image(np.ascontiguousarray(linear[row, column], np.float32))
     if not (output.close() and done):
         raise LfsrError(f"{path.name} cannot be written ({output.geterror().strip()}): choose another folder")
-    return ["scene-linear views are not interpolated: each part is the rendered view nearest to the one asked for"] * (
-        options.views not in (None, field.count))
+    if options.views not in (None, field.count):
+        options.tell(Notice("views-nearest"))
 
 
 def _nearest(count: int, wanted: int) -> list[int]:

@@ -8,11 +8,10 @@ import fnmatch
 import functools
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import check_name, system_errors
-from lfsr_core.base.progress import Progress
+from lfsr_core.base.notices import Notice, Progress, Tell
 from lfsr_core.exports import folders, hci, quilt, rgbd, stereo, sway
 from lfsr_core.exports.format_names import default_target
 from lfsr_core.exports.frame_folders import frame_folders, is_sequence, one_display
@@ -24,23 +23,16 @@ from lfsr_core.pipeline.staging import publish, staging_folder
 DEFAULT = ExportOptions()
 
 
-class Exported(NamedTuple):
-    """The files that an export wrote."""
-
-    files: list[Path]
-    notes: list[str]  # sentences that the user should know
-
-
 @dataclasses.dataclass(frozen=True)
 class Format:
-    """A format; its functions fill an empty folder and return sentences that the user should know."""
+    """A format; its functions fill an empty folder."""
 
-    write: Callable[[LightField, Path, ExportOptions], list[str]]  # writes one frame
+    write: Callable[[LightField, Path, ExportOptions], None]  # writes one frame
     options: tuple[str, ...]  # names of the options that it has
     numbered: tuple[str, ...] = ()  # patterns of numbered files: an export removes those of an earlier one
     one_file: bool = False  # one file per frame, so that all files of an animation go into one folder
     # writes the frames of an animation, and their number, as one film; None where frames are written one by one
-    write_film: Callable[[Iterator[LightField], int, Path, ExportOptions], list[str]] | None = None
+    write_film: Callable[[Iterator[LightField], int, Path, ExportOptions], None] | None = None
 
 
 def _motion(motion: sway.Motion, *more: str) -> Format:
@@ -65,8 +57,8 @@ FORMATS = {
 
 
 def export(folder: str | Path, name: str, target: str | Path | None = None,
-           options: ExportOptions = DEFAULT) -> Exported:
-    """Write a finished frame, or the finished frames of an animation, in another format.
+           options: ExportOptions = DEFAULT) -> list[Path]:
+    """Write a finished frame, or the finished frames of an animation, in another format; return the files.
 
     An animation becomes one film where the format is a film. Else each frame is exported on its own: into a folder
     named as the frame's, or, in formats of one file, into one folder with the frame's name in that of the file.
@@ -88,7 +80,7 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
         written = _export_animation(frame_folders(folder), chosen, target, options)
     else:
         written = _write(target, chosen, lambda staged: chosen.write(read_light_field(folder), staged, options))
-    options.progress("export", 1.0, name)
+    options.tell(Progress("export", 1.0, name))
     return written
 
 
@@ -103,36 +95,34 @@ def _find(name: str, options: ExportOptions) -> Format:
     return FORMATS[name]
 
 
-def _export_animation(paths: list[Path], chosen: Format, target: Path, options: ExportOptions) -> Exported:
+def _export_animation(paths: list[Path], chosen: Format, target: Path, options: ExportOptions) -> list[Path]:
     one_display({path: read_frame(path) for path in paths})
     write_film = chosen.write_film
     if write_film is not None:
         fields = map(read_light_field, paths)  # one at a time: an 8K animation would not fit into memory
         return _write(target, chosen, lambda staged: write_film(fields, len(paths), staged, options))
-    result = Exported([], [])
+    files: list[Path] = []
     for number, path in enumerate(paths):
-        told = dataclasses.replace(options, progress=_of_all(options.progress, number, len(paths)))
-        written = _export_frame(path, chosen, target, told)
-        result.files.extend(written.files)
-        result.notes.extend(note for note in written.notes if note not in result.notes)
-    return result
+        field = read_light_field(path)
+        if chosen.one_file:
+            field = dataclasses.replace(field, name=f"{field.name}_{path.name}")
+        given = dataclasses.replace(options, tell=functools.partial(_tell_of_all, options.tell, number, len(paths)))
+        files += _write(target if chosen.one_file else target / path.name, chosen,
+                        functools.partial(_write_one, chosen, field, given))
+    return files
 
 
-def _export_frame(path: Path, chosen: Format, target: Path, options: ExportOptions) -> Exported:
-    """Export one frame of an animation."""
-    field = read_light_field(path)
-    if not chosen.one_file:
-        return _write(target / path.name, chosen, lambda staged: chosen.write(field, staged, options))
-    named = dataclasses.replace(field, name=f"{field.name}_{path.name}")
-    return _write(target, chosen, lambda staged: chosen.write(named, staged, options))
+def _write_one(chosen: Format, field: LightField, options: ExportOptions, staged: Path) -> None:
+    chosen.write(field, staged, options)
 
 
-def _of_all(progress: Progress, number: int, count: int) -> Progress:
-    """Progress of frame ``number`` of ``count``, as progress of all frames."""
-    return lambda stage, fraction, _: progress(stage, (number + fraction) / count, f"frame {number + 1} of {count}")
+def _tell_of_all(tell: Tell, number: int, count: int, told: Progress | Notice) -> None:
+    """Tell the progress of frame ``number`` of ``count`` as that of all frames."""
+    tell(told if isinstance(told, Notice) else
+         Progress(told.stage, (number + told.fraction) / count, f"frame {number + 1} of {count}"))
 
 
-def _write(target: Path, chosen: Format, write: Callable[[Path], list[str]]) -> Exported:
+def _write(target: Path, chosen: Format, write: Callable[[Path], None]) -> list[Path]:
     """Let ``write`` fill an empty folder, and move its files into ``target``, all or none."""
     check_name(target)
     if target.exists() and not target.is_dir():
@@ -140,11 +130,11 @@ def _write(target: Path, chosen: Format, write: Callable[[Path], list[str]]) -> 
     with _new_folder(target.parent), staging_folder(target) as work, system_errors(target):
         staged = work / "export"
         staged.mkdir()
-        notes = write(staged)
+        write(staged)
         names = sorted(path.name for path in staged.iterdir())
         numbered = [pattern for pattern in chosen.numbered if fnmatch.filter(names, pattern)]
         publish(staged, target, [path.name for pattern in numbered for path in target.glob(pattern)])
-    return Exported([target / name for name in names], notes)
+    return [target / name for name in names]
 
 
 @contextlib.contextmanager

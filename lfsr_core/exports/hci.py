@@ -9,6 +9,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.exports.disparity import central_disparity
 from lfsr_core.exports.folders import each_view
 from lfsr_core.exports.light_field import LightField
@@ -17,12 +18,10 @@ from lfsr_core.images.png import write_png
 
 SENSOR_MM = 35.0  # arbitrary: the focal length follows from it
 DISPARITY_FILE, PARAMETERS_FILE = "gt_disp_lowres.pfm", "parameters.cfg"
-NO_POSITION = ("disparity was not written, because the frame has no position layer: render it with "
-               "--layers position")
 
 
-def write(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
-    """Write ``input_Cam%03i.png`` row by row from the top left, the parameters and the disparity; return the notes."""
+def write(field: LightField, folder: Path, options: ExportOptions) -> None:
+    """Write ``input_Cam%03i.png`` row by row from the top left, the parameters and the disparity."""
     (across, down), (x, y) = options.views or field.count, field.count
     if across * y != down * x:
         raise LfsrError(f"views are {across}x{down} of {x}x{y}, but HCI folders have one distance between cameras "
@@ -37,7 +36,8 @@ def write(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
         (folder / DISPARITY_FILE).write_bytes(header + disparity[::-1].astype("<f4").tobytes())
     parameters = _parameters(field, (across, down), disparity)
     (folder / PARAMETERS_FILE).write_text(parameters, encoding="ascii", errors="replace")
-    return [NO_POSITION] if disparity is None else []
+    if disparity is None:
+        options.tell(Notice("disparity-missing"))
 
 
 def _parameters(field: LightField, views: tuple[int, int], disparity: Array | None) -> str:

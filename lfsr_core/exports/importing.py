@@ -12,7 +12,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import file_digest, read_bytes, system_errors
-from lfsr_core.base.progress import Progress, silent
+from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.exports.hci import PARAMETERS_FILE
 from lfsr_core.exports.quilt_files import Quilt, read_film, read_quilt
 from lfsr_core.exports.quilt_names import Pair, without_suffix
@@ -62,17 +62,9 @@ DEFAULTS = {"width_mm": 600.0, "distance_mm": 1000.0, "angle_deg": 20.0}
 QUILT_ANGLE = 40.0
 
 
-@dataclasses.dataclass(frozen=True)
-class Imported:
-    """An imported light field."""
-
-    display: DisplayProfile
-    notes: tuple[str, ...]  # on what was left out or assumed
-
-
 def import_views(source: str | Path, output: str | Path, scale: int = 1, geometry: ImportGeometry | None = None,
-                 progress: Progress = silent) -> Imported:
-    """Make a frame folder of a folder of views, as if they had been rendered.
+                 tell: Tell = silent) -> DisplayProfile:
+    """Make a frame folder of a folder of views, as if they had been rendered; return its display.
 
     Parameters
     ----------
@@ -80,7 +72,7 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
     output : frame folder to write
     scale : views that the second stage is to make of each, along each axis; 1 for a display of one's choice
     geometry : replaces what the folder's parameters say
-    progress : called with (stage, fraction, message)
+    tell : called with ``Progress`` and ``Notice``
 
     Raises
     ------
@@ -92,42 +84,42 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
         raise LfsrError(f"{output} holds the views themselves, expected another folder for the frame: choose one")
     hci = _hci_parameters(source / PARAMETERS_FILE)
     files = find_views(source, hci.columns if hci else None)
-    files = files.square() if geometry.display is None else files
+    files = files.square(tell) if geometry.display is None else files
     known = hci.geometry(files) if hci else {}
-    display, notes = _display(files.size, files.count, scale, geometry, known)
-    taken = Source(read_views(files, progress=progress), files.size[0] / files.size[1], equal_angles=False)
+    display = _display(files.size, files.count, scale, geometry, known, tell)
+    taken = Source(read_views(files, tell), files.size[0] / files.size[1], equal_angles=False)
     frame = _frame(display, scale, source.resolve().name)
     _write(output, frame, _views(taken, geometry, geometry.angle_deg or known.get("angle_deg")))
-    progress("import", 1.0, str(output))
-    return Imported(display, (*files.notes, *notes))
+    tell(Progress("import", 1.0, str(output)))
+    return display
 
 
 def import_quilt(source: str | Path, output: str | Path, quilt: Quilt, scale: int = 1,
-                 geometry: ImportGeometry | None = None, progress: Progress = silent) -> Imported:
+                 geometry: ImportGeometry | None = None, tell: Tell = silent) -> DisplayProfile:
     """Make a frame folder of a quilt; parameters and errors as of ``import_views``."""
     source, output, geometry = Path(source), Path(output), geometry or ImportGeometry()
     FrameFolder(output).check_free("render")
     taken = read_quilt(source, quilt)
-    display, notes = _quilt_display(taken, scale, geometry)
+    display = _quilt_display(taken, scale, geometry, quilt, tell)
     _write(output, _frame(display, scale, without_suffix(source.stem)), _views(taken, geometry, geometry.angle_deg))
-    progress("import", 1.0, str(output))
-    return Imported(display, (*quilt.notes, *notes))
+    tell(Progress("import", 1.0, str(output)))
+    return display
 
 
 def import_film(source: str | Path, output: str | Path, quilt: Quilt, geometry: ImportGeometry | None = None,
-                progress: Progress = silent) -> Imported:
+                tell: Tell = silent) -> DisplayProfile:
     """Make finished frame folders ``0001`` … in ``output`` of a film of quilts; those that are there already stay.
 
     LfsrError as of ``import_views``, or where a folder holds another film or another import of this one.
     """
     source, output, geometry = Path(source), Path(output), geometry or ImportGeometry()
     with system_errors():
-        content, notes = file_digest(source), quilt.notes
+        content = file_digest(source)
     display: DisplayProfile | None = None
     for number, (taken, count) in enumerate(read_film(source, quilt), start=1):
-        progress("import", (number - 1) / max(count, number), f"frame {number}" + (f" of {count}" if count else ""))
-        display, more = _quilt_display(taken, 1, geometry)
-        notes = (*quilt.notes, *more)
+        of_all = f" of {count}" if count else ""
+        tell(Progress("import", (number - 1) / max(count, number), f"frame {number}{of_all}"))
+        display = _quilt_display(taken, 1, geometry, quilt, tell if number == 1 else silent)
         frame = dataclasses.replace(_frame(display, 1, without_suffix(source.stem)), frame=number, content=content)
         folder = frame_folder(output, number)
         if not _holds(folder, frame):
@@ -136,8 +128,8 @@ def import_film(source: str | Path, output: str | Path, quilt: Quilt, geometry: 
             finish_frame(folder, "none")
     if display is None:
         raise LfsrError(f"{source} has no images that can be read: give a film of quilts")
-    progress("import", 1.0, str(output))
-    return Imported(display, notes)
+    tell(Progress("import", 1.0, str(output)))
+    return display
 
 
 def _holds(folder: Path, frame: Frame) -> bool:
@@ -176,45 +168,40 @@ def _write(output: Path, frame: Frame, views: Array) -> None:
         FrameFolder(output).replace(staged, DERIVED_FILES if (output / FRAME_FILE).exists() else ())
 
 
-def _quilt_display(taken: Source, scale: int, geometry: ImportGeometry) -> tuple[DisplayProfile, list[str]]:
+def _quilt_display(taken: Source, scale: int, geometry: ImportGeometry, quilt: Quilt, tell: Tell) -> DisplayProfile:
+    if quilt.assumed is not None:
+        tell(quilt.assumed)
     _, across, height, width = taken.views.shape[:4]
     defaults = DEFAULTS | {"angle_deg": QUILT_ANGLE}
-    return _display((width, height), (across, 1), scale, geometry, {}, defaults, taken.aspect)
+    return _display((width, height), (across, 1), scale, geometry, {}, tell, defaults, taken.aspect)
 
 
 def _display(size: Pair, count: Pair, scale: int, given: ImportGeometry, known: dict[str, float],
-             defaults: dict[str, float] = DEFAULTS, aspect: float | None = None) -> tuple[DisplayProfile, list[str]]:
-    """The chosen display, or one whose lenses are the pixels of the views, and notes on assumptions.
+             tell: Tell, defaults: dict[str, float] = DEFAULTS, aspect: float | None = None) -> DisplayProfile:
+    """The chosen display, or one whose lenses are the pixels of the views; tells what is assumed.
 
     ``size`` of the views, ``count`` of cameras (across, down); ``aspect`` of the picture, None: pixels are square.
     """
     if not 1 <= scale <= MOST_SCALE:
         raise LfsrError(f"scale is {scale}, but it must be a whole number from 1 to {MOST_SCALE}")
     if given.display is not None:
-        return given.display, _display_notes(given, scale, known)
+        if scale != 1 or given.width_mm is not None or given.distance_mm is not None:
+            raise LfsrError("a display decides width, distance and number of views, so --scale, --width-mm and "
+                            "--distance-mm have no use with --display: leave them out")
+        if given.angle_deg is not None:
+            check_within("angle_deg", given.angle_deg, 1, 120)
+        elif "angle_deg" not in known:
+            tell(Notice("angle-assumed", {"angle_deg": given.display.viewing_angle_deg}))
+        return given.display
     known = known | {name: value for name in DEFAULTS if (value := getattr(given, name)) is not None}
-    assumed = [f"--{name.replace('_', '-')} {value:g}" for name, value in defaults.items() if name not in known]
-    notes = [f"there is no camera geometry, assumed: {', '.join(assumed)}"] if assumed else []
+    if assumed := {name: value for name, value in defaults.items() if name not in known}:
+        tell(Notice("geometry-assumed", assumed))
     (width, height), (across, down), chosen = size, count, defaults | known
     views = (across * scale, down * scale if down > 1 else 1)
     panel_mm = chosen["width_mm"], chosen["width_mm"] / (aspect or width / height)
-    display = DisplayProfile(
+    return DisplayProfile(
         NAME, (width * views[0], height * views[1]), panel_mm, (width, height), views, chosen["distance_mm"],
         chosen["angle_deg"], description=f"{across}×{down} views of another program or camera")
-    return display, notes
-
-
-def _display_notes(given: ImportGeometry, scale: int, known: dict[str, float]) -> list[str]:
-    """Notes on an import for a chosen display; LfsrError for what that display decides."""
-    if scale != 1 or given.width_mm is not None or given.distance_mm is not None:
-        raise LfsrError("a display decides width, distance and number of views, so --scale, --width-mm and "
-                        "--distance-mm have no use with --display: leave them out")
-    if given.angle_deg is not None:
-        check_within("angle_deg", given.angle_deg, 1, 120)
-    elif given.display and "angle_deg" not in known:
-        return [f"the angle of the cameras is not known, assumed: that of the display, --angle-deg "
-                f"{given.display.viewing_angle_deg:g}"]
-    return []
 
 
 @dataclasses.dataclass(frozen=True)

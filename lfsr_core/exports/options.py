@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.progress import Progress, silent
+from lfsr_core.base.notices import Tell, silent
 
 MOST_VIEWS = 1000  # a side
 WIDEST_EYES_MM = 1000.0
@@ -25,7 +25,7 @@ class ExportOptions:
     type: str | None = None  # file type, in formats that have several
     seconds: float | None = None  # duration of one sway or wiggle to and fro
     fps: float | None = None  # frames per second of a film
-    progress: Progress = silent  # called with (stage, fraction, message)
+    tell: Tell = silent
 
     def __post_init__(self) -> None:
         for name in ("views", "grid"):
@@ -39,7 +39,7 @@ class ExportOptions:
 
     def given(self) -> list[str]:
         """Names of the options that are not None."""
-        return [name for name, value in vars(self).items() if name != "progress" and value is not None]
+        return [name for name, value in vars(self).items() if name != "tell" and value is not None]
 
 
 def chosen_type(options: ExportOptions, choices: tuple[str, ...]) -> str:

@@ -22,7 +22,7 @@ import OpenImageIO as oiio
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path
-from lfsr_core.base.progress import Progress, silent
+from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.exports.frame_folders import frame_folders, one_display
 from lfsr_core.frames.frame import EIA_FILE, VIEWER_FILE, Frame, read_frame
 from lfsr_core.images.png import read_png
@@ -48,11 +48,10 @@ class Page:
 
     path: Path
     bytes: int
-    notes: tuple[str, ...]  # sentences that the user should know
 
 
 def write_page(folders: Sequence[str | Path], output: str | Path | None = None, quality: int | None = None,
-               progress: Progress = silent) -> Page:
+               tell: Tell = silent) -> Page:
     """Write the viewer of one finished frame folder, or of several as an animation.
 
     Parameters
@@ -60,7 +59,7 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
     folders : frame folders of one display, or folders of frame folders, in order
     output : the HTML file, by default ``view.html`` in the first folder
     quality : of the WebP, 1 to 100; 100 is lossless; None: 95, or 100 where the loss would show
-    progress : called with (stage, fraction, message)
+    tell : called with ``Progress`` and ``Notice``
 
     Raises
     ------
@@ -72,26 +71,24 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
     frames = {folder: read_frame(folder) for given in folders for folder in frame_folders(given)}
     profile = one_display(frames)
     images: list[str] = []
-    notes: list[str] = []
     for number, folder in enumerate(frames):
-        progress("view", number / len(frames), str(folder))
-        images.append(base64.b64encode(_webp(folder, profile, quality, notes)).decode("ascii"))
+        tell(Progress("view", number / len(frames), str(folder)))
+        images.append(base64.b64encode(_webp(folder, profile, quality, tell)).decode("ascii"))
         if sum(map(len, images)) > MOST_PAGE_BYTES:
             raise LfsrError(f"the page would be over {MOST_PAGE_BYTES / 1e6:.0f} MB after {number + 1} of "
                             f"{len(frames)} frames: give fewer frames or a lower --quality")
     text = _page(profile, _labels(frames), still(next(iter(frames)), profile), images)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    progress("view", 1.0, path.name)
+    tell(Progress("view", 1.0, path.name))
     size = path.stat().st_size
     if size > WARN_BYTES:
-        notes.append(f"the page has {size / 1e6:.0f} MB: phones and mail may refuse it; a lower --quality makes it "
-                     "smaller")
-    return Page(path, size, tuple(dict.fromkeys(notes)))
+        tell(Notice("page-large", {"bytes": size}))
+    return Page(path, size)
 
 
-def _webp(folder: Path, profile: DisplayProfile, quality: int | None, notes: list[str]) -> bytes:
-    """EIA of a folder as WebP, with fewer views where it is too large; adds to ``notes``."""
+def _webp(folder: Path, profile: DisplayProfile, quality: int | None, tell: Tell) -> bytes:
+    """EIA of a folder as WebP, with fewer views where it is too large."""
     pixels = read_png(folder / EIA_FILE)
     width, height = profile.eia_pixels
     if pixels.shape[:2] != (height, width):
@@ -99,8 +96,8 @@ def _webp(folder: Path, profile: DisplayProfile, quality: int | None, notes: lis
                         f"{profile.name!r} has {width}×{height}: upscale the folder again")
     if max(width, height) > MOST_SIDE:
         pixels = fewer_views(pixels, profile)
-        notes.append(f"the page holds {pixels.shape[1]}×{pixels.shape[0]} of the {width}×{height} pixels: browsers "
-                     f"show no more than {MOST_SIDE} a side")
+        tell(Notice("page-reduced", {"width": pixels.shape[1], "height": pixels.shape[0], "eia_width": width,
+                                     "eia_height": height, "most": MOST_SIDE}))
     if quality is not None:
         return encode_webp(pixels, quality)
     usual = encode_webp(pixels, USUAL_QUALITY)

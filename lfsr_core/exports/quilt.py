@@ -15,6 +15,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Progress
 from lfsr_core.exports.films import write_film as write_frames
 from lfsr_core.exports.format_names import QUILT_FILM_TYPES
 from lfsr_core.exports.light_field import LightField
@@ -27,20 +28,19 @@ MOST_SIDE = 16384  # pixels: no program takes more
 ANIMATION_RATE = 24  # Blender's default
 
 
-def write(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
-    """Write one quilt; return the notes."""
+def write(field: LightField, folder: Path, options: ExportOptions) -> None:
+    """Write one quilt."""
     grid, tile = _layout(field, options)
     write_png(folder / f"{quilt_name(field.name, grid, _aspect(field))}.png", _quilt(field, grid, tile))
-    return []
 
 
-def write_one_frame(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
-    """Write the film of one frame; return the notes."""
-    return write_film(iter([field]), 1, folder, options)
+def write_one_frame(field: LightField, folder: Path, options: ExportOptions) -> None:
+    """Write the film of one frame."""
+    write_film(iter([field]), 1, folder, options)
 
 
-def write_film(fields: Iterator[LightField], count: int, folder: Path, options: ExportOptions) -> list[str]:
-    """Write ``count`` quilts as a film, of even sides, as its encoders need; return the notes."""
+def write_film(fields: Iterator[LightField], count: int, folder: Path, options: ExportOptions) -> None:
+    """Write ``count`` quilts as a film, of even sides, as its encoders need."""
     first = next(fields)
     grid, (width, height) = _layout(first, options)
     tile = width - width * grid[0] % 2, height - height * grid[1] % 2
@@ -48,11 +48,10 @@ def write_film(fields: Iterator[LightField], count: int, folder: Path, options: 
 
     def quilts() -> Iterator[Array]:
         for number, field in enumerate(itertools.chain([first], fields)):
-            options.progress("export", number / count, f"frame {number + 1} of {count}")
+            options.tell(Progress("export", number / count, f"frame {number + 1} of {count}"))
             yield _quilt(field, grid, tile)
 
     write_frames(folder / name, quilts(), options.fps or ANIMATION_RATE)
-    return []
 
 
 def _aspect(field: LightField) -> float:

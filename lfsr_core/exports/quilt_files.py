@@ -11,6 +11,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.exports.quilt_names import QuiltShape, read_quilt_name, usual_aspect
 from lfsr_core.exports.retarget import Source
 from lfsr_core.exports.view_files import image_size, read_image
@@ -29,7 +30,7 @@ class Quilt:
     grid: tuple[int, int]  # tiles across and down
     aspect: float  # of the picture, width / height
     top_first: bool = False  # whether tile 0 is at the top left, as in quilts for CubeVi's display
-    notes: tuple[str, ...] = ()  # on what was assumed
+    assumed: Notice | None = None  # that its name had no aspect ratio
 
 
 def is_film(path: Path) -> bool:
@@ -59,8 +60,8 @@ def _assumed(said: QuiltShape, top_first: bool) -> Quilt:
     if aspect is None:
         raise LfsrError(f"the aspect ratio of a quilt of {across}x{down} tiles is not known: give --quilt with it, as "
                         f"{across}x{down}a0.75")
-    note = f"the quilt's name has no aspect ratio, assumed: --quilt {across}x{down}a{aspect:.4g}"
-    return Quilt(said.grid, aspect, top_first, (note,))
+    return Quilt(said.grid, aspect, top_first,
+                 Notice("aspect-assumed", {"across": across, "down": down, "aspect": aspect}))
 
 
 def read_quilt(path: Path, quilt: Quilt) -> Source:

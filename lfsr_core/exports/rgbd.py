@@ -8,6 +8,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.exports.disparity import infinite_disparity, rendered_disparity
 from lfsr_core.exports.light_field import LightField
 from lfsr_core.exports.options import ExportOptions
@@ -17,8 +18,8 @@ from lfsr_core.images.png import write_png
 LEAST_SPAN = 1e-6  # of disparities, in pixels per view
 
 
-def write(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
-    """Write one image, the grey of its right half linear in disparity; return a note on the display's plane."""
+def write(field: LightField, folder: Path, options: ExportOptions) -> None:
+    """Write one image, the grey of its right half linear in disparity; tell where on it the display's plane is."""
     rendered = rendered_disparity(field)
     if rendered is None:
         raise LfsrError(f"{field.folder} has no position layer, from which depth comes: render it with --layers "
@@ -29,7 +30,7 @@ def write(field: LightField, folder: Path, options: ExportOptions) -> list[str]:
                      for size, count in zip(color.shape[:2], nearness.shape, strict=True))
     grey = np.rint(nearness[rows][:, columns] * 255).astype(np.uint8)  # the nearest lens: no depth between two things
     write_png(folder / f"{field.name}_rgbd.png", np.concatenate([color, np.repeat(grey[..., None], 3, 2)], axis=1))
-    return [f"things on the display's plane have a depth of {plane:.2f} (0 black, 1 white): set the focus there"]
+    options.tell(Notice("display-plane", {"depth": plane}))
 
 
 def _nearness(disparity: Array, infinite: float) -> tuple[Array, float]:

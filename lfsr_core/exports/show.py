@@ -6,7 +6,7 @@ import dataclasses
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.progress import Progress, silent
+from lfsr_core.base.notices import Tell, silent
 from lfsr_core.exports.bridge import Bridge, Device, Quilt, chosen
 from lfsr_core.exports.formats import export
 from lfsr_core.exports.frame_folders import frame_folders
@@ -28,7 +28,7 @@ class Shown:
     page: Path | None = None  # that is still to be opened in a browser
 
 
-def show(path: str | Path, display: str | None = None, fps: float = 24.0, progress: Progress = silent) -> Shown:
+def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: Tell = silent) -> Shown:
     """Show a finished frame, an animation, a quilt or a panel's own image.
 
     Quilts, and frames for lenticular displays that have views, go through Bridge; other images get a page.
@@ -43,7 +43,7 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, progre
     ------
     LfsrError : without an image, without Bridge, without a display that it is for
     """
-    path, options = Path(path), ExportOptions(fps=fps, progress=progress)
+    path, options = Path(path), ExportOptions(fps=fps, tell=tell)
     if not path.is_dir():
         return _show_file(path, display)
     frames = frame_folders(path, (EIA_FILE, PANEL_FILE))
@@ -51,9 +51,9 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, progre
     if found is None:
         return _full_screen(path / PAGE, [_panel_image(folder) for folder in frames], 1 / fps)
     if len(frames) > 1:
-        (quilt,) = export(path, "quilt-film", options=options).files
+        (quilt,) = export(path, "quilt-film", options=options)
     else:
-        (quilt,) = export(frames[0], "quilt", options=dataclasses.replace(options, fps=None)).files
+        (quilt,) = export(frames[0], "quilt", options=dataclasses.replace(options, fps=None))
     return _play(quilt, *found)
 
 

@@ -55,13 +55,12 @@ LAYOUTS = {
 }
 
 
-def write(layout: Layout, field: LightField, folder: Path, options: ExportOptions) -> list[str]:
-    """Write one image, the left eye's half on the left or on top; return the notes."""
+def write(layout: Layout, field: LightField, folder: Path, options: ExportOptions) -> None:
+    """Write one image, the left eye's half on the left or on top."""
     between = eye_distance(field, options)
     width = options.width or usual_width(field.display)
     pair = [on_screen(field.seen_from(x), field.display, width, layout.size) for x in (-between / 2, between / 2)]
     write_png(folder / f"{field.name}_{layout.suffix}_{between:g}mm.png", layout.joined(*pair))
-    return []
 
 
 def eye_distance(field: LightField, options: ExportOptions) -> float:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lfsr_core.base.arrays import Array
+from lfsr_core.base.notices import Progress
 from lfsr_core.exports.films import write_film as write_frames
 from lfsr_core.exports.format_names import FILM_TYPES, WIGGLE_TYPES
 from lfsr_core.exports.light_field import LightField
@@ -48,39 +49,38 @@ SWAY = Motion("sway", FILM_TYPES, 4.0, 1, lambda field, _, phase: eye_place(fiel
 WIGGLE = Motion("wiggle", WIGGLE_TYPES, 0.8, 5, _between_eyes)
 
 
-def write(motion: Motion, field: LightField, folder: Path, options: ExportOptions) -> list[str]:
-    """Write the film of one frame, while the eye moves; return the notes."""
+def write(motion: Motion, field: LightField, folder: Path, options: ExportOptions) -> None:
+    """Write the film of one frame, while the eye moves."""
     chosen = chosen_type(options, motion.types)
     rate = options.fps or RATES[chosen]
     rounds = 1 if chosen in LOOPING else motion.rounds
     count = max(2, round((options.seconds or motion.seconds) * rate)) * rounds
     phases = (number * rounds / count % 1 for number in range(count))
-    return _write(motion, ((field, phase) for phase in phases), count, rate, folder, options)
+    _write(motion, ((field, phase) for phase in phases), count, rate, folder, options)
 
 
 def write_film(motion: Motion, fields: Iterator[LightField], count: int, folder: Path,
-               options: ExportOptions) -> list[str]:
-    """Write the film of ``count`` frames, while the eye moves one or more whole rounds; return the notes."""
+               options: ExportOptions) -> None:
+    """Write the film of ``count`` frames, while the eye moves one or more whole rounds."""
     rate = options.fps or ANIMATION_RATE
     rounds = max(1, round(count / rate / (options.seconds or motion.seconds)))
     places = ((field, rounds * number / count % 1) for number, field in enumerate(fields))
-    return _write(motion, places, count, rate, folder, options)
+    _write(motion, places, count, rate, folder, options)
 
 
 def _write(motion: Motion, places: Iterable[tuple[LightField, float]], count: int, rate: float, folder: Path,
-           options: ExportOptions) -> list[str]:
+           options: ExportOptions) -> None:
     """Write ``count`` frames, each the view of a light field from a phase of the eye's round."""
     chosen = chosen_type(options, motion.types)
     places = iter(places)
     first = next(places)
     frames = _frames(motion, itertools.chain([first], places), count, options)
     write_frames(folder / f"{first[0].name}_{motion.name}.{chosen}", frames, rate)
-    return []
 
 
 def _frames(motion: Motion, places: Iterable[tuple[LightField, float]], count: int,
             options: ExportOptions) -> Iterator[Array]:
     for number, (field, phase) in enumerate(places):
-        options.progress("export", number / count, f"frame {number + 1} of {count}")
+        options.tell(Progress("export", number / count, f"frame {number + 1} of {count}"))
         view = field.seen_from(*motion.place(field, options, phase))
         yield on_screen(view, field.display, options.width or usual_width(field.display))

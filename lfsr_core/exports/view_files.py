@@ -14,7 +14,7 @@ import OpenImageIO as oiio
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.progress import Progress, silent
+from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.images.source import opened
 from lfsr_core.optics.proposal import MAX_PIXELS
 
@@ -30,14 +30,13 @@ class ViewFiles:
 
     paths: tuple[tuple[Path, ...], ...]  # rows from the topmost cameras, each from the left
     size: tuple[int, int]  # (width, height) of every view
-    notes: tuple[str, ...] = ()  # sentences that the user should know
 
     @property
     def count(self) -> tuple[int, int]:
         """Cameras (across, down)."""
         return len(self.paths[0]), len(self.paths)
 
-    def square(self) -> ViewFiles:
+    def square(self, tell: Tell = silent) -> ViewFiles:
         """A single row, or the cameras in the middle, as many down as across; LfsrError for a single column or view."""
         across, down = self.count
         least = min(across, down)
@@ -48,9 +47,8 @@ class ViewFiles:
             return self
         top, left = (down - least) // 2, (across - least) // 2
         paths = tuple(row[left:left + least] for row in self.paths[top:top + least])
-        return dataclasses.replace(self, paths=paths, notes=(
-            *self.notes, f"only the {least}×{least} cameras in the middle of {across}×{down} are imported: elemental "
-                         "images are square"))
+        tell(Notice("cameras-cut", {"side": least, "across": across, "down": down}))
+        return dataclasses.replace(self, paths=paths)
 
 
 def find_views(folder: Path, columns: int | None = None) -> ViewFiles:
@@ -68,12 +66,12 @@ def find_views(folder: Path, columns: int | None = None) -> ViewFiles:
                     "(Stanford), 000_000.ppm (JPEG Pleno) or view_000_000.png (a title, row and column): rename them")
 
 
-def read_views(files: ViewFiles, progress: Progress = silent) -> Array:
+def read_views(files: ViewFiles, tell: Tell = silent) -> Array:
     """Views (rows, columns, height, width, 3) uint8 display values."""
     (across, down), (width, height) = files.count, files.size
     views = np.empty((down, across, height, width, 3), np.uint8)
     for row, paths in enumerate(files.paths):
-        progress("import", row / down, paths[0].name)
+        tell(Progress("import", row / down, paths[0].name))
         for column, path in enumerate(paths):
             views[row, column] = read_image(path)
     return views

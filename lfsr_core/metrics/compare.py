@@ -10,6 +10,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Mask
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.frames.foreground import recall
 from lfsr_core.frames.frame import MASK_FILE, read_frame
 from lfsr_core.frames.reference import Reference, check_reference
@@ -50,7 +51,7 @@ class Metrics:
     lenses: int | None = None  # lenses of the sample
     # half-widths of the 95 % confidence intervals of a sample, by metric
     ci95: dict[str, float | None] = dataclasses.field(default_factory=dict)
-    notes: tuple[str, ...] = ()  # what the user should know
+    notes: tuple[Notice, ...] = ()  # what the user should know
 
 
 def compare_folders(folder: str | Path, reference: str | Path) -> Metrics:
@@ -78,7 +79,7 @@ def compare_folders(folder: str | Path, reference: str | Path) -> Metrics:
         raise LfsrError(f"{folder} was finished again while it was compared, so the metrics belong to the earlier "
                         "image: compare it again")
     write_report(folder, dataclasses.replace(report, metrics=metrics))
-    return Metrics(**metrics | {"notes": tuple(metrics.get("notes", ()))})
+    return Metrics(**metrics | {"notes": tuple(Notice(**note) for note in metrics.get("notes", ()))})
 
 
 def sampled_recall(mask: Mask, hits: Mask, lens_list: LensList) -> float | None:

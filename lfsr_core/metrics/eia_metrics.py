@@ -13,6 +13,8 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
+from lfsr_core.base.records import to_data
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.intervals import Estimate, stratified, stratum
 from lfsr_core.metrics.split_ssim import (
@@ -37,7 +39,7 @@ METRIC_NAMES = ("p", "ssim_eia", "ssim_eia_fg", "ssim_lens", "ssim_lens_fg", "ps
                 "ssim_eia_plain", "ssim_ceiling", "flip")
 # For a reference of only some lenses: SSIM windows cannot cross into lenses that it does not show.
 SAMPLED_NAMES = ("p", "ssim_lens", "ssim_lens_fg", "psnr_fg", "ssim_lens_plain", "ssim_lens_ceiling", "flip")
-NO_FLIP = "FLIP was not computed: the Python that compared has no package flip-evaluator"
+NO_FLIP = Notice("flip-missing")
 
 
 def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], mask: Mask,
@@ -69,7 +71,7 @@ def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], 
     if mask.shape != lenses[::-1]:
         raise LfsrError(f"the foreground mask has shape {mask.shape}, expected {lenses[::-1]}, one entry per lens: "
                         "upscale the frame again")
-    notes = {} if flip_evaluator else {"notes": [NO_FLIP]}
+    notes = {} if flip_evaluator else {"notes": [to_data(NO_FLIP)]}
     if lens_list is not None:
         return _compare_sampled(image, halves, lenses, mask, lens_list) | notes
     for half in halves:

@@ -12,7 +12,7 @@ from lfsr_core.base.notices import Progress
 from lfsr_core.base.records import from_data
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.process.protocol import emit_progress, emit_told, emit_warning
+from lfsr_core.process.protocol import emit_told
 
 
 def finish(folder: str, finish: dict[str, Any], views: str | None = None) -> dict[str, Any]:
@@ -43,7 +43,7 @@ def view(folder: str) -> dict[str, Any]:
     """Write the viewer of a finished frame folder; return its "path"."""
     from lfsr_core.exports.page import write_page
 
-    return {"path": str(write_page([folder], progress=emit_progress).path)}
+    return {"path": str(write_page([folder], tell=emit_told).path)}
 
 
 def export(folder: str, name: str, target: str, type: str | None = None) -> dict[str, Any]:
@@ -51,9 +51,7 @@ def export(folder: str, name: str, target: str, type: str | None = None) -> dict
     from lfsr_core.exports.formats import export as write
     from lfsr_core.exports.options import ExportOptions
 
-    files, notes = write(folder, name, target, ExportOptions(type=type, progress=emit_progress))
-    for note in notes:
-        emit_warning(note)
+    files = write(folder, name, target, ExportOptions(type=type, tell=emit_told))
     return {"first": str(files[0]), "count": len(files)}
 
 
@@ -72,5 +70,5 @@ def show(path: str, full_screen: bool, fps: float) -> dict[str, Any]:
     from lfsr_core.exports.show import SCREEN
     from lfsr_core.exports.show import show as show_now
 
-    shown = show_now(path, SCREEN if full_screen else None, fps, emit_progress)
+    shown = show_now(path, SCREEN if full_screen else None, fps, emit_told)
     return {"sentence": shown.sentence, "page": shown.page and str(shown.page.absolute())}

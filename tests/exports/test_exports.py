@@ -16,6 +16,7 @@ import pytest
 from PIL import Image, ImageSequence
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.exports import films
 from lfsr_core.exports.format_names import DESCRIPTIONS, TITLES
 from lfsr_core.exports.formats import FORMATS, export
@@ -29,6 +30,7 @@ from lfsr_core.images.png import write_png
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_core.optics.eia import flip_order, to_views
 from tests.support.finished import DIRECT, MINI, finished, picture
+from tests.support.told import Told
 
 
 def column_of_square(view) -> float:
@@ -52,7 +54,7 @@ def test_a_display_that_flips_itself_gives_the_same_views(field, tmp_path):
 # Quilts: what a player does with the name and the image.
 
 def test_quilt_as_a_player_reads_it(folder, field, tmp_path):
-    (path,), _ = export(folder, "quilt", tmp_path)
+    (path,) = export(folder, "quilt", tmp_path)
     columns, rows, aspect = re.fullmatch(r"two_depths_qs(\d+)x(\d+)a([\d.]+)\.png", path.name).groups()
     columns, rows = int(columns), int(rows)
     quilt = picture(path)[::-1]  # players count from the bottom
@@ -66,7 +68,7 @@ def test_quilt_as_a_player_reads_it(folder, field, tmp_path):
 
 def test_quilt_of_any_number_of_views_across_the_cone(folder, field, tmp_path):
     options = ExportOptions(views=(6, 1), grid=(3, 2), width=64)
-    (path,), _ = export(folder, "quilt", tmp_path, options)
+    (path,) = export(folder, "quilt", tmp_path, options)
     quilt = picture(path)
     assert path.name == "two_depths_qs3x2a1.333.png" and quilt.shape == (96, 192, 3)
     angle = math.radians(MINI.viewing_angle_deg) * (0.5 / 6 - 0.5)
@@ -83,7 +85,7 @@ def test_quilts_that_other_programs_know(field, tmp_path):
         if name.startswith("looking-glass"):
             assert known[preset.grid] == (preset.grid[0] * preset.tile[0], preset.grid[1] * preset.tile[1])
             assert preset.grid[::-1] not in known or preset.grid == (7, 7), "taken for another quilt by its name"
-    (path,), _ = export(field.folder, "quilt", tmp_path, ExportOptions(preset="portrait"))
+    (path,) = export(field.folder, "quilt", tmp_path, ExportOptions(preset="portrait"))
     quilt = picture(path)
     assert path.name == "two_depths_qs8x6a1.333.png" and quilt.shape == (3360, 3360, 3)
     middle = field.seen_from(MINI.viewing_distance_mm * math.tan(math.radians(20) / 48))  # tile 24
@@ -105,26 +107,26 @@ def test_film_of_quilts(folder, field, tmp_path, monkeypatch, side, codec):
     if side:
         monkeypatch.setattr(films, "H264_SIDE", side)  # as for quilts of 8192 pixels
     options = ExportOptions(grid=(4, 2), width=112, fps=10)
-    (path,), _ = export(folder, "quilt-film", tmp_path, options)
+    (path,) = export(folder, "quilt-film", tmp_path, options)
     assert path.name == "two_depths_qs4x2a1.333.mp4"
     with av.open(str(path)) as film:
         stream = film.streams.video[0]
         assert (stream.codec.name, stream.pix_fmt, stream.average_rate) == (codec, "yuv420p", 10)
         (found,) = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
-    (still,), _ = export(folder, "quilt", tmp_path, dataclasses.replace(options, fps=None))
+    (still,) = export(folder, "quilt", tmp_path, dataclasses.replace(options, fps=None))
     off = found.astype(float) - picture(still)
     assert np.abs(off).mean() < 6 and np.abs(off.mean((0, 1))).max() < 2
 
 
 def test_a_film_has_even_sides(field, tmp_path):
-    (path,), _ = export(field.folder, "quilt-film", tmp_path, ExportOptions(preset="8.9", type="png"))
+    (path,) = export(field.folder, "quilt-film", tmp_path, ExportOptions(preset="8.9", type="png"))
     assert path.name == "two_depths_qs5x9a1.333_0001.png" and picture(path).shape == (9 * 454, 5 * 818, 3)
 
 
 # Folders of views.
 
 def test_stanford_names_carry_the_places(folder, field, tmp_path):
-    files, _ = export(folder, "stanford", tmp_path)
+    files = export(folder, "stanford", tmp_path)
     parts = [re.fullmatch(r"out_(\d\d)_(\d\d)_(-?[\d.]+)_(-?[\d.]+)_\.png", path.name) for path in files]
     assert len(files) == 64 and all(parts)
     spacing = MINI.camera_spacing_mm
@@ -135,7 +137,7 @@ def test_stanford_names_carry_the_places(folder, field, tmp_path):
 
 
 def test_pleno_has_ten_bits_and_the_column_first(folder, field, tmp_path):
-    files, _ = export(folder, "pleno", tmp_path)
+    files = export(folder, "pleno", tmp_path)
     assert len(files) == 64 and files[-1].name == "007_007.ppm"
     path = tmp_path / "005_002.ppm"
     assert path.read_bytes().startswith(b"P6\n16 12\n1023\n")
@@ -145,10 +147,10 @@ def test_pleno_has_ten_bits_and_the_column_first(folder, field, tmp_path):
 
 
 def test_views_as_png_and_fewer_of_them(folder, field, tmp_path):
-    files, _ = export(folder, "views", tmp_path)
+    files = export(folder, "views", tmp_path)
     assert len(files) == 64
     np.testing.assert_array_equal(picture(tmp_path / "view_002_005.png"), field.views[2, 5])
-    files, _ = export(folder, "views", tmp_path, ExportOptions(views=(4, 2)))
+    files = export(folder, "views", tmp_path, ExportOptions(views=(4, 2)))
     assert sorted(path.name for path in tmp_path.iterdir()) == [path.name for path in files]
     assert len(files) == 8, "the earlier export's files are gone"
     middle = np.mean([field.views[row, 2:4] for row in (1, 2)], axis=(0, 1))
@@ -156,7 +158,7 @@ def test_views_as_png_and_fewer_of_them(folder, field, tmp_path):
 
 
 def test_views_as_parts_of_an_exr(folder, tmp_path):
-    (path,), _ = export(folder, "views", tmp_path, ExportOptions(type="exr"))
+    (path,) = export(folder, "views", tmp_path, ExportOptions(type="exr"))
     linear = to_views(flip_order(read_layers(folder / "eia.exr")["color"][..., :3], MINI.lenses), MINI.lenses)
     with OpenEXR.File(str(path), separate_channels=True) as file:
         assert len(file.parts) == 64
@@ -172,7 +174,7 @@ def test_views_as_parts_of_an_exr(folder, tmp_path):
 # Images and films.
 
 def test_stereo_pair(folder, field, tmp_path):
-    (path,), _ = export(folder, "stereo", tmp_path, ExportOptions(eyes_mm=40, width=160))
+    (path,) = export(folder, "stereo", tmp_path, ExportOptions(eyes_mm=40, width=160))
     pair = picture(path)
     assert path.name == "two_depths_stereo_40mm.png" and pair.shape == (120, 320, 3)
     np.testing.assert_array_equal(pair[:, :160], on_screen(field.seen_from(-20), MINI, 160))
@@ -183,7 +185,7 @@ def test_stereo_pair(folder, field, tmp_path):
     ("half-side-by-side", "hsbs", (120, 160)), ("top-bottom", "tab", (240, 160)),
     ("half-top-bottom", "htab", (120, 160))])
 def test_stereo_pairs_for_monitors_and_glasses(folder, field, tmp_path, name, suffix, shape):
-    (path,), _ = export(folder, name, tmp_path, ExportOptions(eyes_mm=40, width=160))
+    (path,) = export(folder, name, tmp_path, ExportOptions(eyes_mm=40, width=160))
     pair = picture(path)
     assert path.name == f"two_depths_{suffix}_40mm.png" and pair.shape == (*shape, 3)
     left, right = np.split(pair, 2, axis=1 if suffix == "hsbs" else 0)
@@ -193,7 +195,7 @@ def test_stereo_pairs_for_monitors_and_glasses(folder, field, tmp_path, name, su
 
 
 def test_anaglyph(folder, field, tmp_path):
-    (path,), _ = export(folder, "anaglyph", tmp_path, ExportOptions(eyes_mm=40, width=160))
+    (path,) = export(folder, "anaglyph", tmp_path, ExportOptions(eyes_mm=40, width=160))
     assert path.name == "two_depths_anaglyph_40mm.png" and picture(path).shape == (120, 160, 3)
     np.testing.assert_array_equal(
         picture(path), anaglyph(*(on_screen(field.seen_from(x), MINI, 160) for x in (-20, 20))))
@@ -206,7 +208,8 @@ def test_anaglyph(folder, field, tmp_path):
 
 
 def test_depth_beside_colour(folder, field, tmp_path):
-    (path,), (note,) = export(folder, "rgbd", tmp_path, ExportOptions(width=160))
+    told = Told()
+    (path,) = export(folder, "rgbd", tmp_path, ExportOptions(width=160, tell=told))
     both = picture(path).astype(int)
     assert path.name == "two_depths_rgbd.png" and both.shape == (120, 320, 3)
     np.testing.assert_array_equal(both[:, :160], on_screen(field.view_at(4.5, 4.5), MINI, 160))
@@ -215,7 +218,8 @@ def test_depth_beside_colour(folder, field, tmp_path):
     assert set(np.unique(depth)) == {0, 255}
     assert (depth[blue > 220] == 255).mean() > 0.99 and (depth[blue < 100] == 0).mean() > 0.99
     # Disparity is linear in 1 / depth: with things at .8 and 1.25 of its distance the display's plane is in between.
-    assert f"a depth of {(1 - 1 / 1.25) / (1 / 0.8 - 1 / 1.25):.2f}" in note
+    depth = pytest.approx((1 - 1 / 1.25) / (1 / 0.8 - 1 / 1.25), abs=1e-5)
+    assert Notice("display-plane", {"depth": depth}) in told.notices
 
 
 def test_depth_where_nothing_was_hit(tmp_path):
@@ -224,7 +228,7 @@ def test_depth_where_nothing_was_hit(tmp_path):
     far = layers["color"][..., 2] < 0.5
     layers["color"][far] = 0
     write_layers(folder / "lr_eia.exr", layers)
-    (path,), _ = export(folder, "rgbd", tmp_path, ExportOptions(width=160))
+    (path,) = export(folder, "rgbd", tmp_path, ExportOptions(width=160))
     assert set(np.unique(picture(path)[:, 160:])) == {0, 255}
 
 
@@ -243,7 +247,7 @@ def test_enlarged_images_are_as_opencv_makes_them(field):
 
 
 def test_film(folder, field, tmp_path):
-    (path,), _ = export(folder, "sway", tmp_path, ExportOptions(seconds=0.4))
+    (path,) = export(folder, "sway", tmp_path, ExportOptions(seconds=0.4))
     with av.open(str(path)) as film:
         stream = film.streams.video[0]
         assert (stream.codec.name, stream.pix_fmt, stream.average_rate) == ("h264", "yuv420p", 30)
@@ -258,7 +262,7 @@ def test_film(folder, field, tmp_path):
 
 @pytest.mark.skipif(not shutil.which("ffprobe"), reason="needs ffprobe")
 def test_film_as_ffprobe_sees_it(folder, tmp_path):
-    (path,), _ = export(folder, "sway", tmp_path, ExportOptions(seconds=0.2))
+    (path,) = export(folder, "sway", tmp_path, ExportOptions(seconds=0.2))
     said = subprocess.run(["ffprobe", "-v", "error", "-show_streams", path], capture_output=True, text=True,
                           check=True).stdout
     for line in ("codec_name=h264", "pix_fmt=yuv420p", "color_space=bt709", "color_range=tv", "r_frame_rate=30/1",
@@ -268,7 +272,7 @@ def test_film_as_ffprobe_sees_it(folder, tmp_path):
 
 @pytest.mark.parametrize("kind", ["gif", "webp"])
 def test_animation(folder, field, tmp_path, kind):
-    (path,), _ = export(folder, "sway", tmp_path, ExportOptions(seconds=0.4, type=kind, width=64))
+    (path,) = export(folder, "sway", tmp_path, ExportOptions(seconds=0.4, type=kind, width=64))
     animation = Image.open(path)
     assert (animation.format, animation.n_frames, animation.info["loop"]) == (kind.upper(), 8, 0)
     animation.seek(2)
@@ -279,7 +283,7 @@ def test_animation(folder, field, tmp_path, kind):
 
 @pytest.mark.parametrize(("kind", "count"), [("gif", 16), ("webp", 16), ("png", 120)])
 def test_wiggle(folder, field, tmp_path, kind, count):
-    files, _ = export(folder, "wiggle", tmp_path, ExportOptions(type=kind, width=64, eyes_mm=40))
+    files = export(folder, "wiggle", tmp_path, ExportOptions(type=kind, width=64, eyes_mm=40))
     if kind == "png":
         frames = [picture(path) for path in files]
     else:

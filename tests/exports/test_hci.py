@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.exports.disparity import central_disparity
 from lfsr_core.exports.formats import export
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.frame import read_frame, write_frame
 from tests.support.finished import MINI, TALL, finished, picture
+from tests.support.told import Told
 
 
 def pfm(path) -> np.ndarray:
@@ -107,15 +109,16 @@ def test_hci_without_a_position_layer_says_so(tmp_path):
     folder = finished(tmp_path / "frame")
     frame = read_frame(folder)
     write_frame(folder, dataclasses.replace(frame, layers=()))
-    files, notes = export(folder, "hci", tmp_path / "out", ExportOptions(views=(2, 2)))
+    told = Told()
+    files = export(folder, "hci", tmp_path / "out", ExportOptions(views=(2, 2), tell=told))
     assert [path.name for path in files] == [f"input_Cam00{i}.png" for i in range(4)] + ["parameters.cfg"]
-    assert "no position layer" in notes[0]
+    assert Notice("disparity-missing") in told.notices
 
 
 def test_hci_of_lenses_that_are_not_square(tmp_path):
     with pytest.raises(LfsrError, match="same proportion"):
         export(finished(tmp_path / "frame", TALL), "hci", options=ExportOptions(views=(4, 4)))
-    files, _ = export(tmp_path / "frame", "hci", options=ExportOptions(views=(2, 3)))
+    files = export(tmp_path / "frame", "hci", options=ExportOptions(views=(2, 3)))
     disparity = pfm(tmp_path / "frame" / "export" / "hci" / "gt_disp_lowres.pfm")
     assert len(files) == 8 and disparity.shape == (12, 16)
     spacing, pitch = TALL.camera_spacing_mm * 4, TALL.lens_pitch_mm[0]

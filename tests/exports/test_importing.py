@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.exports.formats import export
 from lfsr_core.exports.importing import ImportGeometry, import_views
 from lfsr_core.exports.light_field import read_light_field
@@ -18,6 +19,7 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers
 from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.finished import MINI, finished
+from tests.support.told import Told
 
 
 @pytest.fixture(scope="module")
@@ -57,9 +59,10 @@ def test_ten_bits_of_pleno_come_back_to_eight(folder, field, tmp_path):
 
 def test_hci_tells_its_geometry(folder, tmp_path):
     export(folder, "hci", tmp_path / "views")
-    imported = import_views(tmp_path / "views", tmp_path / "back")
+    told = Told()
+    imported = import_views(tmp_path / "views", tmp_path / "back", tell=told)
     display = read_frame(tmp_path / "back").display
-    assert imported.notes == () and imported.display == display
+    assert told.notices == [] and imported == display
     assert (display.lenses, display.views, display.name) == (MINI.lenses, MINI.views, "imported")
     assert display.panel_mm == pytest.approx(MINI.panel_mm) and display.camera_spacing_mm == pytest.approx(
         MINI.camera_spacing_mm)
@@ -67,8 +70,9 @@ def test_hci_tells_its_geometry(folder, tmp_path):
 
 
 def test_the_second_stage_makes_the_views_between(images, field, tmp_path):
-    imported = import_views(images, tmp_path / "frame", scale=2, geometry=ImportGeometry(angle_deg=30.0))
-    assert "--width-mm 600, --distance-mm 1000" in imported.notes[0] and "angle" not in imported.notes[0]
+    told = Told()
+    import_views(images, tmp_path / "frame", 2, ImportGeometry(angle_deg=30.0), told)
+    assert told.notices == [Notice("geometry-assumed", {"width_mm": 600.0, "distance_mm": 1000.0})]
     finish_frame(tmp_path / "frame", "bilinear")
     made = read_light_field(tmp_path / "frame")
     assert made.count == (6, 6) and made.display.viewing_angle_deg == 30
@@ -111,8 +115,9 @@ def test_mirrored_cameras_are_turned_round(images, field, tmp_path):
 
 def test_a_wide_grid_keeps_its_middle(folder, field, tmp_path):
     export(folder, "views", tmp_path / "views", ExportOptions(views=(8, 4)))
-    imported = import_views(tmp_path / "views", tmp_path / "frame")
-    assert imported.display.views == (4, 4) and "the 4×4 cameras in the middle of 8×4" in imported.notes[0]
+    told = Told()
+    imported = import_views(tmp_path / "views", tmp_path / "frame", tell=told)
+    assert imported.views == (4, 4) and Notice("cameras-cut", {"side": 4, "across": 8, "down": 4}) in told.notices
 
 
 def test_a_row_of_cameras_has_views_along_it_alone(images, field, tmp_path):
@@ -121,7 +126,7 @@ def test_a_row_of_cameras_has_views_along_it_alone(images, field, tmp_path):
     for number in range(3):
         (images / f"input_Cam{number:03d}.png").rename(images / f"row_00_{number:02d}.png")
     imported = import_views(images, tmp_path / "frame", scale=3)
-    assert imported.display.views == (9, 1) and imported.display.lenses == (16, 12)
+    assert imported.views == (9, 1) and imported.lenses == (16, 12)
     finish_frame(tmp_path / "frame", "bilinear")
     made, given = read_light_field(tmp_path / "frame").views, field.resampled((3, 3))[:1]
     np.testing.assert_array_equal(made[:, 1::3], given)

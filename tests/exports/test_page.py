@@ -14,12 +14,14 @@ import pytest
 from PIL import Image
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.exports import page
 from lfsr_core.exports.page import fewer_views, write_page
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import to_elemental_images
 from tests.support.finished import DIRECT, MINI, TALL, finished
+from tests.support.told import Told
 
 OVERHEAD = 100_000  # bytes
 
@@ -134,5 +136,6 @@ def test_too_many_frames_for_one_page(folder, tmp_path, monkeypatch):
 
 def test_a_large_page_is_noted(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(page, "WARN_BYTES", 1000)
-    (note,) = write_page([folder], tmp_path / "page.html").notes
-    assert "phones and mail may refuse it" in note
+    told = Told()
+    made = write_page([folder], tmp_path / "page.html", tell=told)
+    assert Notice("page-large", {"bytes": made.bytes}) in told.notices

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.cli import main
 from lfsr_core.exports import quilt_files
 from lfsr_core.exports.formats import export
@@ -25,6 +26,7 @@ from lfsr_core.optics.rays import CameraArray
 from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.finished import MINI, finished, picture
 from tests.support.synthetic import fails
+from tests.support.told import Told
 
 PORTRAIT = dataclasses.replace(load_display("looking-glass-portrait"), lenses=(105, 140))
 
@@ -62,13 +64,14 @@ def check_coordinates(views):
 
 def test_tiles_become_views_from_the_left(tmp_path):
     path = coordinates(tmp_path)
-    imported = import_quilt(path, tmp_path / "frame", quilt_of(path))
+    told = Told()
+    display = import_quilt(path, tmp_path / "frame", quilt_of(path), tell=told)
     finish_frame(tmp_path / "frame", "none")
     check_coordinates(read_light_field(tmp_path / "frame").views)
-    display = imported.display
     assert (display.views, display.lenses, display.viewing_angle_deg) == ((8, 1), (6, 9), 40)
-    assert display.panel_mm[0] / display.panel_mm[1] == pytest.approx(0.75) and "--angle-deg 40" in imported.notes[0]
-    (back,), _ = export(tmp_path / "frame", "quilt", tmp_path / "back")
+    assert display.panel_mm[0] / display.panel_mm[1] == pytest.approx(0.75)
+    assert told.notices == [Notice("geometry-assumed", {"width_mm": 600.0, "distance_mm": 1000.0, "angle_deg": 40.0})]
+    (back,) = export(tmp_path / "frame", "quilt", tmp_path / "back")
     assert "holo_qs" in back.name and back.name.count("_qs") == 1, "the name says its own tiles alone"
 
 
@@ -92,7 +95,7 @@ def test_a_grid_that_does_not_divide_the_size(tmp_path):
     ("q_qs8x6a0.75", "4x12", Quilt((4, 12), 0.75), False), ("plain", "5x9", Quilt((5, 9), 1.6), True)])
 def test_grid_and_aspect(tmp_path, name, shape, expected, noted):
     found = quilt_of(tmp_path / f"{name}.png", shape)
-    assert dataclasses.replace(found, notes=()) == expected and bool(found.notes) == noted
+    assert dataclasses.replace(found, assumed=None) == expected and bool(found.assumed) == noted
 
 
 @pytest.mark.parametrize(("name", "shape", "message"), [
@@ -112,7 +115,7 @@ def direct(folder, display, width):
 @pytest.mark.parametrize(("angle", "seen", "most_of_panel"), [(40.0, slice(48), 4.0), (50.0, slice(6, 42), 8.0)])
 def test_woven_for_another_display_as_if_made_for_it(tmp_path, angle, seen, most_of_panel):
     """Beyond the quilt's 40 degrees the outermost view repeats: there the panel of 50 degrees differs."""
-    (quilt,), _ = export(finished(tmp_path / "portrait", PORTRAIT, scale=1), "quilt", tmp_path)
+    (quilt,) = export(finished(tmp_path / "portrait", PORTRAIT, scale=1), "quilt", tmp_path)
     display = landscape(angle)
     import_quilt(quilt, tmp_path / "frame", quilt_of(quilt), geometry=ImportGeometry(display=display, angle_deg=40.0))
     finish_frame(tmp_path / "frame", "none")
@@ -144,9 +147,10 @@ def test_fill_cuts_the_picture(tmp_path):
 def test_a_folder_of_views_for_a_display(tmp_path, folder, field):
     export(folder, "hci", tmp_path / "views")
     smaller = dataclasses.replace(MINI, views=(4, 4), panel_pixels=(64, 48), name="smaller")
-    imported = import_views(tmp_path / "views", tmp_path / "frame", geometry=ImportGeometry(display=smaller))
+    told = Told()
+    imported = import_views(tmp_path / "views", tmp_path / "frame", 1, ImportGeometry(display=smaller), told)
     finish_frame(tmp_path / "frame", "none")
-    assert imported.display == smaller and imported.notes == ()
+    assert imported == smaller and not told.notices
     off = np.abs(read_light_field(tmp_path / "frame").views.astype(int) - field.resampled((4, 4)))
     assert off.max() <= 1
 
@@ -171,17 +175,18 @@ def film(tmp_path_factory):
     for number in range(1, 4):
         frame = finished(folder / f"{number:04d}", frame=number)
         write_png(frame / "eia.png", read_png(frame / "eia.png") // number)
-    (path,), _ = export(folder, "quilt-film", folder / "export", ExportOptions(grid=(4, 2), width=64))
+    (path,) = export(folder, "quilt-film", folder / "export", ExportOptions(grid=(4, 2), width=64))
     return path, folder
 
 
 def test_frames_of_a_film_become_frames(film, tmp_path):
     path, frames = film
-    told = []
-    imported = import_film(path, tmp_path / "film", quilt_of(path), ImportGeometry(display=MINI, angle_deg=40.0),
-                           lambda _, fraction, message: told.append((fraction, message)))
-    assert imported.display == MINI and ("frame 2 of 3" in dict(map(reversed, told)))
-    assert [fraction for fraction, _ in told] == sorted(fraction for fraction, _ in told)
+    told = Told()
+    assert import_film(path, tmp_path / "film", quilt_of(path), ImportGeometry(display=MINI, angle_deg=40.0),
+                               told) == MINI
+    assert "frame 2 of 3" in [progress.detail for progress in told.progress]
+    fractions = [progress.fraction for progress in told.progress]
+    assert fractions == sorted(fractions)
     for number in (1, 2, 3):
         found, made = (read_light_field(folder / f"{number:04d}").views for folder in (tmp_path / "film", frames))
         assert np.abs(found[4].astype(float) - made[3]).mean() < 12
@@ -191,12 +196,12 @@ def test_frames_of_a_film_become_frames(film, tmp_path):
 def test_an_interrupted_import_of_a_film_goes_on(film, tmp_path):
     path, output = film[0], tmp_path / "film"
 
-    def stop(_stage, fraction, _message):
-        if fraction > 0.5:
+    def stop(told):
+        if told.fraction > 0.5:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        import_film(path, output, quilt_of(path), progress=stop)
+        import_film(path, output, quilt_of(path), tell=stop)
     assert sorted(folder.name for folder in output.iterdir()) == ["0001", "0002"]
     (output / "0002" / "eia.png").unlink()  # stopped between the two stages
     before = (output / "0001" / "eia.png").stat().st_mtime_ns

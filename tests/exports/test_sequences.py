@@ -45,8 +45,8 @@ def test_frames_come_in_their_order(film):
 
 @pytest.mark.parametrize("name", sorted(set(DESCRIPTIONS) - {"sway", "wiggle", "quilt-film"}))
 def test_each_frame_is_what_its_own_export_is(film, tmp_path, name):
-    files, _ = export(film, name, tmp_path / "all")
-    expected = [path for frame in NAMES for path in export(film / frame, name, tmp_path / frame)[0]]
+    files = export(film, name, tmp_path / "all")
+    expected = [path for frame in NAMES for path in export(film / frame, name, tmp_path / frame)]
     assert [path.read_bytes() for path in files] == [path.read_bytes() for path in expected]
     assert len(set(files)) == len(files)
     if len(files) == len(NAMES):
@@ -57,7 +57,7 @@ def test_each_frame_is_what_its_own_export_is(film, tmp_path, name):
 
 @pytest.mark.parametrize("kind", ["mp4", "png"])
 def test_the_film_plays_the_animation_while_the_eye_sways(film, tmp_path, kind):
-    files, _ = export(film, "sway", tmp_path, ExportOptions(type=kind, width=320, fps=12))
+    files = export(film, "sway", tmp_path, ExportOptions(type=kind, width=320, fps=12))
     if kind == "png":
         found = [np.asarray(Image.open(path)) for path in files]
     else:

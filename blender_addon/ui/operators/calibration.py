@@ -8,6 +8,7 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.calibration.patterns import pattern
+from lfsr_core.commands.sentences import sentence
 
 from ...jobs import session, show_image
 from ...scene import settings as scene_settings
@@ -75,10 +76,11 @@ class LFSR_OT_calibrate(bpy.types.Operator):
         profile = scene_settings.display_of(context.scene)
         output = photos[0].with_name(f"{profile.name}-calibrated.toml")
         with show_image.wait_cursor():
-            _, lines = calibrate(profile, photos, [tuple(self.place)] * len(photos), output)
+            _, notices = calibrate(profile, photos, [tuple(self.place)] * len(photos), output)
         lfsr = context.scene.lfsr
         lfsr.display, lfsr.profile_file = PROFILE_FILE, str(output)
         show_image.open_file(output.with_suffix(".png"))
+        lines = [sentence(notice) for notice in notices]
         print("\n".join(f"Light Field: {line}" for line in lines))
         session.tell(f"The display is now {output.name}: {lines[0]}. Photographs as taken are on the left, as "
                      "predicted on the right.", "INFO")
