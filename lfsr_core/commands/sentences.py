@@ -51,8 +51,9 @@ def _frames_older(values: Values) -> str:
 
 def _array_blind(values: Values) -> str:
     place = PLACES[values["place"]]
-    return f"the array sees {listed(values['seen'], MOST_NAMES)}, but nothing of the subject, which {place}" if values["seen"] else (
-        f"the array sees nothing, and the subject {place}")
+    if not values["seen"]:
+        return f"the array sees nothing, and the subject {place}"
+    return f"the array sees {listed(values['seen'], MOST_NAMES)}, but nothing of the subject, which {place}"
 
 
 def _camera_missing(values: Values) -> str:
