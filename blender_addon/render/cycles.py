@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 
@@ -25,16 +25,15 @@ from .. import compat
 from ..scene import devices
 from ..scene.array.spaces import Matrix, to_blender
 from ..scene.overrides import new_data, overridden
-from . import passes
 from .bands import border, render_in_bands
 from .card_camera import card_camera
 from .clip_plane import clip_plane
 from .osl_camera import layout_parameters, layout_source, set_shader
-from .output import render_to
-from .progress import Progress
+from .output import Follow, render_to
 
 LEAST_PIXELS = 4        # Blender renders nothing narrower
 NEAR, FAR = 1e-4, 1e4   # clipping, as fractions of the display distance
+FOREGROUND, BACKGROUND = 1, 2  # pass indices
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,7 +78,7 @@ class Shot:
 
 
 def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, path: str | Path,
-                   progress: Progress | None = None, parts: ImageParts | None = None) -> float:
+                   follow: Follow | None = None, parts: ImageParts | None = None) -> float:
     """Render the rays of ``shot`` in one pass.
 
     Parameters
@@ -88,7 +87,7 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
     shot : rays, and from where
     settings : how Cycles renders
     path : multi-layer EXR to write, whole or not at all
-    progress : called with (fraction, message) while it renders; an exception that it raises cancels
+    follow : called with (fraction, message) while it renders; an exception that it raises cancels
     parts : caches finished parts of a long render and has those of an earlier run, None for no cache
 
     Returns
@@ -100,10 +99,10 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
         height = shot.layout.size[1]
         rows = shot.rows or Part(0, height)
         if parts is not None:
-            seconds = render_in_bands(scene, rows, Path(path), progress, parts)
+            seconds = render_in_bands(scene, rows, Path(path), follow, parts)
         else:
             with overridden(scene.render, border(rows, height) if rows.size < height else {}):
-                seconds = render_to(scene, path, progress)
+                seconds = render_to(scene, path, follow)
     if (shot.has_card or ended) and "position" in settings.layers:
         layers = exr.read_layers(path)
         layers["position"] = _without_misses(layers["position"], shot, ended)
@@ -155,12 +154,25 @@ def cycles_settings(scene: bpy.types.Scene, settings: RenderSettings, size: tupl
     if min(size) < LEAST_PIXELS:
         raise LfsrError(f"the render would be {size[0]}×{size[1]} pixels, but Blender needs at least {LEAST_PIXELS} "
                         "each way: render more lenses or with a smaller scale")
-    with ExitStack() as stack:
-        stack.enter_context(devices.enabled(settings.device))
-        stack.enter_context(overridden(scene.render, _render_values(size) | _thread_values(scene)))
-        stack.enter_context(overridden(scene.render.image_settings, compat.multilayer_exr(settings.half)))
-        stack.enter_context(overridden(scene.cycles, _cycles_values(settings)))
-        stack.enter_context(passes.enabled(scene, settings.layers, settings.world_visible))
+    render = {"engine": "CYCLES", "film_transparent": True, "resolution_x": size[0], "resolution_y": size[1],
+              "resolution_percentage": 100, "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0, "use_border": False,
+              "use_crop_to_border": False, "use_multiview": False, "use_motion_blur": False, "use_compositing": False,
+              "use_sequencer": False, "use_stamp": False, "use_single_layer": False, "use_freestyle": False,
+              "use_file_extension": False, "use_overwrite": True, "use_placeholder": False,
+              # Consecutive views and halves have the same geometry.
+              "use_persistent_data": True} | compat.whole_textures()
+    if CORES in os.environ:  # the cores that this process may use, but no more than the scene asks for
+        render |= {"threads_mode": "FIXED", "threads": min(usable_cores(), scene.render.threads)}
+    clamp = CLAMP_INDIRECT if settings.clamp_indirect is None else float(settings.clamp_indirect)
+    cycles = {"device": "CPU" if settings.device == "CPU" else "GPU", "samples": settings.samples,
+              "seed": settings.seed, "use_animated_seed": False, "use_adaptive_sampling": False, "time_limit": 0.0,
+              "use_layer_samples": "IGNORE", "use_camera_cull": False, "pixel_filter_type": "BOX",
+              "sample_clamp_direct": 0.0, "sample_clamp_indirect": clamp,
+              "film_transparent_glass": settings.transparent_glass, "use_denoising": False,
+              **compat.whole_sample_range()}
+    with (devices.enabled(settings.device), overridden(scene.render, render),
+          overridden(scene.render.image_settings, compat.multilayer_exr(settings.half)),
+          overridden(scene.cycles, cycles), _passes(scene, settings.layers, settings.world_visible)):
         yield
 
 
@@ -169,29 +181,33 @@ def pixel_aspect(ratio: float) -> dict[str, float]:
     return {"pixel_aspect_x": max(1.0, 1 / ratio), "pixel_aspect_y": max(1.0, ratio)}
 
 
-def _render_values(size: tuple[int, int]) -> dict[str, object]:
-    return {"engine": "CYCLES", "film_transparent": True, "resolution_x": size[0], "resolution_y": size[1],
-            "resolution_percentage": 100, "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0, "use_border": False,
-            "use_crop_to_border": False, "use_multiview": False, "use_motion_blur": False, "use_compositing": False,
-            "use_sequencer": False, "use_stamp": False, "use_single_layer": False, "use_freestyle": False,
-            "use_file_extension": False, "use_overwrite": True, "use_placeholder": False,
-            # Consecutive views and halves have the same geometry.
-            "use_persistent_data": True} | compat.whole_textures()
+@contextmanager
+def _passes(scene: bpy.types.Scene, layers: Sequence[str], environment: bool) -> Iterator[None]:
+    """Enable only the passes of ``layers``, on the first view layer that is used for rendering, inside the block."""
+    chosen, *others = [layer for layer in scene.view_layers if layer.use] or [scene.view_layers[0]]
+    wanted = {"use_pass_combined": True, "use_pass_position": "position" in layers,
+              "use_pass_object_index": "index" in layers, "use_pass_environment": environment}
+    switches = {name: wanted.get(name, False) for name in _names(chosen) if name.startswith("use_pass_")}
+    # Cycles' denoising albedo and normal see through glass.
+    own = dict.fromkeys((name for name in _names(chosen.cycles) if name.startswith(("use_pass_", "pass_"))), False)
+    own |= {"use_denoising": False, "denoising_store_passes": "albedo" in layers or "normal" in layers}
+    with ExitStack() as stack:
+        for layer in others:
+            stack.enter_context(overridden(layer, {"use": False}))
+        stack.enter_context(overridden(chosen, switches | {"use": True, "material_override": None}))
+        stack.enter_context(overridden(chosen.cycles, own))
+        yield
 
 
-def _thread_values(scene: bpy.types.Scene) -> dict[str, object]:
-    """Render on the cores that this process may use, but on no more than the scene asks for."""
-    if CORES not in os.environ:
-        return {}
-    return {"threads_mode": "FIXED", "threads": min(usable_cores(), scene.render.threads)}
+def _names(owner: bpy.types.bpy_struct) -> list[str]:
+    return [item.identifier for item in owner.bl_rna.properties]
 
 
-def _cycles_values(settings: RenderSettings) -> dict[str, object]:
-    clamp = CLAMP_INDIRECT if settings.clamp_indirect is None else float(settings.clamp_indirect)
-    return {"device": "CPU" if settings.device == "CPU" else "GPU", "samples": settings.samples,
-            "seed": settings.seed, "use_animated_seed": False,
-            "use_adaptive_sampling": False, "time_limit": 0.0,
-            "use_layer_samples": "IGNORE", "use_camera_cull": False,
-            "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0,
-            "sample_clamp_indirect": clamp, "film_transparent_glass": settings.transparent_glass,
-            "use_denoising": False, **compat.whole_sample_range()}
+@contextmanager
+def pass_indices(foreground: set[bpy.types.Object]) -> Iterator[None]:
+    """Set the pass index FOREGROUND on ``foreground`` and BACKGROUND on all other objects inside the block."""
+    with ExitStack() as stack:
+        for item in bpy.data.objects:  # linked ones too: the change is not saved
+            index = FOREGROUND if item in foreground else BACKGROUND
+            stack.enter_context(overridden(item, {"pass_index": index}))
+        yield

@@ -13,8 +13,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.optics.panel.panel_card import PARTS, Linear, PanelCard, Rows
 
-from .card_parts import SLANT, Place, add_quads, random_pair, sent, with_z
-from .wiring import Wiring, new_screen
+from .card_parts import SLANT, Place, Wiring, add_quads, new_screen, random_pair, sent, with_z
 
 NAME = "LFSR Panel Card"
 PLACE, COUNT, START, WAY = "place", "count", "start", "way"  # attributes of the mesh

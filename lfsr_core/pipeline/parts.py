@@ -2,12 +2,14 @@
 
 A part is a range of an image's rows, or of its views where they are rendered one by one. The name of its file holds
 the range, the image and a digest of what decides the pixels, so that parts of different renders are never mixed.
+``Pace`` chooses how many rows a part has: so few that little of one is lost, so many that they cost nothing.
 """
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -17,6 +19,16 @@ from lfsr_core.frames.identity import digest, first_difference
 from lfsr_core.pipeline.staging import RANGE, has_parts
 
 INPUTS_FILE = "inputs.json"
+SECONDS = 60.0  # that a part should take
+LEAST, MOST = 0.01, 86_400.0
+SECONDS_VARIABLE = "LFSR_SECONDS_PER_PART"  # environment variable that replaces it
+MOST_PIXELS = 2048 * 2048  # of a part, as of a tile of Cycles
+SLOW = 150_000  # path samples per second of a slow scene on two cores
+TRIAL_ROWS, TRIAL_SAMPLES = 64, 2_000_000  # the trial is at most 1/64 of the rows, and so many path samples
+AT_ONCE = 1.7  # × SECONDS: an image that takes no longer is rendered at once
+TIMEOUT = 2.3  # × SECONDS: a render that takes longer is given up for a smaller one
+GROWTH, SHRINK = 8, 16
+WORTH = 0.1  # × SECONDS: a part that took less is not stored
 
 
 @dataclasses.dataclass(frozen=True, order=True)
@@ -35,12 +47,12 @@ class Part:
 
 def gaps(count: int, parts: Iterable[Part]) -> list[Part]:
     """Return the rows of an image of ``count`` rows that are in none of the ``parts``, from the top."""
-    found, at = [], 0
+    missing, at = [], 0
     for part in [*sorted(parts), Part(count, count)]:
         if at < part.first:
-            found.append(Part(at, part.first))
+            missing.append(Part(at, part.first))
         at = max(at, part.last)
-    return found
+    return missing
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,21 +66,26 @@ class ImageParts:
 
     def stored(self, count: int) -> list[tuple[Part, Path]]:
         """Return the stored parts of an image of ``count`` rows, from the top, and remove damaged ones."""
-        found: list[tuple[Part, Path]] = []
+        from lfsr_core.images.exr import check_complete  # needs OpenImageIO, which Blender's panel does without
+
+        stored: list[tuple[Part, Path]] = []
         for path in sorted(self.folder.glob(f"{self._start}*.exr")):
-            part = _part_of(path.stem.removeprefix(self._start))
-            if part is None or part.last > count or part.first >= part.last:
-                continue
-            if (not found or found[-1][0].last <= part.first) and _is_complete(path):
-                found.append((part, path))
-        return found
+            numbers = RANGE.match(path.stem.removeprefix(self._start))
+            part = Part(int(numbers[1]), int(numbers[2]), int(numbers[3]) / 1000) if numbers else Part(0, 0)
+            if (stored[-1][0].last if stored else 0) <= part.first < part.last <= count:
+                try:
+                    check_complete(path)
+                    stored.append((part, path))
+                except LfsrError:
+                    path.unlink(missing_ok=True)
+        return stored
 
     def store(self, written: Path, part: Part) -> Path:
         """Move the file ``written``, which is on the same disk, to where ``part`` is stored, and return its path."""
         write_json(self.folder / INPUTS_FILE, dict(self.inputs))
-        name = f"{self._start}{part.first:06}-{part.last:06}-{round(part.seconds * 1000)}.exr"
-        replace(written, self.folder / name)
-        return self.folder / name
+        path = self.folder / f"{self._start}{part.first:06}-{part.last:06}-{round(part.seconds * 1000)}.exr"
+        replace(written, path)
+        return path
 
     @property
     def _start(self) -> str:
@@ -83,10 +100,10 @@ def remove_others(folder: Path, inputs: Mapping[str, str]) -> str:
     if not folder.is_dir():
         return ""
     try:
-        known = read_json(folder / INPUTS_FILE, "the inputs of a render's parts")
+        stored = read_json(folder / INPUTS_FILE, "the inputs of a render's parts")
     except LfsrError:
-        known = None
-    name = first_difference(known if isinstance(known, dict) else {}, inputs)
+        stored = None
+    name = first_difference(stored if isinstance(stored, dict) else {}, inputs)
     if not name:
         return ""
     removed = has_parts(folder)
@@ -98,17 +115,59 @@ def remove_others(folder: Path, inputs: Mapping[str, str]) -> str:
             "the beginning") if removed else ""
 
 
-def _part_of(text: str) -> Part | None:
-    numbers = RANGE.match(text)
-    return Part(int(numbers[1]), int(numbers[2]), int(numbers[3]) / 1000) if numbers else None
-
-
-def _is_complete(path: Path) -> bool:
-    from lfsr_core.images.exr import check_complete  # needs OpenImageIO, which Blender's panel does without
-
+def seconds_per_part() -> float:
+    """Return how many seconds a part of a render should take."""
     try:
-        check_complete(path)
-    except LfsrError:
-        path.unlink(missing_ok=True)
-        return False
-    return True
+        return min(max(LEAST, float(os.environ.get(SECONDS_VARIABLE, SECONDS))), MOST)
+    except ValueError:
+        return SECONDS
+
+
+def is_worth_storing(seconds: float) -> bool:
+    """True for a part that took long enough to be stored."""
+    return seconds >= WORTH * seconds_per_part()
+
+
+@dataclasses.dataclass(frozen=True)
+class Pace:
+    """Sizes of the parts of one image."""
+
+    width: int  # of the image, pixels
+    rows: int  # of the image
+    samples: int  # per pixel
+    seconds: float = dataclasses.field(default_factory=seconds_per_part)  # that a part should take
+
+    @property
+    def most(self) -> int:
+        """Rows that fit into memory at once."""
+        return max(1, MOST_PIXELS // self.width)
+
+    @property
+    def timeout(self) -> float:
+        """Seconds after which a render is given up."""
+        return TIMEOUT * self.seconds
+
+    @property
+    def is_short(self) -> bool:
+        """True where even a slow scene can be rendered at once."""
+        return self.rows <= self.most and self.rows * self.width * self.samples <= SLOW * self.seconds
+
+    @property
+    def trial(self) -> Part:
+        """A few rows in the middle, where images tend to be slowest: little work that tells the cost of the rest."""
+        size = max(1, min(self.rows // TRIAL_ROWS, TRIAL_SAMPLES // (self.width * self.samples)))
+        first = (self.rows - size) // 2
+        return Part(first, first + size)
+
+    def takes_one(self, trial: Part) -> bool:
+        """True where the whole image can be rendered at once, going by the seconds of the ``trial``."""
+        return self.rows <= self.most and trial.seconds * self.rows / trial.size <= AT_ONCE * self.seconds
+
+    def after(self, done: Part) -> int:
+        """Rows of the part after ``done``, whose seconds are those of its samples alone."""
+        wanted = int(done.size * self.seconds / max(done.seconds, 1e-3))
+        return max(1, min(wanted, GROWTH * done.size, self.most))
+
+    def after_timeout(self, given_up: Part) -> int:
+        """Rows of the part after one that took too long."""
+        return max(1, given_up.size // SHRINK)

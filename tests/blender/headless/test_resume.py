@@ -146,7 +146,7 @@ def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, m
             if save:
                 bpy.ops.wm.save_mainfile()
             task = press()
-            panel.wait_for(lambda count=len(done): len(parts(folder)) > count)
+            panel.wait_for(lambda count=tuple(done): len(parts(folder)) > len(count))
             assert same(done) and not task.warnings
         rows = sum(int(last) - int(first) for first, last in (name.split("-")[-3:-1] for name in cancel()))
         task, fractions = press(), []

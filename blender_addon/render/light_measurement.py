@@ -18,8 +18,7 @@ from ..scene import devices
 from ..scene.array import placement
 from ..scene.light import DEFAULT_LIGHT, DIM, has_light, is_certain, lit
 from ..scene.subject import find_subject
-from . import passes
-from .cycles import RenderSettings, cycles_settings, temporary_camera
+from .cycles import FOREGROUND, RenderSettings, cycles_settings, pass_indices, temporary_camera
 from .output import render_to
 
 WIDTH, SAMPLES = 64, 4  # pixels across, and samples per pixel
@@ -28,21 +27,21 @@ LEAST_ALBEDO = 0.1
 DARK = "Almost no light reaches what the array sees"
 
 
-def chosen_light(scene: bpy.types.Scene, job: Request, warn: Callable[[str], None]) -> str:
-    """Return the light in which ``scene`` is rendered where the job leaves that open; ``warn`` unless it is its own.
+def chosen_light(scene: bpy.types.Scene, request: Request, warn: Callable[[str], None]) -> str:
+    """Return the light in which ``scene`` is rendered where the request leaves that open; ``warn`` unless it is its own.
 
     A .blend keeps its own light if it has any, with a warning where that is too little.
     """
     has_own = has_light(scene)
-    if has_own and (is_certain(scene) or not is_dark(scene, job)):
+    if has_own and (is_certain(scene) or not is_dark(scene, request)):
         return OWN
-    if has_own and Path(job.scene).suffix.lower() in ("", ".blend"):
+    if has_own and Path(request.scene).suffix.lower() in ("", ".blend"):
         warn(f"{DARK}, so the image will be almost black. Increase the lights or the exposure, or choose another light "
              "(--light)")
         return OWN
     reason = DARK if has_own else "The scene has no light"
     with lit(scene, DEFAULT_LIGHT):
-        reaches = not is_dark(scene, job)
+        reaches = not is_dark(scene, request)
     if reaches:
         warn(f"{reason}. It is lit with Blender's world image {DEFAULT_LIGHT!r}: choose another light with --light")
         return DEFAULT_LIGHT
@@ -50,7 +49,7 @@ def chosen_light(scene: bpy.types.Scene, job: Request, warn: Callable[[str], Non
     return EVEN
 
 
-def is_dark(scene: bpy.types.Scene, job: Request) -> bool:
+def is_dark(scene: bpy.types.Scene, request: Request) -> bool:
     """Return True if most of the subject that the middle of the array sees is hardly lit, at the scene's exposure.
 
     What shines does not count by its brightness but by its size: half of the subject decides. False also where the
@@ -58,26 +57,26 @@ def is_dark(scene: bpy.types.Scene, job: Request) -> bool:
     """
     light = np.empty(0)
     with suppress(LfsrError):
-        light = _arriving(scene, job)
+        light = _arriving(scene, request)
     return bool(light.size and np.median(light) * 2.0**scene.view_settings.exposure < DIM)
 
 
-def _arriving(scene: bpy.types.Scene, job: Request) -> np.ndarray:
+def _arriving(scene: bpy.types.Scene, request: Request) -> np.ndarray:
     """Brightness (n,) that a white surface would have in place of each pixel of the subject."""
-    subject = find_subject(scene, job.subject)
-    array, matrix_world = placement.place_array(scene, job.display, subject)
+    subject = find_subject(scene, request.subject)
+    array, matrix_world = placement.place_array(scene, request.display, subject)
     size = WIDTH, max(round(WIDTH * array.half_height / array.half_width), 4)
-    settings = RenderSettings(SAMPLES, layers=("albedo", "index"), device=devices.resolved(job.device))
+    settings = RenderSettings(SAMPLES, layers=("albedo", "index"), device=devices.resolved(request.device))
     # In Blender's own temporary folder, which is removed even if Blender crashes.
     with (tempfile.TemporaryDirectory(prefix="lfsr-light-", dir=bpy.app.tempdir or None) as name,
-          passes.pass_indices(subject), temporary_camera(scene, matrix_world, array.distance) as camera,
+          pass_indices(subject), temporary_camera(scene, matrix_world, array.distance) as camera,
           cycles_settings(scene, settings, size)):
         lens, clip, path = camera.data, placement.clip_of(scene), Path(name, "light.exr")
         lens.sensor_fit, lens.lens = "HORIZONTAL", lens.sensor_width / 2 * array.distance / array.half_width
         lens.clip_start, lens.clip_end = clip or (lens.clip_start, lens.clip_end)
         render_to(scene, path)
         layers = clean(read_layers(path))[0]
-    seen = (layers["color"][..., 3] > 0.5) & (layers["index"][..., 0] == passes.FOREGROUND)
+    seen = (layers["color"][..., 3] > 0.5) & (layers["index"][..., 0] == FOREGROUND)
     color, albedo = layers["color"][seen][:, :3].max(-1), layers["albedo"][seen].max(-1)
     light: np.ndarray = color / np.maximum(albedo, LEAST_ALBEDO)
     return light
