@@ -12,7 +12,7 @@ import bpy
 
 from lfsr_core.optics.live_region import LiveRegion
 
-from ..render.wiring import Wiring
+from ..render.card_parts import Wiring
 
 NAME = "LFSR Live"
 ENCODE, DECODE, INTERPOLATE = f"{NAME} Encode", f"{NAME} Decode", f"{NAME} Interpolation"

@@ -26,8 +26,8 @@ from lfsr_core.optics.panel.panel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
 
 from .. import compat
+from ..render.card_camera import new_card
 from ..render.card_parts import new_camera, place_of
-from ..render.lens_card import new_card
 from ..render.panel_card import new_panel_card
 from ..scene import devices
 from ..scene.array import rig

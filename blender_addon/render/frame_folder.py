@@ -1,4 +1,4 @@
-"""Render a job into its frame folder: place the array, render, write ``frame.json``."""
+"""Render a request into its frame folder: place the array, render, write ``frame.json``."""
 
 from __future__ import annotations
 
@@ -6,197 +6,232 @@ import dataclasses
 import os
 import shutil
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 
 import bpy
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.files import file_digest, file_stamp
+from lfsr_core.base.notices import Notice, Progress, Tell, silent
+from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, write_frame
+from lfsr_core.frames.identity import PLACES, digest, request_facts
 from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.frames.request import AUTO, GUIDES, OWN, Request
 from lfsr_core.optics.lens_rows import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.pipeline.parts import ImageParts, Part, remove_others
+from lfsr_core.version import __version__
 
 from ..scene import devices
 from ..scene.array import motion, placement
 from ..scene.array.scale import scale_of
 from ..scene.color import color_settings
 from ..scene.light import lit
+from ..scene.notices import image_files
+from ..scene.overrides import overridden
 from ..scene.subject import find_subject, has_background_meshes
-from . import animation, passes, world
-from .arrival import chosen_light
-from .cycles import RenderSettings, Shot, render_encoded
-from .inputs import Opened, inputs
-from .output import unfinished
-from .progress import Progress, one_of
+from . import world
+from .cycles import RenderSettings, Shot, pass_indices, render_encoded
+from .light_measurement import chosen_light
+from .output import one_of, unfinished
 from .view_by_view import render_views
 
 # Added to a reference half's seed, so that no half has the random numbers of a candidate image.
 HALF_SEED = 1 << 20
-Warn = Callable[[str], None]
+# Fields of a request that the scene or this machine may settle. The panel renders a copy, whatever its path.
+SETTLED = ("scene", "device", "light", "sampling")
+SOURCES = ("render", "scene")  # packages of the add-on that decide pixels
+Say = Callable[[str], None]
 
 
-def render_job(scene: bpy.types.Scene, job: Request, opened: Opened | None = None, progress: Progress | None = None,
-               warn: Warn = print) -> Path:
-    """Render ``job`` into its frame folder; the scene is unchanged afterwards, also after an error.
+@dataclasses.dataclass(frozen=True)
+class Opened:
+    """How the scene was opened."""
 
-    Parameters
-    ----------
-    scene : the scene to render
-    job : what to render of it, and into which folder
-    opened : how the scene was opened; without its file's content no parts of a long render are cached
-    progress : called with (fraction, message); an exception that it raises cancels
-    warn : called with sentences for the user
+    seconds: float = 0.0  # it took
+    content: str = ""  # stamp of its file; empty if it is not known
+    light: str = AUTO  # in which it is rendered, AUTO where that is not settled
+    notes: tuple[Notice, ...] = ()  # what the user was told of it
 
-    Returns
-    -------
-    The frame folder.
+
+def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None = None, tell: Tell = silent) -> Path:
+    """Render ``request`` into its frame folder, and return that.
+
+    The scene is unchanged afterwards, also after an error. ``opened``: how the scene was opened; without its file's
+    stamp no parts of a long render are cached. An exception that ``tell`` raises cancels.
     """
     opened = opened or Opened()
-    job = dataclasses.replace(job, device=devices.resolved(job.device),
-                              light=opened.light if job.light == AUTO else job.light)
+    request = dataclasses.replace(request, device=devices.resolved(request.device),
+                                  light=opened.light if request.light == AUTO else request.light)
     notes = list(opened.notes)
 
-    def note(sentence: str) -> None:
-        notes.append(sentence)
-        warn(sentence)
+    def say(sentence: str) -> None:
+        notes.append(Notice("render-note", {"text": sentence}))
+        tell(notes[-1])
 
-    with prepared(scene, job, note) as frame:
-        known = _inputs(scene, job, frame, opened, warn)
+    with prepared(scene, request, say) as frame:
+        inputs = None
+        if request.parts and opened.content:
+            inputs = _inputs(scene, request, frame, opened.content)
+            if sentence := remove_others(Path(request.parts), inputs):
+                tell(Notice("render-note", {"text": sentence}))
         seconds = {"open": opened.seconds}
         if frame.world_apart:
-            seconds["world"] = _world_image(scene, job, frame)
+            seconds["world"] = _world_image(scene, request, frame)
+        render = render_views if frame.layout == "view-by-view" else render_encoded
+        rows = None if frame.rows is None else Part(*pixel_rows(frame.rows, frame.rays.views[1]))
+        shot = Shot(frame.panel_rays or frame.rays, frame.matrix_world, frame.layout, frame.clip, rows)
+        images, seconds["render"] = _images(scene, request, frame), seconds.get("world", 0.0)
         with world.white_to_camera(scene) if frame.world_apart else nullcontext():
-            seconds["render"] = seconds.get("world", 0.0) + _render(scene, job, frame, known, progress)
+            for number, (name, settings) in enumerate(images):
+                follow = one_of(lambda fraction, message: tell(Progress("render", fraction, message)), number,
+                                len(images))
+                parts = ImageParts(Path(request.parts or ""), Path(name).stem, inputs,
+                                   another_follows=number + 1 < len(images)) if inputs else None
+                seconds["render"] += render(scene, shot, settings, Path(request.output, name), follow, parts)
     seconds = {name: round(value, 3) for name, value in seconds.items()}
-    write_frame(job.output, dataclasses.replace(frame, content=opened.content, seconds=seconds,
-                                                notes=tuple(Notice("render-note", {"text": text}) for text in notes)))
-    return Path(job.output)
+    write_frame(request.output, dataclasses.replace(frame, content=opened.content, seconds=seconds,
+                                                    notes=tuple(notes)))
+    return Path(request.output)
 
 
 @contextmanager
-def prepared(scene: bpy.types.Scene, job: Request, warn: Warn = print) -> Iterator[Frame]:
-    """Set ``scene`` to the job's frame, light it and index its objects inside the block; yield the Frame."""
-    # Not at the job's frame: all frames of an animation have the same light.
-    job = dataclasses.replace(job, light=settled_light(scene, job, warn))
+def prepared(scene: bpy.types.Scene, request: Request, say: Say = print) -> Iterator[Frame]:
+    """Set ``scene`` to the request's frame, light it and index its objects inside the block; yield the Frame."""
+    # Not at the request's frame: all frames of an animation have the same light.
+    request = dataclasses.replace(request, light=settled_light(scene, request, say))
     with motion.same_frame(scene):
-        if job.frame is not None:
-            scene.frame_set(job.frame)
-        if job.sampling.scales and job.kind != "reference":
-            job = job.with_scale(scale_of(scene, job))
-        subject = find_subject(scene, job.subject)
-        with animation.resting(scene), passes.pass_indices(subject), lit(scene, job.light):
-            frame = _frame(scene, job, subject)
+        if request.frame is not None:
+            scene.frame_set(request.frame)
+        if request.sampling.scales and request.kind != "reference":
+            request = request.with_scale(scale_of(scene, request))
+        subject = find_subject(scene, request.subject)
+        with _resting(scene), pass_indices(subject), lit(scene, request.light):
+            frame = _frame(scene, request, subject)
             placed = frame.array, frame.matrix_world
             for sentence in filter(None, (placement.focus_notice(scene, placed),
-                                          placement.unseen_notice(scene, job.display, placed, subject))):
-                warn(sentence)
-            yield dataclasses.replace(frame, world_apart=_world_apart(scene, frame, job, warn))
+                                          placement.unseen_notice(scene, request.display, placed, subject))):
+                say(sentence)
+            if frame.world_visible and request.kind == "render" and frame.scale > 1:
+                reason = world.reason_against(scene)
+                if reason:
+                    say(f"{reason}, so the world is rendered with the subject and is less sharp")
+                frame = dataclasses.replace(frame, world_apart=not reason)
+            yield frame
 
 
-def settled_light(scene: bpy.types.Scene, job: Request, warn: Warn) -> str:
-    """Return the light of ``scene`` for ``job``: the one asked for, or for AUTO the one that the scene needs now."""
-    if job.light != AUTO:
-        return job.light
-    with animation.resting(scene):
-        return chosen_light(scene, job, warn)
+def settled_light(scene: bpy.types.Scene, request: Request, say: Say) -> str:
+    """Return the light of ``scene``: the one asked for, or for AUTO the one that the scene needs now."""
+    if request.light != AUTO:
+        return request.light
+    with _resting(scene):
+        return chosen_light(scene, request, say)
 
 
-def _frame(scene: bpy.types.Scene, job: Request, subject: set[bpy.types.Object]) -> Frame:
-    """The frame that ``job`` asks for; LfsrError if the array cannot be placed or colours cannot be reproduced."""
-    array, matrix_world = placement.place_array(scene, job.display, subject)
-    layers = tuple(dict.fromkeys((*job.layers, *(GUIDES if _has_guides(job) else ()))))
-    world_visible = _world_visible(scene, job)
+def inputs_before_opening(request: Request, content: str) -> dict[str, str]:
+    """Return a digest of each kind of input that is known without the scene, by a name for messages.
+
+    Cached parts are used by a render with the same inputs only. ``content``: stamp of the scene's file.
+    """
+    folders = (Path(__file__).resolve().parents[1] / name for name in SOURCES)
+    sources = [path for folder in folders for path in sorted(folder.rglob("*.*")) if path.suffix in (".py", ".osl")]
+    sampling = request.sampling
+    chosen = {} if sampling.scales else {"samples or scale": digest([sampling.scale, sampling.samples])}
+    return {"settings": digest(request_facts(request, (*PLACES, *SETTLED))), **chosen, "scene file": digest(content),
+            "Blender": digest([bpy.app.version_string, str(bpy.app.build_hash)]),
+            "version of LFSR": digest([__version__, *map(file_digest, sources)])}
+
+
+def _inputs(scene: bpy.types.Scene, request: Request, frame: Frame, content: str) -> dict[str, str]:
+    """Return a digest of each kind of input."""
+    resolved = to_data(dataclasses.replace(frame, seconds={}, gpus=()))
+    resolved |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail, "light": request.light}
+    files = {*map(Path, bpy.utils.blend_paths(absolute=True, packed=False, local=False)), *image_files()}
+    return inputs_before_opening(request, content) | {
+        "samples or scale": digest([frame.scale, frame.samples]), "device, light or camera": digest(resolved),
+        "images or linked files": digest([[str(path), file_stamp(path)] for path in sorted(files)])}
+
+
+def _frame(scene: bpy.types.Scene, request: Request, subject: set[bpy.types.Object]) -> Frame:
+    """The frame that is asked for; LfsrError if the array cannot be placed or colours cannot be reproduced."""
+    array, matrix_world = placement.place_array(scene, request.display, subject)
+    # The denoiser is given more than colours; every view at scale 1 would take as much memory again.
+    guided = request.kind == "render" and request.sampling.scale > 1 and request.layout != SUBPIXELS
+    layers = tuple(dict.fromkeys((*request.layers, *(GUIDES if guided else ()))))
     if "index" not in layers and has_background_meshes(scene, subject):
         layers = (*layers, "index")
-    # The lens card renders where the OSL camera cannot.
-    layout = devices.way_of(job.device) if job.layout == "one-pass" else job.layout
-    return Frame(
-        display=job.display, scale=1 if job.kind == "reference" else job.sampling.scale,
-        scale_reason=job.sampling.reason,
-        array=array, matrix_world=matrix_world, samples=job.sampling.samples, seed=job.seed, frame=scene.frame_current,
-        convention=job.convention, view_aperture=job.view_aperture, lens_list=job.lens_list, rows=job.rows,
-        layout=layout, layers=layers, clip=placement.clip_of(scene), world_visible=world_visible,
-        color=color_settings(scene, world_visible), scene=os.path.basename(job.scene or bpy.data.filepath),
-        scene_name=job.scene_name or scene.name_full, source=job.source, subject=job.subject or "",
-        camera=job.camera or "", light=job.light, blender=bpy.app.version_string, device=job.device,
-        gpus=devices.gpu_addresses(job.device))
-
-
-def _has_guides(job: Request) -> bool:
-    """Whether the denoiser is given more than colours; every view at scale 1 would take as much memory again."""
-    return job.kind == "render" and job.sampling.scale > 1 and job.layout != SUBPIXELS
-
-
-def _world_visible(scene: bpy.types.Scene, job: Request) -> bool:
-    if job.world_visible and scene.world is None:
+    if request.world_visible and scene.world is None:
         raise LfsrError(f"scene {scene.name!r} has no world to show behind the subject: add a world, or leave out "
                         "--world-visible")
-    if job.world_visible is not None:
-        return job.world_visible
-    return job.light == OWN and scene.world is not None and not scene.render.film_transparent
+    world_visible = request.world_visible
+    if world_visible is None:
+        world_visible = request.light == OWN and scene.world is not None and not scene.render.film_transparent
+    # The lens card renders where the OSL camera cannot.
+    layout = devices.way_of(request.device) if request.layout == "one-pass" else request.layout
+    return Frame(
+        display=request.display, scale=1 if request.kind == "reference" else request.sampling.scale,
+        scale_reason=request.sampling.reason, array=array, matrix_world=matrix_world,
+        samples=request.sampling.samples, seed=request.seed, frame=scene.frame_current,
+        convention=request.convention, view_aperture=request.view_aperture, lens_list=request.lens_list,
+        rows=request.rows, layout=layout, layers=layers, clip=placement.clip_of(scene), world_visible=world_visible,
+        color=color_settings(scene, world_visible), scene=os.path.basename(request.scene or bpy.data.filepath),
+        scene_name=request.scene_name or scene.name_full, source=request.source, subject=request.subject or "",
+        camera=request.camera or "", light=request.light, blender=bpy.app.version_string, device=request.device,
+        gpus=devices.gpu_addresses(request.device))
 
 
-def _world_apart(scene: bpy.types.Scene, frame: Frame, job: Request, warn: Warn) -> bool:
-    """True if the visible world is rendered separately; ``warn`` if it cannot be."""
-    if not frame.world_visible or job.kind != "render" or frame.scale == 1:
-        return False
-    reason = world.reason_against(scene)
-    if reason:
-        warn(f"{reason}, so the world is rendered with the subject and is less sharp")
-    return not reason
-
-
-def _world_image(scene: bpy.types.Scene, job: Request, frame: Frame) -> float:
-    """Write the image of the world alone into the job's folder; seconds of rendering it."""
-    path = Path(job.output, WORLD_FILE)
-    if job.world is not None:
+def _world_image(scene: bpy.types.Scene, request: Request, frame: Frame) -> float:
+    """Write the image of the world alone into the request's folder; seconds of rendering it."""
+    path = Path(request.output, WORLD_FILE)
+    if request.world is not None:
         with unfinished(path) as temporary:
-            shutil.copyfile(job.world, temporary)
+            shutil.copyfile(request.world, temporary)
         return 0.0
-    settings = RenderSettings(world.SAMPLES, frame.seed, device=job.device)
+    settings = RenderSettings(world.SAMPLES, frame.seed, device=request.device)
     image = WorldImage.of(finished_layout(frame))
     return world.render_world(scene, image, frame.matrix_world, settings, path)
 
 
-def _images(scene: bpy.types.Scene, job: Request, frame: Frame) -> list[tuple[str, RenderSettings]]:
+def _images(scene: bpy.types.Scene, request: Request, frame: Frame) -> list[tuple[str, RenderSettings]]:
     """File and settings of every image to render: one, or a reference's two halves."""
     see_through = scene.render.film_transparent and scene.cycles.film_transparent_glass and not frame.world_visible
-    settings = RenderSettings(frame.samples, job.seed, frame.layers, job.device, job.clamp_indirect,
+    settings = RenderSettings(frame.samples, request.seed, frame.layers, request.device, request.clamp_indirect,
                               frame.world_visible, see_through)
-    if job.kind != "reference":
+    if request.kind != "reference":
         return [(LOW_RES_FILE, settings)]
-    # Unclamped unless the job clamps: clamping would bias a reference.
-    settings = dataclasses.replace(settings, clamp_indirect=job.clamp_indirect or 0.0,
+    # Unclamped unless the request clamps: clamping would bias a reference.
+    settings = dataclasses.replace(settings, clamp_indirect=request.clamp_indirect or 0.0,
                                    half="position" not in frame.layers)
-    return [(name, dataclasses.replace(settings, samples=(job.sampling.samples + 1 - half) // 2,
-                                       seed=(job.seed + HALF_SEED * (half + 1)) % 2**31))
+    return [(name, dataclasses.replace(settings, samples=(request.sampling.samples + 1 - half) // 2,
+                                       seed=(request.seed + HALF_SEED * (half + 1)) % 2**31))
             for half, name in enumerate(REFERENCE_FILES)]
 
 
-def _inputs(scene: bpy.types.Scene, job: Request, frame: Frame, opened: Opened, warn: Warn) -> dict[str, str] | None:
-    """Inputs of the render; None if none of its parts are cached. Removes cached parts of other inputs."""
-    if not job.parts or not opened.content:
-        return None
-    known = inputs(scene, job, frame, opened.content)
-    sentence = remove_others(Path(job.parts), known)
-    if sentence:
-        warn(sentence)
-    return known
+@contextmanager
+def _resting(scene: bpy.types.Scene) -> Iterator[None]:
+    """Mute what animates the settings of a render inside the block; ``scene`` must be at the frame to render.
+
+    Blender evaluates animation again when a render starts. This mutes camera markers, all keyframes and drivers of the
+    scene itself, which keeps its values of this frame, and those of the pass index of objects.
+    """
+    indices = (curve for item in bpy.data.objects for curve in _curves(item) if curve.data_path == "pass_index")
+    with ExitStack() as stack:
+        for marker in scene.timeline_markers:
+            stack.enter_context(overridden(marker, {"camera": None}))
+        for curve in [*_curves(scene), *indices]:
+            stack.enter_context(overridden(curve, {"mute": True}))
+        yield
 
 
-def _render(scene: bpy.types.Scene, job: Request, frame: Frame, known: dict[str, str] | None,
-            progress: Progress | None) -> float:
-    """Render every image of the job; seconds."""
-    render = render_views if frame.layout == "view-by-view" else render_encoded
-    images, seconds = _images(scene, job, frame), 0.0
-    rows = None if frame.rows is None else Part(*pixel_rows(frame.rows, frame.rays.views[1]))
-    shot = Shot(frame.panel_rays or frame.rays, frame.matrix_world, frame.layout, frame.clip, rows)
-    for number, (name, settings) in enumerate(images):
-        parts = ImageParts(Path(job.parts or ""), Path(name).stem, known,
-                           another_follows=number + 1 < len(images)) if known else None
-        seconds += render(scene, shot, settings, Path(job.output, name), one_of(progress, number, len(images)), parts)
-    return seconds
+def _curves(owner: bpy.types.ID) -> Iterator[bpy.types.FCurve]:
+    """Curves of drivers, of the action, and of the strips of the nonlinear animation of ``owner``."""
+    animation = owner.animation_data
+    if animation is None:
+        return
+    yield from animation.drivers
+    for holder in (animation, *(strip for track in animation.nla_tracks for strip in track.strips)):
+        if holder.action is not None and holder.action_slot is not None:
+            bags = (strip.channelbag(holder.action_slot) for layer in holder.action.layers for strip in layer.strips)
+            yield from (curve for bag in bags if bag is not None for curve in bag.fcurves)

@@ -28,7 +28,7 @@ DARK = "Almost no light reaches what the array sees"
 
 
 def chosen_light(scene: bpy.types.Scene, request: Request, warn: Callable[[str], None]) -> str:
-    """Return the light in which ``scene`` is rendered where the request leaves that open; ``warn`` unless it is its own.
+    """Return the light of ``scene`` where the request leaves that open; ``warn`` unless it is the scene's own.
 
     A .blend keeps its own light if it has any, with a warning where that is too little.
     """

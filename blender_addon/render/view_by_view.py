@@ -21,15 +21,13 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.images import exr
 from lfsr_core.optics import eia
 from lfsr_core.optics.rays import RayLayout, view_offset
-from lfsr_core.pipeline.pace import is_worth_storing, seconds_per_part
-from lfsr_core.pipeline.parts import ImageParts, Part
+from lfsr_core.pipeline.parts import ImageParts, Part, is_worth_storing, seconds_per_part
 
 from .. import compat
 from ..scene.array.spaces import to_blender
 from ..scene.overrides import overridden
 from .cycles import RenderSettings, Shot, cycles_settings, pixel_aspect, temporary_camera
-from .output import listed, render_to, unfinished
-from .progress import Progress, one_of
+from .output import Follow, listed, one_of, render_to, unfinished
 
 SENSOR_MM = 36.0
 WINDOW_PER_BOX = 2.08  # width of a Blackman-Harris window with the variance of a box of width 1
@@ -37,7 +35,7 @@ THINNEST = 0.01  # least ratio of the sides of an aperture that Blender allows
 
 
 def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, path: str | Path,
-                 progress: Progress | None = None, parts: ImageParts | None = None) -> float:
+                 follow: Follow | None = None, parts: ImageParts | None = None) -> float:
     """Render the rays of ``shot`` one view after the other, always whole views; then cut out listed lenses.
 
     Parameters and result as of ``cycles.render_encoded``.
@@ -50,11 +48,13 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
           cycles_settings(scene, settings, layout.lenses), overridden(scene.render, pixel_aspect(ratio)),
           overridden(scene.render.image_settings, compat.one_part_exr()),
           overridden(scene.cycles, _filter(layout)), _folder(target.parent) as folder):
-        for number in views.missing():
+        for number in range(views.count):
+            if number in views.images:
+                continue
             aim(camera, shot, (number % layout.views[0], number // layout.views[0]))
             # Each view needs its own random numbers, as each pixel of a one-pass render has.
             scene.cycles.seed = (settings.seed * 65537 + number) % 2**31
-            render_to(scene, folder / "view.exr", one_of(progress, number, views.count))
+            render_to(scene, folder / "view.exr", one_of(follow, number, views.count))
             views.add(number, exr.read_layers(folder / "view.exr"))
         views.end()
         layers = {name: assemble(layout, [views.images[number][name] for number in range(views.count)])
@@ -78,10 +78,6 @@ class _Views:
             split = {name: np.split(pixels, group.size) for name, pixels in exr.read_layers(path).items()}
             for index in range(group.size):
                 self.images[group.first + index] = {name: images[index] for name, images in split.items()}
-
-    def missing(self) -> Iterator[int]:
-        """Numbers of the views that are still to be added."""
-        return (number for number in range(self.count) if number not in self.images)
 
     def add(self, number: int, layers: exr.Layers) -> None:
         """Add a view; consecutive views are cached together."""

@@ -18,9 +18,9 @@ from lfsr_core.optics.world_view import WorldImage
 from .. import compat
 from ..scene.array.spaces import Matrix
 from ..scene.overrides import new_data, overridden
+from .card_parts import Wiring
 from .cycles import RenderSettings, cycles_settings, pixel_aspect, temporary_camera
 from .output import render_to
-from .wiring import Wiring
 
 NAME = "LFSR World"
 # Per pixel of the image; a pixel of the light field sees 36. More change it by 4e-4 (rms of sRGB values).

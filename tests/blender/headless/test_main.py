@@ -131,7 +131,7 @@ def test_best_device_is_found_and_named(blend, tmp_path):
 
 def sampling(tmp_path, blend, **options):
     """A process in the middle of an endless render."""
-    child = start(tmp_path, ends_with_input=True, scene=str(blend), spp=100_000, scale=1, **options)
+    child = start(tmp_path, ends_with_input=True, scene=str(blend), samples=100_000, scale=1, **options)
     for line in child.stdout:
         if "Sample" in line:
             return child
@@ -155,7 +155,7 @@ def test_what_a_signal_leaves_goes_with_the_next_render(blend, tmp_path):
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["frame.json", "lr_eia.exr"]
 
 
-@pytest.mark.parametrize("options", [{"kind": "reference", "scale": 1, "spp": 2}, {"scale": 1}])
+@pytest.mark.parametrize("options", [{"kind": "reference", "scale": 1, "samples": 2}, {"scale": 1}])
 def test_a_file_that_was_cut_short_is_not_published(blend, tmp_path, options):
     child = start(tmp_path, limit=24_576, scene=str(blend),
                   layers=("albedo", "normal", "position"), **options)

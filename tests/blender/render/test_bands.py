@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from blender_addon.render import bands, frame_folder, view_by_view
-from blender_addon.render.inputs import Opened
+from blender_addon.render.frame_folder import Opened
+from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.request import LAYERS
 from lfsr_core.images import exr
 from lfsr_core.pipeline.merge import merge
-from lfsr_core.pipeline.pace import Pace
-from lfsr_core.pipeline.parts import Part
+from lfsr_core.pipeline.parts import Pace, Part
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera, emission
+from tests.support.told import Told
 
 LENSES = ((0, 0), (3, 4), (5, 8), (6, 9), (11, 15))
 
@@ -34,12 +35,12 @@ def noisy(scene):
 
 def rendered(scene, folder, **options):
     """Layers of every image, and what was warned of; with ``parts`` as the command renders."""
-    warnings = []
+    told = Told()
     frame_folder.render_job(scene, make_request(str(folder), MINI, **{"samples": 40, "scale": 2} | options),
-                            Opened(0.1, "the same file"), warn=warnings.append)
+                            Opened(0.1, "the same file"), told)
     images = {path.name: exr.read_layers(path) for path in folder.glob("*.exr")}
     assert not set(images) - {"lr_eia.exr", "world.exr", "reference_a.exr", "reference_b.exr"}
-    return images, warnings
+    return images, [sentence(notice) for notice in told.notices]
 
 
 def assert_same(images, others):
@@ -72,7 +73,7 @@ def test_parts_are_the_whole_image(noisy, tmp_path, monkeypatch, options):
 
 
 def test_a_finished_half_is_kept_while_the_other_is_rendered(noisy, tmp_path, monkeypatch):
-    options = {"kind": "reference", "scale": 1, "spp": 8}
+    options = {"kind": "reference", "scale": 1, "samples": 8}
     whole, _ = rendered(noisy, tmp_path / "whole", **options)
     monkeypatch.setattr(bands, "is_worth_storing", lambda seconds: True)
     kept = tmp_path / "kept"
@@ -84,7 +85,7 @@ def test_a_finished_half_is_kept_while_the_other_is_rendered(noisy, tmp_path, mo
 
 def test_a_short_render_stays_one_and_keeps_nothing(noisy, tmp_path, monkeypatch):
     calls = []
-    monkeypatch.setattr(bands._Image, "_in_bands", lambda *arguments: calls.append(arguments))
+    monkeypatch.setattr(bands, "gaps", lambda *arguments: calls.append(arguments) or [])
     _, warnings = rendered(noisy, tmp_path / "frame", parts=str(tmp_path / "kept"))
     assert not (tmp_path / "kept").exists() and not calls and not warnings
 
@@ -126,7 +127,7 @@ def test_time_limit_is_only_reached_by_long_renders():
     assert 100 < Pace(4, 4, 1, 60.0).timeout < 150, "two in a row must not cost five minutes"
 
 
-@pytest.mark.parametrize("options", [{}, {"layout": "lens-card"}, {"kind": "reference", "scale": 1, "spp": 8},
+@pytest.mark.parametrize("options", [{}, {"layout": "lens-card"}, {"kind": "reference", "scale": 1, "samples": 8},
                                      {"short": "0.02"}])
 def test_rows_of_lenses_are_the_whole_image(noisy, tmp_path, monkeypatch, options):
     """Rendered one by one and merged; also where each of them is made of bands."""

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.render import arrival, frame_folder
+from blender_addon.render import frame_folder, light_measurement
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images import exr
 from tests.support.requests import make_request
@@ -44,8 +44,8 @@ def correlation(first, second):
 def test_halves_and_candidates_have_independent_noise(noisy, tmp_path):
     halves = rendered(noisy, tmp_path / "reference", kind="reference")
     assert set(halves) == {"reference_a", "reference_b"}
-    low = rendered(noisy, tmp_path / "low", spp=2)["lr_eia"]
-    same, other = (rendered(noisy, tmp_path / str(seed), spp=2, seed=seed)["lr_eia"] for seed in (0, 1))
+    low = rendered(noisy, tmp_path / "low", samples=2)["lr_eia"]
+    same, other = (rendered(noisy, tmp_path / str(seed), samples=2, seed=seed)["lr_eia"] for seed in (0, 1))
     first, second = halves.values()
     assert first.mean() == pytest.approx(second.mean(), rel=0.02)
     np.testing.assert_array_equal(low, same)
@@ -75,7 +75,7 @@ def test_samples_are_split_evenly(noisy, tmp_path, monkeypatch):
         return render(*arguments)
 
     monkeypatch.setattr(frame_folder, "render_encoded", remember)
-    rendered(noisy, tmp_path, kind="reference", spp=7)
+    rendered(noisy, tmp_path, kind="reference", samples=7)
     assert [one.samples for one in settings] == [4, 3]
     assert [one.clamp_indirect for one in settings] == [0, 0], "unclamped: a reference must not be biased"
     assert len({one.seed for one in settings} | {0}) == 3
@@ -96,18 +96,18 @@ def test_clamping_is_off_in_references_and_cycles_own_in_low_renders(noisy, tmp_
 
     bpy.app.handlers.render_pre.append(look)
     try:
-        rendered(noisy, tmp_path / "low", spp=1)
-        rendered(noisy, tmp_path / "reference", spp=2, kind="reference")
-        rendered(noisy, tmp_path / "own", spp=1, clamp_indirect=3.0)
+        rendered(noisy, tmp_path / "low", samples=1)
+        rendered(noisy, tmp_path / "reference", samples=2, kind="reference")
+        rendered(noisy, tmp_path / "own", samples=1, clamp_indirect=3.0)
     finally:
         bpy.app.handlers.render_pre.remove(look)
     # Before each, a tiny one has looked for light.
-    assert [value for samples, value in seen if samples != arrival.SAMPLES] == [10.0, 0.0, 0.0, 3.0]
+    assert [value for samples, value in seen if samples != light_measurement.SAMPLES] == [10.0, 0.0, 0.0, 3.0]
 
 
 @pytest.mark.parametrize("layout", ["one-pass", "view-by-view"])
 def test_braces_in_a_path_are_no_template(noisy, tmp_path, layout):
     folder = tmp_path / "{scene} {x" / "{blend_name}}"
     folder.mkdir(parents=True)
-    assert set(rendered(noisy, folder, spp=1, scale=4, layout=layout)) == {"lr_eia"}
+    assert set(rendered(noisy, folder, samples=1, scale=4, layout=layout)) == {"lr_eia"}
     assert [path.name for path in tmp_path.iterdir()] == ["{scene} {x"]

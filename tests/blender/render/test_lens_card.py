@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from blender_addon import compat
-from blender_addon.render import card_camera, card_parts, cycles, lens_card
+from blender_addon.render import card_camera, card_parts, cycles
 from blender_addon.scene.volumes import distance_to_volume
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.images import exr
@@ -169,7 +169,7 @@ def test_nothing_is_left(scene, tmp_path, end):
 
 def test_nothing_is_left_of_a_card_that_cannot_be_made(scene, monkeypatch):
     before = state(scene)
-    monkeypatch.setattr(lens_card, "ray_group", lambda _: 1 / 0)
+    monkeypatch.setattr(card_camera, "ray_group", lambda _: 1 / 0)
     with pytest.raises(ZeroDivisionError), card_camera.card_camera(scene, LAYOUT, front()):
         pass
     assert state(scene) == before
@@ -190,7 +190,7 @@ def test_distance_to_volume(scene):
 
 
 def test_group_is_small(scene):
-    group = lens_card.ray_group(place_in_pixel=True)
+    group = card_camera.ray_group(place_in_pixel=True)
     assert group.name == card_parts.NAME and len(group.nodes) == 15
     assert all(link.is_valid for link in group.links)
     bpy.data.node_groups.remove(group)

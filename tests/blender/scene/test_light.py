@@ -9,15 +9,17 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from blender_addon.render import arrival, frame_folder
+from blender_addon.render import frame_folder, light_measurement
 from blender_addon.scene import light
 from blender_addon.scene.open import open_scene
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import EVEN, OWN
 from lfsr_core.images import exr
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera, emission, save_box
+from tests.support.told import Told
 
 
 def test_scene_without_light_gets_an_hdri_that_is_not_seen(tmp_path):
@@ -77,10 +79,10 @@ def with_sun(scene, strength):
 
 def brightness(stage, tmp_path, **options):
     """Brightest pixel of a render, and what was said."""
-    said = []
-    frame_folder.render_job(stage, make_request(str(tmp_path / "out"), MINI, samples=1, **options), warn=said.append)
+    told = Told()
+    frame_folder.render_job(stage, make_request(str(tmp_path / "out"), MINI, samples=1, **options), tell=told)
     color = exr.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
-    return color[..., :3].max(), " ".join(said)
+    return color[..., :3].max(), " ".join(sentence(notice) for notice in told.notices)
 
 
 IMPORTED = [("", False), ("scene.glb", True)]  # a .blend keeps its own light
@@ -142,9 +144,9 @@ def test_black_things_in_good_light_are_not_dark(scene, tmp_path):
     shader.inputs["Base Color"].default_value, shader.inputs["Roughness"].default_value = (0.02, 0.02, 0.02, 1), 1.0
     item.data.materials.append(black)
     grey_world(scene, 1.0)
-    assert not arrival.is_dark(scene, make_request(str(tmp_path), MINI))
+    assert not light_measurement.is_dark(scene, make_request(str(tmp_path), MINI))
     grey_world(scene, 0.05)
-    assert arrival.is_dark(scene, make_request(str(tmp_path), MINI))
+    assert light_measurement.is_dark(scene, make_request(str(tmp_path), MINI))
 
 
 def test_what_an_image_cannot_light_is_lit_evenly(scene, tmp_path):

@@ -16,6 +16,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.images import exr
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, emission
+from tests.support.told import Told
 
 KINDS = {"low": {}, "views": {"layout": "view-by-view"}, "reference": {"kind": "reference", "samples": 2}}
 
@@ -123,12 +124,12 @@ def test_after_an_error(worn, tmp_path, options):
 def test_after_a_cancel(worn, tmp_path, options):
     before, reported = snapshot(), []
 
-    def cancel(fraction, message):
-        reported.append(fraction)
+    def cancel(told):
+        reported.append(told)
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        frame_folder.render_job(worn, job(tmp_path, **options), progress=cancel)
+        frame_folder.render_job(worn, job(tmp_path, **options), tell=cancel)
     assert len(reported) == 1
     assert not changes(before)
     assert list(tmp_path.iterdir()) == [], "a cancelled render leaves no file"
@@ -159,11 +160,11 @@ def test_setting_that_cannot_be_set_restores_those_before(scene):
 
 
 def test_progress_grows_to_one(worn, tmp_path):
-    reported = []
-    frame_folder.render_job(worn, job(tmp_path, layout="view-by-view"), progress=lambda f, m: reported.append((f, m)))
-    fractions = [fraction for fraction, _ in reported]
+    told = Told()
+    frame_folder.render_job(worn, job(tmp_path, layout="view-by-view"), tell=told)
+    fractions = [progress.fraction for progress in told.progress]
     assert fractions == sorted(fractions) and fractions[-1] == 1 and len(set(fractions)) >= 4
-    said = [message for _, message in reported]
+    said = [progress.detail for progress in told.progress]
     assert any(message.startswith("4/4: Sample") for message in said)
     assert any("Updating Scene BVH: Building" in message for message in said), "also while Cycles gets ready"
     assert not any("Mem:" in message for message in said)
