@@ -11,7 +11,7 @@ import pytest
 
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers
-from lfsr_core.pipeline.rendering import Listener, run_job, run_jobs
+from lfsr_core.pipeline.rendering import render_all
 from lfsr_core.process.blender import find_blender
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, ROOT, add_box
@@ -40,11 +40,11 @@ def test_frames_of_one_blender_are_those_of_several(blend, tmp_path, layout):
                    layers=("albedo", "position"))
     rendered = []
     jobs = [job(f"{frame:04d}", frame) for frame in (1, 5, 9)]
-    run_jobs(jobs, find_blender(), Listener(rendered=rendered.append))
+    render_all(jobs, find_blender(), rendered=rendered.append)
     assert rendered == jobs
     opened = [read_frame(done.output).seconds["open"] for done in jobs]
     assert opened[0] > 0 and opened[1:] == [0, 0]
-    run_job(job("alone", 9), find_blender())
+    render_all([job("alone", 9)], find_blender())
     alone, last = (read_layers(tmp_path / name / "lr_eia.exr") for name in ("alone", "0009"))
     for layer, pixels in alone.items():
         np.testing.assert_array_equal(last[layer], pixels, layer)
