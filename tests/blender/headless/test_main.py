@@ -13,6 +13,7 @@ import pytest
 
 from lfsr_core.base.files import write_json
 from lfsr_core.base.records import to_data
+from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import DEVICES
 from lfsr_core.images import exr
@@ -69,7 +70,7 @@ def test_what_is_left_out_is_said_before_the_render_and_kept_in_the_frame(scene,
     renders = [number for number, record in enumerate(emitted) if record["stage"] == "render" and record["fraction"]]
     assert len(said) == 1 and said[0] < renders[0]
     (note,) = read_frame(tmp_path / "out").notes
-    assert note == emitted[said[0]]["message"] and "sequencer" in note
+    assert sentence(note) == emitted[said[0]]["message"] and "sequencer" in sentence(note)
 
 
 def test_that_parts_cannot_be_used_is_said_before_the_scene_is_opened(blend, tmp_path):

@@ -22,7 +22,6 @@ from tests.support.scenes import ROOT, add_box
 
 WAYS = {
     "one pass": ("render", "--method", "bicubic", "--scale", "2", "--spp", "500"),
-    "view by view": ("render", "--method", "bicubic", "--scale", "2", "--spp", "500", "--layout", "view-by-view"),
     "reference": ("reference", "--spp", "200", "--lenses", "24"),
 }
 SECONDS_PER_PART = "0.05"
