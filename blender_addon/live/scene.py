@@ -192,15 +192,21 @@ def _add_card(live: bpy.types.Scene, view: View) -> None:
             card = panel = panel_card(view.layout, view.clear, of_subpixels=False)
             screen = new_panel_card(made, panel, array.distance, place)
         else:
-            card = lenses = _card(view, view.layout)
-            screen = new_card(made, lenses, array.distance, place)
+            lenses = lens_card(view.layout, view.clear)
+            if view.eye is not None:
+                lenses = eye_card(view.layout, view.profile, view.eye, view.region, view.clear)
+            elif view.profile.ei_order == "flipped":
+                lenses = dataclasses.replace(lenses, cells=view.layout.views - lenses.cells)
+            card, screen = lenses, new_card(made, lenses, array.distance, place)
         camera = new_camera(made, view.region.size[0] * card.pixel / view.region.scale, card.spreads, place)
     finally:
         for item in made:
             item[MARK] = view.kind
     for item in (camera, screen):
         live.collection.objects.link(item)
-    _aim(camera, view.region)
+    # Its frame is shifted, by fractions of its width, so that the card is in the panel's place. The camera must not
+    # move: its place is the rays' origin.
+    camera.data.shift_x, camera.data.shift_y = (-length / view.region.size[0] for length in view.region.shift)
     # The card follows the array; the distances behind it are in the mesh and in the camera's own location.
     screen.data.transform(mathutils.Matrix.Translation((0, 0, place.gap / 2)))
     camera.parent, camera.location = screen, (0, 0, place.gap)
@@ -208,18 +214,3 @@ def _add_card(live: bpy.types.Scene, view: View) -> None:
     for kind in ("COPY_LOCATION", "COPY_ROTATION"):
         screen.constraints.new(kind).target = bpy.data.objects[view.follows]
     live.camera = camera
-
-
-def _card(view: View, layout: RayLayout) -> LensCard:
-    if view.eye is not None:
-        return eye_card(layout, view.profile, view.eye, view.region, view.clear)
-    card = lens_card(layout, view.clear)
-    if view.profile.ei_order == "flipped":
-        card = dataclasses.replace(card, cells=layout.views - card.cells)
-    return card
-
-
-def _aim(camera: bpy.types.Object, region: LiveRegion) -> None:
-    """Move the camera's frame so that the card is in the panel's place."""
-    # Both are fractions of the frame's width. The camera must not move: its place is the rays' origin.
-    camera.data.shift_x, camera.data.shift_y = (-length / region.size[0] for length in region.shift)

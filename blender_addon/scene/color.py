@@ -19,22 +19,7 @@ WORKING_SPACE = "Linear Rec.709"
 
 def color_settings(scene: bpy.types.Scene, world_visible: bool = False) -> ColorSettings:
     """Return the settings with which the second stage shows the colours that Blender shows; LfsrError if it cannot."""
-    _check_view(scene.view_settings)
-    space = compat.working_space()
-    if space != WORKING_SPACE:
-        raise LfsrError(f"the file's working space is {space}, but renders must be in {WORKING_SPACE}: choose "
-                        f"{WORKING_SPACE} in Render Properties, Color Management")
-    if world_visible and (names := _catchers(scene)):
-        raise LfsrError(f"{names[0]!r} is a shadow catcher in front of a visible world, which would render too dark: "
-                        "make the film transparent or switch Shadow Catcher off")
     view = scene.view_settings
-    config = os.environ.get("OCIO") or str(
-        Path(bpy.utils.system_resource("DATAFILES"), "colormanagement", "config.ocio"))
-    return ColorSettings(scene.display_settings.display_device, view.view_transform, view.look or "None",
-                         view.exposure, view.gamma, config)
-
-
-def _check_view(view: bpy.types.ColorManagedViewSettings) -> None:
     for name in ("exposure", "gamma"):
         if not math.isfinite(getattr(view, name)):
             raise LfsrError(f"the scene's view {name} is {getattr(view, name)}, but it must be a finite number: "
@@ -43,6 +28,17 @@ def _check_view(view: bpy.types.ColorManagedViewSettings) -> None:
         if getattr(view, switch):
             raise LfsrError(f"the scene's view uses {name}, which light-field images cannot show: switch off {name} "
                             "in Render Properties, Color Management, or apply it to the finished image")
+    space = compat.working_space()
+    if space != WORKING_SPACE:
+        raise LfsrError(f"the file's working space is {space}, but renders must be in {WORKING_SPACE}: choose "
+                        f"{WORKING_SPACE} in Render Properties, Color Management")
+    if world_visible and (names := _catchers(scene)):
+        raise LfsrError(f"{names[0]!r} is a shadow catcher in front of a visible world, which would render too dark: "
+                        "make the film transparent or switch Shadow Catcher off")
+    config = os.environ.get("OCIO") or str(
+        Path(bpy.utils.system_resource("DATAFILES"), "colormanagement", "config.ocio"))
+    return ColorSettings(scene.display_settings.display_device, view.view_transform, view.look or "None",
+                         view.exposure, view.gamma, config)
 
 
 def _catchers(scene: bpy.types.Scene) -> list[str]:

@@ -115,36 +115,27 @@ def lit(scene: bpy.types.Scene, light: str) -> Iterator[None]:
     """Light ``scene`` inside the block: OWN leaves it as it is, EVEN adds lamps, anything else is a world image."""
     if light == OWN:
         yield
-        return
-    with _even_lamps(scene) if light == EVEN else _world_image(scene, light):
-        yield
-
-
-@contextmanager
-def _even_lamps(scene: bpy.types.Scene) -> Iterator[None]:
-    lamps = [bpy.data.objects.new("LFSR light", bpy.data.lights.new("LFSR light", "SUN")) for _ in EVEN_LAMPS]
-    try:
-        for lamp, (around, above, strength) in zip(lamps, EVEN_LAMPS, strict=True):
-            lamp.rotation_euler = math.radians(90 - above), 0, math.radians(around)
-            lamp.data.energy, lamp.data.use_shadow, lamp.visible_camera = strength, False, False
-            scene.collection.objects.link(lamp)
-        yield
-    finally:
-        bpy.data.batch_remove([data for lamp in lamps for data in (lamp, lamp.data)])
-
-
-@contextmanager
-def _world_image(scene: bpy.types.Scene, light: str) -> Iterator[None]:
-    before, world = scene.world, add_light(scene, light)
-    try:
-        yield
-    finally:
-        scene.world = before
-        images = [node.image for node in world.node_tree.nodes if node.type == "TEX_ENVIRONMENT"]
-        bpy.data.worlds.remove(world)
-        for image in images:
-            if not image.users:
-                bpy.data.images.remove(image)
+    elif light == EVEN:
+        lamps = [bpy.data.objects.new("LFSR light", bpy.data.lights.new("LFSR light", "SUN")) for _ in EVEN_LAMPS]
+        try:
+            for lamp, (around, above, strength) in zip(lamps, EVEN_LAMPS, strict=True):
+                lamp.rotation_euler = math.radians(90 - above), 0, math.radians(around)
+                lamp.data.energy, lamp.data.use_shadow, lamp.visible_camera = strength, False, False
+                scene.collection.objects.link(lamp)
+            yield
+        finally:
+            bpy.data.batch_remove([data for lamp in lamps for data in (lamp, lamp.data)])
+    else:
+        before, world = scene.world, add_light(scene, light)
+        try:
+            yield
+        finally:
+            scene.world = before
+            images = [node.image for node in world.node_tree.nodes if node.type == "TEX_ENVIRONMENT"]
+            bpy.data.worlds.remove(world)
+            for image in images:
+                if not image.users:
+                    bpy.data.images.remove(image)
 
 
 def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.World:
@@ -165,21 +156,17 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.W
 
 
 def _image_file(light: str) -> Path:
+    """File of a world image; LfsrError where it is not there, or a pixel cannot be read: Blender might crash."""
     if is_light_file(light):
+        from lfsr_core.images.exr import check_complete  # needs OpenImageIO, which Blender's panel does without
+
         check_light(light)
-        _check_whole(light)
+        try:
+            check_complete(light)
+        except (LfsrError, MemoryError):
+            raise LfsrError(f"light {light} cannot be read as an image: choose another file") from None
         return Path(light)
     path = Path(bpy.utils.system_resource("DATAFILES"), "studiolights", "world", f"{light}.exr")
     if not path.is_file():
         raise LfsrError(f"this Blender has no world image {light!r}: choose another light, or give a .hdr or .exr file")
     return path
-
-
-def _check_whole(light: str) -> None:
-    """LfsrError where a pixel of an image file cannot be read: Blender would show the rest, or crash."""
-    from lfsr_core.images.exr import check_complete  # needs OpenImageIO, which Blender's panel does without
-
-    try:
-        check_complete(light)
-    except (LfsrError, MemoryError):
-        raise LfsrError(f"light {light} cannot be read as an image: choose another file") from None

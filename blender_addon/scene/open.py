@@ -29,15 +29,11 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
             if re.search(pattern, str(error)):
                 raise LfsrError(f"scene {path} is compressed with {name}, which this Blender cannot read: decode "
                                 f"it with `gltf-transform {command} {Path(path).name} NEW.glb`") from None
-        reason = _reason(error)
+        # The last line of an importer's traceback says why; Blender adds where it called the importer.
+        lines = [line.strip() for line in str(error).splitlines() if line.strip() and not line.startswith("Location: ")]
+        reason = lines[-1][:MOST_REASON] if lines else type(error).__name__
         raise LfsrError(f"scene {path} cannot be read ({reason}): check that the file is complete") from None
     return bpy.context.scene
-
-
-def _reason(error: Exception) -> str:
-    """Last line of an importer's traceback, which says why; Blender adds where it called the importer."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip() and not line.startswith("Location: ")]
-    return lines[-1][:MOST_REASON] if lines else type(error).__name__
 
 
 def choose_scene(name: str) -> bpy.types.Scene:
@@ -60,10 +56,6 @@ def _shown(scene: bpy.types.Scene) -> bpy.types.Scene:
     return scene
 
 
-def _open_blend(path: str) -> None:
-    bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
-
-
 def _import_gltf(path: str) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=path)
@@ -78,4 +70,5 @@ def _import_obj(path: str) -> None:
 
 
 READERS: dict[str, Callable[[str], None]] = {
-    ".blend": _open_blend, ".glb": _import_gltf, ".gltf": _import_gltf, ".obj": _import_obj}
+    ".blend": lambda path: bpy.ops.wm.open_mainfile(filepath=path, load_ui=False),
+    ".glb": _import_gltf, ".gltf": _import_gltf, ".obj": _import_obj}

@@ -14,26 +14,21 @@ def distance_to_volume(scene: bpy.types.Scene, point: mathutils.Vector) -> float
     Volumes are meshes with a volume shader, and volume objects (their bounding boxes). Instances are ignored.
     """
     graph = bpy.context.evaluated_depsgraph_get()
-    around = (item.evaluated_get(graph) for item in scene.objects if not item.hide_render and _is_volume(item))
-    return min((_distance(item, point) for item in around), default=math.inf)
-
-
-def _is_volume(item: bpy.types.Object) -> bool:
-    trees = (slot.material.node_tree for slot in item.material_slots if slot.material is not None)
-    outputs = (node for tree in trees if tree for node in tree.nodes if node.bl_idname == "ShaderNodeOutputMaterial")
-    return item.type == "VOLUME" or any(node.inputs["Volume"].is_linked for node in outputs)
+    distances = [math.inf]
+    for item in scene.objects:
+        trees = (slot.material.node_tree for slot in item.material_slots if slot.material is not None)
+        outputs = (node for tree in trees if tree for node in tree.nodes
+                   if node.bl_idname == "ShaderNodeOutputMaterial")
+        if not item.hide_render and (item.type == "VOLUME" or any(node.inputs["Volume"].is_linked for node in outputs)):
+            distances.append(_distance(item.evaluated_get(graph), point))
+    return min(distances)
 
 
 def _distance(item: bpy.types.Object, point: mathutils.Vector) -> float:
-    local = item.matrix_world.inverted_safe() @ point
     if item.type == "MESH" and item.data.polygons:
-        found, nearest, _, _ = item.closest_point_on_mesh(local)
-        if found:
+        is_there, nearest, _, _ = item.closest_point_on_mesh(item.matrix_world.inverted_safe() @ point)
+        if is_there:
             return (item.matrix_world @ nearest - point).length
-    return _distance_to_box(item, point)
-
-
-def _distance_to_box(item: bpy.types.Object, point: mathutils.Vector) -> float:
     corners = [item.matrix_world @ mathutils.Vector(corner) for corner in item.bound_box]
     low, high = (mathutils.Vector(map(end, zip(*corners, strict=True))) for end in (min, max))
     outside = mathutils.Vector(max(low[i] - point[i], 0, point[i] - high[i]) for i in range(3)).length

@@ -162,7 +162,8 @@ def _draw_frame(corners: list[mathutils.Vector], size: tuple[int, int], title: s
     try:
         for low, high in (((0, 0), (left, size[1])), ((right, 0), size), ((left, 0), (right, bottom)),
                           ((left, top), (right, size[1]))):
-            _fill(low, high)
+            draw_points("UNIFORM_COLOR", "TRIS", [low, (high[0], low[1]), high, (low[0], high[1])],
+                        {"color": MARGIN_COLOR}, [(0, 1, 2), (0, 2, 3)])
         draw_points("POLYLINE_UNIFORM_COLOR", "LINE_LOOP", [(*corner, 0) for corner in corners], {
             "viewportSize": gpu.state.viewport_get()[2:], "color": FRAME_COLOR, "lineWidth": 2.0 * scale})
     finally:
@@ -171,11 +172,6 @@ def _draw_frame(corners: list[mathutils.Vector], size: tuple[int, int], title: s
     blf.color(0, *FRAME_COLOR)
     blf.position(0, left + TEXT_GAP * scale, bottom + TEXT_GAP * scale, 0)
     blf.draw(0, title)
-
-
-def _fill(low: tuple[float, float], high: tuple[float, float]) -> None:
-    points = [low, (high[0], low[1]), high, (low[0], high[1])]
-    draw_points("UNIFORM_COLOR", "TRIS", points, {"color": MARGIN_COLOR}, [(0, 1, 2), (0, 2, 3)])
 
 
 def register() -> None:

@@ -75,23 +75,19 @@ def draw() -> None:
         placed = cached.placement(scene, settings.display)
     except LfsrError:
         return  # the panel shows what is wrong
-    if placed is not None:
-        _draw(placed, settings.display, settings.sampling.scale)
-
-
-def _draw(placed: rig.Placement, display: DisplayProfile, scale: int) -> None:
-    array, matrix = placed
-    to_world = np.array(matrix)
+    if placed is None:
+        return
+    layout, to_world = placed[0], np.array(placed[1])
     gpu.state.blend_set("ALPHA")
     gpu.state.depth_test_set("LESS_EQUAL")
     gpu.state.depth_mask_set(False)
     try:
-        corners = _in_world(rectangle(array, array.distance), to_world)
+        corners = _in_world(rectangle(layout, layout.distance), to_world)
         draw_points("UNIFORM_COLOR", "TRIS", corners, {"color": (*DISPLAY_COLOR, 0.06)}, [(0, 1, 2), (0, 2, 3)])
-        for color, opacity, width, points in lines(array, display, scale):
+        for color, opacity, width, points in lines(layout, settings.display, settings.sampling.scale):
             draw_points("POLYLINE_UNIFORM_COLOR", "LINES", _in_world(points, to_world), {
                 "viewportSize": gpu.state.viewport_get()[2:], "color": (*color, opacity),
-                "lineWidth": width * bpy.context.preferences.system.ui_scale})
+                "lineWidth": width * context.preferences.system.ui_scale})
     finally:
         gpu.state.blend_set("NONE")
         gpu.state.depth_test_set("NONE")

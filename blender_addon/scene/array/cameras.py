@@ -40,10 +40,18 @@ def camera_notices(scene: bpy.types.Scene, asked: str | None, is_imported: bool)
     ``asked``: name that was asked for, None for none; ``is_imported``: whether the file's format has no active camera.
     """
     camera = rig.find(scene) or scene.camera
+    others = [item.name for item in cameras(scene) if item != scene.camera][:MOST_NAMES]
     if camera is None:
-        return [_no_camera(scene)] if asked is None else []
-    chosen = [_choice(scene)] if is_imported and asked is None and scene.camera is not None else []
-    return [*chosen, *mirror_notices(camera)]
+        choose = f"choose a camera with --camera ({', '.join(others)}), or " if others else ""
+        return [] if asked is not None else [
+            "The scene has no active camera, so the array stands in front of the subject: of a room it sees the outer "
+            f"wall. For a view from inside {choose}add one in Blender and move it with Align Active Camera to View"]
+    notices = mirror_notices(camera)
+    if is_imported and asked is None and scene.camera is not None:
+        names = f"{', '.join(others)} or " if others else ""
+        notices.insert(0, f"The file's camera {scene.camera.name!r} is used. Choose another with --camera: {names}"
+                       f"{FIT}, which places the array in front of the subject")
+    return notices
 
 
 def mirror_notices(camera: bpy.types.Object) -> list[str]:
@@ -52,20 +60,3 @@ def mirror_notices(camera: bpy.types.Object) -> list[str]:
         return []
     return [f"Camera {camera.name!r} is mirrored by a negative scale, of its own or of a parent. The mirror is undone: "
             "left and right are as in the scene"]
-
-
-def _choice(scene: bpy.types.Scene) -> str:
-    return (f"The file's camera {scene.camera.name!r} is used. Choose another with --camera: {_others(scene)}{FIT}, "
-            "which places the array in front of the subject")
-
-
-def _no_camera(scene: bpy.types.Scene) -> str:
-    names = _others(scene).removesuffix(" or ")
-    choose = f"choose a camera with --camera ({names}), or " if names else ""
-    return ("The scene has no active camera, so the array stands in front of the subject: of a room it sees the outer "
-            f"wall. For a view from inside {choose}add one in Blender and move it with Align Active Camera to View")
-
-
-def _others(scene: bpy.types.Scene) -> str:
-    names = [item.name for item in cameras(scene) if item != scene.camera]
-    return f"{', '.join(names[:MOST_NAMES])} or " if names else ""

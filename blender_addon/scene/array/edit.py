@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Collection
 
@@ -46,7 +47,12 @@ def fit(scene: bpy.types.Scene, profile: DisplayProfile, items: Collection[bpy.t
     if array is not None:
         rig.check_editable(array)
         turn = upright(array).to_3x3() @ mathutils.Matrix.Rotation(-math.pi / 2, 3, "X")
-    placed = _fitted(items, profile, turn)
+    if not items:
+        raise LfsrError("nothing is selected: select the objects that the display should show")
+    points = np.concatenate(list(placement.world_points(set(items))) or [np.empty((0, 3))])
+    if not len(points):
+        raise LfsrError("the selection has no geometry: select the objects that the display should show")
+    placed = front.fit_turned(points, profile, turn)
     array = array or _new_array(scene)
     put(array, placed)
     return array
@@ -66,7 +72,10 @@ def fit_to_camera(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.
 def fit_to_view(scene: bpy.types.Scene, profile: DisplayProfile, view: View) -> bpy.types.Object:
     """Move the scene's array so that the display shows what a 3D view shows; add one if there is none."""
     if view.is_perspective:
-        placed = placement.array_of_view(scene, profile, _subject(scene), view)
+        subject = set[bpy.types.Object]()
+        with contextlib.suppress(LfsrError):
+            subject = find_subject(scene)
+        placed = placement.array_of_view(scene, profile, subject, view)
     else:
         # A parallel view has no eye: the display stands at its centre, and viewers at their distance from it.
         array = CameraArray.for_display(profile, 2 * view.half_width)
@@ -100,13 +109,6 @@ def _moved(scene: bpy.types.Scene, placed: Placement) -> bpy.types.Object:
     array = array or _new_array(scene)
     put(array, placed)
     return array
-
-
-def _subject(scene: bpy.types.Scene) -> set[bpy.types.Object]:
-    try:
-        return find_subject(scene)
-    except LfsrError:
-        return set()
 
 
 def put(array: bpy.types.Object, placed: Placement) -> None:
@@ -150,12 +152,3 @@ def _new_plane(array: bpy.types.Object) -> bpy.types.Object:
     plane.lock_location = (True, True, False)
     plane.lock_rotation = plane.lock_scale = (True, True, True)
     return plane
-
-
-def _fitted(items: Collection[bpy.types.Object], profile: DisplayProfile, turn: mathutils.Matrix) -> Placement:
-    if not items:
-        raise LfsrError("nothing is selected: select the objects that the display should show")
-    points = np.concatenate(list(placement.world_points(set(items))) or [np.empty((0, 3))])
-    if not len(points):
-        raise LfsrError("the selection has no geometry: select the objects that the display should show")
-    return front.fit_turned(points, profile, turn)

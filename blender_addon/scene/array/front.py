@@ -85,7 +85,11 @@ def _far_away(boxes: Array) -> list[int]:
     """Number of the box without which that of the others is APART times smaller, none if there is none such."""
     if len(boxes) < 2:
         return []
-    rest, whole = _sizes_without(boxes), _diagonal(boxes[:, 0].min(0), boxes[:, 1].max(0))
+    # Diagonal (n,) of the bounding box of all boxes but one.
+    low, high = np.sort(boxes[:, 0], axis=0), np.sort(boxes[:, 1], axis=0)
+    rest = _diagonal(np.where(boxes[:, 0] == low[0], low[1], low[0]),
+                     np.where(boxes[:, 1] == high[-1], high[-2], high[-1]))
+    whole = _diagonal(low[0], high[-1])
     # Of two that lie apart the smaller one goes.
     apart = np.where(rest >= _diagonal(boxes[:, 0], boxes[:, 1]), whole / np.maximum(rest, 1e-9 * whole or 1), 0)
     return [int(apart.argmax())] if apart.max() > APART else []
@@ -96,32 +100,20 @@ def _surroundings(boxes: Array) -> list[int]:
     sizes = _diagonal(boxes[:, 0], boxes[:, 1])
     largest = [int(index) for index in np.argsort(-sizes)[:MOST_SURROUNDINGS]]
     for count in range(min(MOST_SURROUNDINGS, len(boxes) - 1), 0, -1):
-        rest = np.delete(boxes, largest[:count], axis=0)
+        rest, around = np.delete(boxes, largest[:count], axis=0), boxes[largest[:count]]
         low, high = rest[:, 0].min(0), rest[:, 1].max(0)
-        if all(_surrounds(boxes[index], low, high) for index in largest[:count]):
+        sides = around[:, 1] - around[:, 0]
+        times = np.where(sides.min(1) < FLAT * sides.max(1), APART, ENCLOSING)
+        gaps = np.maximum(np.maximum(around[:, 0] - high, low - around[:, 1]), 0)
+        size = _diagonal(around[:, 0], around[:, 1])
+        if ((size > times * _diagonal(low, high)) & (np.linalg.norm(gaps, axis=-1) < size)).all():
             return largest[:count]
     return []
-
-
-def _surrounds(box: Array, low: Array, high: Array) -> bool:
-    size, rest = float(_diagonal(*box)), float(_diagonal(low, high))
-    sides = box[1] - box[0]
-    gap = _diagonal(np.zeros(3), np.maximum(np.maximum(box[0] - high, low - box[1]), 0))
-    times = APART if sides.min() < FLAT * sides.max() else ENCLOSING
-    return bool(size > times * rest and gap < size)
 
 
 def _diagonal(low: Array, high: Array) -> Array:
     size: Array = np.linalg.norm(high - low, axis=-1)
     return size
-
-
-def _sizes_without(boxes: Array) -> Array:
-    """Diagonal (n,) of the bounding box of all ``boxes`` but one."""
-    low, high = np.sort(boxes[:, 0], axis=0), np.sort(boxes[:, 1], axis=0)
-    lows = np.where(boxes[:, 0] == low[0], low[1], low[0])
-    highs = np.where(boxes[:, 1] == high[-1], high[-2], high[-1])
-    return _diagonal(lows, highs)
 
 
 def _boxes(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:

@@ -9,22 +9,22 @@ from ...live.scene import EYE, PANEL
 from .base import Result, reports_errors
 
 
-class Starting:
-    """Opens a window that follows the scene and its settings."""
+class LFSR_OT_live_start(bpy.types.Operator):
+    """Open a window for the display, which shows the light field as it renders"""
 
-    kind: str
+    bl_idname, bl_label, kind = "lfsr.live_start", "Start Live", PANEL
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Open it and return."""
+        """Open the window, which follows the scene and its settings."""
         session.start(context.scene, self.kind)
         return {"FINISHED"}
 
 
-class Stopping:
-    """Closes that window."""
+class LFSR_OT_live_stop(bpy.types.Operator):
+    """Close the live window"""
 
-    kind: str
+    bl_idname, bl_label, kind = "lfsr.live_stop", "Stop Live", PANEL
 
     def execute(self, _context: bpy.types.Context) -> Result:
         """Close it; the file is as before."""
@@ -32,28 +32,18 @@ class Stopping:
         return {"FINISHED"}
 
 
-class LFSR_OT_live_start(Starting, bpy.types.Operator):
-    """Open a window for the display, which shows the light field as it renders"""
-
-    bl_idname, bl_label, kind = "lfsr.live_start", "Start Live", PANEL
-
-
-class LFSR_OT_live_stop(Stopping, bpy.types.Operator):
-    """Close the live window"""
-
-    bl_idname, bl_label, kind = "lfsr.live_stop", "Stop Live", PANEL
-
-
-class LFSR_OT_live_eye_start(Starting, bpy.types.Operator):
+class LFSR_OT_live_eye_start(bpy.types.Operator):
     """Open a window that shows what an eye in front of the display sees"""
 
     bl_idname, bl_label, kind = "lfsr.live_eye_start", "Show One Eye", EYE
+    execute = LFSR_OT_live_start.execute
 
 
-class LFSR_OT_live_eye_stop(Stopping, bpy.types.Operator):
+class LFSR_OT_live_eye_stop(bpy.types.Operator):
     """Close the eye's window"""
 
     bl_idname, bl_label, kind = "lfsr.live_eye_stop", "Hide Eye", EYE
+    execute = LFSR_OT_live_stop.execute
 
 
 class LFSR_OT_live_full_screen(bpy.types.Operator):
