@@ -69,7 +69,7 @@ def test_a_mirrored_array_cannot_be_followed(scene):
 
 def test_failure_leaves_nothing(scene, monkeypatch):
     before = panel.snapshot(scene)
-    monkeypatch.setattr(live_scene, "_aim", lambda *_: 1 / 0)
+    monkeypatch.setattr(live_scene, "new_camera", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         live_scene.make(scene, live_scene.view_of(scene, SIZE))
     assert panel.snapshot(scene) == before
