@@ -39,7 +39,7 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import Planned, make_plan
     from lfsr_core.process.blender import Blender, find_blender
-    from lfsr_core.reconstruct.method_name import MethodName
+    from lfsr_core.reconstruct.methods import MethodName
 
 __all__ = [
     "Blender",
@@ -100,7 +100,7 @@ _MODULES = {
     "optics.rays": "CameraArray RayLayout",
     "plan.options": "PlanOptions",
     "plan.planner": "Planned make_plan",
-    "reconstruct.method_name": "MethodName",
+    "reconstruct.methods": "MethodName",
     "pipeline.finishing": "finish_frame",
     "process.blender": "Blender find_blender",
     "pipeline.store": "run_job",

@@ -11,7 +11,7 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.process.child import output_of
-from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.reconstruct.methods import MethodName
 from lfsr_core.tasks.probe import DENOISER
 
 from ..scene.methods import title

@@ -1,6 +1,6 @@
 """Node groups of the viewport compositor: interpolation inside each elemental image, and the display's background.
 
-As the method ``bilinear`` offline: encode as ``lfsr_core.reconstruct.encoding``, mix the four rendered views of the
+As the method ``bilinear`` offline: encode as ``reconstruct.methods.interpolation``, mix the four rendered views of the
 same elemental image around each pixel linearly, and decode.
 """
 

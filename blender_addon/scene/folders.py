@@ -27,7 +27,7 @@ from lfsr_core.frames.frame import (
 from lfsr_core.frames.identity import is_of, is_same
 from lfsr_core.frames.report import read_report
 from lfsr_core.frames.request import Request
-from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.reconstruct.methods import MethodName
 
 from .methods import DIRECT
 

@@ -15,7 +15,7 @@ from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.request import AUTO, LIGHTS, Request, Sampling, is_light_file
 from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.reconstruct.method_name import AS_RENDERED, DEFAULT_METHOD, PANEL_METHODS, MethodName
+from lfsr_core.reconstruct.methods import AS_RENDERED, DEFAULT_METHOD, PANEL_METHODS, MethodName
 
 from . import devices
 from .array import rig

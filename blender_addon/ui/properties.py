@@ -19,7 +19,7 @@ from bpy.props import (
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.finish import MOST_AVERAGED
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 
 from ..jobs import preview, show_image
 from ..scene import folders

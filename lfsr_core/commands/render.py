@@ -106,7 +106,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _request(arguments: argparse.Namespace) -> Request:
     """Scale and samples, or scales and rays from which both follow, with the rest of the arguments."""
-    from lfsr_core.reconstruct.method_name import MethodName
+    from lfsr_core.reconstruct.methods import MethodName
 
     display, is_direct = load_display(arguments.display), arguments.layout == SUBPIXELS
     if arguments.scale != AUTO_SCALE:

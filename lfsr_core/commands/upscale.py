@@ -55,8 +55,7 @@ def method_of(arguments: argparse.Namespace, is_direct: bool) -> str:
 
     ``is_direct``: whether the panel's subpixels are rendered.
     """
-    from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PANEL_METHODS, PLAIN_METHOD
-    from lfsr_core.reconstruct.methods import denoise
+    from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PANEL_METHODS, PLAIN_METHOD, denoise
 
     best, plain = PANEL_METHODS if is_direct else (DEFAULT_METHOD, PLAIN_METHOD)
     return arguments.method or (best if denoise.is_available() else plain)
@@ -64,13 +63,13 @@ def method_of(arguments: argparse.Namespace, is_direct: bool) -> str:
 
 def finish_of(arguments: argparse.Namespace, is_direct: bool, scale: int) -> Finish:
     """Return the finish that the arguments ask for; LfsrError for a method that cannot finish a render at ``scale``."""
-    from lfsr_core.reconstruct.registry import method
+    from lfsr_core.reconstruct.methods import load_method
     from lfsr_core.reconstruct.subpixels import check_subpixels_finish
 
     name = method_of(arguments, is_direct)
     finish = Finish(name, arguments.dilate, os.path.abspath(arguments.weights) if arguments.weights else None,
                     arguments.linear_exr, arguments.temporal_averaging or 0)
-    chosen = method(name).name
+    chosen = load_method(name).name
     if is_direct:
         check_subpixels_finish(finish)
     else:

@@ -10,8 +10,8 @@ from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, MASK_FILE, PANEL_FILE, read_rendered
 from lfsr_core.frames.report import Report, write_report
 from lfsr_core.pipeline.staging import replace_files, staging_folder
-from lfsr_core.reconstruct.contract import Upscaler
 from lfsr_core.reconstruct.second_stage import finish_into
+from lfsr_core.reconstruct.upscaler import Upscaler
 
 FINISHED_FILES = (EIA_FILE, EIA_LINEAR_FILE, MASK_FILE, PANEL_FILE)
 

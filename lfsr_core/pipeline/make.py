@@ -25,7 +25,7 @@ from lfsr_core.pipeline.staging import remove_dead
 from lfsr_core.pipeline.time_left import TimeLeft
 from lfsr_core.process.blender import Starts, find_blender
 from lfsr_core.process.child import CrashError
-from lfsr_core.reconstruct.neighbours import near
+from lfsr_core.reconstruct.averaging import near
 
 CHUNK = 16  # frames of one Blender
 TRIES = 2  # of a frame of an animation at which Blender crashes

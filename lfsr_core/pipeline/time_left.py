@@ -6,17 +6,15 @@ import dataclasses
 import math
 
 from lfsr_core.base.notices import Progress
+from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.panel.panel_rays import rendered_size
-from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.reconstruct.methods import seconds
 
 LEAST_LEFT = 0.5  # seconds
 PACE = 0.85  # of Cycles' later samples of one image, against the mean of those before them
 LATE = 0.1  # work that is silent for longer than expected takes at least this part of its silence more
 BEATS, LEAST_BEATS = 12, 2.0  # reports, and seconds from the first of them, that tell how fast the work goes of late
 LEAST_RATE = 0.1  # CPU seconds per second; below, the process waits for a GPU
-# Seconds of the second stage on two cores: its start, per million finished pixels, and per million rendered ones.
-START, PER_FINISHED, PER_RENDERED, PER_DENOISED = 1.2, 0.07, 0.05, 0.5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,7 +76,4 @@ class TimeLeft:
 
 def finish_seconds(display: DisplayProfile, scale: int, method: str, is_direct: bool = False) -> float:
     """Seconds of the second stage of a frame on two cores; ``is_direct``: of a panel's subpixels."""
-    finished = math.prod(rendered_size(display) if is_direct else display.eia_pixels) / 1e6
-    rendered = finished / display.finished_pixels(scale)
-    denoises = MethodName.parse(method).prefilters
-    return START + PER_FINISHED * finished + (PER_DENOISED if denoises else PER_RENDERED) * rendered
+    return seconds(display, scale, method, SUBPIXELS if is_direct else "")

@@ -15,9 +15,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.estimate import Estimate
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, FAST_METHOD, PLAIN_METHOD, MethodName
-from lfsr_core.reconstruct.methods import denoise
-from lfsr_core.reconstruct.registry import method
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD, PLAIN_METHOD, MethodName, denoise, load_method
 
 METRICS = ("ssim_lens_fg", "ssim_lens")
 SCALES, SAMPLES = (1, 2, 4, 8), (4, 16, 64, 256)
@@ -98,7 +96,7 @@ def candidates(display: DisplayProfile, scales: Sequence[int] | None = None, spp
     impossible rays, or an unknown method.
     """
     for name in methods or ():
-        method(name)
+        load_method(name)
     for spp in spps:
         if type(spp) is not int or spp < 1:
             raise LfsrError(f"samples per pixel is {spp!r}, but a candidate needs a whole number of at least 1")
@@ -137,8 +135,8 @@ def between(spps: Sequence[int], steps: int) -> list[tuple[int, int, int, float]
 
 def methods_at(scale: int, names: Iterable[str], parallax: tuple[bool, bool] = (True, True)) -> tuple[str, ...]:
     """Those of the methods ``names`` that work at ``scale`` and on the display; at scale 1 without their upscalers."""
-    parsed = [name for name in map(MethodName.parse, names) if name.works_with(parallax) or scale == 1]
-    return tuple(dict.fromkeys(name.at_scale(scale).text for name in parsed if scale == 1 or name.works_at(scale)))
+    parsed = map(MethodName.parse, names)
+    return tuple(dict.fromkeys(name.at_scale(scale).text for name in parsed if name.works_at(scale)))
 
 
 def choose(rated: Sequence[Rated], target: float, most_seconds: float = math.inf) -> Choice:

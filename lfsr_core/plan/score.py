@@ -22,12 +22,11 @@ from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.pipeline.finishing import finish_frame
 from lfsr_core.plan.sample import Lens, Mosaic, strata_masks
 from lfsr_core.plan.times import StageTime
-from lfsr_core.reconstruct.assembly import MAX_WORKERS
+from lfsr_core.reconstruct.assembly import MAX_WORKERS, finish_lenses
+from lfsr_core.reconstruct.methods import METHODS, load_method
 from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution, is_available, shown_part
 from lfsr_core.reconstruct.methods.epipolar import Recovering
-from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.second_stage import FILL_METHOD, finished_lenses
-from lfsr_core.reconstruct.world import finish_lenses, prepared
 
 CORRECTED = 0.5  # fraction of the loss by the reference's remaining noise that is added to the metric
 LENSES_TIMED = 1024
@@ -165,16 +164,15 @@ def stage_time(folder: Path, name: str, mosaic: Mosaic, one: Mosaic) -> StageTim
 
     ``mosaic`` and ``one``: all blocks of the sample, and one of them. Prefilters are timed on both, the rest per lens.
     """
-    chosen = method(name)
+    chosen = load_method(name)
     recovering = chosen.upscaler if isinstance(chosen.upscaler, Recovering) else None
-    if recovering:
-        # Its cost grows with the foreground's lenses, not with pixels: it is timed apart.
-        chosen = dataclasses.replace(chosen, prefilters=chosen.prefilters[:-1])
+    # Its cost grows with the foreground's lenses, not with pixels: it is timed apart.
+    before = dataclasses.replace(chosen, upscaler=METHODS["none"].make()) if recovering else chosen
     (large, mask), (small, _) = (_sampled(folder, part) for part in (mosaic, one))
-    low = prepared(small, chosen)  # load once before timing
+    low = before.prepare(small)  # load once before timing
     finish_lenses(chosen.upscaler, recovering.prepare(low) if recovering else low, one.centres)
-    few, many = _seconds(lambda: prepared(small, chosen)), _seconds(lambda: prepared(large, chosen))
-    ready, per_lens = prepared(large, chosen), 0.0
+    few, many = _seconds(lambda: before.prepare(small)), _seconds(lambda: before.prepare(large))
+    ready, per_lens = before.prepare(large), 0.0
     if recovering:
         per_lens = _seconds(lambda: recovering.prepare(ready)) / max(int((ready.alpha.max((2, 3, 4)) > 0).sum()), 1)
         ready = recovering.prepare(ready)

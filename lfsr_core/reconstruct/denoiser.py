@@ -20,7 +20,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json
 from lfsr_core.reconstruct import tza
 
-WEIGHTS = Path(__file__).parent / "networks" / "weights" / "denoiser.tza"
+WEIGHTS = Path(__file__).parent / "weights" / "denoiser.tza"
 INPUT = "input"
 LAYERS = ("enc_conv0", "enc_conv1", "enc_conv2", "enc_conv3", "enc_conv4", "enc_conv5a", "enc_conv5b",
           "dec_conv4a", "dec_conv4b", "dec_conv3a", "dec_conv3b", "dec_conv2a", "dec_conv2b", "dec_conv1a",

@@ -36,16 +36,11 @@ from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.eia import flip_order, to_elemental_images
 from lfsr_core.optics.panel.gather_cache import cached_gather_map
 from lfsr_core.optics.panel.weave import weave
-from lfsr_core.reconstruct import registry
-from lfsr_core.reconstruct.assembly import Assembly, filled, place, upscale_all
-from lfsr_core.reconstruct.clock import StageClock, peak_bytes
-from lfsr_core.reconstruct.contract import Upscaler
-from lfsr_core.reconstruct.method_name import PLAIN_METHOD, MethodName
-from lfsr_core.reconstruct.methods.temporal_averaging import average_frames
-from lfsr_core.reconstruct.neighbours import Neighbour, averaging_notices, neighbours_of, read_low
-from lfsr_core.reconstruct.registry import Method
+from lfsr_core.reconstruct.assembly import Assembly, StageClock, filled, finish_lenses, peak_bytes, place, upscale_all
+from lfsr_core.reconstruct.averaging import Neighbour, average_frames, averaging_notices, neighbours_of, read_low
+from lfsr_core.reconstruct.methods import METHODS, PLAIN_METHOD, Method, MethodName, load_method
 from lfsr_core.reconstruct.subpixels import finish_subpixels
-from lfsr_core.reconstruct.world import finish_lenses, prepared
+from lfsr_core.reconstruct.upscaler import Upscaler
 
 FILL_METHOD = PLAIN_METHOD
 MOST_JUDGED = 200  # elemental images that decide whether the image is nearly black or white
@@ -136,9 +131,9 @@ def finished_lenses(low: LowResEIA, mask: Array, finish: Finish | str, lenses: A
     """
     finish = Finish.of(finish)
     name = MethodName.parse(finish.method)
-    method = registry.method(name if upscaler else name.at_scale(low.scale), finish.weights, upscaler=upscaler,
+    method = load_method(name if upscaler else name.at_scale(low.scale), finish.weights, upscaler=upscaler,
                              block=block)
-    ready = prepared(low, method)
+    ready = method.prepare(low)
     images = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
     for wanted, chosen in ((mask, method.upscaler), (~mask, _filler(method, low.scale))):
         if wanted.any():
@@ -187,7 +182,7 @@ def _frame_and_method(folder: Path, finish: Finish, upscaler: Upscaler | None) -
     if upscaler is None:
         name.check_scale(frame.scale)
         name = name.at_scale(frame.scale)
-    return frame, registry.method(name, finish.weights, upscaler=upscaler)
+    return frame, load_method(name, finish.weights, upscaler=upscaler)
 
 
 def _view_transform(frame: Frame, clock: StageClock) -> ViewTransform:
@@ -197,7 +192,7 @@ def _view_transform(frame: Frame, clock: StageClock) -> ViewTransform:
 
 def _filler(method: Method, scale: int) -> Upscaler:
     """Upscaler of the lenses beside the foreground."""
-    return method.upscaler if scale == 1 else registry.CLASSICAL[FILL_METHOD]
+    return method.upscaler if scale == 1 else METHODS[FILL_METHOD].make()
 
 
 def _prepare(folder: Path, frame: Frame, method: Method, finish: Finish, clock: StageClock, tell: Tell,
@@ -219,7 +214,7 @@ def _prepare(folder: Path, frame: Frame, method: Method, finish: Finish, clock: 
         fill = ~mask & (low.alpha.any(axis=(2, 3, 4)) | frame.world_visible)
     tell(Progress("upscale", 0.0, "+".join(method.name.prefilters)))
     with clock("upscale"):
-        low = prepared(low, method)
+        low = method.prepare(low)
     assembly = Assembly(low, mask, fill, method.upscaler, _filler(method, frame.scale))
     return _Ready(frame, finish, clock, assembly, replaced, unseen, neighbours, averaged)
 

@@ -26,11 +26,10 @@ from lfsr_core.images.exr import read_finite, replaced_notices
 from lfsr_core.images.png import write_png
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.panel.panel_rays import panel_image
-from lfsr_core.reconstruct.clock import StageClock, peak_bytes
-from lfsr_core.reconstruct.method_name import AS_RENDERED, PANEL_METHODS, MethodName
+from lfsr_core.reconstruct.assembly import StageClock, peak_bytes
+from lfsr_core.reconstruct.methods import AS_RENDERED, PANEL_METHODS, MethodName
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, span
-from lfsr_core.reconstruct.methods.oidn import Note, ignored
-from lfsr_core.reconstruct.methods.oidn_devices import Wanted
+from lfsr_core.reconstruct.methods.oidn import Note, Wanted, ignored
 
 NEED_LENSES = ("dilate", "weights", "linear_exr", "temporal_averaging")
 ROWS_AT_ONCE, MOST_WORKERS = 64, 8

@@ -101,7 +101,7 @@ def test_zip_is_complete(files):
     manifest = tomllib.loads(files["blender_manifest.toml"].decode())
     assert manifest["version"] == __version__ and "platforms" not in manifest and "wheels" not in manifest
     assert {"__init__.py", "render/ray_layout.osl", "headless/entry.py", "LICENSE"} <= files.keys()
-    for pattern in ("optics/displays/*.toml", "reconstruct/networks/weights/*", "sequence/templates/*",
+    for pattern in ("optics/displays/*.toml", "reconstruct/weights/*", "sequence/templates/*",
                     "exports/viewer/*", "show/*.html"):
         data = {f"packages/{path.relative_to(ROOT).as_posix()}" for path in (ROOT / "lfsr_core").glob(pattern)}
         assert data and data <= files.keys(), pattern

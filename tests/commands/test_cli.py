@@ -18,7 +18,7 @@ from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_mask, read_png
 from lfsr_core.optics.display import builtin_names
 from lfsr_core.optics.eia import flip_order
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from tests.support.synthetic import fails, frame_of, light_field, write_render
 
 ROOT = Path(__file__).parents[2]

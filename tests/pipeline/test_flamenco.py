@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.cli import main
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
-from lfsr_core.reconstruct.neighbours import near
+from lfsr_core.reconstruct.averaging import near
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 
 STUB = Path(__file__).with_name("flamenco_stub.js")
 # As Flamenco's documentation lists them.

@@ -11,7 +11,7 @@ from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.plan import candidates as plan
 from lfsr_core.plan.candidates import Candidate, Rated, asymptote, candidates, chain, choose
 from lfsr_core.plan.estimate import Estimate
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PLAIN_METHOD
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PLAIN_METHOD
 from tests.support.synthetic import MINI
 
 SIMPLE = PLAIN_METHOD

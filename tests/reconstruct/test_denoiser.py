@@ -15,9 +15,8 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images
 from lfsr_core.reconstruct import denoiser
-from lfsr_core.reconstruct.methods import oidn
+from lfsr_core.reconstruct.methods import load_method, oidn
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_low_resolution, mirrored
-from lfsr_core.reconstruct.registry import method
 from lfsr_core.reconstruct.tza import write_tza
 from tests.support.prerequisites import needs_bpy
 
@@ -88,13 +87,13 @@ def test_weights_that_changed_since_their_training_are_refused(weights):
 
 def test_missing_weights_are_one_sentence(tmp_path):
     with pytest.raises(LfsrError, match="none.tza does not exist, expected TZA weights"):
-        method("denoise+bilinear", weights=tmp_path / "none.tza").prepare(low_resolution())
+        load_method("denoise+bilinear", weights=tmp_path / "none.tza").prepare(low_resolution())
 
 
 @pytest.mark.parametrize("parallax", [(True, True), (True, False)])
 def test_colour_is_denoised_as_one_image_by_our_weights(weights, parallax):
     low = low_resolution(parallax, (6, 8, 5, 5, 3) if all(parallax) else (12, 8, 1, 5, 3))
-    found = method("denoise+bilinear", weights=weights).prepare(low)
+    found = load_method("denoise+bilinear", weights=weights).prepare(low)
     rows, columns = low.color.shape[0] * low.color.shape[2], low.color.shape[1] * 5
     image = mirrored(low.color).swapaxes(1, 2).reshape(rows, columns, 3)
     expected = denoise_eia(image, weights=denoiser.load(weights))

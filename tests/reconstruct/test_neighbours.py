@@ -9,7 +9,7 @@ from lfsr_core.base.notices import Notice
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.pipeline.finishing import finish_frame
-from lfsr_core.reconstruct.neighbours import averaging_notices, near, neighbours_of, numbered_beside
+from lfsr_core.reconstruct.averaging import averaging_notices, near, neighbours_of, numbered_beside
 from lfsr_core.reconstruct.second_stage import finished_linear
 from tests.support.synthetic import IDENTITY, write_render
 

@@ -20,8 +20,10 @@ from lfsr_core.images.png import read_png
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics import eia
 from lfsr_core.pipeline.finishing import finish_frame
-from lfsr_core.reconstruct import registry, second_stage
-from lfsr_core.reconstruct.clock import STAGES
+from lfsr_core.reconstruct import second_stage
+from lfsr_core.reconstruct.assembly import STAGES
+from lfsr_core.reconstruct.methods import METHODS
+from lfsr_core.reconstruct.upscaler import Upscaler
 from tests.support.prerequisites import needs_bpy
 from tests.support.slow_way import expected_linear
 from tests.support.synthetic import FLAT, MINI, light_field, write_render
@@ -64,13 +66,6 @@ def test_a_frame_of_a_device_that_is_not_here_is_denoised_on_the_cpu_and_says_so
         assert (len(said), report.device) == (device != "CPU", device)
         assert all(note.values["device"] == refused and note.values["error"] for note in said)
     np.testing.assert_array_equal(*images.values())
-
-
-def test_a_network_says_that_it_wants_views_along_both_axes(tmp_path):
-    write_render(tmp_path, display=FLAT)
-    with pytest.raises(LfsrError, match="'paper' needs views in two directions.*'denoise\\+bilinear\\+epi'"):
-        finish_frame(tmp_path, "paper")
-    assert not (tmp_path / "eia.png").exists()
 
 
 @pytest.mark.parametrize("view", ["Standard", "AgX"])
@@ -209,14 +204,12 @@ def test_prefilters_see_the_low_resolution_eia_before_the_upscaler(tmp_path, mon
     def doubled(low):
         return dataclasses.replace(low, color=2 * low.color)
 
-    monkeypatch.setitem(registry.PREFILTERS, "oidn", doubled)
+    monkeypatch.setitem(METHODS, "oidn", dataclasses.replace(METHODS["oidn"], make=lambda _: doubled))
     np.testing.assert_allclose(second_stage.finished_linear(tmp_path, "oidn+nearest"), expected, rtol=1e-6)
 
 
-class OneAtATime:
+class OneAtATime(Upscaler):
     """An upscaler that notices a second call while the first runs."""
-
-    thread_safe = False
 
     def __init__(self):
         self.running, self.calls, self.overlapped = 0, [], False

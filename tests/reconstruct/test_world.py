@@ -10,9 +10,8 @@ from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame
 from lfsr_core.frames.low_res import low_resolution, read_world
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.eia import to_elemental_images
-from lfsr_core.reconstruct.registry import method
+from lfsr_core.reconstruct.methods import load_method
 from lfsr_core.reconstruct.second_stage import finished_lenses, finished_linear
-from lfsr_core.reconstruct.world import prepared
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import MINI, write_apart
 
@@ -60,7 +59,8 @@ def test_guides_do_not_show_the_world(tmp_path):
     low = low_resolution(guided, frame, read_world(tmp_path, frame))
     np.testing.assert_allclose(low.guides[..., :3], 0.5 * low.opacity, atol=1e-6)
     assert low.guides.shape == (*low.color.shape[:4], 6)
-    found, plain = (prepared(each, method("denoise+bilinear")) for each in (low, dataclasses.replace(low, guides=None)))
+    found, plain = (load_method("denoise+bilinear").prepare(each)
+                    for each in (low, dataclasses.replace(low, guides=None)))
     np.testing.assert_array_equal(found.opacity, plain.opacity)
     assert not np.array_equal(found.color, plain.color)
 

@@ -8,7 +8,7 @@ from lfsr_core.frames import low_res
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics import eia
-from lfsr_core.reconstruct.registry import method
+from lfsr_core.reconstruct.methods import load_method
 from tests.support.synthetic import MINI
 
 
@@ -18,6 +18,6 @@ def expected_linear(folder, name):
     low = low_res.low_resolution(layers, frame)
     sx, sy = MINI.lenses
     lenses = np.argwhere(np.ones((sy, sx), bool))
-    images = method(name).upscaler(low, lenses).reshape(sy, sx, 8, 8, 3)
+    images = load_method(name).upscaler(low, lenses).reshape(sy, sx, 8, 8, 3)
     images[~low.alpha.any((2, 3, 4))] = MINI.background
     return eia.from_elemental_images(images)

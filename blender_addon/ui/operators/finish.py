@@ -6,11 +6,11 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_rendered
-from lfsr_core.reconstruct.method_name import AS_RENDERED, PANEL_METHODS, MethodName
+from lfsr_core.reconstruct.methods import AS_RENDERED, MENU, MORE, PANEL_METHODS, MethodName
 
 from ...jobs import denoiser, recipes
 from ...scene import folders
-from ...scene.methods import METHODS, MORE, title
+from ...scene.methods import title
 from .base import Prepared, TaskOperator
 from .render import show_image_of
 
@@ -20,8 +20,8 @@ _shown: Items = []  # Blender keeps no copy of the texts of a menu
 
 def _items(_operator: bpy.types.Operator, context: bpy.types.Context | None) -> Items:
     """Methods that can finish the current frame with what this Blender has."""
-    names = methods(context.scene) if context else (*METHODS, *MORE)
-    _shown[:] = [(name, title(name), (METHODS | MORE)[name][1]) for name in names]
+    names = methods(context.scene) if context else (*MENU, *MORE)
+    _shown[:] = [(name, title(name), (MENU | MORE)[name][1]) for name in names]
     return _shown
 
 
@@ -31,7 +31,7 @@ def methods(scene: bpy.types.Scene) -> list[str]:
         frame, lacks = read_rendered(folders.frame_folder(scene)), bool(denoiser.why_missing())
     except LfsrError:
         return []
-    known = [MethodName.parse(name) for name in (*METHODS, *MORE)]
+    known = [MethodName.parse(name) for name in (*MENU, *MORE)]
     if frame.panel_rays:
         fits = [name for name in known if name.text in PANEL_METHODS]
     else:

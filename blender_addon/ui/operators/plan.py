@@ -17,7 +17,7 @@ from lfsr_core.frames.request import Request
 from lfsr_core.plan.candidates import METRICS, Candidate
 from lfsr_core.plan.first import Guess, first_guess
 from lfsr_core.plan.options import PlanOptions
-from lfsr_core.reconstruct.method_name import AS_RENDERED
+from lfsr_core.reconstruct.methods import AS_RENDERED
 from lfsr_core.tasks.render_tasks import Found
 
 from ...jobs import recipes, session, steps

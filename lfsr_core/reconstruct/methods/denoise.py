@@ -20,12 +20,10 @@ from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.denoiser import Weights
 from lfsr_core.reconstruct.methods import oidn
-from lfsr_core.reconstruct.methods.oidn import Note, ignored
-from lfsr_core.reconstruct.methods.oidn_devices import CPU, Wanted
+from lfsr_core.reconstruct.methods.oidn import CPU, Note, Wanted, ignored
 
 CONTEXT = 32  # pixels around the wanted ones that the denoiser sees too
 POOLED = 16  # pixels that the denoiser's network pools into one
-VERSION = 10  # of the result: figures measured with another version are out of date
 
 Box = tuple[slice, slice]  # rows and columns of lenses
 
@@ -72,6 +70,14 @@ def denoise_low_resolution(low: LowResEIA, weights: str | Path | None = denoiser
                                device=Wanted.of(low.device, low.gpus), note=notes.append)
         images[part] = to_elemental_images(denoised, (columns, rows))
     return dataclasses.replace(low, color=mirrored(images), noisy=low.color, notes=tuple(notes))
+
+
+def denoised_opacity(low: LowResEIA, opacity: Array) -> Array:
+    """Denoise the opacity (sy, sx, h, w, 3) in [0, 1] of a low-resolution EIA before a world."""
+    alone = dataclasses.replace(low, color=opacity, guides=None, noisy=None, exposure=0.0)
+    cleaned = np.clip(denoise_low_resolution(alone).color, 0, 1)
+    # A denoiser must not spread opacity into elemental images without any.
+    return np.asarray(cleaned * opacity.any((2, 3, 4), keepdims=True))
 
 
 def mirrored(images: Array) -> Array:

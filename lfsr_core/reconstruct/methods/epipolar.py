@@ -10,7 +10,9 @@ iterative back-projection (Irani and Peleg, CVGIP 1991).
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
+import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -19,12 +21,18 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.cores import usable_cores
 from lfsr_core.frames.low_res import LowResEIA
-from lfsr_core.reconstruct.blas import blas_threads
-from lfsr_core.reconstruct.contract import Cleaner
-from lfsr_core.reconstruct.encoding import decode, encode
 from lfsr_core.reconstruct.methods.denoise import Box
-from lfsr_core.reconstruct.methods.interpolation import EIS_IN_CACHE, averaged, finish_in_steps, interpolated
-from lfsr_core.reconstruct.methods.shear import sheared
+from lfsr_core.reconstruct.methods.interpolation import (
+    EIS_IN_CACHE,
+    KERNELS,
+    averaged,
+    decode,
+    encode,
+    finish_in_steps,
+    interpolated,
+    kernel_matrix,
+)
+from lfsr_core.reconstruct.upscaler import Upscaler
 
 # (lenses, views) per step along a line: three usable depths on each side of the display plane. On the plane itself
 # denoisers lose little, and their own traces would be taken for detail (docs/notebook/networks.md).
@@ -40,9 +48,9 @@ LIMIT = 1.0  # of a residual, in encoded values: a firefly is no detail
 DARK = 1e-3  # scene-linear value below which √x is taken for a line
 STEEPEST = 1.0  # lenses per view up to which detail is interpolated inside an EI: on steeper lines a point skips lenses
 KERNEL = "lanczos"  # for detail, which has no edges to ring at: see docs/notebook/networks.md
+LENS_KERNEL = "cubic"  # across lenses, along a line
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 STEP, MAX_WORKERS = 24, 8
-VERSION = 4  # of the result: figures measured with another version are out of date
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -55,24 +63,26 @@ class RecoverableEIA(LowResEIA):
     covered: Array  # lenses where the foreground shows, (sy, sx) bool
 
 
-class Recovering:
-    """An upscaler (see ``contract.Upscaler``) that adds the detail which another one and its denoiser lose.
+class Recovering(Upscaler):
+    """Interpolation by a kernel, and the detail which it and a denoiser before it lose.
 
-    ``prepare`` is the last prefilter. Lenses without foreground are only upscaled. ``block``: side of the square
-    blocks of lenses that are not neighbours on the display, as the samples of a plan; None where all lenses are.
+    Lenses without foreground are only interpolated. ``block``: side of the square blocks of lenses that are not
+    neighbours on the display, as the samples of a plan; None where all lenses are.
     """
 
-    def __init__(self, upscaler: Cleaner, block: int | None = None) -> None:
-        self._upscaler, self._block, self.thread_safe = upscaler, block, upscaler.thread_safe
+    thread_safe = True
+
+    def __init__(self, kernel: str, block: int | None = None) -> None:
+        self._kernel, self._block = kernel, block
 
     def prepare(self, low: LowResEIA) -> RecoverableEIA:
-        """Add the detail that the upscaler would lose to ``low``."""
+        """Add the detail that interpolation would lose to ``low``."""
         covered = (low.alpha.max((2, 3, 4)) > 0) & (low.samples >= LEAST_SAMPLES)
-        cleaned = self._clean_all(low, covered)
+        cleaned = _encoded_all(low.color, covered)
         lost, line = np.zeros_like(cleaned), np.zeros(covered.shape, int)
         for part in self._parts(covered):
             lost[part], line[part] = _lost_detail(low.rendered[part], cleaned[part], covered[part],
-                                                  self._upscaler.kernel, low.factors)
+                                                  self._kernel, low.factors)
         found = {"cleaned": cleaned, "lost": lost, "line": line, "covered": covered}
         return RecoverableEIA(**vars(low) | found)
 
@@ -85,8 +95,8 @@ class Recovering:
         rows, columns = lenses.T
         cleaned, lost, rest = low.cleaned[rows, columns], low.lost[rows, columns], ~low.covered[rows, columns]
         if rest.any():
-            cleaned[rest] = self._upscaler.clean(low, lenses[rest])
-        finished = interpolated(cleaned, self._upscaler.kernel, low.factors)
+            cleaned[rest] = encode(low.color[rows[rest], columns[rest]])
+        finished = interpolated(cleaned, self._kernel, low.factors)
         some, steep = lost.any((1, 2, 3)), STEEPNESS[low.line[rows, columns]]
         inside = some & (np.abs(steep) <= STEEPEST)
         if inside.any():
@@ -104,16 +114,17 @@ class Recovering:
         squares = ((slice(y, y + self._block), slice(x, x + self._block)) for y, x in itertools.product(*starts))
         return [square for square in squares if covered[square].any()]
 
-    def _clean_all(self, low: LowResEIA, covered: Array) -> Array:
-        lenses, cleaned = np.argwhere(covered), np.zeros_like(low.color)
 
-        def work(part: Array) -> None:
-            cleaned[part[:, 0], part[:, 1]] = self._upscaler.clean(low, part)
+def _encoded_all(color: Array, covered: Array) -> Array:
+    """Encode the EIs of the ``covered`` lenses on every core; the others are 0."""
+    lenses, encoded = np.argwhere(covered), np.zeros_like(color)
 
-        workers = min(usable_cores(), MAX_WORKERS) if self.thread_safe else 1
-        with blas_threads(1), ThreadPoolExecutor(workers) as pool:
-            list(pool.map(work, [lenses[start:start + STEP] for start in range(0, len(lenses), STEP)]))
-        return cleaned
+    def work(part: Array) -> None:
+        encoded[part[:, 0], part[:, 1]] = encode(color[part[:, 0], part[:, 1]])
+
+    with ThreadPoolExecutor(min(usable_cores(), MAX_WORKERS)) as pool:
+        list(pool.map(work, [lenses[start:start + STEP] for start in range(0, len(lenses), STEP)]))
+    return encoded
 
 
 def _lost_detail(rendered: Array, cleaned: Array, covered: Array, kernel: str,
@@ -232,3 +243,39 @@ def _around(chosen: Array, margin: int) -> Box:
     rows, columns = (np.flatnonzero(chosen.any(axis)) for axis in (1, 0))
     return (slice(max(0, rows[0] - margin), rows[-1] + 1 + margin),
             slice(max(0, columns[0] - margin), columns[-1] + 1 + margin))
+
+
+def sheared(images: Array, covered: Array, lenses: Array, factors: tuple[int, int], steep: float) -> Array:
+    """EIs (N, h·vertical, w·horizontal, 3) of ``lenses`` (N, 2), interpolated along lines of ``steep`` lenses per view.
+
+    ``images`` (sy, sx, h, w, 3): rendered EIs. ``covered`` (sy, sx) bool: lenses to interpolate from. ``factors``:
+    views per rendered view, (horizontal, vertical).
+    """
+    (sy, sx, h, w, _), reach, covered = images.shape, _lens_reach(steep), covered.astype(np.float32)
+    around = np.arange(-reach, reach + 1)
+    rows = np.clip(lenses[:, :1] + around, 0, sy - 1)[:, :, None]
+    columns = np.clip(lenses[:, 1:] + around, 0, sx - 1)[:, None, :]
+    down, across = (_shear(*axis, steep) for axis in zip((h, w), factors[::-1], strict=True))
+    weight = down.sum(2) @ covered[rows, columns] @ across.sum(2).T
+    # (N, lens row, lens column, view row, view column, C): rows of lenses and views first, then columns.
+    tall = np.einsum("aov,noqvuc->nqauc", down, images[rows, columns], optimize=True)
+    detail = np.einsum("bqu,nqauc->nabc", across, tall, optimize=True)
+    return np.asarray(detail / np.maximum(weight, 0.5)[..., None])
+
+
+def _lens_reach(steep: float) -> int:
+    return math.ceil(abs(steep)) + KERNELS[LENS_KERNEL][0]
+
+
+@functools.lru_cache(maxsize=64)
+def _shear(size: int, scale: int, steep: float) -> Array:
+    """Weights (size·scale, lenses around, size) of the two nearest rendered views, in the lenses on the line."""
+    reach, weight = _lens_reach(steep), KERNELS[LENS_KERNEL][1]
+    places = (np.arange(size * scale) + 0.5) / scale - 0.5
+    matrix = np.zeros((size * scale, 2 * reach + 1, size))
+    for index, place in enumerate(places):
+        near = kernel_matrix("linear", size, scale)[index]
+        for view in np.flatnonzero(near):
+            of_lenses = weight(steep * (view - place) - np.arange(-reach, reach + 1))
+            matrix[index, :, view] = near[view] * of_lenses / of_lenses.sum()
+    return matrix.astype(np.float32)

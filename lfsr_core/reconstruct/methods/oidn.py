@@ -7,6 +7,7 @@ PyTorch. Only the functions that ``denoise.py`` needs are bound (OpenImageDenois
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import ctypes
 import dataclasses
@@ -16,14 +17,14 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.notices import Notice
+from lfsr_core.frames.frame import DEVICES_JOINED
 from lfsr_core.process.protocol import BLENDER_FOLDER
-from lfsr_core.reconstruct.methods import oidn_devices
-from lfsr_core.reconstruct.methods.oidn_devices import CPU, Wanted, check
 
 # Relative to pyoidn's folder or Blender's: Linux, macOS, Windows (pyoidn, Blender, the bpy wheel).
 PLACES = ("lib/libOpenImageDenoise.so.2", "lib/libOpenImageDenoise.dylib", "bin/OpenImageDenoise.dll",
@@ -34,12 +35,20 @@ SYSTEM_LIBRARIES = {"linux": ("libOpenImageDenoise.so.2",), "darwin": (
 LIBRARY_VARIABLE = "LFSR_OIDN"  # environment variable: the library to use
 MODULES = "OpenImageDenoise_device_*.dll"  # Windows finds what these need only if they are loaded by their paths
 FLOAT3 = 3  # OIDNFormat
+TYPES = {"CPU": 1, "ONEAPI": 2, "CUDA": 3, "OPTIX": 3, "HIP": 4, "METAL": 5}  # OIDNDeviceType, by Cycles' device
 QUALITIES = {"fast": 4, "balanced": 5, "high": 6}  # OIDNQuality; "fast" exists since library 2.3
 Note = Callable[[Notice], object]  # what hears a notice
 
 _HANDLE, _SIZE, _NAME = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
 SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
-    **oidn_devices.SIGNATURES,
+    "oidnGetNumPhysicalDevices": (ctypes.c_int, ()),
+    "oidnGetPhysicalDeviceBool": (ctypes.c_bool, (ctypes.c_int, ctypes.c_char_p)),
+    "oidnGetPhysicalDeviceInt": (ctypes.c_int, (ctypes.c_int, ctypes.c_char_p)),
+    "oidnNewDevice": (_HANDLE, (ctypes.c_int,)),
+    "oidnNewDeviceByID": (_HANDLE, (ctypes.c_int,)),
+    "oidnCommitDevice": (None, (_HANDLE,)),
+    "oidnGetDeviceError": (ctypes.c_int, (_HANDLE, ctypes.POINTER(ctypes.c_char_p))),
+    "oidnReleaseDevice": (None, (_HANDLE,)),
     "oidnNewBuffer": (_HANDLE, (_HANDLE, _SIZE)),
     "oidnNewSharedBuffer": (_HANDLE, (_HANDLE, _HANDLE, _SIZE)),
     "oidnWriteBuffer": (None, (_HANDLE, _SIZE, _SIZE, _HANDLE)),
@@ -55,6 +64,24 @@ SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
     "oidnExecuteFilter": (None, (_HANDLE,)),
     "oidnReleaseFilter": (None, (_HANDLE,)),
 }
+
+
+@dataclasses.dataclass(frozen=True)
+class Wanted:
+    """A device of Cycles."""
+
+    kind: str = "CPU"  # one of TYPES
+    addresses: tuple[str, ...] = ()  # PCI addresses such as "0000:65:00", of which any will do; empty for any device
+
+    @classmethod
+    def of(cls, device: str, addresses: tuple[str, ...] = ()) -> Wanted:
+        """The device that ``frame.device`` names: a GPU where there is one, the CPU where the name says nothing."""
+        gpus = (kind for kind in device.split(DEVICES_JOINED) if kind in TYPES and kind != "CPU")
+        kind = next(gpus, "CPU")
+        return cls() if kind == "CPU" else cls(kind, addresses)
+
+
+CPU = Wanted()
 
 
 def ignored(_notice: Notice) -> None:
@@ -79,10 +106,10 @@ def denoise(color: Array, albedo: Array | None = None, normal: Array | None = No
     settings = Settings(hdr, srgb, clean_aux, QUALITIES[quality], weights, input_scale)
     if device.kind != "CPU":
         try:
-            return _run(library, oidn_devices.kept(library, device), images, settings, copies=True)
+            return _run(library, kept(library, device), images, settings, copies=True)
         except RuntimeError as error:
             note(Notice("denoised-on-cpu", {"device": device.kind, "error": str(error)}))
-    return _run(library, oidn_devices.kept(library, CPU), images, settings, copies=False)
+    return _run(library, kept(library, CPU), images, settings, copies=False)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -197,3 +224,43 @@ def _set(library: ctypes.CDLL, work: int, settings: Settings) -> None:
         library.oidnSetSharedFilterData(work, b"weights", settings.weights, len(settings.weights))
     if settings.input_scale is not None:
         library.oidnSetFilterFloat(work, b"inputScale", settings.input_scale)
+
+
+@functools.lru_cache(maxsize=8)
+def kept(library: Any, wanted: Wanted) -> int:
+    """The device ``wanted`` of a bound library, made once; RuntimeError where this machine refuses it."""
+    physical = _physical(library, wanted)
+    device: int = library.oidnNewDevice(TYPES[wanted.kind]) if physical is None else library.oidnNewDeviceByID(physical)
+    check(library, device)
+    if not device:
+        raise RuntimeError("there is none")
+    library.oidnCommitDevice(device)
+    try:
+        check(library, device)
+    except RuntimeError:
+        library.oidnReleaseDevice(device)
+        raise
+    atexit.register(library.oidnReleaseDevice, device)
+    return device
+
+
+def _physical(library: Any, wanted: Wanted) -> int | None:
+    """Number of the physical device at one of the addresses; None for any of its kind."""
+    for number in range(library.oidnGetNumPhysicalDevices() if wanted.addresses else 0):
+        if library.oidnGetPhysicalDeviceInt(number, b"type") != TYPES[wanted.kind] \
+                or not library.oidnGetPhysicalDeviceBool(number, b"pciAddressSupported"):
+            continue
+        domain, bus, slot = (library.oidnGetPhysicalDeviceInt(number, name)
+                             for name in (b"pciDomain", b"pciBus", b"pciDevice"))
+        if f"{domain:04x}:{bus:02x}:{slot:02x}" in wanted.addresses:
+            return number
+    return None
+
+
+def check(library: Any, device: int | None) -> None:
+    """RuntimeError with the library's reason where its last call failed on this thread."""
+    message = ctypes.c_char_p()
+    code = library.oidnGetDeviceError(device, ctypes.byref(message))
+    if code:
+        reason = (message.value or b"no reason given").decode(errors="replace")
+        raise RuntimeError(f"error {code}: {reason}")

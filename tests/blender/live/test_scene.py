@@ -19,7 +19,7 @@ from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.lens_card import RIM
 from lfsr_core.optics.panel.panel_rays import panel_image
 from lfsr_core.optics.profile_file import write_profile
-from lfsr_core.reconstruct.encoding import decode, encode
+from lfsr_core.reconstruct.methods.interpolation import decode, encode
 from tests.support import panel
 from tests.support.panels import cells, hexagonal, small
 from tests.support.scenes import encoded

@@ -6,7 +6,7 @@ import zlib
 
 from blender_addon.scene import methods
 from lfsr_core.plan.candidates import default_methods
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, FAST_METHOD, MethodName
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD, MethodName
 
 
 def test_the_default_is_first_and_numbers_last():

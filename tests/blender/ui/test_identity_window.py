@@ -11,8 +11,7 @@ from lfsr_core.base.files import read_json, write_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.png import read_png
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
-from lfsr_core.reconstruct.methods import oidn
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, oidn
 from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
 from tests.support.window.desktop import NEEDS_WINDOW, blender_window
 

@@ -7,7 +7,7 @@ import pytest
 
 from blender_addon.scene import settings as scene_settings
 from lfsr_core.optics.display import builtin_names
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from tests.support import panel
 
 

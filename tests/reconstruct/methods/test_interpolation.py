@@ -11,9 +11,8 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.metrics.split_ssim import blur
 from lfsr_core.optics import eia
-from lfsr_core.reconstruct.encoding import decode, encode
-from lfsr_core.reconstruct.methods.interpolation import kernel_matrix
-from lfsr_core.reconstruct.registry import method
+from lfsr_core.reconstruct.methods import load_method
+from lfsr_core.reconstruct.methods.interpolation import decode, encode, kernel_matrix
 
 FLAGS = {"nearest": cv2.INTER_NEAREST, "linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC,
          "lanczos": cv2.INTER_LANCZOS4}
@@ -57,7 +56,7 @@ def all_lenses(low):
 
 
 def upscaled(name, low):
-    return method(name).upscaler(low, all_lenses(low))
+    return load_method(name).upscaler(low, all_lenses(low))
 
 
 @pytest.mark.parametrize("name", [*PER_EI, "bicubic-eia"])
@@ -119,11 +118,12 @@ def test_lenses_come_back_in_the_order_asked_for(name):
     low = low_eia()
     wanted = np.array([[2, 3], [0, 1], [2, 0]])
     everything = upscaled(name, low).reshape(3, 4, 20, 24, 3)
-    np.testing.assert_allclose(method(name).upscaler(low, wanted), everything[wanted[:, 0], wanted[:, 1]], atol=1e-6)
+    some = load_method(name).upscaler(low, wanted)
+    np.testing.assert_allclose(some, everything[wanted[:, 0], wanted[:, 1]], atol=1e-6)
 
 
 def test_none_of_the_lenses_is_no_error():
-    assert method("bicubic").upscaler(low_eia(), np.zeros((0, 2), int)).shape == (0, 20, 24, 3)
+    assert load_method("bicubic").upscaler(low_eia(), np.zeros((0, 2), int)).shape == (0, 20, 24, 3)
 
 
 @pytest.mark.parametrize("name", PER_EI)
@@ -147,3 +147,10 @@ def test_none_refuses_to_upscale_and_passes_full_resolution():
         upscaled("none", low_eia())
     low = low_eia(scale=1)
     np.testing.assert_array_equal(upscaled("none", low).reshape(low.color.shape), low.color)
+
+
+def test_domain_round_trip_and_highlights():
+    values = np.concatenate([np.linspace(0, 1, 101), np.geomspace(1, 6e4, 100)]).astype(np.float32)
+    np.testing.assert_allclose(decode(encode(values)), values, rtol=1e-5, atol=1e-7)
+    assert (np.diff(encode(values)) >= 0).all()
+    assert (decode(np.float32([-0.3, 0])) == 0).all()

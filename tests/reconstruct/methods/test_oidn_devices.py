@@ -7,8 +7,8 @@ import sys
 import numpy as np
 import pytest
 
-from lfsr_core.reconstruct.methods import oidn, oidn_devices
-from lfsr_core.reconstruct.methods.oidn_devices import CPU, TYPES, Wanted
+from lfsr_core.reconstruct.methods import oidn
+from lfsr_core.reconstruct.methods.oidn import CPU, TYPES, Wanted
 
 COLOR = np.random.default_rng(0).gamma(1, 1, (40, 50, 3)).astype(np.float32)
 REFUSED = Wanted("HIP" if sys.platform == "darwin" else "METAL")  # no driver makes these exist here
@@ -23,7 +23,7 @@ def test_device_of_a_frame(device, wanted):
 
 def test_a_device_is_made_once():
     library = oidn._load(tuple(oidn.find_libraries()))
-    assert oidn_devices.kept(library, CPU) == oidn_devices.kept(library, Wanted()) != 0
+    assert oidn.kept(library, CPU) == oidn.kept(library, Wanted()) != 0
     first = oidn.denoise(COLOR, hdr=True)
     np.testing.assert_array_equal(oidn.denoise(COLOR, hdr=True), first)
     larger = oidn.denoise(np.tile(COLOR, (3, 2, 1)), hdr=True)
@@ -96,7 +96,7 @@ class Played:
     (Wanted("OPTIX", ("0000:65:00",)), 2), (Wanted("HIP", ("0000:65:00",)), 3), (Wanted("CUDA", ("0000:01:00",)), 1),
     (Wanted("ONEAPI", ("0001:03:02",)), 4), (Wanted("CUDA", ("0000:99:00",)), None), (Wanted("CUDA"), None)])
 def test_the_gpu_at_the_address_of_the_render(wanted, number):
-    assert oidn_devices._physical(Played(), wanted) == number
+    assert oidn._physical(Played(), wanted) == number
 
 
 def test_every_device_of_this_machine_can_be_asked():
@@ -104,4 +104,4 @@ def test_every_device_of_this_machine_can_be_asked():
     library = oidn._load(tuple(oidn.find_libraries()))
     kinds = [library.oidnGetPhysicalDeviceInt(number, b"type") for number in range(library.oidnGetNumPhysicalDevices())]
     assert TYPES["CPU"] in kinds and set(kinds) <= set(TYPES.values())
-    assert oidn_devices._physical(library, Wanted("CUDA", ("ffff:ff:1f",))) is None
+    assert oidn._physical(library, Wanted("CUDA", ("ffff:ff:1f",))) is None

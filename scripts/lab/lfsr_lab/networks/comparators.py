@@ -8,21 +8,21 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.reconstruct.contract import Network
 
 FOLDER = Path(__file__).parent / "weights"
 SCALES = (2, 3, 4, 8)  # that every architecture has
-PER_IMAGE = "lfsr_lab.networks.upscalers:PhotographUpscaler"
-WHOLE_EIA = "lfsr_lab.networks.upscalers:WholeEIAUpscaler"
 
 
 @dataclasses.dataclass(frozen=True)
-class Comparator(Network):
+class Comparator:
     """A network trained on photographs, with how to build it."""
 
+    description: str  # one line
+    weights: Mapping[int, Path]  # files, by the scale that each was trained for
     architecture: str  # its class, a name of ``networks.ARCHITECTURES``
     options: Mapping[str, Any]  # arguments of that class besides the scale
     stem: str  # of its weights' files
+    whole: bool = False  # whether it sees the whole EIA as one image, instead of one EI at a time
 
 
 def spec(name: str) -> Comparator:
@@ -38,10 +38,10 @@ def weights_path(name: str, scale: int, folder: str | Path = FOLDER) -> Path:
 
 
 def _comparator(stem: str, description: str, architecture: str, convolutions: int | None = None, *,
-                upscaler: str = PER_IMAGE) -> Comparator:
+                whole: bool = False) -> Comparator:
     files = {scale: path for scale in SCALES if (path := FOLDER / f"{stem}-x{scale}.safetensors").exists()}
     options = {"convolutions": convolutions} if convolutions else {}
-    return Comparator(description, upscaler, files, architecture, options, stem)
+    return Comparator(description, files, architecture, options, stem, whole)
 
 
 NETWORKS: dict[str, Comparator] = {
@@ -54,7 +54,7 @@ NETWORKS: dict[str, Comparator] = {
     "espcn": _comparator("espcn", "ESPCN per EI", "ESPCN"),
     "fsrcnn": _comparator("fsrcnn", "FSRCNN(56, 12, 4) per EI", "FSRCNN"),
     "fsrcnn-eia": _comparator("fsrcnn", "FSRCNN over the whole EIA: crosstalk between EIs", "FSRCNN",
-                              upscaler=WHOLE_EIA),
+                              whole=True),
     "paper-eia": _comparator("paper", "the paper's generator over the whole EIA: crosstalk between EIs",
-                             "PaperGenerator", 2, upscaler=WHOLE_EIA),
+                             "PaperGenerator", 2, whole=True),
 }

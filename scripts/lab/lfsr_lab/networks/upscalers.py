@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.reconstruct.upscaler import Upscaler
 from lfsr_lab.networks.engine import Engine
 from lfsr_lab.networks.networks import load
 
@@ -21,19 +23,24 @@ RECEPTIVE_RADIUS = 11
 ROWS_AT_ONCE = 8
 
 
-class PhotographUpscaler:
+class PhotographUpscaler(Upscaler):
     """A network trained on photographs, applied to each EI on its own.
 
-    ``notes``: sentences for the report. ``thread_safe`` is False: the engine uses every core itself.
+    ``notes``: sentences on its calls. ``thread_safe`` is False: the engine uses every core itself.
     """
-
-    thread_safe = False
 
     def __init__(self, name: str, *, weights: str | Path | None = None, device: str = "auto") -> None:
         self.name = name
         self.notes: list[str] = []
         self._weights, self._device = weights, device
         self._engines: dict[int, Engine] = {}
+
+    def prepare(self, low: LowResEIA) -> LowResEIA:
+        """Return ``low``; LfsrError where its views differ along one axis."""
+        if not all(low.parallax):
+            raise LfsrError(f"network {self.name!r} needs views in two directions, but this display has one: choose a "
+                            "method without a network")
+        return low
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
         """Return the EIs of ``lenses`` (N, 2), (N, h·s, w·s, 3) float32 scene-linear in [0, 1]."""

@@ -71,14 +71,14 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _settings(arguments: argparse.Namespace) -> Settings:
-    from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
-    from lfsr_core.reconstruct.registry import method
+    from lfsr_core.reconstruct.methods import DEFAULT_METHOD
     from lfsr_lab.experiments.chart.settings import DIRECT_METHODS, Settings, default_methods
+    from lfsr_lab.networks.methods import LabMethod
 
     ours = arguments.ours or DEFAULT_METHOD
     methods = tuple(dict.fromkeys([ours, *(arguments.methods or default_methods())]))
     for name in methods:
-        method(name)
+        LabMethod.parse(name)
     given = {name: value for name, value in vars(arguments).items() if name in Settings.__dataclass_fields__}
     return Settings(**given | {"methods": methods, "direct_methods": DIRECT_METHODS, "ours": ours})
 

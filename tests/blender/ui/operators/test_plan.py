@@ -16,7 +16,7 @@ from blender_addon.ui import panels
 from blender_addon.ui.operators import plan
 from lfsr_core.plan import options
 from lfsr_core.plan.candidates import Candidate, default_methods
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.tasks.render_tasks import Found
 from tests.blender.ui.test_panels import draw, labels, operators, properties
 from tests.support import panel

@@ -12,13 +12,13 @@ import pytest
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.cli import main
 from lfsr_core.pipeline.staging import staging_folder
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
-from lfsr_core.reconstruct.registry import method
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.chart import cells as chart_cells
 from lfsr_lab.experiments.chart.settings import Settings, default_methods
 from lfsr_lab.experiments.engine import timing
 from lfsr_lab.experiments.engine.measures import MEASURES, PARTS
 from lfsr_lab.experiments.engine.truth import Truth
+from lfsr_lab.networks.methods import LabMethod
 from tests.support.chart_example import example
 from tests.support.chart_folder import SEEDS, arguments, experiment_folder, main_fails, measured, noisy_render
 from tests.support.prerequisites import needs_bpy
@@ -231,7 +231,7 @@ def test_default_methods_are_all_known_and_begin_with_the_default():
     assert names[0] == DEFAULT_METHOD and len(set(names)) == len(names) > 8
     assert "none" not in names and {"bicubic", "oidn+bilinear", "denoise+bicubic", "paper"} <= set(names)
     for name in names:
-        assert method(name).name.text == name
+        assert LabMethod.parse(name).text == name
 
 
 def test_our_method_must_be_measured(tmp_path):

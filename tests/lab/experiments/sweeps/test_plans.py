@@ -8,7 +8,7 @@ import pytest
 
 from lfsr_core.base.records import read_record, write_record
 from lfsr_core.plan import score
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, FAST_METHOD
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD
 from lfsr_lab.experiments.engine.environment import environment
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.plan_validation.records import Validation

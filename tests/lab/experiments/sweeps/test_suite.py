@@ -16,8 +16,7 @@ from lfsr_core.base.records import read_record
 from lfsr_core.cli import main
 from lfsr_core.frames.frame import write_frame
 from lfsr_core.images.png import read_png
-from lfsr_core.reconstruct import registry
-from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.reconstruct.methods import MethodName
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import SCENE_FILE
 from lfsr_lab.experiments.plan_validation.records import Validation
@@ -25,6 +24,7 @@ from lfsr_lab.experiments.sweeps import measure, page, plans
 from lfsr_lab.experiments.sweeps.records import Report
 from lfsr_lab.experiments.sweeps.sweeps import SWEEPS as SWEEP_LIST
 from lfsr_lab.experiments.sweeps.sweeps import choose_sweeps
+from lfsr_lab.networks.methods import LabMethod
 from tests.support.synthetic import fails, frame_of, write_reference, write_render
 
 DOCUMENT = Path(__file__).parents[4] / "docs" / "notebook" / "stress.md"
@@ -178,7 +178,7 @@ def test_another_version_of_a_method_is_measured_again(bench, report, monkeypatc
         changed.setattr(MethodName, "versions", property(lambda name: versions.get(name.text, {})))
         assert {name.split("-")[0] for name in run_again(bench, changed)} == {"nearest"}
     with monkeypatch.context() as changed:
-        changed.setattr(MethodName, "weights_digest", "others")
+        changed.setattr(LabMethod, "weights_digest", "others")
         repeated = sum(len(dial["repeats"]) for dial in report["dials"])
         assert len(run_again(bench, changed)) == 3 * (3 + 3 + 2 + 3 + 3) + repeated
         assert len(list(bench.glob("*/cells/*.json"))) == 3 * (3 + 3 + 2 + 3 + 3) + repeated
@@ -203,7 +203,7 @@ def test_default_methods_are_bicubic_the_default_and_what_has_weights():
     assert "espcn" in methods and "paper-3" not in methods
     assert "espcn" not in measure.default_methods(2)
     for name in methods:
-        registry.method(name)
+        LabMethod.parse(name)
     assert len(set(methods)) == len(methods)
 
 

@@ -14,8 +14,7 @@ from lfsr_core.frames.reference import Reference
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import mean_of
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.reconstruct.methods.temporal_averaging import average_frames
-from lfsr_core.reconstruct.neighbours import near
+from lfsr_core.reconstruct.averaging import average_frames, near
 from lfsr_core.reconstruct.second_stage import finished_lenses
 from lfsr_lab.experiments.engine.accuracy import split_rms
 from lfsr_lab.experiments.engine.measures import lens_ssims

@@ -13,8 +13,8 @@ import numpy as np
 from lfsr_core.frames.frame import frame_folder
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.reconstruct.methods import temporal_averaging
-from lfsr_core.reconstruct.neighbours import read_low
+from lfsr_core.reconstruct import averaging
+from lfsr_core.reconstruct.averaging import read_low
 from lfsr_lab.experiments.animations.accuracy import Figures, Truth, measure
 from lfsr_lab.experiments.engine.cells import Cell
 from lfsr_lab.experiments.engine.records import method_facts
@@ -87,7 +87,7 @@ class Animation:
     def cells(self) -> Iterator[tuple[Way, int, Cell[Figures]]]:
         """Yield what is measured: ways and samples per pixel."""
         settings = self.settings
-        inputs = {"method": METHOD, **method_facts(METHOD), "averaging": temporal_averaging.VERSION}
+        inputs = {"method": METHOD, **method_facts(METHOD), "averaging": averaging.VERSION}
         for way, spp in [*itertools.product(WAYS, settings.samples), *((ALONE, spp) for spp in settings.more)]:
             name = f"{way.name} spp{spp}".replace(",", "").replace(" ", "-")
             jobs = self.low(way.seeds, spp)

@@ -13,7 +13,6 @@ from lfsr_core.frames.frame import FRAME_FILE, read_frame
 from lfsr_core.frames.identity import is_changed, scene_stamp
 from lfsr_core.pipeline.staging import staging_folder
 from lfsr_core.pipeline.store import is_complete
-from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_lab.experiments.chart import cells, crops, findings, panels
 from lfsr_lab.experiments.chart.analysis import FIXED, Point, duels, reaches, short
 from lfsr_lab.experiments.chart.cells import Render
@@ -26,6 +25,7 @@ from lfsr_lab.experiments.engine.report import write_report
 from lfsr_lab.experiments.engine.seeds import blocks_of
 from lfsr_lab.experiments.engine.timing import render_seconds
 from lfsr_lab.experiments.engine.truth import Truth
+from lfsr_lab.networks.methods import LabMethod
 
 CHART = "chart"  # stem of the files' names
 REFERENCE_SEED = 1000  # other noise than that of any render
@@ -145,11 +145,11 @@ class _Run:
         settings, job = self.settings, render.jobs[0]
         for name in settings.direct_methods if render.role == DIRECT else settings.methods:
             self._begin(f"{scene.stem}: {name} at scale {job.sampling.scale}, {job.sampling.samples} samples")
-            parsed = MethodName.parse(name)
+            parsed = LabMethod.parse(name)
             if not parsed.works_with(job.display.parallax):
                 self._skip(f"{name}: it needs views in two directions")
-            elif parsed.network and job.sampling.scale not in parsed.network.weights:
-                self._skip(f"{name} at scale {job.sampling.scale}: {parsed.upscaler} has no weights for it")
+            elif parsed.network and not parsed.works_at(job.sampling.scale):
+                self._skip(f"{name} at scale {job.sampling.scale}: {parsed.network} has no weights for it")
             else:
                 yield name
 

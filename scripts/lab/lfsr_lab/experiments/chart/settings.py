@@ -8,9 +8,9 @@ from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.reconstruct.method_name import COMPARED, DEFAULT_METHOD, DENOISE, UPSCALERS
-from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.methods import COMPARED, DEFAULT_METHOD, UPSCALER, names
 from lfsr_lab.experiments.chart.records import ChartSettings
+from lfsr_lab.networks.comparators import NETWORKS
 
 AS_RENDERED = "none"
 DIRECT_METHODS = (AS_RENDERED, "oidn")
@@ -65,6 +65,6 @@ def default_methods() -> tuple[str, ...]:
 
     Networks are among them where PyTorch is installed.
     """
-    missing = {AS_RENDERED, *(() if importlib.util.find_spec("torch") else catalogue.NETWORKS)}
-    found = [name for upscaler in UPSCALERS if upscaler not in missing for name in (upscaler, f"{DENOISE}+{upscaler}")]
+    upscalers = [*names(UPSCALER), *(NETWORKS if importlib.util.find_spec("torch") else ())]
+    found = [name for upscaler in upscalers if upscaler != AS_RENDERED for name in (upscaler, f"denoise+{upscaler}")]
     return tuple(dict.fromkeys([DEFAULT_METHOD, *COMPARED, *found]))

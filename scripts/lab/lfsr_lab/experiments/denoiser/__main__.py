@@ -18,7 +18,7 @@ from pathlib import Path
 from lfsr_core.base.records import write_record
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.pipeline.store import is_complete
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.denoiser.measure import Candidate, Figures, measure
 from lfsr_lab.experiments.denoiser.page import Key, Page
 from lfsr_lab.experiments.denoiser.records import Record, means

@@ -15,7 +15,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import Frame
 from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.reconstruct.method_name import MethodName
+from lfsr_core.reconstruct.methods import MethodName
 from lfsr_lab.experiments.engine.measures import FLIP, RELMSE, SSIM, VERSION, errors
 from lfsr_lab.experiments.engine.records import Fingerprint, method_facts
 from lfsr_lab.experiments.engine.renders import digest, frame_digest
@@ -56,8 +56,6 @@ class Candidate:
 
     def at(self, frame: Frame) -> Candidate | None:
         """Return it as it finishes a frame; None where it cannot."""
-        if not self.name.works_with(frame.display.parallax):
-            return None
         if frame.scale == 1:
             return dataclasses.replace(self, name=self.name.at_scale(1))
         return self if self.name.works_at(frame.scale) else None

@@ -17,8 +17,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import flip_order, from_views, to_elemental_images
 from lfsr_core.optics.panel.gather import gather_map
 from lfsr_core.optics.panel.weave import weave
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, PANEL_METHODS, MethodName
-from lfsr_core.reconstruct.methods import oidn
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PANEL_METHODS, MethodName, oidn
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_core.reconstruct.subpixels import linear_panel_image
 

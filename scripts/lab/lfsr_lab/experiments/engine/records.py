@@ -10,8 +10,8 @@ from typing import Any, Generic, TypeVar
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, write_json
 from lfsr_core.base.records import from_data, to_data
-from lfsr_core.reconstruct.method_name import MethodName
 from lfsr_lab.experiments.engine.environment import load_average
+from lfsr_lab.networks.methods import LabMethod
 
 Record = TypeVar("Record")
 Fingerprint = Mapping[str, Any]
@@ -61,5 +61,5 @@ class Records(Generic[Record]):
 
 def method_facts(name: str) -> dict[str, Any]:
     """Return what a measurement of a method depends on besides its render: weights and versions, plain JSON."""
-    method = MethodName.parse(name)
-    return {"weights": method.weights_digest, "versions": method.versions}
+    method = LabMethod.parse(name)
+    return {"weights": method.weights_digest, "versions": method.name.versions}

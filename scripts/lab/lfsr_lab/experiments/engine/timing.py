@@ -22,6 +22,7 @@ from lfsr_core.pipeline.finishing import finish_frame
 from lfsr_lab.experiments.engine.environment import load_average
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import Store
+from lfsr_lab.networks.methods import ready
 
 REPEATS_FOLDER = "render-times"
 STAGES = ("load", "mask", "upscale", "assemble", "color", "write")
@@ -91,13 +92,14 @@ class StageTimes:
 
 def second_stage_times(folder: Path, name: str, repeats: int, warm: bool) -> StageTimes:
     """Time the second stage of a frame folder, which is written to; without ``warm`` one run first does not count."""
+    finish, upscaler = ready(name)
     if not warm:
-        finish_frame(folder, name)
+        finish_frame(folder, finish, upscaler=upscaler)
     load = load_average()
     seconds, reports = [], []
     for _ in range(repeats):
         started = time.perf_counter()
-        reports.append(finish_frame(folder, name))
+        reports.append(finish_frame(folder, finish, upscaler=upscaler))
         seconds.append(round(time.perf_counter() - started, 4))
     stages = {stage: statistics.median(report.seconds[stage] for report in reports) for stage in STAGES}
     return StageTimes(tuple(seconds), stages, tuple(map(sentence, reports[-1].notes)), load)

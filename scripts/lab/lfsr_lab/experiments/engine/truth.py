@@ -16,6 +16,7 @@ from lfsr_core.frames.low_res import low_resolution, read_world
 from lfsr_core.frames.reference import Reference
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.reconstruct.second_stage import finished_lenses
+from lfsr_lab.networks.methods import ready
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,4 +61,5 @@ class Truth:
         low = low_resolution(layers, frame, read_world(render, frame))
         rows, columns = self.lenses.T
         mask = foreground_mask(layers, frame.rays.tiles)[rows, columns]
-        return self.shown(finished_lenses(low, mask, finish, self.lenses))
+        finish, upscaler = ready(finish) if isinstance(finish, str) else (finish, None)
+        return self.shown(finished_lenses(low, mask, finish, self.lenses, upscaler=upscaler))

@@ -17,8 +17,8 @@ from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import AUTO, GUIDES, Request, Sampling
 from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.reconstruct.averaging import read_low
 from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution
-from lfsr_core.reconstruct.neighbours import read_low
 from lfsr_lab.experiments.engine.environment import Environment, environment, load_average
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.gpu_budget.counts import DENOISE, INTERPOLATE, SHOW, TRACE, WEAVE

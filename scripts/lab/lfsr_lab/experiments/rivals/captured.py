@@ -21,8 +21,7 @@ from lfsr_core.images.png import write_png
 from lfsr_core.images.srgb import srgb_decode, srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.eia import to_views
-from lfsr_core.reconstruct.encoding import decode, encode
-from lfsr_core.reconstruct.methods.interpolation import KERNELS
+from lfsr_core.reconstruct.methods.interpolation import KERNELS, decode, encode
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_lab.experiments.rivals.makers import MAKERS
 from lfsr_lab.experiments.rivals.matlab import to_ycbcr

@@ -19,7 +19,7 @@ from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_decode, srgb_encode
-from lfsr_core.reconstruct.registry import PREFILTERS
+from lfsr_core.reconstruct.methods import PREFILTER, load_method, names
 from lfsr_core.reconstruct.second_stage import finished_lenses
 from lfsr_lab.experiments.engine.accuracy import lens_ssims
 from lfsr_lab.experiments.engine.timing import children_cpu_seconds, cpu_seconds
@@ -63,7 +63,7 @@ class Row:
 
 def denoisers(view: View) -> tuple[str, ...]:
     """Return the denoisers that are measured on a render: to filter 196 views takes minutes."""
-    return (*PREFILTERS, *OTHERS) if view.scale == SCALES[0] else tuple(PREFILTERS)
+    return (*names(PREFILTER), *(OTHERS if view.scale == SCALES[0] else ()))
 
 
 def measure(render: Path, truth: Truth, denoiser: str, clones: Path) -> Row:
@@ -104,8 +104,8 @@ def finished(low: LowResEIA, name: str, clones: Path) -> Array:
 
 def denoised(low: LowResEIA, denoiser: str, clones: Path) -> LowResEIA:
     """Return a low-resolution EIA without noise; light-field filters of others see views of display values."""
-    if denoiser in PREFILTERS:
-        return PREFILTERS[denoiser](low)
+    if denoiser in names(PREFILTER):
+        return load_method(denoiser).prepare(low)
     if denoiser == "LFDnPatch":
         views = LFDnPatch(clones)(_views(low.color))
     else:

@@ -9,7 +9,7 @@ from pathlib import Path
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.records import to_data
 from lfsr_core.pipeline.store import is_complete
-from lfsr_core.reconstruct.registry import PREFILTERS
+from lfsr_core.reconstruct.methods import PREFILTER, names
 from lfsr_lab.experiments.engine.cells import to_stderr
 from lfsr_lab.experiments.engine.records import Fingerprint, Records, method_facts
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, digest, frame_digest
@@ -49,7 +49,7 @@ def _measured(scene: Path, clones: Path) -> dict[tuple[View, str], Row]:
 
 
 def _facts(render: Path, reference: Path, denoiser: str) -> Fingerprint:
-    ours = method_facts(f"{denoiser}+bilinear+epi") if denoiser in PREFILTERS else {}
+    ours = method_facts(f"{denoiser}+bilinear+epi") if denoiser in names(PREFILTER) else {}
     return {"version": VERSION, "render": frame_digest(render), "reference": frame_digest(reference),
             "denoiser": denoiser, **ours}
 

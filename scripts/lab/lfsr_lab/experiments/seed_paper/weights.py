@@ -9,20 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 from lfsr_core.base.files import read_json
 from lfsr_core.base.progress import ProgressBar
-from lfsr_core.frames.finish import Finish
-from lfsr_core.reconstruct.contract import Upscaler
-from lfsr_core.reconstruct.method_name import MethodName
-from lfsr_core.reconstruct.networks import catalogue
 from lfsr_lab.experiments.engine.cells import to_stderr
 from lfsr_lab.experiments.seed_paper.settings import SCALE, Settings
 from lfsr_lab.networks import comparators
+from lfsr_lab.networks.methods import LabMethod, Ready
 from lfsr_lab.train.config import load_config
 
 if TYPE_CHECKING:
     from torch import nn
 SHORT_CONFIG, ADVERSARIAL = "paper-short", 1e-3
 NONE = "no weights"
-Ready = tuple[Finish, Upscaler | None]  # a method, and its network where it has one
 
 
 def weights(settings: Settings, name: str) -> Path | None:
@@ -63,26 +59,22 @@ def _provenance(path: Path) -> dict[str, Any]:
 
 def fingerprints(settings: Settings, name: str) -> dict[str, str | None]:
     """Return the hash of the weights of a method's network, None where there are none; empty without a network."""
-    parsed = MethodName.parse(name)
-    path = weights(settings, parsed.upscaler) if parsed.network else None
-    return {parsed.upscaler: _provenance(path).get("sha256") if path else None} if parsed.network else {}
+    network = LabMethod.parse(name).network
+    path = weights(settings, network) if network else None
+    return {network: _provenance(path).get("sha256") if path else None} if network else {}
 
 
 def schedules(settings: Settings, names: Iterable[str]) -> dict[str, str]:
     """Return how the network of each method was trained; methods without one are left out."""
-    parsed = {name: MethodName.parse(name) for name in names}
-    return {name: schedule(weights(settings, each.upscaler)) for name, each in parsed.items() if each.network}
+    networks = {name: network for name in names if (network := LabMethod.parse(name).network)}
+    return {name: schedule(weights(settings, network)) for name, network in networks.items()}
 
 
 def method(settings: Settings, name: str) -> Ready | None:
     """Return a method, its network with the weights chosen here; None where these are missing."""
-    parsed = MethodName.parse(name)
-    if not parsed.network:
-        return Finish(name), None
-    path = weights(settings, parsed.upscaler)
-    if path is None:
-        return None
-    return Finish(name), catalogue.upscaler(parsed.upscaler, weights=path, device=settings.device)
+    parsed = LabMethod.parse(name)
+    path = weights(settings, parsed.network) if parsed.network else None
+    return None if parsed.network and path is None else parsed.ready(path, settings.device)
 
 
 def untrained(name: str, scale: int) -> nn.Module:
@@ -97,14 +89,14 @@ def untrained(name: str, scale: int) -> nn.Module:
 
 def untrained_method(settings: Settings, name: str, scale: int) -> Ready:
     """Return the method for timing at any scale, its network with random weights."""
-    if not MethodName.parse(name).network:
-        return Finish(name), None
+    if not LabMethod.parse(name).network:
+        return LabMethod.parse(name).ready()
     from lfsr_lab.networks import checkpoint as files
 
     path = comparators.weights_path(name, scale, settings.output / "untrained")
     if not path.exists():
         files.save(path, untrained(name, scale), scale, {"untrained": True}, comparators.spec(name).options)
-    return Finish(name), catalogue.upscaler(name, weights=path, device=settings.device)
+    return LabMethod.parse(name).ready(path, settings.device)
 
 
 def train(settings: Settings, name: str) -> Path:

@@ -12,8 +12,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.frames.foreground import recall
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.reconstruct.method_name import COMPARED, DEFAULT_METHOD, MethodName
-from lfsr_core.reconstruct.networks import catalogue
+from lfsr_core.reconstruct.methods import COMPARED, DEFAULT_METHOD
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_lab.experiments.engine import cells
 from lfsr_lab.experiments.engine.accuracy import Figures, Target, finite
@@ -22,6 +21,8 @@ from lfsr_lab.experiments.engine.renders import REFERENCE, SCENE_FILE, Store, fo
 from lfsr_lab.experiments.sweeps import metrics
 from lfsr_lab.experiments.sweeps.records import Cell, Settings
 from lfsr_lab.experiments.sweeps.sweeps import EYE, MOTION, Sweep
+from lfsr_lab.networks.comparators import NETWORKS
+from lfsr_lab.networks.methods import LabMethod, ready
 from lfsr_lab.scenes.sweeps.space import Space, card_centre, card_of_motion
 
 DISPLAY_FILE = Path(__file__).parent / "sweeps.toml"
@@ -32,8 +33,14 @@ def default_methods(scale: int, parallax: tuple[bool, bool] = (True, True)) -> l
     """Return bicubic, what the default is compared with, the default, and the networks that the display can have."""
     names = [BASELINE, *COMPARED, DEFAULT_METHOD]
     if importlib.util.find_spec("torch"):
-        names += [name for name, network in catalogue.NETWORKS.items() if scale in network.weights]
-    return [name for name in names if MethodName.parse(name).works_with(parallax)]
+        names += [name for name, network in NETWORKS.items() if scale in network.weights]
+    return [name for name in names if LabMethod.parse(name).works_with(parallax)]
+
+
+def finished(render: Path, name: str) -> Array:
+    """Return what a method, which may have a network, makes of a render, (H, W, 3), scene-linear."""
+    finish, upscaler = ready(name)
+    return finished_linear(render, finish, upscaler=upscaler)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,7 +100,7 @@ class Scene:
     def measure(self, name: str) -> Cell:
         """Return every figure of a method here."""
         target, render = self.target, Path(self.job().output)
-        image = finished_linear(render, name)
+        image = finished(render, name)
         of = metrics.Compared(srgb_encode(image), srgb_encode(target.halves[0]), srgb_encode(target.halves[1]),
                               target.lenses, target.mask)
         found = self._judged(of) if self.seed else self._every_figure(name, image, of)
@@ -139,7 +146,7 @@ class Scene:
         found: Figures = {}
         for kind, changes in (("fixed", False), ("changing", True)):
             folders = [Path(self.job(frame, frame if changes else 0).output) for frame in range(1, count + 1)]
-            images = [srgb_encode(finished_linear(folder, name)) for folder in folders]
+            images = [srgb_encode(finished(folder, name)) for folder in folders]
             found[f"flicker_{kind}"] = metrics.flicker(images, self.settings.display.lenses, path, cards)
         known = [value for value in found.values() if value is not None]
         return found | {"steadiness": 1 - max(known) if known else None}

@@ -12,17 +12,15 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.images.png import write_png
 from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.reconstruct import registry
-from lfsr_core.reconstruct.method_name import MethodName
-from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_lab.experiments.engine.environment import environment
 from lfsr_lab.experiments.engine.plots import COLORS, MARKERS, Curve, draw_curves, panel_sheet, svg
 from lfsr_lab.experiments.engine.renders import SCENE_FILE, Store
 from lfsr_lab.experiments.engine.report import inline_svg, markdown_table, number, page_html, write_drawn, write_report
 from lfsr_lab.experiments.sweeps.breaks import breaking_point, near_breaks
-from lfsr_lab.experiments.sweeps.measure import BASELINE, Scene
+from lfsr_lab.experiments.sweeps.measure import BASELINE, Scene, finished
 from lfsr_lab.experiments.sweeps.records import FORMAT, Cell, Repeat, Report, Settings, SweepReport
 from lfsr_lab.experiments.sweeps.sweeps import MOTION, Sweep, choose_sweeps, label
+from lfsr_lab.networks.methods import LabMethod
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -44,8 +42,7 @@ def run(store: Store, settings: Settings, methods: Sequence[str], names: Sequenc
     """
     methods = tuple(dict.fromkeys([BASELINE, *methods]))
     for name in methods:
-        registry.method(name)
-        MethodName.parse(name).check_parallax(settings.display.parallax)
+        LabMethod.parse(name).check_parallax(settings.display.parallax)
     scenes = {sweep: [Scene(store, settings, sweep, value) for value in (sweep.quick if quick else sweep.values)]
               for sweep in choose_sweeps(names)}
     store.claim(settings)
@@ -135,7 +132,7 @@ def _write_crop(store: Store, settings: Settings, entry: SweepReport, method: st
     scene = Scene(store, settings, choose_sweeps([entry.name])[0], cell.value)
     halves, render = scene.target.halves, Path(scene.job().output)
     names = tuple(dict.fromkeys((BASELINE, method)))
-    images = [(halves[0] + halves[1]) / 2, *(finished_linear(render, name) for name in names)]
+    images = [(halves[0] + halves[1]) / 2, *(finished(render, name) for name in names)]
     crops = [crop_around(srgb_encode(image), settings.display.lenses, cell.worst_lens) for image in images]
     source = f"{CROPS}/{entry.name}-{method.replace('+', '-')}.png"
     write_png(store.folder / source, side_by_side(crops))

@@ -18,7 +18,7 @@ from pathlib import Path
 from lfsr_core.base.records import read_record, write_record
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.plan.options import PlanOptions
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD, FAST_METHOD
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD
 from lfsr_lab.experiments.engine.accuracy import MAIN_METRICS
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.report import UNKNOWN, exit_code, markdown_table, number

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.reconstruct.second_stage import finished_panel
 from lfsr_lab.experiments.engine import plots, timing
 from lfsr_lab.experiments.engine.cells import Cell

@@ -12,7 +12,7 @@ from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import horizontal_epi, to_elemental_images
-from lfsr_core.reconstruct.method_name import DEFAULT_METHOD
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.cells import Cell
 from lfsr_lab.experiments.seed_paper import measuring

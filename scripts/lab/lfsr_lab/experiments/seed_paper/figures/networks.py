@@ -125,7 +125,7 @@ def cost_cells(settings: Settings) -> Iterator[Cell[Rows]]:
         rows = []
         for name, entry in comparators.NETWORKS.items():
             # Only what works on an elemental image of its own; the adversary leaves the generator's size as it is.
-            if entry.upscaler == comparators.PER_IMAGE and name != "paper-gan":
+            if not entry.whole and name != "paper-gan":
                 network = weights.untrained(name, SCALE)
                 per_pixel = multiply_adds(network, *display.low_views(SCALE)[::-1])
                 rows.append(Row(method=name, values={"parameters": parameters(network), PER_PIXEL: per_pixel,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.frames.low_res import LowResEIA
-from lfsr_core.reconstruct.methods.temporal_averaging import average_frames, similarity, unchanged
+from lfsr_core.reconstruct.averaging import average_frames, similarity, unchanged
 
 SHAPE = (10, 12, 4, 5, 3)
 BLOCK = (slice(2, 6), slice(3, 8))  # lenses in which something moves

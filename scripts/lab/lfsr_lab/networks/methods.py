@@ -1,0 +1,90 @@
+"""Names of methods whose upscaler may be a network of ``comparators.NETWORKS``, as "oidn+fsrcnn"."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from pathlib import Path
+
+from lfsr_core.base.errors import LfsrError, did_you_mean
+from lfsr_core.frames.finish import Finish
+from lfsr_core.reconstruct.denoiser import WEIGHTS
+from lfsr_core.reconstruct.methods import METHODS, PLAIN_METHOD, MethodName, load_method
+from lfsr_core.reconstruct.upscaler import Upscaler
+from lfsr_lab.networks.comparators import NETWORKS, Comparator
+
+
+@dataclasses.dataclass(frozen=True)
+class LabMethod:
+    """A method of the product, or one with a network as its upscaler."""
+
+    text: str  # as written
+    name: MethodName  # of the product's part; plain interpolation stands for a network
+    network: str | None  # a name of NETWORKS
+
+    @classmethod
+    def parse(cls, text: str) -> LabMethod:
+        """Parse a name; LfsrError for an unknown or impossible one."""
+        *parts, last = (part.strip() for part in text.split("+"))
+        for part in (*parts, last):
+            if part not in METHODS and part not in NETWORKS:
+                hint = did_you_mean(part, [*METHODS, *NETWORKS], cutoff=0.4)
+                raise LfsrError(f"unknown method {part!r}: {hint}Choose from {', '.join([*METHODS, *NETWORKS])}, "
+                                "joined by '+'")
+        network = last if last in NETWORKS else None
+        if any(part in NETWORKS for part in parts):
+            raise LfsrError(f"method {text!r} has a network before its last part: put it last")
+        name = MethodName.parse("+".join([*parts, PLAIN_METHOD]) if network else text)
+        load_method(name)  # refuses what cannot be put together
+        return cls(text, name, network)
+
+    @property
+    def comparator(self) -> Comparator | None:
+        """The network, None where there is none."""
+        return NETWORKS[self.network] if self.network else None
+
+    @property
+    def weights_digest(self) -> str:
+        """SHA-256 of the shipped weights, of a network for all scales; empty without any."""
+        files = [path for _, path in sorted(self.comparator.weights.items())] if self.comparator else []
+        files += [WEIGHTS] if "denoise" in self.name.prefilters and WEIGHTS.exists() else []
+        return hashlib.sha256(b"".join(map(Path.read_bytes, files))).hexdigest() if files else ""
+
+    def works_at(self, scale: int) -> bool:
+        """Whether it can finish a render at ``scale``; a network needs weights for it."""
+        return scale in self.comparator.weights if self.comparator else self.name.works_at(scale)
+
+    def works_with(self, parallax: tuple[bool, bool]) -> bool:
+        """Whether it works on a display whose views differ along those axes; networks need both."""
+        return self.network is None or all(parallax)
+
+    def check_parallax(self, parallax: tuple[bool, bool]) -> None:
+        """LfsrError unless it works on a display whose views differ along those axes."""
+        if not self.works_with(parallax):
+            raise LfsrError(f"method {self.text!r} needs views in two directions, but this display has one: choose a "
+                            "method without a network")
+
+    def ready(self, weights: Path | None = None, device: str = "auto") -> Ready:
+        """Return how to finish, and the network where it has one, which loads at its first call.
+
+        ``weights``: of the network, None for the shipped ones. LfsrError where a package is missing.
+        """
+        if self.comparator is None or self.network is None:
+            return Finish(self.text), None
+        try:
+            from lfsr_lab.networks.upscalers import PhotographUpscaler, WholeEIAUpscaler
+        except ModuleNotFoundError as error:
+            if (error.name or "").startswith("lfsr_"):
+                raise
+            raise LfsrError(f"networks need the Python package {error.name!r}, which is not installed: install "
+                            "lfsr-lab[training] or choose a method without a network") from None
+        kind = WholeEIAUpscaler if self.comparator.whole else PhotographUpscaler
+        return Finish(self.name.text), kind(self.network, weights=weights, device=device)
+
+
+Ready = tuple[Finish, Upscaler | None]  # a method's finish, and its network where it has one
+
+
+def ready(text: str) -> Ready:
+    """Return how to finish by the method of a name, see ``LabMethod.ready``."""
+    return LabMethod.parse(text).ready()
