@@ -11,6 +11,7 @@ from lfsr_core.base.progress import ProgressBar
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.folder import FrameFolder
+from lfsr_core.reconstruct.methods import METHODS
 
 NAME = "upscale"
 HELP = "repeat the second stage of a rendered frame folder"
@@ -29,7 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_method_arguments(parser: argparse.ArgumentParser) -> None:
     """Method and options of the second stage."""
     parser.add_argument("--method", metavar="NAME",
-                        help="steps joined by +, as in denoise+bicubic; default: the most accurate")
+                        help=f"steps of {', '.join(METHODS)}, joined by + as in denoise+bicubic; default: the most "
+                             "accurate")
     parser.add_argument("--dilate", type=int, default=0, metavar="N",
                         help="grow the foreground mask by N lenses, for details too thin for sparse views")
     parser.add_argument("--weights", type=Path, metavar="FILE", help="weights for the method's denoiser")
