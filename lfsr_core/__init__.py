@@ -3,10 +3,10 @@
 ``__all__`` lists the public names; docs/reference/python.md shows how to use them. Importing this package is quick:
 each name is loaded from its module when it is first used, and neither Blender nor torch nor NumPy is loaded before.
 
-    from lfsr_core import Request, find_blender, load_display, run_job, finish_frame
+    import lfsr_core
 
-    run_job(Request("frame", load_display("fhd"), scene="scene.blend"), find_blender())
-    report = finish_frame("frame", "denoise+bicubic")
+    frame = lfsr_core.render("scene.blend", display="fhd", rays=1)
+    frame.finish("denoise+bicubic")
 """
 
 from __future__ import annotations
@@ -17,25 +17,28 @@ from typing import TYPE_CHECKING
 from lfsr_core.version import __version__ as __version__
 
 if TYPE_CHECKING:  # the same names once more, for type checkers
+    from lfsr_core.api import RenderedFrame, render
     from lfsr_core.base.errors import LfsrError
-    from lfsr_core.exports.formats import export
-    from lfsr_core.exports.importing import ImportGeometry, import_views
+    from lfsr_core.base.notices import Notice, Progress
+    from lfsr_core.exports.formats import Exported, export
+    from lfsr_core.exports.importing import Imported, ImportGeometry, import_views
     from lfsr_core.exports.options import ExportOptions
     from lfsr_core.exports.page import Page, write_page
     from lfsr_core.frames.contact_sheet import write_views
     from lfsr_core.frames.finish import Finish
-    from lfsr_core.frames.frame import Frame, read_frame
+    from lfsr_core.frames.folder import FrameFolder
+    from lfsr_core.frames.frame import Frame
     from lfsr_core.frames.reference import Reference
-    from lfsr_core.frames.report import Report, read_report
-    from lfsr_core.frames.request import Request
-    from lfsr_core.frames.views import eia_to_views, read_views, views_to_eia
+    from lfsr_core.frames.report import Report
+    from lfsr_core.frames.request import Request, Sampling
+    from lfsr_core.frames.views import eia_to_views, views_to_eia
     from lfsr_core.images.png import read_png, write_png
     from lfsr_core.metrics.compare import Metrics, compare_folders
     from lfsr_core.optics.display import DisplayProfile, load_display
     from lfsr_core.optics.eye import eye_view
     from lfsr_core.optics.rays import CameraArray, RayLayout
     from lfsr_core.pipeline.finishing import finish_frame
-    from lfsr_core.pipeline.store import run_job
+    from lfsr_core.pipeline.make import Made, make
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import Planned, make_plan
     from lfsr_core.process.blender import Blender, find_blender
@@ -46,19 +49,27 @@ __all__ = [
     "CameraArray",
     "DisplayProfile",
     "ExportOptions",
+    "Exported",
     "Finish",
     "Frame",
+    "FrameFolder",
     "ImportGeometry",
+    "Imported",
     "LfsrError",
+    "Made",
     "MethodName",
     "Metrics",
+    "Notice",
     "Page",
     "PlanOptions",
     "Planned",
+    "Progress",
     "RayLayout",
     "Reference",
+    "RenderedFrame",
     "Report",
     "Request",
+    "Sampling",
     "__version__",
     "compare_folders",
     "eia_to_views",
@@ -68,12 +79,10 @@ __all__ = [
     "finish_frame",
     "import_views",
     "load_display",
+    "make",
     "make_plan",
-    "read_frame",
     "read_png",
-    "read_report",
-    "read_views",
-    "run_job",
+    "render",
     "views_to_eia",
     "write_page",
     "write_png",
@@ -81,29 +90,32 @@ __all__ = [
 ]
 
 _MODULES = {
+    "api": "RenderedFrame render",
     "base.errors": "LfsrError",
-    "exports.formats": "export",
-    "exports.importing": "ImportGeometry import_views",
+    "base.notices": "Notice Progress",
+    "exports.formats": "Exported export",
+    "exports.importing": "Imported ImportGeometry import_views",
     "exports.options": "ExportOptions",
     "exports.page": "Page write_page",
     "frames.contact_sheet": "write_views",
     "frames.finish": "Finish",
-    "frames.frame": "Frame read_frame",
-    "frames.request": "Request",
+    "frames.folder": "FrameFolder",
+    "frames.frame": "Frame",
     "frames.reference": "Reference",
-    "frames.report": "Report read_report",
-    "frames.views": "eia_to_views read_views views_to_eia",
+    "frames.report": "Report",
+    "frames.request": "Request Sampling",
+    "frames.views": "eia_to_views views_to_eia",
     "images.png": "read_png write_png",
     "metrics.compare": "Metrics compare_folders",
     "optics.display": "DisplayProfile load_display",
     "optics.eye": "eye_view",
     "optics.rays": "CameraArray RayLayout",
+    "pipeline.finishing": "finish_frame",
+    "pipeline.make": "Made make",
     "plan.options": "PlanOptions",
     "plan.planner": "Planned make_plan",
-    "reconstruct.methods": "MethodName",
-    "pipeline.finishing": "finish_frame",
     "process.blender": "Blender find_blender",
-    "pipeline.store": "run_job",
+    "reconstruct.methods": "MethodName",
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names.split()}
 

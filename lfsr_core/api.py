@@ -1,0 +1,201 @@
+"""The notebook's face: from a scene to views, and from a low-resolution EIA to a finished one, in a line each.
+
+    frame = lfsr_core.render("scene.blend", display="fhd", rays=1)
+    frame.views[10, 10]                         # what one camera sees
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lfsr_core.base.arrays import Array, Bytes
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Tell, silent
+from lfsr_core.frames.finish import Finish
+from lfsr_core.frames.folder import FrameFolder
+from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS
+from lfsr_core.frames.request import AUTO, Request, Sampling, check_light, check_scene
+from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
+from lfsr_core.optics.display import DisplayProfile, load_display
+
+if TYPE_CHECKING:
+    from lfsr_core.frames.low_res import LowResEIA
+    from lfsr_core.frames.report import Report
+    from lfsr_core.metrics.compare import Metrics
+    from lfsr_core.process.blender import Starts
+
+
+class RenderedFrame:
+    """A frame folder whose images are read when they are asked for; a notebook shows what an eye sees of it."""
+
+    def __init__(self, folder: str | Path, tell: Tell = silent) -> None:
+        self.folder = FrameFolder(folder)
+        self._tell = tell
+
+    @property
+    def display(self) -> DisplayProfile:
+        """The display that it was rendered for."""
+        return self.folder.rendered.display
+
+    @property
+    def report(self) -> Report:
+        """How it was finished."""
+        return self.folder.report
+
+    @property
+    def views(self) -> Bytes:
+        """Views (py, px, sy, sx, 3) uint8, display values; row 0 is the topmost camera, column 0 the leftmost."""
+        from lfsr_core.frames.views import read_views
+
+        return read_views(self.folder.path)
+
+    @property
+    def linear(self) -> Array:
+        """Finished EIA (H, W, 3) float32, scene-linear, in view order; made again where eia.exr was not written."""
+        from lfsr_core.reconstruct.second_stage import finished_linear, read_finished_linear
+
+        stored = read_finished_linear(self.folder.path)
+        return finished_linear(self.folder.path, self.report.finish) if stored is None else stored
+
+    @property
+    def depth(self) -> Array:
+        """Depth (h, w) of the first hit behind each rendered pixel, in view order and scene units from the camera
+        plane; NaN where nothing is covered. LfsrError where the frame has no position layer.
+        """
+        from lfsr_core.images.exr import read_layers
+
+        layers, frame = read_layers(self.folder.path / LOW_RES_FILE), self.folder.frame
+        if "position" not in layers:
+            raise LfsrError(f"{self.folder.path} has no position layer: render it with layers=('position',)")
+        matrix = np.asarray(frame.matrix_world)
+        depth = (layers["position"] - matrix[:3, 3]) @ matrix[:3, 2]
+        return np.where(layers["color"][..., 3] > 0, depth, np.nan).astype(np.float32)
+
+    def finish(self, method: str | None = None, **options: Any) -> RenderedFrame:
+        """Finish it with another method, by default the best; ``options`` as of ``Finish``. Returns itself."""
+        from lfsr_core.pipeline.finishing import finish_frame
+
+        finish_frame(self.folder.path, _finish(method, bool(self.folder.rendered.panel_rays), options), self._tell)
+        return self
+
+    def eye(self, x: float = 0.0, y: float = 0.0, z: float | None = None) -> Bytes:
+        """Return what an eye sees through the lenses, (rows, columns, 3) uint8.
+
+        ``x``, ``y``, ``z``: millimetres to the right, up and towards the viewer from the display's centre; ``z`` None
+        for the viewing distance. LfsrError where there is no finished image.
+        """
+        from lfsr_core.images.png import read_png
+        from lfsr_core.optics.eye import eye_view
+
+        display = self.display
+        image = read_png(self.folder.path / PANEL_FILE if display.is_woven else self.folder.image)
+        place = (x, y, display.viewing_distance_mm if z is None else z)
+        return np.asarray(eye_view(image, display, place), np.uint8)
+
+    def compare(self, reference: str | Path | RenderedFrame) -> Metrics:
+        """Measure it against a reference folder; the metrics are written into its report too."""
+        from lfsr_core.metrics.compare import compare_folders
+
+        other = reference.folder.path if isinstance(reference, RenderedFrame) else Path(reference)
+        return compare_folders(self.folder.path, other)
+
+    def export(self, format: str, target: str | Path | None = None, **options: Any) -> list[Path]:
+        """Write it in an export format, such as "quilt"; ``options`` as of ``ExportOptions``. Returns the files."""
+        from lfsr_core.exports.formats import export
+        from lfsr_core.exports.options import ExportOptions
+
+        files, notes = export(self.folder.path, format, target, ExportOptions(**options, tell=self._tell))
+        for note in notes:
+            self._tell(note)
+        return list(files)
+
+    def _repr_png_(self) -> bytes:
+        from lfsr_core.images.png import encode_png
+
+        return b"".join(encode_png(self.eye()))
+
+    def __repr__(self) -> str:
+        frame = self.folder.rendered
+        return f"<frame {self.folder.path}: {frame.display.name}, scale {frame.scale}, {frame.samples} samples>"
+
+
+def render(scene: str | Path, output: str | Path | None = None, *, display: str | Path | DisplayProfile = "fhd",
+           rays: float | None = None, samples: int | None = None, scale: int | None = None, method: str | None = None,
+           blender: str | Starts | None = None, overwrite: bool = True, progress: Tell | bool | None = None,
+           finish: dict[str, Any] | None = None, **request: Any) -> RenderedFrame:
+    """Render a scene and finish it; return the frame.
+
+    Parameters
+    ----------
+    scene : .blend, .glb, .gltf or .obj
+    output : frame folder, by default one of the scene's name beside this program
+    display : name or file of a display profile, or a profile
+    rays : per finished pixel; None for the usual number
+    samples : per rendered pixel, instead of ``rays``
+    scale : by which the views are divided; None for the one that the depth of the scene calls for
+    method : of the second stage, None for the best that this machine has
+    blender : executable, None for the best there is
+    overwrite : False to keep a finished image of the same request
+    progress : True or False to show it or not, or a function; None for True in a terminal or a notebook
+    finish, request : further fields of ``Finish`` and of ``Request``, such as ``frame`` or ``camera``
+
+    LfsrError for bad input, or with Blender's own sentence.
+    """
+    from lfsr_core.pipeline.make import make
+
+    profile = display if isinstance(display, DisplayProfile) else load_display(str(display))
+    is_direct = request.get("layout") == SUBPIXELS
+    scales = (scale,) if scale is not None else (1,) if is_direct else scales_up_to(profile)
+    if samples is None:
+        rays = usual_rays(profile) if rays is None else rays
+        samples = samples_at(profile, scales[0], rays)
+    sampling = (Sampling(scales[0], samples) if len(scales) == 1 else Sampling(scales[0], samples, scales, rays))
+    given = {"device": AUTO, "layers": ("position",)} | request | {"light": check_light(request.get("light", AUTO))}
+    asked = Request(str(output or Path(scene).stem), profile, check_scene(scene), sampling=sampling, **given)
+    tell, close = _teller(progress)
+    try:
+        make(asked, _finish(method, is_direct, finish or {}), blender=blender, tell=tell, overwrite=overwrite)
+    finally:
+        close()
+    return RenderedFrame(asked.output, tell)
+
+
+def reconstruct(low: LowResEIA, method: str = "bilinear") -> Array:
+    """Return the finished EIA (H, W, 3) of a low-resolution one in memory, scene-linear float32 in view order.
+
+    ``low``: as of ``frames.low_res``, with colour and coverage at least; every lens counts as foreground. LfsrError
+    for an unknown method.
+    """
+    from lfsr_core.optics.eia import from_elemental_images
+    from lfsr_core.reconstruct.second_stage import finished_lenses
+
+    rows, columns = low.color.shape[:2]
+    lenses = np.argwhere(np.ones((rows, columns), bool))
+    images = finished_lenses(low, np.ones(len(lenses), bool), method, lenses)
+    return from_elemental_images(images.reshape(rows, columns, *images.shape[1:]))
+
+
+def _finish(method: str | None, is_direct: bool, options: dict[str, Any]) -> Finish:
+    from lfsr_core.reconstruct.method_name import default_method
+
+    return Finish(method or default_method(is_direct), **options)
+
+
+def _teller(progress: Tell | bool | None) -> tuple[Tell, Callable[[], None]]:
+    """Return what shows progress, and what ends its line."""
+    if callable(progress):
+        return progress, lambda: None
+    if progress is None:
+        progress = sys.stderr.isatty() or "ipykernel" in sys.modules
+    if not progress:
+        return silent, lambda: None
+    from lfsr_core.base.progress import ProgressBar
+    from lfsr_core.commands.sentences import sentence
+
+    bar = ProgressBar(words=sentence)
+    return bar, bar.close
