@@ -20,8 +20,8 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.api import RenderedFrame, render
     from lfsr_core.base.errors import LfsrError
     from lfsr_core.base.notices import Notice, Progress
-    from lfsr_core.exports.formats import Exported, export
-    from lfsr_core.exports.importing import Imported, ImportGeometry, import_views
+    from lfsr_core.exports.formats import export
+    from lfsr_core.exports.importing import ImportGeometry, import_views
     from lfsr_core.exports.options import ExportOptions
     from lfsr_core.exports.page import Page, write_page
     from lfsr_core.frames.contact_sheet import write_views
@@ -45,47 +45,11 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.reconstruct.methods import MethodName
 
 __all__ = [
-    "Blender",
-    "CameraArray",
-    "DisplayProfile",
-    "ExportOptions",
-    "Exported",
-    "Finish",
-    "Frame",
-    "FrameFolder",
-    "ImportGeometry",
-    "Imported",
-    "LfsrError",
-    "Made",
-    "MethodName",
-    "Metrics",
-    "Notice",
-    "Page",
-    "PlanOptions",
-    "Planned",
-    "Progress",
-    "RayLayout",
-    "Reference",
-    "RenderedFrame",
-    "Report",
-    "Request",
-    "Sampling",
-    "__version__",
-    "compare_folders",
-    "eia_to_views",
-    "export",
-    "eye_view",
-    "find_blender",
-    "finish_frame",
-    "import_views",
-    "load_display",
-    "make",
-    "make_plan",
-    "read_png",
-    "render",
-    "views_to_eia",
-    "write_page",
-    "write_png",
+    "Blender", "CameraArray", "DisplayProfile", "ExportOptions", "Finish", "Frame", "FrameFolder",
+    "ImportGeometry", "LfsrError", "Made", "MethodName", "Metrics", "Notice", "Page", "PlanOptions", "Planned",
+    "Progress", "RayLayout", "Reference", "RenderedFrame", "Report", "Request", "Sampling", "__version__",
+    "compare_folders", "eia_to_views", "export", "eye_view", "find_blender", "finish_frame", "import_views",
+    "load_display", "make", "make_plan", "read_png", "render", "views_to_eia", "write_page", "write_png",
     "write_views",
 ]
 
@@ -93,8 +57,8 @@ _MODULES = {
     "api": "RenderedFrame render",
     "base.errors": "LfsrError",
     "base.notices": "Notice Progress",
-    "exports.formats": "Exported export",
-    "exports.importing": "Imported ImportGeometry import_views",
+    "exports.formats": "export",
+    "exports.importing": "ImportGeometry import_views",
     "exports.options": "ExportOptions",
     "exports.page": "Page write_page",
     "frames.contact_sheet": "write_views",

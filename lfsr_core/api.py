@@ -109,10 +109,7 @@ class RenderedFrame:
         from lfsr_core.exports.formats import export
         from lfsr_core.exports.options import ExportOptions
 
-        files, notes = export(self.folder.path, format, target, ExportOptions(**options, tell=self._tell))
-        for note in notes:
-            self._tell(note)
-        return list(files)
+        return export(self.folder.path, format, target, ExportOptions(**options, tell=self._tell))
 
     def _repr_png_(self) -> bytes:
         from lfsr_core.images.png import encode_png
@@ -181,9 +178,9 @@ def reconstruct(low: LowResEIA, method: str = "bilinear") -> Array:
 
 
 def _finish(method: str | None, is_direct: bool, options: dict[str, Any]) -> Finish:
-    from lfsr_core.reconstruct.method_name import default_method
+    from lfsr_core.commands.upscale import method_of
 
-    return Finish(method or default_method(is_direct), **options)
+    return Finish(method_of(method, is_direct), **options)
 
 
 def _teller(progress: Tell | bool | None) -> tuple[Tell, Callable[[], None]]:

@@ -114,7 +114,7 @@ def _request(arguments: argparse.Namespace) -> Request:
     elif is_direct:
         scales = (1,)
     else:
-        scales = MethodName.parse(upscale.method_of(arguments, is_direct)).scales_of(scales_up_to(display))
+        scales = MethodName.parse(upscale.method_of(arguments.method, is_direct)).scales_of(scales_up_to(display))
     usual = USUAL_SAMPLES if is_direct else usual_rays(display)
     rays = None if arguments.spp is not None else usual if arguments.rays is None else arguments.rays
     samples = arguments.spp if rays is None else samples_at(display, scales[0], rays)

@@ -52,15 +52,15 @@ def run(arguments: argparse.Namespace) -> None:
         show_finished(folder, bar)
 
 
-def method_of(arguments: argparse.Namespace, is_direct: bool) -> str:
-    """Return the name of the method asked for, else that of the best that this machine can do.
+def method_of(name: str | None, is_direct: bool) -> str:
+    """Return the ``name`` of the method asked for, else that of the best that this machine can do.
 
     ``is_direct``: whether the panel's subpixels are rendered.
     """
     from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PANEL_METHODS, PLAIN_METHOD, denoise
 
     best, plain = PANEL_METHODS if is_direct else (DEFAULT_METHOD, PLAIN_METHOD)
-    return arguments.method or (best if denoise.is_available() else plain)
+    return name or (best if denoise.is_available() else plain)
 
 
 def finish_of(arguments: argparse.Namespace, is_direct: bool, scale: int) -> Finish:
@@ -68,7 +68,7 @@ def finish_of(arguments: argparse.Namespace, is_direct: bool, scale: int) -> Fin
     from lfsr_core.reconstruct.methods import load_method
     from lfsr_core.reconstruct.subpixels import check_subpixels_finish
 
-    name = method_of(arguments, is_direct)
+    name = method_of(arguments.method, is_direct)
     finish = Finish(name, arguments.dilate, os.path.abspath(arguments.weights) if arguments.weights else None,
                     arguments.linear_exr, arguments.temporal_averaging or 0)
     chosen = load_method(name).name

@@ -64,17 +64,17 @@ def test_every_public_name_is_on_the_page():
 
 
 USER = """import lfsr_core
-from lfsr_core import Finish, Frame, Metrics, Report, compare_folders, finish_frame, read_frame, read_views
+from lfsr_core import Finish, FrameFolder, Metrics, Report, RenderedFrame, compare_folders, finish_frame
 
-frame: Frame = read_frame("frame")
+folder: FrameFolder = FrameFolder("frame")
 report: Report = finish_frame("frame", Finish("denoise+bilinear", dilate=1))
 metrics: Metrics = compare_folders("frame", "reference")
-brightest: int = int(read_views("frame").max())
-print(report.seconds["render"], metrics.notes, brightest, frame.display.lenses[0] + 1, lfsr_core.__version__)
+brightest: int = int(RenderedFrame("frame").views.max())
+print(report.seconds["render"], metrics.notes, brightest, folder.frame.display.lenses[0] + 1, lfsr_core.__version__)
 """
 WRONG = ["from lfsr_core import finish_frames", "from lfsr_core import Finish; Finish('none', dilate='1')",
          "from lfsr_core import compare_folders; compare_folders('a', 'b')['p']",
-         "from lfsr_core import read_frame; read_frame('a').display.lense"]
+         "from lfsr_core import FrameFolder; FrameFolder('a').frame.display.lense"]
 
 
 @pytest.mark.slow
