@@ -51,7 +51,7 @@ def lacking(settings: Resolved) -> str:
     reason = why_missing() if settings.method.prefilters else ""
     if not reason:
         return ""
-    name = "Direct subpixel rendering" if settings.is_direct else f"The method {title(settings.method.text)}"
+    name = "Direct subpixel rendering" if settings.subpixels else f"The method {title(settings.method.text)}"
     if chosen := runtime.chosen_library():
         detail = reason.replace(chosen, Path(chosen).name)
         return f"{name} needs Open Image Denoise, but {detail}"

@@ -21,6 +21,7 @@ from lfsr_core.process.protocol import BLENDER_FOLDER
 from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
 
 PACKAGE = __package__.rpartition(".")[0]  # the add-on, under the name that Blender gave it
+RUNNER = "lfsr_core.tasks.runner"
 PYTHON_VARIABLE = "LFSR_PYTHON"
 HEADLESS = Path(__file__).resolve().parents[1] / "headless"
 # A clone has the first, the zip only the second.
@@ -39,12 +40,13 @@ def second_stage_command(module: str) -> list[str]:
     return [*start, "-m", module]
 
 
-def render_command(job_file: str | Path) -> list[str]:
-    """Command line that runs one render job (lfsr_core.frames.request) in another Blender of this version."""
+def render_command() -> list[str]:
+    """Start of a command line that renders in another Blender of this version; request files follow it."""
     if not bpy.app.binary_path:  # the bpy wheel
-        return [sys.executable, "-P", str(ENTRY), "--", str(job_file)]
-    return [bpy.app.binary_path, "--background", "--factory-startup", "--python-exit-code", "1",
-            "--python", str(ENTRY), "--", str(job_file)]
+        return [sys.executable, "-P", str(ENTRY), "--"]
+    scripts = ["--enable-autoexec"] if may_run_scripts(bpy.data.filepath) else []
+    return [bpy.app.binary_path, *scripts, "--background", "--factory-startup", "--python-exit-code", "1",
+            "--python", str(ENTRY), "--"]
 
 
 def may_run_scripts(file: str) -> bool:

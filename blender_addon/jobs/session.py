@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import atexit
+import dataclasses
 import textwrap
-from collections.abc import Callable
-from typing import Any
 
 import bpy
 
@@ -13,26 +12,27 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
 
 from ..scene.words import capitalized, clock, for_panel
-from . import estimate, show_image
-from .steps import ALONE, Steps, Task
+from . import show_image
+from .task import Job, Task
 
 SECONDS_BETWEEN_LOOKS = 0.1
 POPUP_COLUMNS = 90
 STATUS_WIDTH = 12  # of the progress in the status bar, in Blender's units
-MOST_WARNINGS = 3  # that a panel shows
+MOST_NOTICES = 3  # that a panel shows
+# What the panel calls the stages of the work.
+TITLES = {"save": "Saving a copy of the file", "open": "Opening the scene", "render": "Rendering",
+          "frames": "Rendering", "reference": "Rendering reference", "finish": "Upscaling", "upscale": "Upscaling",
+          "denoise": "Denoising", "views": "Decoding views", "decode": "Decoding views", "compare": "Comparing",
+          "view": "Writing viewer", "export": "Exporting", "encode": "Encoding", "show": "Showing",
+          "test": "Proof", "plan": "Measuring lenses", "estimate": "Measuring lenses"}
+ALONE = ("save", "open")  # stages that say more than their fractions
 
 _current: Task | None = None
-_finish: Callable[[Any], None] | None = None  # None where the task belongs to a file that is closed
 
 
 def current() -> Task | None:
     """The task that runs now, None if there is none."""
     return _current
-
-
-def is_of_open_file() -> bool:
-    """True if the task that runs belongs to the open file."""
-    return _finish is not None
 
 
 def check_idle() -> None:
@@ -43,33 +43,33 @@ def check_idle() -> None:
         raise LfsrError("Blender is rendering: wait for it or cancel it")
 
 
-def start(title: str, steps: Steps, finish: Callable[[Any], None]) -> Task:
-    """Follow ``steps`` from a timer and call ``finish(result)`` at their end. LfsrError if they cannot start."""
-    global _current, _finish
+def start(title: str, job: Job) -> Task:
+    """Follow ``job`` from a timer and call its ``finish`` with the result."""
+    global _current
     check_idle()
-    _current, _finish = Task(title, steps), finish
+    _current = Task(title, job)
     state = bpy.context.window_manager.lfsr
     state.message = state.outcome = state.outcome_folder = ""
-    # Persistent: opening another file must not orphan the worker.
+    # Persistent: opening another file must not orphan the process.
     bpy.app.timers.register(_look, first_interval=SECONDS_BETWEEN_LOOKS, persistent=True)
     redraw()  # what Blender is busy with next is read before it is
     return _current
 
 
-def run(title: str, steps: Steps) -> Task:
-    """Run ``steps`` to their end and return the task, for scripts and background mode."""
+def run(title: str, job: Job) -> Task:
+    """Run ``job`` to its end and return the task, for scripts and background mode."""
     global _current
     check_idle()
-    _current = Task(title, steps)
+    _current = task = Task(title, job)
     try:
-        _current.run()
-        return _current
+        task.run()
+        return task
     finally:
         _current = None
 
 
 def cancel() -> Task | None:
-    """Stop what runs, with its worker, and return it; None if nothing ran."""
+    """Stop what runs and return it; None if nothing ran."""
     global _current
     task, _current = _current, None
     if task is not None:
@@ -81,9 +81,8 @@ def cancel() -> Task | None:
 def _look() -> float | None:
     """Timer: poll the task; its result or an error ends it."""
     global _current
-    if _current is None:
+    if (task := _current) is None:
         return None
-    task = _current
     try:
         with system_errors():
             ended = task.poll()
@@ -91,12 +90,11 @@ def _look() -> float | None:
             redraw()
             return SECONDS_BETWEEN_LOOKS
         _current = None
-        say(". ".join(capitalized(warning) for warning in dict.fromkeys(task.warnings[-MOST_WARNINGS:])))
+        say(". ".join(task.job.word(notice) for notice in task.notices[-MOST_NOTICES:]))
         bpy.context.window_manager.lfsr.outcome = f"Done in {clock(task.seconds)}"
-        if _finish is not None:
-            _finish(task.result)
+        task.job.finish(task.result or {})
     except LfsrError as error:
-        notify(". ".join(filter(None, (str(error), task.kept))), "ERROR")
+        notify(". ".join(filter(None, (str(error), task.job.kept()))), "ERROR")
     finally:
         # Also after an unexpected error: a task that cannot go on must not block the next.
         if task.ended:
@@ -166,23 +164,23 @@ def draw_progress(row: bpy.types.UILayout, task: Task) -> None:
 
 def progress_text(task: Task) -> str:
     """Stage, percentage and time left, as in "Rendering 42%, 0:31 left"; first that the file is saved and opened."""
-    seconds = task.seconds_left
-    if seconds is None and task.message in ALONE:
-        return task.message
+    stage, seconds = task.progress.stage, task.seconds_left
+    title = TITLES.get(stage, stage.capitalize())
+    if stage in ALONE:
+        return title
     left = "" if seconds is None else f", {clock(seconds)} left"
-    return f"{task.stage} {task.fraction:.0%}{left}"
+    return f"{title} {task.fraction:.0%}{left}"
 
 
 @bpy.app.handlers.persistent
 def _opened(*_: object) -> None:
     """Another file was opened: the old one's task must change nothing in it, but its images are saved."""
-    global _finish
-    _finish = None
-    estimate.forget_speeds()
+    if _current is not None:
+        _current.job = dataclasses.replace(_current.job, finish=lambda _: None, notice=lambda _: False)
 
 
 def register() -> None:
-    """Show progress in the status bar; workers end with Blender."""
+    """Show progress in the status bar; processes end with Blender."""
     bpy.types.STATUSBAR_HT_header.prepend(draw_status)
     bpy.app.handlers.load_post.append(_opened)
     atexit.register(cancel)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import os
 import re
 import shutil
@@ -19,15 +18,10 @@ from lfsr_core.frames.frame import (
     FRAME_FILE,
     LOW_RES_FILE,
     PANEL_FILE,
-    SUBPIXELS,
     Frame,
     read_part,
-    read_rendered,
 )
-from lfsr_core.frames.identity import is_of, is_same
-from lfsr_core.frames.report import read_report
-from lfsr_core.frames.request import Request
-from lfsr_core.reconstruct.methods import MethodName
+from lfsr_core.frames.identity import is_of
 
 from .methods import DIRECT
 
@@ -94,19 +88,6 @@ def is_unfinished(folder: Path) -> bool:
         return (folder / name).is_file()
 
     return has(FRAME_FILE) and has(LOW_RES_FILE) and not has(EIA_FILE) and not has(PANEL_FILE)
-
-
-def is_complete(folder: Path, job: Request, method: str) -> bool:
-    """True if ``folder`` holds the finished image of just this job and method, temporally averaged or not."""
-    if not (folder / (PANEL_FILE if job.layout == SUBPIXELS else EIA_FILE)).is_file():
-        return False
-    try:
-        frame, report = read_rendered(folder), read_report(folder)
-    except LfsrError:
-        return False  # an incomplete or older folder is rendered again
-    # In an animation with temporal averaging neighbouring frames have seeds of their own.
-    job = dataclasses.replace(job, seed=report.finish.seed_of(job.seed, frame.frame))
-    return report.method == MethodName.parse(method).at_scale(frame.scale).text and is_same(frame, job)
 
 
 def finished_frame(scene: bpy.types.Scene, purpose: str) -> Path:

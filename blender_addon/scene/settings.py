@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from pathlib import Path
 
 import bpy
 
@@ -58,18 +57,6 @@ class Resolved:
     def method(self) -> MethodName:
         """The method that finishes the image."""
         return MethodName.parse(self.finish.method)
-
-    # For jobs, until they read the request and the finish.
-    is_direct = subpixels
-    scale = property(lambda self: self.sampling.scale)
-    scales = property(lambda self: self.sampling.scales)
-    samples = property(lambda self: self.sampling.samples)
-    linear_exr = property(lambda self: self.finish.linear_exr)
-    temporal_averaging = property(lambda self: self.finish.temporal_averaging)
-
-    def job(self, output: Path, frame: int) -> Request:
-        """Return the request of one frame into a folder."""
-        return dataclasses.replace(self.request, output=str(output), frame=frame)
 
     def check_light_field(self, what: str) -> None:
         """LfsrError if ``what``, as in "a plan", has no light field to work on."""

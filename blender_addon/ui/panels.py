@@ -10,8 +10,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.progress import duration
 
 from ..check import last
-from ..jobs import preview, probe, session
-from ..jobs.steps import ALONE
+from ..jobs import preview, session
 from ..scene import folders
 from ..scene import settings as scene_settings
 from ..scene.array import cached, rig
@@ -65,7 +64,7 @@ class LFSR_PT_check(LightFieldPanel, bpy.types.Panel):
         """Draw the button and the rows of the last check."""
         layout, state = self.layout, context.window_manager.lfsr
         layout.operator("lfsr.check_scene", text="Check Scene", icon="VIEWZOOM")
-        seconds, row = probe.expected_seconds(context.scene), row_if(session.current() is None, layout)
+        seconds, row = timing.expected_seconds(context.scene), row_if(session.current() is None, layout)
         if seconds is None:
             row.operator("lfsr.estimate_time", icon="TIME")
         else:
@@ -145,8 +144,8 @@ class LFSR_PT_render(LightFieldPanel, bpy.types.Panel):
         layout, task = self.layout, session.current()
         if task is not None:
             session.draw_progress(layout.row(align=True), task)
-            if task.message and task.message not in ALONE:
-                sentence(layout, task.message, "NONE", context)
+            if task.progress.detail and task.progress.stage not in session.ALONE:
+                sentence(layout, task.progress.detail, "NONE", context)
         else:
             _draw_outcome(layout, context)
         column = layout.column()

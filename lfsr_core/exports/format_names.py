@@ -31,6 +31,8 @@ FILM_TYPES = ("mp4", "gif", "webp", "png")
 WIGGLE_TYPES = ("gif", "webp", "mp4", "png")
 QUILT_FILM_TYPES = ("mp4", "png")
 VIEW_TYPES = ("png", "exr")
+FILMS, FILM_RATE = ("sway", "wiggle"), 30.0  # of one frame, and their frames a second
+QUILT_FILM = "quilt-film"  # of an animation
 H264_SIDE = 6000  # pixels; films of longer sides are HEVC
 
 

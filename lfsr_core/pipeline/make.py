@@ -26,6 +26,7 @@ from lfsr_core.pipeline.time_left import TimeLeft
 from lfsr_core.process.blender import Starts, find_blender
 from lfsr_core.process.child import CrashError
 from lfsr_core.reconstruct.averaging import near
+from lfsr_core.reconstruct.methods import seconds
 
 CHUNK = 16  # frames of one Blender
 TRIES = 2  # of a frame of an animation at which Blender crashes
@@ -100,7 +101,8 @@ def make(request: Request, finish: Finish | None = None, frames: Sequence[int] |
     failed, count = dict[str, str](), len(waiting)
     finishing: list[tuple[Request, Future[None]]] = []
     thread, stopped = ThreadPoolExecutor(1, "lfsr-finish"), threading.Event()
-    time_left, most = TimeLeft(), [0.0]  # and the largest fraction that was told
+    after = 0.0 if finish is None else seconds(request.display, request.sampling.scale, finish.method, request.layout)
+    time_left, most = TimeLeft(after, is_image=frames is None), [0.0]  # and the largest fraction that was told
 
     def heard(told: Progress | Notice) -> None:
         """Tell how far all of the work is while Blender renders, and what it says."""
@@ -127,7 +129,7 @@ def make(request: Request, finish: Finish | None = None, frames: Sequence[int] |
                 # The other stages are short.
                 share = told.fraction if told.stage in ("upscale", "write") else 0.0
                 most[0] = max(most[0], begin + (1 - begin) * share)
-                tell(dataclasses.replace(told, fraction=most[0]))
+                tell(dataclasses.replace(told, fraction=most[0], left=time_left.left(time.monotonic())))
 
         assert finish is not None, "nothing is finished otherwise"
         finish_frame(asked.output, finish, stop_or_tell)

@@ -6,9 +6,6 @@ import dataclasses
 import math
 
 from lfsr_core.base.notices import Progress
-from lfsr_core.frames.frame import SUBPIXELS
-from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.reconstruct.methods import seconds
 
 LEAST_LEFT = 0.5  # seconds
 PACE = 0.85  # of Cycles' later samples of one image, against the mean of those before them
@@ -72,8 +69,3 @@ class TimeLeft:
             if late > LEAST_RATE and before > LEAST_RATE:
                 rest *= math.sqrt(before / late)
         return max(rest - silence, LATE * silence, LEAST_LEFT) + self.after
-
-
-def finish_seconds(display: DisplayProfile, scale: int, method: str, is_direct: bool = False) -> float:
-    """Seconds of the second stage of a frame on two cores; ``is_direct``: of a panel's subpixels."""
-    return seconds(display, scale, method, SUBPIXELS if is_direct else "")

@@ -109,10 +109,10 @@ class Child:
         self._living.discard(self)
 
     @classmethod
-    def stop_all(cls) -> None:
+    def stop_all(cls, seconds: float = SECONDS_TO_STOP) -> None:
         """Stop every child of this process, as from a thread while others wait for them."""
         for child in list(cls._living):
-            child.stop()
+            child.stop(seconds)
 
 
 def output_of(command: Sequence[str], environment: Mapping[str, str] | None = None,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +12,13 @@ import numpy as np
 from lfsr_core.base.files import atomic_path
 from lfsr_core.base.notices import Progress
 from lfsr_core.base.records import from_data
+from lfsr_core.exports.format_names import FILM_RATE, FILMS, QUILT_FILM, default_target
+from lfsr_core.exports.frame_folders import frame_folders
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.folder import FrameFolder
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
 from lfsr_core.process.protocol import emit_told
+from lfsr_core.tasks.command import RenderCommand
 
 
 def finish(folder: str, finish: dict[str, Any], views: str | None = None) -> dict[str, Any]:
@@ -46,29 +52,40 @@ def view(folder: str) -> dict[str, Any]:
     return {"path": str(write_page([folder], tell=emit_told).path)}
 
 
-def export(folder: str, name: str, target: str, type: str | None = None) -> dict[str, Any]:
-    """Write a finished frame folder in format ``name`` into ``target``; return the "first" file and their "count"."""
+def export(folder: str, name: str, target: str, fps: float | None, command: list[str]) -> dict[str, Any]:
+    """Write a finished frame folder in format ``name`` into ``target``; return the "first" file.
+
+    Of films Blender encodes the frames, ``fps`` a second or as usual: this Python has no encoder. ``command``: words
+    that start it.
+    """
     from lfsr_core.exports.formats import export as write
     from lfsr_core.exports.options import ExportOptions
 
-    files = write(folder, name, target, ExportOptions(type=type, tell=emit_told))
-    return {"first": str(files[0]), "count": len(files)}
+    is_film = name in (*FILMS, QUILT_FILM)
+    with tempfile.TemporaryDirectory() as frames:
+        options = ExportOptions(type="png" if is_film else None, tell=emit_told)
+        files = write(folder, name, frames if is_film else target, options)
+        if not is_film:
+            return {"first": str(files[0])}
+        film = Path(frames, f"{files[0].stem.rpartition('_')[0]}.mp4")
+        RenderCommand(tuple(command)).run("encode", frames, str(film), str(fps or FILM_RATE))
+        Path(target).mkdir(parents=True, exist_ok=True)
+        with atomic_path(Path(target, film.name)) as temporary:
+            shutil.copyfile(film, temporary)
+    return {"first": str(Path(target, film.name))}
 
 
-def find_display(folder: str) -> dict[str, Any]:
-    """Say whether a frame is shown through Looking Glass Bridge, in "through_bridge"; errors as of ``show``."""
-    from lfsr_core.exports.show import find_display
+def show(path: str, full_screen: bool, fps: float, command: list[str]) -> dict[str, Any]:
+    """Show a frame folder or all frames in a folder; return the "sentence" and the "page" to open, or None.
 
-    return {"through_bridge": find_display(Path(folder)) is not None}
-
-
-def show(path: str, full_screen: bool, fps: float) -> dict[str, Any]:
-    """Show a frame folder, a folder of them or a quilt; return the "sentence" and the "page" to open, or None.
-
-    ``full_screen``: the panel's own image, also where views could go through Looking Glass Bridge.
+    ``full_screen``: the panel's own image, also where views could go through Looking Glass Bridge; ``fps`` and
+    ``command`` as of ``export``.
     """
-    from lfsr_core.exports.show import SCREEN
+    from lfsr_core.exports.show import SCREEN, find_display
     from lfsr_core.exports.show import show as show_now
 
+    frames = frame_folders(Path(path), (EIA_FILE, PANEL_FILE))
+    if len(frames) > 1 and not full_screen and find_display(frames[0]) is not None:
+        path = export(path, QUILT_FILM, str(default_target(path, QUILT_FILM)), fps, command)["first"]
     shown = show_now(path, SCREEN if full_screen else None, fps, emit_told)
     return {"sentence": shown.sentence, "page": shown.page and str(shown.page.absolute())}

@@ -22,13 +22,14 @@ from lfsr_core.process.child import Child
 from lfsr_core.process.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit, repeated
 from lfsr_core.tasks import folder_tasks, render_tasks
 
+SECONDS_TO_STOP = 1.0  # less than the add-on waits for the task itself
 # A task takes the entries of its file and returns JSON-ready data.
 Task = Callable[..., dict[str, Any]]
 STARTING: dict[str, Task] = {task.__name__: task for task in (
-    render_tasks.make, render_tasks.reference, render_tasks.plan)}  # start processes
+    render_tasks.make, render_tasks.reference, render_tasks.estimate, render_tasks.plan, folder_tasks.export,
+    folder_tasks.show)}  # start processes
 TASKS: dict[str, Task] = STARTING | {task.__name__: task for task in (
-    folder_tasks.finish, folder_tasks.decode, folder_tasks.view, folder_tasks.export, folder_tasks.find_display,
-    folder_tasks.show)}
+    folder_tasks.finish, folder_tasks.decode, folder_tasks.view)}
 
 
 def main(arguments: list[str]) -> int:
@@ -58,8 +59,11 @@ def _end_on_request(unwinds: bool) -> None:
         while os.read(0, 1):
             pass
         if unwinds:
-            _thread.interrupt_main(signal.SIGTERM)
-            Child.stop_all()  # the main thread waits for what they write
+            if sys.platform == "win32":
+                _thread.interrupt_main(signal.SIGTERM)
+            else:  # wakes the main thread where it waits for another
+                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
+            Child.stop_all(SECONDS_TO_STOP)  # the main thread waits for what they write
         else:
             _leave()
 

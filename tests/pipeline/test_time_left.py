@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.base.notices import Progress
-from lfsr_core.optics.display import load_display
-from lfsr_core.pipeline.time_left import LEAST_LEFT, TimeLeft, finish_seconds
+from lfsr_core.pipeline.time_left import LEAST_LEFT, TimeLeft
 
 # Each: times, fractions, CPU seconds and whether it was repeated, as renders on two busy cores have told them.
 RECORDED = json.loads(Path(__file__).with_name("recorded_renders.json").read_text(encoding="utf-8"))
@@ -76,10 +75,3 @@ def test_another_process_goes_on_counting():
     for second, cpu in enumerate([0.0, 1.0, 2.0, 0.5, 1.5, 2.5]):
         clock.hear(Progress("render", second / 10, cpu=cpu), float(second))
     assert clock.left(5.0) == pytest.approx(5.0, rel=0.1)
-
-
-def test_a_larger_image_and_a_denoiser_take_longer():
-    small, large = load_display("mini"), load_display("bupt-32in-8k")
-    seconds = [finish_seconds(small, 2, "bilinear"), finish_seconds(large, 4, "bilinear"),
-               finish_seconds(large, 4, "denoise+bilinear+epi"), finish_seconds(large, 1, "denoise")]
-    assert seconds == sorted(seconds) and seconds[-1] > 2 * seconds[-2]

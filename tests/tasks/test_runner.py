@@ -29,8 +29,8 @@ def task(tmp_path: Path, blender: str, **options: object) -> Path:
     job = make_request(output=str(tmp_path), display=load_display("mini"), scene="scene.blend")
     options = {"target": 0.5, "scales": [2], "spps": [4], "methods": ["bilinear"], "lenses": 16} | options
     path = tmp_path / "task.json"
-    path.write_text(json.dumps({"task": "plan", "request": to_data(job), "options": options, "command": [blender, "--"],
-                                "work": str(tmp_path / "work")}))
+    data = {"task": "plan", "request": to_data(job), "options": options, "command": [blender, "--"]}
+    path.write_text(json.dumps(data))
     return path
 
 
@@ -43,7 +43,9 @@ def test_task_of_the_add_on_ends_with_its_result(tmp_path, blender):
     with run_task(task(tmp_path, blender)) as process:
         # Read, not communicated with: its end of input would end it.
         lines = [json.loads(line.removeprefix("LFSR ")) for line in process.stdout]
-    *progress, done = lines
+    *told, done = lines
+    progress = [record for record in told if "fraction" in record]
+    assert next(record["notice"] for record in told if "notice" in record) == "first-guess"
     assert process.returncode == 0 and done["stage"] == "done"
     assert done["chosen"] == {"scale": 2, "spp": 4, "method": "bilinear"} and "s2-spp4 bilinear" in done["sentence"]
     fractions = [record["fraction"] for record in progress]
@@ -80,7 +82,6 @@ def test_task_takes_its_render_along_when_it_ends(tmp_path, how, written):
         assert process.wait(10) == EXIT_CANCELLED
     pid = int((tmp_path / "pid").read_text())
     assert not Path(f"/proc/{pid}").exists()
-    assert not (tmp_path / "work" / "quick").exists()
     assert not list(tmp_path.glob("film/*")) and not list(tmp_path.glob("film/.*"))
 
 

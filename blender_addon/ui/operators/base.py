@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import Any
 
 import bpy
 
@@ -13,7 +12,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
 
 from ...jobs import session
-from ...jobs.steps import Steps
+from ...jobs.task import Job
 from ...scene import settings as scene_settings
 from ...scene.array import edit, rig
 from ...scene.words import capitalized
@@ -22,8 +21,6 @@ from ..drawing import sentence
 UNDO = {"REGISTER", "UNDO"}
 DIALOG_WIDTH = 420
 Result = set[str]
-# The steps of a task, and what to do with its result.
-Prepared = tuple[Steps, Callable[[Any], None]]
 
 
 def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
@@ -67,8 +64,8 @@ class TaskOperator:
         """Return what to ask before the task starts."""
         return []
 
-    def prepare(self, context: bpy.types.Context) -> Prepared | None:
-        """Return steps and what to do with their result; None if there is nothing to do."""
+    def prepare(self, context: bpy.types.Context) -> Job | None:
+        """Return the job to start; None if there is nothing to do."""
         raise NotImplementedError
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
@@ -96,9 +93,8 @@ class TaskOperator:
     def start(self, context: bpy.types.Context) -> Result:
         """Start the task, which a timer follows."""
         session.check_idle()
-        prepared = self.prepare(context)
-        if prepared is not None:
-            session.start(self.bl_label, *prepared)
+        if (job := self.prepare(context)) is not None:
+            session.start(self.bl_label, job)
         return {"FINISHED"}
 
     @reports_errors
@@ -111,13 +107,11 @@ class TaskOperator:
         for question in self._questions(context):
             if question.advice:
                 raise LfsrError(f"{question.sentence}: {question.advice}")
-        prepared = self.prepare(context)
-        if prepared is not None:
-            steps, finish = prepared
-            task = session.run(self.bl_label, steps)
-            for warning in task.warnings:
-                self.report({"WARNING"}, capitalized(warning))
-            finish(task.result)
+        if (job := self.prepare(context)) is not None:
+            task = session.run(self.bl_label, job)
+            for notice in task.notices:
+                self.report({"WARNING"}, capitalized(job.word(notice)))
+            job.finish(task.result or {})
         return {"FINISHED"}
 
     def _questions(self, context: bpy.types.Context) -> list[Question]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import functools
-
 import bpy
 
-from ...jobs import probe, recipes
-from .base import Prepared, TaskOperator, add_missing_array
+from lfsr_core.base.records import from_data
+from lfsr_core.tasks.estimate import Measured
+
+from ...jobs import asked, runtime, timing
+from ...jobs.task import Job
+from .base import TaskOperator, add_missing_array
 
 
 class LFSR_OT_estimate_time(TaskOperator, bpy.types.Operator):
@@ -16,11 +18,13 @@ class LFSR_OT_estimate_time(TaskOperator, bpy.types.Operator):
     bl_idname = "lfsr.estimate_time"
     bl_label = "Estimate Time"
 
-    def prepare(self, context: bpy.types.Context) -> Prepared:
+    def prepare(self, context: bpy.types.Context) -> Job:
         """Measure the current frame."""
         scene = context.scene
         add_missing_array(scene)
-        return probe.measure(recipes.frame_recipe(scene).job), functools.partial(probe.remember, scene.name_full)
+        name = scene.name_full
+        return Job("estimate", {"request": asked.asked(scene)[0], "command": runtime.render_command()},
+                   lambda result: timing.remember(name, from_data(Measured, result, "what was measured")))
 
 
 CLASSES = (LFSR_OT_estimate_time,)

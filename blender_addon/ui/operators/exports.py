@@ -6,11 +6,14 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.exports.format_names import DESCRIPTIONS, TITLES
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.exports.format_names import DESCRIPTIONS, FILMS, QUILT_FILM, TITLES, default_target
+from lfsr_core.exports.frame_folders import frame_folders
 
-from ...jobs import exports, session
+from ...jobs import runtime, session
+from ...jobs.task import Job
 from ...scene import folders
-from .base import Prepared, TaskOperator
+from .base import TaskOperator
 
 PURPOSE = "to show or export"
 FORMAT_ITEMS = [(name, TITLES[name], text[0].upper() + text[1:]) for name, text in DESCRIPTIONS.items()]
@@ -22,9 +25,10 @@ class LFSR_OT_open_viewer(TaskOperator, bpy.types.Operator):
     bl_idname = "lfsr.open_viewer"
     bl_label = "Open Viewer"
 
-    def prepare(self, context: bpy.types.Context) -> Prepared:
+    def prepare(self, context: bpy.types.Context) -> Job:
         """Write the page, then open it."""
-        return exports.write_viewer(folders.finished_frame(context.scene, PURPOSE)), _open
+        folder = folders.finished_frame(context.scene, PURPOSE)
+        return Job("view", {"folder": str(folder)}, lambda result: _open(Path(result["path"])))
 
 
 class LFSR_OT_export(TaskOperator, bpy.types.Operator):
@@ -40,10 +44,17 @@ class LFSR_OT_export(TaskOperator, bpy.types.Operator):
         """Return the tooltip of each format."""
         return dict((name, text) for name, _, text in FORMAT_ITEMS)[properties.format]
 
-    def prepare(self, context: bpy.types.Context) -> Prepared:
+    def prepare(self, context: bpy.types.Context) -> Job:
         """Export, then show where the files are."""
         folder = folders.finished_frame(context.scene, PURPOSE)
-        return exports.export(folder, self.format, _rate(context)), _say_where
+        if self.format == QUILT_FILM:
+            folder = folder.parent
+            if len(frame_folders(folder)) < 2:
+                raise LfsrError(f"there is one image only in {folder}, expected an animation: press Render Animation")
+        target = default_target(folder, self.format)
+        fps = None if self.format in FILMS else _rate(context)
+        return Job("export", {"folder": str(folder), "name": self.format, "target": str(target), "fps": fps,
+                              "command": runtime.render_command()}, lambda _: _say_where(target))
 
 
 class LFSR_OT_show(TaskOperator, bpy.types.Operator):
@@ -64,12 +75,11 @@ class LFSR_OT_show(TaskOperator, bpy.types.Operator):
         name = next(switches, None)
         return cls.bl_rna.properties[name].description if name else ""
 
-    def prepare(self, context: bpy.types.Context) -> Prepared:
+    def prepare(self, context: bpy.types.Context) -> Job:
         """Show it, then say where."""
         folder = folders.shown_frame(context.scene, "to show")
-        if self.animation:
-            return exports.show_animation(folder.parent, _rate(context)), _say_what_is_shown
-        return exports.show(folder, self.full_screen), _say_what_is_shown
+        return Job("show", {"path": str(folder.parent if self.animation else folder), "full_screen": self.full_screen,
+                            "fps": _rate(context), "command": runtime.render_command()}, _say_what_is_shown)
 
 
 class LFSR_MT_export(bpy.types.Menu):

@@ -2,10 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
+import shutil
+from pathlib import Path
+
 import bpy
 
-from ...jobs import session, submission
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path, system_errors
+from lfsr_core.frames.identity import FARM_COPY
+from lfsr_core.pipeline.farms import FarmJob, Submission, write_job
+
+from ...jobs import asked, session, show_image
+from ...jobs.copy import save_copy
+from ...scene import folders
+from ...scene import settings as scene_settings
+from ...scene.array.scale import scale_of
+from ...scene.displays import PROFILE_FILE
 from .base import Result, reports_errors
+
+COPY_SUFFIX = f"{FARM_COPY}.blend"  # never the name of a file that somebody works on
 
 FARM_ITEMS = [("openjd", "OpenJD", "Request bundle of Open Request Description, for AWS Deadline Cloud and others"),
               ("flamenco", "Flamenco", "Request type and job for a Flamenco 3 manager")]
@@ -40,13 +56,43 @@ class LFSR_OT_submit(bpy.types.Operator):
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
         """Write the files and show the next command."""
-        folder = submission.chosen_folder(self.directory)
-        written = submission.submit(context.scene, self.farm, folder, self.parts)
+        if not self.directory.strip():
+            raise LfsrError("no folder is chosen for the farm's job: give one that every machine of the farm can see")
+        folder = folders.absolute(self.directory, "the folder of the job")
+        written = submit(context.scene, self.farm, folder, self.parts)
         context.window_manager.clipboard = written.command
         print(f"Light Field: the job is in {folder}. Next (in the clipboard): {written.command}")
         session.tell(f"The job is in the folder {folder.name}, and its next command in the clipboard. {written.note}",
                      "INFO")
         return {"FINISHED"}
+
+
+def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> Submission:
+    """Write the job of the timeline's range for ``farm``, "openjd" or "flamenco", with ``parts`` parts per frame.
+
+    A copy of the file, the farm's template and the panel's settings go into ``folder``, which is created where it is
+    missing; every machine of the farm must see it under the same path. LfsrError where the scene cannot be rendered or
+    the folder cannot be written to.
+    """
+    scene_settings.resolve(scene).check_light_field("a farm's job")
+    request, finish, frames = asked.asked_animation(scene)
+    if request.sampling.scales:
+        with show_image.wait_cursor():
+            request = request.with_scale(scale_of(scene, request))
+    with system_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    display = ""
+    if scene.lfsr.display == PROFILE_FILE:
+        path = folders.absolute(scene.lfsr.profile_file, "the display profile")
+        display = str(folder / path.name)
+        if path.resolve() != Path(display).resolve():
+            with atomic_path(display) as temporary:
+                shutil.copyfile(path, temporary)
+    copy = folder / f"{folders.file_stem()}{COPY_SUFFIX}"
+    with atomic_path(copy) as temporary:
+        save_copy(temporary)
+    request = dataclasses.replace(request, scene=str(copy))
+    return write_job(farm, folder, FarmJob(request, finish, frames, parts, display))
 
 
 class LFSR_MT_submit(bpy.types.Menu):

@@ -5,13 +5,15 @@ from __future__ import annotations
 import bpy
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import read_rendered
 from lfsr_core.reconstruct.methods import AS_RENDERED, MENU, MORE, PANEL_METHODS, MethodName
 
-from ...jobs import denoiser, recipes
+from ...jobs import asked, denoiser
+from ...jobs.task import Job
 from ...scene import folders
 from ...scene.methods import title
-from .base import Prepared, TaskOperator
+from .base import TaskOperator
 from .render import show_image_of
 
 Items = list[tuple[str, str, str]]
@@ -47,14 +49,16 @@ class LFSR_OT_finish_frame(TaskOperator, bpy.types.Operator):
 
     method: bpy.props.EnumProperty(name="Method", description="How the image is made", items=_items)
 
-    def prepare(self, context: bpy.types.Context) -> Prepared:
+    def prepare(self, context: bpy.types.Context) -> Job:
         """Run the second stage, then show the image; the method becomes the scene's."""
         scene = context.scene
         folder = folders.frame_folder(scene)
         if not folders.is_own(scene, folder) or not folders.is_unfinished(folder):
             raise LfsrError(f"there is no unfinished render in {folder}: render the EIA")
         scene.lfsr.method = self.method
-        return recipes.finish_frame(folder, self.method, scene.lfsr.linear_exr), show_image_of(scene)
+        name, finish = scene.name_full, Finish(self.method, linear_exr=scene.lfsr.linear_exr)
+        return Job("finish", {"folder": str(folder), "finish": finish, "views": str(asked.views_file(folder))},
+                   lambda _: show_image_of(name, folder), output=folder)
 
 
 CLASSES = (LFSR_OT_finish_frame,)

@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
-import dataclasses
-import functools
 import re
-from collections.abc import Callable
-from pathlib import Path
 
 import bpy
-import numpy as np
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.records import from_data, to_data
-from lfsr_core.frames.request import Request
+from lfsr_core.base.notices import Notice
+from lfsr_core.base.records import from_data
 from lfsr_core.plan.candidates import METRICS, Candidate
-from lfsr_core.plan.first import Guess, first_guess
+from lfsr_core.plan.first import Guess
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.reconstruct.methods import AS_RENDERED
 from lfsr_core.tasks.render_tasks import Found
 
-from ...jobs import recipes, session, steps
-from ...jobs.copy import file_copy
-from ...jobs.steps import Steps
+from ...jobs import asked, runtime, session
+from ...jobs.task import Job
 from ...scene import settings as scene_settings
 from ...scene.methods import title
 from ...scene.words import counted
-from .base import UNDO, Prepared, Result, TaskOperator, add_missing_array, reports_errors
+from .base import UNDO, Result, TaskOperator, add_missing_array, reports_errors
 
-LOOK_FRACTION = 0.03  # of a plan's time
 CANDIDATE = re.compile(r"s(\d+)-spp(\d+) ([^\s,;]+)")  # a candidate's name in a sentence
 
 
@@ -38,17 +31,24 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
     bl_idname = "lfsr.plan"
     bl_label = "Find Cheapest Settings"
 
-    def prepare(self, context: bpy.types.Context) -> Prepared:
+    def prepare(self, context: bpy.types.Context) -> Job:
         """Plan for the current frame, then show the result in the panel."""
         scene = context.scene
         scene_settings.resolve(scene).check_light_field("a plan")
         add_missing_array(scene)
         options = wanted(scene)
-        job = recipes.frame_recipe(scene).job
+        request, _ = asked.asked(scene)
         state = context.window_manager.lfsr
         state.plan_scene = state.plan_text = state.plan_method = ""  # the last result must not seem to be this one's
         name = scene.name_full
-        return find(job, options, functools.partial(guess, name)), functools.partial(show, name)
+
+        def notice(told: Notice) -> bool:
+            if told.code == "first-guess":
+                guess(name, from_data(Guess, told.values, "the first guess"))
+            return told.code == "first-guess"
+
+        return Job("plan", {"request": request, "options": options, "command": runtime.render_command()},
+                   lambda result: show(name, from_data(Found, result, "the plan's result")), notice)
 
 
 class LFSR_OT_plan_use(bpy.types.Operator):
@@ -73,18 +73,6 @@ class LFSR_OT_plan_use(bpy.types.Operator):
 def wanted(scene: bpy.types.Scene) -> PlanOptions:
     """Options of a plan: the scene's target, which floats of single precision do not hold exactly."""
     return PlanOptions(target=round(scene.lfsr.plan_target, 4))
-
-
-def find(job: Request, options: PlanOptions, tell: Callable[[Guess], None] = lambda _: None) -> Steps:
-    """Plan for a copy of this file; the result is a ``Found``. ``tell`` is called with a first guess."""
-    yield steps.SAVING
-    with file_copy() as copy:
-        job = dataclasses.replace(job, scene=str(copy), output=str(copy.parent))
-        looked = yield steps.depth_step(job, copy.parent, LOOK_FRACTION)
-        tell(first_guess(job.display, np.array(looked["moves"]), options))
-        done = yield steps.rendering_step("Measuring lenses", 1 - LOOK_FRACTION, copy.parent, "plan", job=to_data(job),
-                                          options=to_data(options), work=str(Path(copy.parent, "plan")))
-    return from_data(Found, done, "the plan's result")
 
 
 def guess(scene_name: str, found: Guess) -> None:

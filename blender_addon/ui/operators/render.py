@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import bpy
 
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
+from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
+from lfsr_core.frames.request import Sampling
 
-from ...jobs import denoiser, preview, probe, recipes, session, show_image
+from ...jobs import asked, denoiser, preview, runtime, session, show_image, timing
+from ...jobs.task import Job
 from ...scene import folders
 from ...scene import settings as scene_settings
 from ...scene.methods import title
 from ...scene.subject import find_subject
+from ...scene.words import counted
 from . import check
-from .base import Prepared, Question, Result, TaskOperator, add_missing_array
+from .base import Question, Result, TaskOperator, add_missing_array
 
 PROOF = "The image is a proof with fewer lenses and views. The full one follows; cancel if the proof looks wrong"
 
@@ -40,13 +48,9 @@ class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
         self.wants_proof = True
         return super().start(context)
 
-    def prepare(self, context: bpy.types.Context) -> Prepared:
+    def prepare(self, context: bpy.types.Context) -> Job:
         """Render one frame, then show its image. A scene without a camera array gets one."""
-        scene = context.scene
-        add_missing_array(scene)
-        recipe = recipes.frame_recipe(scene)
-        proof = recipes.proof_recipe(scene, recipe) if self.wants_proof and _is_first(scene, recipe) else None
-        return recipes.render_frame(recipe, proof, _show_proof_of(scene, recipe)), show_image_of(scene)
+        return image_job(context.scene, self.wants_proof)
 
 
 class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
@@ -57,13 +61,11 @@ class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
 
     def questions(self, context: bpy.types.Context) -> list[Question]:
         """Ask before another scene's frames are overwritten, where the method cannot run, and on what is left out."""
-        return _asked(context.scene, recipes.timeline(context.scene))
+        return _asked(context.scene, asked.timeline(context.scene))
 
-    def prepare(self, context: bpy.types.Context) -> Prepared:
+    def prepare(self, context: bpy.types.Context) -> Job:
         """Render the frames that are missing, then show the last image and a summary."""
-        add_missing_array(context.scene)
-        steps = recipes.render_animation(recipes.animation_recipe(context.scene))
-        return steps, functools.partial(_end_animation, context.scene.name_full)
+        return animation_job(context.scene)
 
 
 class LFSR_OT_render_reference(TaskOperator, bpy.types.Operator):
@@ -72,10 +74,21 @@ class LFSR_OT_render_reference(TaskOperator, bpy.types.Operator):
     bl_idname = "lfsr.render_reference"
     bl_label = "Render Reference + SSIM"
 
-    def prepare(self, context: bpy.types.Context) -> Prepared:
+    def prepare(self, context: bpy.types.Context) -> Job:
         """Render the reference of the current frame, then write the metrics into its report."""
-        recipe, job = recipes.reference_recipe(context.scene)
-        return recipes.render_reference(recipe, job, context.scene.lfsr.reference_lenses), _print_ssim
+        scene = context.scene
+        scene_settings.resolve(scene).check_light_field("a reference")
+        request, finish = asked.asked(scene)
+        folder = folders.finished_frame(scene, "to compare")
+        if not asked.is_made(request, finish):
+            raise LfsrError(f"the image in {folder} was made with other settings: render the EIA again first")
+        target = folder.with_name(f"{folder.name}_reference")
+        wanted = dataclasses.replace(
+            request, sampling=Sampling(1, scene.lfsr.reference_samples), kind="reference", layers=(),
+            clamp_indirect=0.0, output=str(target))
+        return Job("reference", {"request": wanted, "folder": str(folder), "lenses": scene.lfsr.reference_lenses,
+                                 "command": runtime.render_command()},
+                   _print_ssim, output=target, kept=functools.partial(asked.kept, target))
 
 
 class LFSR_OT_preview_view(TaskOperator, bpy.types.Operator):
@@ -84,14 +97,15 @@ class LFSR_OT_preview_view(TaskOperator, bpy.types.Operator):
     bl_idname = "lfsr.preview_view"
     bl_label = "Preview View"
 
-    def prepare(self, context: bpy.types.Context) -> Prepared | None:
+    def prepare(self, context: bpy.types.Context) -> Job | None:
         """Decode the current frame's views unless they are there, then show one."""
         scene = context.scene
         folder = folders.finished_frame(scene, "to preview")
-        if recipes.is_decoded(folder):
-            _show_view(scene.name_full, recipes.views_file(folder))
+        views, name = asked.views_file(folder), scene.name_full
+        if asked.is_decoded(folder):
+            _show_view(name, views)
             return None
-        return recipes.decode_views(folder), functools.partial(_show_view, scene.name_full)
+        return Job("decode", {"folder": str(folder), "views": str(views)}, lambda _: _show_view(name, views))
 
 
 class LFSR_OT_cancel(bpy.types.Operator):
@@ -106,13 +120,45 @@ class LFSR_OT_cancel(bpy.types.Operator):
         if task is None:
             self.report({"WARNING"}, "No light-field render is running")
             return {"CANCELLED"}
-        session.say(task.cancelled)
+        session.say(". ".join(filter(None, ("Cancelled", task.job.kept()))))
         return {"FINISHED"}
 
 
-def show_image_of(scene: bpy.types.Scene) -> Callable[[Path], None]:
-    """Return what shows the image in a frame folder of ``scene``."""
-    return functools.partial(_show_image, scene.name_full)
+def image_job(scene: bpy.types.Scene, wants_proof: bool = False) -> Job:
+    """Return the job that renders the current frame and shows it; LfsrError where it cannot be rendered."""
+    add_missing_array(scene)
+    request, finish = asked.asked(scene)
+    finish = dataclasses.replace(finish, temporal_averaging=0)  # only an animation has neighbouring frames
+    folder, name, state = Path(request.output), scene.name_full, bpy.context.window_manager.lfsr
+    proof_name = f"{folder.parent} {request.display.name}"
+    is_seen = (folder / EIA_FILE).is_file() or state.proof_shown == proof_name
+    is_long = (timing.expected_seconds(scene) or math.inf) > check.LONG
+    proof = asked.proof(scene, request) if wants_proof and is_long and not is_seen else None
+
+    def notice(told: Notice) -> bool:
+        if told.code == "test-made":
+            bpy.context.window_manager.lfsr.proof_shown = proof_name
+            show_image_of(name, Path(told.values["folder"]))
+            session.say(PROOF)
+        return told.code == "test-made"
+
+    test = {"test": proof, "test_views": str(asked.views_file(Path(proof.output)))} if proof else {}
+    return Job("make", {"request": request, "finish": finish, "overwrite": True, "command": runtime.render_command(),
+                        "views": str(asked.views_file(folder))} | test,
+               lambda _: show_image_of(name, folder), notice, folder, kept=functools.partial(asked.kept, folder))
+
+
+def animation_job(scene: bpy.types.Scene) -> Job:
+    """Return the job that renders the frames that are missing, then shows the last image and a summary."""
+    add_missing_array(scene)
+    request, finish, frames = asked.asked_animation(scene)
+    output = Path(request.output)
+    last = FrameFolder.of_frame(output, frames[-1]).path
+    return Job("make", {"request": request, "finish": finish, "frames": list(frames),
+                        "overwrite": scene.lfsr.use_overwrite, "views": str(asked.views_file(last)),
+                        "command": runtime.render_command()},
+               functools.partial(_end_animation, scene.name_full), output=output, frames=frames,
+               kept=lambda: asked.CONTINUE)
 
 
 def _asked(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
@@ -139,36 +185,14 @@ def _use_replacement(scene: bpy.types.Scene, settings: scene_settings.Resolved) 
     bpy.ops.ed.undo_push(message="Set Method")
 
 
-def _is_first(scene: bpy.types.Scene, recipe: recipes.Recipe) -> bool:
-    """True if nothing shows what the image will be, and it is not known to be there soon."""
-    is_seen = (recipe.folder / EIA_FILE).is_file() or (
-        bpy.context.window_manager.lfsr.proof_shown == _proof_name(recipe))
-    return not is_seen and (probe.expected_seconds(scene) or math.inf) > check.LONG
-
-
-def _proof_name(recipe: recipes.Recipe) -> str:
-    return f"{recipe.folder.parent} {recipe.job.display.name}"
-
-
-def _show_proof_of(scene: bpy.types.Scene, recipe: recipes.Recipe) -> Callable[[Path], None]:
-    name = scene.name_full
-
-    def show(folder: Path) -> None:
-        if session.is_of_open_file():
-            bpy.context.window_manager.lfsr.proof_shown = _proof_name(recipe)
-            _show_image(name, folder)
-            session.say(PROOF)
-    return show
-
-
 def _overwriting(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
     taken = "" if scene.lfsr.use_overwrite else folders.first_foreign(scene, frames)
     return [Question(taken, "Overwrite", "turn on Overwrite, or choose another output folder")] if taken else []
 
 
-def _show_image(scene_name: str, folder: Path) -> None:
+def show_image_of(scene_name: str, folder: Path) -> None:
     """Show the finished image in ``folder``, and preview its views where the scene is still open."""
-    scene, views, panel = _scene(scene_name), recipes.views_file(folder), folder / PANEL_FILE
+    scene, views, panel = _scene(scene_name), asked.views_file(folder), folder / PANEL_FILE
     if scene is not None and not (folder / EIA_FILE).is_file():
         preview.unload(scene)  # the views of an earlier render do not belong to this image
     elif scene is not None and views.is_file():
@@ -182,13 +206,22 @@ def _scene(name: str) -> bpy.types.Scene | None:
     return next((scene for scene in bpy.data.scenes if scene.name_full == name), None)
 
 
-def _end_animation(scene_name: str, result: tuple[Path, str]) -> None:
-    folder, sentence = result
-    _show_image(scene_name, folder)
-    session.say(sentence)
+def _end_animation(scene_name: str, result: dict[str, Any]) -> None:
+    made = result["made"]  # data of ``pipeline.make.Made``
+    for frame in made:
+        print(f"frame {frame['frame']}: {frame['state']} {frame['error']}".rstrip())
+    count = Counter(frame["state"] for frame in made)
+    states = ", ".join(f"{count[state]} {state}" for state in ("made", "kept", "failed"))
+    said = f"{counted(len(made), 'frame')}: {states}"
+    if failed := [frame for frame in made if frame["state"] == "failed"]:
+        raise LfsrError(f"{said}; frame {failed[0]['frame']}: {failed[0]['error']}; press Render Animation again to "
+                        "make what is missing")
+    show_image_of(scene_name, Path(made[-1]["folder"]))
+    session.say(said)
 
 
-def _print_ssim(metrics: dict[str, Any]) -> None:
+def _print_ssim(result: dict[str, Any]) -> None:
+    metrics = result["metrics"]
     ssim = metrics.get("ssim_eia_fg", metrics.get("ssim_lens_fg"))
     session.say(f"SSIM of the foreground {ssim:.4f}" if ssim is not None else "No SSIM: no lens shows any foreground")
 

@@ -9,9 +9,9 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs import recipes
-from blender_addon.jobs.steps import Task
+from blender_addon.jobs.task import Task
 from blender_addon.scene import folders
+from blender_addon.ui.operators.render import image_job
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers
 from tests.support import panel
@@ -41,10 +41,11 @@ def set_up() -> bpy.types.Scene:
 
 def render(layout: str) -> tuple[Path, dict[str, np.ndarray]]:
     """Frame folder and layers of the open scene, rendered as by the button."""
-    recipe = recipes.frame_recipe(bpy.context.scene)
-    recipe = dataclasses.replace(recipe, job=dataclasses.replace(recipe.job, layout=layout))
-    Task("Render EIA", recipes.render_frame(recipe)).run()
-    return recipe.folder, read_layers(recipe.folder / "lr_eia.exr")
+    job = image_job(bpy.context.scene)
+    request = dataclasses.replace(job.arguments["request"], layout=layout)
+    Task("Render EIA", dataclasses.replace(job, arguments={**job.arguments, "request": request})).run()
+    folder = Path(request.output)
+    return folder, read_layers(folder / "lr_eia.exr")
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -15,8 +15,11 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs import recipes, session
+from blender_addon.jobs import session
+from blender_addon.scene import folders
+from blender_addon.ui.operators import render
 from lfsr_core.images.exr import read_layers
+from lfsr_core.pipeline.make import RENDER_FRACTION
 from tests.support import panel
 from tests.support.scenes import ROOT, add_box
 
@@ -126,13 +129,14 @@ def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, m
         scene = panel.artist_scene(tmp_path)
         scene.lfsr.samples = 800
         bpy.data.lights["Sun"].energy += 1  # not saved
-        folder = recipes.frame_recipe(scene).folder
+        folder = folders.frame_folder(scene)
 
         def press():
-            return session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
+            return session.start("Render EIA", render.image_job(scene))
 
         def cancel():
-            assert session.cancel().cancelled == "Cancelled. Render again to continue"
+            assert bpy.ops.lfsr.cancel() == {"FINISHED"}
+            assert bpy.context.window_manager.lfsr.message == "Cancelled. Render again to continue"
             return written(folder)
 
         def same(before):
@@ -145,8 +149,9 @@ def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, m
             if save:
                 bpy.ops.wm.save_mainfile()
             task = press()
-            panel.wait_for(lambda count=tuple(done): len(parts(folder)) > len(count))
-            assert same(done) and not task.warnings
+            count = len(done)
+            panel.wait_for(lambda count=count: len(parts(folder)) > count)
+            assert same(done) and not task.notices
         rows = sum(int(last) - int(first) for first, last in (name.split("-")[-3:-1] for name in cancel()))
         task, fractions = press(), []
 
@@ -154,7 +159,7 @@ def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, m
             fractions.append(task.fraction)
             return session.current() is None
         panel.wait_for(ended)
-        fraction = recipes.RENDER_FRACTION * rows / read_layers(folder / "lr_eia.exr")["color"].shape[0]
+        fraction = RENDER_FRACTION * rows / read_layers(folder / "lr_eia.exr")["color"].shape[0]
         assert min(filter(None, fractions)) >= 0.99 * fraction > 0, "progress begins at what was kept"
         assert json.loads((folder / "report.json").read_text())["method"] == "bicubic"
         assert [path.name for path in folder.parent.iterdir()] == [folder.name]
@@ -163,5 +168,5 @@ def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, m
         done = cancel()
         bpy.data.objects["Box"].location.z += 0.1
         task = press()
-        panel.wait_for(lambda: task.warnings)
-        assert "other scene file" in task.warnings[0] and not set(done) & set(written(folder))
+        panel.wait_for(lambda: task.notices)
+        assert "other scene file" in str(task.notices[0].values) and not set(done) & set(written(folder))

@@ -11,8 +11,8 @@ import pytest
 
 from blender_addon.check import last
 from blender_addon.check.problems import check_scene
-from blender_addon.jobs import denoiser, recipes, runtime
-from blender_addon.jobs.steps import Task
+from blender_addon.jobs import asked, denoiser, runtime
+from blender_addon.jobs.task import Task
 from blender_addon.scene import folders
 from blender_addon.scene import settings as scene_settings
 from blender_addon.ui.operators import finish, render
@@ -97,19 +97,25 @@ def test_direct_rendering_can_leave_the_noise(scene):
     assert scene_settings.resolve(scene).method.text == "none"
 
 
+def failed_second_stage(scene) -> Path:
+    """Frame folder of a render whose second stage has no library, as when it was found before."""
+    with pytest.raises(LfsrError, match="not available"):
+        Task("Render EIA", render.image_job(scene)).run()
+    folder = folders.frame_folder(scene)
+    assert {path.name for path in folder.iterdir()} == {"frame.json", "lr_eia.exr"}
+    assert [path.name for path in folder.parent.iterdir()] == ["0001"]
+    assert folders.is_unfinished(folder) and "The render is kept" in asked.kept(folder)
+    return folder
+
+
 def test_a_render_whose_second_stage_failed_is_kept_and_finished_by_another_method(scene, without_library):
-    recipe = recipes.frame_recipe(scene)
-    with pytest.raises(LfsrError, match=r"not available .*\. The render is kept: finish it with another method"):
-        Task("Render EIA", recipes.render_frame(recipe)).run()
-    assert {path.name for path in recipe.folder.iterdir()} == {"frame.json", "lr_eia.exr"}
-    assert [path.name for path in recipe.folder.parent.iterdir()] == ["0001"]
-    assert folders.is_unfinished(recipe.folder)
+    folder = failed_second_stage(scene)
     assert finish.methods(scene) == ["bilinear", "bicubic", "lanczos", "nearest"]
-    rendered = (recipe.folder / "lr_eia.exr").stat().st_mtime_ns
+    rendered = (folder / "lr_eia.exr").stat().st_mtime_ns
     assert bpy.ops.lfsr.finish_frame(method="bilinear") == {"FINISHED"}
-    assert (recipe.folder / "lr_eia.exr").stat().st_mtime_ns == rendered
-    assert read_report(recipe.folder).method == "bilinear" and recipes.is_decoded(recipe.folder)
-    assert recipes.frame_recipe(scene).is_complete and not folders.is_unfinished(recipe.folder)
+    assert (folder / "lr_eia.exr").stat().st_mtime_ns == rendered
+    assert read_report(folder).method == "bilinear" and asked.is_decoded(folder)
+    assert asked.is_made(*asked.asked(scene)) and not folders.is_unfinished(folder)
     with pytest.raises(RuntimeError, match="There is no unfinished render in .*: render the EIA"):
         bpy.ops.lfsr.finish_frame(method="bilinear")
 
@@ -118,12 +124,9 @@ def test_a_failed_second_stage_leaves_no_image_of_an_older_render(scene, monkeyp
     scene.lfsr.method = "bilinear"
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
     scene.lfsr.method, scene.lfsr.seed = DEFAULT_METHOD, 5
-    recipe = recipes.frame_recipe(scene)
     (tmp_path / "broken.so").write_bytes(b"no library")
     monkeypatch.setenv(LIBRARY_VARIABLE, str(tmp_path / "broken.so"))
-    with pytest.raises(LfsrError, match="The render is kept"):
-        Task("Render EIA", recipes.render_frame(recipe)).run()
-    assert {path.name for path in recipe.folder.iterdir()} == {"frame.json", "lr_eia.exr"}
+    failed_second_stage(scene)
 
 
 def test_with_the_library_every_method_finishes(scene):

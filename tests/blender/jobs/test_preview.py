@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs import preview, recipes
+from blender_addon.jobs import asked, preview
 from blender_addon.scene.notices import missing_images
 from tests.support import panel
 
@@ -22,7 +22,7 @@ def scene(tmp_path):
 
 def test_preview_is_fast_for_an_8k_image(scene):
     views = np.random.default_rng(0).integers(0, 255, (80, 80, 54, 96, 3), np.uint8)
-    path = recipes.views_file(Path("/8k"))
+    path = asked.views_file(Path("/8k"))
     np.save(path, views)
     preview.load(scene, path)
     seconds = []

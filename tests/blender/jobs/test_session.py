@@ -1,18 +1,26 @@
-"""The task under way: progress, cancel, a worker that dies."""
+"""The task under way: one process, its progress, cancel, and a process that dies."""
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import os
 import re
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import bpy
 import pytest
 
-from blender_addon.jobs import copy, estimate, recipes, session, steps
+from blender_addon.jobs import asked, copy, session, task
+from blender_addon.jobs.task import Job, Task
+from blender_addon.scene import folders
 from blender_addon.ui.operators import render
+from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from tests.support import panel
 
 
@@ -22,69 +30,117 @@ def scene(tmp_path):
         yield panel.artist_scene(tmp_path)
 
 
-def message_is_error() -> bool:
-    return bpy.context.window_manager.lfsr.message_is_error
+def start(scene: bpy.types.Scene, finish=print) -> Task:
+    """What *Render EIA* starts, with another end."""
+    return session.start("Render EIA", dataclasses.replace(render.image_job(scene), finish=finish))
 
 
-@pytest.mark.parametrize("stage", ["Rendering", "Upscaling"])
-def test_cancel_is_quick_and_leaves_nothing(scene, tmp_path, stage):
+def message() -> tuple[str, bool]:
+    state = bpy.context.window_manager.lfsr
+    return state.message, state.message_is_error
+
+
+def children(pid: int) -> list[int]:
+    """Processes that the process ``pid`` has started."""
+    found = subprocess.run(["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False)
+    return [int(word) for word in found.stdout.split()]
+
+
+def test_cancel_while_rendering_is_quick_and_leaves_nothing(scene):
     before = panel.snapshot(scene)
-    steps = recipes.render_frame(recipes.frame_recipe(scene))
-    task = session.start("Render EIA", steps, lambda _: pytest.fail("it finished"))
-    panel.wait_for(lambda: task.stage.startswith(stage))
+    task = start(scene, lambda _: pytest.fail("it finished"))
+    panel.wait_for(lambda: task.progress.stage == "render")
     started = time.perf_counter()
     assert bpy.ops.lfsr.cancel() == {"FINISHED"}
-    assert (bpy.context.window_manager.lfsr.message, message_is_error()) == ("Cancelled", False)
     seconds = time.perf_counter() - started
-    print(f"cancel while {stage}: {seconds:.2f} s")
-    assert seconds < 2 and session.current() is None
+    print(f"cancel: {seconds:.2f} s")
+    assert seconds < 2 and session.current() is None and message() == ("Cancelled", False)
     assert panel.snapshot(scene) == before
-    assert list((tmp_path / "lightfield" / "scene" / "Scene").iterdir()) == []
-    assert not list(Path(bpy.app.tempdir).glob("lfsr-*/*.blend"))
+    assert list(folders.scene_folder(scene).iterdir()) == []
+    assert not list(Path(bpy.app.tempdir).glob("lfsr-*/*"))
 
 
-def test_a_worker_that_dies_is_reported(scene, tmp_path):
-    before = panel.snapshot(scene)
-    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
-    panel.wait_for(lambda: task.worker)
-    os.killpg(task.worker.pid, signal.SIGKILL)
+def test_a_render_that_is_cancelled_in_its_second_stage_is_kept(scene):
+    scene.lfsr.display, scene.lfsr.scale, scene.lfsr.method = "fhd", "5", DEFAULT_METHOD  # some seconds of denoising
+    task = start(scene, lambda _: pytest.fail("it finished"))
+    panel.wait_for(lambda: task.progress.stage not in ("save", "open", "render"))
+    assert bpy.ops.lfsr.cancel() == {"FINISHED"}
+    folder = folders.frame_folder(scene)
+    assert folders.is_unfinished(folder) and "The render is kept" in message()[0]
+    assert [path.name for path in folder.parent.iterdir()] == [folder.name]
+
+
+def test_a_process_that_dies_is_reported(scene):
+    before, task = panel.snapshot(scene), start(scene)
+    panel.wait_for(lambda: task.child)
+    os.killpg(task.child.pid, signal.SIGKILL)
     panel.wait_for(lambda: session.current() is None)
-    message = bpy.context.window_manager.lfsr.message
-    assert "The render stopped with signal 9" in message and "try again" in message and message_is_error()
+    assert "Render EIA stopped with signal 9" in message()[0] and message()[1]
     assert panel.snapshot(scene) == before
-    assert list((tmp_path / "lightfield" / "scene" / "Scene").iterdir()) == []
+    panel.wait_for(lambda: list(folders.scene_folder(scene).iterdir()) == [])
 
 
-def test_a_render_that_worked_is_one_quiet_line(scene, tmp_path, monkeypatch):
+@pytest.mark.skipif(sys.platform != "linux", reason="looks for the process's own")
+def test_a_killed_blender_is_one_sentence(scene):
+    task = start(scene)
+    panel.wait_for(lambda: task.progress.stage == "render")
+    for pid in children(task.child.pid):
+        os.kill(pid, signal.SIGKILL)
+    panel.wait_for(lambda: session.current() is None)
+    assert "Blender stopped with signal 9" in message()[0] and message()[1]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks for the process's own")
+def test_the_processes_leave_cores_to_others_and_end_with_this_one(scene):
+    task = start(scene)
+    panel.wait_for(lambda: task.progress.stage == "render")
+    (blender,) = children(task.child.pid)
+    lower = os.getpriority(os.PRIO_PROCESS, 0) + 5
+    assert os.getpriority(os.PRIO_PROCESS, task.child.pid) > lower < os.getpriority(os.PRIO_PROCESS, blender)
+    task.child._process.stdin.close()  # as the end of this process does
+    panel.wait_for(lambda: not Path(f"/proc/{blender}").exists(), look=False)
+    session.cancel()
+
+
+def test_a_render_that_worked_is_one_quiet_line(scene, monkeypatch):
     popups = []
     monkeypatch.setattr(session, "tell", lambda *said: popups.append(said))
     state = bpy.context.window_manager.lfsr
     state.message = "of the last render"
-    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), render.show_image_of(scene))
-    task.warnings += ["the sequencer's strips are not rendered"]
+    task = session.start("Render EIA", render.image_job(scene))
+    task.notices += [Notice("said", {"text": "the sequencer's strips are not rendered"})]
     panel.wait_for(lambda: session.current() is None)
     assert re.fullmatch(r"Done in \d:\d\d", state.outcome) and popups == []
-    assert state.outcome_folder == str(tmp_path / "lightfield" / "scene" / "Scene" / "0001")
-    assert (state.message, message_is_error()) == ("The sequencer's strips are not rendered", False)
+    assert state.outcome_folder == str(folders.frame_folder(scene))
+    assert message() == ("The sequencer's strips are not rendered", False)
+    assert asked.is_decoded(folders.frame_folder(scene)) and asked.is_made(*asked.asked(scene))
+
+
+def test_a_file_that_is_opened_meanwhile_stays_as_it_is(scene):
+    task = start(scene, lambda _: pytest.fail("it belongs to the other file"))
+    panel.wait_for(lambda: task.child)
+    bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)
+    panel.wait_for(lambda: session.current() is None)
+    assert task.ended and (folders.frame_folder(bpy.context.scene) / "eia.png").is_file(), "but its image is saved"
 
 
 def test_a_cancelled_animation_can_be_continued(scene):
-    task = session.start("Render Animation", recipes.render_animation(recipes.animation_recipe(scene)), print)
-    panel.wait_for(lambda: task.worker)
+    task = session.start("Render Animation", render.animation_job(scene))
+    panel.wait_for(lambda: task.child)
     assert bpy.ops.lfsr.cancel() == {"FINISHED"}
-    assert bpy.context.window_manager.lfsr.message == task.cancelled == "Cancelled. Render again to continue"
+    assert message()[0] == f"Cancelled. {asked.CONTINUE}"
 
 
 def test_saving_is_announced_before_blender_stops_for_it(scene, monkeypatch):
     saved = []
     monkeypatch.setattr(copy, "save_copy", lambda path: saved.append(path) or path.touch() or path)
-    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
-    assert (saved, task.worker, task.ended) == ([], None, False)
-    assert session.progress_text(task) == "Saving a copy of the file"
-    assert bpy.ops.lfsr.cancel() == {"FINISHED"} and task.ended and not saved
-    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
+    running = start(scene)
+    assert (saved, running.child, running.ended) == ([], None, False)
+    assert session.progress_text(running) == session.TITLES["save"]
+    assert bpy.ops.lfsr.cancel() == {"FINISHED"} and running.ended and not saved
+    running = start(scene)
     session._look()
-    assert len(saved) == 1 and task.worker and task.stage == "Rendering"
+    assert len(saved) == 1 and running.child and session.progress_text(running) == session.TITLES["open"]
     session.cancel()
 
 
@@ -103,49 +159,38 @@ def test_a_copy_has_no_preview_image_and_the_preferences_stay(scene, tmp_path):
 
 
 def test_a_copy_that_cannot_be_saved_ends_the_task(scene, monkeypatch):
-    monkeypatch.setattr(copy, "parts_folder", lambda _: Path("/dev/null/parts"))
-    monkeypatch.setattr(copy.tempfile, "mkdtemp", lambda **_: "/no/such/folder")
-    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
+    monkeypatch.setattr(copy, "save_copy", functools.partial(copy.save_copy, Path("/no/such/folder/copy.blend")))
+    monkeypatch.setattr(copy, "_kept_copy", lambda _: copy.save_copy())
+    running = start(scene)
     panel.wait_for(lambda: session.current() is None)
-    assert task.ended and "cannot be saved" in bpy.context.window_manager.lfsr.message and message_is_error()
+    assert running.ended and "cannot be saved" in message()[0] and message()[1]
 
 
-def test_progress_and_time_left(scene, monkeypatch):
-    bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)  # no speed of an earlier render is known
-    monkeypatch.setattr(estimate, "_slower", {})  # nor how fast this machine finished one
-    scene = bpy.context.scene
-    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
-    panel.wait_for(lambda: task.worker)
-    assert session.progress_text(task) == "Opening the scene"
-    task._take({"stage": "open", "fraction": 0.0, "message": "/tmp/copy.blend, for 3 s"})
-    assert task.message == session.progress_text(task) == "Opening the scene", "no temporary path"
-    now = time.monotonic()
-    monkeypatch.setattr(steps.time, "monotonic", lambda: now)
-    task._take({"stage": "render", "fraction": 0.0, "message": "Sample 0/4"})
-    assert task.seconds_left is None and session.progress_text(task) == "Rendering 0%"
+def test_progress_and_time_left_run_on_between_reports(monkeypatch):
+    now = 100.0
+    monkeypatch.setattr(task.time, "monotonic", lambda: now)
+    running = Task("Render EIA", Job("make", {}, print))
+    running._take(now, {"stage": "render", "fraction": 0.0, "message": "Sample 0/4"})
+    assert running.seconds_left is None and session.progress_text(running) == "Rendering 0%"
+    running._take(now, {"stage": "render", "fraction": 0.4, "message": "Sample 2/4", "left": 30.0})
+    assert running.seconds_left == 30.0 and session.progress_text(running) == "Rendering 40%, 0:30 left"
     now += 10
-    task._take({"stage": "render", "fraction": 0.5, "message": "Sample 2/4"})
-    finish, rest = task._step.after, 10 * estimate.FIRST_PACE
-    assert task.seconds_left == pytest.approx(rest + finish) and finish > 0.5
-    percent = round(100 * recipes.RENDER_FRACTION * 10 / (10 + rest))
-    assert session.progress_text(task) == f"Rendering {percent}%, 0:{rest + finish:02.0f} left"
-    now += 4
-    task._take({"stage": "render", "fraction": 0.5, "message": "Sample 2/4, for 4 s", "repeated": True})
-    assert task.seconds_left == pytest.approx(rest - 4 + finish), "no news is not slower"
-    assert task.fraction == pytest.approx(14 / (10 + rest) * recipes.RENDER_FRACTION)
-    assert task.message == "Sample 2/4, for 4 s"
-    session.cancel()
+    repeated = {"stage": "render", "fraction": 0.4, "message": "Sample 2/4, for 10 s", "left": 30.0, "repeated": True}
+    running._take(now, repeated)
+    assert running.seconds_left == pytest.approx(20.0) and running.fraction == pytest.approx(0.6)
+    assert running.progress == Progress("render", 0.4, "Sample 2/4, for 10 s", 30.0, repeated=True)
+    now += 25
+    assert running.seconds_left > 0, "what is late takes some more"
+    running._take(now, {"stage": "write", "fraction": 0.5, "message": "", "left": None})
+    assert running.seconds_left is None and running.fraction >= 0.6, "it never falls"
 
 
-def test_progress_counts_from_when_it_was_written_not_from_when_it_was_looked_at(scene):
-    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
+def test_notices_are_told_once_and_those_of_a_job_are_its_own():
     heard = []
-    panel.wait_for(lambda: heard.extend(task.worker.records() if task.worker else []) or heard, look=not task.worker)
-    assert all(0 <= time.monotonic() - record["heard"] < panel.SECONDS_TO_RENDER for record in heard)
-    for fraction, moment in ((0.0, 100.0), (0.5, 110.0)):
-        task._take({"stage": "render", "fraction": fraction, "heard": moment})
-    assert task._clock.worked(130.0) == pytest.approx(30.0)
-    session.cancel()
+    running = Task("Render EIA", Job("make", {}, print, lambda told: told.code == "own" and not heard.append(told)))
+    for code in ("own", "other", "other"):
+        running._take(0.0, {"stage": "notice", "notice": code, "values": {}, "warning": True})
+    assert [told.code for told in heard] == ["own"] and running.notices == [Notice("other")]
 
 
 def test_no_task_to_cancel(scene):

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import bpy
 import pytest
 
 from blender_addon.check import last
-from blender_addon.jobs import recipes, session
+from blender_addon.jobs import asked, session
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.open import choose_scene
+from blender_addon.ui.operators import render
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.optics.display import PROFILE_FOLDER
@@ -124,12 +127,12 @@ def test_missing_texture(scene, tmp_path):
     last.check(scene)
     line = next(line for line in bpy.context.window_manager.lfsr.problems if line.code == "texture")
     assert line.target == "gone.png" and line.severity == "ERROR" and "magenta" in line.reason
-    task = session.run("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)))
-    assert [warning for warning in task.warnings if "gone.png" in warning]
+    task = session.run("Render EIA", render.image_job(scene))
+    assert [notice for notice in task.notices if "gone.png" in str(notice.values)]
 
 
 def test_render_already_running(scene, monkeypatch):
-    task = session.start("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)), print)
+    task = session.start("Render EIA", render.image_job(scene))
     for operator in (bpy.ops.lfsr.render_eia, bpy.ops.lfsr.render_animation, bpy.ops.lfsr.render_reference,
                      bpy.ops.lfsr.preview_view):
         with pytest.raises(RuntimeError, match="Render EIA is still running: wait for it or cancel it"):
@@ -176,11 +179,11 @@ def test_method_that_upscales_nothing_is_an_error_before_the_render(scene):
     scene.lfsr.method = "denoise"
     refuse(scene, "Method 'denoise' upscales nothing, but scale 2")
     scene.lfsr.scale = "AUTO"
-    assert recipes.frame_recipe(scene).job.sampling.scale == 1
+    assert asked.asked(scene)[0].sampling.scale == 1
 
 
 def test_colours_that_the_image_could_not_show_are_an_error_before_the_render(scene, monkeypatch):
-    monkeypatch.setattr(recipes, "render_step", lambda *_: pytest.fail("it renders"))
+    monkeypatch.setattr(session, "run", lambda *_: pytest.fail("it renders"))
     scene.view_settings.use_curve_mapping = True
     refuse(scene, "view uses curves, .*: switch off curves")
 
@@ -192,9 +195,9 @@ def test_two_scenes_with_different_displays(scene, tmp_path):
     assert other != scene
     other.lfsr.display, other.lfsr.scale = "small", "8"
     other.view_settings.exposure = 1.5
-    asked = [recipes.frame_recipe(each) for each in (scene, other)]
-    assert [recipe.job.display.name for recipe in asked] == ["mini", "small"]
-    assert asked[0].folder.parent.name == "Scene" and asked[1].folder.parent.name == "Other"
+    requests = [asked.asked(each)[0] for each in (scene, other)]
+    assert [request.display.name for request in requests] == ["mini", "small"]
+    assert [Path(request.output).parent.name for request in requests] == ["Scene", "Other"]
     bpy.context.window.scene = scene
     with bpy.context.temp_override(scene=other):
         assert bpy.ops.lfsr.render_eia() == {"FINISHED"}

@@ -181,7 +181,7 @@ value = (seconds, [float(np.abs(one - pixels[0]).mean()) for one in pixels])
 @pytest.mark.parametrize("moment", ["opening", "rendering", "upscaling"])
 def test_cancel_is_quick_and_tidy(window, moment):
     started_at = {"opening": "True", "rendering": "addon.jobs.session.current().fraction > 0",
-                  "upscaling": "addon.jobs.session.current().stage.startswith('Upscaling')"}[moment]
+                  "upscaling": "addon.jobs.session.current().progress.stage not in ('save', 'open', 'render')"}[moment]
     before = scene_value(window, UNTOUCHED)
     window.run("bpy.context.scene.frame_set(7)")
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
@@ -193,9 +193,9 @@ def cancel_then():
     task = addon.jobs.session.current()
     if task is None:
         ended.append(None)
-    if ended or not task.worker or not ({started_at}):
+    if ended or not task.child or not ({started_at}):
         return None if ended else 0.002
-    pid, started = task.worker.pid, time.perf_counter()
+    pid, started = task.child.pid, time.perf_counter()
     bpy.ops.lfsr.cancel()
     ended.append((time.perf_counter() - started, os.path.exists(f"/proc/{{pid}}")))
 bpy.app.timers.register(cancel_then)
@@ -208,10 +208,10 @@ bpy.app.timers.register(cancel_then)
     assert [path.name for path in (window.folder / "lightfield" / "scene" / "Scene").iterdir()] == ["0001"]
 
 
-def test_blender_survives_a_killed_worker(window):
+def test_blender_survives_a_killed_process(window):
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
-    window.until("addon.jobs.session.current().worker is not None", SECONDS_TO_ANSWER)
-    window.run("import os, signal; os.killpg(addon.jobs.session.current().worker.pid, signal.SIGKILL)")
+    window.until("addon.jobs.session.current().child is not None", SECONDS_TO_ANSWER)
+    window.run("import os, signal; os.killpg(addon.jobs.session.current().child.pid, signal.SIGKILL)")
     window.until("addon.jobs.session.current() is None", 30)
     message = window.get("bpy.context.window_manager.lfsr.message")
     assert "signal 9" in message and "try again" in message

@@ -56,7 +56,7 @@ for cls in (*ui[0].CLASSES, *ui[1].CLASSES):
 ui[2].unregister()
 ui[2].draw = timed("3D view", ui[2].draw)
 ui[2].register()
-task = importlib.import_module(f"{addon.__name__}.background.steps").Task
+task = importlib.import_module(f"{addon.__name__}.jobs.task").Task
 task.poll = timed("poll", task.poll, time.perf_counter)
 """
 TAG = "for region in bpy.context.area.regions: region.tag_redraw()"
@@ -74,11 +74,11 @@ value = 1000 * (time.perf_counter() - began)
 
 
 def waits(window: Window) -> str:
-    """Milliseconds of saving alone, until each button returns, and of the longest wait before its worker runs."""
+    """Milliseconds of saving alone, until each button returns, and of the longest wait before its process runs."""
     found = [f"saving {window.run(SAVE):.0f}"]
     for button in ("render_eia", "render_animation"):
         pressed = window.run(PRESS.format(button=button))
-        window.until("addon.jobs.session.current().worker is not None", 300)
+        window.until("addon.jobs.session.current().child is not None", 300)
         longest = max(window.get("times.get('poll', [])"), default=0)
         found.append(f"{button} {pressed:.0f}, then {longest:.0f}")
         window.run("bpy.ops.lfsr.cancel()")

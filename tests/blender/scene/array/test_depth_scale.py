@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from blender_addon.jobs import recipes, session
+from blender_addon.jobs import asked, session
 from blender_addon.render import frame_folder
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import placement
+from blender_addon.ui.operators import render
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.optics.display import load_display
 from tests.support import panel
@@ -76,15 +77,15 @@ def test_a_frame_without_an_array_does_not_count(scene):
 def test_the_panel_leaves_the_choice_to_blender_and_gives_an_animation_one_scale(tmp_path, monkeypatch):
     with panel.registered():
         scene = panel.artist_scene(tmp_path)
-        job = recipes.frame_recipe(scene).job
+        job = asked.asked(scene)[0]
         assert (job.sampling.scale, job.sampling.scales, job.sampling.rays) == (2, (), None)
         scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.rays = scene_settings.AUTO_SCALE, 0, 0.5
-        auto = recipes.frame_recipe(scene).job
+        auto = asked.asked(scene)[0]
         assert (auto.sampling.scale, auto.sampling.scales, auto.sampling.samples, auto.sampling.rays) == (2, (2, 1), 2,
                 0.5)
         scene.frame_end = 2
         monkeypatch.setattr(placement, "seen_depths", lambda *_: pytest.fail("Blender's window waits for it"))
-        folder, _ = session.run("Animation", recipes.render_animation(recipes.animation_recipe(scene))).result
-        first, last = (read_frame(folder.with_name(name)) for name in ("0001", "0002"))
+        made = session.run("Animation", render.animation_job(scene)).result["made"]
+        first, last = (read_frame(frame["folder"]) for frame in made)
         assert first.scale == last.scale and first.scale_reason.startswith(f"scale {first.scale}")
         assert first.samples == max(1, round(0.5 * first.scale**2))

@@ -9,13 +9,14 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.jobs import recipes, session
+from blender_addon.jobs import session
 from blender_addon.scene import methods
 from blender_addon.scene import settings as scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.operators import plan
 from lfsr_core.plan import options
 from lfsr_core.plan.candidates import Candidate, default_methods
+from lfsr_core.plan.first import Guess
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.tasks.render_tasks import Found
 from tests.blender.ui.test_panels import draw, labels, operators, properties
@@ -70,15 +71,14 @@ def test_a_plan_of_another_scene_is_not_shown(scene):
 def test_cancel_ends_the_render_it_started(scene):
     context = bpy.context
     scene.lfsr.display = "bupt-32in-8k"  # its quick render alone would go on for many seconds
-    steps, finish = plan.LFSR_OT_plan.prepare(None, context)
-    task = session.start("Plan", steps, finish)
+    task = session.start("Plan", plan.LFSR_OT_plan.prepare(None, context))
     work = Path(bpy.app.tempdir)
     wait_for(lambda: children(work))
     started = time.perf_counter()
     assert bpy.ops.lfsr.cancel() == {"FINISHED"}
     assert time.perf_counter() - started < 5 and session.current() is None
     wait_for(lambda: not children(work), seconds=3)
-    assert not list(work.glob("lfsr-*/*")) and not task.worker
+    assert not list(work.glob("lfsr-*/*")) and task.ended
     assert not context.window_manager.lfsr.plan_text or "Not measured" in context.window_manager.lfsr.plan_text
 
 
@@ -96,7 +96,7 @@ def children(work: Path) -> list[str]:
             words = entry.read_bytes().decode(errors="replace").split("\0")
         except OSError:
             continue
-        if any(word.startswith(str(work)) and word.endswith("job.json") for word in words):
+        if any(word.startswith(str(work)) and word.endswith("request.json") for word in words):
             found.append(" ".join(words))
     return found
 
@@ -110,14 +110,12 @@ def wait_for(condition, seconds: float = SECONDS_TO_START) -> None:
 
 
 def test_a_first_guess_comes_before_anything_is_measured(scene, monkeypatch):
-    job, told = recipes.frame_recipe(scene).job, []
-    found = plan.find(job, plan.wanted(scene), told.append)
-    task = session.start("Find Cheapest Settings", found, lambda _: None)
+    session.start("Find Cheapest Settings", plan.LFSR_OT_plan.prepare(None, bpy.context))
     try:
-        panel.wait_for(lambda: bool(told))
-        assert task.stage == "Measuring lenses" and (told[0].candidate.scale, told[0].candidate.spp) == (2, 1)
+        panel.wait_for(lambda: bpy.context.window_manager.lfsr.plan_text)
+        assert "scale 2×, 1 sample" in bpy.context.window_manager.lfsr.plan_text
         for reaches in (False, True):
-            plan.guess(scene.name, dataclasses.replace(told[0], reaches=reaches))
+            plan.guess(scene.name, Guess(Candidate(2, 1, DEFAULT_METHOD), reaches))
             drawn = draw(panels.LFSR_PT_plan)
             assert "First guess" in labels(drawn) and ("lfsr.plan_use" in operators(drawn)) == reaches
     finally:

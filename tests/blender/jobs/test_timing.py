@@ -7,10 +7,11 @@ import time
 import bpy
 import pytest
 
-from blender_addon.jobs import probe, recipes, session
+from blender_addon.jobs import asked, timing
 from blender_addon.ui.operators import check
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.tasks import estimate
 from tests.support import panel
 from tests.support.panels import lenticular, small
 
@@ -22,16 +23,16 @@ def scene(tmp_path):
 
 
 def remembered(scene, **values) -> None:
-    probe.remember(scene.name_full, probe.Measured(**({"fixed": 2.0, "per_path": 1e-5, "scale": 2} | values)))
+    timing.remember(scene.name_full, estimate.Measured(**({"fixed": 2.0, "per_path": 1e-5, "scale": 2} | values)))
 
 
 def test_lenses_are_spread_over_the_display(scene):
-    job = recipes.frame_recipe(scene).job
-    assert len(set(probe._lenses(job))) == 16 * 12, "few enough to render all"
-    assert probe._samples(job) * 64 * 48 == pytest.approx(probe.PATHS, rel=0.01), "and enough to measure"
+    request, _ = asked.asked(scene)
+    assert len(set(estimate.lenses_of(request))) == 16 * 12, "few enough to render all"
+    assert estimate.samples_of(request) * 64 * 48 == pytest.approx(estimate.PATHS, rel=0.01), "and enough to measure"
     scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples = "bupt-32in-8k", "4", 64
-    job = recipes.frame_recipe(scene).job
-    lenses, (columns, rows) = probe._lenses(job), job.display.lenses
+    request, _ = asked.asked(scene)
+    lenses, (columns, rows) = estimate.lenses_of(request), request.display.lenses
     assert 80 < len(set(lenses)) == len(lenses) < 100
     assert 0 <= min(row for row, _ in lenses) < rows / 3 and rows * 2 / 3 < max(row for row, _ in lenses) < rows
     assert 0 <= min(at for _, at in lenses) < columns / 3 and columns * 2 / 3 < max(at for _, at in lenses) < columns
@@ -39,10 +40,10 @@ def test_lenses_are_spread_over_the_display(scene):
 
 def test_the_button_measures_and_the_image_takes_about_that_long(scene):
     scene.lfsr.display, scene.lfsr.samples = "small", 24
-    assert probe.expected_seconds(scene) is None
+    assert timing.expected_seconds(scene) is None
     assert bpy.ops.lfsr.estimate_time() == {"FINISHED"}
-    expected, started = probe.expected_seconds(scene), time.monotonic()
-    session.run("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)))
+    expected, started = timing.expected_seconds(scene), time.monotonic()
+    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
     took = time.monotonic() - started
     print(f"expected {expected:.1f} s, took {took:.1f} s")
     assert 0.2 < expected / took < 5  # tests run on busy machines
@@ -53,13 +54,13 @@ def test_direct_subpixel_rendering_is_measured_too(scene, tmp_path):
     scene.lfsr.profile_file = str(tmp_path / "own.toml")
     scene.lfsr.display, scene.lfsr.subpixels, scene.lfsr.samples = "FILE", True, 8
     assert bpy.ops.lfsr.estimate_time() == {"FINISHED"}
-    expected = probe.expected_seconds(scene)
+    expected = timing.expected_seconds(scene)
     scene.lfsr.samples = 16
     paths = 8 * 120 * 3 * 80
-    assert probe.expected_seconds(scene) - expected == pytest.approx(
+    assert timing.expected_seconds(scene) - expected == pytest.approx(
         paths * bpy.context.window_manager.lfsr.probe_per_path, rel=1e-3)
     started = time.monotonic()
-    session.run("Render EIA", recipes.render_frame(recipes.frame_recipe(scene)))
+    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
     assert 0.2 < expected / (time.monotonic() - started) < 5  # tests run on busy machines
 
 
@@ -68,11 +69,11 @@ def test_other_settings_need_no_other_probe(scene):
     remembered(scene)
     scene.lfsr.samples = 100
     pixels = display.eia_pixels[0] * display.eia_pixels[1] / 4
-    few = probe.expected_seconds(scene)
+    few = timing.expected_seconds(scene)
     scene.lfsr.samples = 1100
-    assert probe.expected_seconds(scene) - few == pytest.approx(1000 * pixels * 1e-5, rel=1e-3)
+    assert timing.expected_seconds(scene) - few == pytest.approx(1000 * pixels * 1e-5, rel=1e-3)
     bpy.ops.scene.new(type="EMPTY")
-    assert probe.expected_seconds(bpy.context.scene) is None, "another scene"
+    assert timing.expected_seconds(bpy.context.scene) is None, "another scene"
 
 
 def test_a_long_image_is_asked_about_until_it_is_accepted(scene):
