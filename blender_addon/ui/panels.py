@@ -10,7 +10,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.progress import duration
 
 from ..check import last
-from ..jobs import preview, session
+from ..jobs import preview, session, timing
 from ..scene import folders
 from ..scene import settings as scene_settings
 from ..scene.array import cached, rig
