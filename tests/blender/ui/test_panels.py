@@ -15,6 +15,7 @@ from blender_addon.scene import settings as scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.display_panel import LFSR_MT_scale, LFSR_PT_display
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Progress
 from lfsr_core.frames.request import LIGHTS
 from tests.support import panel
 from tests.support.problems import found
@@ -170,7 +171,7 @@ def test_with_problems_of_every_kind(scene):
 
 
 def test_while_a_task_runs(scene, monkeypatch):
-    task = SimpleNamespace(stage="Rendering", fraction=0.42, seconds_left=31.4, message="frame 3, 2 of 5")
+    task = SimpleNamespace(progress=Progress("frames", 0.42, "frame 3, 2 of 5"), fraction=0.42, seconds_left=31.4)
     monkeypatch.setattr(session, "_current", task)
     drawn = draw_all()["Render"]
     assert "lfsr.cancel" in operators(drawn)
