@@ -22,8 +22,9 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import file_stamp, read_json, write_json
+from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.identity import digest
-from lfsr_core.pipeline.staging import has_parts, parts_folder
+from lfsr_core.pipeline.staging import has_parts
 
 from ..scene import folders
 from ..scene.overrides import preferred
@@ -56,7 +57,7 @@ def file_copy(output: Path | None = None) -> Iterator[Path]:
     Without ``output``, the folder of a frame or of an animation's frames, it is temporary. Else it stays after a block
     that ends early, if the render has left parts. Saving stops Blender for as long as it takes: yield SAVING before.
     """
-    kept = parts_folder(output) / COPY_FOLDER if output else None
+    kept = FrameFolder(output).parts / COPY_FOLDER if output else None
     try:
         if kept:
             kept.mkdir(parents=True, exist_ok=True)

@@ -12,7 +12,7 @@ import re
 import secrets
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -80,6 +80,23 @@ def replace(source: str | Path, target: str | Path) -> None:
         except PermissionError:
             time.sleep(pause)
     return os.replace(source, target)
+
+
+def replace_files(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
+    """Move the files in ``staged`` into ``folder``, and remove the ``stale`` files there that are not replaced.
+
+    A process that is killed meanwhile leaves no JSON file that describes other files than those beside it. LfsrError,
+    and nothing is changed, where a file has the name of a folder.
+    """
+    paths = sorted(staged.iterdir(), key=lambda path: (path.suffix == ".json", path.name))
+    for path in (folder / path.name for path in paths):
+        if path.is_dir():
+            raise LfsrError(f"{path} cannot be written (it is a folder): remove it or choose another folder")
+    names = {path.name for path in paths if path.suffix != ".json"}
+    for name in {*(path.name for path in paths), *stale} - names:
+        (folder / name).unlink(missing_ok=True)
+    for path in paths:
+        replace(path, folder / path.name)
 
 
 def locks(file: IO[bytes]) -> bool:

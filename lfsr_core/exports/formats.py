@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.files import check_name, system_errors
+from lfsr_core.base.files import check_name, replace_files, system_errors
 from lfsr_core.base.notices import Notice, Progress, Tell
 from lfsr_core.exports import folders, hci, quilt, rgbd, stereo, sway
 from lfsr_core.exports.format_names import default_target
@@ -18,7 +18,7 @@ from lfsr_core.exports.frame_folders import frame_folders, is_sequence, one_disp
 from lfsr_core.exports.light_field import LightField, read_light_field
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.pipeline.staging import publish, staging_folder
+from lfsr_core.pipeline.staging import staging_folder
 
 DEFAULT = ExportOptions()
 
@@ -133,7 +133,8 @@ def _write(target: Path, chosen: Format, write: Callable[[Path], None]) -> list[
         write(staged)
         names = sorted(path.name for path in staged.iterdir())
         numbered = [pattern for pattern in chosen.numbered if fnmatch.filter(names, pattern)]
-        publish(staged, target, [path.name for pattern in numbered for path in target.glob(pattern)])
+        target.mkdir(exist_ok=True)
+        replace_files(staged, target, [path.name for pattern in numbered for path in target.glob(pattern)])
     return [target / name for name in names]
 
 

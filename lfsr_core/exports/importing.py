@@ -11,7 +11,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import file_digest, read_bytes, system_errors
+from lfsr_core.base.files import file_digest, read_bytes, replace_files, system_errors
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.exports.hci import PARAMETERS_FILE
 from lfsr_core.exports.quilt_files import Quilt, read_film, read_quilt
@@ -165,7 +165,7 @@ def _write(output: Path, frame: Frame, views: Array) -> None:
         write_frame(staged, frame)
         # In a folder that holds no frame, files of these names are the user's own.
         output.mkdir(exist_ok=True)
-        FrameFolder(output).replace(staged, DERIVED_FILES if (output / FRAME_FILE).exists() else ())
+        replace_files(staged, output, DERIVED_FILES if (output / FRAME_FILE).exists() else ())
 
 
 def _quilt_display(taken: Source, scale: int, geometry: ImportGeometry, quilt: Quilt, tell: Tell) -> DisplayProfile:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import contextlib
 import re
 import shutil
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import check_name, reading, replace
+from lfsr_core.base.files import check_name, reading, replace_files
 from lfsr_core.frames import frame as files
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import Frame, read_frame, read_part, read_rendered
@@ -125,24 +125,8 @@ class FrameFolder:
     def publish(self, staged: Path) -> None:
         """Take the render in the folder ``staged``: all that was made of an older one goes, and its stored parts."""
         self.path.mkdir(exist_ok=True)
-        self.replace(staged, DERIVED_FILES)
+        replace_files(staged, self.path, DERIVED_FILES)
         shutil.rmtree(self.parts, ignore_errors=True)
-
-    def replace(self, staged: Path, stale: Iterable[str] = ()) -> None:
-        """Move the files in ``staged`` here, and remove the ``stale`` files of an earlier run that are not replaced.
-
-        A process that is killed meanwhile leaves no JSON file that describes other files than those beside it.
-        LfsrError, and nothing is changed, where a file has the name of a folder.
-        """
-        paths = sorted(staged.iterdir(), key=lambda path: (path.suffix == ".json", path.name))
-        for path in (self.path / path.name for path in paths):
-            if path.is_dir():
-                raise LfsrError(f"{path} cannot be written (it is a folder): remove it or choose another folder")
-        names = {path.name for path in paths if path.suffix != ".json"}
-        for name in {*(path.name for path in paths), *stale} - names:
-            (self.path / name).unlink(missing_ok=True)
-        for path in paths:
-            replace(path, self.path / path.name)
 
 
 def numbered(output: Path) -> dict[int, FrameFolder]:

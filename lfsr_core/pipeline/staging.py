@@ -7,7 +7,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
@@ -103,24 +103,3 @@ def _ignores_case(folder: Path) -> bool:
 
 def _prefix(target: Path) -> str:
     return f".{target.name}-"
-
-
-def replace_files(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
-    """As ``FrameFolder.replace``."""
-    from lfsr_core.frames.folder import FrameFolder
-
-    FrameFolder(folder).replace(staged, stale)
-
-
-def publish(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
-    """As ``FrameFolder.publish``."""
-    from lfsr_core.frames.folder import FrameFolder
-
-    folder.mkdir(exist_ok=True)
-    FrameFolder(folder).replace(staged, stale)
-    shutil.rmtree(parts_folder(folder), ignore_errors=True)
-
-
-def parts_folder(target: Path) -> Path:
-    """As ``FrameFolder.parts``."""
-    return target.with_name(f".{target.name}-parts")

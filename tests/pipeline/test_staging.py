@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import replace_files
 from lfsr_core.pipeline import staging
-from lfsr_core.pipeline.staging import release, remove_dead, replace_files, staging_folder
+from lfsr_core.pipeline.staging import release, remove_dead, staging_folder
 
 HOLDER = """
 import sys, time

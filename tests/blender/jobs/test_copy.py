@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from blender_addon.jobs.copy import file_copy
+from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.identity import scene_stamp
 from lfsr_core.images.exr import write_layers
-from lfsr_core.pipeline.staging import parts_folder
 from tests.support import panel
 
 
@@ -26,7 +26,7 @@ def scene(tmp_path):
 @pytest.fixture
 def output(tmp_path):
     """Folder of a render that left a part."""
-    write_layers(parts_folder(tmp_path / "frame") / "lr_eia-digest-000000-000002-100.exr",
+    write_layers(FrameFolder(tmp_path / "frame").parts / "lr_eia-digest-000000-000002-100.exr",
                  {"color": np.zeros((2, 4, 4), np.float32)})
     return tmp_path / "frame"
 
@@ -169,10 +169,10 @@ def test_copies_of_one_state_have_one_stamp(scene, output):
 def test_it_goes_with_the_render_and_where_no_parts_are_left(scene, output, tmp_path):
     with file_copy(output) as copy:
         assert copy.is_file() and copy.name == "scene.blend"
-    assert not copy.exists() and parts_folder(output).exists()
-    assert not cancelled(tmp_path / "other")[1].exists() and not parts_folder(tmp_path / "other").exists()
+    assert not copy.exists() and FrameFolder(output).parts.exists()
+    assert not cancelled(tmp_path / "other")[1].exists() and not FrameFolder(tmp_path / "other").parts.exists()
     film = tmp_path / "film"
-    write_layers(parts_folder(film / "0003") / "lr_eia-digest-000000-000002-100.exr",
+    write_layers(FrameFolder(film / "0003").parts / "lr_eia-digest-000000-000002-100.exr",
                  {"color": np.zeros((2, 4, 4), np.float32)})
     assert cancelled(film)[1].exists()
     with file_copy() as copy:
