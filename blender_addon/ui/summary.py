@@ -15,7 +15,6 @@ from lfsr_core.frames.report import read_report
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.panel_rays import rendered_size
-from lfsr_core.plan.first import most_paths
 from lfsr_core.plan.options import PlanOptions
 
 from ..scene import devices, folders, proof
@@ -81,7 +80,7 @@ def plan_cost(scene: bpy.types.Scene) -> str:
 
 @functools.lru_cache(maxsize=8)
 def _most_paths(display: DisplayProfile, target: float) -> float:
-    return most_paths(display, PlanOptions(target=target))
+    return PlanOptions(target=target).most_paths(display)
 
 
 def depth_facts(scene: bpy.types.Scene) -> Facts:

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import argparse
+import math
 import shlex
 from contextlib import closing
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.progress import ProgressBar
 from lfsr_core.commands.arguments import add_geometry_arguments, make_request, names, numbers, reals
+from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.request import Sampling
+
+if TYPE_CHECKING:
+    from lfsr_core.optics.display import DisplayProfile
+    from lfsr_core.plan.choose import Choice, Rated
+    from lfsr_core.plan.options import Candidate, PlanOptions
+    from lfsr_core.plan.planner import Planned
 
 NAME = "plan"
 HELP = "find the cheapest scale, samples and method that reach an accuracy, from a small sample of lenses"
-OPTIONS = ("target", "metric", "scales", "spps", "rays", "between", "methods", "most_seconds", "budget", "lenses",
-           "reference_spp")
+OPTIONS = ("target", "metric", "scales", "samples", "rays", "methods", "most_seconds", "budget", "lenses",
+           "reference_samples")
+MOST_ROWS = 5  # so that heading, rows, cost, sentence and command are ten lines
+HEADINGS = ("", "scale", "rays", "spp", "method", "seconds", "accuracy", "95 % above", "")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,18 +36,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--metric", metavar="NAME",
                         help="ssim_lens_fg (default) or ssim_lens, see docs/reference/metrics.md")
     parser.add_argument("--scales", type=numbers, metavar="N,N", help="default: those of 1,2,4,8 that the display has")
-    parser.add_argument("--spps", type=numbers, metavar="N,N", help="samples per pixel, default: 4,16,64,256")
+    parser.add_argument("--spps", dest="samples", type=numbers, metavar="N,N",
+                        help="samples per pixel, default: 4,16,64,256")
     parser.add_argument("--rays", type=reals, metavar="R,R", help="rays per finished pixel, instead of --spps")
-    parser.add_argument("--between", type=int, metavar="N",
-                        help="sample counts to estimate between each two of --spps, default: 3")
     parser.add_argument("--methods", type=names, metavar="NAME,NAME", help="default: the default method and its parts")
     parser.add_argument("--seconds", dest="most_seconds", type=float, metavar="N", help="longest time of a frame")
     parser.add_argument("--budget", type=float, metavar="0..1",
                         help="most that the sample may cost, as a fraction of the costliest candidate's frame, "
                              "default: 0.05; 100 million path samples are always allowed")
     parser.add_argument("--lenses", type=int, metavar="N",
-                        help="number of lenses to sample, whatever the budget; default: 12 to 192, as many as it takes")
-    parser.add_argument("--reference-spp", type=int, metavar="N", help="of the sampled lenses, default: 256")
+                        help="number of lenses to sample, whatever the budget; default: 48, or what the budget "
+                        "allows, at least 12")
+    parser.add_argument("--reference-spp", dest="reference_samples", type=int, metavar="N",
+                        help="of the sampled lenses, default: 256")
     parser.add_argument("--details", action="store_true", help="show every measured candidate, not at most ten lines")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
     parser.add_argument("--work", type=Path, metavar="DIR", help="folder for the sample's renders, which a second plan "
@@ -47,31 +59,74 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Plan; print the table and the command that renders the choice."""
     from lfsr_core.base.records import write_record
-    from lfsr_core.pipeline.store import run_job
+    from lfsr_core.pipeline.make import make
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import make_plan
-    from lfsr_core.plan.report import plan_report, table
     from lfsr_core.plan.work import work_folder
     from lfsr_core.process.blender import find_blender
 
-    if arguments.rays is not None and arguments.spps is not None:
+    if arguments.rays is not None and arguments.samples is not None:
         raise LfsrError("--rays and --spps were both given: leave out one of them")
-    given = {name: value for name in OPTIONS if (value := getattr(arguments, name)) is not None}
-    options = PlanOptions(**given)
-    job = make_request(arguments, output=".", sampling=Sampling(1, 1))
+    options = PlanOptions(**{name: value for name in OPTIONS if (value := getattr(arguments, name)) is not None})
+    request = make_request(arguments, output=".", sampling=Sampling(1, 1))
     blender = find_blender(arguments.blender)
-    with closing(ProgressBar()) as bar, work_folder(arguments.work, job, options, bar.note) as folder:
-        planned = make_plan(job, options, lambda job, progress: run_job(job, blender, progress, bar.note), folder, bar)
-    print(table(planned, options, job.display, arguments.details))
+    with closing(ProgressBar(words=sentence)) as bar, work_folder(arguments.work, request, options, bar) as folder:
+        planned = make_plan(request, options, lambda one, tell: make(one, blender=blender, tell=tell), folder, bar)
+    print(table(planned, request.display, arguments.details))
     if arguments.json:
-        write_record(arguments.json, plan_report(planned, options, job))
+        write_record(arguments.json, planned)
     if planned.choice.chosen is not None:
-        print(render_command(arguments, planned.choice.chosen.options(job.display)))
+        print(render_command(arguments, planned.choice.chosen, request.display))
 
 
-def render_command(arguments: argparse.Namespace, options: tuple[str, ...]) -> str:
-    """The `lfsr render` command line of a candidate's ``options`` for the scene that was planned."""
-    words = ["lfsr", "render", str(arguments.scene), "-o", arguments.scene.stem, *options]
+def table(planned: Planned, display: DisplayProfile, details: bool) -> str:
+    """Table of the measured candidates and the chosen one, cheapest first; the cost of the sample; the choice.
+
+    Without ``details`` at most ten lines: candidates as accurate as a cheaper one are left out.
+    """
+    choice, sample, shown = planned.choice, planned.sample, list(planned.candidates)
+    if not details:
+        best, front = -math.inf, []
+        for row in shown:
+            if row.low > best or row == choice.chosen:
+                best = max(best, row.low)
+                front.append(row)
+        last = next((place for place, row in enumerate(front) if row == (choice.chosen or choice.best)), len(front) - 1)
+        shown = front[:last + 2][-MOST_ROWS:]
+    rows = [HEADINGS]
+    for row in shown:
+        measured = ("–", "–") if row.estimate is None else (f"{row.estimate.mean:.3f}", f"{row.low:.3f}")
+        note = sentence(row.unmeasured) if row.unmeasured else "reaches it" * (row.low >= planned.options.target)
+        rows.append(("→" * (row == choice.chosen), str(row.scale), f"{row.rays(display):.3g}", str(row.samples),
+                     row.method, f"{row.seconds:.1f}", *measured, note))
+    widths = [max(len(row[column]) for row in rows) for column in range(len(HEADINGS))]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    seconds = sample.seconds + sample.measuring_seconds
+    cost = (f"sampled {sample.lenses} lenses in {seconds:.0f} s: {sample.fraction:.1%} of the path samples of "
+            f"{sample.costliest}, {seconds / sample.costliest_seconds:.1%} of its {sample.costliest_seconds:.0f} s")
+    return "\n".join([*lines, "", cost, outcome(choice, planned.options)])
+
+
+def outcome(choice: Choice, options: PlanOptions) -> str:
+    """The outcome in one sentence."""
+    def accuracy(row: Rated) -> str:
+        return "not measured" if row.estimate is None else f"{row.estimate.mean:.3f}, at least {row.low:.3f}"
+
+    target = f"{options.metric} {options.target:g}"
+    if choice.chosen is not None:
+        return (f"{choice.chosen.name} reaches {target} with 95 % confidence ({accuracy(choice.chosen)}) in about "
+                f"{choice.chosen.seconds:.0f} s")
+    limit = sentence(choice.limit) if choice.limit else ""
+    if choice.best is None:
+        return f"nothing reaches {target}: {limit}"
+    return (f"nothing reaches {target} with 95 % confidence; best is {choice.best.name} ({accuracy(choice.best)}). "
+            f"Limit: {limit}")
+
+
+def render_command(arguments: argparse.Namespace, chosen: Candidate, display: DisplayProfile) -> str:
+    """The `lfsr render` command line of a candidate for the scene that was planned."""
+    words = ["lfsr", "render", str(arguments.scene), "-o", arguments.scene.stem, "--scale", str(chosen.scale),
+             "--rays", f"{chosen.rays(display):.6g}", "--method", chosen.method]
     usual = argparse.ArgumentParser(add_help=False)
     add_geometry_arguments(usual)
     for action in usual._actions:

@@ -107,6 +107,20 @@ SENTENCES: dict[str, Wording] = {
     "parts-kept": "render again to continue, or delete {folder} to start over",
     "render-note": "{text}",
     "said": "{text}",
+    # Plans
+    "candidate-failed": "{error}",
+    "candidate-not-needed": "not needed: costs more than s{scale}-spp{samples} {method}",
+    "candidate-over-budget": "not measured: beyond the budget of the sample (--budget)",
+    "candidate-too-slow": "takes too long",
+    "plan-kept": "the renders of this plan stay for a day in {folder}: run the same plan again to continue",
+    "plan-limit-certainty": "certainty: the best candidate's mean reaches the target, its lower bound does not; look "
+                            "at more lenses",
+    "plan-limit-method": "noise: more samples hardly help at full resolution; try another method",
+    "plan-limit-noise": "noise: accuracy still grows with the samples; try more than {samples}",
+    "plan-limit-time": "time: the target is reached, but not within {seconds:g} s",
+    "plan-limit-unmeasured": "no candidate could be measured: allow more seconds, scales or methods",
+    "plan-limit-upscaling": "upscaling: at scale {scale} even many more samples would stay below the target; choose a "
+                            "smaller scale or another method",
     # Exports and imports
     "page-reduced": "the page holds {width}×{height} of the {eia_width}×{eia_height} pixels: browsers show no more "
                     "than {most} a side",

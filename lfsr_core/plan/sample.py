@@ -1,4 +1,4 @@
-"""Which lenses a plan samples, with which neighbours, and how they are arranged.
+"""The sample of a plan: which lenses, with which neighbours, how they are arranged, and their renders.
 
 A denoiser looks at the neighbours of a lens. So a sampled lens is rendered with a block of lenses around it. The
 blocks of all sampled lenses side by side are one small EIA, the mosaic, on which a method runs as on a whole frame.
@@ -8,53 +8,33 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import zlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lfsr_core.base.arrays import Array
+from lfsr_core.base.notices import Notice, Progress, Tell
+from lfsr_core.frames.folder import FrameFolder
+from lfsr_core.frames.frame import REFERENCE_FILES, WORLD_FILE, Frame
 from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lens_sampling import systematic_sample
-from lfsr_core.plan.candidates import Candidate, low_pixels, samples_of
+from lfsr_core.plan.options import PlanOptions
 
 CONTEXT = 16  # low-resolution pixels around a sampled lens that a denoiser should see
 WIDE_ENOUGH = 32  # pixels across an elemental image that needs no neighbours: most of it is far from the border
 MOST_REACH = 2  # lenses on each side; more neighbours would cost more than the lens
 REACH_IN_A_VIEW = 4  # for displays with parallax along one axis, whose elemental images are one pixel high
-LEAST_LENSES, MOST_LENSES = 12, 192
-EDGE_PART = 6  # one in so many sampled lenses lies beside the foreground, where the quick render may have missed it
-LEAST_OF_STRATUM = 4
-STRATA = ("foreground", "edge", "rest")
-PLACES = np.array([1 << 32, 1])  # make one number of a row and a column
+LEAST_LENSES, USUAL_LENSES = 12, 48
+QUICK_SCALE, QUICK_SAMPLES = 4, 4
+REFERENCE_PARTS = 2  # renders of two independent halves each: four quarters
 
 Lens = tuple[int, int]
-
-
-@dataclasses.dataclass(frozen=True)
-class Budget:
-    """Cost of the sample, in mean path samples of a whole frame."""
-
-    allowed: float  # at most, unless the least number of lenses takes more
-    quick: float  # of the quick look at every lens
-    cost_ratio: float  # of a path sample in a sampled lens, which shows more, to one in the mean lens
-    reference: float  # path samples per sampled lens of the reference
-    renders: Mapping[tuple[int, int], float]  # path samples per sampled lens of each render, by (scale, spp)
-
-    @property
-    def lenses(self) -> int:
-        """Number of lenses that the budget allows, from LEAST_LENSES to MOST_LENSES.
-
-        Renders that would take more than the reference do not count.
-        """
-        usual = self.reference + sum(cost for cost in self.renders.values() if cost < self.reference)
-        affordable = int((self.allowed - self.quick) / (usual * self.cost_ratio))
-        return min(max(affordable, LEAST_LENSES), MOST_LENSES)
-
-    def cost(self, lenses: int, renders: Iterable[tuple[int, int]], reference: bool = True) -> float:
-        """Cost of these renders of so many lenses and, unless it is there, of their ``reference``."""
-        per_lens = self.reference * reference + sum(self.renders[key] for key in renders)
-        return lenses * self.cost_ratio * per_lens
+Render = Callable[[Request, Tell], object]  # renders a request into its folder, all or nothing
 
 
 def reach(display: DisplayProfile, scale: int) -> int:
@@ -65,62 +45,28 @@ def reach(display: DisplayProfile, scale: int) -> int:
     return 0 if width >= WIDE_ENOUGH else min(math.ceil(CONTEXT / width), MOST_REACH)
 
 
-def budget(display: DisplayProfile, wanted: Sequence[Candidate], reference_spp: int, quick: float, cost_ratio: float,
-           fraction: float, least: float = 0.0) -> Budget:
-    """Budget of a sample of the candidates ``wanted``: a fraction of the path samples of the costliest one's frame.
-
-    ``least``: path samples that are always allowed.
-    """
-    lenses = math.prod(display.lenses)
-    renders = {(scale, spp): (2 * reach(display, scale) + 1) ** 2 * low_pixels(display, scale) / lenses * spp
-               for scale, spp in {(candidate.scale, candidate.spp) for candidate in wanted}}
-    costliest = max(samples_of(candidate, display) for candidate in wanted)
-    reference = math.prod(display.views) * reference_spp
-    return Budget(max(fraction * costliest, least), quick, cost_ratio, reference, renders)
+def paths_per_lens(display: DisplayProfile, scale: int, samples: int) -> int:
+    """Path samples of a render for each sampled lens, with its neighbours."""
+    return (2 * reach(display, scale) + 1) ** 2 * math.prod(display.low_views(scale)) * samples
 
 
-def strata_masks(mask: Array, wide: Array) -> dict[str, Array]:
-    """(sy, sx) bool by name of STRATA: the foreground ``mask``, its border in ``wide``, and all other lenses."""
-    return {"foreground": mask, "edge": wide & ~mask, "rest": ~(mask | wide)}
+def lens_count(display: DisplayProfile, options: PlanOptions) -> int:
+    """Number of lenses to sample: as many as were asked for, else the usual number or what the budget allows."""
+    if options.lenses is not None:
+        return options.lenses
+    reference = math.prod(display.views) * options.reference_samples
+    costs = [paths_per_lens(display, scale, samples) for scale, samples in
+             {(candidate.scale, candidate.samples) for candidate in options.candidates(display)}]
+    # Renders that cost more than the reference are rarely needed.
+    usual = reference + sum(cost for cost in costs if cost < reference)
+    return min(max(int(options.most_paths(display) / usual), LEAST_LENSES), USUAL_LENSES)
 
 
-def looks(least: int, most: int) -> tuple[int, ...]:
-    """Numbers of lenses after each look of a sample that grows from ``least`` to ``most``, each about twice the last.
-
-    A render starts with Blender, so lenses come in groups; and the fewer the looks, the narrower their bounds.
-    """
-    count = 1 + round(math.log2(most / least))
-    ratio = (most / least) ** (1 / max(count - 1, 1))
-    return (*(round(least * ratio**number) for number in range(count - 1)), most)
-
-
-def samples(masks: Mapping[str, Array], counts: Sequence[int], seed: int, every: bool) -> list[dict[str, list[Lens]]]:
-    """Choose random (row, column) lenses of each stratum, spread over it: those that each look adds.
-
-    At least LEAST_OF_STRATUM of each stratum that has them. ``counts``: lenses after each look, about; looks that add
-    none are left out. ``every``: True samples "rest" too, which the metric of the foreground ignores.
-    """
-    random, left, found = np.random.default_rng(seed), {name: np.argwhere(masks[name]) for name in STRATA}, []
-    before = dict.fromkeys(STRATA, 0)
-    for count in counts:
-        sizes, added = _sizes(masks, count, every), {}
-        for name in STRATA:
-            chosen = systematic_sample(left[name], sizes[name] - before[name], random)
-            left[name] = left[name][~np.isin(left[name] @ PLACES, chosen @ PLACES)]
-            added[name] = sorted((int(row), int(column)) for row, column in chosen)
-        before = sizes
-        if any(added.values()):
-            found.append(added)
-    return found
-
-
-def _sizes(masks: Mapping[str, Array], count: int, every: bool) -> dict[str, int]:
-    """Number of lenses of each stratum in a sample of ``count``."""
-    few = max(LEAST_OF_STRATUM, count // EDGE_PART)
-    sizes = {"edge": few, "rest": few if every else 0}
-    sizes = {name: min(size, int(masks[name].sum())) for name, size in sizes.items()}
-    return sizes | {"foreground": min(max(LEAST_OF_STRATUM, count - sum(sizes.values())),
-                                      int(masks["foreground"].sum()))}
+def sampled_lenses(mask: Array, count: int, seed: int) -> list[Lens]:
+    """Choose ``count`` random lenses, (row, column), spread over ``mask`` (sy, sx), or all of it where it has fewer."""
+    places = np.argwhere(mask)
+    chosen = systematic_sample(places, min(count, len(places)), np.random.default_rng(seed))
+    return sorted((int(row), int(column)) for row, column in chosen)
 
 
 def with_neighbours(lenses: Sequence[Lens], reach_: int, grid: tuple[int, int]) -> tuple[list[Lens], Array]:
@@ -167,3 +113,80 @@ class Mosaic:
         """(n,) bool: the values of a mask (rows, columns) of the rendered tiles at each block's centre."""
         centres: Array = tiles.reshape(-1)[self.index[tuple(self.centres.T)]]
         return centres
+
+
+def path_samples(frame: Frame) -> int:
+    """Path samples of a render."""
+    return math.prod(frame.rays.size) * frame.samples
+
+
+def render_seconds(frame: Frame) -> float:
+    """Seconds of a render, without a world that was rendered apart."""
+    return frame.seconds["render"] - frame.seconds.get("world", 0.0)
+
+
+class SampleRenders:
+    """Frame folders of the sample in ``folder``, each rendered when it is first needed."""
+
+    def __init__(self, folder: Path, request: Request, render: Render, tell: Tell) -> None:
+        self.frames: list[Frame] = []
+        self.whole = 1.0  # path samples of the plan, if all candidates are rendered
+        self._folder, self._request, self._render, self._tell = folder, request, render, tell
+        self._world: str | None = None  # file of the world, the same for all lenses and samples, where it is apart
+
+    def quick(self) -> tuple[Path, Frame]:
+        """Every lens, with few samples."""
+        display = self._request.display
+        scale = min(display.scales() or [1], key=lambda scale: abs(scale - QUICK_SCALE))
+        folder, frame = self._rendered("quick", "every lens", sampling=Sampling(scale, QUICK_SAMPLES))
+        self._world = str(folder / WORLD_FILE) if frame.world_apart else None
+        return folder, frame
+
+    def reference(self, samples: int, lenses: Sequence[Lens]) -> tuple[list[Path], Frame]:
+        """Files of the four quarters of the lenses' reference, with ``samples`` together, and a frame of theirs."""
+        files: list[Path] = []
+        for part in range(REFERENCE_PARTS):
+            folder, frame = self._rendered(
+                f"reference-{part}", f"reference of {len(lenses)} lenses, part {part + 1} of {REFERENCE_PARTS}",
+                kind="reference", layers=(), clamp_indirect=0.0, lens_list=tuple(lenses),
+                sampling=Sampling(1, max(2, samples // REFERENCE_PARTS)))
+            files += [folder / name for name in REFERENCE_FILES]
+        return files, frame
+
+    def sampled(self, scale: int, samples: int, lenses: Sequence[Lens], count: int) -> Path:
+        """``count`` lenses and their neighbours, all in ``lenses``, at one scale and sample count."""
+        message = f"{count} lenses at scale {scale}, {samples} samples"
+        return self._rendered(f"s{scale}-spp{samples}", message, sampling=Sampling(scale, samples),
+                              lens_list=tuple(lenses))[0]
+
+    @property
+    def seconds(self) -> float:
+        """Seconds of all renders so far, including loading the scene."""
+        return sum(frame.seconds["open"] + frame.seconds["render"] for frame in self.frames)
+
+    @property
+    def paths(self) -> int:
+        """Path samples of all renders so far."""
+        return sum(map(path_samples, self.frames))
+
+    def _rendered(self, name: str, message: str, **changes: Any) -> tuple[Path, Frame]:
+        """Folder of the request with ``changes``, rendered unless it is there; its name decides its random numbers."""
+        seed = (self._request.seed + zlib.crc32(name.encode())) % 2**31
+        request = dataclasses.replace(self._request, output=str(self._folder / name), seed=seed, world=self._world,
+                                      **changes)
+        lenses = math.prod(request.display.lenses) if request.lens_list is None else len(request.lens_list)
+        scale, samples = request.sampling.scale, request.sampling.samples
+        begun, paths = self.paths, lenses * math.prod(request.display.low_views(scale)) * samples
+
+        def tell(told: Progress | Notice) -> None:
+            if isinstance(told, Progress):
+                done = min((begun + told.fraction * paths) / self.whole, 1.0)
+                told = Progress("plan", done, f"{message}: {told.detail}" if told.detail else message)
+            self._tell(told)
+        tell(Progress("plan"))
+        folder = FrameFolder(request.output)
+        if not folder.holds(request.kind):
+            self._render(request, tell)
+        folder.check_rendered(request)
+        self.frames.append(folder.frame)
+        return folder.path, folder.frame

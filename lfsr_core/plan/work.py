@@ -11,39 +11,50 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.cache import cache_folder
-from lfsr_core.base.files import locks
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import locks, read_json, write_json
+from lfsr_core.base.notices import Notice, Tell
 from lfsr_core.frames.identity import PLACES, digest, request_facts, scene_stamp
 from lfsr_core.frames.request import Request
-from lfsr_core.pipeline.staging import LOCK_FILE, has_parts
-from lfsr_core.pipeline.store import Warn, is_complete
+from lfsr_core.pipeline.staging import LOCK_FILE
 from lfsr_core.plan.options import PlanOptions
+from lfsr_core.plan.sample import lens_count
 from lfsr_core.version import __version__
 
-IGNORED = (*PLACES, "scale", "spp")  # fields of the job that is planned for
+SAMPLE_FILE = "sample.json"
 SECONDS_CACHED = 24 * 3600  # changes of textures and linked files are not noticed, so old renders are not reused
 
 
-def sample_facts(job: Request, options: PlanOptions) -> dict[str, Any]:
+def sample_facts(request: Request, options: PlanOptions) -> dict[str, Any]:
     """JSON-ready facts that two plans must have in common to use the same renders."""
-    wanted = {(candidate.scale, candidate.spp) for candidate in options.candidates(job.display)}
-    return request_facts(job, IGNORED) | {
-        "lenses": options.lenses, "share": options.budget, "reference_spp": options.reference_spp,
-        "metric": options.metric, "renders": [list(pair) for pair in sorted(wanted)]}
+    return request_facts(request, (*PLACES, "sampling")) | {
+        "lenses": lens_count(request.display, options), "reference_samples": options.reference_samples,
+        "metric": options.metric}
+
+
+def check_sample(folder: Path, request: Request, options: PlanOptions) -> None:
+    """Describe the sample in ``folder``; LfsrError if the folder holds the sample of another scene or setting."""
+    facts, path = sample_facts(request, options), folder / SAMPLE_FILE
+    if path.exists() and read_json(path, "the description of a sample") != facts:
+        raise LfsrError(f"{folder} holds the sample of another scene or of other options: choose another folder")
+    write_json(path, facts)
 
 
 @contextmanager
-def work_folder(folder: Path | None, job: Request, options: PlanOptions, warn: Warn) -> Iterator[Path]:
+def work_folder(folder: Path | None, request: Request, options: PlanOptions, tell: Tell) -> Iterator[Path]:
     """Yield ``folder``, or one in the user's cache that is removed after the block.
 
-    After an error or an interrupt the cached one stays, if it holds a finished render, for the next plan of the same
-    question and scene file; ``warn`` says so. Of two such plans at once the second works in a temporary folder.
+    After an error or an interrupt the cached one stays, if a render was begun, for the next plan of the same question
+    and scene file; a notice says so. Of two such plans at once the second works in a temporary folder.
     """
     if folder is not None:
         yield folder
         return
-    facts = [sample_facts(job, options), scene_stamp(job.scene), __version__]
-    made = cache_folder() / "plans" / digest(facts)
-    _sweep(made.parent)
+    plans = cache_folder() / "plans"
+    for path in plans.iterdir() if plans.is_dir() else ():
+        if time.time() - path.stat().st_mtime > SECONDS_CACHED:
+            shutil.rmtree(path, ignore_errors=True)
+    made = plans / digest([sample_facts(request, options), scene_stamp(request.scene), __version__])
     made.mkdir(parents=True, exist_ok=True)
     with (made / LOCK_FILE).open("ab") as lock:
         if not locks(lock):
@@ -53,25 +64,9 @@ def work_folder(folder: Path | None, job: Request, options: PlanOptions, warn: W
         try:
             yield made
         except BaseException:
-            _leave(made, warn)
+            if any(path.is_dir() for path in made.iterdir()):
+                tell(Notice("plan-kept", {"folder": str(made)}))
+            else:
+                shutil.rmtree(made, ignore_errors=True)
             raise
         shutil.rmtree(made, ignore_errors=True)
-
-
-def _leave(folder: Path, warn: Warn) -> None:
-    if _has_renders(folder):
-        warn(f"the renders of this plan stay for a day in {folder}: run the same plan again to continue")
-    else:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def _has_renders(folder: Path) -> bool:
-    return any(has_parts(path) or any(is_complete(path, kind) for kind in ("render", "reference"))
-               for path in folder.iterdir() if path.is_dir())
-
-
-def _sweep(folder: Path) -> None:
-    """Remove the renders of interrupted plans that are too old."""
-    for path in folder.iterdir() if folder.is_dir() else ():
-        if time.time() - path.stat().st_mtime > SECONDS_CACHED:
-            shutil.rmtree(path, ignore_errors=True)

@@ -14,8 +14,7 @@ from lfsr_core.base.records import from_data, to_data, write_record
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.request import Request
-from lfsr_core.plan.candidates import Candidate
-from lfsr_core.process.protocol import emit_progress, emit_told
+from lfsr_core.process.protocol import emit_told
 from lfsr_core.tasks.command import RenderCommand
 
 TEST_FRACTION = 0.05  # of the time of an image, its test image
@@ -88,25 +87,16 @@ def estimate(request: dict[str, Any], command: list[str]) -> dict[str, Any]:
     return dataclasses.asdict(measured)
 
 
-@dataclasses.dataclass(frozen=True)
-class Found:
-    """Result of a plan, for the panel."""
-
-    sentence: str
-    chosen: Candidate | None  # the cheapest that reaches the target, None if there is none
-
-
 def plan(request: dict[str, Any], options: dict[str, Any], command: list[str]) -> dict[str, Any]:
-    """Plan for the scene of a request, with ``PlanOptions``; return data of a ``Found``.
+    """Plan for the scene of a request, with ``PlanOptions``; return data of a ``plan.choose.Choice``.
 
     ``command``: words that start a render, before the request files. A first guess, from the depth of the scene, is
     told before anything is measured, by the notice "first-guess".
     """
-    from lfsr_core.pipeline.rendering import render_all
-    from lfsr_core.plan.first import first_guess
+    from lfsr_core.pipeline.make import make as make_frames
+    from lfsr_core.plan.choose import first_guess
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import make_plan
-    from lfsr_core.plan.report import sentence
 
     wanted, blender = from_data(PlanOptions, options, "options of the plan"), RenderCommand(tuple(command))
     asked = from_data(Request, request, "the request")
@@ -115,11 +105,7 @@ def plan(request: dict[str, Any], options: dict[str, Any], command: list[str]) -
         write_record(file, asked)
         moves = np.array(blender.run("depth", str(file))["moves"])
         emit_told(Notice("first-guess", to_data(first_guess(asked.display, moves, wanted))))
-
-        def rendered(one: Request, progress: Any) -> None:
-            render_all([one], blender, lambda told: emit_told(told) if isinstance(told, Notice) else progress(
-                told.stage, told.fraction, told.detail))
-
-        choice = make_plan(asked, wanted, rendered, work, emit_progress).choice
-    found: dict[str, Any] = to_data(Found(sentence(choice, wanted), choice.chosen.candidate if choice.chosen else None))
+        choice = make_plan(asked, wanted, lambda one, tell: make_frames(one, blender=blender, tell=tell), work,
+                           emit_told).choice
+    found: dict[str, Any] = to_data(choice)
     return found

@@ -1,30 +1,31 @@
-"""Blocks and mosaics of sampled lenses, strata, and the budget that says how many."""
+"""Blocks and mosaics of sampled lenses, and how many are sampled."""
 
 from __future__ import annotations
 
-import itertools
+import dataclasses
+import math
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.display import load_display
-from lfsr_core.plan.candidates import candidates
+from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.sample import (
     LEAST_LENSES,
-    LEAST_OF_STRATUM,
-    MOST_LENSES,
     REACH_IN_A_VIEW,
+    USUAL_LENSES,
     Mosaic,
-    budget,
-    looks,
+    SampleRenders,
+    lens_count,
     reach,
-    samples,
-    strata_masks,
+    sampled_lenses,
     with_neighbours,
 )
+from tests.support.noisy_renders import JOB, render
 from tests.support.synthetic import MINI
 
 GRID = (7, 5)
@@ -59,33 +60,13 @@ def test_mask_of_a_mosaic_is_that_of_its_centres(lenses):
     assert Mosaic.of(blocks).of_mask(tiles).tolist() == [(row + column) % 2 == 0 for row, column in lenses]
 
 
-@given(st.integers(4, 60), st.integers(0, 99), st.booleans())
-def test_sample_is_of_its_strata_and_no_lens_comes_twice(count, seed, whole):
-    mask, wide = np.zeros((12, 16), bool), np.zeros((12, 16), bool)
-    mask[3:9, 4:12], wide[2:10, 3:13] = True, True
-    masks = strata_masks(mask, wide)
-    assert sum(m.astype(int) for m in masks.values()).min() == 1 == sum(m.astype(int) for m in masks.values()).max()
-    (found,) = samples(masks, (count,), seed, whole)
-    for name, lenses in found.items():
-        assert len(set(lenses)) == len(lenses) and all(masks[name][lens] for lens in lenses)
-        assert len(lenses) >= LEAST_OF_STRATUM or (name == "rest" and not whole)
-    assert [found] == samples(masks, (count,), seed, whole)
-    assert sum(map(len, found.values())) <= max(count, 3 * LEAST_OF_STRATUM)
-    # A sample that grows begins with the same lenses, and adds others.
-    first, *more = samples(masks, (count, 2 * count, 4 * count), seed, whole)
-    assert first == found
-    for name in found:
-        every = [lens for added in (first, *more) for lens in added[name]]
-        assert len(set(every)) == len(every) and all(masks[name][lens] for lens in every)
-    assert all(any(added.values()) for added in more)
-
-
-@given(st.integers(LEAST_LENSES, MOST_LENSES))
-def test_each_look_about_doubles_the_lenses(most):
-    counts = looks(LEAST_LENSES, most)
-    assert counts[-1] == most and counts[0] in (LEAST_LENSES, most)
-    assert all(1.4 < later / earlier < 2.9 for earlier, later in itertools.pairwise(counts))
-    assert looks(LEAST_LENSES, 192) == (12, 24, 48, 96, 192)
+@given(st.integers(4, 60), st.integers(0, 9))
+def test_sampled_lenses_are_different_ones_of_the_mask(count, seed):
+    mask = np.zeros((12, 16), bool)
+    mask[3:8, 4:11] = True
+    found = sampled_lenses(mask, count, seed)
+    assert len(set(found)) == len(found) == min(count, 35) and all(mask[lens] for lens in found)
+    assert found == sampled_lenses(mask, count, seed)
 
 
 def test_neighbours_are_as_many_as_a_denoiser_needs():
@@ -96,20 +77,26 @@ def test_neighbours_are_as_many_as_a_denoiser_needs():
     assert [reach(lenticular, scale) for scale in (1, 2, 4)] == [REACH_IN_A_VIEW] * 3
 
 
-@given(st.floats(0.001, 1), st.floats(1, 8))
-def test_sample_stays_within_its_budget(fraction, ratio):
-    display = load_display("bupt-32in-8k")
-    found = budget(display, candidates(display), 256, 1e6, ratio, fraction)
-    assert LEAST_LENSES <= found.lenses <= MOST_LENSES
-    usual = [key for key, cost in found.renders.items() if cost < found.reference]
-    if found.lenses > LEAST_LENSES:
-        assert found.quick + found.cost(found.lenses, usual) <= found.allowed
-    assert budget(display, candidates(display), 256, 1e6, 2 * ratio, fraction).lenses <= found.lenses
+def test_a_budget_is_met_by_fewer_lenses():
+    display, options = load_display("bupt-32in-8k"), PlanOptions()
+    counts = [lens_count(display, dataclasses.replace(options, budget=budget)) for budget in (0.0001, 0.01, 1.0)]
+    assert counts == sorted(counts) and counts[0] >= LEAST_LENSES and counts[-1] == USUAL_LENSES
+    assert lens_count(display, dataclasses.replace(options, lenses=300)) == 300
 
 
-def test_cost_of_a_sample_counts_every_render_and_neighbour():
-    found = budget(MINI, candidates(MINI, (2,), (4,), ("bilinear",)), 16, 1000.0, 3.0, 0.05)
-    assert found.allowed == pytest.approx(0.05 * 64 * 48 * 4)
-    assert found.cost(10, [(2, 4)]) == 10 * 3 * (64 * 16 + 25 * 16 * 4)
-    assert found.cost(10, [(2, 4)], reference=False) == 10 * 3 * 25 * 16 * 4
-    assert budget(MINI, candidates(MINI, (2,), (4,), ("bilinear",)), 16, 1000.0, 3.0, 0.05, 1e6).allowed == 1e6
+def test_progress_of_a_render_moves_that_of_the_plan(tmp_path):
+    told = []
+
+    def telling(request, tell):
+        for fraction in (0.0, 0.5, 1.0):
+            tell(Progress("render", fraction, "Sample"))
+        tell(Notice("subject-unseen"))
+        render(request)
+    renders = SampleRenders(tmp_path, JOB, telling, told.append)
+    renders.whole = 4 * 64 * 48
+    renders.sampled(2, 1, [(0, 0), (5, 5)], 2)
+    renders.quick()
+    assert Notice("subject-unseen") in told
+    fractions = [each.fraction for each in told if isinstance(each, Progress)]
+    assert fractions == sorted(fractions) and fractions[-1] == pytest.approx(
+        (2 * 16 + 4 * math.prod(MINI.lenses) * 4) / renders.whole)

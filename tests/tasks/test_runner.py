@@ -26,8 +26,9 @@ def blender(tmp_path):
 
 
 def task(tmp_path: Path, blender: str, **options: object) -> Path:
-    job = make_request(output=str(tmp_path), display=load_display("mini"), scene="scene.blend")
-    options = {"target": 0.5, "scales": [2], "spps": [4], "methods": ["bilinear"], "lenses": 16} | options
+    (tmp_path / "scene.blend").touch()
+    job = make_request(output=str(tmp_path), display=load_display("mini"), scene=str(tmp_path / "scene.blend"))
+    options = {"target": 0.5, "scales": [2], "samples": [4], "methods": ["bilinear"], "lenses": 16} | options
     path = tmp_path / "task.json"
     data = {"task": "plan", "request": to_data(job), "options": options, "command": [blender, "--"]}
     path.write_text(json.dumps(data))
@@ -47,7 +48,8 @@ def test_task_of_the_add_on_ends_with_its_result(tmp_path, blender):
     progress = [record for record in told if "fraction" in record]
     assert next(record["notice"] for record in told if "notice" in record) == "first-guess"
     assert process.returncode == 0 and done["stage"] == "done"
-    assert done["chosen"] == {"scale": 2, "spp": 4, "method": "bilinear"} and "s2-spp4 bilinear" in done["sentence"]
+    chosen = done["chosen"]
+    assert (chosen["scale"], chosen["samples"], chosen["method"]) == (2, 4, "bilinear")
     fractions = [record["fraction"] for record in progress]
     assert fractions == sorted(fractions) and fractions[0] == 0 < fractions[-1] <= 1
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import re
-
 import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import from_data
-from lfsr_core.plan.candidates import METRICS, Candidate
-from lfsr_core.plan.first import Guess
-from lfsr_core.plan.options import PlanOptions
+from lfsr_core.commands.sentences import sentence
+from lfsr_core.plan.choose import Choice, Guess, Rated
+from lfsr_core.plan.options import Candidate, PlanOptions
 from lfsr_core.reconstruct.methods import AS_RENDERED
-from lfsr_core.tasks.render_tasks import Found
 
 from ...jobs import asked, runtime, session
 from ...jobs.task import Job
@@ -21,8 +18,6 @@ from ...scene import settings as scene_settings
 from ...scene.methods import title
 from ...scene.words import counted
 from .base import UNDO, Result, TaskOperator, add_missing_array, reports_errors
-
-CANDIDATE = re.compile(r"s(\d+)-spp(\d+) ([^\s,;]+)")  # a candidate's name in a sentence
 
 
 class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
@@ -48,7 +43,7 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
             return told.code == "first-guess"
 
         return Job("plan", {"request": request, "options": options, "command": runtime.render_command()},
-                   lambda result: show(name, from_data(Found, result, "the plan's result")), notice)
+                   lambda result: show(options.target, name, from_data(Choice, result, "the plan's result")), notice)
 
 
 class LFSR_OT_plan_use(bpy.types.Operator):
@@ -85,23 +80,35 @@ def guess(scene_name: str, found: Guess) -> None:
                "Not measured", None)
 
 
-def show(scene_name: str, found: Found) -> None:
+def show(target: float, scene_name: str, choice: Choice) -> None:
     """Store the result for the panel."""
-    text = CANDIDATE.sub(lambda match: in_words(Candidate(int(match[1]), int(match[2]), match[3])), found.sentence)
-    _store(scene_name, text.replace(METRICS[0], "SSIM"), found.chosen)
+    goal = f"SSIM {target:g}"
+    if choice.chosen is not None:
+        text = f"{measured(choice.chosen)} reaches {goal} with 95 % confidence in about {choice.chosen.seconds:.0f} s"
+    else:
+        best = f" with 95 % confidence; best is {measured(choice.best)}" if choice.best else ""
+        limit = f". Limit: {sentence(choice.limit)}" if choice.limit else ""
+        text = f"nothing reaches {goal}{best}{limit}"
+    _store(scene_name, text, choice.chosen)
+
+
+def measured(row: Rated) -> str:
+    """Return a measured candidate in words."""
+    found = row.estimate
+    return in_words(row) + (f" ({found.mean:.3f}, at least {found.low:.3f})" if found else "")
 
 
 def in_words(candidate: Candidate) -> str:
     """Return what the panel calls a candidate, as in "scale 4×, 16 samples, Fast"."""
     method = "no denoiser" if candidate.method == AS_RENDERED else title(candidate.method)
-    return f"scale {candidate.scale}×, {counted(candidate.spp, 'sample')}, {method}"
+    return f"scale {candidate.scale}×, {counted(candidate.samples, 'sample')}, {method}"
 
 
 def _store(scene_name: str, text: str, chosen: Candidate | None) -> None:
     state = bpy.context.window_manager.lfsr
     state.plan_scene, state.plan_text, state.plan_method = scene_name, text, ""
     if chosen is not None:
-        state.plan_scale, state.plan_samples, state.plan_method = chosen.scale, chosen.spp, chosen.method
+        state.plan_scale, state.plan_samples, state.plan_method = chosen.scale, chosen.samples, chosen.method
     print(f"Light Field: {text}")
     session.redraw()
 

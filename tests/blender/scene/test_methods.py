@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 
 from blender_addon.scene import methods
-from lfsr_core.plan.candidates import default_methods
+from lfsr_core.plan.options import default_methods
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD, MethodName
 
 

@@ -14,11 +14,11 @@ from blender_addon.scene import methods
 from blender_addon.scene import settings as scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.operators import plan
+from lfsr_core.base.notices import Notice
 from lfsr_core.plan import options
-from lfsr_core.plan.candidates import Candidate, default_methods
-from lfsr_core.plan.first import Guess
+from lfsr_core.plan.choose import Choice, Estimate, Guess, Rated
+from lfsr_core.plan.options import Candidate, default_methods
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
-from lfsr_core.tasks.render_tasks import Found
 from tests.blender.ui.test_panels import draw, labels, operators, properties
 from tests.support import panel
 
@@ -30,8 +30,8 @@ def scene(tmp_path, monkeypatch):
     """A small scene and a plan of few renders."""
     found = plan.wanted
 
-    def few(scene: bpy.types.Scene) -> options.Options:
-        return dataclasses.replace(found(scene), scales=(2,), spps=(1,), reference_spp=4, lenses=8)
+    def few(scene: bpy.types.Scene) -> options.PlanOptions:
+        return dataclasses.replace(found(scene), scales=(2,), samples=(1,), reference_samples=4, lenses=8)
     monkeypatch.setattr(plan, "wanted", few)
     with panel.registered():
         yield panel.artist_scene(tmp_path)
@@ -53,7 +53,7 @@ def test_plan_is_found_shown_and_used(scene):
 
 
 def test_a_plan_that_finds_nothing_has_nothing_to_use(scene):
-    plan.show(scene.name, Found("nothing reaches ssim_lens_fg 0.95", None))
+    plan.show(0.95, scene.name, Choice(None, None, Notice("plan-limit-unmeasured")))
     drawn = draw(panels.LFSR_PT_plan)
     assert "Nothing reaches" in labels(drawn) and operators(drawn) == {"lfsr.plan"}
     with pytest.raises(RuntimeError, match="No settings were found"):
@@ -61,9 +61,9 @@ def test_a_plan_that_finds_nothing_has_nothing_to_use(scene):
 
 
 def test_a_plan_of_another_scene_is_not_shown(scene):
-    plan.show("Other", Found("found", Candidate(2, 4, DEFAULT_METHOD)))
+    plan.show(0.9, "Other", Choice(Rated(2, 4, DEFAULT_METHOD, 3.0, Estimate(0.95, 0.91, 48)), None))
     drawn = draw(panels.LFSR_PT_plan)
-    assert properties(drawn) == {"plan_target"} and "found" not in labels(drawn)
+    assert properties(drawn) == {"plan_target"} and "0.91" not in labels(drawn)
     with pytest.raises(RuntimeError, match="No settings were found for scene 'Scene'"):
         bpy.ops.lfsr.plan_use()
 

@@ -10,19 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import read_record
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame, write_frame
+from lfsr_core.frames.request import Sampling
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.eia import to_elemental_images
-from lfsr_core.plan import score
-from lfsr_core.plan.candidates import Candidate, Choice, Rated
-from lfsr_core.plan.estimate import Estimate
+from lfsr_core.plan.choose import Choice, Estimate, Rated
+from lfsr_core.plan.options import Candidate, PlanOptions
 from lfsr_core.plan.planner import Planned, SampleFacts
-from lfsr_core.plan.times import path_samples
+from lfsr_core.plan.sample import path_samples
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.timing import Repeats
 from lfsr_lab.experiments.plan_validation import actual
-from lfsr_lab.experiments.plan_validation.__main__ import judge, main, summary, wilson, with_between
+from lfsr_lab.experiments.plan_validation.__main__ import judge, main, summary, wilson
 from lfsr_lab.experiments.plan_validation.actual import Actual
 from lfsr_lab.experiments.plan_validation.records import Validation
 from tests.support.noisy_renders import JOB, render
@@ -37,9 +38,9 @@ def bench(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bench")
     for scale, spp in RENDERS:
         name = str(folder / "toy" / f"s{scale}-spp{spp}")
-        render(dataclasses.replace(JOB, output=name, scale=scale, spp=spp, seed=0))
-    render(dataclasses.replace(JOB, output=str(folder / "toy" / "reference"), kind="reference", scale=1, spp=2048,
-                               seed=77))
+        render(dataclasses.replace(JOB, output=name, sampling=Sampling(scale, spp), seed=0))
+    render(dataclasses.replace(JOB, output=str(folder / "toy" / "reference"), kind="reference",
+                               sampling=Sampling(1, 2048), seed=77))
     return folder
 
 
@@ -50,7 +51,7 @@ def test_scenes_and_renders_are_found(bench):
 
 def test_replay_cuts_the_lenses_out_of_the_frame(bench, tmp_path):
     lenses = ((2, 3), (5, 5), (6, 9), (7, 1), (11, 15))
-    job = dataclasses.replace(JOB, output=str(tmp_path / "cut"), scale=2, spp=16, lens_list=lenses)
+    job = dataclasses.replace(JOB, output=str(tmp_path / "cut"), sampling=Sampling(2, 16), lens_list=lenses)
     actual.replay(bench / "toy", job)
     frame = read_frame(tmp_path / "cut")
     cut = to_elemental_images(read_layers(tmp_path / "cut" / LOW_RES_FILE)["color"], frame.rays.tiles)
@@ -85,7 +86,7 @@ def test_setup_is_what_no_sample_costs(tmp_path, monkeypatch):
 def test_replayed_references_show_both_halves(bench, tmp_path):
     halves = set()
     for part in (0, 1):
-        job = dataclasses.replace(JOB, output=str(tmp_path / f"{part}"), kind="reference", scale=1,
+        job = dataclasses.replace(JOB, output=str(tmp_path / f"{part}"), kind="reference", sampling=Sampling(1),
                                   seed=JOB.seed + part, lens_list=((5, 8), (6, 9)))
         actual.replay(bench / "toy", job)
         parts = [read_layers(tmp_path / f"{part}" / name)["color"].tobytes() for name in REFERENCE_FILES]
@@ -94,10 +95,9 @@ def test_replayed_references_show_both_halves(bench, tmp_path):
     assert len(halves) == 2
 
 
-def test_plans_are_held_against_whole_frames(bench, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(score, "is_available", lambda: False)  # the quick look's denoiser takes longest of all
+def test_plans_are_held_against_whole_frames(bench, tmp_path, capsys):
     arguments = [str(bench), "-o", str(tmp_path / "out"), "--json", str(tmp_path / "plans.json"), "--replay", "--seeds",
-                 "0-3", "--targets", "0.5,0.6,0.9", "--methods", "nearest,bilinear", "--lenses", "40", "--between", "1"]
+                 "0-3", "--targets", "0.5,0.6,0.9", "--methods", "nearest,bilinear", "--lenses", "40"]
     assert main(arguments) == 0
     data = read_record(tmp_path / "plans.json", Validation, "a validation")
     rows, whole = data.plans, data.summary
@@ -113,7 +113,7 @@ def test_plans_are_held_against_whole_frames(bench, tmp_path, capsys, monkeypatc
     assert f"| toy | s4-spp16 bilinear | {actual_of['s4-spp16 bilinear']:.3f} | " in said
     # What was measured is kept: a second time nothing is finished again.
     kept = sorted((tmp_path / "out" / "toy" / "truth").iterdir())
-    assert len(kept) == 10
+    assert len(kept) == 8
     times = [path.stat().st_mtime_ns for path in kept]
     assert main(arguments) == 0
     assert [path.stat().st_mtime_ns for path in kept] == times
@@ -121,23 +121,27 @@ def test_plans_are_held_against_whole_frames(bench, tmp_path, capsys, monkeypatc
 
 def test_a_plan_that_promises_too_much_is_found_out():
     cheap, costly = Candidate(4, 4, "bilinear"), Candidate(4, 16, "bilinear")
-    rows = (Rated(**vars(cheap), seconds=1.0, estimate=Estimate(0.96, 0.95, 0.97, 0.005, 30)),
-            Rated(**vars(costly), seconds=4.0, estimate=Estimate(0.97, 0.96, 0.98, 0.005, 30)))
-    sample = SampleFacts({"foreground": 30}, 90, "s1-spp16 oidn", 100.0, 4.0, 1.0, 0.04, 0.04, 1.5, True, 0.02, 0.01)
+    rows = (Rated(**vars(cheap), seconds=1.0, estimate=Estimate(0.96, 0.95, 30)),
+            Rated(**vars(costly), seconds=4.0, estimate=Estimate(0.97, 0.96, 30)))
+    sample = SampleFacts(30, 90, "s1-spp16 oidn", 100.0, 4.0, 1.0, 0.04)
     known = {cheap: Actual(0.94, 1.1), costly: Actual(0.965, 4.4)}
-    wrong = judge(Planned(rows, Choice(rows[0], rows[1]), sample), known, MINI, "toy", 0, 0.95)
+
+    def planned(rows, choice, sample):
+        return Planned("toy.blend", "mini", 0, PlanOptions(), sample, rows, choice)
+    wrong = judge(planned(rows, Choice(rows[0], rows[1]), sample), known, MINI, "toy", 0, 0.95)
     assert wrong.met is False and wrong.cost is None and wrong.hindsight == costly.name
     assert wrong.covered == (False, True)
-    wasteful = judge(Planned(rows, Choice(rows[1], rows[1]), sample), known, MINI, "toy", 0, 0.93)
+    wasteful = judge(planned(rows, Choice(rows[1], rows[1]), sample), known, MINI, "toy", 0, 0.93)
     assert wasteful.met is True and wasteful.cost == pytest.approx(4) == wasteful.samples
-    nothing = judge(Planned(rows, Choice(None, rows[1], "noise"), sample), known, MINI, "toy", 0, 0.95)
+    limit = Notice("plan-limit-noise", {"samples": 16})
+    nothing = judge(planned(rows, Choice(None, rows[1], limit), sample), known, MINI, "toy", 0, 0.95)
     found = summary([wrong, wasteful, nothing])
     assert (found.met, found.nothing_chosen_though_possible, found.cheap_enough) == (0.5, 1, 0.0)
     assert found.bounds_below_actual == 0.5 and math.isclose(found.mean_share_of_seconds, 0.04)
 
 
 def test_with_a_rate_a_busy_machine_changes_nothing(bench, tmp_path):
-    scene, job = bench / "toy", dataclasses.replace(JOB, output=str(tmp_path / "cut"), scale=2, spp=16,
+    scene, job = bench / "toy", dataclasses.replace(JOB, output=str(tmp_path / "cut"), sampling=Sampling(2, 16),
                                                     lens_list=((2, 3), (5, 5)))
     busy = shutil.copytree(scene, tmp_path / "busy")
     for folder in busy.iterdir():
@@ -157,12 +161,6 @@ def test_with_a_rate_a_busy_machine_changes_nothing(bench, tmp_path):
 def test_intervals_of_fractions_are_wilsons(true, count, expected):
     assert wilson([index < true for index in range(count)]) == pytest.approx(expected, abs=1e-4)
     assert wilson([]) is None
-
-
-def test_what_lies_between_two_is_their_mean():
-    known = {Candidate(4, 4, "bilinear"): Actual(0.9, 2.0), Candidate(4, 16, "bilinear"): Actual(0.94, 5.0)}
-    found = with_between(known, 1)
-    assert len(found) == 3 and found[Candidate(4, 8, "bilinear")] == Actual(pytest.approx(0.92), pytest.approx(3.0))
 
 
 def test_a_bench_without_scenes_is_refused(tmp_path, capsys):

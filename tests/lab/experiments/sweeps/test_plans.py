@@ -7,7 +7,6 @@ import dataclasses
 import pytest
 
 from lfsr_core.base.records import read_record, write_record
-from lfsr_core.plan import score
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD
 from lfsr_lab.experiments.engine.environment import environment
 from lfsr_lab.experiments.engine.renders import Store
@@ -41,7 +40,6 @@ def test_plans_are_made_where_the_default_breaks_or_where_it_is_hardest():
 
 
 def test_plans_at_a_breaking_point_are_made_judged_and_shown(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(score, "is_available", lambda: False)  # the quick look's denoiser takes longest of all
     monkeypatch.setattr(plans, "SPPS", (4, 16))
     monkeypatch.setattr(plans, "SEEDS", (0,))
     wire = sweep_of(**{DEFAULT_METHOD: Break(0.5, 0.7, "below its start", 0.5, 0.25)})

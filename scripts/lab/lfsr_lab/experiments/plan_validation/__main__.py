@@ -15,7 +15,6 @@ import math
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from pathlib import Path
 from statistics import fmean, median
 from typing import Any
@@ -23,15 +22,15 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.records import write_record
+from lfsr_core.base.notices import Tell
+from lfsr_core.base.records import to_data, write_record
 from lfsr_core.commands.arguments import names, numbers
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import Request
 from lfsr_core.metrics.intervals import NORMAL_95
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.pipeline.store import run_job
-from lfsr_core.plan.candidates import BETWEEN, Candidate, between, samples_of
-from lfsr_core.plan.options import PlanOptions
+from lfsr_core.pipeline.make import make
+from lfsr_core.plan.options import Candidate, PlanOptions
 from lfsr_core.plan.planner import Planned, make_plan
 from lfsr_core.process.blender import find_blender
 from lfsr_lab.experiments.engine.records import Records
@@ -71,18 +70,26 @@ def validate(scene: Path, plans: PlanOptions, draws: Draws) -> Iterator[Verdict]
     draws : how many
     """
     display, folder = read_frame(scene / REFERENCE).display, draws.output / scene.name
-    plans = dataclasses.replace(plans, renders=tuple(renders(scene)))
-    measured = actuals(scene, plans.candidates(display), Records(folder / TRUTH, Actual), draws.rate)
-    known = with_between(measured, plans.between)
-    render = (partial(run_job, blender=find_blender(draws.blender)) if draws.scene_file
-              else partial(replay, scene, rate=draws.rate))
+    there = renders(scene)
+    scales = tuple(sorted({scale for scale, _ in there}))
+    everywhere = tuple(samples for samples in plans.samples if all((scale, samples) in there for scale in scales))
+    plans = dataclasses.replace(plans, scales=scales, samples=everywhere)
+    known = actuals(scene, plans.candidates(display), Records(folder / TRUTH, Actual), draws.rate)
+    blender = find_blender(draws.blender) if draws.scene_file else None
+
+    def render(request: Request, tell: Tell) -> None:
+        if blender is None:
+            replay(scene, request, draws.rate)
+        else:
+            make(request, blender=blender, tell=tell)
+
     for seed in draws.seeds:
         print(f"{scene.name}, seed {seed}", file=sys.stderr, flush=True)
         with tempfile.TemporaryDirectory(prefix="lfsr-replay-") as replayed:
             work = folder / f"seed-{seed}" if draws.scene_file else replayed
             job = Request(output=str(work), display=display, scene=draws.scene_file, seed=seed)
             for target in draws.targets:
-                planned = make_plan(job, dataclasses.replace(plans, target=target), lambda job, _: render(job), work)
+                planned = make_plan(job, dataclasses.replace(plans, target=target), render, work)
                 yield judge(planned, known, display, scene.name, seed, target)
 
 
@@ -91,12 +98,12 @@ def judge(planned: Planned, actuals: Actuals, display: DisplayProfile, scene: st
     """Compare a plan for a scene, seed of lenses and target with what its candidates reach and take as whole frames."""
     meeting = [candidate for candidate, found in actuals.items() if found.accuracy >= target]
     best = min(meeting, key=lambda candidate: actuals[candidate].seconds, default=None)
-    measured = [(row, row.estimate, actuals[row.candidate]) for row in planned.rated
-                if row.estimate is not None and row.note != BETWEEN and row.candidate in actuals]
+    measured = [(row, row.estimate, actuals[row.candidate]) for row in planned.candidates
+                if row.estimate is not None and row.candidate in actuals]
     row = planned.choice.chosen
     verdict = Verdict(
         scene, seed, target, row.candidate.name if row else None, best.name if best else None,
-        sample=planned.sample, limit=planned.choice.limit,
+        sample=to_data(planned.sample), limit=planned.choice.limit.code if planned.choice.limit else "",
         covered=tuple(estimate.low <= found.accuracy for _, estimate, found in measured),
         errors=tuple(estimate.mean - found.accuracy for _, estimate, found in measured),
         times=tuple(row.seconds / found.seconds for row, _, found in measured),
@@ -109,21 +116,8 @@ def judge(planned: Planned, actuals: Actuals, display: DisplayProfile, scene: st
                                   met=found.accuracy >= target)
     if best is None or not verdict.met:
         return verdict
-    samples = samples_of(row.candidate, display) / samples_of(best, display)
+    samples = row.paths(display) / best.paths(display)
     return dataclasses.replace(verdict, cost=found.seconds / actuals[best].seconds, samples=samples)
-
-
-def with_between(actuals: Actuals, steps: int) -> Actuals:
-    """Return ``actuals`` and candidates between them, by the rule of a plan; seconds grow with the samples."""
-    found = dict(actuals)
-    for scale, method in {(candidate.scale, candidate.method) for candidate in actuals}:
-        known = {c.spp: one for c, one in actuals.items() if (c.scale, c.method) == (scale, method)}
-        for spp, fewer, more, weight in between(list(known), steps):
-            low, high, part = known[fewer], known[more], (spp - fewer) / (more - fewer)
-            accuracy = low.accuracy + weight * (high.accuracy - low.accuracy)
-            seconds = low.seconds + part * (high.seconds - low.seconds)
-            found[Candidate(scale, spp, method)] = Actual(accuracy, seconds)
-    return found
 
 
 def summary(rows: Sequence[Verdict]) -> Summary:
@@ -138,8 +132,8 @@ def summary(rows: Sequence[Verdict]) -> Summary:
         bounds_below_actual=_known(fmean, [covered for row in rows for covered in row.covered]),
         mean_error=_known(fmean, [error for row in rows for error in row.errors]),
         median_predicted_over_actual_seconds=_known(median, [time for row in rows for time in row.times]),
-        mean_share_of_seconds=_known(fmean, [row.sample.fraction_of_seconds for row in rows]),
-        mean_share_of_samples=_known(fmean, [row.sample.fraction for row in rows]),
+        mean_share_of_seconds=_known(fmean, [row.sample["seconds"] / row.sample["costliest_seconds"] for row in rows]),
+        mean_share_of_samples=_known(fmean, [row.sample["fraction"] for row in rows]),
         met_95=wilson([bool(row.met) for row in chosen]),
         cheap_enough_95=wilson([cost <= CHEAP_ENOUGH for cost in costs]),
         scenes=len({row.scene for row in rows}),
@@ -196,8 +190,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--replay", action="store_true", help="cut the sample out of the bench's frames")
     add("--targets", type=lambda text: tuple(map(float, text.split(","))), default=TARGETS)
     add("--seeds", type=_ints, default=(101,))
-    add("--spps", type=numbers, default=PlanOptions.spps)
-    add("--between", type=int, default=PlanOptions.between)
+    add("--spps", type=numbers, default=PlanOptions.samples)
     add("--methods", type=names)
     add("--lenses", type=int)
     add("--rate", type=float, metavar="SECONDS",
@@ -210,7 +203,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def run(options: argparse.Namespace) -> None:
     """Validate every scene, write the JSON after each, print the tables."""
     files = {path.stem: str(path.resolve()) for path in options.scenes}
-    plans = PlanOptions(spps=options.spps, methods=options.methods, lenses=options.lenses, between=options.between)
+    plans = PlanOptions(samples=options.spps, methods=options.methods, lenses=options.lenses)
     rows: list[Verdict] = []
     for scene in scenes(options.bench):
         if options.replay or scene.name in files:

@@ -24,9 +24,8 @@ from lfsr_core.frames.request import Request
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.pipeline.finishing import finish_frame
-from lfsr_core.plan.candidates import Candidate
-from lfsr_core.plan.options import PlanOptions
-from lfsr_core.plan.times import path_samples, render_seconds
+from lfsr_core.plan.options import Candidate, PlanOptions
+from lfsr_core.plan.sample import path_samples, render_seconds
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_lab.experiments.engine.accuracy import Target
 from lfsr_lab.experiments.engine.records import Records
@@ -81,7 +80,7 @@ def actuals(scene: Path, candidates: Sequence[Candidate], records: Records[Actua
 
 
 def _measure(scene: Path, candidate: Candidate, rate: float | None) -> Actual:
-    folder, target = renders(scene)[candidate.scale, candidate.spp], _target(scene / REFERENCE)
+    folder, target = renders(scene)[candidate.scale, candidate.samples], _target(scene / REFERENCE)
     target.check(read_frame(folder))
     similarity = target.lens_ssim(finished_linear(folder, candidate.method))
     with scratch_copy(folder) as copy:  # render, as it took then, and second stage, as it takes now
@@ -133,7 +132,8 @@ def replay(scene: Path, job: Request, rate: float | None = None) -> None:
     fraction = np.prod(tiled.rays.size) / np.prod(frame.rays.size) * job.sampling.samples / frame.samples
     target.mkdir(parents=True, exist_ok=True)
     names = REFERENCE_FILES if job.kind == "reference" else (LOW_RES_FILE,)
-    layers = _read_layers(source / names[job.seed % len(names)])
+    part = int(target.name[-1]) if job.kind == "reference" else 0
+    layers = _read_layers(source / names[part])
     cut = {layer: _cut(pixels, frame, tiled) for layer, pixels in layers.items()}
     for name in names:
         write_layers(target / name, cut)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-
-from lfsr_core.plan.planner import SampleFacts
+from typing import Any
 
 
 @dataclasses.dataclass(frozen=True)
@@ -17,7 +16,7 @@ class Verdict:
     target: float
     chosen: str | None  # name of the chosen candidate, None where nothing met the target
     hindsight: str | None  # the cheapest candidate that meets the target as a whole frame, None where none does
-    sample: SampleFacts  # what was looked at
+    sample: dict[str, Any]  # facts of its lenses and their cost, as in a plan's JSON
     limit: str  # why nothing was chosen
     # Of each measured candidate: its name, its accuracy as a whole frame, whether its lower bound holds, its estimate
     # minus its accuracy, and predicted over actual seconds.
@@ -56,7 +55,7 @@ class Summary:
     # mean_share_of_seconds, mean_share_of_samples: of a sample in the costliest candidate's frame
     mean_share_of_seconds: float | None
     mean_share_of_samples: float | None
-    # Since version 0.2; 95 % intervals (Wilson) as if all plans were independent, which those of a scene are not.
+    # 95 % intervals (Wilson) as if all plans were independent, which those of a scene are not.
     met_95: tuple[float, float] | None = None  # of ``met``
     cheap_enough_95: tuple[float, float] | None = None  # of ``cheap_enough``
     scenes: int = 0  # with plans

@@ -61,7 +61,8 @@ def verdicts(report: Report, store: Store, output: Path) -> Iterator[Verdict]:
             continue
         scene = Scene(store, report.settings, choose_sweeps([sweep.name])[0], value_of(sweep))
         store.render_all([scene.reference_job, *jobs_of(scene)])
-        yield from validate(scene.folder, PlanOptions(spps=SPPS), Draws(output, SEEDS, (target_of(sweep),), rate=RATE))
+        draws = Draws(output, SEEDS, (target_of(sweep),), rate=RATE)
+        yield from validate(scene.folder, PlanOptions(samples=SPPS), draws)
 
 
 def table(report: Report, plans: Iterable[Verdict]) -> list[str]:

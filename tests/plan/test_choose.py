@@ -1,0 +1,153 @@
+"""Estimates from sampled lenses, the choice of the cheapest candidate, and how often it is right."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.optics.depth_scale import MODEL
+from lfsr_core.optics.display import load_display
+from lfsr_core.plan import choose as choosing
+from lfsr_core.plan.choose import Estimate, Rated, choose, estimate, first_guess
+from lfsr_core.plan.options import Candidate, PlanOptions
+from lfsr_core.plan.sample import USUAL_LENSES, sampled_lenses
+
+METHODS = ("bilinear", "oidn+bilinear", "bicubic")
+DISPLAY = load_display("bupt-32in-8k")
+GRID = (30, 40)
+
+
+def rated(scale: int, samples: int, method: str, seconds: float, low: float | None, mean: float | None = None) -> Rated:
+    known = None if low is None else Estimate(low + 0.01 if mean is None else mean, low, 30)
+    return Rated(scale, samples, method, seconds, known)
+
+
+@st.composite
+def rows(draw) -> list[Rated]:
+    keys = draw(st.lists(st.tuples(st.sampled_from((1, 2, 4)), st.sampled_from((4, 16, 64)), st.sampled_from(METHODS)),
+                         min_size=1, max_size=12, unique=True))
+    accuracy = st.one_of(st.none(), st.floats(0.8, 1.0))
+    return [rated(*key, draw(st.floats(0.1, 100)), draw(accuracy)) for key in keys]
+
+
+@given(rows(), st.floats(0.8, 1.0), st.floats(0.1, 100))
+def test_what_is_chosen_meets_the_target_and_nothing_that_does_is_much_cheaper(found, target, most):
+    choice = choose(found, target, most)
+    confirmed = [row for row in found if row.low >= target and row.seconds <= most]
+    assert (choice.chosen is None) == (not confirmed)
+    if choice.chosen is None:
+        assert choice.limit is not None
+    else:
+        assert choice.chosen in confirmed
+        assert choice.chosen.seconds <= choosing.AS_GOOD * min(row.seconds for row in confirmed)
+
+
+def test_of_equally_cheap_candidates_the_simplest_is_taken():
+    found = [rated(4, 16, "oidn+bilinear+epi", 10.0, 0.97), rated(4, 16, "oidn+bilinear", 10.2, 0.96),
+             rated(4, 64, "bilinear", 10.4, 0.96), rated(2, 16, "bilinear", 11.0, 0.96)]
+    assert choose(found, 0.95).chosen.candidate == Candidate(4, 64, "bilinear")
+    assert choose(found[:2], 0.95).chosen.candidate == Candidate(4, 16, "oidn+bilinear")
+
+
+@pytest.mark.parametrize(("found", "code"), [
+    ([rated(4, 16, "bilinear", 1, 0.90, 0.92), rated(4, 64, "bilinear", 2, 0.93, 0.94)], "plan-limit-noise"),
+    ([rated(4, 16, "bilinear", 1, 0.90, 0.920), rated(4, 64, "bilinear", 2, 0.91, 0.921)], "plan-limit-upscaling"),
+    ([rated(1, 16, "none", 1, 0.90, 0.920), rated(1, 64, "none", 2, 0.91, 0.921)], "plan-limit-method"),
+    ([rated(4, 16, "bilinear", 1, 0.94, 0.96)], "plan-limit-certainty"),
+    ([rated(4, 16, "bilinear", 1, 0.90), rated(4, 64, "bilinear", 20, 0.97)], "plan-limit-time"),
+    ([rated(4, 16, "bilinear", 1, None)], "plan-limit-unmeasured")])
+def test_what_limits_is_told(found, code):
+    choice = choose(found, 0.95, most_seconds=10)
+    assert choice.chosen is None and choice.limit.code == code
+    assert choice.best is max((row for row in found if row.estimate and row.seconds <= 10), default=None,
+                              key=lambda row: row.low)
+
+
+def skewed(random: np.random.Generator) -> np.ndarray:
+    """Accuracies near 1 of every lens of a display, with a tail of bad ones."""
+    return 1 - 0.15 * random.random(GRID)**3 - 0.02 * random.exponential(1, GRID)
+
+
+def test_lower_bound_lies_below_the_truth_in_95_of_100_draws():
+    random, values, mask = np.random.default_rng(0), skewed(np.random.default_rng(0)), np.zeros(GRID, bool)
+    mask[4:26, 6:34] = True
+    hit = mask & (random.random(GRID) < 0.8)  # not all that lie beside the foreground show any
+    found = []
+    for seed in range(400):
+        places = tuple(np.array(sampled_lenses(mask, 24, seed)).T)
+        found.append(estimate(values[places], hit[places], int(mask.sum())))
+    truth = values[hit].mean()
+    assert np.mean([each.low <= truth for each in found]) >= 0.95
+    assert np.mean([each.mean for each in found]) == pytest.approx(truth, abs=0.003)
+
+
+def test_a_census_is_certain_and_too_few_lenses_are_refused():
+    values = np.linspace(0.8, 1, 20)
+    found = estimate(values, np.ones(20, bool), 20)
+    assert found.low == found.mean == pytest.approx(0.9) and found.lenses == 20
+    for count in (0, 1):
+        with pytest.raises(LfsrError, match=f"{count} of 4 sampled lenses"):
+            estimate(values[:4], np.arange(4) < count, 20)
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """Accuracy of every lens by candidate, as Monte Carlo renders would have it."""
+
+    mask: np.ndarray
+    of_lenses: dict[Candidate, np.ndarray]
+
+    @classmethod
+    def made(cls, seed: int, spread: float, best: float) -> Scene:
+        """Accuracies that vary by ``spread`` over lenses, with a tail of bad ones; ``best`` without noise."""
+        random = np.random.default_rng(seed)
+        mask = np.zeros(GRID, bool)
+        mask[4:26, 6:34] = True
+        hard = spread * (random.gamma(1.0, 1.0, GRID) - 1)  # what all candidates find hard
+        start, found = best - random.uniform(0.0, 0.12), {}
+        for candidate in PlanOptions(scales=(1, 2, 4), samples=(4, 16, 64), methods=("bilinear",)).candidates(DISPLAY):
+            noise = (best - start) * 4 ** -(np.log2(candidate.samples) / 2 - 1) * random.uniform(0.9, 1.1)
+            lost = 0.01 * candidate.scale * random.uniform(0.5, 1.5)
+            own = spread / 3 * random.normal(size=GRID)
+            found[candidate] = np.clip(best - noise - lost - hard * (1 + noise * 4) + own, 0, 1)
+        return cls(mask, found)
+
+    def chosen(self, seed: int, target: float) -> Candidate | None:
+        """What a plan of the usual number of lenses chooses."""
+        places = tuple(np.array(sampled_lenses(self.mask, USUAL_LENSES, seed)).T)
+        rows = [Rated(**vars(each), seconds=each.paths(DISPLAY), estimate=estimate(
+                    values[places], np.ones(USUAL_LENSES, bool), int(self.mask.sum())))
+                for each, values in self.of_lenses.items()]
+        row = choose(rows, target).chosen
+        return row and row.candidate
+
+
+@pytest.mark.parametrize("spread", [0.02, 0.08])
+def test_few_plans_choose_what_misses_their_target(spread):
+    """Targets are put where several candidates are near them: the hardest case."""
+    plans, wrong, chosen = 200, 0, 0
+    for seed in range(plans):
+        scene = Scene.made(seed, spread, 0.9 + 0.06 * seed / plans)
+        found = scene.chosen(seed, 0.9)
+        chosen += found is not None
+        wrong += found is not None and scene.of_lenses[found][scene.mask].mean() < 0.9
+    assert chosen > plans / 4 and wrong <= 0.05 * chosen, (wrong, chosen)
+
+
+@pytest.mark.parametrize("move", [0.0, 0.02, 0.3])
+@pytest.mark.parametrize("target", [0.8, 0.9, 0.95])
+def test_the_first_guess_is_the_cheapest_that_should_do(move, target):
+    moves, options = np.full(50, move), PlanOptions(target=target)
+    guess, found = first_guess(DISPLAY, moves, options), options.candidates(DISPLAY)
+    loss = {candidate: MODEL.loss(moves, candidate.scale, candidate.samples) for candidate in found}
+    chosen = guess.candidate
+    assert chosen in found and guess.reaches == (loss[chosen] <= 1 - target)
+    if guess.reaches:
+        assert all(loss[each] > 1 - target for each in found if each.paths(DISPLAY) < chosen.paths(DISPLAY))
+    else:
+        assert loss[chosen] == min(loss.values())
