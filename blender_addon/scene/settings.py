@@ -14,7 +14,7 @@ from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.request import AUTO, LIGHTS, Request, Sampling, is_light_file
 from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.reconstruct.methods import AS_RENDERED, DEFAULT_METHOD, PANEL_METHODS, MethodName
+from lfsr_core.reconstruct.methods import AS_RENDERED, DEFAULT_METHOD, SUBPIXEL_METHODS, MethodName
 
 from . import devices
 from .array import rig
@@ -71,7 +71,7 @@ def resolve(scene: bpy.types.Scene) -> Resolved:
     scale, method = 1, MethodName.parse(settings.method)
     scales: tuple[int, ...] = ()
     if subpixels := settings.subpixels and display.is_woven:
-        method = method if method.text == AS_RENDERED else MethodName.parse(PANEL_METHODS[0])
+        method = method if method.text == AS_RENDERED else MethodName.parse(SUBPIXEL_METHODS[0])
         finish = Finish(method.text)
     else:
         scales = method.scales_of(scales_up_to(display)) if settings.scale == AUTO_SCALE else ()

@@ -57,9 +57,9 @@ def method_of(name: str | None, is_direct: bool) -> str:
 
     ``is_direct``: whether the panel's subpixels are rendered.
     """
-    from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PANEL_METHODS, PLAIN_METHOD, denoise
+    from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PLAIN_METHOD, SUBPIXEL_METHODS, denoise
 
-    best, plain = PANEL_METHODS if is_direct else (DEFAULT_METHOD, PLAIN_METHOD)
+    best, plain = SUBPIXEL_METHODS if is_direct else (DEFAULT_METHOD, PLAIN_METHOD)
     return name or (best if denoise.is_available() else plain)
 
 

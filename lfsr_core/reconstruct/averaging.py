@@ -9,7 +9,6 @@ pixels has changed, others may have, hidden by noise.
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
@@ -17,7 +16,8 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.notices import Notice
-from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, Frame, read_frame
+from lfsr_core.frames.folder import NUMBERED, numbered
+from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
 from lfsr_core.frames.identity import first_difference
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.images.exr import read_finite
@@ -31,7 +31,6 @@ REACH = 1  # pixels or lenses to each side that are looked at together
 CERTAIN = 0.75  # certainty of the least certain pixel above which an elemental image is averaged
 TINY = 1e-12
 VERSION = 3  # of the result: figures measured with another version are out of date
-NUMBERED = re.compile(r"-?\d{3,}$")  # names made by ``frame_folder``
 # Fields that two frames must have in common for their pixels to be samples of the same rays.
 COMMON = ("display", "scale", "array", "matrix_world", "samples", "convention", "view_aperture", "lens_list", "clip",
           "world_visible", "world_apart")
@@ -152,25 +151,12 @@ class Neighbour:
 
 def neighbours_of(folder: Path, frame: Frame, count: int) -> list[Neighbour]:
     """Rendered frames ``near`` the one in ``folder``, from the folders beside it."""
-    wanted = {name: vars(frame)[name] for name in COMMON}
-    others = {beside: read_frame(beside) for beside in numbered_beside(folder, count)}
-    return [Neighbour(beside, int(beside.name), not first_difference(vars(other), wanted), other.seed == frame.seed)
-            for beside, other in others.items()]
-
-
-def numbered_beside(folder: Path, count: int, planned: Iterable[int] = ()) -> list[Path]:
-    """Folders of frames ``near`` the one in ``folder``, of those rendered or ``planned``."""
     if not NUMBERED.match(folder.name):
         return []
-    numbers = numbered(folder.parent) | {number: folder.parent / f"{number:04d}" for number in planned}
-    return [numbers[number] for number in near(int(folder.name), numbers, count)]
-
-
-def numbered(output: Path) -> dict[int, Path]:
-    """Folders of the rendered frames of an animation in ``output``, by their numbers."""
-    found = output.iterdir() if output.is_dir() else ()
-    return {int(path.name): path for path in found if NUMBERED.match(path.name)
-            and (path / FRAME_FILE).is_file() and (path / LOW_RES_FILE).is_file()}
+    wanted, around = {name: vars(frame)[name] for name in COMMON}, numbered(folder.parent)
+    others = {number: around[number].frame for number in near(int(folder.name), around, count)}
+    return [Neighbour(around[number].path, number, not first_difference(vars(other), wanted), other.seed == frame.seed)
+            for number, other in others.items()]
 
 
 def near(number: int, numbers: Collection[int], count: int) -> list[int]:

@@ -27,7 +27,7 @@ from lfsr_core.images.png import write_png
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.panel.panel_rays import panel_image
 from lfsr_core.reconstruct.assembly import StageClock, peak_bytes
-from lfsr_core.reconstruct.methods import AS_RENDERED, PANEL_METHODS, MethodName
+from lfsr_core.reconstruct.methods import AS_RENDERED, SUBPIXEL_METHODS, MethodName
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, span
 from lfsr_core.reconstruct.methods.oidn import Note, Wanted, ignored
 
@@ -37,9 +37,9 @@ ROWS_AT_ONCE, MOST_WORKERS = 64, 8
 
 def check_subpixels_finish(finish: Finish) -> None:
     """LfsrError where the method or one of its options needs elemental images."""
-    if MethodName.parse(finish.method).text not in PANEL_METHODS:
+    if MethodName.parse(finish.method).text not in SUBPIXEL_METHODS:
         raise LfsrError(f"method {finish.method!r} needs elemental images, which the layout {SUBPIXELS} does not have: "
-                        f"choose one of {', '.join(PANEL_METHODS)}")
+                        f"choose one of {', '.join(SUBPIXEL_METHODS)}")
     for name in (name for name in NEED_LENSES if getattr(finish, name)):
         raise LfsrError(f"--{name.replace('_', '-')} is for elemental images, which the layout {SUBPIXELS} does not "
                         "have: leave it out")

@@ -18,9 +18,9 @@ from lfsr_core.reconstruct.methods import (
     MENU,
     METHODS,
     MORE,
-    PANEL_METHODS,
     PREFILTER,
     RECOVERY,
+    SUBPIXEL_METHODS,
     UPSCALER,
     MethodName,
     load_method,
@@ -53,9 +53,9 @@ def test_every_row_makes_what_it_says_and_every_name_that_is_offered_is_one():
         assert part.text and part.kind in (PREFILTER, UPSCALER, RECOVERY)
         made = part.make(*{PREFILTER: [None], UPSCALER: [], RECOVERY: [METHODS["bilinear"].make(), None]}[part.kind])
         assert callable(made) and isinstance(made, Upscaler) == (part.kind != PREFILTER), name
-    for text in (DEFAULT_METHOD, *COMPARED, *PANEL_METHODS, *MENU, *MORE):
+    for text in (DEFAULT_METHOD, *COMPARED, *SUBPIXEL_METHODS, *MENU, *MORE):
         assert MethodName.parse(text).text == text
-    for text in PANEL_METHODS:
+    for text in SUBPIXEL_METHODS:
         assert not any(part.needs_lenses for part in MethodName.parse(text).parts)
 
 

@@ -7,7 +7,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import read_rendered
-from lfsr_core.reconstruct.methods import AS_RENDERED, MENU, MORE, PANEL_METHODS, MethodName
+from lfsr_core.reconstruct.methods import AS_RENDERED, MENU, MORE, SUBPIXEL_METHODS, MethodName
 
 from ...jobs import asked, denoiser
 from ...jobs.task import Job
@@ -35,7 +35,7 @@ def methods(scene: bpy.types.Scene) -> list[str]:
         return []
     known = [MethodName.parse(name) for name in (*MENU, *MORE)]
     if frame.panel_rays:
-        fits = [name for name in known if name.text in PANEL_METHODS]
+        fits = [name for name in known if name.text in SUBPIXEL_METHODS]
     else:
         fits = [name for name in known if (name.upscaler == AS_RENDERED) == (frame.scale == 1)]
     return [name.text for name in fits if not (lacks and name.prefilters)]

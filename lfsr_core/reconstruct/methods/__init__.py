@@ -73,7 +73,7 @@ METHODS: dict[str, Part] = {
 START, PER_FINISHED, PER_RENDERED = 1.2, 0.07, 0.05
 AS_RENDERED = "none"
 # For direct subpixel rendering, the default first: there the library's own weights are as good as ours.
-PANEL_METHODS = ("oidn", AS_RENDERED)
+SUBPIXEL_METHODS = ("oidn", AS_RENDERED)
 PLAIN_METHOD = "bilinear"  # after a denoiser more accurate than bicubic, see docs/results/measurements.md
 FAST_METHOD = f"denoise+{PLAIN_METHOD}"
 DEFAULT_METHOD = f"{FAST_METHOD}+epi"  # see docs/results/networks.md

@@ -17,7 +17,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import flip_order, from_views, to_elemental_images
 from lfsr_core.optics.panel.gather import gather_map
 from lfsr_core.optics.panel.weave import weave
-from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PANEL_METHODS, MethodName, oidn
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, SUBPIXEL_METHODS, MethodName, oidn
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_core.reconstruct.subpixels import linear_panel_image
 
@@ -59,7 +59,7 @@ def measured_at(profile: DisplayProfile) -> list[tuple[Way, int]]:
 def panel_image(folder: Path, way: Way) -> Array:
     """Return what the panel shows, (H, W, 3) uint8 sRGB, from the rendered frame in ``folder``."""
     if way == SUBPIXEL:
-        return traced(folder, LOW_RES_FILE, PANEL_METHODS[0])
+        return traced(folder, LOW_RES_FILE, SUBPIXEL_METHODS[0])
     frame = read_frame(folder)
     if way == USUAL:
         return shown(_view_by_view(folder, frame), frame.display, "nearest")
