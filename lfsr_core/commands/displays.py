@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
@@ -13,10 +12,6 @@ from lfsr_core.commands.arguments import position
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.optics.proposal import PanelShape, proposed_light_field
-from lfsr_core.optics.sheet import Lenslet, Lenticular
-
-if TYPE_CHECKING:
-    from lfsr_core.calibration.visual_json import Calibration
 
 NAME = "displays"
 HELP = "list the display profiles, show one with its derived numbers, import or calibrate one"
@@ -47,27 +42,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """List the profiles, show one, or make a profile or a pattern."""
-    if arguments.bridge and not arguments.output:
+    from lfsr_core.optics.profile_file import write_profile
+
+    output = arguments.output
+    if arguments.bridge and not output:
         return _print_connected()
+    for name, asked, wanted in (("--import writes a profile", arguments.calibration or arguments.bridge, "FILE.toml"),
+                                ("--cubevi writes a profile", arguments.cubevi, "FILE.toml"),
+                                ("--pattern writes an image", arguments.pattern, "FILE.png")):
+        if asked and output is None:
+            raise LfsrError(f"{name}, but no file was given: add -o {wanted}")
+    if (arguments.pattern or arguments.fit) and not arguments.display:
+        raise LfsrError("--pattern and --fit need a display: give its name or FILE.toml")
     if arguments.bridge or arguments.calibration:
         profile = _imported(arguments)
+        write_profile(output, profile)
     elif arguments.cubevi:
-        profile = _of_c1(arguments)
+        from lfsr_core.calibration.cubevi import profile_of_c1
+
+        slope, interval, x0 = arguments.cubevi
+        profile = profile_of_c1(slope, interval, x0, output.stem)
+        write_profile(output, profile)
     elif arguments.pattern:
-        return _write_pattern(arguments)
+        from lfsr_core.calibration.patterns import pattern
+        from lfsr_core.images.png import write_png
+
+        write_png(output, pattern(load_display(arguments.display), arguments.pattern))
+        return print(output)
     elif arguments.fit:
         profile = _fitted(arguments)
     elif arguments.display:
         profile = load_display(arguments.display)
     else:
-        return print("\n".join(map(_line, builtin_names())))
+        for name in builtin_names():
+            profile = load_display(name)
+            print(f"{name:22} {_pair(profile.panel_pixels)} px, {_pair(profile.lenses)} lenses of "
+                  f"{_pair(profile.views)} views. {profile.description}")
+        return None
     return print("\n".join(describe(profile)))
-
-
-def _line(name: str) -> str:
-    profile = load_display(name)
-    return (f"{name:22} {_pair(profile.panel_pixels)} px, {_pair(profile.lenses)} lenses of "
-            f"{_pair(profile.views)} views. {profile.description}")
 
 
 def _print_connected() -> None:
@@ -77,101 +89,62 @@ def _print_connected() -> None:
     for device in Bridge().devices():
         try:
             numbers = device.calibration.numbers
-            found = "{screenW:g}×{screenH:g} px, {viewCone:g}° cone, {pitch:.4f} cylinders per inch".format(**numbers)
+            told = "{screenW:g}×{screenH:g} px, {viewCone:g}° cone, {pitch:.4f} cylinders per inch".format(**numbers)
         except LfsrError as error:
-            found = str(error)
+            told = str(error)
         quilt = [device.quilt.get(name, "?") for name in ("tileX", "tileY", "quiltX", "quiltY")]
         print(f"{device.index:2}  {device.name} ({device.hardware}), at {device.corner[0]},{device.corner[1]}: "
-              f"{found}, quilt {quilt[0]}×{quilt[1]} of {quilt[2]}×{quilt[3]} px")
-
-
-def _connected(name: str | None) -> Calibration:
-    """Calibration of a display of Looking Glass Bridge; LfsrError where none is named among several."""
-    from lfsr_core.exports.bridge import Bridge, chosen
-
-    devices = Bridge().devices()
-    if name is None and len(devices) > 1:
-        known = ", ".join(f"{device.index} ({device.name})" for device in devices)
-        raise LfsrError(f"{len(devices)} displays are connected, but a profile is of one: name one of {known}")
-    return chosen(devices, name).calibration
+              f"{told}, quilt {quilt[0]}×{quilt[1]} of {quilt[2]}×{quilt[3]} px")
 
 
 def _imported(arguments: argparse.Namespace) -> DisplayProfile:
-    """Profile of a calibration, written to the output file and named after it."""
+    """Profile of a calibration, from a file or a connected display, named after the output file."""
     from lfsr_core.calibration.visual_json import profile_from_calibration, read_calibration
-    from lfsr_core.optics.profile_file import write_profile
 
-    output = _output(arguments, "--import writes a profile", "-o FILE.toml")
-    calibration = _connected(arguments.display) if arguments.bridge else read_calibration(arguments.calibration)
-    profile = profile_from_calibration(calibration, output.stem)
-    write_profile(output, profile)
+    if arguments.bridge:
+        from lfsr_core.exports.bridge import Bridge, chosen
+
+        devices = Bridge().devices()
+        if arguments.display is None and len(devices) > 1:
+            listed = ", ".join(f"{device.index} ({device.name})" for device in devices)
+            raise LfsrError(f"{len(devices)} displays are connected, but a profile is of one: name one of {listed}")
+        calibration = chosen(devices, arguments.display).calibration
+    else:
+        calibration = read_calibration(arguments.calibration)
     for name, usual in (("fringe", 0), ("invView", 1)):
         if (value := calibration.numbers[name]) != usual:
             print(f"note: {sentence(Notice('number-ignored', {'name': name, 'value': value}))}")
-    return profile
-
-
-def _of_c1(arguments: argparse.Namespace) -> DisplayProfile:
-    """Profile of a CubeVi C1, written to the output file and named after it."""
-    from lfsr_core.calibration.cubevi import profile_of_c1
-    from lfsr_core.optics.profile_file import write_profile
-
-    output = _output(arguments, "--cubevi writes a profile", "-o FILE.toml")
-    slope, interval, x0 = arguments.cubevi
-    profile = profile_of_c1(slope, interval, x0, output.stem)
-    write_profile(output, profile)
-    return profile
-
-
-def _write_pattern(arguments: argparse.Namespace) -> None:
-    from lfsr_core.calibration.patterns import pattern
-    from lfsr_core.images.png import write_png
-
-    output = _output(arguments, "--pattern writes an image", "-o FILE.png")
-    write_png(output, pattern(_given(arguments), arguments.pattern))
-    print(output)
+    return profile_from_calibration(calibration, arguments.output.stem)
 
 
 def _fitted(arguments: argparse.Namespace) -> DisplayProfile:
     """Profile with the lens sheet of the photographs, written if an output file is given."""
     from lfsr_core.calibration.measure import calibrate
 
-    profile, photos = _given(arguments), arguments.fit
+    profile, photos = load_display(arguments.display), arguments.fit
     places = arguments.places or [(0.0, 0.0, profile.viewing_distance_mm)] * len(photos)
     if len(places) != len(photos):
         raise LfsrError(f"{len(photos)} photographs and {len(places)} positions were given: give --from X,Y,Z once for "
                         "each photograph")
     if arguments.output and arguments.output.suffix != ".toml":
         raise LfsrError(f"{arguments.output} cannot be a display profile: end its name in .toml")
-    found, notices = calibrate(profile, photos, places, arguments.output)
+    fit, notices = calibrate(profile, photos, places, arguments.output)
     print("\n".join(map(sentence, notices)))
     if arguments.output:
         print(f"taken and predicted: {arguments.output.with_suffix('.png')}")
-    return found.profile
-
-
-def _given(arguments: argparse.Namespace) -> DisplayProfile:
-    if not arguments.display:
-        raise LfsrError("--pattern and --fit need a display: give its name or FILE.toml")
-    return load_display(arguments.display)
-
-
-def _output(arguments: argparse.Namespace, what: str, wanted: str) -> Path:
-    if arguments.output is None:
-        raise LfsrError(f"{what}, but no file was given: add {wanted}")
-    return Path(arguments.output)
+    return fit.profile
 
 
 def describe(profile: DisplayProfile) -> list[str]:
     """Lines that describe a profile: its own numbers, then those derived from them."""
-    rows = [*_stated(profile), *(_sheet(profile) if profile.is_woven else ()), *_derived(profile)]
-    rows += [(f"depth at scale {scale}", _depth(profile, scale)) for scale in (1, *profile.scales())]
-    heading = f"{profile.name}: {profile.title}" if profile.title else profile.name
-    return [heading, f"  {profile.description}", *(f"  {label:22} {value}" for label, value in rows)]
+    pitch_x, pitch_y = profile.lens_pitch_mm
+    spacing = profile.camera_spacing_mm
 
+    def angle(views: int) -> float:
+        """Angle in degrees of so many neighbouring views at the viewing distance."""
+        return math.degrees(2 * math.atan(views * spacing / 2 / profile.viewing_distance_mm))
 
-def _stated(profile: DisplayProfile) -> list[tuple[str, str]]:
-    return [
+    rows = [
         ("panel", f"{_pair(profile.panel_pixels)} px, {profile.panel_mm[0]:g} × {profile.panel_mm[1]:g} mm"),
         ("lenses", f"{_pair(profile.lenses)} = {math.prod(profile.lenses)}"),
         ("views per lens", f"{_pair(profile.views)} = {math.prod(profile.views)}"),
@@ -179,76 +152,50 @@ def _stated(profile: DisplayProfile) -> list[tuple[str, str]]:
         ("viewing angle", f"{profile.viewing_angle_deg:g}° (horizontal)"),
         ("pixels inside an EI", profile.ei_order),
         ("background", " ".join(f"{value:g}" for value in profile.background) + " (scene-linear)"),
+        *(_sheet(profile) if profile.is_woven else ()),
+        ("lens pitch", f"{pitch_x:.3f} × {pitch_y:.3f} mm"),
+        ("pixel pitch", f"{profile.panel_mm[0] / profile.panel_pixels[0]:.4f} mm"),
+        ("view spacing", f"{spacing:.3f} mm at the viewing distance, {angle(1):.3f}°"),
+        ("vertical angle", f"{angle(profile.views[1]):.1f}°" if profile.parallax[1] else "none: one view vertically"),
+        ("scale factors", ", ".join(map(str, profile.scales())) or "none: no factor from 2 to 10 divides the views"),
     ]
+    for scale in (1, *profile.scales()):
+        front, behind = profile.depth_range_mm(scale)
+        far = "without limit" if math.isinf(behind) else f"{behind:.1f} mm"
+        rows.append((f"depth at scale {scale}", f"{front:.1f} mm in front, {far} behind the display"))
+    heading = f"{profile.name}: {profile.title}" if profile.title else profile.name
+    return [heading, f"  {profile.description}", *(f"  {label:22} {value}" for label, value in rows)]
 
 
 def _sheet(profile: DisplayProfile) -> list[tuple[str, str]]:
     """Lens sheet, subpixels and weave of the panel, and how much of each view an eye sees."""
     from lfsr_core.optics.panel.crosstalk import view_spread
-    from lfsr_core.optics.panel.subpixel_rays import Geometry
+    from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice
 
-    spread, geometry = view_spread(profile), Geometry.of(profile)
-    shape = PanelShape(profile.panel_pixels, profile.panel_mm)
-    lenses, views = proposed_light_field(shape, profile.sheet)
-    return [*(_lenslet(profile, profile.lenslet) if profile.lenslet else ()),
-            *(_lenticular(profile, profile.lenticular) if profile.lenticular else ()), _subpixels(profile),
+    spread, geometry, rows = view_spread(profile), Geometry.of(profile), list[tuple[str, str]]()
+    (width, height), subpixels = profile.panel_mm, profile.pixel_layout
+    if sheet := profile.lenslet:
+        images = elemental_lattice(sheet, geometry)
+        (pitch_x, pitch_y), (shift_x, shift_y) = sheet.lenses.pitch_mm, sheet.lenses.shift_mm
+        rows += [("lens sheet", f"{sheet.packing}, {pitch_x:.4g} × {pitch_y:.4g} mm apart, turned by "
+                                f"{sheet.lenses.rotation_deg:g}°, shifted by {shift_x:.4g} × {shift_y:.4g} mm"),
+                 ("pixels behind a lens", " × ".join(f"{pitch * profile.panel_pixels[0] / width:.3f}"
+                                                     for pitch in images.pitch_mm))]
+    if cylinders := profile.lenticular:
+        across = cylinders.lenses_across(width)
+        rows += [("cylinders", f"{across:.3f} across (P), {cylinders.pitch_mm:.6g} mm apart, "
+                               f"leaning {math.degrees(math.atan(cylinders.slant)):.4g}°"),
+                 ("tilt", f"{cylinders.slant * height / width:.7f} panel heights per width"),
+                 ("subpixels per cylinder", f"{3 * profile.panel_pixels[0] / across:.3f} in a row")]
+    lenses, views = proposed_light_field(PanelShape(profile.panel_pixels, profile.panel_mm), profile.sheet)
+    return [*rows,
+            ("subpixels", f"{len(subpixels.cells)} cells, pixel x, y has number {subpixels.cell_rule}"
+             if subpixels.cells else "in one place" if subpixels.stripes == "white" else f"{subpixels.stripes} stripes"),
             ("panel to lenses", f"{geometry.gap:.3f} mm"),
             ("full resolution", f"{_pair(lenses)} lenses of {_pair(views)} views"),
             ("weave", f"interpolates {profile.weave}" if profile.weave != "nearest" else "takes the nearest view"),
             ("an eye at a view sees", f"{spread.own:.0%} of that view, {spread.neighbours:.0%} of its neighbours"),
             ("crosstalk", f"{spread.others:.1%} of other views")]
-
-
-def _lenticular(profile: DisplayProfile, sheet: Lenticular) -> list[tuple[str, str]]:
-    width, height = profile.panel_mm
-    across = sheet.lenses_across(width)
-    return [("cylinders", f"{across:.3f} across (P), {sheet.pitch_mm:.6g} mm apart, "
-                          f"leaning {math.degrees(math.atan(sheet.slant)):.4g}°"),
-            ("tilt", f"{sheet.slant * height / width:.7f} panel heights per width"),
-            ("subpixels per cylinder", f"{3 * profile.panel_pixels[0] / across:.3f} in a row")]
-
-
-def _lenslet(profile: DisplayProfile, sheet: Lenslet) -> list[tuple[str, str]]:
-    from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice
-
-    pixel, images = profile.panel_mm[0] / profile.panel_pixels[0], elemental_lattice(sheet, Geometry.of(profile))
-    return [("lens sheet", f"{sheet.packing}, {_mm(sheet.lenses.pitch_mm)} apart, turned by "
-                           f"{sheet.lenses.rotation_deg:g}°, shifted by {_mm(sheet.lenses.shift_mm)}"),
-            ("pixels behind a lens", " × ".join(f"{pitch / pixel:.3f}" for pitch in images.pitch_mm))]
-
-
-def _subpixels(profile: DisplayProfile) -> tuple[str, str]:
-    subpixels = profile.pixel_layout
-    if subpixels.cells:
-        return "subpixels", f"{len(subpixels.cells)} cells, pixel x, y has number {subpixels.cell_rule}"
-    return "subpixels", f"{subpixels.stripes} stripes" if subpixels.stripes != "white" else "in one place"
-
-
-def _derived(profile: DisplayProfile) -> list[tuple[str, str]]:
-    pitch_x, pitch_y = profile.lens_pitch_mm
-    spacing, vertical = profile.camera_spacing_mm, f"{_seen_angle(profile, profile.views[1]):.1f}°"
-    return [
-        ("lens pitch", f"{pitch_x:.3f} × {pitch_y:.3f} mm"),
-        ("pixel pitch", f"{profile.panel_mm[0] / profile.panel_pixels[0]:.4f} mm"),
-        ("view spacing", f"{spacing:.3f} mm at the viewing distance, {_seen_angle(profile, 1):.3f}°"),
-        ("vertical angle", vertical if profile.parallax[1] else "none: one view vertically"),
-        ("scale factors", ", ".join(map(str, profile.scales())) or "none: no factor from 2 to 10 divides the views"),
-    ]
-
-
-def _seen_angle(profile: DisplayProfile, views: int) -> float:
-    """Angle in degrees of so many neighbouring views at the viewing distance."""
-    return math.degrees(2 * math.atan(views * profile.camera_spacing_mm / 2 / profile.viewing_distance_mm))
-
-
-def _depth(profile: DisplayProfile, scale: int) -> str:
-    front, behind = profile.depth_range_mm(scale)
-    far = "without limit" if math.isinf(behind) else f"{behind:.1f} mm"
-    return f"{front:.1f} mm in front, {far} behind the display"
-
-
-def _mm(pair: tuple[float, float]) -> str:
-    return f"{pair[0]:.4g} × {pair[1]:.4g} mm"
 
 
 def _pair(pair: tuple[int, int]) -> str:
