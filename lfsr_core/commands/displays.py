@@ -190,7 +190,7 @@ def _sheet(profile: DisplayProfile) -> list[tuple[str, str]]:
     lenses, views = proposed_light_field(PanelShape(profile.panel_pixels, profile.panel_mm), profile.sheet)
     return [*rows,
             ("subpixels", f"{len(subpixels.cells)} cells, pixel x, y has number {subpixels.cell_rule}"
-             if subpixels.cells else "in one place" if subpixels.stripes == "white" else f"{subpixels.stripes} stripes"),
+             if subpixels.cells else f"{subpixels.stripes} stripes".replace("white stripes", "in one place")),
             ("panel to lenses", f"{geometry.gap:.3f} mm"),
             ("full resolution", f"{_pair(lenses)} lenses of {_pair(views)} views"),
             ("weave", f"interpolates {profile.weave}" if profile.weave != "nearest" else "takes the nearest view"),
