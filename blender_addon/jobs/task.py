@@ -36,6 +36,7 @@ from .copy import file_copy
 SECONDS_TO_STOP = 1.5
 LEAST_LEFT = 0.5  # seconds
 SAVE = Progress("save")
+STARTING = ("make", "reference", "plan", "estimate", "export", "show")  # tasks that start Blender
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,6 +137,8 @@ class Task:
     def _start(self) -> None:
         self._folder = folder = Path(tempfile.mkdtemp(prefix="lfsr-", dir=bpy.app.tempdir or None))
         data = dict(self.job.arguments)
+        if self.job.task in STARTING:
+            data["command"] = runtime.render_command()
         if requests := {name: value for name, value in data.items() if isinstance(value, Request)}:
             self._copy = file_copy(self.job.output)
             scene = str(self._copy.__enter__())

@@ -7,7 +7,7 @@ import bpy
 from lfsr_core.base.records import from_data
 from lfsr_core.tasks.estimate import Measured
 
-from ...jobs import asked, runtime, timing
+from ...jobs import asked, timing
 from ...jobs.task import Job
 from .base import TaskOperator, add_missing_array
 
@@ -23,7 +23,7 @@ class LFSR_OT_estimate_time(TaskOperator, bpy.types.Operator):
         scene = context.scene
         add_missing_array(scene)
         name = scene.name_full
-        return Job("estimate", {"request": asked.asked(scene)[0], "command": runtime.render_command()},
+        return Job("estimate", {"request": asked.asked(scene)[0]},
                    lambda result: timing.remember(name, from_data(Measured, result, "what was measured")))
 
 

@@ -10,7 +10,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports.format_names import DESCRIPTIONS, FILMS, QUILT_FILM, TITLES, default_target
 from lfsr_core.exports.frame_folders import frame_folders
 
-from ...jobs import runtime, session
+from ...jobs import session
 from ...jobs.task import Job
 from ...scene import folders
 from .base import TaskOperator
@@ -53,8 +53,8 @@ class LFSR_OT_export(TaskOperator, bpy.types.Operator):
                 raise LfsrError(f"there is one image only in {folder}, expected an animation: press Render Animation")
         target = default_target(folder, self.format)
         fps = None if self.format in FILMS else _rate(context)
-        return Job("export", {"folder": str(folder), "name": self.format, "target": str(target), "fps": fps,
-                              "command": runtime.render_command()}, lambda _: _say_where(target))
+        return Job("export", {"folder": str(folder), "name": self.format, "target": str(target), "fps": fps},
+                   lambda _: _say_where(target))
 
 
 class LFSR_OT_show(TaskOperator, bpy.types.Operator):
@@ -79,7 +79,7 @@ class LFSR_OT_show(TaskOperator, bpy.types.Operator):
         """Show it, then say where."""
         folder = folders.shown_frame(context.scene, "to show")
         return Job("show", {"path": str(folder.parent if self.animation else folder), "full_screen": self.full_screen,
-                            "fps": _rate(context), "command": runtime.render_command()}, _say_what_is_shown)
+                            "fps": _rate(context)}, _say_what_is_shown)
 
 
 class LFSR_MT_export(bpy.types.Menu):

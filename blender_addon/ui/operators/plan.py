@@ -12,7 +12,7 @@ from lfsr_core.plan.choose import Choice, Guess, Rated
 from lfsr_core.plan.options import Candidate, PlanOptions
 from lfsr_core.reconstruct.methods import AS_RENDERED
 
-from ...jobs import asked, runtime, session
+from ...jobs import asked, session
 from ...jobs.task import Job
 from ...scene import settings as scene_settings
 from ...scene.methods import title
@@ -42,7 +42,7 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
                 guess(name, from_data(Guess, told.values, "the first guess"))
             return told.code == "first-guess"
 
-        return Job("plan", {"request": request, "options": options, "command": runtime.render_command()},
+        return Job("plan", {"request": request, "options": options},
                    lambda result: show(options.target, name, from_data(Choice, result, "the plan's result")), notice)
 
 

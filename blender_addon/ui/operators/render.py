@@ -18,7 +18,7 @@ from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
 from lfsr_core.frames.request import Sampling
 
-from ...jobs import asked, denoiser, preview, runtime, session, show_image, timing
+from ...jobs import asked, denoiser, preview, session, show_image, timing
 from ...jobs.task import Job
 from ...scene import folders
 from ...scene import settings as scene_settings
@@ -86,8 +86,7 @@ class LFSR_OT_render_reference(TaskOperator, bpy.types.Operator):
         wanted = dataclasses.replace(
             request, sampling=Sampling(1, scene.lfsr.reference_samples), kind="reference", layers=(),
             clamp_indirect=0.0, output=str(target))
-        return Job("reference", {"request": wanted, "folder": str(folder), "lenses": scene.lfsr.reference_lenses,
-                                 "command": runtime.render_command()},
+        return Job("reference", {"request": wanted, "folder": str(folder), "lenses": scene.lfsr.reference_lenses},
                    _print_ssim, output=target, kept=functools.partial(asked.kept, target))
 
 
@@ -143,7 +142,7 @@ def image_job(scene: bpy.types.Scene, wants_proof: bool = False) -> Job:
         return told.code == "test-made"
 
     test = {"test": proof, "test_views": str(asked.views_file(Path(proof.output)))} if proof else {}
-    return Job("make", {"request": request, "finish": finish, "overwrite": True, "command": runtime.render_command(),
+    return Job("make", {"request": request, "finish": finish, "overwrite": True,
                         "views": str(asked.views_file(folder))} | test,
                lambda _: show_image_of(name, folder), notice, folder, kept=functools.partial(asked.kept, folder))
 
@@ -155,8 +154,7 @@ def animation_job(scene: bpy.types.Scene) -> Job:
     output = Path(request.output)
     last = FrameFolder.of_frame(output, frames[-1]).path
     return Job("make", {"request": request, "finish": finish, "frames": list(frames),
-                        "overwrite": scene.lfsr.use_overwrite, "views": str(asked.views_file(last)),
-                        "command": runtime.render_command()},
+                        "overwrite": scene.lfsr.use_overwrite, "views": str(asked.views_file(last))},
                functools.partial(_end_animation, scene.name_full), output=output, frames=frames,
                kept=lambda: asked.CONTINUE)
 
