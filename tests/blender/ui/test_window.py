@@ -181,7 +181,7 @@ value = (seconds, [float(np.abs(one - pixels[0]).mean()) for one in pixels])
 @pytest.mark.parametrize("moment", ["opening", "rendering", "upscaling"])
 def test_cancel_is_quick_and_tidy(window, moment):
     started_at = {"opening": "True", "rendering": "addon.jobs.session.current().fraction > 0",
-                  "upscaling": "addon.jobs.session.current().progress.stage not in ('save', 'open', 'render')"}[moment]
+                  "upscaling": "addon.jobs.session.current().progress.stage in ('load', 'upscale', 'write')"}[moment]
     before = scene_value(window, UNTOUCHED)
     window.run("bpy.context.scene.frame_set(7)")
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
