@@ -18,12 +18,6 @@ from lfsr_core.optics.display import PROFILE_FOLDER
 from tests.support import panel
 
 
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
-
-
 def refuse(scene, sentence: str, operator=None) -> None:
     """The operator is cancelled with a report that matches, and the scene is as it was."""
     before = panel.snapshot(scene)
@@ -98,22 +92,13 @@ def test_unsaved_file(tmp_path):
         assert "unsaved" in [line.code for line in bpy.context.window_manager.lfsr.problems]
 
 
-def test_read_only_folder(scene):
-    # Not even the superuser can make files there.
-    scene.lfsr.output = "/proc/lfsr"
-    refuse(scene, "Scene/0001 cannot be made .*: choose another folder")
-
-
-def test_output_is_a_file(scene, tmp_path):
+@pytest.mark.parametrize(("folder", "sentence"), [
+    ("/proc/lfsr", "Scene/0001 cannot be made"),  # not even the superuser can make files there
+    ("taken", "cannot be made"), ("x" * 256, "is too long"), ("link", "is a link to .*nowhere")])
+def test_output_that_cannot_be(scene, tmp_path, folder, sentence):
     (tmp_path / "taken").write_text("x")
-    scene.lfsr.output = str(tmp_path / "taken")
-    refuse(scene, "cannot be made .*: choose another folder")
-
-
-@pytest.mark.parametrize(("name", "sentence"), [("x" * 256, "is too long"), ("link", "is a link to .*nowhere")])
-def test_output_that_cannot_be(scene, tmp_path, name, sentence):
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
-    scene.lfsr.output = str(tmp_path / name)
+    scene.lfsr.output = str(tmp_path / folder)
     refuse(scene, sentence)
 
 
@@ -170,16 +155,12 @@ def test_profile_file_wrong_or_not_chosen(scene, tmp_path):
     refuse(scene, "own.toml: field")
 
 
-def test_scale_that_does_not_divide_the_views(scene):
-    scene.lfsr.scale = "5"
-    refuse(scene, "Scale is 5, .* choose a scale that divides both")
-
-
-def test_method_that_upscales_nothing_is_an_error_before_the_render(scene):
-    scene.lfsr.method = "denoise"
-    refuse(scene, "Method 'denoise' upscales nothing, but scale 2")
-    scene.lfsr.scale = "AUTO"
-    assert asked.asked(scene)[0].sampling.scale == 1
+@pytest.mark.parametrize(("name", "value", "sentence"), [
+    ("scale", "5", "Scale is 5, .* choose a scale that divides both"),
+    ("method", "denoise", "Method 'denoise' upscales nothing, but scale 2")])
+def test_settings_that_do_not_go_together(scene, name, value, sentence):
+    setattr(scene.lfsr, name, value)
+    refuse(scene, sentence)
 
 
 def test_colours_that_the_image_could_not_show_are_an_error_before_the_render(scene, monkeypatch):

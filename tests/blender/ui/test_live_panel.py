@@ -3,20 +3,12 @@
 from __future__ import annotations
 
 import bpy
-import pytest
 
 from blender_addon.live import nodes, session
 from blender_addon.live.scene import EYE, PANEL
 from blender_addon.scene import devices
 from blender_addon.ui import live_panel
 from tests.blender.ui.test_panels import draw, greyed, labels, operators, properties
-from tests.support import panel
-
-
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
 
 
 def test_off(scene):

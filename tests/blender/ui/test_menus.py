@@ -5,17 +5,9 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import bpy
-import pytest
 
 from blender_addon.ui import menus
-from tests.support import panel
 from tests.support.recording_layout import RecordingLayout
-
-
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
 
 
 def drawn(draw) -> list[tuple[str, dict]]:

@@ -8,15 +8,8 @@ import pytest
 from blender_addon.scene.array import rig
 from blender_addon.ui import overlay
 from lfsr_core.optics.display import load_display
-from tests.support import panel
 
 MINI = load_display("mini")
-
-
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
 
 
 def test_the_drawn_frustum_is_the_array(scene):

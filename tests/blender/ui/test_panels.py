@@ -17,15 +17,8 @@ from blender_addon.ui.display_panel import LFSR_MT_scale, LFSR_PT_display
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Progress
 from lfsr_core.frames.request import LIGHTS
-from tests.support import panel
 from tests.support.problems import found
 from tests.support.recording_layout import RecordingLayout
-
-
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
 
 
 def draw(cls) -> list:

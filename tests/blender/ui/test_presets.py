@@ -5,16 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
-import pytest
 
 from blender_addon.ui import presets
-from tests.support import panel
-
-
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
 
 
 def test_a_blender_preset_is_saved_loaded_and_removed(scene):

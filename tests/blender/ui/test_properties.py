@@ -11,12 +11,6 @@ from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from tests.support import panel
 
 
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
-
-
 @pytest.mark.parametrize("name", scene_settings.QUALITY_SAMPLES)
 def test_quality_sets_rays_and_method(scene, name):
     scene.lfsr.quality, scene.lfsr.scale = name, "4"

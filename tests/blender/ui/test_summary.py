@@ -7,14 +7,7 @@ import pytest
 from blender_addon.scene import folders
 from blender_addon.ui import summary
 from lfsr_core.frames.report import Report, write_report
-from tests.support import panel
 from tests.support.synthetic import write_render
-
-
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
 
 
 @pytest.mark.parametrize(("flip", "shown"), [(0.01234, "0.0123"), (None, "not computed")])
