@@ -15,8 +15,8 @@ from ..scene import settings as scene_settings
 from ..scene.array import rig
 from ..scene.array.cameras import mirror_notices
 from ..scene.light import AUTO_LIGHT, SCENE_LIGHTS, has_light, is_dim
-from ..scene.methods import title
 from ..scene.notices import missing_images
+from ..scene.settings import title
 from ..scene.subject import find_subject
 from ..scene.words import capitalized
 from . import disk, geometry, ignored

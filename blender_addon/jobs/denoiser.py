@@ -14,8 +14,7 @@ from lfsr_core.process.child import output_of
 from lfsr_core.reconstruct.methods import MethodName
 from lfsr_core.tasks.probe import DENOISER
 
-from ..scene.methods import title
-from ..scene.settings import Resolved
+from ..scene.settings import Resolved, title
 from . import runtime
 
 SECONDS_TO_ANSWER = 60

@@ -9,6 +9,7 @@ from lfsr_core.optics.display import builtin_names, load_display
 
 PROFILE_FILE = "FILE"
 DEFAULT_DISPLAY = "bupt-32in-8k"
+DIRECT = "Direct Subpixel Rendering"  # of a display with a lens sheet
 
 
 def profile_items() -> list[tuple[str, str, str, str, int]]:

@@ -23,7 +23,7 @@ from lfsr_core.frames.frame import (
 )
 from lfsr_core.frames.identity import is_of
 
-from .methods import DIRECT
+from .displays import DIRECT
 
 UNSAVED = "untitled"
 

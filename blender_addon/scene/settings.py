@@ -14,15 +14,14 @@ from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.request import AUTO, LIGHTS, Request, Sampling, is_light_file
 from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.reconstruct.methods import AS_RENDERED, DEFAULT_METHOD, SUBPIXEL_METHODS, MethodName
+from lfsr_core.reconstruct.methods import AS_RENDERED, DEFAULT_METHOD, MENU, MORE, SUBPIXEL_METHODS, MethodName
 
 from . import devices
 from .array import rig
 from .color import color_settings
-from .displays import DEFAULT_DISPLAY, PROFILE_FILE
+from .displays import DEFAULT_DISPLAY, DIRECT, PROFILE_FILE
 from .folders import absolute
 from .light import check_chosen, light_of
-from .methods import DIRECT
 from .subject import find_subject
 
 SCALES = (1, 2, 3, 4, 5, 8)
@@ -200,6 +199,11 @@ def live_samples(scene: bpy.types.Scene, is_eye: bool) -> int:
         return samples_at(display, live_scale(scene, display, is_eye), lfsr.live_rays)
     except LfsrError:
         return 0  # the live view says what is wrong with the display
+
+
+def title(method: str) -> str:
+    """Title of a method in the menu; of one that is not in it, its name."""
+    return (MENU | MORE).get(method, (method, ""))[0]
 
 
 def length(scene: bpy.types.Scene, value: float) -> str:

@@ -6,6 +6,7 @@ Everything that decides an image is saved with the scene; the state of the sessi
 from __future__ import annotations
 
 import contextlib
+import zlib
 
 import bpy
 from bpy.props import (
@@ -19,14 +20,13 @@ from bpy.props import (
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.finish import MOST_AVERAGED
-from lfsr_core.reconstruct.methods import DEFAULT_METHOD
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, MENU, MORE
 
 from ..jobs import preview, show_image
 from ..scene import folders
 from ..scene.array import cached, rig
-from ..scene.displays import DEFAULT_DISPLAY, profile_items
+from ..scene.displays import DEFAULT_DISPLAY, DIRECT, profile_items
 from ..scene.light import AUTO_LIGHT, light_items
-from ..scene.methods import DIRECT, method_items
 from ..scene.settings import AUTO_SCALE, SCALES, offered_scales, qualities
 from .session_state import FoundProblem, SessionState
 
@@ -91,6 +91,13 @@ def _get_spacing(settings: SceneSettings) -> float:
 
 def _set_spacing(settings: SceneSettings, spacing: float) -> None:
     rig.set_spacing(settings.id_data, spacing)
+
+
+def method_items() -> list[tuple[str, str, str, str, int]]:
+    """Enum items; each has a number of its own, so that new methods do not change saved scenes."""
+    items = [(name, title, text, "NONE", zlib.crc32(name.encode()) & 0x7FFFFFFF)
+             for name, (title, text) in (MENU | MORE).items()]
+    return [*items[:len(MENU)], ("", "More", "", "NONE", 0), *items[len(MENU):]]
 
 
 class SceneSettings(bpy.types.PropertyGroup):

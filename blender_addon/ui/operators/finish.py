@@ -12,7 +12,7 @@ from lfsr_core.reconstruct.methods import AS_RENDERED, MENU, MORE, SUBPIXEL_METH
 from ...jobs import asked, denoiser
 from ...jobs.task import Job
 from ...scene import folders
-from ...scene.methods import title
+from ...scene.settings import title
 from .base import TaskOperator
 from .render import show_image_of
 

@@ -15,7 +15,7 @@ from lfsr_core.reconstruct.methods import AS_RENDERED
 from ...jobs import asked, session
 from ...jobs.task import Job
 from ...scene import settings as scene_settings
-from ...scene.methods import title
+from ...scene.settings import title
 from ...scene.words import counted
 from .base import UNDO, Result, TaskOperator, add_missing_array, reports_errors
 

@@ -22,7 +22,7 @@ from ...jobs import asked, denoiser, preview, session, show_image, timing
 from ...jobs.task import Job
 from ...scene import folders
 from ...scene import settings as scene_settings
-from ...scene.methods import title
+from ...scene.settings import title
 from ...scene.subject import find_subject
 from ...scene.words import counted
 from . import check

@@ -6,8 +6,10 @@ import bpy
 import pytest
 
 from blender_addon.scene import settings as scene_settings
+from blender_addon.ui import properties
 from lfsr_core.optics.display import builtin_names
-from lfsr_core.reconstruct.methods import DEFAULT_METHOD
+from lfsr_core.plan.options import default_methods
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, MethodName
 from tests.support import panel
 
 
@@ -42,8 +44,8 @@ def test_a_saved_scene_keeps_the_samples_that_were_set(tmp_path):
         for scale in ("2", "4", scene_settings.AUTO_SCALE):
             found.lfsr.scale = scale
             resolved = scene_settings.resolve(found)
-            assert (resolved.samples, resolved.rays) == (40, None)
-            assert resolved.job(tmp_path, 1).samples_at(1) == 40
+            assert (resolved.sampling.samples, resolved.rays) == (40, None)
+            assert resolved.request.samples_at(1) == 40
 
 
 def test_the_rays_stay_when_the_scale_changes(scene):
@@ -85,3 +87,11 @@ def test_a_scale_that_another_display_lacks_becomes_auto(scene):
     assert scene.lfsr.scale == "5"
     scene.lfsr.display = "mini"
     assert scene.lfsr.scale == "AUTO"
+
+
+def test_the_menu_of_methods_has_every_method_that_a_plan_finds():
+    items = properties.method_items()
+    listed = {item[0] for item in items}
+    assert len({item[4] for item in items}) == len(items), "each has a number of its own"
+    assert all(not name or MethodName.parse(name).text == name for name in listed)
+    assert {MethodName.parse(name).at_scale(scale).text for name in default_methods() for scale in (1, 4)} <= listed

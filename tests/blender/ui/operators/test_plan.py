@@ -10,10 +10,10 @@ import bpy
 import pytest
 
 from blender_addon.jobs import session
-from blender_addon.scene import methods
 from blender_addon.scene import settings as scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.operators import plan
+from blender_addon.ui.properties import method_items
 from lfsr_core.base.notices import Notice
 from lfsr_core.plan import options
 from lfsr_core.plan.choose import Choice, Estimate, Guess, Rated
@@ -83,7 +83,7 @@ def test_cancel_ends_the_render_it_started(scene):
 
 
 def test_every_method_tried_can_be_set(scene):
-    listed = {item[0] for item in methods.method_items()}
+    listed = {item[0] for item in method_items()}
     tried = plan.wanted(scene).methods or default_methods()
     assert set(tried) <= listed
 
