@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -24,39 +23,25 @@ def run(frames_folder: str, film_file: str, frames_a_second: str) -> Path:
         raise LfsrError(f"{folder} has no PNG frames to encode: export again")
     if not bpy.app.ffmpeg.supported:
         raise LfsrError("this Blender was built without FFmpeg and cannot write MP4: choose another format")
-    scene = _scene(frames, rate)
-    _set_output(scene, film)
+    # A scene with nothing but the frames, in their own colours.
+    scene = bpy.data.scenes.new("Film")
+    strip = scene.sequence_editor_create().strips.new_image("Frames", str(frames[0]), channel=1, frame_start=1)
+    for frame in frames[1:]:
+        strip.elements.append(frame.name)
+    strip.frame_final_duration = len(frames)  # for the appended elements to count
+    scene.frame_start, scene.frame_end = 1, len(frames)
+    scene.display_settings.display_device, scene.view_settings.view_transform = "sRGB", "Standard"
+    render, size = scene.render, (strip.elements[0].orig_width, strip.elements[0].orig_height)
+    render.resolution_x, render.resolution_y, render.resolution_percentage = *size, 100
+    render.fps, render.fps_base = round(rate), round(rate) / rate
+    for name, value in video_output().items():
+        setattr(render.image_settings, name, value)
+    video, codec = render.ffmpeg, "H264" if max(size) <= H264_SIDE else "H265"
+    video.format, video.codec, video.constant_rate_factor, video.gopsize = "MPEG4", codec, "PERC_LOSSLESS", 30
+    render.use_file_extension, render.filepath = False, literal_path(str(film))
     bpy.app.handlers.render_write.append(
         lambda scene, *_: emit(stage="encode", fraction=scene.frame_current / len(frames), message="encoding"))
     bpy.ops.render.render(animation=True, scene=scene.name)
     if not film.is_file() or not film.stat().st_size:
         raise LfsrError(f"{film} was not written: free some space or choose another folder")
     return film
-
-
-def _scene(frames: Sequence[Path], rate: float) -> bpy.types.Scene:
-    """Scene with nothing but the frames, in their own colours."""
-    scene = bpy.data.scenes.new("Film")
-    editor = scene.sequence_editor_create()
-    strip = editor.strips.new_image("Frames", str(frames[0]), channel=1, frame_start=1)
-    for frame in frames[1:]:
-        strip.elements.append(frame.name)
-    # Needed for the appended elements to count.
-    strip.frame_final_duration = len(frames)
-    scene.frame_start, scene.frame_end = 1, len(frames)
-    element = strip.elements[0]
-    scene.render.resolution_x, scene.render.resolution_y = element.orig_width, element.orig_height
-    scene.render.resolution_percentage = 100
-    scene.render.fps, scene.render.fps_base = round(rate), round(rate) / rate
-    scene.display_settings.display_device, scene.view_settings.view_transform = "sRGB", "Standard"
-    return scene
-
-
-def _set_output(scene: bpy.types.Scene, film: Path) -> None:
-    for name, value in video_output().items():
-        setattr(scene.render.image_settings, name, value)
-    video = scene.render.ffmpeg
-    codec = "H264" if max(scene.render.resolution_x, scene.render.resolution_y) <= H264_SIDE else "H265"
-    video.format, video.codec, video.constant_rate_factor, video.gopsize = "MPEG4", codec, "PERC_LOSSLESS", 30
-    scene.render.use_file_extension = False
-    scene.render.filepath = literal_path(str(film))

@@ -15,7 +15,15 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import file_digest, file_stamp
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.base.records import to_data
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, write_frame
+from lfsr_core.frames.frame import (
+    LOW_RES_FILE,
+    REFERENCE_FILES,
+    SUBPIXELS,
+    VIEW_BY_VIEW,
+    WORLD_FILE,
+    Frame,
+    write_frame,
+)
 from lfsr_core.frames.identity import PLACES, digest, request_facts
 from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.frames.request import AUTO, GUIDES, OWN, Request
@@ -80,7 +88,6 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
         seconds = {"open": opened.seconds}
         if frame.world_apart:
             seconds["world"] = _world_image(scene, request, frame)
-        render = render_views if frame.layout == "view-by-view" else render_encoded
         rows = None if frame.rows is None else Part(*pixel_rows(frame.rows, frame.rays.views[1]))
         shot = Shot(frame.panel_rays or frame.rays, frame.matrix_world, frame.layout, frame.clip, rows)
         images, seconds["render"] = _images(scene, request, frame), seconds.get("world", 0.0)
@@ -88,9 +95,12 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
             for number, (name, settings) in enumerate(images):
                 follow = one_of(lambda fraction, message: tell(Progress("render", fraction, message)), number,
                                 len(images))
-                parts = ImageParts(Path(request.parts or ""), Path(name).stem, inputs,
+                path = Path(request.output, name)
+                parts = ImageParts(Path(request.parts or ""), path.stem, inputs,
                                    another_follows=number + 1 < len(images)) if inputs else None
-                seconds["render"] += render(scene, shot, settings, Path(request.output, name), follow, parts)
+                seconds["render"] += (
+                    render_views(scene, shot, settings, path, follow) if frame.layout == VIEW_BY_VIEW
+                    else render_encoded(scene, shot, settings, path, follow, parts))
     seconds = {name: round(value, 3) for name, value in seconds.items()}
     write_frame(request.output, dataclasses.replace(frame, content=opened.content, seconds=seconds,
                                                     notes=tuple(notes)))

@@ -62,8 +62,9 @@ def set_shader(camera: bpy.types.Camera, source: str, parameters: Mapping[str, A
 
 def compile_osl(source: str) -> str:
     """Return the bytecode of OSL ``source``; LfsrError if this Blender has no OSL or rejects it."""
+    advice = "the OSL camera is not available ({}): render with the layout lens-card"
     if not devices.has_osl():
-        raise _no_osl("this Blender was built without OSL")
+        raise LfsrError(advice.format("this Blender was built without OSL"))
     import _cycles
 
     # In Blender's own temporary folder, which is removed even if Blender crashes.
@@ -73,9 +74,5 @@ def compile_osl(source: str) -> str:
             text.write_text(source, encoding="utf-8")
             if not _cycles.osl_compile(str(text), str(code)) or not code.is_file() or not code.stat().st_size:
                 code.write_bytes(bytes(ROOM * text.stat().st_size))  # fails where there was no room for the bytecode
-                raise _no_osl("Cycles rejected the ray-layout shader, see its message above")
+                raise LfsrError(advice.format("Cycles rejected the ray-layout shader, see its message above"))
         return code.read_text(encoding="utf-8")
-
-
-def _no_osl(reason: str) -> LfsrError:
-    return LfsrError(f"the OSL camera is not available ({reason}): render with the layout lens-card")

@@ -57,28 +57,25 @@ def _nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
 def white_to_camera(scene: bpy.types.Scene) -> Iterator[None]:
     """Show camera rays a world of radiance 1 inside the block; all other rays see the scene's own."""
     with new_data() as made:
-        made.append(scene.world.copy())
-        _show_white(made[0])
-        with overridden(scene, {"world": made[0]}):
+        shown = scene.world.copy()
+        made.append(shown)
+        plain = shown.node_tree is None
+        compat.use_nodes(shown)
+        wiring = Wiring(shown.node_tree)
+        output = shown.node_tree.get_output_node("CYCLES") or wiring.node("ShaderNodeOutputWorld")
+        seen, mix = wiring.node("ShaderNodeLightPath"), wiring.node("ShaderNodeMixShader")
+        white = wiring.node("ShaderNodeBackground", Color=(1, 1, 1, 1), Strength=1.0)
+        links = output.inputs["Surface"].links
+        if plain:
+            own = wiring.node("ShaderNodeBackground", Color=(*shown.color, 1))
+            wiring.link(own.outputs[0], mix.inputs[1])
+        elif links:
+            wiring.link(links[0].from_socket, mix.inputs[1])
+        wiring.link(seen.outputs["Is Camera Ray"], mix.inputs[0])
+        wiring.link(white.outputs[0], mix.inputs[2])
+        wiring.link(mix.outputs[0], output.inputs["Surface"])
+        with overridden(scene, {"world": shown}):
             yield
-
-
-def _show_white(world: bpy.types.World) -> None:
-    plain = world.node_tree is None
-    compat.use_nodes(world)
-    wiring = Wiring(world.node_tree)
-    output = world.node_tree.get_output_node("CYCLES") or wiring.node("ShaderNodeOutputWorld")
-    seen, mix = wiring.node("ShaderNodeLightPath"), wiring.node("ShaderNodeMixShader")
-    white = wiring.node("ShaderNodeBackground", Color=(1, 1, 1, 1), Strength=1.0)
-    links = output.inputs["Surface"].links
-    if plain:
-        own = wiring.node("ShaderNodeBackground", Color=(*world.color, 1))
-        wiring.link(own.outputs[0], mix.inputs[1])
-    elif links:
-        wiring.link(links[0].from_socket, mix.inputs[1])
-    wiring.link(seen.outputs["Is Camera Ray"], mix.inputs[0])
-    wiring.link(white.outputs[0], mix.inputs[2])
-    wiring.link(mix.outputs[0], output.inputs["Surface"])
 
 
 def render_world(scene: bpy.types.Scene, image: WorldImage, matrix_world: Matrix, settings: RenderSettings,

@@ -1,7 +1,7 @@
 """Parts of long renders, stored in a hidden folder beside the output until all of it is published.
 
-A part is a range of an image's rows, or of its views where they are rendered one by one. The name of its file holds
-the range, the image and a digest of what decides the pixels, so that parts of different renders are never mixed.
+A part is a range of an image's rows. The name of its file holds the range, the image and a digest of what decides the
+pixels, so that parts of different renders are never mixed.
 ``Pace`` chooses how many rows a part has: so few that little of one is lost, so many that they cost nothing.
 """
 
@@ -33,7 +33,7 @@ WORTH = 0.1  # × SECONDS: a part that took less is not stored
 
 @dataclasses.dataclass(frozen=True, order=True)
 class Part:
-    """Rows, or views, ``first`` to before ``last`` of an image."""
+    """Rows ``first`` to before ``last`` of an image."""
 
     first: int
     last: int
@@ -41,7 +41,7 @@ class Part:
 
     @property
     def size(self) -> int:
-        """Number of rows or views."""
+        """Number of rows."""
         return self.last - self.first
 
 

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.render import bands, frame_folder, view_by_view
+from blender_addon.render import bands, frame_folder
 from blender_addon.render.frame_folder import Opened
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.request import LAYERS
@@ -51,16 +51,13 @@ def assert_same(images, others):
             np.testing.assert_array_equal(pixels, others[name][layer], f"{name} {layer}", strict=True)
 
 
-@pytest.mark.parametrize("options", [{}, {"lens_list": LENSES, "scale": 1}, {"layout": "lens-card"},
-                                     {"layout": "view-by-view", "scale": 4},
-                                     {"layout": "view-by-view", "scale": 4, "lens_list": LENSES}])
+@pytest.mark.parametrize("options", [{}, {"lens_list": LENSES, "scale": 1}, {"layout": "lens-card"}])
 def test_parts_are_the_whole_image(noisy, tmp_path, monkeypatch, options):
     options |= {"layers": LAYERS, "world_visible": True}
     whole, _ = rendered(noisy, tmp_path / "whole", **options)
     assert set(whole["lr_eia.exr"]) == {"color", *LAYERS, "environment"}
-    # So short that bands also run out of time and are given up. Each view is stored, however fast it is.
+    # So short that bands also run out of time and are given up.
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", "0.01")
-    monkeypatch.setattr(view_by_view, "seconds_per_part", lambda: 0.0)
     kept = tmp_path / "kept"
     assert_same(rendered(noisy, tmp_path / "parts", parts=str(kept), **options)[0], whole)
     names = sorted(path.name for path in kept.glob("*.exr"))
