@@ -43,7 +43,7 @@ def blenders_own(scene, path):
     return read_layers(path)["color"][10:14, 14:18].mean((0, 1))
 
 
-@pytest.mark.parametrize("layout", ["one-pass", "lens-card", "view-by-view"])
+@pytest.mark.parametrize("layout", ["one-pass", "lens-card"])
 @pytest.mark.parametrize("through", [False, True])
 def test_glass_is_as_transparent_as_in_blenders_render(pane, tmp_path, layout, through):
     pane.cycles.film_transparent_glass = through

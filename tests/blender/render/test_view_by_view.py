@@ -84,13 +84,6 @@ def test_one_view_shifted_by_one_is_noticed(renders):
     assert not same_image(encoded_images, np.stack([eia.from_views(image) for image in shifted]))
 
 
-def test_wrong_view_aperture_is_noticed(renders, tmp_path):
-    layout, encoded_images, _ = renders
-    scene, point = lit_scene(), dataclasses.replace(layout, view_aperture=0.0)
-    others = np.stack([view_by_view(scene, point, tmp_path / "image.exr", seed) for seed in range(SEEDS)])
-    assert not same_image(encoded_images, others)
-
-
 @pytest.mark.parametrize("lens_list", [None, ((0, 0), (3, 15), (11, 2), (5, 9), (6, 6))])
 @pytest.mark.parametrize("convention", ["centred", "paper"])
 def test_positions_agree_pixel_by_pixel(scene, tmp_path, convention, lens_list):

@@ -18,7 +18,8 @@ from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, emission
 from tests.support.told import Told
 
-KINDS = {"low": {}, "views": {"layout": "view-by-view"}, "reference": {"kind": "reference", "samples": 2}}
+KINDS = {"low": {}, "card": {"layout": "lens-card"}, "views": {"layout": "view-by-view"},
+         "reference": {"kind": "reference", "samples": 2}}
 
 
 def changes(before):
