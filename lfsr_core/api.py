@@ -80,7 +80,7 @@ class RenderedFrame:
         """Finish it with another method, by default the best; ``options`` as of ``Finish``. Returns itself."""
         from lfsr_core.pipeline.finishing import finish_frame
 
-        finish_frame(self.folder.path, _finish(method, bool(self.folder.rendered.panel_rays), options), self._tell)
+        finish_frame(self.folder.path, _finish(method, bool(self.folder.rendered.subpixels), options), self._tell)
         return self
 
     def eye(self, x: float = 0.0, y: float = 0.0, z: float | None = None) -> Bytes:

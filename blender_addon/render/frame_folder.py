@@ -89,7 +89,7 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
         if frame.world_apart:
             seconds["world"] = _world_image(scene, request, frame)
         rows = None if frame.rows is None else Part(*pixel_rows(frame.rows, frame.rays.views[1]))
-        shot = Shot(frame.panel_rays or frame.rays, frame.matrix_world, frame.layout, frame.clip, rows)
+        shot = Shot(frame.subpixels or frame.rays, frame.matrix_world, frame.layout, frame.clip, rows)
         images, seconds["render"] = _images(scene, request, frame), seconds.get("world", 0.0)
         with world.white_to_camera(scene) if frame.world_apart else nullcontext():
             for number, (name, settings) in enumerate(images):

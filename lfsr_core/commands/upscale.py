@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> None:
     number, path = arguments.frame, arguments.folder
     folder = FrameFolder(path) if number is None else FrameFolder.of_frame(path, number)
     frame = folder.rendered
-    finish = finish_of(arguments, bool(frame.panel_rays), frame.scale)
+    finish = finish_of(arguments, bool(frame.subpixels), frame.scale)
     with closing(ProgressBar(words=sentence)) as bar:
         finish_frame(folder.path, finish, bar)
         show_finished(folder, bar)
@@ -86,7 +86,7 @@ def show_finished(folder: FrameFolder, bar: ProgressBar) -> None:
         if notice not in frame.notes:  # the render has said those
             bar(notice)
     times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report.seconds.items())
-    if frame.panel_rays:
+    if frame.subpixels:
         print(f"{folder.image}: the panel's image, traced for its subpixels; {report.method} ({times})")
         return
     if frame.display.is_woven:

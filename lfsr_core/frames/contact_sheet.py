@@ -48,7 +48,7 @@ def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = 
     display's centre. Of direct subpixel rendering this is the only image.
     """
     folder = Path(folder)
-    if eye_mm is not None and (frame := read_rendered(folder)).panel_rays:
+    if eye_mm is not None and (frame := read_rendered(folder)).subpixels:
         write_png(folder / EYE_FILE, eye_view(read_png(folder / PANEL_FILE), frame.display, eye_mm))
         return [folder / EYE_FILE]
     display = read_frame(folder).display

@@ -107,7 +107,7 @@ class Frame:
         return (LOW_RES_FILE, WORLD_FILE) if self.world_apart else (LOW_RES_FILE,)
 
     @property
-    def panel_rays(self) -> PanelLayout | None:
+    def subpixels(self) -> PanelLayout | None:
         """Rays of the panel's subpixels in direct subpixel rendering, else None."""
         return PanelLayout(self.display, self.array) if self.layout == SUBPIXELS else None
 
@@ -152,7 +152,7 @@ def read_frame(folder: str | Path) -> Frame:
     LfsrError where it is missing, incomplete, of another format, of a part of a frame, or of direct subpixel rendering.
     """
     frame = read_rendered(folder)
-    if frame.panel_rays:
+    if frame.subpixels:
         raise LfsrError(f"{folder} holds the panel image alone, rendered with the layout {SUBPIXELS}: elemental "
                         "images, views and what is made of them need a render with another layout")
     return frame

@@ -24,7 +24,7 @@ class Report:
     samples: int
     seconds: dict[str, float]  # of each stage
     peak_bytes: int | None  # most memory that the process held, None where the system does not say
-    # of the lenses, or of a panel's traced subpixels, in [0, 1]
+    # of the lenses, or of a panel's subpixels, in [0, 1]
     foreground_fraction: float
     notes: tuple[Notice, ...] = ()  # what the user should know
     # against a reference, empty until they are measured

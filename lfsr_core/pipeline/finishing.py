@@ -24,7 +24,7 @@ def finish_frame(folder: str | Path, finish: Finish | str, tell: Tell = silent, 
     ``step``, ``selection``, ``upscaler``: for the laboratory, see ``reconstruct.second_stage``.
     """
     folder = Path(folder)
-    direct = read_rendered(folder).panel_rays is not None
+    direct = read_rendered(folder).subpixels is not None
     with staging_folder(folder) as staging, system_errors(folder):
         staged = staging / "finished"
         staged.mkdir()

@@ -54,7 +54,7 @@ def finish_into(folder: str | Path, staged: Path, finish: Finish | str, tell: Te
     direct subpixel rendering panel.png alone. LfsrError for bad input.
     """
     folder, finish, rendered = Path(folder), Finish.of(finish), read_rendered(folder)
-    if rendered.panel_rays:
+    if rendered.subpixels:
         return finish_subpixels(folder, staged, rendered, finish, tell)
     frame, method = _frame_and_method(folder, finish, upscaler)
     clock = StageClock(frame.seconds)

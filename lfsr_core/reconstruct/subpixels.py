@@ -77,25 +77,25 @@ def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: Method
 
     LfsrError where the layers and the frame differ in size.
     """
-    assert frame.panel_rays is not None, "a frame of direct subpixel rendering has them"
-    (width, height), shape = frame.panel_rays.size, layers["color"].shape
+    assert frame.subpixels is not None, "a frame of direct subpixel rendering has them"
+    (width, height), shape = frame.subpixels.size, layers["color"].shape
     if shape[:2] != (height, width):
         raise LfsrError(f"{LOW_RES_FILE} has {shape[1]}×{shape[0]} pixels, but frame.json says {width}×{height}: "
                         "render the frame again")
-    traced = over_background(layers, frame)
+    shown = over_background(layers, frame)
     if method.text != AS_RENDERED:
-        traced = _denoised(traced, frame, note)
-    return panel_image(frame.panel_rays, traced)
+        shown = _denoised(shown, frame, note)
+    return panel_image(frame.subpixels, shown)
 
 
-def _denoised(traced: Array, frame: Frame, note: Note) -> Array:
+def _denoised(shown: Array, frame: Frame, note: Note) -> Array:
     """Denoise the rectangle that shows more than the background."""
-    seen = (traced != np.asarray(frame.display.background, np.float32)).any(-1)
+    seen = (shown != np.asarray(frame.display.background, np.float32)).any(-1)
     part = span(seen.any(1), 1), span(seen.any(0), 1)
-    if traced[part].size:
-        traced = traced.copy()
-        traced[part] = denoise_eia(traced[part], device=Wanted.of(frame.device, frame.gpus), note=note)
-    return traced
+    if shown[part].size:
+        shown = shown.copy()
+        shown[part] = denoise_eia(shown[part], device=Wanted.of(frame.device, frame.gpus), note=note)
+    return shown
 
 
 def _shown(show: ViewTransform, image: Array) -> Array:

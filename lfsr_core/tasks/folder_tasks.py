@@ -26,7 +26,7 @@ def finish(folder: str, finish: dict[str, Any], views: str | None = None) -> dic
     from lfsr_core.pipeline.finishing import finish_frame
 
     report = finish_frame(folder, from_data(Finish, finish, "the finish"), emit_told)
-    if views and not FrameFolder(folder).rendered.panel_rays:
+    if views and not FrameFolder(folder).rendered.subpixels:
         decode(folder, views)
     return {"method": report.method}
 

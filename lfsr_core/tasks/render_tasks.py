@@ -44,7 +44,7 @@ def make(request: dict[str, Any], finish: dict[str, Any], command: list[str], fr
     made = make_frames(from_data(Request, request, "the request"), wanted, frames, blender=blender,
                        overwrite=overwrite or frames is None, lenient=True,
                        tell=emit_told if test is None else part_of(emit_told, TEST_FRACTION, 1.0))
-    if views and made[-1].state != FAILED and not FrameFolder(made[-1].folder).rendered.panel_rays:
+    if views and made[-1].state != FAILED and not FrameFolder(made[-1].folder).rendered.subpixels:
         decode(made[-1].folder, views)
     return {"made": [to_data(result) for result in made]}
 

@@ -84,7 +84,7 @@ def test_verbs_finish_it_show_it_to_an_eye_or_say_why_not(tmp_path, capsys):
     reference = write_reference(tmp_path / "reference", display=cells(lenses=(20, 16), views=(8, 1)))
     assert main(["upscale", str(folder)]) == 0
     assert f"{PANEL_FILE}: the panel's image, traced" in capsys.readouterr().out
-    assert read_report(folder).method == "oidn" and read_rendered(folder).panel_rays.size == (720, 160)
+    assert read_report(folder).method == "oidn" and read_rendered(folder).subpixels.size == (720, 160)
     assert main(["views", str(folder), "--eye=20,0,300"]) == 0
     assert read_png(folder / "eye.png").std() > 5 and not (folder / "views.png").exists()
     capsys.readouterr()

@@ -32,7 +32,7 @@ def render(job: Request) -> None:
                      lens_list=job.lens_list,
                      seed=job.seed, rows=job.rows, layout=job.layout,
                      **({} if job.frame is None else {"frame": job.frame}))
-    folder, image = Path(job.output), traced_panel(job.display) if frame.panel_rays else light_field(job.display)
+    folder, image = Path(job.output), traced_panel(job.display) if frame.subpixels else light_field(job.display)
     if job.lens_list is not None:
         image = tiles(image, dataclasses.replace(frame, scale=1))
     height, width, _ = image.shape

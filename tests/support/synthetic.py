@@ -35,9 +35,9 @@ def light_field(display: DisplayProfile = MINI) -> np.ndarray:
 def traced_panel(display: DisplayProfile) -> np.ndarray:
     """(H, W · 3, 4), what rays of the panel's subpixels see of the same."""
     frame = frame_of(1, display, layout=SUBPIXELS)
-    width, height = frame.panel_rays.size
+    width, height = frame.subpixels.size
     across, up = np.meshgrid((np.arange(width) + 0.5) / width, 1 - (np.arange(height) + 0.5) / height)
-    return _seen(frame, *panel_rays(frame.panel_rays, across, up))
+    return _seen(frame, *panel_rays(frame.subpixels, across, up))
 
 
 def _seen(frame: Frame, origin: np.ndarray, direction: np.ndarray) -> np.ndarray:

@@ -34,7 +34,7 @@ def methods(scene: bpy.types.Scene) -> list[str]:
     except LfsrError:
         return []
     known = [MethodName.parse(name) for name in (*MENU, *MORE)]
-    if frame.panel_rays:
+    if frame.subpixels:
         fits = [name for name in known if name.text in SUBPIXEL_METHODS]
     else:
         fits = [name for name in known if (name.upscaler == AS_RENDERED) == (frame.scale == 1)]

@@ -114,15 +114,15 @@ def lens_points(display: DisplayProfile, first: Array, second: Array) -> tuple[A
     return x - near_x, y - near_y
 
 
-def panel_image(layout: PanelLayout, traced: Array) -> Array:
+def panel_image(layout: PanelLayout, rendered: Array) -> Array:
     """Panel image (H, W, 3): each subpixel takes its own channel of its ray's colour.
 
-    ``traced``: of the rendered size, rows from the top.
+    ``rendered``: of the rendered size, rows from the top.
     """
     if layout.display.pixel_layout.count == 1:
-        return traced
+        return rendered
     width, height = layout.display.panel_pixels
-    by_pixel = traced.reshape(height, width, CHANNELS, CHANNELS)
+    by_pixel = rendered.reshape(height, width, CHANNELS, CHANNELS)
     rows, columns = _on_panel(layout, np.arange(height)[::-1], np.arange(width))
     channel = subpixel_table(layout).channel[rows[:, None] % PERIOD, columns % PERIOD]
     place = np.argsort(channel, axis=-1)  # of the subpixel that shows each colour
