@@ -16,7 +16,7 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import file_stamp, system_errors
-from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.notices import Notice
 from lfsr_core.frames.identity import PLACES, digest, request_facts, scene_stamp
 from lfsr_core.frames.request import Request, read_request
 from lfsr_core.optics.depth_scale import ScaleChoice
@@ -29,7 +29,6 @@ from lfsr_core.process.protocol import (
     emit,
     emit_last,
     emit_told,
-    emit_warning,
     repeated,
 )
 
@@ -113,18 +112,11 @@ def run_all(requests: Sequence[Request]) -> Path:
                 if question not in choices:
                     choices[question] = scale.scale_of(scene, request)
                 request = request.with_scale(choices[question])
-            folder = render_job(scene, request, opened, _tell)
+            folder = render_job(scene, request, opened, emit_told)
             opened = dataclasses.replace(opened, seconds=0.0)
             if len(requests) > 1:
                 emit(stage=RENDERED_STAGE, folder=str(folder))
     return folder
-
-
-def _tell(told: Progress | Notice) -> None:
-    if isinstance(told, Notice) and "text" in told.values:
-        emit_warning(told.values["text"])
-    else:
-        emit_told(told)
 
 
 def _opened(request: Request) -> tuple[bpy.types.Scene, Opened]:
@@ -133,13 +125,13 @@ def _opened(request: Request) -> tuple[bpy.types.Scene, Opened]:
 
     def say(sentence: str) -> None:
         notes.append(Notice("render-note", {"text": sentence}))
-        _tell(notes[-1])
+        emit_told(notes[-1])
 
     before = file_stamp(path)
     if request.parts and path.is_file():
         content = scene_stamp(path)
-        if sentence := remove_others(Path(request.parts), inputs_before_opening(request, content)):
-            emit_warning(sentence)
+        if other := remove_others(Path(request.parts), inputs_before_opening(request, content)):
+            emit_told(Notice("parts-removed", {"input": other}))
     emit(stage="open", fraction=0.0, message=request.scene or "the open scene")
     scene = _chosen_scene(request)
     if file_stamp(path) != before:

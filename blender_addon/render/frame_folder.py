@@ -83,8 +83,8 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
         inputs = None
         if request.parts and opened.content:
             inputs = _inputs(scene, request, frame, opened.content)
-            if sentence := remove_others(Path(request.parts), inputs):
-                tell(Notice("render-note", {"text": sentence}))
+            if other := remove_others(Path(request.parts), inputs):
+                tell(Notice("parts-removed", {"input": other}))
         seconds = {"open": opened.seconds}
         if frame.world_apart:
             seconds["world"] = _world_image(scene, request, frame)

@@ -105,6 +105,8 @@ SENTENCES: dict[str, Wording] = {
     "frame-left-out": "frame {frame} is left out: {error}",
     "frames-older": _frames_older,
     "parts-kept": "render again to continue, or delete {folder} to start over",
+    "parts-removed": "the parts of an earlier render were made with other {input}: they are removed, and the render "
+                     "starts from the beginning",
     "render-note": "{text}",
     "said": "{text}",
     # Plans

@@ -93,9 +93,9 @@ class ImageParts:
 
 
 def remove_others(folder: Path, inputs: Mapping[str, str]) -> str:
-    """Remove the parts in ``folder`` unless they have the same ``inputs``; return a sentence if any were removed.
+    """Remove the parts in ``folder`` unless they have the same ``inputs``; return the name of the first other input.
 
-    ``inputs``: all of them, or those that are known already.
+    "" where there were none. ``inputs``: all of them, or those that are known already.
     """
     if not folder.is_dir():
         return ""
@@ -111,8 +111,7 @@ def remove_others(folder: Path, inputs: Mapping[str, str]) -> str:
         path.unlink(missing_ok=True)
     with contextlib.suppress(OSError):
         folder.rmdir()  # unless it holds the copy of the scene that is rendered
-    return (f"the parts of an earlier render were made with other {name}: they are removed, and the render starts from "
-            "the beginning") if removed else ""
+    return name if removed else ""
 
 
 def seconds_per_part() -> float:

@@ -17,7 +17,7 @@ from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import DEVICES
 from lfsr_core.images import exr
-from lfsr_core.process.protocol import ENDS_WITH_INPUT, parse_progress
+from lfsr_core.process.protocol import ENDS_WITH_INPUT, parse_progress, told_of
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, ROOT, add_box, add_camera, emission
 
@@ -66,11 +66,11 @@ def test_what_is_left_out_is_said_before_the_render_and_kept_in_the_frame(scene,
     add_camera(scene, (0, -6, 0))
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     emitted = records(start(tmp_path, scene=str(tmp_path / "scene.blend")).communicate()[0].splitlines())
-    said = [number for number, record in enumerate(emitted) if record.get("warning")]
+    said = [number for number, record in enumerate(emitted) if "notice" in record]
     renders = [number for number, record in enumerate(emitted) if record["stage"] == "render" and record["fraction"]]
     assert len(said) == 1 and said[0] < renders[0]
     (note,) = read_frame(tmp_path / "out").notes
-    assert sentence(note) == emitted[said[0]]["message"] and "sequencer" in sentence(note)
+    assert note == told_of(emitted[said[0]]) and "sequencer" in sentence(note)
 
 
 def test_that_parts_cannot_be_used_is_said_before_the_scene_is_opened(blend, tmp_path):
@@ -79,10 +79,9 @@ def test_that_parts_cannot_be_used_is_said_before_the_scene_is_opened(blend, tmp
     (parts / "lr_eia-digest-000000-000002-100.exr").write_bytes(b"")
     write_json(parts / "inputs.json", {"scene file": "another"})
     emitted = records(start(tmp_path, scene=str(blend), parts=str(parts)).communicate()[0].splitlines())
-    said = [number for number, record in enumerate(emitted)
-            if "were made with other settings: they are removed" in record.get("message", "")]
+    said = [number for number, record in enumerate(emitted) if record.get("notice") == "parts-removed"]
     assert len(said) == 1 and said[0] < [record["stage"] for record in emitted].index("open")
-    assert emitted[said[0]]["warning"]
+    assert emitted[said[0]]["values"] == {"input": "settings"}
     assert not parts.exists()
 
 
@@ -95,7 +94,7 @@ def test_a_camera_that_sees_something_else_is_said_before_the_render(scene, tmp_
     add_camera(scene, (0, -6, 0)).data.dof.use_dof = True
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     child = start(tmp_path, scene=str(tmp_path / "scene.blend"))
-    said = [record["message"] for record in records(child.communicate()[0].splitlines()) if record.get("warning")]
+    said = [sentence(told_of(record)) for record in records(child.communicate()[0].splitlines()) if "notice" in record]
     assert child.returncode == 0 and len(said) == 1 and "sees Wall, but nothing of the subject" in said[0]
 
 

@@ -113,7 +113,7 @@ def test_an_interrupted_render_says_what_is_kept_and_a_changed_scene_starts_anew
     program.send_signal(signal.SIGINT)
     said, _ = program.communicate(timeout=30)
     assert program.returncode == 130
-    assert f"delete {tmp_path '.frame-parts'} to start over" in said
+    assert f"delete {tmp_path / '.frame-parts'} to start over" in said
     assert not list(tmp_path.glob(".frame-????????")), "staging is gone"
     bpy.data.lights["lamp"].energy *= 2
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
