@@ -78,11 +78,6 @@ def told_of(record: dict[str, Any]) -> Progress | Notice | None:
                     record.get("left"), record.get("cpu"), bool(record.get("repeated")))
 
 
-def emit_warning(message: str) -> None:
-    """Write a sentence that the user should know although it stops nothing."""
-    emit(stage="render", fraction=0.0, message=message, warning=True)
-
-
 @contextmanager
 def repeated(silence: float = SECONDS_OF_SILENCE) -> Iterator[None]:
     """Inside the block, write the last progress again after each ``silence`` seconds without another.

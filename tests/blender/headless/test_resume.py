@@ -18,6 +18,7 @@ import pytest
 from blender_addon.jobs import session
 from blender_addon.scene import folders
 from blender_addon.ui.operators import render
+from lfsr_core.base.notices import Notice
 from lfsr_core.images.exr import read_layers
 from lfsr_core.pipeline.make import RENDER_FRACTION
 from tests.support import panel
@@ -169,4 +170,5 @@ def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, m
         bpy.data.objects["Box"].location.z += 0.1
         task = press()
         panel.wait_for(lambda: task.notices)
-        assert "other scene file" in str(task.notices[0].values) and not set(done) & set(written(folder))
+        assert task.notices[0] == Notice("parts-removed", {"input": "scene file"})
+        assert not set(done) & set(written(folder))
