@@ -19,7 +19,7 @@ from lfsr_core.reconstruct.methods import MethodName
 
 from ..scene import folders
 from ..scene import settings as scene_settings
-from ..scene.proof import proof_of
+from ..scene.test_image import reduced
 from . import runtime
 
 CONTINUE = "Render again to continue"
@@ -49,13 +49,13 @@ def asked_animation(scene: bpy.types.Scene) -> tuple[Request, Finish, tuple[int,
             finish, frames)
 
 
-def proof(scene: bpy.types.Scene, request: Request) -> Request | None:
-    """Request of the proof of a frame, among this session's temporary files; None where it needs none."""
-    settings = proof_of(scene_settings.resolve(scene))
+def test_request(scene: bpy.types.Scene, request: Request) -> Request | None:
+    """Request of the test image of a frame, among this session's temporary files; None where it needs none."""
+    settings = reduced(scene_settings.resolve(scene))
     if settings is None:
         return None
     folder = Path(request.output)
-    output = runtime.temporary("proof", folder) / folder.parent.name / "Proof"
+    output = runtime.temporary("test", folder) / folder.parent.name / "Test"
     return dataclasses.replace(settings.request, output=str(output), frame=request.frame, source=request.source)
 
 

@@ -24,7 +24,7 @@ TITLES = {"save": "Saving a copy of the file", "open": "Opening the scene", "ren
           "frames": "Rendering", "reference": "Rendering reference", "finish": "Upscaling", "upscale": "Upscaling",
           "denoise": "Denoising", "views": "Decoding views", "decode": "Decoding views", "compare": "Comparing",
           "view": "Writing viewer", "export": "Exporting", "encode": "Encoding", "show": "Showing",
-          "test": "Proof", "plan": "Measuring lenses", "estimate": "Measuring lenses"}
+          "test": "Test image", "plan": "Measuring lenses", "estimate": "Measuring lenses"}
 ALONE = ("save", "open")  # stages that say more than their fractions
 
 _current: Task | None = None

@@ -28,7 +28,7 @@ from ...scene.words import counted
 from . import check
 from .base import Question, Result, TaskOperator, add_missing_array
 
-PROOF = "The image is a proof with fewer lenses and views. The full one follows; cancel if the proof looks wrong"
+TEST_IMAGE = "This is a test image with fewer lenses and views. The full one follows; cancel if this looks wrong"
 
 
 class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
@@ -41,16 +41,16 @@ class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
         """Ask before another scene's image is overwritten, where the method cannot run, and on what is left out."""
         return _asked(context.scene, (context.scene.frame_current,))
 
-    wants_proof = False
+    wants_test = False
 
     def start(self, context: bpy.types.Context) -> Result:
-        """Start it with a proof, where the first image takes long."""
-        self.wants_proof = True
+        """Start it with a test image, where the first image takes long."""
+        self.wants_test = True
         return super().start(context)
 
     def prepare(self, context: bpy.types.Context) -> Job:
         """Render one frame, then show its image. A scene without a camera array gets one."""
-        return image_job(context.scene, self.wants_proof)
+        return image_job(context.scene, self.wants_test)
 
 
 class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
@@ -123,25 +123,25 @@ class LFSR_OT_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def image_job(scene: bpy.types.Scene, wants_proof: bool = False) -> Job:
+def image_job(scene: bpy.types.Scene, wants_test: bool = False) -> Job:
     """Return the job that renders the current frame and shows it; LfsrError where it cannot be rendered."""
     add_missing_array(scene)
     request, finish = asked.asked(scene)
     finish = dataclasses.replace(finish, temporal_averaging=0)  # only an animation has neighbouring frames
     folder, name, state = Path(request.output), scene.name_full, bpy.context.window_manager.lfsr
-    proof_name = f"{folder.parent} {request.display.name}"
-    is_seen = (folder / EIA_FILE).is_file() or state.proof_shown == proof_name
+    test_name = f"{folder.parent} {request.display.name}"
+    is_seen = (folder / EIA_FILE).is_file() or state.test_shown == test_name
     is_long = (timing.expected_seconds(scene) or math.inf) > check.LONG
-    proof = asked.proof(scene, request) if wants_proof and is_long and not is_seen else None
+    small = asked.test_request(scene, request) if wants_test and is_long and not is_seen else None
 
     def notice(told: Notice) -> bool:
         if told.code == "test-made":
-            bpy.context.window_manager.lfsr.proof_shown = proof_name
+            bpy.context.window_manager.lfsr.test_shown = test_name
             show_image_of(name, Path(told.values["folder"]))
-            session.say(PROOF)
+            session.say(TEST_IMAGE)
         return told.code == "test-made"
 
-    test = {"test": proof, "test_views": str(asked.views_file(Path(proof.output)))} if proof else {}
+    test = {"test": small, "test_views": str(asked.views_file(Path(small.output)))} if small else {}
     return Job("make", {"request": request, "finish": finish, "overwrite": True,
                         "views": str(asked.views_file(folder))} | test,
                lambda _: show_image_of(name, folder), notice, folder, kept=functools.partial(asked.kept, folder))

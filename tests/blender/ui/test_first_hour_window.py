@@ -101,11 +101,11 @@ def test_one_press_in_a_new_file_makes_an_image(window):
     started = time.monotonic()
     assert window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))") == ["FINISHED"]
     task, state = "addon.jobs.session.current()", "bpy.context.window_manager.lfsr"
-    window.until(f"{task} is None or {state}.proof_shown", SECONDS_TO_RENDER)
-    print(f"proof after {time.monotonic() - started:.1f} s")
-    assert "is a proof" in window.get(f"{state}.message") and window.get(task + " is not None")
+    window.until(f"{task} is None or {state}.test_shown", SECONDS_TO_RENDER)
+    print(f"test image after {time.monotonic() - started:.1f} s")
+    assert "is a test image" in window.get(f"{state}.message") and window.get(task + " is not None")
     shown = window.run(IMAGE)
-    window.screenshot("proof")
+    window.screenshot("test-image")
     assert shown["size"] == [768, 432] and shown["brightest"] > 0.2
     window.run("bpy.ops.lfsr.cancel()")
     window.run("bpy.context.scene.lfsr.display = 'mini'; bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")

@@ -52,7 +52,7 @@ def test_the_search_finds_the_render_and_it_says_how_long_it_takes(window):
     window.screenshot("opening")
     window.until(f"{TASK} is None or {TASK}.seconds_left is not None", SECONDS_TO_RENDER)
     text = window.get(f"addon.jobs.session.progress_text({TASK})")
-    assert re.fullmatch(r"(Proof|Rendering) \d+%, \d+:\d\d left", text)
+    assert re.fullmatch(r"(Test image|Rendering) \d+%, \d+:\d\d left", text)
     window.screenshot("rendering")
 
 

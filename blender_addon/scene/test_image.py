@@ -1,4 +1,4 @@
-"""The proof: the same array with fewer lenses and views, rendered in seconds before an image that takes longer."""
+"""The test image: the same array with fewer lenses and views, rendered in seconds before an image that takes longer."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from .settings import Resolved
 
 Number = TypeVar("Number", int, float)
 MOST_LENSES, LEAST_VIEWS = 6000, 8
-LEAST_PATHS = 10**6  # of an image, below which it needs no proof
+LEAST_PATHS = 10**6  # of an image, below which it needs no test image
 
 
-def proof_of(settings: Resolved) -> Resolved | None:
-    """Return the settings of the proof of an image; None where the image itself is small, or has no lenses."""
+def reduced(settings: Resolved) -> Resolved | None:
+    """Return the settings of the test image of an image; None where the image itself is small, or has no lenses."""
     if settings.subpixels or paths_of(settings) < LEAST_PATHS:
         return None
-    display, sampling = proof_display(settings.display), settings.sampling
+    display, sampling = reduced_display(settings.display), settings.sampling
     scales = settings.method.scales_of(scales_up_to(display))
     scale = scales[0] if sampling.scales else max(scale for scale in scales if scale <= sampling.scale)
     samples = sampling.samples if settings.rays is None else samples_at(display, scale, settings.rays)
@@ -30,7 +30,7 @@ def proof_of(settings: Resolved) -> Resolved | None:
     return dataclasses.replace(settings, request=request)
 
 
-def proof_display(display: DisplayProfile) -> DisplayProfile:
+def reduced_display(display: DisplayProfile) -> DisplayProfile:
     """Return a display that shows the same with at most about MOST_LENSES lenses, and few views of each."""
     step = math.ceil(math.sqrt(math.prod(display.lenses) / MOST_LENSES))
     lenses = _pair(max(1, count // step) for count in display.lenses)
