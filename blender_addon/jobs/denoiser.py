@@ -47,7 +47,7 @@ def _reason(command: tuple[str, ...], _library: str) -> str:
 
 def lacking(settings: Resolved) -> str:
     """Return a sentence if the method of ``settings`` needs the library and it is missing, else ""."""
-    reason = why_missing() if settings.method.prefilters else ""
+    reason = why_missing() if settings.method.needs_denoiser else ""
     if not reason:
         return ""
     name = "Direct subpixel rendering" if settings.subpixels else f"The method {title(settings.method.text)}"

@@ -53,14 +53,13 @@ def finish_into(folder: str | Path, staged: Path, finish: Finish | str, tell: Te
     They are eia.png, mask.png, eia.exr where it is asked for, and panel.png for a display with a lens sheet; after
     direct subpixel rendering panel.png alone. LfsrError for bad input.
     """
-    folder, finish, rendered = Path(folder), Finish.of(finish), read_rendered(folder)
+    finish, rendered = Finish.of(finish), read_rendered(folder)
     if rendered.subpixels:
-        return finish_subpixels(folder, staged, rendered, finish, tell)
-    frame, method = _frame_and_method(folder, finish, upscaler)
-    clock = StageClock(frame.seconds)
-    show = _view_transform(frame, clock)
-    ready = _prepare(folder, frame, method, finish, clock, tell, selection)
-    pixels, linear = _panel_images(ready, show, tell, step)
+        return finish_subpixels(Path(folder), staged, rendered, finish, tell)
+    work = _begin(folder, finish, upscaler)
+    frame, clock, show = work.frame, work.clock, _view_transform(work)
+    ready = _prepare(work, tell, selection)
+    pixels, linear = _panel_images(work, ready.assembly, show, tell, step)
     if frame.display.is_woven:
         tell(Progress("weave", 0.0, PANEL_FILE))
         with clock("map"):
@@ -81,10 +80,11 @@ def finish_into(folder: str | Path, staged: Path, finish: Finish | str, tell: Te
     judged = to_elemental_images(pixels, frame.rays.tiles)[rows, columns]
     chosen = [Notice("scale-chosen", {"reason": frame.scale_reason})] if frame.scale_reason else []
     notes = (*chosen, *frame.notes, *replaced_notices(ready.replaced, assembly.low.alpha.size),
-             *(ready.unseen or exposure_notices(judged, show.to_uint8(ready.background[None])[0])),
+             *(ready.unseen or exposure_notices(judged, show.to_uint8(work.background[None])[0])),
              *assembly.low.notes, *averaging_notices(ready.neighbours))
     return Report(
-        finish=finish, method=method.name.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
+        finish=finish, method=work.method.name.text, display=frame.display.name, scale=frame.scale,
+        samples=frame.samples,
         seconds=clock.rounded, peak_bytes=peak_bytes(), foreground_fraction=float(assembly.mask.mean()), notes=notes,
         replaced_pixels=ready.replaced, layout=frame.layout, device=frame.device,
         neighbours=tuple(each.number for each in ready.neighbours), averaged=ready.averaged)
@@ -93,11 +93,9 @@ def finish_into(folder: str | Path, staged: Path, finish: Finish | str, tell: Te
 def finished_panel(folder: str | Path, finish: Finish | str, tell: Tell = silent, *, step: int | None = None,
                    selection: bool = True, upscaler: Upscaler | None = None) -> Array:
     """Pixels of eia.png, (H, W, 3) uint8 in panel order; writes nothing."""
-    folder, finish = Path(folder), Finish.of(finish)
-    frame, method = _frame_and_method(folder, finish, upscaler)
-    clock = StageClock(frame.seconds)
-    show = _view_transform(frame, clock)
-    return _panel_images(_prepare(folder, frame, method, finish, clock, tell, selection), show, tell, step)[0]
+    work = _begin(folder, Finish.of(finish), upscaler)
+    show = _view_transform(work)
+    return _panel_images(work, _prepare(work, tell, selection).assembly, show, tell, step)[0]
 
 
 def finished_linear(folder: str | Path, finish: Finish | str, tell: Tell = silent, *, step: int | None = None,
@@ -109,17 +107,15 @@ def finished_linear(folder: str | Path, finish: Finish | str, tell: Tell = silen
 def linear_and_mask(folder: str | Path, finish: Finish | str, tell: Tell = silent, *, step: int | None = None,
                     selection: bool = True, upscaler: Upscaler | None = None) -> tuple[Array, Array]:
     """EIA like that of ``finished_linear``, and its foreground mask (sy, sx); writes nothing."""
-    folder, finish = Path(folder), Finish.of(finish)
-    frame, method = _frame_and_method(folder, finish, upscaler)
-    clock = StageClock(frame.seconds)
-    ready = _prepare(folder, frame, method, finish, clock, tell, selection)
-    result = filled(ready.assembly.size, ready.background)
+    work = _begin(folder, Finish.of(finish), upscaler)
+    assembly = _prepare(work, tell, selection).assembly
+    result = filled(assembly.size, work.background)
 
     def put(lenses: Array, images: Array) -> None:
-        place(result, frame.rays.tiles, lenses, images, flipped=False)
+        place(result, work.frame.rays.tiles, lenses, images, flipped=False)
 
-    upscale_all(ready.assembly, step, put, clock, tell)
-    return result, ready.assembly.mask
+    upscale_all(assembly, step, put, work.clock, tell)
+    return result, assembly.mask
 
 
 def finished_lenses(low: LowResEIA, mask: Array, finish: Finish | str, lenses: Array, *,
@@ -158,17 +154,14 @@ def read_finished_linear(folder: str | Path) -> Array | None:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Ready:
-    """A frame before its first lens is finished."""
+class _Work:
+    """A frame on its way through the second stage."""
 
+    folder: Path
     frame: Frame
     finish: Finish
+    method: Method
     clock: StageClock
-    assembly: Assembly
-    replaced: int  # pixels that were not finite
-    unseen: list[Notice]  # where the subject is not seen
-    neighbours: list[Neighbour]  # for temporal averaging
-    averaged: float | None  # fraction of the image that was averaged
 
     @property
     def background(self) -> Array:
@@ -176,39 +169,51 @@ class _Ready:
         return np.asarray(self.frame.display.background, np.float32)
 
 
-def _frame_and_method(folder: Path, finish: Finish, upscaler: Upscaler | None) -> tuple[Frame, Method]:
-    """The rendered frame, and what the finish's method is at its scale."""
+@dataclasses.dataclass(frozen=True)
+class _Ready:
+    """A frame before its first lens is finished."""
+
+    assembly: Assembly
+    replaced: int  # pixels that were not finite
+    unseen: list[Notice]  # where the subject is not seen
+    neighbours: list[Neighbour]  # for temporal averaging
+    averaged: float | None  # fraction of the image that was averaged
+
+
+def _begin(folder: str | Path, finish: Finish, upscaler: Upscaler | None) -> _Work:
+    """Read the frame, and load what the finish's method is at its scale."""
     frame, name = read_frame(folder), MethodName.parse(finish.method)
     if upscaler is None:
         name.check_scale(frame.scale)
         name = name.at_scale(frame.scale)
-    return frame, load_method(name, finish.weights, upscaler=upscaler)
+    return _Work(Path(folder), frame, finish, load_method(name, finish.weights, upscaler=upscaler),
+                 StageClock(frame.seconds))
 
 
-def _view_transform(frame: Frame, clock: StageClock) -> ViewTransform:
-    with clock("color"):
-        return ViewTransform(frame.color, math.prod((*frame.rays.tiles, *frame.display.views)))
+def _view_transform(work: _Work) -> ViewTransform:
+    with work.clock("color"):
+        return ViewTransform(work.frame.color, math.prod((*work.frame.rays.tiles, *work.frame.display.views)))
 
 
 def _filler(method: Method, scale: int) -> Upscaler:
     """Upscaler of the lenses beside the foreground."""
-    return method.upscaler if scale == 1 else METHODS[FILL_METHOD].make()
+    made: Upscaler = method.upscaler if scale == 1 else METHODS[FILL_METHOD].make()
+    return made
 
 
-def _prepare(folder: Path, frame: Frame, method: Method, finish: Finish, clock: StageClock, tell: Tell,
-             selection: bool) -> _Ready:
-    averaged, count = None, finish.temporal_averaging
-    neighbours = neighbours_of(folder, frame, count) if count else []
+def _prepare(work: _Work, tell: Tell, selection: bool) -> _Ready:
+    frame, clock, method, count = work.frame, work.clock, work.method, work.finish.temporal_averaging
+    averaged, neighbours = None, neighbours_of(work.folder, frame, count) if count else []
     tell(Progress("load", 0.0, LOW_RES_FILE))
     with clock("load"):
-        layers, replaced = read_finite(folder / LOW_RES_FILE)
-        low = low_resolution(layers, frame, read_world(folder, frame))
+        layers, replaced = read_finite(work.folder / LOW_RES_FILE)
+        low = low_resolution(layers, frame, read_world(work.folder, frame))
     if count:
         tell(Progress("average", 0.0, "neighbouring frames"))
         with clock("average"):
             low, averaged = average_frames(low, (read_low(each.folder) for each in neighbours if each.usable))
     with clock("mask"):
-        unseen, mask = unseen_notices(layers), foreground_mask(layers, frame.rays.tiles, finish.dilate)
+        unseen, mask = unseen_notices(layers), foreground_mask(layers, frame.rays.tiles, work.finish.dilate)
         mask = np.zeros_like(mask) if unseen else mask
         mask = mask if selection else np.ones_like(mask)
         fill = ~mask & (low.alpha.any(axis=(2, 3, 4)) | frame.world_visible)
@@ -216,15 +221,16 @@ def _prepare(folder: Path, frame: Frame, method: Method, finish: Finish, clock: 
     with clock("upscale"):
         low = method.prepare(low)
     assembly = Assembly(low, mask, fill, method.upscaler, _filler(method, frame.scale))
-    return _Ready(frame, finish, clock, assembly, replaced, unseen, neighbours, averaged)
+    return _Ready(assembly, replaced, unseen, neighbours, averaged)
 
 
-def _panel_images(ready: _Ready, show: ViewTransform, tell: Tell, step: int | None) -> tuple[Array, Array | None]:
+def _panel_images(work: _Work, assembly: Assembly, show: ViewTransform, tell: Tell,
+                  step: int | None) -> tuple[Array, Array | None]:
     """Finished EIA in panel order: uint8 as Blender shows it and, where asked for, scene-linear float16."""
-    frame, clock, size = ready.frame, ready.clock, ready.assembly.size
+    frame, clock, size = work.frame, work.clock, assembly.size
     with clock("assemble"):
-        pixels = filled(size, show.to_uint8(ready.background[None])[0])
-        linear = filled(size, ready.background.astype(np.float16)) if ready.finish.linear_exr else None
+        pixels = filled(size, show.to_uint8(work.background[None])[0])
+        linear = filled(size, work.background.astype(np.float16)) if work.finish.linear_exr else None
     grid, flipped = frame.rays.tiles, frame.display.ei_order == "flipped"
 
     def put(lenses: Array, images: Array) -> None:
@@ -235,5 +241,5 @@ def _panel_images(ready: _Ready, show: ViewTransform, tell: Tell, step: int | No
             if linear is not None:
                 place(linear, grid, lenses, np.minimum(images, HALF_MAX), flipped)
 
-    upscale_all(ready.assembly, step, put, clock, tell)
+    upscale_all(assembly, step, put, clock, tell)
     return pixels, linear

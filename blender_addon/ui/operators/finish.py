@@ -38,7 +38,7 @@ def methods(scene: bpy.types.Scene) -> list[str]:
         fits = [name for name in known if name.text in SUBPIXEL_METHODS]
     else:
         fits = [name for name in known if (name.upscaler == AS_RENDERED) == (frame.scale == 1)]
-    return [name.text for name in fits if not (lacks and name.prefilters)]
+    return [name.text for name in fits if not (lacks and name.needs_denoiser)]
 
 
 class LFSR_OT_finish_frame(TaskOperator, bpy.types.Operator):

@@ -103,25 +103,23 @@ def denoise(color: Array, albedo: Array | None = None, normal: Array | None = No
     library = _load(tuple(find_libraries()))
     given = {"color": color, "albedo": albedo, "normal": normal}
     images = {name: np.ascontiguousarray(image, np.float32) for name, image in given.items() if image is not None}
-    settings = Settings(hdr, srgb, clean_aux, QUALITIES[quality], weights, input_scale)
+
+    def configure(work: int) -> None:
+        library.oidnSetFilterBool(work, b"hdr", hdr)
+        library.oidnSetFilterBool(work, b"srgb", srgb)
+        library.oidnSetFilterBool(work, b"cleanAux", clean_aux)
+        library.oidnSetFilterInt(work, b"quality", QUALITIES[quality])
+        if weights is not None:  # not copied: they must outlive the filter
+            library.oidnSetSharedFilterData(work, b"weights", weights, len(weights))
+        if input_scale is not None:
+            library.oidnSetFilterFloat(work, b"inputScale", input_scale)
+
     if device.kind != "CPU":
         try:
-            return _run(library, kept(library, device), images, settings, copies=True)
+            return _run(library, kept(library, device), images, configure, copies=True)
         except RuntimeError as error:
             note(Notice("denoised-on-cpu", {"device": device.kind, "error": str(error)}))
-    return _run(library, kept(library, CPU), images, settings, copies=False)
-
-
-@dataclasses.dataclass(frozen=True)
-class Settings:
-    """What a filter is told besides its images, see ``denoise``."""
-
-    hdr: bool
-    srgb: bool
-    clean_aux: bool
-    quality: int
-    weights: bytes | None
-    input_scale: float | None
+    return _run(library, kept(library, CPU), images, configure, copies=False)
 
 
 def find_libraries() -> Iterator[Path]:
@@ -183,7 +181,8 @@ def _bound(path: Path) -> ctypes.CDLL:
     return library
 
 
-def _run(library: ctypes.CDLL, device: int, images: dict[str, Array], settings: Settings, *, copies: bool) -> Array:
+def _run(library: ctypes.CDLL, device: int, images: dict[str, Array], configure: Callable[[int], None], *,
+         copies: bool) -> Array:
     """The denoised image; ``copies``: the device has memory of its own, so the images are copied to it and back."""
     (height, width, _), result = images["color"].shape, np.empty(images["color"].shape, np.float32)
     with contextlib.ExitStack() as stack:
@@ -196,7 +195,7 @@ def _run(library: ctypes.CDLL, device: int, images: dict[str, Array], settings: 
             if copies and name in images:
                 library.oidnWriteBuffer(buffer, 0, result.nbytes, images[name].ctypes.data)
             library.oidnSetFilterImage(work, name.encode(), buffer, FLOAT3, width, height, 0, 0, 0)
-        _set(library, work, settings)
+        configure(work)
         library.oidnCommitFilter(work)
         library.oidnExecuteFilter(work)
         check(library, device)
@@ -213,17 +212,6 @@ def _buffer(library: ctypes.CDLL, device: int, image: Array, copies: bool, stack
     check(library, device)
     stack.callback(library.oidnReleaseBuffer, buffer)
     return buffer
-
-
-def _set(library: ctypes.CDLL, work: int, settings: Settings) -> None:
-    library.oidnSetFilterBool(work, b"hdr", settings.hdr)
-    library.oidnSetFilterBool(work, b"srgb", settings.srgb)
-    library.oidnSetFilterBool(work, b"cleanAux", settings.clean_aux)
-    library.oidnSetFilterInt(work, b"quality", settings.quality)
-    if settings.weights is not None:  # not copied: they must outlive the filter
-        library.oidnSetSharedFilterData(work, b"weights", settings.weights, len(settings.weights))
-    if settings.input_scale is not None:
-        library.oidnSetFilterFloat(work, b"inputScale", settings.input_scale)
 
 
 @functools.lru_cache(maxsize=8)

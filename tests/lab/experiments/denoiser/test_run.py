@@ -105,8 +105,6 @@ def test_weights_are_told_apart_and_stay_at_scale_1(tmp_path):
     assert names[0].label != names[1].label
     at_one = names[0].at(frame_of(1))
     assert (at_one.name.text, at_one.weights) == ("denoise", names[0].weights)
-    lenticular = dataclasses.replace(frame_of(2), display=whole("lenticular"))
-    assert Candidate.parse("paper").at(lenticular) is None
 
 
 def test_the_settings_have_equal_rays_at_every_scale():
