@@ -49,7 +49,7 @@ def test_the_panel_image_is_the_only_result(opened, rendered):
     image, frame, report = read_png(folder / PANEL_FILE), read_rendered(folder), read_report(folder)
     assert image.shape == (80, 120, 3) and image.std() > 10
     assert (frame.layout, frame.scale, frame.layers, frame.samples) == ("subpixels", 1, (), 4)
-    assert (report.method, report.temporal_averaging) == ("oidn", 0)
+    assert (report.method, report.finish.temporal_averaging) == ("oidn", 0)
 
 
 def test_it_is_complete_for_these_settings_alone(opened, rendered):
