@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import builtins
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -188,7 +189,7 @@ def _teller(progress: Tell | bool | None) -> tuple[Tell, Callable[[], None]]:
     if callable(progress):
         return progress, lambda: None
     if progress is None:
-        progress = sys.stderr.isatty() or "ipykernel" in sys.modules
+        progress = sys.stderr.isatty() or hasattr(builtins, "__IPYTHON__")  # a notebook
     if not progress:
         return silent, lambda: None
     from lfsr_core.base.progress import ProgressBar
