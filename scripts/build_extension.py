@@ -39,9 +39,10 @@ ROOT = Path(__file__).resolve().parents[1]
 EXTENSION_TOOL = "*/scripts/addons_core/bl_pkg/cli/blender_ext.py"
 MANIFEST, CHANGELOG = "blender_manifest.toml", "docs/CHANGELOG.md"
 CORE, PACKAGES = "lfsr_core", "packages"  # the second stage's Python finds the first in the second
-# The command line, what only it reaches, and what starts Blender from a clone.
-NOT_IN_ZIP = shutil.ignore_patterns("__pycache__", ".*", "py.typed", "cli.py", "commands", "cluster*.py",
+# The command line, what only it and notebooks reach, and what starts Blender from a clone.
+NOT_IN_ZIP = shutil.ignore_patterns("__pycache__", ".*", "py.typed", "cli.py", "api.py", "cluster*.py",
                                     "from_sources.py")
+OF_COMMANDS = ("__init__.py", "sentences.py")  # which the panel words notices with too
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first date of a zip
 TOKEN = re.compile(rf"from\s+({CORE}[\w.]*)")
 
@@ -110,7 +111,8 @@ def build(output: Path, publisher: Publisher | None = None) -> Path:
 def stage(staged: Path) -> None:
     """Copy what the zip has: the folder is the extension's package."""
     shutil.copytree(ROOT / "blender_addon", staged, ignore=NOT_IN_ZIP)
-    shutil.copytree(ROOT / CORE, staged / PACKAGES / CORE, ignore=NOT_IN_ZIP)
+    shutil.copytree(ROOT / CORE, staged / PACKAGES / CORE, ignore=lambda folder, names: (
+        {*names} - {*OF_COMMANDS} if Path(folder).name == "commands" else NOT_IN_ZIP(folder, names)))
     (staged / PACKAGES / "__init__.py").touch()
     shutil.copy(ROOT / "LICENSE", staged)
     for path in staged.rglob("*.py"):

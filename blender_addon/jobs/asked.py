@@ -19,7 +19,7 @@ from lfsr_core.reconstruct.methods import MethodName
 
 from ..scene import folders
 from ..scene import settings as scene_settings
-from ..scene.test_image import reduced
+from ..scene.image_before import reduced
 from . import runtime
 
 CONTINUE = "Render again to continue"
