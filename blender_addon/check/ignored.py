@@ -11,13 +11,21 @@ from lfsr_core.base.errors import LfsrError
 from ..scene.color import color_settings
 from ..scene.light import AUTO_LIGHT, OWN_LIGHT, has_light
 from ..scene.notices import left_out
+from ..scene.sentences import sentence
 from ..scene.words import capitalized
 from .problem import ERROR, INFO, Problem
 
-# Buttons by the code of the notice.
-BUTTONS = {"linked": "Find Files…", "autoexec": "Reload Trusted", "shift": "Reset Shift", "override": "Clear Override",
-           "exclude": "Include", "holdout": "Switch Off", "indirect_only": "Switch Off", "layers": "Switch Off Others",
-           "compositor": "Switch Off", "sequencer": "Switch Off"}
+# Code of the problem, title and button of what renders leave out, by the code of its notice.
+LEFT_OUT = {"libraries-missing": ("linked", "Linked Files", "Find Files…"),
+            "scripts-off": ("autoexec", "Scripts", "Reload Trusted"),
+            "shift-ignored": ("shift", "Camera Shift", "Reset Shift"),
+            "override-ignored": ("override", "Material Override", "Clear Override"),
+            "layers-left-out": ("layers", "View Layers", "Switch Off Others"),
+            "compositor-ignored": ("compositor", "Compositor", "Switch Off"),
+            "sequencer-ignored": ("sequencer", "Sequencer", "Switch Off")}
+# Title and button of what a view layer does with collections.
+SWITCHED = {"exclude": ("Excluded Collections", "Include"), "holdout": ("Holdouts", "Switch Off"),
+            "indirect_only": ("Indirect-Only Collections", "Switch Off")}
 
 
 def find(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -42,8 +50,11 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
             code, fix = "catcher", "Make Film Transparent"
         yield Problem(code, scene.name, f"{capitalized(str(error))}.", fix, ERROR, title="Colors")
     for notice in left_out(scene):
-        yield Problem(notice.code, notice.target or scene.name, f"{notice.sentence}.", BUTTONS[notice.code], INFO,
-                      title=notice.title, asks=True)
+        values = notice.values
+        code, title, button = (values["switch"], *SWITCHED[values["switch"]]) if "switch" in values else (
+            LEFT_OUT[notice.code])
+        target = values.get("camera") or values.get("layer") or scene.name
+        yield Problem(code, target, f"{sentence(notice)}.", button, INFO, title=title, asks=True)
 
 
 def _shows_world(scene: bpy.types.Scene) -> bool:

@@ -8,14 +8,16 @@ from contextlib import suppress
 import bpy
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 
 from ..jobs import denoiser, preview
 from ..scene import devices, folders
 from ..scene import settings as scene_settings
 from ..scene.array import rig
-from ..scene.array.cameras import mirror_notices
+from ..scene.array.spaces import is_mirrored
 from ..scene.light import AUTO_LIGHT, SCENE_LIGHTS, has_light, is_dim
 from ..scene.notices import missing_images
+from ..scene.sentences import sentence
 from ..scene.settings import title
 from ..scene.subject import find_subject
 from ..scene.words import capitalized
@@ -68,8 +70,9 @@ def _array(scene: bpy.types.Scene) -> Iterator[Problem]:
     if len(arrays) > 1 and scene.camera not in arrays:
         yield Problem("arrays", array.name, f"The scene has {len(arrays)} camera arrays, of which this one is used. "
                       "Make another one the active camera to use it instead.", severity=INFO, is_object=True)
-    for sentence in mirror_notices(array):
-        yield Problem("mirror", array.name, f"{sentence}.", severity=INFO, is_object=True)
+    if is_mirrored(array):
+        yield Problem("mirror", array.name, f"{sentence(Notice('camera-mirrored', {'camera': array.name}))}.",
+                      severity=INFO, is_object=True)
 
 
 def _light(scene: bpy.types.Scene) -> Iterator[Problem]:

@@ -31,17 +31,17 @@ _UNSUITED_COORDINATES = {"Window", "Camera"}
 
 
 def reason_against(scene: bpy.types.Scene) -> str:
-    """Return why the scene's visible world cannot be rendered separately, "" if it can."""
+    """Return what keeps the scene's visible world from being rendered separately, "" if nothing does."""
     nodes = list(_nodes(scene.world.node_tree)) if scene.world.node_tree else []
     outputs = [node for node in nodes if node.bl_idname == "ShaderNodeOutputWorld"]
     if any(node.inputs["Volume"].is_linked for node in outputs):
-        return "The world has a volume"
+        return "volume"
     if any(node.bl_idname == "ShaderNodeTexCoord" and node.outputs[name].is_linked
            for node in nodes for name in _UNSUITED_COORDINATES):
-        return "The world uses window or camera coordinates"
+        return "coordinates"
     if any(item.type == "LIGHT" and item.data.type == "SUN" and item.visible_camera and not item.hide_render
            for item in scene.objects):
-        return "A sun lamp is visible to the camera"
+        return "sun"
     return ""
 
 

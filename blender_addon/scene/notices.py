@@ -2,45 +2,56 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
+
+from lfsr_core.base.notices import Notice
 
 from .. import compat
 
 # Nodes of a compositor: its output in 4.5 and since 5.0, and those that pass an image on as it is.
 COMPOSITOR_OUTPUTS = {"CompositorNodeComposite", "NodeGroupOutput"}
 PASSIVE_NODES = {*COMPOSITOR_OUTPUTS, "CompositorNodeRLayers", "NodeReroute"}
-MOST_NAMES = 3
-# What a view layer can do with a collection: a title, and the words for it.
-SWITCHES = {"exclude": ("Excluded Collections", "excludes"), "holdout": ("Holdouts", "holds out"),
-            "indirect_only": ("Indirect-Only Collections", "makes indirect-only")}
+# What a view layer can do with a collection.
+SWITCHES = ("exclude", "holdout", "indirect_only")
 SHOWN = {"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VOLUME", "LIGHT"}
 
 
-@dataclasses.dataclass(frozen=True)
-class Notice:
-    """Something that a render leaves out or ignores."""
-
-    code: str  # its kind
-    title: str  # what it is, in a word or two
-    sentence: str
-    target: str = ""  # name of the camera or view layer
-
-
-def notices(scene: bpy.types.Scene) -> list[str]:
-    """Return a sentence for each thing that changes the image but does not stop the render."""
-    return [*_missing("image", missing_images(), "renders magenta", "render magenta"),
-            *(notice.sentence for notice in left_out(scene))]
+def notices(scene: bpy.types.Scene) -> list[Notice]:
+    """Return what changes the image but does not stop the render."""
+    missing = missing_images()
+    return [*([Notice("images-missing", {"count": len(missing), "first": missing[0]})] if missing else []),
+            *left_out(scene)]
 
 
 def left_out(scene: bpy.types.Scene) -> list[Notice]:
-    """Return each thing of the scene that renders leave out or ignore, but for missing images."""
-    found = (_linked_files(), _disabled_drivers(), _camera(scene), _view_layer(scene), _compositor(scene),
-             _sequencer(scene))
-    return [notice for notices in found for notice in notices]
+    """Return what renders leave out or ignore of the scene, but for missing images."""
+    found = []
+    libraries = [Path(bpy.path.abspath(library.filepath)) for library in bpy.data.libraries]
+    if linked := sorted(str(path) for path in libraries if not path.is_file()):
+        found.append(Notice("libraries-missing", {"count": len(linked), "first": linked[0]}))
+    if bpy.app.autoexec_fail:
+        found.append(Notice("scripts-off", {"reason": bpy.app.autoexec_fail_message.strip()}))
+    camera = scene.camera if scene.camera is not None and scene.camera.type == "CAMERA" else None
+    if camera is not None and (camera.data.shift_x or camera.data.shift_y):
+        found.append(Notice("shift-ignored", {"camera": camera.name, "x": camera.data.shift_x,
+                                              "y": camera.data.shift_y}))
+    layer = rendered_layer(scene)
+    if layer.material_override is not None:
+        found.append(Notice("override-ignored", {"layer": layer.name, "material": layer.material_override.name}))
+    for switch in SWITCHES:
+        if names := sorted(child.name for child in switched(layer, switch)):
+            found.append(Notice("collections-switched", {"layer": layer.name, "switch": switch, "names": names}))
+    if others := [other.name for other in scene.view_layers if other.use and other != layer]:
+        found.append(Notice("layers-left-out", {"layer": layer.name, "names": others}))
+    if nodes := _effects(compat.compositor(scene)):
+        found.append(Notice("compositor-ignored", {"names": nodes}))
+    editor = scene.sequence_editor if scene.render.use_sequencer else None
+    if editor is not None and any(strip.type != "SOUND" and not strip.mute for strip in editor.strips):
+        found.append(Notice("sequencer-ignored"))
+    return found
 
 
 def missing_images() -> list[str]:
@@ -64,65 +75,15 @@ def _paths(image: bpy.types.Image) -> Iterator[Path]:
             yield Path(named.replace("<UDIM>", str(tile.number)).replace("<UVTILE>", f"u{column + 1}_v{row + 1}"))
 
 
-def _linked_files() -> Iterator[Notice]:
-    libraries = [Path(bpy.path.abspath(library.filepath)) for library in bpy.data.libraries]
-    linked = sorted(str(path) for path in libraries if not path.is_file())
-    for sentence in _missing("linked", linked, "is left out", "are left out"):
-        yield Notice("linked", "Linked Files", sentence)
-
-
-def _missing(kind: str, paths: list[str], effect: str, effects: str) -> Iterator[str]:
-    if len(paths) == 1:
-        yield f"The {kind} file {paths[0]} is missing and {effect}"
-    elif paths:
-        yield f"{len(paths)} {kind} files are missing and {effects}, such as {paths[0]}"
-
-
-def _disabled_drivers() -> Iterator[Notice]:
-    if bpy.app.autoexec_fail:
-        yield Notice("autoexec", "Scripts", "Blender did not run the Python in this file "
-                     f"({bpy.app.autoexec_fail_message.strip()}), so its drivers and scripts move nothing")
-
-
-def _camera(scene: bpy.types.Scene) -> Iterator[Notice]:
-    data = scene.camera.data if scene.camera is not None and scene.camera.type == "CAMERA" else None
-    if data is not None and (data.shift_x or data.shift_y):
-        yield Notice("shift", "Camera Shift", f"The camera's shift ({data.shift_x:g}, {data.shift_y:g}) is ignored. "
-                     "The array looks along the camera's axis", scene.camera.name)
-
-
 def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
     """Return the first view layer that is used for rendering, the one that passes.py takes."""
     return next((layer for layer in scene.view_layers if layer.use), scene.view_layers[0])
-
-
-def _view_layer(scene: bpy.types.Scene) -> Iterator[Notice]:
-    layer = rendered_layer(scene)
-    if layer.material_override is not None:
-        yield Notice("override", "Material Override", f"The material override {layer.material_override.name!r} of view "
-                     f"layer {layer.name!r} is ignored. Objects keep their own materials", layer.name)
-    for switch, (title, does) in SWITCHES.items():
-        names = [child.name for child in switched(layer, switch)]
-        if names:
-            yield Notice(switch, title, f"View layer {layer.name!r} {does} {', '.join(sorted(names)[:MOST_NAMES])}, "
-                         "and so does this render", layer.name)
-    others = [other.name for other in scene.view_layers if other.use and other != layer]
-    if others:
-        yield Notice("layers", "View Layers", f"Only view layer {layer.name!r} is rendered, without "
-                     f"{', '.join(others[:MOST_NAMES])}", layer.name)
 
 
 def switched(layer: bpy.types.ViewLayer, switch: str) -> list[bpy.types.LayerCollection]:
     """Return the collections of ``layer`` with geometry or lights that have one of SWITCHES on."""
     return [child for child in _collections(layer.layer_collection)
             if getattr(child, switch) and _shows_anything(child.collection)]
-
-
-def _compositor(scene: bpy.types.Scene) -> Iterator[Notice]:
-    names = _effects(compat.compositor(scene))
-    if names:
-        yield Notice("compositor", "Compositor", f"Compositor nodes ({', '.join(names[:MOST_NAMES])}) are not applied "
-                     "to the light field. Apply them to exported views")
 
 
 def _effects(tree: bpy.types.NodeTree | None) -> list[str]:
@@ -135,13 +96,6 @@ def _effects(tree: bpy.types.NodeTree | None) -> list[str]:
             passed.add(node)
             waiting += [link.from_node for socket in node.inputs for link in socket.links]
     return sorted(node.label or node.name for node in passed if node.bl_idname not in PASSIVE_NODES and not node.mute)
-
-
-def _sequencer(scene: bpy.types.Scene) -> Iterator[Notice]:
-    editor = scene.sequence_editor if scene.render.use_sequencer else None
-    if editor is not None and any(strip.type != "SOUND" and not strip.mute for strip in editor.strips):
-        yield Notice("sequencer", "Sequencer", "The sequencer's strips are not rendered. The light field shows the "
-                     "scene itself")
 
 
 def _shows_anything(collection: bpy.types.Collection) -> bool:

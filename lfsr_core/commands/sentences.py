@@ -9,6 +9,7 @@ from lfsr_core.base.notices import Notice
 
 MOST_LETTERS = 300  # of a text from elsewhere, such as a file's or a device's name
 MOST_NAMES = 3
+EVEN = "even"  # the light of a scene that no world image reaches
 Values = Mapping[str, Any]
 Wording = str | Callable[[Values], str]  # with the values in place of {name}, or made of them
 
@@ -18,7 +19,7 @@ def listed(items: Sequence[Any], most: int | None = None) -> str:
     return ", ".join(map(str, items[:most]))
 
 
-def files(values: Values, kind: str, one: str, several: str) -> str:
+def _missing(values: Values, kind: str, one: str, several: str) -> str:
     """Return that files are missing, and what follows."""
     if values["count"] == 1:
         return f"the {kind} file {values['first']} is missing and {one}"
@@ -44,9 +45,10 @@ def _subject_unseen(values: Values) -> str:
     return f"no lens sees the subject: {shown}"
 
 
-def _frames_older(values: Values) -> str:
+def older(values: Values) -> str:
+    """Return which frames are older."""
     which = "1 frame is" if values["count"] == 1 else f"{values['count']} frames (from {values['first']}) are"
-    return f"{which} older than this file. Use --overwrite to render them again"
+    return f"{which} older"
 
 
 def _array_blind(values: Values) -> str:
@@ -74,6 +76,15 @@ def _calibrated(values: Values) -> str:
             f"±{values['turn']:.1e}, shift ±{values['shift']:.4f} of a lens pitch (standard deviations)")
 
 
+def replaced(values: Values) -> str:
+    """Return in which light a scene is rendered, and why not in its own."""
+    reason, light = DARK[values["reason"]], values["light"]
+    return f"{reason}, and something encloses it. It is lit evenly, without shadows" if light == EVEN else (
+        f"{reason}. It is lit with Blender's world image {light!r}")
+
+
+# What a view layer does with collections.
+SWITCHES = {"exclude": "excludes", "holdout": "holds out", "indirect_only": "makes indirect-only"}
 # Where the subject is that no ray meets.
 PLACES = {"behind": "lies behind the camera", "left": "lies to the left", "right": "lies to the right",
           "below": "lies below", "above": "lies above", "beyond": "lies beyond the clip end of the camera",
@@ -103,7 +114,7 @@ SENTENCES: dict[str, Wording] = {
                                           "same seed: render the animation with --temporal-averaging",
     # Renders
     "frame-left-out": "frame {frame} is left out: {error}",
-    "frames-older": _frames_older,
+    "frames-older": lambda values: f"{older(values)} than this file. Use --overwrite to render them again",
     "parts-kept": "render again to continue, or delete {folder} to start over",
     "parts-removed": "the parts of an earlier render were made with other {input}: they are removed, and the render "
                      "starts from the beginning",
@@ -123,6 +134,32 @@ SENTENCES: dict[str, Wording] = {
     "plan-limit-unmeasured": "no candidate could be measured: allow more seconds, scales or methods",
     "plan-limit-upscaling": "upscaling: at scale {scale} even many more samples would stay below the target; choose a "
                             "smaller scale or another method",
+    # The scene
+    "images-missing": lambda values: _missing(values, "image", "renders magenta", "render magenta"),
+    "libraries-missing": lambda values: _missing(values, "linked", "is left out", "are left out"),
+    "scripts-off": "Blender did not run the Python in this file ({reason}), so its drivers and scripts move nothing",
+    "shift-ignored": "the camera's shift ({x:g}, {y:g}) is ignored. The array looks along the camera's axis",
+    "override-ignored": "the material override {material!r} of view layer {layer!r} is ignored. Objects keep their own "
+                        "materials",
+    "collections-switched": lambda values: f"view layer {values['layer']!r} {SWITCHES[values['switch']]} "
+                                           f"{listed(values['names'], MOST_NAMES)}, and so does this render",
+    "layers-left-out": lambda values: f"only view layer {values['layer']!r} is rendered, without "
+                                      f"{listed(values['names'], MOST_NAMES)}",
+    "compositor-ignored": lambda values: f"compositor nodes ({listed(values['names'], MOST_NAMES)}) are not applied to "
+                                         "the light field. Apply them to exported views",
+    "sequencer-ignored": "the sequencer's strips are not rendered. The light field shows the scene itself",
+    "camera-missing": _camera_missing,
+    "camera-chosen": _camera_chosen,
+    "camera-mirrored": "camera {camera!r} is mirrored by a negative scale, of its own or of a parent. The mirror is "
+                       "undone: left and right are as in the scene",
+    "display-nearer": "the camera focuses at {focus:.3g}, but the display plane is at {distance:.3g} scene units: "
+                      "farther away, the array would reach through what stands beside the camera",
+    "array-blind": _array_blind,
+    "light-weak": "almost no light reaches what the array sees, so the image will be almost black. Increase the lights "
+                  "or the exposure, or choose another light (--light)",
+    "light-replaced": lambda values: f"{replaced(values)}: choose another light with --light",
+    "world-inside": lambda values: f"{WORLDS[values['reason']]}, so the world is rendered with the subject and is less "
+                                   "sharp",
     # Exports and imports
     "page-reduced": "the page holds {width}×{height} of the {eia_width}×{eia_height} pixels: browsers show no more "
                     "than {most} a side",

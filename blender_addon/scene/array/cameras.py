@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
+from lfsr_core.base.notices import Notice
 from lfsr_core.frames.request import FIT
 
 from . import rig
@@ -34,29 +35,15 @@ def cameras(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     return [item for item in scene.objects if item.type == "CAMERA"]
 
 
-def camera_notices(scene: bpy.types.Scene, asked: str | None, is_imported: bool) -> list[str]:
-    """Return notices on the camera that the array stands at.
+def camera_notices(scene: bpy.types.Scene, asked: str | None, is_imported: bool) -> list[Notice]:
+    """Return what to know of the camera that the array stands at.
 
     ``asked``: name that was asked for, None for none; ``is_imported``: whether the file's format has no active camera.
     """
     camera = rig.find(scene) or scene.camera
-    others = [item.name for item in cameras(scene) if item != scene.camera][:MOST_NAMES]
+    others = [item.name for item in cameras(scene) if item != scene.camera]
     if camera is None:
-        choose = f"choose a camera with --camera ({', '.join(others)}), or " if others else ""
-        return [] if asked is not None else [
-            "The scene has no active camera, so the array stands in front of the subject: of a room it sees the outer "
-            f"wall. For a view from inside {choose}add one in Blender and move it with Align Active Camera to View"]
-    notices = mirror_notices(camera)
-    if is_imported and asked is None and scene.camera is not None:
-        names = f"{', '.join(others)} or " if others else ""
-        notices.insert(0, f"The file's camera {scene.camera.name!r} is used. Choose another with --camera: {names}"
-                       f"{FIT}, which places the array in front of the subject")
-    return notices
-
-
-def mirror_notices(camera: bpy.types.Object) -> list[str]:
-    """Return the notice on an array or camera that is its own mirror image, none if it is not."""
-    if not is_mirrored(camera):
-        return []
-    return [f"Camera {camera.name!r} is mirrored by a negative scale, of its own or of a parent. The mirror is undone: "
-            "left and right are as in the scene"]
+        return [Notice("camera-missing", {"others": others})] if asked is None else []
+    is_choice = is_imported and asked is None and scene.camera is not None
+    chosen = [Notice("camera-chosen", {"camera": scene.camera.name, "others": others})] if is_choice else []
+    return [*chosen, *([Notice("camera-mirrored", {"camera": camera.name})] if is_mirrored(camera) else [])]

@@ -13,6 +13,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.frames.frame import Clip
 from lfsr_core.frames.request import FIT
 from lfsr_core.optics.display import DisplayProfile
@@ -52,21 +53,20 @@ def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.type
     return np.array(_depths(sight, half, subject))
 
 
-def focus_notice(scene: bpy.types.Scene, placed: Placement) -> str:
-    """Return the notice that a ``placed`` array's display plane is nearer than its camera focuses, "" if it is not."""
+def focus_notice(scene: bpy.types.Scene, placed: Placement) -> Notice | None:
+    """Return the notice that a ``placed`` array's display plane is nearer than its camera focuses, if it is."""
     is_own = rig.find(scene) is not None or scene.camera is None or scene.camera.type != "CAMERA"
     focus, distance = None if is_own else _focus(scene.camera), placed[0].distance
     if focus is None or distance > 0.999 * focus:
-        return ""
-    return (f"The camera focuses at {focus:.3g}, but the display plane is at {distance:.3g} scene units: farther away, "
-            "the array would reach through what stands beside the camera")
+        return None
+    return Notice("display-nearer", {"focus": focus, "distance": distance})
 
 
 def unseen_notice(scene: bpy.types.Scene, profile: DisplayProfile, placed: Placement,
-                  subject: set[bpy.types.Object]) -> str:
+                  subject: set[bpy.types.Object]) -> Notice | None:
     """Return the notice that a ``placed`` array of ``profile`` sees other things than the subject, and where that lies.
 
-    "" if some of its views see the subject, or if rays could not tell: they meet neither hair nor volumes.
+    None if some of its views see the subject, or if rays could not tell: they meet neither hair nor volumes.
     """
     array, matrix = placed
     sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), to_blender(matrix), clip_of(scene))
@@ -76,29 +76,27 @@ def unseen_notice(scene: bpy.types.Scene, profile: DisplayProfile, placed: Place
     eyes = (array.spacing * np.multiply(profile.views, np.subtract(at, 1) / 2) for at in np.ndindex(3, 3))
     seen = (item for eye in eyes for _, item in _hits(sight, half, eye, array.distance))
     if not points or unmet or any(item.original in subject for item in seen):
-        return ""
-    names, where = _seen_names(sight, half), _where(np.mean(points, axis=0), sight, half)
-    return f"The array sees {names}, but nothing of the subject, which {where}" if names else (
-        f"The array sees nothing, and the subject {where}")
+        return None
+    return Notice("array-blind", {"seen": _seen_names(sight, half),
+                                  "place": _place(np.mean(points, axis=0), sight, half)})
 
 
-def _seen_names(sight: _Sight, half: tuple[float, float]) -> str:
-    """Names of the objects that most rays meet, "" if they meet nothing."""
+def _seen_names(sight: _Sight, half: tuple[float, float]) -> list[str]:
+    """Names of the objects that most rays meet."""
     seen = collections.Counter(item.name for _, item in _hits(sight, half))
-    return ", ".join(name for name, _ in seen.most_common(MOST_NAMES))
+    return [name for name, _ in seen.most_common(MOST_NAMES)]
 
 
-def _where(point: Array, sight: _Sight, half: tuple[float, float]) -> str:
+def _place(point: Array, sight: _Sight, half: tuple[float, float]) -> str:
     """Where a world point (3,) lies that a camera does not see."""
     x, y, z = sight.matrix.inverted() @ mathutils.Vector(point)
     if z >= 0:
-        return "lies behind the camera"
+        return "behind"
     if max(abs(x) / half[0], abs(y) / half[1]) > -z:
-        beside = ("to the left", "to the right") if abs(x) / half[0] >= abs(y) / half[1] else ("below", "above")
-        return f"lies {beside[(x if beside[0] == 'to the left' else y) > 0]}"
-    if sight.clip and -z > sight.clip[1]:
-        return "lies beyond the clip end of the camera"
-    return "is hidden or too small"
+        if abs(x) / half[0] >= abs(y) / half[1]:
+            return "right" if x > 0 else "left"
+        return "above" if y > 0 else "below"
+    return "beyond" if sight.clip and -z > sight.clip[1] else "hidden"
 
 
 def clip_of(scene: bpy.types.Scene) -> Clip | None:
@@ -262,7 +260,7 @@ def _balanced_depth(sight: _Sight, half: tuple[float, float], subject: set[bpy.t
     """Depth D of equal parallax to the nearest and the farthest visible point: 2/D = 1/near + 1/far."""
     depths = _depths(sight, half, subject)
     if not depths:
-        names = _seen_names(sight, half)
+        names = ", ".join(_seen_names(sight, half))
         raise LfsrError(f"the scene's camera does not see the subject{f' but {names}' if names else ''}: turn the "
                         f"camera, choose another camera (or {FIT!r}), or choose another subject")
     return _middle(depths)
