@@ -16,7 +16,8 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import file_stamp, system_errors
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.records import to_data
 from lfsr_core.frames.identity import PLACES, digest, request_facts, scene_stamp
 from lfsr_core.frames.request import Request, read_request
 from lfsr_core.optics.depth_scale import ScaleChoice
@@ -85,7 +86,7 @@ def _run(arguments: Sequence[str]) -> dict[str, object]:
             return {"folder": str(encode.run(frames, film, rate))}
         case [scale.CHOOSE, path]:
             request = read_request(path)
-            return dataclasses.asdict(scale.scale_of(_chosen_scene(request), request))
+            return to_data(scale.scale_of(_chosen_scene(request), request))
         case [scale.LOOK, path]:
             request = read_request(path)
             return {"moves": scale.all_moves(_chosen_scene(request), request).tolist()}
@@ -123,22 +124,22 @@ def _opened(request: Request) -> tuple[bpy.types.Scene, Opened]:
     """The request's scene, as of ``_chosen_scene``, and how it was opened."""
     started, path, content, notes = time.perf_counter(), Path(request.scene), "", list[Notice]()
 
-    def say(sentence: str) -> None:
-        notes.append(Notice("render-note", {"text": sentence}))
-        emit_told(notes[-1])
+    def say(notice: Notice) -> None:
+        notes.append(notice)
+        emit_told(notice)
 
     before = file_stamp(path)
     if request.parts and path.is_file():
         content = scene_stamp(path)
         if other := remove_others(Path(request.parts), inputs_before_opening(request, content)):
             emit_told(Notice("parts-removed", {"input": other}))
-    emit(stage="open", fraction=0.0, message=request.scene or "the open scene")
+    emit_told(Progress("open", detail=request.scene or "the open scene"))
     scene = _chosen_scene(request)
     if file_stamp(path) != before:
         content = ""
     seconds, is_imported = time.perf_counter() - started, bool(request.scene) and not request.scene.endswith(".blend")
-    for sentence in (*notices(scene), *camera_notices(scene, request.camera, is_imported)):
-        say(sentence)
+    for notice in (*notices(scene), *camera_notices(scene, request.camera, is_imported)):
+        say(notice)
     light = settled_light(scene, request, say)
     return scene, Opened(seconds, content, light, tuple(notes))
 

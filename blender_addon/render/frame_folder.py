@@ -51,7 +51,7 @@ HALF_SEED = 1 << 20
 # Fields of a request that the scene or this machine may settle. The panel renders a copy, whatever its path.
 SETTLED = ("scene", "device", "light", "sampling")
 SOURCES = ("render", "scene")  # packages of the add-on that decide pixels
-Say = Callable[[str], None]
+Say = Callable[[Notice], object]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,9 +75,9 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
                                   light=opened.light if request.light == AUTO else request.light)
     notes = list(opened.notes)
 
-    def say(sentence: str) -> None:
-        notes.append(Notice("render-note", {"text": sentence}))
-        tell(notes[-1])
+    def say(notice: Notice) -> None:
+        notes.append(notice)
+        tell(notice)
 
     with prepared(scene, request, say) as frame:
         inputs = None
@@ -108,7 +108,7 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
 
 
 @contextmanager
-def prepared(scene: bpy.types.Scene, request: Request, say: Say = print) -> Iterator[Frame]:
+def prepared(scene: bpy.types.Scene, request: Request, say: Say = silent) -> Iterator[Frame]:
     """Set ``scene`` to the request's frame, light it and index its objects inside the block; yield the Frame."""
     # Not at the request's frame: all frames of an animation have the same light.
     request = dataclasses.replace(request, light=settled_light(scene, request, say))
@@ -121,13 +121,14 @@ def prepared(scene: bpy.types.Scene, request: Request, say: Say = print) -> Iter
         with _resting(scene), pass_indices(subject), lit(scene, request.light):
             frame = _frame(scene, request, subject)
             placed = frame.array, frame.matrix_world
-            for sentence in filter(None, (placement.focus_notice(scene, placed),
-                                          placement.unseen_notice(scene, request.display, placed, subject))):
-                say(sentence)
+            for notice in (placement.focus_notice(scene, placed),
+                           placement.unseen_notice(scene, request.display, placed, subject)):
+                if notice is not None:
+                    say(notice)
             if frame.world_visible and request.kind == "render" and frame.scale > 1:
                 reason = world.reason_against(scene)
                 if reason:
-                    say(f"{reason}, so the world is rendered with the subject and is less sharp")
+                    say(Notice("world-inside", {"reason": reason}))
                 frame = dataclasses.replace(frame, world_apart=not reason)
             yield frame
 

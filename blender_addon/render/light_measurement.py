@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.frames.request import EVEN, OWN, Request
 from lfsr_core.images.exr import clean, read_layers
 
@@ -24,11 +25,10 @@ from .output import render_to
 WIDTH, SAMPLES = 64, 4  # pixels across, and samples per pixel
 # Darker surfaces count as if they reflected this much: black things in good light are not in the dark.
 LEAST_ALBEDO = 0.1
-DARK = "Almost no light reaches what the array sees"
 
 
-def chosen_light(scene: bpy.types.Scene, request: Request, warn: Callable[[str], None]) -> str:
-    """Return the light of ``scene`` where the request leaves that open; ``warn`` unless it is the scene's own.
+def chosen_light(scene: bpy.types.Scene, request: Request, say: Callable[[Notice], object]) -> str:
+    """Return the light of ``scene`` where the request leaves that open; ``say`` unless it is the scene's own.
 
     A .blend keeps its own light if it has any, with a warning where that is too little.
     """
@@ -36,17 +36,12 @@ def chosen_light(scene: bpy.types.Scene, request: Request, warn: Callable[[str],
     if has_own and (is_certain(scene) or not is_dark(scene, request)):
         return OWN
     if has_own and Path(request.scene).suffix.lower() in ("", ".blend"):
-        warn(f"{DARK}, so the image will be almost black. Increase the lights or the exposure, or choose another light "
-             "(--light)")
+        say(Notice("light-weak"))
         return OWN
-    reason = DARK if has_own else "The scene has no light"
     with lit(scene, DEFAULT_LIGHT):
-        reaches = not is_dark(scene, request)
-    if reaches:
-        warn(f"{reason}. It is lit with Blender's world image {DEFAULT_LIGHT!r}: choose another light with --light")
-        return DEFAULT_LIGHT
-    warn(f"{reason}, and something encloses it. It is lit evenly, without shadows: choose another light with --light")
-    return EVEN
+        light = EVEN if is_dark(scene, request) else DEFAULT_LIGHT
+    say(Notice("light-replaced", {"reason": "dark" if has_own else "none", "light": light}))
+    return light
 
 
 def is_dark(scene: bpy.types.Scene, request: Request) -> bool:

@@ -96,7 +96,7 @@ WORLDS = {"volume": "the world has a volume", "coordinates": "the world uses win
 
 SENTENCES: dict[str, Wording] = {
     # Scale and light
-    "scale-chosen": "{reason}",
+    "scale-chosen": _scale_chosen,
     "scale-unseen": "scale {scale}: the middle view sees nothing of the subject",
     # The image
     "subject-unseen": _subject_unseen,
@@ -118,8 +118,6 @@ SENTENCES: dict[str, Wording] = {
     "parts-kept": "render again to continue, or delete {folder} to start over",
     "parts-removed": "the parts of an earlier render were made with other {input}: they are removed, and the render "
                      "starts from the beginning",
-    "render-note": "{text}",
-    "said": "{text}",
     # Plans
     "candidate-failed": "{error}",
     "candidate-not-needed": "not needed: costs more than s{scale}-spp{samples} {method}",

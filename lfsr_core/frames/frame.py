@@ -59,7 +59,7 @@ class Frame:
     clip: Clip | None = None  # nearest and farthest visible depth from the camera plane, None for no limit
     layers: tuple[str, ...] = ()  # auxiliary layers in the EXR
     world_visible: bool = False  # whether the world shows behind the subject
-    scale_reason: str = ""  # why the scale was chosen, empty where it was asked for
+    scale_reason: Notice | None = None  # why the scale was chosen, None where it was asked for
     world_apart: bool = False  # whether the visible world is in a file of its own, see optics.world_view
     color: ColorSettings = dataclasses.field(default_factory=ColorSettings)  # how Blender would show the scene
     # scene, subject: names of the file and of the foreground's collection

@@ -9,6 +9,7 @@ from typing import Any
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import read_json
+from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import from_data
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, check_direct
 from lfsr_core.optics.depth_scale import MOST_SAMPLES, ScaleChoice, samples_at, usual_rays
@@ -43,7 +44,7 @@ class Sampling:
     scales: tuple[int, ...] = ()  # to choose from by the depth of the scene, instead of ``scale``; or none
     rays: float | None = None  # per finished pixel: they decide the samples at the chosen scale; None for ``samples``
     frames: tuple[int, ...] = ()  # frames whose depth decides the scale, none for the rendered frame alone
-    reason: str = ""  # why the scale was chosen, for frame.json; empty where it was asked for
+    reason: Notice | None = None  # why the scale was chosen, for frame.json; None where it was asked for
 
 
 @dataclasses.dataclass(frozen=True)

@@ -15,6 +15,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
@@ -54,7 +55,7 @@ class ScaleChoice:
     """A scale and why it was chosen."""
 
     scale: int
-    reason: str = ""
+    reason: Notice | None = None  # None where it was asked for
 
 
 def scales_up_to(display: DisplayProfile) -> tuple[int, ...]:
@@ -111,10 +112,7 @@ def choose_scale(display: DisplayProfile, moves: Array, scales: Collection[int],
     enough = [scale for scale, count in samples.items() if count >= LEAST_SAMPLES] or [largest]
     scale = min(enough, key=lambda scale: model.loss(moves, scale, samples[scale]))
     if not len(moves):
-        return ScaleChoice(scale, f"scale {scale}: the middle view sees nothing of the subject")
+        return ScaleChoice(scale, Notice("scale-unseen", {"scale": scale}))
+    # Half of the subject moves by at least so many lenses between neighbouring views of the display.
     moved = float(np.median(moves))
-    there = "" if scale == largest else f", at scale {largest} by {moved * largest:.2g}"
-    number = f"{rays:.3g} ray{'' if rays == 1 else 's'}"
-    return ScaleChoice(scale, f"scale {scale} is predicted to lose least at {number} per finished pixel: half of the "
-                              f"subject moves by at least {moved * scale:.2g} lenses between neighbouring "
-                              f"rendered views{there}")
+    return ScaleChoice(scale, Notice("scale-chosen", {"scale": scale, "largest": largest, "rays": rays, "moved": moved}))
