@@ -115,4 +115,5 @@ def choose_scale(display: DisplayProfile, moves: Array, scales: Collection[int],
         return ScaleChoice(scale, Notice("scale-unseen", {"scale": scale}))
     # Half of the subject moves by at least so many lenses between neighbouring views of the display.
     moved = float(np.median(moves))
-    return ScaleChoice(scale, Notice("scale-chosen", {"scale": scale, "largest": largest, "rays": rays, "moved": moved}))
+    return ScaleChoice(scale, Notice("scale-chosen", {"scale": scale, "largest": largest, "rays": rays,
+                                                      "moved": moved}))

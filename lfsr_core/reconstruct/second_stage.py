@@ -78,8 +78,8 @@ def finish_into(folder: str | Path, staged: Path, finish: Finish | str, tell: Te
     lenses = np.argwhere(assembly.mask | assembly.fill)
     rows, columns = lenses[::len(lenses) // MOST_JUDGED + 1].T
     judged = to_elemental_images(pixels, frame.rays.tiles)[rows, columns]
-    chosen = [Notice("scale-chosen", {"reason": frame.scale_reason})] if frame.scale_reason else []
-    notes = (*chosen, *frame.notes, *replaced_notices(ready.replaced, assembly.low.alpha.size),
+    notes = (*filter(None, [frame.scale_reason]), *frame.notes,
+             *replaced_notices(ready.replaced, assembly.low.alpha.size),
              *(ready.unseen or exposure_notices(judged, show.to_uint8(work.background[None])[0])),
              *assembly.low.notes, *averaging_notices(ready.neighbours))
     return Report(

@@ -8,19 +8,20 @@ import os
 import pytest
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import to_data, write_record
 from lfsr_core.frames.request import check_light, check_scene, read_request
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import load_display
 from tests.support.requests import make_request
 
-MINI = load_display("mini")
+MINI, DEEP = load_display("mini"), Notice("scale-unseen", {"scale": 2})
 JOB = make_request("out", MINI, scene="s.blend", kind="reference", scale=2, samples=9, layers=("albedo",),
                    layout="view-by-view",
           convention="paper", view_aperture=0.5, seed=5, frame=3, subject="Things", lens_list=((1, 2), (3, 4)),
           device="OPTIX", clamp_indirect=0.0, world_visible=True, scene_name="Set", parts="kept",
           source="../shot.blend",
-          camera="Camera", scales=(4, 2), frames=(1, 9), rays=2.5, reason="it is deep", world="world.exr",
+          camera="Camera", scales=(4, 2), frames=(1, 9), rays=2.5, reason=DEEP, world="world.exr",
           light="night")
 
 
@@ -89,8 +90,8 @@ def test_job_file_of_another_type_is_named(tmp_path):
 
 def test_samples_follow_from_the_rays_at_the_chosen_scale():
     job = make_request("out", MINI, scale=4, samples=5, scales=(4, 2, 1), frames=(1,))
-    assert job.with_scale(ScaleChoice(2, "it is deep")) == make_request("out", MINI, scale=2, samples=5,
-                                                                        reason="it is deep")
+    assert job.with_scale(ScaleChoice(2, DEEP)) == make_request("out", MINI, scale=2, samples=5,
+                                                                        reason=DEEP)
     assert job.judged_rays == 5 / 16
     by_rays = job.sampled(rays=4.0)
     assert [by_rays.with_scale(ScaleChoice(scale)).sampling.samples for scale in job.sampling.scales] == [64, 16, 4]

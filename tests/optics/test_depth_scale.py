@@ -67,8 +67,8 @@ def test_the_choice_loses_least_of_the_scales_that_get_a_sample(display, moves, 
     scales = some & {1, *display.scales()}
     assume(scales)
     choice = choose_scale(display, moves, scales, rays)
-    assert choice.scale in scales and choice.reason.startswith(f"scale {choice.scale} is predicted to lose least at ")
-    assert (", at scale " in choice.reason) == (choice.scale < max(scales))
+    assert choice.scale in scales and choice.reason.code == "scale-chosen"
+    assert (choice.reason.values["scale"], choice.reason.values["largest"]) == (choice.scale, max(scales))
     enough = [scale for scale in scales if rays * display.finished_pixels(scale) >= LEAST_SAMPLES] or [max(scales)]
     losses = {scale: MODEL.loss(moves, scale, rays * display.finished_pixels(scale)) for scale in enough}
     assert losses[choice.scale] == min(losses.values())
@@ -109,7 +109,7 @@ def test_impossible_rays_are_refused(rays):
 
 def test_nothing_seen_or_nothing_to_choose_from():
     assert choose_scale(SMALL, np.empty(0), (2, 4), 1).scale == 4
-    assert "sees nothing" in choose_scale(SMALL, np.empty(0), (2, 4), 1).reason
+    assert choose_scale(SMALL, np.empty(0), (2, 4), 1).reason.code == "scale-unseen"
     assert choose_scale(SMALL, np.full(3, 1e9), (3,), 1).scale == 3
     beside = disparities(SMALL, array_of(SMALL), np.full(3, -1.0))
     assert choose_scale(SMALL, beside, (4, 1), 4).scale == 1, "beside the viewer is very near"

@@ -144,12 +144,13 @@ def test_report_has_what_the_documentation_says(tmp_path):
     assert (report["replaced_pixels"], report["finish"]["dilate"], report["notes"]) == (0, 0, [])
 
 
+DEEP = Notice("scale-unseen", {"scale": 2})
 LIT = Notice("render-note", {"text": "the scene was lit"})
 
 
 def test_notes_of_the_render_are_in_the_report(tmp_path):
-    write_render(tmp_path, notes=(LIT,), scale_reason="it is deep")
-    assert finish_frame(tmp_path, "bicubic").notes == (Notice("scale-chosen", {"reason": "it is deep"}), LIT)
+    write_render(tmp_path, notes=(LIT,), scale_reason=DEEP)
+    assert finish_frame(tmp_path, "bicubic").notes == (DEEP, LIT)
 
 
 def test_progress_rises_to_the_end(tmp_path):

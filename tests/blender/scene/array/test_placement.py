@@ -10,6 +10,7 @@ import pytest
 from blender_addon.scene import subject
 from blender_addon.scene.array import cameras, motion, placement, spaces
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_core.optics.rays import CameraArray
 from tests.support.scenes import add_box, add_camera
@@ -182,11 +183,11 @@ def scaled(scene, item, scale):
 def test_mirror_of_a_camera_is_undone(scene, scale):
     add_box(scene, tuple(CENTRE), tuple(HALF))
     camera = add_camera(scene)
-    assert cameras.mirror_notices(camera) == []
+    assert cameras.camera_notices(scene, None, is_imported=False) == []
     plain = scaled(scene, camera, (1, 1, 1))
     array, matrix = scaled(scene, camera, scale)
     assert (array.distance, np.ravel(matrix)) == (pytest.approx(plain[0].distance), pytest.approx(np.ravel(plain[1])))
-    assert "'camera' is mirrored" in cameras.mirror_notices(camera)[0]
+    assert cameras.camera_notices(scene, None, is_imported=False) == [Notice("camera-mirrored", {"camera": "camera"})]
 
 
 def test_mirror_of_a_parent_is_undone_where_it_puts_the_camera(scene):
@@ -197,7 +198,7 @@ def test_mirror_of_a_parent_is_undone_where_it_puts_the_camera(scene):
     _, matrix = scaled(scene, parent, (-1, 1, 1))
     expected = mathutils.Matrix.Translation((-1, -5, 3)) @ mathutils.Matrix.Rotation(np.pi / 2, 4, "X")
     assert np.ravel(matrix) == pytest.approx(np.ravel(spaces.from_blender(expected)), abs=1e-6)
-    assert cameras.mirror_notices(camera)
+    assert [notice.code for notice in cameras.camera_notices(scene, None, is_imported=False)] == ["camera-mirrored"]
 
 
 @pytest.mark.parametrize("scale", [(0, 0, 0), (0, 1, 1), (1, 1, 0)])
@@ -222,18 +223,18 @@ def test_what_a_camera_sees_instead_of_its_subject_is_named(scene):
         bpy.context.view_layer.update()
         return placement.unseen_notice(scene, SMALL, placement.place_array(scene, SMALL, chosen), chosen)
 
-    assert notice({wall}) == notice({box, wall}) == ""
-    assert "sees Wall, but nothing of the subject, which is hidden" in notice({box})
+    assert notice({wall}) is notice({box, wall}) is None
+    assert notice({box}) == Notice("array-blind", {"seen": ["Wall"], "place": "hidden"})
     camera.data.clip_end = 3.0
-    assert "sees nothing" in notice({box}) and "beyond the clip end of the camera" in notice({box})
+    assert notice({box}) == Notice("array-blind", {"seen": [], "place": "beyond"})
     camera.data.clip_end, wall.location.y = 100.0, -9
-    assert notice({box}) == ""
-    for axis, where in ((0, "to the left"), (0, "to the right"), (2, "below"), (2, "above")):
+    assert notice({box}) is None
+    for axis, where in ((0, "left"), (0, "right"), (2, "below"), (2, "above")):
         camera.location = (0, -6, 0)
-        camera.location[axis] = {"to the left": 30, "to the right": -30, "below": 30, "above": -30}[where]
-        assert f"sees nothing, and the subject lies {where}" in notice({box}), where
+        camera.location[axis] = {"left": 30, "right": -30, "below": 30, "above": -30}[where]
+        assert notice({box}).values["place"] == where
     camera.location = (0, 6, 0)
-    assert "lies behind the camera" in notice({box})
+    assert notice({box}).values["place"] == "behind"
 
 
 def test_a_sheet_along_the_middle_view_is_seen_by_others(scene):
@@ -241,10 +242,10 @@ def test_a_sheet_along_the_middle_view_is_seen_by_others(scene):
     bpy.context.view_layer.update()
     placed = placement.place_array(scene, SMALL, {sheet})
     assert not len(placement.seen_depths(scene, placed, {sheet}))
-    assert placement.unseen_notice(scene, SMALL, placed, {sheet}) == ""
+    assert placement.unseen_notice(scene, SMALL, placed, {sheet}) is None
     side_by_side = load_display("looking-glass-go")
-    assert "sees nothing" in placement.unseen_notice(
-        scene, side_by_side, placement.place_array(scene, side_by_side, {sheet}), {sheet})
+    assert placement.unseen_notice(
+        scene, side_by_side, placement.place_array(scene, side_by_side, {sheet}), {sheet}).values["seen"] == []
 
 
 def test_hair_and_volumes_are_left_to_the_render(scene):
@@ -253,7 +254,7 @@ def test_hair_and_volumes_are_left_to_the_render(scene):
     scene.collection.objects.link(points)
     add_camera(scene, (0, -6, 0)).data.dof.use_dof = True
     bpy.context.view_layer.update()
-    assert placement.unseen_notice(scene, SMALL, placement.place_array(scene, SMALL, {points}), {points}) == ""
+    assert placement.unseen_notice(scene, SMALL, placement.place_array(scene, SMALL, {points}), {points}) is None
 
 
 def test_a_subject_that_only_renders_show_is_left_to_the_render(scene):
@@ -263,7 +264,7 @@ def test_a_subject_that_only_renders_show_is_left_to_the_render(scene):
     camera.data.dof.use_dof = True
     bpy.context.view_layer.update()
     chosen = {box, camera}
-    assert placement.unseen_notice(scene, SMALL, placement.place_array(scene, SMALL, chosen), chosen) == ""
+    assert placement.unseen_notice(scene, SMALL, placement.place_array(scene, SMALL, chosen), chosen) is None
 
 
 def test_a_focus_that_walls_override_is_said(scene):
@@ -274,9 +275,9 @@ def test_a_focus_that_walls_override_is_said(scene):
     placed = placement.place_array(scene, SMALL, {box, wall})
     assert placed[0].distance < 6
     said = placement.focus_notice(scene, placed)
-    assert f"focuses at 6.7, but the display plane is at {placed[0].distance:.3g}" in said
+    assert said == Notice("display-nearer", {"focus": pytest.approx(6.7), "distance": placed[0].distance})
     wall.location.x = 99
     bpy.context.view_layer.update()
-    assert placement.focus_notice(scene, placement.place_array(scene, SMALL, {box, wall})) == ""
+    assert placement.focus_notice(scene, placement.place_array(scene, SMALL, {box, wall})) is None
     camera.data.dof.use_dof = False
-    assert placement.focus_notice(scene, placed) == "", "there is no focus to override"
+    assert placement.focus_notice(scene, placed) is None, "there is no focus to override"

@@ -1,0 +1,88 @@
+"""Every notice has a sentence, and every sentence a notice."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from lfsr_core.base.notices import Notice
+from lfsr_core.commands.sentences import MOST_LETTERS, SENTENCES, cleaned, sentence
+
+ROOT = Path(__file__).parents[2]
+# Values of each notice, and a word of its sentence that the reader needs.
+EXAMPLES = {
+    "angle-assumed": ({"angle_deg": 40.0}, "--angle-deg 40"),
+    "array-blind": ({"seen": ["Wall"], "place": "behind"}, "sees Wall, but nothing of the subject, which lies behind"),
+    "aspect-assumed": ({"across": 5, "down": 9, "aspect": 1.6}, "--quilt 5x9a1.6"),
+    "averaging-other-rays": ({"frames": [1, 3]}, "frames 1, 3"),
+    "averaging-same-seed": ({"frames": [1, 3]}, "same seed"),
+    "browser-missing": ({}, "open that page yourself"),
+    "calibrated": ({"photographs": 2, "pitch": 1e-5, "turn": 2e-5, "shift": 0.001}, "by 2 photographs: pitch ±1.0e-05"),
+    "calibrated-at-distance": ({"pitch": 1e-6}, "1.0e-06"),
+    "camera-chosen": ({"camera": "Front", "others": ["Side"]}, "'Front' is used. Choose another with --camera: Side"),
+    "camera-mirrored": ({"camera": "Front"}, "'Front' is mirrored"),
+    "camera-missing": ({"others": ["Side"]}, "--camera (Side)"),
+    "cameras-cut": ({"side": 4, "across": 8, "down": 4}, "4×4 cameras in the middle of 8×4"),
+    "collections-switched": ({"layer": "Main", "switch": "holdout", "names": ["Trees"]}, "holds out Trees"),
+    "compositor-ignored": ({"names": ["Glare"]}, "(Glare)"),
+    "denoised-on-cpu": ({"device": "OPTIX", "error": "no driver"}, "the OPTIX device"),
+    "disparity-missing": ({}, "--layers position"),
+    "display-nearer": ({"focus": 6.7, "distance": 5.5}, "focuses at 6.7, but the display plane is at 5.5"),
+    "display-plane": ({"depth": 0.25}, "depth of 0.25"),
+    "flip-missing": ({}, "flip-evaluator"),
+    "frame-left-out": ({"frame": 7, "error": "no light"}, "frame 7 is left out: no light"),
+    "frames-older": ({"count": 3, "first": 1}, "3 frames (from 1) are older"),
+    "geometry-assumed": ({"width_mm": 600.0, "distance_mm": 1000.0}, "--width-mm 600, --distance-mm 1000"),
+    "image-extreme": ({"tone": "black"}, "almost black: make lights or exposure stronger"),
+    "images-missing": ({"count": 2, "first": "wood.png"}, "2 image files are missing"),
+    "layers-left-out": ({"layer": "Main", "names": ["beauty"]}, "without beauty"),
+    "lens-distorts": ({"photograph": "a.jpg", "fraction": 0.02}, "a.jpg distorts by 2.0%"),
+    "libraries-missing": ({"count": 1, "first": "rocks.blend"}, "rocks.blend is missing and is left out"),
+    "light-replaced": ({"reason": "none", "light": "even"}, "lit evenly"),
+    "light-weak": ({}, "--light"),
+    "number-ignored": ({"name": "fringe", "value": 0.5}, "fringe of 0.5"),
+    "override-ignored": ({"layer": "Main", "material": "clay"}, "override 'clay'"),
+    "page-large": ({"bytes": 45_000_000}, "45 MB"),
+    "page-reduced": ({"width": 8, "height": 4, "eia_width": 16, "eia_height": 8, "most": 10}, "8×4 of the 16×8"),
+    "parts-kept": ({"folder": ".frame-parts"}, "delete .frame-parts"),
+    "parts-removed": ({"other": "scene file"}, "other scene file"),
+    "photograph-mirrored": ({"photograph": "a.jpg"}, "a.jpg is mirrored"),
+    "photograph-turned": ({"photograph": "a.jpg", "degrees": 90}, "turned by 90°"),
+    "pixels-replaced": ({"replaced": 5, "pixels": 9}, "5 of 9"),
+    "said": ({"text": "something"}, "something"),
+    "scale-chosen": ({"scale": 2, "largest": 4, "rays": 1.0, "moved": 0.5}, "by at least 1 lenses"),
+    "scale-unseen": ({"scale": 4}, "scale 4"),
+    "scripts-off": ({"reason": "driver"}, "(driver)"),
+    "sequencer-ignored": ({}, "strips are not rendered"),
+    "shift-ignored": ({"camera": "Front", "x": 0.0, "y": 0.25}, "(0, 0.25)"),
+    "subject-unseen": ({"background": 0.5}, "background objects fill 50% of the image"),
+    "views-nearest": ({}, "not interpolated"),
+    "world-inside": ({"reason": "volume"}, "the world has a volume"),
+}
+UNSHOWN = {"test-made"}  # notices that a program acts on
+
+
+def raised() -> set[str]:
+    """Codes of the notices that the sources make."""
+    return {call.args[0].value for package in ("lfsr_core", "blender_addon") for path in (ROOT / package).rglob("*.py")
+            for call in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+            if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "Notice"
+            and call.args and isinstance(call.args[0], ast.Constant)}
+
+
+def test_every_notice_has_a_sentence_and_every_sentence_a_notice():
+    assert raised() - UNSHOWN == set(SENTENCES) == set(EXAMPLES)
+
+
+@pytest.mark.parametrize("code", EXAMPLES)
+def test_a_sentence_has_its_values(code):
+    values, part = EXAMPLES[code]
+    assert part in sentence(Notice(code, values))
+
+
+def test_text_from_elsewhere_is_cleaned():
+    assert cleaned("a\x1b[31m\nb\x00") == "a [31m b" and cleaned(["a\rb"]) == ["a b"]
+    assert len(cleaned("x" * 9999)) == MOST_LETTERS
+    assert "\x1b" not in sentence(Notice("camera-mirrored", {"camera": "\x1b[2Jevil"}))
