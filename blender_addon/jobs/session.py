@@ -11,6 +11,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
 
+from ..scene.sentences import sentence
 from ..scene.words import capitalized, clock, for_panel
 from . import show_image
 from .task import Job, Task
@@ -90,7 +91,7 @@ def _look() -> float | None:
             redraw()
             return SECONDS_BETWEEN_LOOKS
         _current = None
-        say(". ".join(task.job.word(notice) for notice in task.notices[-MOST_NOTICES:]))
+        say(". ".join(sentence(notice) for notice in task.notices[-MOST_NOTICES:]))
         bpy.context.window_manager.lfsr.outcome = f"Done in {clock(task.seconds)}"
         task.job.finish(task.result or {})
     except LfsrError as error:

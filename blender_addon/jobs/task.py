@@ -50,7 +50,6 @@ class Job:
     output: Path | None = None  # folder of the frame, or of the frames, that it renders
     frames: tuple[int, ...] = ()  # of an animation
     kept: Callable[[], str] = lambda: ""  # what to say of what is kept when it ends early
-    word: Callable[[Notice], str] = lambda notice: str(notice.values.get("text", notice.code))  # a notice's sentence
 
 
 class Task:

@@ -33,7 +33,7 @@ _last: tuple[dict[str, Any], float] | None = None  # record of a step under way,
 def emit(**record: Any) -> None:
     """Write one record; ``stage`` is always among its keys."""
     global _last
-    if not record.get("warning"):
+    if "notice" not in record:
         _last = (record, time.monotonic()) if record["stage"] not in (*LAST_STAGES, RENDERED_STAGE) else None
     with _speaking:
         _write(record)
@@ -59,7 +59,7 @@ def _cpu() -> float:
 def emit_told(told: Progress | Notice) -> None:
     """Write progress or a notice as a record, which ``told_of`` reads; a ``Tell``."""
     if isinstance(told, Notice):
-        emit(stage="notice", warning=True, notice=told.code, values=told.values)
+        emit(stage="notice", notice=told.code, values=told.values)
     else:
         emit(stage=told.stage, fraction=round(told.fraction, 4), message=told.detail,
              left=told.left if told.left is None else round(told.left, 1),
@@ -70,8 +70,6 @@ def told_of(record: dict[str, Any]) -> Progress | Notice | None:
     """Return the progress or the notice in a record, None where it is another."""
     if "notice" in record:
         return Notice(record["notice"], record["values"])
-    if record.get("warning"):
-        return Notice("said", {"text": record.get("message", "")})
     if "fraction" not in record:
         return None
     return Progress(record["stage"], min(1.0, float(record["fraction"])), str(record.get("message", "")),

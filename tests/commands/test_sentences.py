@@ -51,7 +51,6 @@ EXAMPLES = {
     "photograph-mirrored": ({"photograph": "a.jpg"}, "a.jpg is mirrored"),
     "photograph-turned": ({"photograph": "a.jpg", "degrees": 90}, "turned by 90°"),
     "pixels-replaced": ({"replaced": 5, "pixels": 9}, "5 of 9"),
-    "said": ({"text": "something"}, "something"),
     "scale-chosen": ({"scale": 2, "largest": 4, "rays": 1.0, "moved": 0.5}, "by at least 1 lenses"),
     "scale-unseen": ({"scale": 4}, "scale 4"),
     "scripts-off": ({"reason": "driver"}, "(driver)"),
@@ -61,7 +60,7 @@ EXAMPLES = {
     "views-nearest": ({}, "not interpolated"),
     "world-inside": ({"reason": "volume"}, "the world has a volume"),
 }
-UNSHOWN = {"test-made"}  # notices that a program acts on
+UNSHOWN = {"first-guess"}  # notices that a program acts on
 
 
 def raised() -> set[str]:

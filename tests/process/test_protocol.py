@@ -5,8 +5,9 @@ from __future__ import annotations
 import threading
 import time
 
+from lfsr_core.base.notices import Notice
 from lfsr_core.process import protocol
-from lfsr_core.process.protocol import emit, emit_last, parse_progress, repeated
+from lfsr_core.process.protocol import emit, emit_last, emit_told, parse_progress, repeated
 
 LONG_ENOUGH = 30  # seconds after which a machine is broken, not slow
 
@@ -24,9 +25,9 @@ def said(capsys, count: int) -> list[dict]:
 def test_the_last_progress_is_said_again_with_its_age(capsys):
     with repeated(0.01):
         emit(stage="render", fraction=0.25, message="Updating Scene BVH: Building")
-        emit(stage="render", fraction=0.0, message="no wood.png", warning=True)
+        emit_told(Notice("images-missing", {"count": 1, "first": "wood.png"}))
         first, warning, *again = said(capsys, 5)
-    assert first["message"] == "Updating Scene BVH: Building" and warning["warning"]
+    assert first["message"] == "Updating Scene BVH: Building" and warning["notice"] == "images-missing"
     for record in again:
         assert (record["stage"], record["fraction"]) == ("render", 0.25)
         assert record["message"] == "Updating Scene BVH: Building, for 0 s"

@@ -15,6 +15,7 @@ from ...jobs import session
 from ...jobs.task import Job
 from ...scene import settings as scene_settings
 from ...scene.array import edit, rig
+from ...scene.sentences import sentence as worded
 from ...scene.words import capitalized
 from ..drawing import sentence
 
@@ -110,7 +111,7 @@ class TaskOperator:
         if (job := self.prepare(context)) is not None:
             task = session.run(self.bl_label, job)
             for notice in task.notices:
-                self.report({"WARNING"}, capitalized(job.word(notice)))
+                self.report({"WARNING"}, worded(notice))
             job.finish(task.result or {})
         return {"FINISHED"}
 

@@ -18,6 +18,7 @@ import pytest
 from blender_addon.jobs import asked, copy, session, task
 from blender_addon.jobs.task import Job, Task
 from blender_addon.scene import folders
+from blender_addon.scene.sentences import sentence
 from blender_addon.ui.operators import render
 from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
@@ -108,11 +109,11 @@ def test_a_render_that_worked_is_one_quiet_line(scene, monkeypatch):
     state = bpy.context.window_manager.lfsr
     state.message = "of the last render"
     task = session.start("Render EIA", render.image_job(scene))
-    task.notices += [Notice("said", {"text": "the sequencer's strips are not rendered"})]
+    task.notices += [Notice("sequencer-ignored")]
     panel.wait_for(lambda: session.current() is None)
     assert re.fullmatch(r"Done in \d:\d\d", state.outcome) and popups == []
     assert state.outcome_folder == str(folders.frame_folder(scene))
-    assert message() == ("The sequencer's strips are not rendered", False)
+    assert message() == (sentence(Notice("sequencer-ignored")), False)
     assert asked.is_decoded(folders.frame_folder(scene)) and asked.is_made(*asked.asked(scene))
 
 
@@ -189,7 +190,7 @@ def test_notices_are_told_once_and_those_of_a_job_are_its_own():
     heard = []
     running = Task("Render EIA", Job("make", {}, print, lambda told: told.code == "own" and not heard.append(told)))
     for code in ("own", "other", "other"):
-        running._take(0.0, {"stage": "notice", "notice": code, "values": {}, "warning": True})
+        running._take(0.0, {"stage": "notice", "notice": code, "values": {}})
     assert [told.code for told in heard] == ["own"] and running.notices == [Notice("other")]
 
 
