@@ -17,6 +17,7 @@ PANEL: dict[str, Wording] = {
                                           "same seed",
     "page-large": lambda values: f"the page has {values['bytes'] / 1e6:.0f} MB: phones and mail may refuse it",
     "disparity-missing": "disparity was not written, because the frame has no position layer",
+    "candidate-over-budget": "not measured: beyond the budget of the sample",
     "camera-chosen": lambda values: f"the file's camera {values['camera']!r} is used",
     "camera-missing": lambda values: "the scene has no active camera, so the array stands in front of the subject: of "
                                      "a room it sees the outer wall. For a view from inside "
