@@ -58,7 +58,7 @@ EXAMPLES = {
     "page-large": ({"bytes": 45_000_000}, "45 MB"),
     "page-reduced": ({"width": 8, "height": 4, "eia_width": 16, "eia_height": 8, "most": 10}, "8×4 of the 16×8"),
     "parts-kept": ({"folder": ".frame-parts"}, "delete .frame-parts"),
-    "parts-removed": ({"other": "scene file"}, "other scene file"),
+    "parts-removed": ({"input": "scene file"}, "other scene file"),
     "photograph-mirrored": ({"photograph": "a.jpg"}, "a.jpg is mirrored"),
     "photograph-turned": ({"photograph": "a.jpg", "degrees": 90}, "turned by 90°"),
     "pixels-replaced": ({"replaced": 5, "pixels": 9}, "5 of 9"),
