@@ -47,11 +47,6 @@ def emit_last(**record: Any) -> None:
     _write(record)
 
 
-def emit_progress(stage: str, fraction: float, message: str) -> None:
-    """Write progress as a record, with the CPU seconds of this process; a ``progress.Progress``."""
-    emit(stage=stage, fraction=round(fraction, 4), message=message, cpu=_cpu())
-
-
 def _cpu() -> float:
     return round(time.process_time(), 2)
 
