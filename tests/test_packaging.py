@@ -71,7 +71,8 @@ def test_every_file_is_installed(environment):
     assert [path for path in installed_paths() if not (packages(environment) / path).is_file()] == []
 
 
-@pytest.mark.parametrize(("arguments", "answer"), [(("displays",), "bupt-32in-8k"), (("stress", "--help"), "--sweeps")])
+@pytest.mark.parametrize(("arguments", "answer"), [(("displays",), "bupt-32in-8k"), (("study", "stress", "--help"),
+                                                                                     "--sweeps")])
 def test_the_command_answers_outside_the_clone(environment, tmp_path, arguments, answer):
     assert answer in run(environment / "bin/lfsr", *arguments, cwd=tmp_path)
 

@@ -11,7 +11,7 @@ from typing import Protocol
 from lfsr_core.base.errors import LfsrError
 
 GROUP = "lfsr.verbs"
-NAMES = ("chart", "paper", "stress", "train")
+NAMES = ("study", "train")
 
 
 class Verb(Protocol):

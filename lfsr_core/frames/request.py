@@ -98,7 +98,7 @@ class Request:
                 raise LfsrError(f"rows {rows_text(self.rows)} were asked for, but {name} is not rendered by rows: "
                                 "leave out one of the two")
         if self.layout == SUBPIXELS:
-            check_direct(self.display, vars(self.sampling) | vars(self))
+            check_direct(self.display, vars(self) | vars(self.sampling))
 
     @property
     def judged_rays(self) -> float:

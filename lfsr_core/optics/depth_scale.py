@@ -46,7 +46,7 @@ class LossModel:
         return lost + self.noise * math.pow(samples, -self.power)
 
 
-# Fitted by `python -m lfsr_lab.experiments.scales docs/results/measured/scales.json`, see docs/results/stress.md.
+# Fitted by `lfsr study scales docs/results/measured/scales.json`, see docs/results/stress.md.
 MODEL = LossModel(detail=0.885, lenses=2.83, noise=0.158, power=0.65)
 
 

@@ -17,7 +17,7 @@ def missing(monkeypatch):
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: ())
 
 
-@pytest.mark.parametrize("words", [["chart"], ["chart", "a.blend", "-o", "out"], ["stress", "-o", "out"],
+@pytest.mark.parametrize("words", [["study"], ["study", "chart", "a.blend", "-o", "out"],
                                    ["train", "--help"], ["train", "paper", "--set", "seed=1"]])
 def test_without_the_laboratory_its_verbs_say_how_to_install_it(missing, capsys, words):
     told = fails(words, capsys)

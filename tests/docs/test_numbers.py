@@ -12,17 +12,15 @@ import pytest
 
 from lfsr_core.base.records import read_record
 from lfsr_core.optics.depth_scale import MODEL
-from lfsr_lab.experiments.chart.analysis import mean_cells, mean_duels
-from lfsr_lab.experiments.chart.records import Chart, MeanDuel, read_chart
-from lfsr_lab.experiments.denoiser import records as denoiser
-from lfsr_lab.experiments.engine.measures import FLIP, RELMSE, SSIM
-from lfsr_lab.experiments.gpu_budget import page as gpu_page
-from lfsr_lab.experiments.gpu_budget.__main__ import Record as GPURecord
-from lfsr_lab.experiments.gpu_budget.budget import read_gpus
+from lfsr_lab.experiments.chart.analysis import Chart, MeanDuel, mean_cells, mean_duels, read_chart
+from lfsr_lab.experiments.denoiser import study as denoiser
+from lfsr_lab.experiments.engine.truth import FLIP, RELMSE, SSIM
+from lfsr_lab.experiments.gpu_budget import study as gpu_page
+from lfsr_lab.experiments.gpu_budget.counts import read_gpus
+from lfsr_lab.experiments.gpu_budget.study import Record as GPURecord
 from lfsr_lab.experiments.plan_validation.records import Validation
 from lfsr_lab.experiments.rivals import page as rivals_page
-from lfsr_lab.experiments.scales.fit import ENOUGH, Group, fit, groups_of
-from lfsr_lab.experiments.scales.table import Table
+from lfsr_lab.experiments.scales.study import ENOUGH, Group, Table, fit, groups_of
 from lfsr_lab.experiments.sweeps import plans
 from lfsr_lab.experiments.sweeps.records import Report
 from tests.support.claims import ROOT, Claim, TableClaim, Values, plain, record, row_numbers, uncovered

@@ -156,7 +156,7 @@ def stressed(folder: Path) -> None:
         for made in source:
             shutil.copytree(made, folder / f"wire-{label(value)}" / made.name)
         (folder / f"wire-{label(value)}" / "scene.blend").touch()
-    assert main(["stress", "-o", str(folder), *STRESS]) == 0
+    assert main(["study", "stress", "-o", str(folder), *STRESS]) == 0
 
 
 def trained(folder: Path) -> None:
@@ -238,7 +238,7 @@ CASES = {
     "stress": Case(stressed, {"stress settings.json": "settings.json",
                               "stress cell": "wire-2/cells/bicubic-wire-spp16.json",
                               "stress frame.json": "wire-2/s2-spp16/frame.json"},
-                   lambda folder: ["stress", "-o", str(folder), *STRESS]),
+                   lambda folder: ["study", "stress", "-o", str(folder), *STRESS]),
     "train": Case(trained, {"config .toml": "config.toml", "training log": "run/log.jsonl",
                             "checkpoint .pt": "run/checkpoint.pt", "photograph": "photographs/0.png"},
                   lambda folder: train_words(folder, 2), ("run/*.safetensors",),

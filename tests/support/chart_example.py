@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from lfsr_lab.experiments.chart.analysis import FIXED, Point, duels, reaches
-from lfsr_lab.experiments.chart.records import (
+from lfsr_lab.experiments.chart.analysis import (
     DIRECT,
+    FIXED,
     FORMAT,
     LOW,
     Chart,
     ChartSettings,
     Measured,
+    Point,
     SceneRow,
     Times,
     UsedReference,
+    duels,
+    reaches,
 )
-from lfsr_lab.experiments.engine.environment import Environment
-from lfsr_lab.experiments.engine.measures import MEASURES, PARTS
+from lfsr_lab.experiments.engine.report import Environment
+from lfsr_lab.experiments.engine.truth import MEASURES, PARTS
 
 # name: (error without noise, noise at one sample, seconds of the second stage)
 LOW_METHODS = {"oidn+bilinear": (0.02, 0.22, 0.7), "bicubic": (0.01, 0.6, 0.1), "nearest": (0.05, 0.62, 0.08),

@@ -10,7 +10,7 @@ import numpy as np
 from lfsr_core.cli import main
 from lfsr_core.frames.frame import LOW_RES_FILE
 from lfsr_core.images.exr import read_layers, write_layers
-from lfsr_lab.experiments.chart.records import read_chart
+from lfsr_lab.experiments.chart.analysis import read_chart
 from tests.support.synthetic import write_reference, write_render
 
 LENSES = tuple((row, column) for row in range(2, 8) for column in range(3, 11))
@@ -40,7 +40,8 @@ def noisy_render(folder: Path, samples: int, seed: int, scale: int = 2, **change
 
 
 def arguments(folder: Path, *more: str, scenes=("vase.blend",)) -> list[str]:
-    return ["chart", *scenes, "-o", str(folder), "--display", "mini", "--scale", "2", "--spps", "1,4", "--seeds",
+    return ["study", "chart", *scenes, "-o", str(folder), "--display", "mini", "--scale", "2", "--spps", "1,4",
+            "--seeds",
             str(SEEDS), "--direct-spps", "1", "--repeats", "2", "--render-repeats", "0", "--only-measure",
             "--methods", "bicubic,nearest", "--ours", "bicubic", *more]
 

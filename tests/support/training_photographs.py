@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from lfsr_lab.train.config import TrainConfig
-from lfsr_lab.train.photographs.data import Photographs
+from lfsr_lab.train.photographs.task import Photographs
 
 
 def some_photographs(count=3, height=40, width=52, seed=0):

@@ -12,8 +12,7 @@ import torch
 from lfsr_core.optics.rays import RayLayout
 from lfsr_core.reconstruct import denoiser, tza
 from lfsr_core.reconstruct.methods.denoise import denoise_eia
-from lfsr_lab.networks.denoiser import Denoiser, hdr_decode, hdr_encode
-from lfsr_lab.networks.stock import stock_weights
+from lfsr_lab.networks.denoiser import Denoiser, hdr_decode, hdr_encode, stock_weights
 from tests.support.scenes import ARRAY, MINI, add_box, encoded
 
 

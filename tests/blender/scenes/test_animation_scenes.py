@@ -8,7 +8,7 @@ import bpy
 import pytest
 
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_lab.experiments.animations.cells import NAMES
+from lfsr_lab.experiments.animations.study import NAMES
 from tests.support.prerequisites import needs_bpy
 
 pytestmark = needs_bpy

@@ -174,11 +174,11 @@ def test_bad_input_is_one_sentence(inputs, models, scenes, options, message):
 
 
 def test_photographs_are_made_small(monkeypatch, tmp_path):
-    from lfsr_lab.scenes.training import textures
+    from lfsr_lab.scenes.training import models
 
-    monkeypatch.setattr(textures, "SIZE", 40)
+    monkeypatch.setattr(models, "SIZE", 40)
     write_picture(tmp_path / "big" / "photo.png", np.full((60, 120, 3), [0.2, 0.5, 0.8], np.float32))
-    assert textures.prepare_textures(tmp_path / "big", tmp_path / "small") == 1
+    assert models.prepare_textures(tmp_path / "big", tmp_path / "small") == 1
     small = oiio.ImageBuf(str(tmp_path / "small" / "photo.jpg"))
     assert (small.spec().width, small.spec().height) == (40, 20)
     assert small.get_pixels(oiio.FLOAT).mean((0, 1)) == pytest.approx([0.2, 0.5, 0.8], abs=0.02)
@@ -186,7 +186,7 @@ def test_photographs_are_made_small(monkeypatch, tmp_path):
 
 def test_random_displays_fit_their_scale_and_stay_small():
     from lfsr_core.optics.panel.panel_rays import rendered_size
-    from lfsr_lab.scenes.training.displays import training_display
+    from lfsr_lab.scenes.training.stage import training_display
 
     chosen = [training_display(np.random.default_rng(seed)) for seed in range(200)]
     pixels = [np.prod(rendered_size(profile) if scale == 1 else np.multiply(profile.lenses, profile.low_views(scale)))

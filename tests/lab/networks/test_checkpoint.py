@@ -13,8 +13,7 @@ from safetensors.numpy import save_file
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json
 from lfsr_lab.networks import checkpoint, comparators
-from lfsr_lab.networks.networks import load
-from lfsr_lab.networks.photograph_networks import PaperGenerator
+from lfsr_lab.networks.networks import PaperGenerator, load
 
 
 @pytest.fixture

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 from torch import nn
 
-from lfsr_lab.networks.cost import multiply_adds, parameters
-from lfsr_lab.networks.photograph_networks import ESPCN, FSRCNN, PaperGenerator
+from lfsr_lab.networks.networks import ESPCN, FSRCNN, PaperGenerator, multiply_adds, parameters
 
 
 @pytest.mark.parametrize(("network", "expected"), [

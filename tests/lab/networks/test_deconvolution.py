@@ -8,8 +8,7 @@ import pytest
 import torch
 from torch import nn
 
-from lfsr_lab.networks.deconvolution import fold_for_inference
-from lfsr_lab.networks.photograph_networks import ESPCN, FSRCNN, PaperGenerator
+from lfsr_lab.networks.networks import ESPCN, FSRCNN, PaperGenerator, fold_for_inference
 
 
 @pytest.mark.parametrize("scale", [2, 3, 4, 8])

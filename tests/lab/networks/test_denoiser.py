@@ -10,8 +10,16 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.reconstruct import tza
 from lfsr_core.reconstruct.denoiser import BASE, SMALL, network_shapes
 from lfsr_core.reconstruct.methods import oidn
-from lfsr_lab.networks.denoiser import Denoiser, hdr_decode, hdr_encode, ldr_encode, normal_encode
-from lfsr_lab.networks.stock import NAMES, SIZES, stock_weights
+from lfsr_lab.networks.denoiser import (
+    NAMES,
+    SIZES,
+    Denoiser,
+    hdr_decode,
+    hdr_encode,
+    ldr_encode,
+    normal_encode,
+    stock_weights,
+)
 
 RANDOM = np.random.default_rng(0)
 

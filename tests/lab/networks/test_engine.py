@@ -9,10 +9,8 @@ import torch
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_lab.networks import upscalers
-from lfsr_lab.networks.engine import Engine
-from lfsr_lab.networks.photograph_networks import PaperGenerator
-from lfsr_lab.networks.srgb import srgb_decode, srgb_encode
-from lfsr_lab.networks.upscalers import PhotographUpscaler, WholeEIAUpscaler
+from lfsr_lab.networks.networks import PaperGenerator
+from lfsr_lab.networks.upscalers import Engine, PhotographUpscaler, WholeEIAUpscaler, srgb_decode, srgb_encode
 
 torch.set_num_threads(2)
 

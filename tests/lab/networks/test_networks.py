@@ -8,11 +8,10 @@ from torch import nn
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_lab.networks import comparators
-from lfsr_lab.networks.networks import build
-from lfsr_lab.networks.photograph_networks import PaperGenerator
+from lfsr_lab.networks.networks import PaperGenerator, build
 
 PHOTOGRAPH_NETWORKS = [name for name, entry in comparators.NETWORKS.items()
-                       if entry.upscaler == comparators.PER_IMAGE]
+                       if not entry.whole]
 
 
 @pytest.mark.parametrize("name", PHOTOGRAPH_NETWORKS)

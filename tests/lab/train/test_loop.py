@@ -12,7 +12,7 @@ import torch
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_lab.train import loop
-from lfsr_lab.train.log import TrainLog, read_log
+from lfsr_lab.train.loop import TrainLog, read_log
 
 RESUME = loop.RunOptions(resume=True)
 

@@ -13,10 +13,9 @@ from lfsr_core.cli import main
 from lfsr_lab.networks import checkpoint
 from lfsr_lab.networks.networks import load
 from lfsr_lab.train import loop
-from lfsr_lab.train.log import read_log
+from lfsr_lab.train.loop import read_log
 from lfsr_lab.train.photographs import task as comparator
-from lfsr_lab.train.photographs.data import load_photographs
-from lfsr_lab.train.photographs.task import ComparatorTask
+from lfsr_lab.train.photographs.task import ComparatorTask, load_photographs
 from lfsr_lab.train.session import train
 from tests.support.training_photographs import small, write_photographs
 
@@ -60,10 +59,10 @@ def test_resumed_training_gives_the_same_weights(folder, tmp_path, changes, monk
     whole = train(config, tmp_path / "whole", device="cpu")
     stop = loop.Stop()
 
-    def progress(_stage, fraction, _message):
-        stop.asked = fraction > 0.4
+    def tell(told):
+        stop.asked = told.fraction > 0.4
 
-    part = train(config, tmp_path / "part", device="cpu", options=loop.RunOptions(progress=progress, stop=stop))
+    part = train(config, tmp_path / "part", device="cpu", options=loop.RunOptions(tell=tell, stop=stop))
     assert part.weights is None and part.stopped
     resumed = train(config, tmp_path / "part", device="cpu", options=loop.RunOptions(resume=True))
     assert checkpoint.read(resumed.weights)[0]["sha256"] == checkpoint.read(whole.weights)[0]["sha256"]

@@ -8,7 +8,7 @@ import pytest
 import torch
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
-from lfsr_lab.train.ssim import psnr, ssim
+from lfsr_lab.train.photographs.task import psnr, ssim
 
 
 def test_quality_agrees_with_scikit_image():

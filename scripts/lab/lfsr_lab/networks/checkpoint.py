@@ -37,7 +37,10 @@ def save(path: str | Path, network: nn.Module, scale: int, provenance: Mapping[s
     """
     path = Path(path)
     tensors = {name: value.detach().cpu().contiguous().numpy() for name, value in network.state_dict().items()}
-    _check_before_saving(path, tensors)
+    check_finite(path, tensors)
+    size = sum(value.nbytes for value in tensors.values())
+    if size >= MAX_BYTES:
+        raise LfsrError(f"weights for {path} take {size} bytes, expected less than {MAX_BYTES}: use a smaller network")
     header = {"format": FORMAT, "version": str(VERSION), "architecture": type(network).__name__, "scale": str(scale),
               "options": json.dumps(dict(options or {}), sort_keys=True, default=list), "sha256": digest(tensors)}
     with atomic_path(path) as temporary:
@@ -102,13 +105,6 @@ def digest(tensors: Mapping[str, Array]) -> str:
         state.update(f"{name} {value.dtype.str} {value.shape}\n".encode())
         state.update(value.tobytes())
     return state.hexdigest()
-
-
-def _check_before_saving(path: Path, tensors: Mapping[str, Array]) -> None:
-    check_finite(path, tensors)
-    size = sum(value.nbytes for value in tensors.values())
-    if size >= MAX_BYTES:
-        raise LfsrError(f"weights for {path} take {size} bytes, expected less than {MAX_BYTES}: use a smaller network")
 
 
 def _check_shapes(path: Path, tensors: Mapping[str, Array], network: nn.Module) -> None:

@@ -2,7 +2,7 @@
 
     python scripts/lab/lfsr_lab/scenes/animation_scenes.py SCENES.json
 
-`python -m lfsr_lab.experiments.animations` writes the file, see ``write_scenes``.
+`lfsr study animations` writes the file, see ``write_scenes``.
 """
 
 from __future__ import annotations
@@ -18,12 +18,10 @@ import bpy
 import numpy as np
 
 from lfsr_lab.scenes.shared import surfaces
-from lfsr_lab.scenes.shared.graph import paint
 from lfsr_lab.scenes.shared.light import aim, lamp, world
-from lfsr_lab.scenes.shared.objects import add_object, put
-from lfsr_lab.scenes.sweeps.builders import full_board
+from lfsr_lab.scenes.shared.objects import add_object, paint, put
+from lfsr_lab.scenes.sweeps.builders import Grid, bodies, every_sort, full_board, printed
 from lfsr_lab.scenes.sweeps.stage import Stage, board, turned, write_scenes
-from lfsr_lab.scenes.sweeps.things import Grid, bodies, every_sort, printed
 
 FILL, LAMP_POWER, LAMP_SIZE = 0.12, 9.0, 8.0  # lamp: watts per squared pitch of its distance, pitches
 BODY_SIZE = 1.6  # of the bodies, times that of the sweeps

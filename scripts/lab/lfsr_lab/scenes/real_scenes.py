@@ -22,9 +22,8 @@ from mathutils import Matrix, Vector
 
 from lfsr_core.base.arrays import Array
 from lfsr_lab.scenes.shared import surfaces
-from lfsr_lab.scenes.shared.graph import paint, principled
 from lfsr_lab.scenes.shared.light import demo_camera, lamp, sun, world
-from lfsr_lab.scenes.shared.objects import again, put, settle
+from lfsr_lab.scenes.shared.objects import again, paint, principled, put, settle
 from lfsr_lab.scenes.shared.script import save, script_arguments
 
 FILES = {name: f"{name}/glTF/{name}.gltf" for name in (

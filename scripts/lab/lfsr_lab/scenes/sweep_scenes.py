@@ -3,8 +3,8 @@
     python scripts/lab/lfsr_lab/scenes/sweep_scenes.py SCENES.json
     blender --background --python scripts/lab/lfsr_lab/scenes/sweep_scenes.py -- SCENES.json
 
-`lfsr stress` writes the file, see ``write_scenes``; docs/results/stress.md says what the sweeps are. The scenes render
-with `lfsr render` and `lfsr reference` as they are.
+`lfsr study stress` writes the file, see ``write_scenes``; docs/results/stress.md says what the sweeps are. The scenes
+render with `lfsr render` and `lfsr reference` as they are.
 """
 
 from __future__ import annotations

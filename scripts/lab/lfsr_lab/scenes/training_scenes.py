@@ -26,10 +26,9 @@ from lfsr_core.base.files import read_json, write_json
 from lfsr_core.optics.display import load_display
 from lfsr_core.process.protocol import EXIT_BAD_INPUT, emit
 from lfsr_lab.scenes.shared.script import leave, script_arguments
-from lfsr_lab.scenes.training.displays import TRAIN
-from lfsr_lab.scenes.training.models import find_models, prepare_models
+from lfsr_lab.scenes.training.models import find_models, find_textures, prepare_models, prepare_textures
 from lfsr_lab.scenes.training.produce import Recipe, produce
-from lfsr_lab.scenes.training.textures import find_textures, prepare_textures
+from lfsr_lab.scenes.training.stage import TRAIN
 
 SETTINGS_FILE = "settings.json"
 

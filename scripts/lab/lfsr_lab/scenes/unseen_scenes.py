@@ -19,9 +19,8 @@ import bpy
 import numpy as np
 
 from lfsr_lab.scenes.shared import surfaces
-from lfsr_lab.scenes.shared.graph import paint, principled
 from lfsr_lab.scenes.shared.light import demo_camera, lamp, sun, world
-from lfsr_lab.scenes.shared.objects import again, put
+from lfsr_lab.scenes.shared.objects import again, paint, principled, put
 from lfsr_lab.scenes.shared.script import save
 
 HALF_WIDTH, HALF_HEIGHT = 3.5, 2.0  # of the display

@@ -22,11 +22,82 @@ import torch
 from torch import Tensor
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path
-from lfsr_core.base.progress import Progress, silent
+from lfsr_core.base.files import atomic_path, reading, system_errors
+from lfsr_core.base.notices import Progress, Tell, silent
 from lfsr_core.base.records import from_data
-from lfsr_lab.train.log import TrainLog
-from lfsr_lab.train.reading import open_data
+
+
+@contextmanager
+def open_data(path: str | Path, what: str, advice: str) -> Iterator[IO[bytes]]:
+    """Open a regular file; any error inside the block becomes an LfsrError that says ``what`` was expected.
+
+    Libraries raise what they like for damaged content, and their own advice is meant for programmers: ``advice`` stands
+    in its place.
+    """
+    with reading(path, what) as file:
+        try:
+            yield file
+        except Exception as error:
+            reason = str(error) if isinstance(error, LfsrError) else "it is damaged, or another kind of file"
+            raise LfsrError(f"{path} cannot be read as {what} ({reason}): {advice}") from error
+
+
+LOG_NAME, IMAGE_NAME = "log.jsonl", "loss.png"
+NO_CURVE = {"epoch", "seconds"}
+
+
+class TrainLog:
+    """Log of a run in ``folder``; lines after epoch ``keep_epochs`` are dropped, because a resumed run repeats them."""
+
+    def __init__(self, folder: str | Path, keep_epochs: int = 0) -> None:
+        self._path = Path(folder, LOG_NAME)
+        kept = [line for line in read_log(self._path) if line["epoch"] <= keep_epochs] if self._path.exists() else []
+        with atomic_path(self._path) as temporary:
+            temporary.write_text("".join(json.dumps(line) + "\n" for line in kept), encoding="utf-8")
+        self.lines: list[dict[str, Any]] = kept
+
+    def add(self, line: dict[str, Any]) -> None:
+        """Append one epoch."""
+        self.lines.append(line)
+        with system_errors(self._path), self._path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(line) + "\n")
+
+    def last_validation(self) -> dict[str, float]:
+        """Validation metrics of the latest validated epoch."""
+        validated = [line for line in self.lines if any("." in key for key in line)]
+        return {key: value for key, value in validated[-1].items() if "." in key} if validated else {}
+
+    def draw(self) -> None:
+        """Write loss.png: losses on a logarithmic axis; validation metrics, named "data.metric", below them."""
+        from matplotlib.figure import Figure
+
+        if not self.lines:
+            return
+        figure = Figure(figsize=(7, 6), layout="constrained")
+        losses, figures = figure.subplots(2, 1, sharex=True)
+        for name in dict.fromkeys(key for line in self.lines for key in line if key not in NO_CURVE):
+            axes = figures if "." in name else losses
+            points = [(line["epoch"], line[name]) for line in self.lines if name in line]
+            axes.plot(*zip(*points, strict=True), marker=".", label=name)
+        losses.set(ylabel="loss", yscale="log")
+        figures.set(ylabel="validation", xlabel="epoch")
+        for axes in (losses, figures):
+            axes.grid(alpha=0.3)
+            if axes.lines:
+                axes.legend(fontsize="small")
+        with atomic_path(self._path.with_name(IMAGE_NAME)) as temporary:
+            figure.savefig(temporary, dpi=100)
+
+
+def read_log(path: str | Path) -> list[dict[str, Any]]:
+    """Read the lines of a log; LfsrError if one is no JSON object of an epoch and of numbers."""
+    with open_data(path, "a training log", "choose another --output") as file:
+        lines = [json.loads(line) for line in file.read().decode("utf-8").splitlines()]
+        for line in lines:
+            if type(line["epoch"]) is not int or not all(type(value) in (int, float) for value in line.values()):
+                raise ValueError(f"a line with {line}")
+    return lines
+
 
 CHECKPOINT, CHECKPOINT_VERSION = "checkpoint.pt", 1
 
@@ -113,7 +184,7 @@ class RunOptions:
     """Resumption, progress and a way to stop a run."""
 
     resume: bool = False  # continue from the checkpoint in the output folder
-    progress: Progress = silent
+    tell: Tell = silent
     stop: Stop = field(default_factory=Stop)
 
 
@@ -129,38 +200,29 @@ def run(task: Task, schedule: Schedule, output: str | Path, options: RunOptions 
     log = TrainLog(output, keep_epochs=position.epoch)
     with options.stop.listening():
         while position.epoch < schedule.epochs:
-            _train_epoch(task, position, schedule, options)
+            started, steps = time.monotonic(), task.begin(position.epoch)
+            while position.step < steps and not options.stop.asked:
+                for name, loss in task.step(position.step).items():
+                    position.sums[name] = position.sums.get(name, 0) + loss
+                position.step += 1
+                fraction = (position.epoch + position.step / steps) / schedule.epochs
+                options.tell(Progress("train", fraction, f"epoch {position.epoch + 1} of {schedule.epochs}"))
+            position.sums = {name: float(value) for name, value in position.sums.items()}
+            position.seconds += time.monotonic() - started
             if options.stop.asked:
                 break
-            _finish_epoch(task, position, schedule, log, output)
+            losses = {name: value / position.step for name, value in position.sums.items()}
+            position.epoch, position.step, position.sums = position.epoch + 1, 0, {}
+            last = position.epoch == schedule.epochs
+            measured = task.validate() if last or position.epoch % schedule.validate_every == 0 else {}
+            log.add({"epoch": position.epoch, "seconds": round(position.seconds, 3), **losses, **measured})
+            if last or position.epoch % schedule.checkpoint_every == 0:
+                save_checkpoint(task, output, position)
     stopped = position.epoch < schedule.epochs
     if stopped:
         save_checkpoint(task, output, position)
     log.draw()
     return Outcome(position.epoch, stopped, position.seconds, log.last_validation())
-
-
-def _train_epoch(task: Task, position: Position, schedule: Schedule, options: RunOptions) -> None:
-    """Do the remaining steps of the current epoch, or fewer if a stop is asked for."""
-    started, steps = time.monotonic(), task.begin(position.epoch)
-    while position.step < steps and not options.stop.asked:
-        for name, loss in task.step(position.step).items():
-            position.sums[name] = position.sums.get(name, 0) + loss
-        position.step += 1
-        fraction = (position.epoch + position.step / steps) / schedule.epochs
-        options.progress("train", fraction, f"epoch {position.epoch + 1} of {schedule.epochs}")
-    position.sums = {name: float(value) for name, value in position.sums.items()}
-    position.seconds += time.monotonic() - started
-
-
-def _finish_epoch(task: Task, position: Position, schedule: Schedule, log: TrainLog, output: Path) -> None:
-    losses = {name: value / position.step for name, value in position.sums.items()}
-    position.epoch, position.step, position.sums = position.epoch + 1, 0, {}
-    last = position.epoch == schedule.epochs
-    measured = task.validate() if last or position.epoch % schedule.validate_every == 0 else {}
-    log.add({"epoch": position.epoch, "seconds": round(position.seconds, 3), **losses, **measured})
-    if last or position.epoch % schedule.checkpoint_every == 0:
-        save_checkpoint(task, output, position)
 
 
 def save_checkpoint(task: Task, output: Path, position: Position) -> None:

@@ -17,14 +17,13 @@ from lfsr_core import __version__
 from lfsr_core.base.files import write_json
 from lfsr_core.reconstruct.tza import write_tza
 from lfsr_lab.networks import checkpoint, comparators
-from lfsr_lab.networks.cost import multiply_adds, parameters
-from lfsr_lab.networks.engine import choose_device
+from lfsr_lab.networks.networks import multiply_adds, parameters
+from lfsr_lab.networks.upscalers import choose_device
 from lfsr_lab.train.config import DENOISER, DenoiserConfig, TrainConfig
 from lfsr_lab.train.denoiser.data import load_scenes
 from lfsr_lab.train.denoiser.task import DenoiserTask
 from lfsr_lab.train.loop import Outcome, RunOptions, Schedule, run
-from lfsr_lab.train.photographs.data import load_photographs
-from lfsr_lab.train.photographs.task import ComparatorTask
+from lfsr_lab.train.photographs.task import ComparatorTask, load_photographs
 
 LONG_SIDE = 1600
 COUNTED_EI = 20

@@ -8,18 +8,22 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.records import read_record
-from lfsr_lab.experiments.animations.__main__ import main
-from lfsr_lab.experiments.animations.accuracy import Figures, Truth, compare
-from lfsr_lab.experiments.animations.cells import (
+from lfsr_core.cli import main
+from lfsr_lab.experiments.animations.study import (
     ALONE,
     AVERAGED,
     CHANGING,
     FIXED,
     FIXED_ALONE,
     Animation,
+    Found,
+    Motion,
+    Report,
     Settings,
+    chart,
+    compare,
+    markdown,
 )
-from lfsr_lab.experiments.animations.report import Found, Report, chart, markdown
 from lfsr_lab.experiments.engine.plots import svg
 from lfsr_lab.experiments.engine.renders import Store
 
@@ -37,37 +41,37 @@ def noise(size: float) -> np.ndarray:
     return RANDOM.normal(0, size, (FRAMES, LENSES, SIDE, SIDE, 3))
 
 
-TRUTH = Truth(np.zeros((LENSES, 2), int), clean() + noise(0.05), clean() + noise(0.05))
+HALVES = clean() + noise(0.05), clean() + noise(0.05)
 
 
 def test_a_perfect_image_has_none_of_them():
-    found = compare(clean(), TRUTH)
+    found = compare(clean(), *HALVES)
     assert found.ssim == pytest.approx(1, abs=0.03)
     assert found.flicker < 0.7 and found.offset < 0.15 and abs(found.lag) < 0.03
 
 
 def test_noise_of_its_own_in_every_frame_flickers_and_noise_that_stands_does_not():
-    assert compare(clean() + noise(0.1), TRUTH).flicker == pytest.approx(100 * 0.1 * 2**0.5, rel=0.05)
-    assert compare(clean() + noise(0.1)[:1], TRUTH).flicker < 0.7
+    assert compare(clean() + noise(0.1), *HALVES).flicker == pytest.approx(100 * 0.1 * 2**0.5, rel=0.05)
+    assert compare(clean() + noise(0.1)[:1], *HALVES).flicker < 0.7
 
 
 def test_a_wrong_brightness_is_a_low_frequency_error():
-    found = compare(clean() + 0.04, TRUTH)
+    found = compare(clean() + 0.04, *HALVES)
     assert found.offset == pytest.approx(4, rel=0.03) and found.flicker < 0.7
 
 
 def test_an_image_of_the_frame_before_is_one_frame_late():
     late = clean()
     late[1:] = clean()[:-1]
-    assert compare(late, TRUTH).lag == pytest.approx(1, abs=0.05)
+    assert compare(late, *HALVES).lag == pytest.approx(1, abs=0.05)
     half = (clean() + late) / 2
-    assert compare(half, TRUTH).lag == pytest.approx(0.5, abs=0.05)
+    assert compare(half, *HALVES).lag == pytest.approx(0.5, abs=0.05)
 
 
 def test_the_cost_command_says_seconds(capsys):
-    assert main(["--cost", "mini"]) == 0
+    assert main(["study", "animations", "--cost", "mini"]) == 0
     assert "CPU seconds per neighbouring frame" in capsys.readouterr().out
-    assert main(["--cost", "nothing"]) == 2
+    assert main(["study", "animations", "--cost", "nothing"]) == 2
 
 
 def test_renders_differ_by_their_seeds_and_references_share_none(tmp_path):
@@ -79,7 +83,7 @@ def test_renders_differ_by_their_seeds_and_references_share_none(tmp_path):
 
 
 def test_tables_and_chart_show_every_figure():
-    found = tuple(Found("object", way.name, spp, Figures(0.9, 1.0, 0.5, 0.25, 0.1))
+    found = tuple(Found("object", way.name, spp, Motion(0.9, 1.0, 0.5, 0.25, 0.1))
                   for way in (FIXED_ALONE, ALONE, AVERAGED) for spp in (4, 16))
     lines = markdown(found).splitlines()
     assert f"| {ALONE.name} | 4 | 0.9000 | 1.00 | 0.50 | 0.25 |" in lines

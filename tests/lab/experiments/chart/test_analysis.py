@@ -8,7 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_lab.experiments.chart.analysis import (
+    DIRECT,
+    LOW,
+    Cost,
+    Measured,
     Point,
+    SceneRow,
+    Times,
+    UsedReference,
     drawn_seconds,
     duels,
     geometric_mean,
@@ -17,8 +24,7 @@ from lfsr_lab.experiments.chart.analysis import (
     reach,
     reaches,
 )
-from lfsr_lab.experiments.chart.records import DIRECT, LOW, Cost, Measured, SceneRow, Times, UsedReference
-from lfsr_lab.experiments.engine.measures import MEASURES, SSIM
+from lfsr_lab.experiments.engine.truth import MEASURES, SSIM
 
 SAMPLES = (1, 4, 16, 64)
 COSTS = np.array(SAMPLES, float)[:, None]

@@ -8,7 +8,7 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import to_data, write_record
-from lfsr_lab.experiments.chart.records import read_chart
+from lfsr_lab.experiments.chart.analysis import read_chart
 from tests.support.chart_example import example
 
 

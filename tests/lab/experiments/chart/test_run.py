@@ -14,10 +14,9 @@ from lfsr_core.cli import main
 from lfsr_core.pipeline.staging import staging_folder
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.chart import cells as chart_cells
-from lfsr_lab.experiments.chart.settings import Settings, default_methods
+from lfsr_lab.experiments.chart.cells import Settings, default_methods
 from lfsr_lab.experiments.engine import timing
-from lfsr_lab.experiments.engine.measures import MEASURES, PARTS
-from lfsr_lab.experiments.engine.truth import Truth
+from lfsr_lab.experiments.engine.truth import MEASURES, PARTS, Truth
 from lfsr_lab.networks.methods import LabMethod
 from tests.support.chart_example import example
 from tests.support.chart_folder import SEEDS, arguments, experiment_folder, main_fails, measured, noisy_render
@@ -236,12 +235,12 @@ def test_default_methods_are_all_known_and_begin_with_the_default():
 
 def test_our_method_must_be_measured(tmp_path):
     with pytest.raises(LfsrError, match="not among those measured"):
-        Settings(folder=tmp_path, **vars(example(1).settings) | {"ours": "nearer"})
+        Settings(output=tmp_path, **vars(example(1).settings) | {"ours": "nearer"})
 
 
 def test_without_pytorch_the_default_methods_have_no_network():
     source = ("import sys; sys.modules['torch'] = None\n"
-              "from lfsr_lab.experiments.chart.settings import default_methods; print(*default_methods())")
+              "from lfsr_lab.experiments.chart.cells import default_methods; print(*default_methods())")
     done = subprocess.run([sys.executable, "-c", source], text=True, cwd=ROOT, capture_output=True, check=True)
     assert set(default_methods()) > set(done.stdout.split()) > {"bicubic", "denoise+bilinear"}
     assert "paper" not in done.stdout
@@ -252,7 +251,8 @@ def test_without_pytorch_the_default_methods_have_no_network():
 def test_from_a_scene_to_a_chart(tmp_path):
     scene = tmp_path / "fan.obj"
     scene.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\n")
-    words = ["chart", str(scene), "-o", str(tmp_path / "out"), "--display", "mini", "--scale", "4", "--spps", "1",
+    words = ["study", "chart", str(scene), "-o", str(tmp_path / "out"), "--display", "mini", "--scale", "4", "--spps",
+             "1",
              "--direct-spps", "1", "--seeds", "2", "--reference-spp", "2", "--lenses", "12", "--repeats", "1",
              "--render-repeats", "2", "--times", "--methods", "bicubic", "--ours", "bicubic"]
     assert main(words) == 0

@@ -7,13 +7,12 @@ import pytest
 
 from lfsr_core.base.files import read_json
 from lfsr_core.base.records import read_record
+from lfsr_core.cli import main
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import to_elemental_images, to_views
-from lfsr_lab.experiments.denoiser import page
-from lfsr_lab.experiments.denoiser.__main__ import BASELINES, main
-from lfsr_lab.experiments.denoiser.measure import Candidate, figures
-from lfsr_lab.experiments.denoiser.records import Record, markdown
-from lfsr_lab.experiments.denoiser.settings import SETTINGS, Render, Settings, read_settings
+from lfsr_lab.experiments.denoiser import study
+from lfsr_lab.experiments.denoiser.measure import SETTINGS, Candidate, Render, Settings, figures, read_settings
+from lfsr_lab.experiments.denoiser.study import BASELINES, Record, markdown
 from lfsr_lab.experiments.engine.truth import Truth
 from tests.support.panels import whole
 from tests.support.played_blender import played_blender
@@ -35,7 +34,8 @@ def test_what_is_there_is_measured_once_and_shown(tmp_path, capsys):
     (tmp_path / "disc.blend").touch()
     settings, blender, out = tmp_path / "settings.toml", tmp_path / "blender", tmp_path / "out"
     settings.write_text(TOML)
-    words = [str(tmp_path), "-o", str(out), "-m", "bilinear", "--settings", str(settings), "--blender",
+    words = ["study", "denoiser", str(tmp_path), "-o", str(out), "-m", "bilinear", "--settings", str(settings),
+             "--blender",
              played_blender(blender)]
     assert main(words) == 0, capsys.readouterr().err
     first = capsys.readouterr().out
@@ -87,10 +87,10 @@ def test_pairs_differ_by_the_mean_of_seeds_within_an_interval_over_lenses():
     for _ in range(400):
         common = generator.normal(0, 1, lenses)  # hard and easy lenses, the same for both methods
         first, second = (common + generator.normal(shift, 0.1, (3, lenses)) for shift in (0.05, 0.0))
-        value, half = page.difference(first, second)
+        value, half = study.difference(first, second)
         inside += abs(value - 0.05) < half
     assert 0.9 < inside / 400 < 0.99
-    assert page.mean([(0.1, 0.03), (0.3, 0.04)]) == (pytest.approx(0.2), pytest.approx(0.025))
+    assert study.mean([(0.1, 0.03), (0.3, 0.04)]) == (pytest.approx(0.2), pytest.approx(0.025))
 
 
 def test_weights_are_told_apart_and_stay_at_scale_1(tmp_path):

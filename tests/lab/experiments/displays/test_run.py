@@ -8,10 +8,20 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.records import read_record
-from lfsr_lab.experiments.displays import __main__ as run
 from lfsr_lab.experiments.displays import page
-from lfsr_lab.experiments.displays.measure import Accuracy, Point, Target, seen
-from lfsr_lab.experiments.displays.ways import OURS, SUBPIXEL, WAYS, Way, clean_guides, shown
+from lfsr_lab.experiments.displays import study as run
+from lfsr_lab.experiments.displays.measure import (
+    OURS,
+    SUBPIXEL,
+    WAYS,
+    Accuracy,
+    Point,
+    Target,
+    Way,
+    clean_guides,
+    seen,
+    shown,
+)
 from lfsr_lab.experiments.engine.renders import Store
 from tests.support.panels import whole
 from tests.support.played_blender import played_blender

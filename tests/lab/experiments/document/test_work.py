@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_lab.experiments.document import run as document
+from lfsr_lab.experiments.document import study as document
 from lfsr_lab.experiments.document.studies import SHORT, Table, read_table, units
 from lfsr_lab.experiments.document.work import Work, joined
 
@@ -46,12 +46,12 @@ from pathlib import Path
 from lfsr_core.cli import _interrupt
 import signal
 signal.signal(signal.SIGTERM, _interrupt)
-from lfsr_lab.experiments.document import run
+from lfsr_lab.experiments.document import study
 from lfsr_lab.experiments.document.studies import read_table
 from lfsr_lab.experiments.document.work import Work
 folder, table = map(Path, sys.argv[1:])
 table = read_table(table)
-run.measure(Work(folder, table), "short", table.study)
+study.measure(Work(folder, table), "short", table.study)
 """
 STUDY = """
 [[asset]]

@@ -10,7 +10,7 @@ import numpy as np
 
 import lfsr_core
 from lfsr_core.base.records import from_data, to_data
-from lfsr_lab.experiments.engine.environment import Environment, environment
+from lfsr_lab.experiments.engine.report import Environment, environment
 from tests.support.synthetic import fails
 
 

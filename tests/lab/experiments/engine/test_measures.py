@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lfsr_lab.experiments.engine.measures import BIAS, FLIP, MEASURES, RELATIVE, RELMSE, SMAPE, SSIM, VARIANCE, errors
-from lfsr_lab.experiments.engine.measures import reference_noise as noise_of
+from lfsr_lab.experiments.engine.truth import BIAS, FLIP, MEASURES, RELATIVE, RELMSE, SMAPE, SSIM, VARIANCE, errors
+from lfsr_lab.experiments.engine.truth import reference_noise as noise_of
 
 LENSES, SIZE = 12, 24
 

@@ -10,20 +10,22 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import read_record
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_lab.experiments.engine.renders import Store
-from lfsr_lab.experiments.gpu_budget import page
-from lfsr_lab.experiments.gpu_budget.__main__ import Record
-from lfsr_lab.experiments.gpu_budget.budget import FRAME_MS, fitting_samples, frame_ms, read_gpus
+from lfsr_lab.experiments.gpu_budget import study
 from lfsr_lab.experiments.gpu_budget.counts import (
     DENOISE,
+    FRAME_MS,
     INTERPOLATE,
     SHOW,
     TRACE,
     WEAVE,
     denoiser_work,
+    fitting_samples,
+    frame_ms,
     frame_work,
+    read_gpus,
     shipped_network,
 )
-from lfsr_lab.experiments.gpu_budget.measure import best_device, measure, tensor_steps
+from lfsr_lab.experiments.gpu_budget.study import Record, best_device, measure, tensor_steps
 from lfsr_lab.networks.denoiser import Denoiser
 from tests.support.played_blender import played_blender
 
@@ -76,7 +78,7 @@ def test_tensors_take_every_step_of_a_lenticular_panel():
 
 
 def test_the_page_names_every_gpu_with_a_source_for_each_rate():
-    text = page.markdown(read_gpus(), [])
+    text = study.markdown(read_gpus(), [])
     for gpu in read_gpus():
         assert gpu.name in text and sum("http" in source for source in gpu.sources) >= 2
 
@@ -86,9 +88,9 @@ def test_a_measured_frame_has_every_step(tmp_path):
     scene.touch()
     found = measure(Store(tmp_path / "out", played_blender(tmp_path / "blender")), scene, load_display("mini"), 2, 1)
     assert set(found.milliseconds) == {TRACE, DENOISE, INTERPOLATE, SHOW} and found.samples_per_second > 0
-    assert found.device in page.markdown(read_gpus(), [found])
+    assert found.device in study.markdown(read_gpus(), [found])
 
 
 def test_the_committed_page_is_that_of_the_committed_record():
     record = read_record(DOCS / "measured" / "gpu-budget.json", Record, "measured steps")
-    assert (DOCS / "gpu-budget.md").read_text(encoding="utf-8") == page.markdown(read_gpus(), record.measured)
+    assert (DOCS / "gpu-budget.md").read_text(encoding="utf-8") == study.markdown(read_gpus(), record.measured)

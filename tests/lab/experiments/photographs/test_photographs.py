@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lfsr_core.base.files import write_json
-from lfsr_lab.experiments.photographs.__main__ import PITCH, TILT, measured, tables
+from lfsr_lab.experiments.photographs.study import PITCH, TILT, measured, tables
 
 
 @pytest.mark.slow

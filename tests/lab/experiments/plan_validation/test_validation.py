@@ -12,6 +12,7 @@ import pytest
 
 from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import read_record
+from lfsr_core.cli import main
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame, write_frame
 from lfsr_core.frames.request import Sampling
 from lfsr_core.images.exr import read_layers
@@ -23,9 +24,9 @@ from lfsr_core.plan.sample import path_samples
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.timing import Repeats
 from lfsr_lab.experiments.plan_validation import actual
-from lfsr_lab.experiments.plan_validation.__main__ import judge, main, summary, wilson
 from lfsr_lab.experiments.plan_validation.actual import Actual
 from lfsr_lab.experiments.plan_validation.records import Validation
+from lfsr_lab.experiments.plan_validation.study import judge, summary, wilson
 from tests.support.noisy_renders import JOB, render
 from tests.support.synthetic import MINI, frame_of
 
@@ -96,7 +97,8 @@ def test_replayed_references_show_both_halves(bench, tmp_path):
 
 
 def test_plans_are_held_against_whole_frames(bench, tmp_path, capsys):
-    arguments = [str(bench), "-o", str(tmp_path / "out"), "--json", str(tmp_path / "plans.json"), "--replay", "--seeds",
+    arguments = ["study", "plans", str(bench), "-o", str(tmp_path / "out"), "--json", str(tmp_path / "plans.json"),
+                 "--replay", "--seeds",
                  "0-3", "--targets", "0.5,0.6,0.9", "--methods", "nearest,bilinear", "--lenses", "40"]
     assert main(arguments) == 0
     data = read_record(tmp_path / "plans.json", Validation, "a validation")
@@ -164,7 +166,8 @@ def test_intervals_of_fractions_are_wilsons(true, count, expected):
 
 
 def test_a_bench_without_scenes_is_refused(tmp_path, capsys):
-    assert main([str(tmp_path), "-o", str(tmp_path), "--json", str(tmp_path / "x.json"), "--replay"]) == 2
+    assert main(["study", "plans", str(tmp_path), "-o", str(tmp_path), "--json", str(tmp_path / "x.json"),
+                 "--replay"]) == 2
     assert "has no scene" in capsys.readouterr().err
 
 

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_lab.experiments.rivals.__main__ import main
+from lfsr_core.cli import main
 from lfsr_lab.experiments.rivals.captured import FOLDERS, TASKS, likeness, made, methods, read_field
 from tests.support import stored_weights as stored
 
@@ -64,5 +64,5 @@ def test_a_field_that_is_not_whole(clones, tmp_path, capsys):
         path.unlink()
     with pytest.raises(LfsrError, match="has 15 views across, expected 16: fetch the whole folder"):
         read_field(clones, next(task for task in TASKS if task.field == "Amethyst"))
-    assert main([str(tmp_path / "none"), "-o", str(tmp_path / "out")]) == 2
+    assert main(["study", "rivals", str(tmp_path / "none"), "-o", str(tmp_path / "out")]) == 2
     assert "is no folder" in capsys.readouterr().err

@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 import torch
 
-from lfsr_lab.experiments.rivals.layers import convolution, convolution_4d, transposed
-from lfsr_lab.experiments.rivals.matlab import from_ycbcr, median3, moved, resize_matrix, resized, to_ycbcr
+from lfsr_lab.experiments.rivals.matlab import (
+    convolution,
+    convolution_4d,
+    from_ycbcr,
+    median3,
+    moved,
+    resize_matrix,
+    resized,
+    to_ycbcr,
+    transposed,
+)
 
 
 def test_a_transposed_convolution_puts_the_filter_at_every_step():

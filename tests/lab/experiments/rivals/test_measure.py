@@ -12,10 +12,9 @@ from lfsr_core.metrics.intervals import student_95
 from lfsr_core.reconstruct.methods import denoise
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.truth import Truth
-from lfsr_lab.experiments.rivals.measure import Figures, Row, measure
+from lfsr_lab.experiments.rivals.measure import NARROW, SCENES, Figures, Row, View, folder_of, job, measure, place
 from lfsr_lab.experiments.rivals.page import markdown, record
-from lfsr_lab.experiments.rivals.renders import NARROW, SCENES, View, folder_of, job, place
-from lfsr_lab.experiments.rivals.run import scenes
+from lfsr_lab.experiments.rivals.study import rendered_scenes
 from tests.support import stored_weights as stored
 from tests.support.synthetic import MINI, write_reference, write_render
 
@@ -41,7 +40,7 @@ def test_renders_of_both_widths_have_folders_of_their_own(tmp_path):
     assert wide.view_aperture == 1 and narrow.view_aperture == pytest.approx(1 / 7)
     assert wide.output != narrow.output and narrow.output.endswith(folder_of(View(7, 16, NARROW)))
     assert wide.display.low_views(7) == (6, 6) and wide.display.low_views(3) == (14, 14)
-    assert scenes([tmp_path], tmp_path, Store(tmp_path / "out", may_render=False)) == {}
+    assert rendered_scenes([tmp_path], tmp_path, Store(tmp_path / "out", may_render=False)) == {}
 
 
 def test_a_page_is_made_of_means_and_differences_in_pairs():

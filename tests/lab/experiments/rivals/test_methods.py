@@ -9,10 +9,8 @@ from scipy.ndimage import gaussian_filter
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_lab.experiments.rivals import lfbm5d
-from lfsr_lab.experiments.rivals.angular_sr import AngularSR
-from lfsr_lab.experiments.rivals.epicnn import EPICNN
-from lfsr_lab.experiments.rivals.lfdnpatch import WEIGHTS, LFDnPatch, _seen
-from lfsr_lab.experiments.rivals.makers import of_cells
+from lfsr_lab.experiments.rivals.lfbm5d import WEIGHTS, LFDnPatch, _seen
+from lfsr_lab.experiments.rivals.makers import EPICNN, AngularSR, of_cells
 from lfsr_lab.experiments.rivals.sheared_epi import ShearedEPI, weighted_median
 from tests.support import stored_weights as stored
 

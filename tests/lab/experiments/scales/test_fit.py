@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.records import write_record
+from lfsr_core.cli import main
 from lfsr_core.optics.depth_scale import LossModel
-from lfsr_lab.experiments.denoiser.settings import places, read_settings
+from lfsr_lab.experiments.denoiser.measure import places, read_settings
 from lfsr_lab.experiments.engine.renders import Store
-from lfsr_lab.experiments.scales.__main__ import main
-from lfsr_lab.experiments.scales.fit import fit, groups_of
-from lfsr_lab.experiments.scales.table import Cell, Table, collect
+from lfsr_lab.experiments.scales.study import Cell, Table, collect, fit, groups_of
 from tests.lab.experiments.denoiser.test_run import TOML
 from tests.support.played_blender import played_blender
 
@@ -66,14 +65,14 @@ def test_the_renders_of_another_experiment_are_measured(tmp_path, monkeypatch):
 
 def test_choices_are_shown(tmp_path, capsys):
     write_record(tmp_path / "table.json", table(np.random.default_rng(2)))
-    assert main([str(tmp_path / "table.json")]) == 0
+    assert main(["study", "scales", str(tmp_path / "table.json")]) == 0
     shown = capsys.readouterr().out
     assert "| scene0 | 1 | " in shown and "MODEL = LossModel(detail=" in shown and "| always 4 |" in shown
 
 
 def test_what_cannot_be_fitted_is_said(tmp_path, capsys):
-    assert main([str(tmp_path / "table.json"), str(tmp_path)]) == 2
+    assert main(["study", "scales", str(tmp_path / "table.json"), str(tmp_path)]) == 2
     assert "add -o OUT -m METHOD" in capsys.readouterr().err
     (tmp_path / "table.json").write_text(json.dumps({"method": "bilinear", "moves": {}, "cells": []}))
-    assert main([str(tmp_path / "table.json")]) == 2
+    assert main(["study", "scales", str(tmp_path / "table.json")]) == 2
     assert "has no scene with two scales at equal rays" in capsys.readouterr().err

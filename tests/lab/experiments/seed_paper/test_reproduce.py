@@ -13,14 +13,14 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import from_data, to_data
+from lfsr_core.cli import main
 from lfsr_core.metrics.compare import compare_folders
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES
-from lfsr_core.pipeline import store
 from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_lab.experiments.engine import renders as engine_renders
 from lfsr_lab.experiments.engine import timing
 from lfsr_lab.experiments.engine.plots import save
-from lfsr_lab.experiments.seed_paper import __main__ as command
-from lfsr_lab.experiments.seed_paper import measuring, page, renders, settings, weights
+from lfsr_lab.experiments.seed_paper import measuring, page, renders, weights
 from lfsr_lab.experiments.seed_paper.figure import LENS_SSIM, Results
 from lfsr_lab.experiments.seed_paper.figures import images
 from tests.support.synthetic import MINI, write_reference, write_render
@@ -46,7 +46,8 @@ def frames(tmp_path_factory):
     write_render(root / "bench" / moved.stem / f"s4-spp{SPP}", 4, samples=SPP)
     for scale in (1, 2, 4):
         write_render(root / f"bench-{HALF.name}" / "toy" / f"s{scale}-spp{SPP}", scale, HALF, samples=SPP)
-    return settings.make_settings(root, (scene,), True, display=MINI, timing_display=MINI, spp=SPP, clean_spp=CLEAN,
+    return renders.make_settings(root, True, scenes=(scene,), display=MINI, timing_display=MINI, spp=SPP,
+                                  clean_spp=CLEAN,
                                   repeats=3, steps=(4, 8), moves=(1.0,), workload=(8, 4), device="cpu")
 
 
@@ -64,7 +65,7 @@ def test_every_figure_measures_draws_and_speaks(frames, measured, tmp_path):
         assert figure.line(results).startswith("**")
         if figure.draw:
             path = tmp_path / figure.image
-            save(figure.draw(results.rows, frames.output / settings.CELLS / name), path)
+            save(figure.draw(results.rows, frames.output / renders.CELLS / name), path)
             assert cv2.imread(str(path)).std() > 5 and path.stat().st_size < 150_000
 
 
@@ -101,7 +102,7 @@ def test_a_second_run_measures_nothing(frames, measured, monkeypatch):
     def forbidden(*_, **__):
         raise AssertionError("measured again")
 
-    for module, name in ((measuring, "linear_and_mask"), (timing, "take_turns"), (store, "run_job")):
+    for module, name in ((measuring, "linear_and_mask"), (timing, "take_turns"), (engine_renders, "render_all")):
         monkeypatch.setattr(module, name, forbidden)
     for name, figure in page.FIGURES.items():
         assert figure.measure(frames) == measured[name], name
@@ -135,10 +136,11 @@ def test_training_is_labelled_and_done_once(tmp_path, frames):
 
 
 def test_one_command_writes_pages_and_goes_on(frames, tmp_path, capsys):
-    words = ["-o", str(tmp_path / "out"), "--scenes", str(frames.scenes[0]), "--bench", str(frames.bench), "--quick",
+    words = ["study", "paper", "-o", str(tmp_path / "out"), "--scenes", str(frames.scenes[0]), "--bench",
+             str(frames.bench), "--quick",
              "--display", "mini", "--timing-display", "mini", "--spp", str(SPP), "--clean-spp", str(CLEAN),
              "--repeats", "3", "--docs", str(tmp_path / "docs")]
-    assert [command.main([*words, "--only", name]) for name in ("table3", "fig9")] == [0, 0]
+    assert [main([*words, "--only", name]) for name in ("table3", "fig9")] == [0, 0]
     text = (tmp_path / "docs" / "notebook" / "paper.md").read_text()
     assert "## Table 3: multiply-adds" in text and "![Fig. 9: residuals](../images/paper-fig9.png)" in text
     assert "Not measured in this run" in text and "Quick mode" in text
@@ -148,8 +150,8 @@ def test_one_command_writes_pages_and_goes_on(frames, tmp_path, capsys):
 
 
 def test_bad_input_is_one_sentence(frames, tmp_path, capsys):
-    common = ["-o", str(tmp_path), "--scenes", str(frames.scenes[0])]
+    common = ["study", "paper", "-o", str(tmp_path), "--scenes", str(frames.scenes[0])]
     for words, sentence in ((["--only", "fig13"], "there is no figure 'fig13'"),
                             (["--weights", str(tmp_path / "none")], "is not a folder"),
                             (["--bench", str(frames.bench), "--only", "fig9"], "was rendered with display mini, but")):
-        assert command.main([*common, *words]) == 2 and sentence in capsys.readouterr().err.splitlines()[-1]
+        assert main([*common, *words]) == 2 and sentence in capsys.readouterr().err.splitlines()[-1]

@@ -6,11 +6,10 @@ import math
 
 import pytest
 
-from lfsr_lab.experiments.seed_paper import page, verdict
-from lfsr_lab.experiments.seed_paper.figure import LENS_SSIM, Results, Row
+from lfsr_lab.experiments.seed_paper import figure, page
+from lfsr_lab.experiments.seed_paper.figure import LENS_SSIM, Difference, Results, Row
 from lfsr_lab.experiments.seed_paper.figures import frames, images, networks
 from lfsr_lab.experiments.seed_paper.measuring import RENDER, TOTAL, timed_rows
-from lfsr_lab.experiments.seed_paper.verdict import Difference
 
 SEEDS = (0.01, -0.02, 0.015, -0.005, 0.0, 0.012)
 
@@ -101,14 +100,14 @@ def test_without_a_difference_nothing_is_claimed(name):
 def test_verdicts():
     above, below, neither, unknown = (Difference(*pair) for pair in ((1, 0.5), (-1, 0.5), (1, 2), (1, math.inf)))
     assert [d.sign for d in (above, below, neither, unknown)] == [1, -1, 0, 0]
-    assert verdict.overall({"a": above}, {}) == "**Holds; not all of it was measured.**"
-    assert verdict.overall({"a": above, "b": below}) == "**Holds in part.**"
-    assert verdict.overall({"a": below, "b": neither}) == "**Does not hold.**"
-    assert verdict.overall({}) == "**Not measured.**"
-    assert verdict.holds({"a": above, "b": below}) == "holds in 1 of 2 (a); the other way round in 1 of 2 (b)"
-    assert verdict.paired([1.0, 1.1], [0.0, 0.0]).half == math.inf
+    assert figure.overall({"a": above}, {}) == "**Holds; not all of it was measured.**"
+    assert figure.overall({"a": above, "b": below}) == "**Holds in part.**"
+    assert figure.overall({"a": below, "b": neither}) == "**Does not hold.**"
+    assert figure.overall({}) == "**Not measured.**"
+    assert figure.holds({"a": above, "b": below}) == "holds in 1 of 2 (a); the other way round in 1 of 2 (b)"
+    assert figure.paired([1.0, 1.1], [0.0, 0.0]).half == math.inf
     # Student's t for 3 degrees of freedom is 3.182; the standard error of 1, 2, 3, 4 is 0.6455.
-    assert verdict.paired([1.0, 2.0, 3.0, 4.0], [0.0] * 4).half == pytest.approx(2.054, rel=0.01)
+    assert figure.paired([1.0, 2.0, 3.0, 4.0], [0.0] * 4).half == pytest.approx(2.054, rel=0.01)
 
 
 def test_a_rival_wins_only_with_both():

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_lab.experiments.sweeps.breaks import BELOW_BICUBIC, BELOW_START, Break, breaking_point
+from lfsr_lab.experiments.sweeps.records import BELOW_BICUBIC, BELOW_START, Break, breaking_point
 
 qualities = st.lists(st.floats(0, 1), min_size=1, max_size=9)
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from lfsr_lab.experiments.sweeps import page
-from lfsr_lab.experiments.sweeps.breaks import Break
-from lfsr_lab.experiments.sweeps.records import Cell, Repeat, SweepReport
+from lfsr_lab.experiments.sweeps.records import Break, Cell, Repeat, SweepReport
 
 
 @pytest.mark.parametrize("lens", [(0, 0), (5, 7), (11, 15)])

@@ -7,14 +7,14 @@ import dataclasses
 import pytest
 
 from lfsr_core.base.records import read_record, write_record
+from lfsr_core.cli import main
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD
-from lfsr_lab.experiments.engine.environment import environment
 from lfsr_lab.experiments.engine.renders import Store
+from lfsr_lab.experiments.engine.report import environment
 from lfsr_lab.experiments.plan_validation.records import Validation
 from lfsr_lab.experiments.sweeps import plans
-from lfsr_lab.experiments.sweeps.breaks import Break
 from lfsr_lab.experiments.sweeps.measure import Scene
-from lfsr_lab.experiments.sweeps.records import FORMAT, Cell, Report, Settings, SweepReport
+from lfsr_lab.experiments.sweeps.records import FORMAT, Break, Cell, Report, Settings, SweepReport
 from lfsr_lab.experiments.sweeps.sweeps import choose_sweeps
 from tests.support.noisy_renders import render
 from tests.support.synthetic import MINI
@@ -51,7 +51,7 @@ def test_plans_at_a_breaking_point_are_made_judged_and_shown(tmp_path, monkeypat
     for job in jobs:
         render(dataclasses.replace(job, seed=77 if job.kind == "reference" else 0))
     file = tmp_path / "plans.json"
-    assert plans.main([str(tmp_path), "-o", str(tmp_path / "out"), "--json", str(file)]) == 0
+    assert main(["study", "stress-plans", str(tmp_path), "-o", str(tmp_path / "out"), "--json", str(file)]) == 0
     found = read_record(file, Validation, "a validation").plans
     assert [(row.scene, row.target) for row in found] == [("wire-0.5", 0.57)]
     assert found[0].chosen and found[0].met and found[0].cost >= 0.9

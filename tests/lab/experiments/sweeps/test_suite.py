@@ -56,7 +56,7 @@ def fill(folder: Path) -> Path:
 def bench(tmp_path_factory):
     """A finished bench folder."""
     folder = fill(tmp_path_factory.mktemp("bench"))
-    assert main(["stress", "-o", str(folder), *OPTIONS]) == 0
+    assert main(["study", "stress", "-o", str(folder), *OPTIONS]) == 0
     return folder
 
 
@@ -168,7 +168,7 @@ def run_again(bench, monkeypatch) -> list[str]:
     """Names of the records that a second run measures."""
     made, real = [], Records.write
     monkeypatch.setattr(Records, "write", lambda records, name, *rest: made.append(name) or real(records, name, *rest))
-    assert main(["stress", "-o", str(bench), *OPTIONS]) == 0
+    assert main(["study", "stress", "-o", str(bench), *OPTIONS]) == 0
     return made
 
 
@@ -213,10 +213,10 @@ def test_default_methods_are_bicubic_the_default_and_what_has_weights():
     (["--display", "minni"], "did you mean 'mini'"),
     (["--display", "looking-glass-go", "--scale", "2", "--methods", "paper"], "'paper' needs views in two directions")])
 def test_bad_input_is_refused_before_anything_is_written(tmp_path, capsys, options, message):
-    assert message in fails(["stress", "-o", str(tmp_path / "out"), "--display", "mini", *options], capsys)
+    assert message in fails(["study", "stress", "-o", str(tmp_path / "out"), "--display", "mini", *options], capsys)
     assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_of_other_settings_is_refused(bench, capsys):
     changed = [*OPTIONS[:-1], "3"]
-    assert "frames differs" in fails(["stress", "-o", str(bench), *changed], capsys)
+    assert "frames differs" in fails(["study", "stress", "-o", str(bench), *changed], capsys)

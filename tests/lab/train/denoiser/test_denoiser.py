@@ -17,8 +17,7 @@ from lfsr_core.reconstruct.methods import denoise
 from lfsr_lab.networks.denoiser import hdr_encode
 from lfsr_lab.train.config import DenoiserConfig
 from lfsr_lab.train.denoiser.data import crop, load_scene, load_scenes, mirrored, noisy, textured
-from lfsr_lab.train.denoiser.loss import losses, window
-from lfsr_lab.train.denoiser.task import DenoiserTask, rate
+from lfsr_lab.train.denoiser.task import DenoiserTask, losses, rate, window
 from lfsr_lab.train.loop import RunOptions, Schedule, Stop, run
 from lfsr_lab.train.session import train
 

@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_lab.networks.srgb import srgb_decode
-from lfsr_lab.train.photographs.data import CropSampler, Photographs, downsample, load_photographs
+from lfsr_lab.networks.upscalers import srgb_decode
+from lfsr_lab.train.photographs.task import CropSampler, Photographs, downsample, load_photographs
 from tests.support.training_photographs import some_photographs, write_photographs
 
 CPU = torch.device("cpu")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from lfsr_lab.train.photographs.discriminator import Discriminator
+from lfsr_lab.train.photographs.task import Discriminator
 
 
 def kinds(network: nn.Module, kind: type) -> list[nn.Module]:

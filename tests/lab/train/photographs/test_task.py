@@ -10,9 +10,13 @@ from torch import nn
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_lab.networks.networks import load
-from lfsr_lab.train.photographs.data import load_photographs
-from lfsr_lab.train.photographs.discriminator import Discriminator
-from lfsr_lab.train.photographs.task import ComparatorTask, adversarial_loss, discriminator_loss
+from lfsr_lab.train.photographs.task import (
+    ComparatorTask,
+    Discriminator,
+    adversarial_loss,
+    discriminator_loss,
+    load_photographs,
+)
 from lfsr_lab.train.session import train
 from tests.support.training_photographs import small, write_photographs
 

@@ -1,4 +1,4 @@
-"""What an animation costs beside Blender's own: python -m lfsr_lab.experiments.animations.cost DIR SCENE.blend 1-6
+"""What an animation costs beside Blender's own.
 
 CPU seconds of whole processes with all that they started: Blender's own animation render of the same rays, and
 `lfsr render --frames`; each for the first frame alone and for all, in turn, the first round thrown away, so that the
@@ -7,6 +7,7 @@ difference is what a frame adds. Run it on a machine that does nothing else. The
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import os
 import shutil
@@ -24,15 +25,22 @@ from lfsr_core.optics.display import load_display
 DISPLAY, SCALE, SAMPLES, ROUNDS, OWN = "small", 2, 64, 3, "Blender's own"
 
 
-def main(folder: Path, scene: Path, frames: str) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this study."""
+    parser.add_argument("scene", type=Path, metavar="SCENE.blend")
+    parser.add_argument("frames", metavar="A-B", help="such as 1-6")
+
+
+def run(arguments: argparse.Namespace) -> None:
     """Print the CPU seconds of every way and what each frame after the first adds."""
+    folder, scene, frames = arguments.output, arguments.scene, arguments.frames
     folder.mkdir(parents=True, exist_ok=True)
     job = Request(str(folder.resolve() / "film"), load_display(DISPLAY), str(scene.resolve()),
                   sampling=Sampling(SCALE, SAMPLES))
     write_record(folder / "job.json", job)
     film = [sys.executable, "-m", "lfsr_core.cli", "render", job.scene, "-o", job.output, "--display", DISPLAY,
             "--scale", str(SCALE), "--spp", str(SAMPLES), "--method", "bicubic", "--device", "CPU", "--frames"]
-    ways = {OWN: [sys.executable, __file__, OWN, str(folder / "job.json")], "lfsr render --frames": film}
+    ways = {OWN: [sys.executable, __file__, str(folder / "job.json")], "lfsr render --frames": film}
     numbers = parse_frames(frames)
     first, *rounds = [{name: [_seconds([*way, part], job) for part in (str(numbers[0]), frames)]
                        for name, way in ways.items()} for _ in range(ROUNDS)]
@@ -73,8 +81,5 @@ def blenders_own(job: Request, frames: str) -> None:
         raise SystemExit(f"Blender wrote {written} of {len(numbers)} frames")
 
 
-if __name__ == "__main__":
-    if sys.argv[1] == OWN:
-        blenders_own(read_request(sys.argv[2]), sys.argv[3])
-    else:
-        main(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3])
+if __name__ == "__main__":  # a process of Blender's own
+    blenders_own(read_request(sys.argv[1]), sys.argv[2])

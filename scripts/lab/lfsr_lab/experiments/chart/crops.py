@@ -19,13 +19,12 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_lab.experiments.chart import cells
+from lfsr_lab.experiments.chart.analysis import LOW, Cell, Chart, SceneRow
+from lfsr_lab.experiments.chart.cells import Settings
 from lfsr_lab.experiments.chart.findings import RIVAL, label
-from lfsr_lab.experiments.chart.records import LOW, Cell, Chart, SceneRow
-from lfsr_lab.experiments.chart.settings import Settings
 from lfsr_lab.experiments.engine import plots
-from lfsr_lab.experiments.engine.measures import FLIP, flip_map
 from lfsr_lab.experiments.engine.renders import REFERENCE
-from lfsr_lab.experiments.engine.truth import Truth
+from lfsr_lab.experiments.engine.truth import FLIP, Truth, flip_map
 
 RULES = {"largest": -1, "median": 0.5, "smallest": 0}
 FLIP_MOST = 0.7  # HDR-FLIP that is drawn white
@@ -52,22 +51,18 @@ class Crops:
         """Return the picture: reference, both images and both error maps of every row."""
         figure, grid = plots.sheet(10.5, 2.35 * len(self.rows), len(self.rows), 5)
         for axes, row in zip(grid, self.rows, strict=True):
-            _draw(axes, row)
+            maps = [flip_map(image, row.reference) for image in row.images]
+            shown = [srgb_encode(image) for image in (row.reference, *row.images)]
+            titles = ["reference", *row.names, *(f"HDR-FLIP {error:.3f}" for error in row.errors)]
+            for place, picture, title in zip(axes, [*shown, *maps], titles, strict=True):
+                place.imshow(picture, cmap="magma", vmin=0, vmax=FLIP_MOST, interpolation="nearest")
+                place.set_title(plots.broken(title), fontsize=9)
+                place.set_xticks([])
+                place.set_yticks([])
+            axes[0].set_ylabel(row.title, fontsize=9)
         file = io.BytesIO()
         figure.savefig(file, dpi=plots.DPI, metadata={"Software": None}, pil_kwargs={"optimize": True})
         return file.getvalue()
-
-
-def _draw(axes: Sequence, row: Row) -> None:
-    maps = [flip_map(image, row.reference) for image in row.images]
-    shown = [srgb_encode(image) for image in (row.reference, *row.images)]
-    titles = ["reference", *row.names, *(f"HDR-FLIP {error:.3f}" for error in row.errors)]
-    for place, picture, title in zip(axes, [*shown, *maps], titles, strict=True):
-        place.imshow(picture, cmap="magma", vmin=0, vmax=FLIP_MOST, interpolation="nearest")
-        place.set_title(plots.broken(title), fontsize=9)
-        place.set_xticks([])
-        place.set_yticks([])
-    axes[0].set_ylabel(row.title, fontsize=9)
 
 
 def chosen(chart: Chart, settings: Settings, scenes: Sequence[Path]) -> Crops | None:
@@ -111,7 +106,7 @@ def _differences(settings: Settings, scene: Path, pair: Pair) -> Array:
 
 def _flips(settings: Settings, scene: Path, cell: Cell) -> Array:
     render = _render(settings, scene, cell)
-    values = cells.measured(render, cell.method, Truth(settings.folder / scene.stem / REFERENCE)).values
+    values = cells.measured(render, cell.method, Truth(settings.output / scene.stem / REFERENCE)).values
     return np.mean(values[FLIP], 0)
 
 
@@ -121,7 +116,7 @@ def _render(settings: Settings, scene: Path, cell: Cell) -> cells.Render:
 
 
 def _row(settings: Settings, scene: Path, pair: Pair, index: int, title: str, ours: str) -> Row:
-    truth = Truth(settings.folder / scene.stem / REFERENCE)
+    truth = Truth(settings.output / scene.stem / REFERENCE)
     images = [truth.finished(_render(settings, scene, cell).folders[0], cell.method)[index] for cell in pair]
     names = [f"{name}, {cell.samples} samples"
              for name, cell in zip(("ours", label(RIVAL, ours)), pair, strict=True)]

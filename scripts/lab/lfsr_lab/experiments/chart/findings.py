@@ -5,12 +5,11 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 
-from lfsr_lab.experiments.chart.analysis import mean_cells, mean_duels
-from lfsr_lab.experiments.chart.records import DIRECT, Cell, Chart, Cost, Duel, Key, MeanDuel
-from lfsr_lab.experiments.engine.measures import LABELS, MEASURES, PARTS, SSIM
+from lfsr_lab.experiments.chart.analysis import DIRECT, Cell, Chart, Cost, Duel, Key, MeanDuel, mean_cells, mean_duels
 from lfsr_lab.experiments.engine.plots import time_text
 from lfsr_lab.experiments.engine.report import UNKNOWN, markdown_table, number
 from lfsr_lab.experiments.engine.seeds import Estimate
+from lfsr_lab.experiments.engine.truth import LABELS, MEASURES, PARTS, SSIM
 
 RIVAL: Key = (DIRECT, "oidn")
 SHORT = {name: LABELS[name].partition(",")[0] for name in (*MEASURES, *PARTS)}

@@ -9,13 +9,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from lfsr_lab.experiments.chart import findings
-from lfsr_lab.experiments.chart.analysis import mean_cells
+from lfsr_lab.experiments.chart.analysis import DIRECT, LOW, Cell, Chart, Key, SceneRow, mean_cells
 from lfsr_lab.experiments.chart.findings import RIVAL
-from lfsr_lab.experiments.chart.records import DIRECT, LOW, Cell, Chart, Key, SceneRow
-from lfsr_lab.experiments.engine import loglog, plots
-from lfsr_lab.experiments.engine.measures import BIAS, LABELS, MEASURES, PARTS, RELMSE, SSIM, VARIANCE
+from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.plots import Curve
 from lfsr_lab.experiments.engine.report import inline_svg, page_html
+from lfsr_lab.experiments.engine.truth import BIAS, LABELS, MEASURES, PARTS, RELMSE, SSIM, VARIANCE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -109,16 +108,21 @@ def _draw(axes: Axes, chart: Chart, panel: Panel) -> None:
     named = [curve for key, look in styles(chart).items() for curve in _curves(chart, panel, key, look)]
     noise = panel.noise[RELMSE if panel.parts else panel.measure]
     ours = [cell for cell in panel.cells if cell.key == (LOW, chart.settings.ours)]
-    loglog.error_axis(axes, *loglog.limits([*(y for curve in named for y in curve.y), noise], 0.06))
-    loglog.cost_axis(axes, *loglog.limits([x for curve in named for x in curve.x], 0.04), panel.seconds)
-    _words(axes, panel)
+    plots.error_axis(axes, *plots.limits([*(y for curve in named for y in curve.y), noise], 0.06))
+    plots.cost_axis(axes, *plots.limits([x for curve in named for x in curve.x], 0.04), panel.seconds)
+    axes.grid(color=plots.GRID)
+    axes.set_title(panel.title, loc="left", fontsize=16, weight="bold", pad=21)
+    quiet: dict[str, Any] = {"fontsize": 12, "color": plots.QUIET, "textcoords": "offset points",
+                             "xycoords": "axes fraction"}
+    axes.annotate(f"↓ {panel.error}", (0, 1), (0, 7), **quiet)
+    axes.annotate(COSTS[panel.seconds], (1, 0), (0, -36), ha="right", **quiet)
     for index, curve in enumerate(reversed(named)):  # the first comes on top
         plots.draw_curve(axes, curve, 3 + index / 10)
-    taken = loglog.draw_noise(axes, noise)
+    taken = plots.draw_noise(axes, noise)
     start = min(ours, key=lambda cell: cell.samples, default=None)
     if start:
         measure = VARIANCE if panel.parts else panel.measure
-        taken += loglog.draw_slopes(axes, measure, (_cost(panel, start), start.errors[measure].mean))
+        taken += plots.draw_slopes(axes, measure, (_cost(panel, start), start.errors[measure].mean))
     plots.name_curves(axes, named, taken)
 
 
@@ -151,12 +155,3 @@ def _curve(panel: Panel, cells: Sequence[Cell], measure: str, look: Curve) -> Cu
 
 def _cost(panel: Panel, cell: Cell) -> float:
     return cell.seconds.mean if panel.seconds and cell.seconds else cell.rays
-
-
-def _words(axes: Axes, panel: Panel) -> None:
-    axes.grid(color=plots.GRID)
-    axes.set_title(panel.title, loc="left", fontsize=16, weight="bold", pad=21)
-    quiet: dict[str, Any] = {"fontsize": 12, "color": plots.QUIET, "textcoords": "offset points",
-                             "xycoords": "axes fraction"}
-    axes.annotate(f"↓ {panel.error}", (0, 1), (0, 7), **quiet)
-    axes.annotate(COSTS[panel.seconds], (1, 0), (0, -36), ha="right", **quiet)

@@ -8,20 +8,124 @@ independent, so that its noise cancels.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Callable, Sequence
+import shutil
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.frames.frame import REFERENCE_FILES, SUBPIXELS, read_rendered
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.frames.folder import FrameFolder
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, Frame, read_frame, read_rendered
 from lfsr_core.frames.reference import Reference
+from lfsr_core.frames.request import Request, Sampling
+from lfsr_core.images.exr import read_finite
+from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import mean_of, psnr, split_mse, split_ssim_map
+from lfsr_core.optics.depth_scale import scales_up_to
 from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.eia import flip_order, from_views, to_elemental_images
 from lfsr_core.optics.eye import eye_view
-from lfsr_lab.experiments.displays.ways import USUAL, Way, panel_image, shown, traced
-from lfsr_lab.experiments.engine.timing import cpu_seconds
+from lfsr_core.optics.panel.gather import gather_map
+from lfsr_core.optics.panel.weave import weave
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, SUBPIXEL_METHODS, MethodName, oidn
+from lfsr_core.reconstruct.second_stage import finished_linear
+from lfsr_core.reconstruct.subpixels import linear_panel_image
+from lfsr_lab.experiments.engine.records import Fingerprint, Records
+from lfsr_lab.experiments.engine.renders import REFERENCE, Store, check_render, reference_of
+from lfsr_lab.experiments.engine.timing import children_cpu_seconds, cpu_seconds
+
+GUIDES = ("albedo", "normal")
+
+
+@dataclasses.dataclass(frozen=True)
+class Way:
+    """How a panel's image is made."""
+
+    name: str
+    folder: str  # of its renders, without samples
+    layout: str  # how it is rendered, see frames.frame.LAYOUTS
+    samples: tuple[int, ...]  # per pixel of the render, at which it is measured
+    meaning: str
+
+    def scales(self, profile: DisplayProfile) -> tuple[int, ...]:
+        """Return the scales that the scene's depth chooses from, as `lfsr render` does, largest first; empty: 1."""
+        if self != OURS:
+            return ()
+        method = MethodName.parse(DEFAULT_METHOD)
+        return method.scales_of(scales_up_to(profile))
+
+
+OURS = Way("default", "ours", "one-pass", (4, 16, 64),
+           "fewer views in one pass, as many as `lfsr render` chooses, the default method, the weave")
+EVERY_VIEW = Way("every view", "every-view", "one-pass", (1, 4, 16), "every view in one pass, OIDN, the weave")
+SUBPIXEL = Way("direct subpixels", "straight", SUBPIXELS, (1, 4, 16),
+               "rays of the panel's subpixels, each a pixel of the render, OIDN, no weave")
+USUAL = Way("view by view", "every-view", "view-by-view", (4,), "one render per view, OIDN per view, the nearest view")
+WAYS = (OURS, EVERY_VIEW, SUBPIXEL, USUAL)
+
+
+def measured_at(profile: DisplayProfile) -> list[tuple[Way, int]]:
+    """Return every way that a display has, with every number of samples."""
+    return [(way, samples) for way in WAYS for samples in way.samples if way != SUBPIXEL or profile.is_woven]
+
+
+def panel_image(folder: Path, way: Way) -> Array:
+    """Return what the panel shows, (H, W, 3) uint8 sRGB, from the rendered frame in ``folder``."""
+    if way == SUBPIXEL:
+        return traced(folder, LOW_RES_FILE, SUBPIXEL_METHODS[0])
+    frame = read_frame(folder)
+    if way == USUAL:
+        return shown(_view_by_view(folder, frame), frame.display, "nearest")
+    return shown(finished_linear(folder, DEFAULT_METHOD), frame.display)
+
+
+def traced(folder: Path, name: str, method: str = "none") -> Array:
+    """Return what the panel shows of the file ``name`` of a render of its subpixels, (H, W, 3) uint8 sRGB."""
+    layers, frame = read_finite(folder / name)[0], read_rendered(folder)
+    return _encoded(linear_panel_image(layers, frame, MethodName.parse(method)))
+
+
+def shown(linear: Array, display: DisplayProfile, sampling: str | None = None) -> Array:
+    """Return the panel's image (H, W, 3) uint8 of a scene-linear light field (rows, columns, 3) in view order.
+
+    ``sampling``: of display.WEAVES, None for the display's own; for a display that is woven.
+    """
+    eia = _encoded(linear)
+    if display.is_woven:
+        return weave(eia, gather_map(display, sampling or display.weave))
+    return flip_order(eia, display.lenses) if display.ei_order == "flipped" else eia
+
+
+def _encoded(linear: Array) -> Array:
+    return np.rint(srgb_encode(linear) * 255).astype(np.uint8)
+
+
+def _view_by_view(folder: Path, frame: Frame) -> Array:
+    """Return the light field with every view denoised as Blender does: on its own, by its albedo and normal."""
+    layers = read_finite(folder / LOW_RES_FILE)[0]
+    images = {name: to_elemental_images(layers[name][..., :3], frame.rays.tiles)
+              for name in ("color", *GUIDES) if name in layers}
+    py, px = images["color"].shape[2:4]
+    return from_views(np.array([[_denoised({name: image[:, :, row, column] for name, image in images.items()})
+                                 for column in range(px)] for row in range(py)]))
+
+
+def _denoised(view: Mapping[str, Array]) -> Array:
+    guides = clean_guides({name: view[name] for name in GUIDES if name in view})
+    return oidn.denoise(view["color"], guides.get("albedo"), guides.get("normal"), hdr=True, clean_aux=bool(guides),
+                        quality="balanced")
+
+
+def clean_guides(guides: Mapping[str, Array]) -> dict[str, Array]:
+    """Return noisy "albedo" and "normal" of one view (H, W, 3) without their noise, as Blender does it."""
+    places = {"albedo": (0.0, 1.0), "normal": (1.0, 0.5)}  # from values to those in [0, 1]: (value + first) · second
+    return {name: oidn.denoise(np.clip((guide + places[name][0]) * places[name][1], 0, 1), hdr=True, quality="fast")
+            / places[name][1] - places[name][0] for name, guide in guides.items()}
+
 
 PLACES = ((0.5, 0.5), (0.2, 0.4), (0.8, 0.6), (0.35, 0.75), (0.65, 0.25))  # of eyes, in the viewing zone
 Halves = tuple[Array, Array]
@@ -101,3 +205,112 @@ def seen(panel: Array, profile: DisplayProfile) -> list[Array]:
     high = profile.camera_spacing_mm * (profile.views[1] if profile.parallax[1] else 0)
     eyes = [((x - 0.5) * wide, (y - 0.5) * high, profile.viewing_distance_mm) for x, y in PLACES]
     return [eye_view(panel, profile, eye, width=1) / 255 for eye in eyes]
+
+
+CPU_FOLDER = "cpu"
+SINGLE = ("opening", "single")  # renders of a few lenses
+FEW = 4
+
+
+@dataclasses.dataclass(frozen=True)
+class Cost:
+    """What a render took."""
+
+    cpu: float  # seconds on all cores, in a Blender that has the scene open, beyond those of a few lenses
+
+
+@dataclasses.dataclass(frozen=True)
+class Renders:
+    """The renders of one scene on one kind of display."""
+
+    store: Store
+    scene: Path
+    display: DisplayProfile
+    reference_spp: int
+
+    @property
+    def folder(self) -> Path:
+        """Where they are."""
+        return self.store.folder / self.scene.stem / self.display.name
+
+    @property
+    def reference(self) -> Path:
+        """Frame folder of the whole light field in two halves."""
+        return self.folder / REFERENCE
+
+    @property
+    def traced_reference(self) -> Path | None:
+        """Frame folder of the panel's subpixels in two halves; None where the panel has no lens sheet."""
+        return self.folder / f"{REFERENCE}-{SUBPIXEL.folder}" if self.display.is_woven else None
+
+    def path(self, way: Way, samples: int) -> Path:
+        """Return the frame folder of a way's render; the usual way's has every view too."""
+        return self.folder / f"{way.folder}-spp{samples}"
+
+    def fill(self) -> dict[tuple[str, int], float]:
+        """Render what is missing and return the CPU seconds of each render, by way and samples."""
+        jobs = {(way.name, samples): self._job(way, samples) for way, samples in measured_at(self.display)}
+        usual = [self._job(EVERY_VIEW, samples) for name, samples in jobs if name == USUAL.name]
+        every = {job.output: job for job in (*jobs.values(), *usual, *self._references())}
+        missing = [job for job in every.values() if self._cost(job) is None]
+        if missing:
+            self._render(missing)
+        for job in every.values():
+            check_render(job)
+        return {key: self._whole(job) for key, job in jobs.items()}
+
+    def _whole(self, job: Request) -> float:
+        """Return the CPU seconds of a render; of the usual way those that all views would take."""
+        cost = self._cost(job)
+        if cost is None:
+            raise LfsrError(f"what {job.output} took is not known: delete it and run this again")
+        return cost.cpu * (math.prod(self.display.views) / math.prod(job.display.views))
+
+    def _render(self, jobs: Sequence[Request]) -> None:
+        """Render one after the other; first two of a few lenses: the first builds the scene, the second is measured."""
+        lenses = tuple(itertools.product(range(4), range(4)))
+        single = [dataclasses.replace(jobs[0], output=str(self.folder / name), sampling=Sampling(1, 1), kind="render",
+                                      display=self.display, layout="one-pass", lens_list=lenses)
+                  for name in SINGLE]
+        seconds = [children_cpu_seconds()]
+
+        def rendered(job: Request) -> None:
+            seconds.append(children_cpu_seconds())
+            if job not in single:
+                cpu = seconds[-1] - seconds[-2] - (seconds[2] - seconds[1])
+                self._costs.write(Path(job.output).name, _mark(job), Cost(max(0.0, cpu)))
+
+        for job in (*single, *jobs):
+            shutil.rmtree(job.output, ignore_errors=True)
+        self.store.render_all([*single, *jobs], rendered)
+
+    @property
+    def _costs(self) -> Records[Cost]:
+        return Records(self.folder / CPU_FOLDER, Cost)
+
+    def _cost(self, job: Request) -> Cost | None:
+        folder = Path(job.output)
+        return self._costs.read(folder.name, _mark(job)) if FrameFolder(folder).holds(job.kind) else None
+
+    def _references(self) -> list[Request]:
+        ways = [(EVERY_VIEW, self.reference), (SUBPIXEL, self.traced_reference)]
+        return [reference_of(self._job(way, self.reference_spp), self.reference_spp, folder)
+                for way, folder in ways if folder]
+
+    def _job(self, way: Way, samples: int) -> Request:
+        scales, one_by_one = way.scales(self.display), way == USUAL
+        return Request(output=str(self.folder / f"few-views-spp{samples}" if one_by_one else self.path(way, samples)),
+                   display=with_few_views(self.display) if one_by_one else self.display,
+                   scene=str(self.scene.resolve()), sampling=Sampling(max(scales, default=1), samples, scales),
+                   layers=GUIDES if way == EVERY_VIEW else (), layout=way.layout)
+
+
+def with_few_views(profile: DisplayProfile) -> DisplayProfile:
+    """Return the display with FEW views along each axis that has several."""
+    px, py = (FEW if many else 1 for many in profile.parallax)
+    pixels = profile.panel_pixels if profile.is_woven else (profile.lenses[0] * px, profile.lenses[1] * py)
+    return dataclasses.replace(profile, views=(px, py), panel_pixels=pixels)
+
+
+def _mark(job: Request) -> Fingerprint:
+    return {"samples": job.sampling.samples, "scale": job.sampling.scale, "layout": job.layout}

@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lfsr_lab.experiments.displays.measure import Accuracy, Point
-from lfsr_lab.experiments.displays.ways import EVERY_VIEW, OURS, SUBPIXEL, USUAL, WAYS, Way
+from lfsr_lab.experiments.displays.measure import EVERY_VIEW, OURS, SUBPIXEL, USUAL, WAYS, Accuracy, Point, Way
 from lfsr_lab.experiments.engine import plots
-from lfsr_lab.experiments.engine.environment import Environment
-from lfsr_lab.experiments.engine.report import markdown_table, number
+from lfsr_lab.experiments.engine.report import Environment, markdown_table, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,20 +11,19 @@ from typing import TYPE_CHECKING
 
 from lfsr_core.base.files import read_json
 from lfsr_core.base.records import from_data, read_record
-from lfsr_lab.experiments.animations import report as animations
+from lfsr_lab.experiments.animations import study as animations
 from lfsr_lab.experiments.chart import findings, panels
-from lfsr_lab.experiments.chart.records import read_chart
-from lfsr_lab.experiments.denoiser import records as denoiser
-from lfsr_lab.experiments.displays import __main__ as displays
+from lfsr_lab.experiments.chart.analysis import read_chart
+from lfsr_lab.experiments.denoiser import study as denoiser
+from lfsr_lab.experiments.displays import study as displays
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.report import inline_svg, markdown_table
-from lfsr_lab.experiments.gpu_budget import __main__ as gpu_budget
-from lfsr_lab.experiments.plan_validation import __main__ as plans
+from lfsr_lab.experiments.gpu_budget import study as gpu_budget
+from lfsr_lab.experiments.plan_validation import study as plans
 from lfsr_lab.experiments.plan_validation.records import Validation
 from lfsr_lab.experiments.rivals import page as rivals
-from lfsr_lab.experiments.scales import __main__ as scales
-from lfsr_lab.experiments.scales.fit import fit, groups_of
-from lfsr_lab.experiments.scales.table import Table
+from lfsr_lab.experiments.scales import study as scales
+from lfsr_lab.experiments.scales.study import Table, fit, groups_of
 from lfsr_lab.experiments.seed_paper import page as seed_paper
 from lfsr_lab.experiments.seed_paper.figure import Results
 from lfsr_lab.experiments.sweeps import page as sweeps
@@ -118,7 +117,7 @@ def _denoiser(record: Path, _images: Path) -> Shown:
 
 def _gpu_budget(record: Path, _images: Path) -> Shown:
     measured = read_record(record, gpu_budget.Record, "measured steps").measured
-    text = gpu_budget.page.markdown(gpu_budget.read_gpus(), measured).partition("\n\n")[2]
+    text = gpu_budget.markdown(gpu_budget.read_gpus(), measured).partition("\n\n")[2]
     return Shown([], text, text.split("\n## ")[2].partition("\n\n")[2])
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import hashlib
 import os
 import shlex
 import shutil
@@ -30,12 +31,75 @@ from lfsr_core.base.progress import duration
 from lfsr_core.base.records import read_record, write_record
 from lfsr_core.process.blender import find_blender
 from lfsr_core.process.group import START, ProcessGroup
-from lfsr_lab.experiments.document.manifest import Digests, digests
 from lfsr_lab.experiments.document.studies import TABLE, Asset, Study, Table, Unit, units
-from lfsr_lab.experiments.engine.cells import to_stderr
-from lfsr_lab.experiments.engine.environment import Environment, environment, load_average
+from lfsr_lab.experiments.engine.records import to_stderr
+from lfsr_lab.experiments.engine.report import Environment, environment, load_average
 from lfsr_lab.scenes import scene_script
 from lfsr_lab.scenes.running import run_script
+
+Digests = dict[str, str]  # SHA-256 by the file's path below the asset's folder
+BESIDE = (".gltf", ".obj")  # scenes whose other files lie beside them
+
+
+def sha256(path: Path) -> str:
+    """Return the SHA-256 of a file, as the program sha256sum prints it."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def digests(scene: Path) -> Digests:
+    """Return the digest of an asset's file, and of all files in its folder where it is not of one file."""
+    folder = scene.parent
+    files = sorted(path for path in folder.rglob("*") if path.is_file()) if scene.suffix in BESIDE else [scene]
+    return {path.relative_to(folder).as_posix(): sha256(path) for path in files}
+
+
+def inputs(table: Table, known: Mapping[str, Digests], before: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return name, licence, source and digests of every asset that was read, now or by an earlier manifest."""
+    files = {entry["name"]: entry["files"] for entry in before} | dict(known)
+    return [{"name": asset.name, "licence": asset.licence, "source": asset.source, "files": files[asset.name]}
+            for asset in table.asset if asset.name in files]
+
+
+def record_facts(path: Path, command: str) -> dict[str, Any]:
+    """Return digest, command, machine and seeds of a record."""
+    try:
+        data = read_json(path, "a record")
+    except LfsrError:  # a page, or damaged: its section says so
+        data = None
+    machine = (data.get("environment") if isinstance(data, dict) else None) or {}
+    return {"file": path.name, "command": command, "sha256": sha256(path), "machine": machine_text(machine),
+            "seeds": sorted(set(_seeds(data)))}
+
+
+def machine_text(machine: Mapping[str, Any]) -> str:
+    """Return processor, cores and versions in words; records of older releases name fewer."""
+    versions = ", ".join(f"{name} {number}" for name, number in machine.get("versions", {}).items())
+    parts = [f"{machine['cores']} cores" if "cores" in machine else "", machine.get("cpu") or machine.get("machine"),
+             machine.get("system"), versions]
+    return ", ".join(part for part in parts if part)
+
+
+def commit() -> str | None:
+    """Return the commit of the clone that this is, None where it is none."""
+    try:
+        found = subprocess.run(["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"], check=True,
+                               capture_output=True, text=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return found.stdout.strip()
+
+
+def _seeds(data: Any) -> Iterator[int]:
+    """Yield every number called seed in a record, and those below a number of seeds."""
+    for key, value in data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ():
+        if key == "seed" and isinstance(value, int):
+            yield value
+        elif key == "seeds" and isinstance(value, int):
+            yield from range(value)
+        elif isinstance(value, (dict, list)):
+            yield from _seeds(value)
+
 
 UNIT_FILE, LOG_FILE, SCENES, MEASURED, IMAGES = "unit.json", "log.txt", "scenes", "measured", "images"
 PROGRAMS = {"lfsr": ["-c", "import sys; from lfsr_core.cli import main; sys.exit(main())"], "python": []}
@@ -114,7 +178,15 @@ class Work:
             files = {asset.name: self._file(asset) for asset in unit.assets(self.table)}
             if "{assets}" in unit.form.command and self.assets is None:
                 raise LfsrError("it needs scenes of other people: give their folder with --assets")
-            self._measure(unit, files, lock)
+            folders = {"out": self._folder(unit), "all": self.folder, "assets": self.assets or "", "here": TABLE.parent}
+            program, *words = shlex.split(_filled(unit, {name: path.resolve() for name, path in files.items()},
+                                                  {name: Path(path).resolve() for name, path in folders.items()}))
+            command = [sys.executable, *PROGRAMS[program], *words]
+            if self.blender:
+                command += ["--blender", self.blender]
+            last = _run(command, lock, self._folder(unit) / LOG_FILE)
+            if not (self._folder(unit) / unit.study.record).exists():
+                raise LfsrError(f"{unit.study.record} was not written: {last[-LAST_WORDS:] or 'nothing was printed'}")
         except LfsrError as error:
             sentence = str(error)
             to_stderr(f"{unit.title}: {sentence}")
@@ -122,18 +194,6 @@ class Work:
         write_record(self._folder(unit) / UNIT_FILE, Ended(
             self.shown(unit), sentence, round(time.monotonic() - started, 1), load_average(),
             _threads(), environment(), known))
-
-    def _measure(self, unit: Unit, files: Mapping[str, Path], lock: IO[bytes]) -> None:
-        """Run the unit's command; LfsrError with its last words if it fails or leaves no record."""
-        folders = {"out": self._folder(unit), "all": self.folder, "assets": self.assets or "", "here": TABLE.parent}
-        program, *words = shlex.split(_filled(unit, {name: path.resolve() for name, path in files.items()},
-                                              {name: Path(path).resolve() for name, path in folders.items()}))
-        command = [sys.executable, *PROGRAMS[program], *words]
-        if self.blender:
-            command += ["--blender", self.blender]
-        last = _run(command, lock, self._folder(unit) / LOG_FILE)
-        if not (self._folder(unit) / unit.study.record).exists():
-            raise LfsrError(f"{unit.study.record} was not written: {last[-LAST_WORDS:] or 'nothing was printed'}")
 
     def _file(self, asset: Asset) -> Path:
         """Return the file of an asset, made now where a script makes it; LfsrError where it is missing."""

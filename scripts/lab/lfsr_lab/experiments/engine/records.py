@@ -1,16 +1,20 @@
-"""Measurements stored in files at once, so that a run that was stopped continues where it was."""
+"""Cells, what a study measures: records stored in files at once, so that a run that was stopped goes on."""
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, write_json
 from lfsr_core.base.records import from_data, to_data
-from lfsr_lab.experiments.engine.environment import load_average
+from lfsr_core.frames.request import Request
+from lfsr_lab.experiments.engine.renders import Store
+from lfsr_lab.experiments.engine.report import load_average
 from lfsr_lab.networks.methods import LabMethod
 
 Record = TypeVar("Record")
@@ -63,3 +67,48 @@ def method_facts(name: str) -> dict[str, Any]:
     """Return what a measurement of a method depends on besides its render: weights and versions, plain JSON."""
     method = LabMethod.parse(name)
     return {"weights": method.weights_digest, "versions": method.name.versions}
+
+
+@dataclasses.dataclass(frozen=True)
+class StudySettings:
+    """Settings of a study, which adds its own fields; they stand in its records."""
+
+    @classmethod
+    def given(cls, arguments: argparse.Namespace) -> dict[str, Any]:
+        """Return the fields that a command line gives."""
+        names = {field.name for field in dataclasses.fields(cls)}
+        return {name: value for name, value in vars(arguments).items() if name in names and value is not None}
+
+
+@dataclasses.dataclass(frozen=True)
+class Cell(Generic[Record]):
+    """One measurement."""
+
+    name: str  # of its record
+    inputs: Fingerprint  # what it depends on, plain JSON: method, weights, versions, settings
+    measure: Callable[[], Record]  # called when all renders are there
+    jobs: Sequence[Request] = ()  # renders and references that it needs
+
+
+def to_stderr(line: str) -> None:
+    """Print a line of progress."""
+    print(line, file=sys.stderr, flush=True)
+
+
+def measured(cells: Iterable[Cell[Record]], records: Records[Record], store: Store) -> Iterator[Record]:
+    """Yield the record of every cell; what is missing is rendered and measured now, and stored at once.
+
+    Parameters
+    ----------
+    cells : what to measure, in order
+    records : where records are stored
+    store : where renders are
+    """
+    for cell in cells:
+        found = records.read(cell.name, cell.inputs)
+        if found is None:
+            store.render_all(cell.jobs)
+            to_stderr(f"measuring {records.folder / cell.name}")
+            found = cell.measure()
+            records.write(cell.name, cell.inputs, found)
+        yield found

@@ -14,13 +14,15 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import write_json
 from lfsr_core.base.progress import ProgressBar
 from lfsr_core.base.records import read_record, write_record
+from lfsr_core.commands.sentences import sentence
+from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
-from lfsr_core.frames.identity import RAYS, check_same
+from lfsr_core.frames.identity import RAYS
 from lfsr_core.frames.request import Request, Sampling, check_scene
 from lfsr_core.images.exr import read_finite
 from lfsr_core.optics.lens_sampling import choose_lenses
-from lfsr_core.pipeline.store import Listener, is_complete, run_jobs
+from lfsr_core.pipeline.rendering import render_all
 from lfsr_core.process.blender import find_blender
 from lfsr_lab.scenes import scene_script
 from lfsr_lab.scenes.running import run_script
@@ -69,7 +71,7 @@ class Store:
 
     def render(self, job: Request) -> Path | None:
         """Return the folder of a render or reference, made if it is missing; None where it is and may not be made."""
-        missing = not is_complete(Path(job.output), job.kind)
+        missing = not FrameFolder(job.output).holds(job.kind)
         return None if missing and not self.may_render else self.rendered(job)
 
     def rendered(self, job: Request) -> Path:
@@ -83,14 +85,14 @@ class Store:
         LfsrError where a folder holds another render. A reference that is there may have any samples and lenses.
         """
         wanted = {job.output: job for job in jobs}.values()  # values of a sweep may share a reference
-        missing = [job for job in wanted if not is_complete(Path(job.output), job.kind)]
+        missing = [job for job in wanted if not FrameFolder(job.output).holds(job.kind)]
         for job in missing:
             check_scene(job.scene)
         if missing:
-            bar = ProgressBar()
+            bar = ProgressBar(words=sentence)
             bar.note(f"rendering {missing[0].output}" + (f" and {len(missing) - 1} more" if missing[1:] else ""))
             try:
-                run_jobs(missing, find_blender(self.blender), Listener(bar, bar.note, done))
+                render_all(missing, find_blender(self.blender), bar, done)
             finally:
                 bar.close()
         for job in jobs:
@@ -100,7 +102,7 @@ class Store:
 def check_render(job: Request) -> None:
     """LfsrError with the first difference unless the job's folder holds its render; a subject only if it is named."""
     names = (*RAYS, "world_visible", *(["subject"] if job.subject else []))
-    check_same(Path(job.output), job, names=names)
+    FrameFolder(job.output).check_rendered(job, names=names)
 
 
 def reference_of(job: Request, samples: int, folder: Path, **changes: Any) -> Request:
@@ -111,7 +113,7 @@ def reference_of(job: Request, samples: int, folder: Path, **changes: Any) -> Re
 
 def sampled(reference: Request, count: int | None, render: Callable[[], Path | None]) -> Request:
     """Return the reference of ``count`` lenses, chosen by the foreground of ``render()``; of all lenses for None."""
-    folder = None if count is None or is_complete(Path(reference.output), "reference") else render()
+    folder = None if count is None or FrameFolder(reference.output).holds("reference") else render()
     if count is None or folder is None:
         return reference
     return dataclasses.replace(reference, lens_list=choose_lenses(foreground(folder), count))

@@ -27,10 +27,10 @@ from lfsr_core.pipeline.finishing import finish_frame
 from lfsr_core.plan.options import Candidate, PlanOptions
 from lfsr_core.plan.sample import path_samples, render_seconds
 from lfsr_core.reconstruct.second_stage import finished_linear
-from lfsr_lab.experiments.engine.accuracy import Target
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import REFERENCE
 from lfsr_lab.experiments.engine.timing import known_seconds, scratch_copy
+from lfsr_lab.experiments.engine.truth import Truth
 
 RENDER_FOLDER = re.compile(r"s(\d+)-spp(\d+)")
 _read_layers = functools.lru_cache(maxsize=16)(read_layers)
@@ -90,16 +90,16 @@ def _measure(scene: Path, candidate: Candidate, rate: float | None) -> Actual:
 
 
 @functools.lru_cache(maxsize=1)
-def _target(folder: Path) -> Target:
+def _target(folder: Path) -> Truth:
     """Read a reference, which must show every lens."""
     if read_frame(folder).lens_list is not None:
         raise LfsrError(f"the reference {folder} is of sampled lenses only, but all are needed: render it without "
                         "--lenses")
-    return Target.read(folder)
+    return Truth(folder)
 
 
 def timed_frame(folder: Path, rate: float | None = None) -> Frame:
-    """Return the frame of a render with the seconds of its timed repeats (`lfsr chart --retime-renders`), if any.
+    """Return the frame of a render with the seconds of its timed repeats (`lfsr study chart --times`), if any.
 
     With ``rate``, seconds of a path sample, those of its path samples alone: the machine was busy when it rendered.
     """

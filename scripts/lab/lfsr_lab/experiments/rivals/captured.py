@@ -100,7 +100,19 @@ def made(views: Array, task: Task, name: str, clones: Path) -> Array:
     elif task.ratio % 2:
         shown = _imported(given, task.ratio, name)
     else:
-        shown = _resampled(given, task.ratio, KERNEL_OF[name])
+        kernel = KERNEL_OF[name]
+        reach, weight = KERNELS[kernel]
+        values = encode(srgb_decode(given.astype(np.float32) / 255))
+        for axis in (0, 1):
+            count = values.shape[axis]
+            places = np.arange(task.ratio * (count - 1) + 1) / task.ratio
+            taps = np.floor(places).astype(int)[:, None] + np.arange(1 - reach, reach + 1)
+            weights = weight(places[:, None] - taps)
+            matrix = np.zeros((len(places), count))
+            np.add.at(matrix, (np.arange(len(places))[:, None], np.clip(taps, 0, count - 1)),
+                      weights / weights.sum(1, keepdims=True))
+            values = np.moveaxis(np.tensordot(matrix, values, (1, axis)), 0, axis)
+        shown = srgb_encode(decode(values))
     return np.round(np.clip(shown, 0, 1) * 255).astype(np.uint8)
 
 
@@ -115,22 +127,6 @@ def _imported(given: Array, ratio: int, name: str) -> Array:
         views = to_views(finished_linear(frame, name), (given.shape[3], given.shape[2]))
     margin = slice(ratio // 2, -(ratio // 2))
     return srgb_encode(views[margin if len(given) > 1 else slice(None), margin])
-
-
-def _resampled(given: Array, ratio: int, kernel: str) -> Array:
-    """Return our kernel's values at the views, encoded as the second stage does; the last view is repeated."""
-    reach, weight = KERNELS[kernel]
-    values = encode(srgb_decode(given.astype(np.float32) / 255))
-    for axis in (0, 1):
-        count = values.shape[axis]
-        places = np.arange(ratio * (count - 1) + 1) / ratio
-        taps = np.floor(places).astype(int)[:, None] + np.arange(1 - reach, reach + 1)
-        weights = weight(places[:, None] - taps)
-        matrix = np.zeros((len(places), count))
-        np.add.at(matrix, (np.arange(len(places))[:, None], np.clip(taps, 0, count - 1)),
-                  weights / weights.sum(1, keepdims=True))
-        values = np.moveaxis(np.tensordot(matrix, values, (1, axis)), 0, axis)
-    return srgb_encode(decode(values))
 
 
 def likeness(shown: Array, views: Array, ratio: int) -> Likeness:

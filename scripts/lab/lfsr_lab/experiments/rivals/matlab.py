@@ -1,13 +1,20 @@
-"""The image functions of MATLAB that the networks were trained and run with: resizing, median, colour, shifts."""
+"""What networks of others need: stored weights, MatConvNet's layers, MATLAB's functions. No code of theirs is run."""
 
 from __future__ import annotations
 
 import functools
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import scipy.io
+import torch
+import torch.nn.functional as nn
 from scipy.ndimage import median_filter
+from torch import Tensor
 
 from lfsr_core.base.arrays import Array
+from lfsr_core.base.errors import LfsrError
 
 KEYS = -0.5  # of MATLAB's cubic convolution
 # rows: Y, Cb, Cr of red, green, blue in [0, 1], as in ITU-R BT.601 with head and foot room
@@ -74,3 +81,64 @@ def to_ycbcr(rgb: Array) -> Array:
 def from_ycbcr(values: Array) -> Array:
     """Return red, green, blue in [0, 1] of (…, 3) (``ycbcr2rgb``)."""
     return np.clip((values - OFFSET) @ np.linalg.inv(YCBCR).T, 0, 1)
+
+
+def tensor(values: Array) -> Tensor:
+    """Return a float32 tensor of an array."""
+    return torch.tensor(values, dtype=torch.float32)
+
+
+def convolution(x: Tensor, weight: Array, bias: Array, pad: int) -> Tensor:
+    """Convolve (N, in, H, W) with filters (h, w, in, out)."""
+    return nn.conv2d(x, tensor(weight).permute(3, 2, 0, 1), tensor(bias), padding=pad)
+
+
+def transposed(x: Tensor, weight: Array, bias: Array, step: tuple[int, int]) -> Tensor:
+    """Return the transposed convolution of (N, in, H, W), uncropped, with filters (h, w, out, in)."""
+    return nn.conv_transpose2d(x, tensor(weight).permute(3, 2, 0, 1), tensor(bias), stride=step)
+
+
+def convolution_4d(x: Tensor, weight: Array, bias: Array, pad: tuple[int, int], step: int = 1) -> Tensor:
+    """Convolve a light field over pixels and views.
+
+    Parameters
+    ----------
+    x : (rows of views, columns of views, in, H, W)
+    weight : (h, w, rows, columns, in, out)
+    pad : of pixels and of views, with zeros on every side
+    step : of views
+    """
+    filters = tensor(weight).permute(5, 2, 3, 4, 0, 1)
+    rows, columns = filters.shape[1:3]
+    x = nn.pad(x, (0, 0, 0, 0, 0, 0, pad[1], pad[1], pad[1], pad[1]))
+    flat = filters.flatten(1, 3)
+    made = [[nn.conv2d(x[v:v + rows, u:u + columns].flatten(0, 2)[None], flat, tensor(bias).ravel(), padding=pad[0])[0]
+             for u in range(0, x.shape[1] - columns + 1, step)] for v in range(0, x.shape[0] - rows + 1, step)]
+    return torch.stack([torch.stack(row) for row in made])
+
+
+def stored(clones: Path, path: str) -> Path:
+    """Return a file of a clone; LfsrError where it is missing."""
+    file = clones / path
+    if not file.is_file():
+        raise LfsrError(f"{file} does not exist, expected stored weights: clone the repository {Path(path).parts[0]!r} "
+                        f"into {clones}")
+    return file
+
+
+def cells(clones: Path, path: str) -> list[tuple[Array, Array]]:
+    """Return (weights, biases) of every layer in a MATLAB file with the cell arrays ``weight`` and ``bias``."""
+    found = scipy.io.loadmat(stored(clones, path))
+    return [(weight, bias.ravel()) for weight, bias in zip(found["weight"].ravel(), found["bias"].ravel(), strict=True)]
+
+
+def parameters(clones: Path, path: str) -> dict[str, Array]:
+    """Return the parameters of a MatConvNet DAG in a MATLAB file, by name."""
+    found = scipy.io.loadmat(stored(clones, path))["net"]["params"][0, 0]
+    return {str(name.item()): np.asarray(value) for name, value in
+            zip(found["name"].ravel(), found["value"].ravel(), strict=True)}
+
+
+def state(clones: Path, path: str) -> dict[str, Any]:
+    """Return the tensors of a PyTorch checkpoint, by name."""
+    return dict(torch.load(stored(clones, path), map_location="cpu", weights_only=True))

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +16,80 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world
+from lfsr_core.frames.request import Request
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_decode, srgb_encode
 from lfsr_core.reconstruct.methods import PREFILTER, load_method, names
 from lfsr_core.reconstruct.second_stage import finished_lenses
-from lfsr_lab.experiments.engine.accuracy import lens_ssims
+from lfsr_lab.experiments.denoiser.measure import Place, Render, Scene
+from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.timing import children_cpu_seconds, cpu_seconds
-from lfsr_lab.experiments.engine.truth import Truth
+from lfsr_lab.experiments.engine.truth import Figures, Truth, lens_ssims
 from lfsr_lab.experiments.rivals import lfbm5d
-from lfsr_lab.experiments.rivals.lfdnpatch import LFDnPatch
+from lfsr_lab.experiments.rivals.lfbm5d import LFDnPatch
 from lfsr_lab.experiments.rivals.makers import MAKERS
-from lfsr_lab.experiments.rivals.renders import SCALES, View
+
+DISPLAY = str(Path(__file__).parent / "rivals.toml")
+REFERENCE_SAMPLES = 1024  # in both halves together
+LENSES = 20  # that a reference shows
+SCALES = (7, 3)
+SAMPLES = (4, 16)
+WIDE, NARROW = "wide", "narrow"  # low views that fill their cells; low views of a finished view's width
+SCENES = {  # file below one of the folders of scenes, by name; the group says whether methods were developed on it
+    "helmet": ("helmet/FlightHelmet.gltf", "known"),
+    "dragon": ("dragon/dragon.blend", "known"),
+    "cloth": ("cloth.blend", "unseen"),
+    "city": ("city.blend", "unseen"),
+    "truck": ("CesiumMilkTruck/glTF/CesiumMilkTruck.gltf", "unseen"),
+    "figures": ("figures.blend", "unseen"),
+    "deep": ("deep.blend", "unseen"),
+}
+
+
+@dataclasses.dataclass(frozen=True, order=True)
+class View:
+    """One low-resolution render."""
+
+    scale: int
+    samples: int
+    width: str = WIDE
+
+    @property
+    def name(self) -> str:
+        """Its name in tables and files."""
+        return f"s{self.scale}-spp{self.samples}-{self.width}"
+
+
+VIEWS = tuple(View(scale, samples, width) for scale in SCALES for width in (WIDE, NARROW) for samples in SAMPLES)
+
+
+def place(name: str, store: Store, folders: Sequence[Path]) -> Place | None:
+    """Return a scene of SCENES where its file is below one of ``folders``."""
+    file, group = SCENES[name]
+    found = next((path for folder in folders if (path := folder / file).is_file()), None)
+    scene = Scene(name, file, group, display=DISPLAY, scale=SCALES[0], lenses=LENSES)
+    return Place(store, scene, found) if found else None
+
+
+def folder_of(view: View) -> str:
+    """Return the name of a render's folder."""
+    return _wide(view).folder if view.width == WIDE else view.name
+
+
+def job(place: Place, view: View) -> Request:
+    """Return the job of a render."""
+    return dataclasses.replace(place.job(_wide(view)), output=str(place.folder / folder_of(view)),
+                               view_aperture=1.0 if view.width == WIDE else 1 / view.scale)
+
+
+def _wide(view: View) -> Render:
+    return Render(view.scale, view.samples)
+
+
+def fill(place: Place) -> None:
+    """Render what is missing of a scene."""
+    place.store.render_all([place.reference(REFERENCE_SAMPLES), *(job(place, view) for view in VIEWS)])
+
 
 VERSION = 1  # of how figures are measured
 MOST_SHEAR = 4  # pixels between two low-resolution views, as in the demo of Sheared-EPI
@@ -37,20 +99,6 @@ FOLLOWERS = {7: (*OURS, "AngularSR-1", "AngularSR-2", "Sheared-EPI"), 3: (*OURS,
 AFTER_OTHERS = ("bilinear", "AngularSR-2")
 OTHERS = ("LFBM5D", "LFDnPatch")
 SLOW = ("Sheared-EPI",)  # after our denoiser alone
-
-
-@dataclasses.dataclass(frozen=True)
-class Figures:
-    """Of one render and method: one value per foreground lens."""
-
-    ssim: tuple[float, ...]  # split SSIM
-    squared: tuple[float, ...]  # squared error of display values, split
-    cpu_seconds: float  # of interpolating all lenses
-
-    @property
-    def psnr(self) -> float:
-        """In dB, of the mean squared error."""
-        return -10 * math.log10(max(float(np.mean(self.squared)), 1e-9))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,15 +11,13 @@ import numpy as np
 from lfsr_core.metrics.intervals import student_95
 from lfsr_lab.experiments.engine.report import UNKNOWN, markdown_table
 from lfsr_lab.experiments.rivals.captured import TASKS, Likeness
-from lfsr_lab.experiments.rivals.measure import Figures, Row
-from lfsr_lab.experiments.rivals.renders import NARROW, SAMPLES, SCALES, SCENES, WIDE, View
+from lfsr_lab.experiments.rivals.measure import NARROW, SAMPLES, SCALES, SCENES, WIDE, Row, View
 
 Rows = dict[tuple[str, View, str], Row]  # by scene, render and denoiser
 Captured = dict[tuple[str, str], Likeness]  # by task and method
 Record = dict[str, Any]
 TEMPLATE = Path(__file__).parent / "page.txt"
 DEFAULT = "denoise+bilinear+epi"
-SSIM, PSNR, SECONDS = range(3)  # places in an entry
 SHOWN = (*(f"denoise+{name}" for name in ("bilinear", "bilinear+epi", "AngularSR-2", "Sheared-EPI", "EPICNN")),
          "oidn+bilinear", "LFBM5D+bilinear", "LFBM5D+AngularSR-2", "LFDnPatch+bilinear")
 OF_CAPTURED = ("bilinear", "bicubic", "bilinear+epi", "AngularSR-2", "Sheared-EPI", "EPICNN")
@@ -33,20 +31,17 @@ def record(rows: Rows, captured: Captured) -> Record:
         default = rows[scene, View(view.scale, view.samples, view.width), "denoise"].followers["bilinear+epi"]
         of_view = scenes.setdefault(scene, {}).setdefault(view.name, {})
         for follower, figures in row.followers.items():
-            of_view[f"{denoiser}+{follower}"] = _entry(figures, row.cpu_seconds, default)
+            each = np.subtract(figures.ssim, default.ssim)
+            half = student_95(len(each) - 1) * each.std(ddof=1) / math.sqrt(len(each)) if len(each) > 1 else 0.0
+            of_view[f"{denoiser}+{follower}"] = [round(float(np.mean(figures.ssim)), 4), round(figures.psnr, 2),
+                                                 round(row.cpu_seconds + figures.cpu_seconds, 2),
+                                                 round(float(each.mean()), 4), round(float(half), 4)]
     tasks: Record = {}
     for (task, method), found in captured.items():
         tasks.setdefault(task, {})[method] = [round(found.psnr, 2), round(found.ssim, 4)]
     return {"columns": ["ssim_lens_fg", "psnr_fg", "cpu_seconds", "ssim_minus_default", "half_width_95"],
             "groups": {name: group for name, (_, group) in SCENES.items() if name in scenes}, "scenes": scenes,
             "captured_columns": ["psnr_y", "ssim_y"], "captured": tasks}
-
-
-def _entry(figures: Figures, denoising: float, default: Figures) -> list[float]:
-    each = np.subtract(figures.ssim, default.ssim)
-    half = student_95(len(each) - 1) * each.std(ddof=1) / math.sqrt(len(each)) if len(each) > 1 else 0.0
-    return [round(float(np.mean(figures.ssim)), 4), round(figures.psnr, 2), round(denoising + figures.cpu_seconds, 2),
-            round(float(each.mean()), 4), round(float(half), 4)]
 
 
 def markdown(found: Record) -> str:

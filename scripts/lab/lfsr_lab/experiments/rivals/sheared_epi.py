@@ -18,9 +18,7 @@ import torch.nn.functional as nn
 from scipy.ndimage import correlate1d
 
 from lfsr_core.base.arrays import Array
-from lfsr_lab.experiments.rivals.layers import convolution, tensor, transposed
-from lfsr_lab.experiments.rivals.matlab import median3, moved, resized
-from lfsr_lab.experiments.rivals.weights import cells
+from lfsr_lab.experiments.rivals.matlab import cells, convolution, median3, moved, resized, tensor, transposed
 
 SEEN = 9  # rows that the network sees of the two of an epipolar-plane image
 WINDOW, SPREAD = 5, 15.5  # of the weighted median: its radius, and its deviation in 8-bit values
@@ -44,7 +42,10 @@ class ShearedEPI:
         height, width = corners.shape[2:4]
         rest = [(0, 0), (0, 0), (0, -height % STEP), (self._most, self._most + -width % STEP), (0, 0)]
         padded = np.pad(corners.astype(float), rest, mode="edge")
-        shears = _carried([self._shears(padded, *corner) for corner in CORNERS], ratio + 1)
+        views = ratio + 1
+        shears = np.stack([np.stack([_at([self._shears(padded, *corner) for corner in CORNERS], row,
+                                         column) for column in np.linspace(0, 1, views)])
+                           for row in np.linspace(0, 1, views)])
         inside = padded[:, :, :, self._most:padded.shape[3] - self._most]
         columns = np.stack([_between(inside[:, end], shears[:, end * ratio], axis=1) for end in (0, 1)], 1)
         made = np.stack([_between(columns[row], shears[row], axis=2) for row in range(ratio + 1)])
@@ -92,12 +93,6 @@ def weighted_median(labels: Array, guide: Array, count: int) -> Array:
         weight = np.exp(-((colours[part] - guide)**2).sum(-1) / (2 * SPREAD**2))
         heights[seen[part], *places] += weight
     return np.asarray((heights[:count].cumsum(0) * 2 >= heights[:count].sum(0)).argmax(0))
-
-
-def _carried(shears: list[Array], views: int) -> Array:
-    """Return shears (views, views, H, W) of all views from those of the corners."""
-    return np.stack([np.stack([_at(shears, row, column) for column in np.linspace(0, 1, views)])
-                     for row in np.linspace(0, 1, views)])
 
 
 def _at(shears: list[Array], row: float, column: float) -> Array:

@@ -17,14 +17,12 @@ from lfsr_core.frames.frame import Frame, read_frame
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES
 from lfsr_core.reconstruct.second_stage import finished_panel, linear_and_mask
 from lfsr_lab.experiments.engine import timing
-from lfsr_lab.experiments.engine.accuracy import Figures as Numbers
-from lfsr_lab.experiments.engine.accuracy import Target
-from lfsr_lab.experiments.engine.cells import Cell
+from lfsr_lab.experiments.engine.records import Cell
 from lfsr_lab.experiments.engine.timing import Seconds
+from lfsr_lab.experiments.engine.truth import Metrics, Truth
 from lfsr_lab.experiments.seed_paper import renders, weights
 from lfsr_lab.experiments.seed_paper.figure import LENS_SSIM, SECONDS, Row, Rows
-from lfsr_lab.experiments.seed_paper.renders import View
-from lfsr_lab.experiments.seed_paper.settings import CELLS, SCALE, Settings
+from lfsr_lab.experiments.seed_paper.renders import CELLS, SCALE, Settings, View
 
 TIME_COLUMNS = ("ms", "quartile 1", "quartile 3")
 FRAME_COLUMNS = RENDER, SECOND_STAGE, TOTAL = ("render, s", "second stage, s", "sum, s")
@@ -38,7 +36,7 @@ class Finished:
     folder: Path  # of the render
     frame: Frame  # in it
     method: weights.Ready
-    target: Target
+    truth: Truth
     file: Path  # for an image of it
 
 
@@ -61,12 +59,12 @@ def accuracy_cell(settings: Settings, figure: str, view: View, name: str, measur
     def run() -> Rows:
         method, found = weights.method(settings, name), Row(has_weights=False)
         if method is not None:
-            folder, target = renders.rendered(settings, view), Target.read(renders.reference(settings, view.scene))
+            folder, truth = renders.rendered(settings, view), Truth(renders.reference(settings, view.scene))
             frame = read_frame(folder)
-            target.check(frame)
+            truth.check(frame)
             image, _ = linear_and_mask(folder, method[0], upscaler=method[1])
             file = settings.output / CELLS / figure / f"{key}.png"
-            found = measure(Finished(image, folder, frame, method, target, file))
+            found = measure(Finished(image, folder, frame, method, truth, file))
         return Rows((dataclasses.replace(found, scene=scene, method=label, samples=view.spp),))
 
     return Cell(key, {**_inputs(settings, view, name), **inputs}, run)
@@ -85,11 +83,11 @@ def _inputs(settings: Settings, view: View, name: str) -> dict[str, Any]:
 
 def accuracy(made: Finished) -> Row:
     """Return the metrics of an image, and its split SSIM per foreground lens."""
-    lenses = tuple(round(float(value), 6) for value in made.target.lens_ssim(made.image))
-    return Row(values=made.target.accuracy(made.image), series={LENS_SSIM: lenses})
+    lenses = tuple(round(float(value), 6) for value in made.truth.lens_ssim(made.image))
+    return Row(values=made.truth.metrics(made.image), series={LENS_SSIM: lenses})
 
 
-def frame_seconds(settings: Settings, folder: Path, method: weights.Ready) -> Numbers:
+def frame_seconds(settings: Settings, folder: Path, method: weights.Ready) -> Metrics:
     """Return the seconds of a frame: its render, and the median of the second stage short of writing files."""
     seconds = timing.take_turns({"": lambda: finished_panel(folder, method[0], upscaler=method[1])}, settings.repeats)
     render, second_stage = read_frame(folder).seconds["render"], timing.median_ms(seconds[""]) / 1e3
@@ -113,7 +111,7 @@ def network_times(settings: Settings, steps: Mapping[str, tuple[str, int]]) -> C
     def run() -> Rows:
         import torch
 
-        from lfsr_lab.networks.engine import Engine
+        from lfsr_lab.networks.upscalers import Engine
 
         count, side = settings.workload
         on_gpu = torch.cuda.is_available() and settings.device != "cpu"

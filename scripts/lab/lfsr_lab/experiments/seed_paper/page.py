@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_lab.experiments.engine.environment import Environment
+from lfsr_lab.experiments.engine.report import Environment
 from lfsr_lab.experiments.seed_paper.figure import Figure, Results
 from lfsr_lab.experiments.seed_paper.figures import frames, images
 from lfsr_lab.experiments.seed_paper.figures.networks import ARCHITECTURE, COST, DEPTH, STEPS
-from lfsr_lab.experiments.seed_paper.settings import SCALE, Settings
+from lfsr_lab.experiments.seed_paper.renders import SCALE, Settings
 
 FIGURES: dict[str, Figure] = {figure.id: figure for figure in (
     images.FIG9, STEPS, frames.FRACTION, DEPTH, ARCHITECTURE, images.FIG11, frames.SCALES,

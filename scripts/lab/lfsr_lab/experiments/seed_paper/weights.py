@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from lfsr_core.base.files import read_json
 from lfsr_core.base.progress import ProgressBar
-from lfsr_lab.experiments.engine.cells import to_stderr
-from lfsr_lab.experiments.seed_paper.settings import SCALE, Settings
+from lfsr_lab.experiments.engine.records import to_stderr
+from lfsr_lab.experiments.seed_paper.renders import SCALE, Settings
 from lfsr_lab.networks import comparators
 from lfsr_lab.networks.methods import LabMethod, Ready
 from lfsr_lab.train.config import load_config
@@ -116,7 +116,7 @@ def train(settings: Settings, name: str) -> Path:
     config = load_config(SHORT_CONFIG, [f"{key}={value}" for key, value in changes.items()])
     to_stderr(f"training {name} x{SCALE}: {config.epochs} epochs")
     with contextlib.closing(ProgressBar()) as bar:
-        options = loop.RunOptions(resume=(folder / loop.CHECKPOINT).exists(), progress=bar)
+        options = loop.RunOptions(resume=(folder / loop.CHECKPOINT).exists(), tell=bar)
         trained = session.train(config, folder, settings.device, options)
     if trained.weights is None:
         raise KeyboardInterrupt

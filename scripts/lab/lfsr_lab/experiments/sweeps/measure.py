@@ -14,10 +14,10 @@ from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.reconstruct.methods import COMPARED, DEFAULT_METHOD
 from lfsr_core.reconstruct.second_stage import finished_linear
-from lfsr_lab.experiments.engine import cells
-from lfsr_lab.experiments.engine.accuracy import Figures, Target, finite
+from lfsr_lab.experiments.engine import records
 from lfsr_lab.experiments.engine.records import Records, method_facts
 from lfsr_lab.experiments.engine.renders import REFERENCE, SCENE_FILE, Store, foreground, reference_of
+from lfsr_lab.experiments.engine.truth import Metrics, Truth, finite
 from lfsr_lab.experiments.sweeps import metrics
 from lfsr_lab.experiments.sweeps.records import Cell, Settings
 from lfsr_lab.experiments.sweeps.sweeps import EYE, MOTION, Sweep
@@ -62,9 +62,9 @@ class Scene:
         """Yield the cell of every method; what is missing is rendered and measured now."""
         samples = self.sweep.samples(self.value)
         end = f"-seed{self.seed}" if self.seed else ""
-        wanted = [cells.Cell(f"{name}-{self.sweep.name}-spp{samples}{end}", method_facts(name),
+        wanted = [records.Cell(f"{name}-{self.sweep.name}-spp{samples}{end}", method_facts(name),
                              functools.partial(self.measure, name), self.jobs) for name in methods]
-        yield from cells.measured(wanted, Records(self.folder / CELLS, Cell), self.store)
+        yield from records.measured(wanted, Records(self.folder / CELLS, Cell), self.store)
 
     @property
     def jobs(self) -> list[Request]:
@@ -88,9 +88,9 @@ class Scene:
                    seed=seed, frame=frame, device=settings.device)
 
     @functools.cached_property
-    def target(self) -> Target:
+    def truth(self) -> Truth:
         """The reference, read."""
-        return Target.read(Path(self.reference_job.output))
+        return Truth(Path(self.reference_job.output))
 
     @property
     def space(self) -> Space:
@@ -99,16 +99,15 @@ class Scene:
 
     def measure(self, name: str) -> Cell:
         """Return every figure of a method here."""
-        target, render = self.target, Path(self.job().output)
-        image = finished(render, name)
-        of = metrics.Compared(srgb_encode(image), srgb_encode(target.halves[0]), srgb_encode(target.halves[1]),
-                              target.lenses, target.mask)
+        truth, image = self.truth, finished(Path(self.job().output), name)
+        half_a, half_b = map(srgb_encode, truth.whole)
+        of = metrics.Compared(srgb_encode(image), half_a, half_b, self.settings.display.lenses, truth.mask)
         found = self._judged(of) if self.seed else self._every_figure(name, image, of)
         figures = {key: finite(value) for key, value in found.items()}
         return Cell(self.value, self.sweep.scene_name(self.value), self.sweep.samples(self.value), name, figures,
                     metrics.worst_lens(of), **method_facts(name))
 
-    def _judged(self, of: metrics.Compared) -> Figures:
+    def _judged(self, of: metrics.Compared) -> Metrics:
         """Return the figure by which the sweep is judged, and what costs nothing beside it."""
         if self.sweep.name == EYE:
             return self._straightness(of)
@@ -118,8 +117,8 @@ class Scene:
             return metrics.border_and_centre(of, width=self.settings.scale)
         return {"ssim_eia_fg": metrics.foreground_ssim(of)}
 
-    def _every_figure(self, name: str, image: Array, of: metrics.Compared) -> Figures:
-        found = self.target.accuracy(image, foreground(Path(self.job().output)))
+    def _every_figure(self, name: str, image: Array, of: metrics.Compared) -> Metrics:
+        found = self.truth.metrics(image, foreground(Path(self.job().output)))
         found |= metrics.border_and_centre(of, width=self.settings.scale)
         found["neighbour_error"] = metrics.neighbour_view_error(of)
         if self.sweep.name == EYE:
@@ -128,7 +127,7 @@ class Scene:
             found |= self._flicker(name)
         return found
 
-    def _straightness(self, of: metrics.Compared) -> Figures:
+    def _straightness(self, of: metrics.Compared) -> Metrics:
         step = self.space.scale / self.value
         names = ("epi_straightness", "epi_straightness_reference")
         if not step.is_integer():  # no two views that see the same points
@@ -138,12 +137,12 @@ class Scene:
         return {name: metrics.epi_straightness(image, of.lenses, int(step), other, axes)
                 for name, (image, other) in zip(names, ((of.x, None), (of.a, of.b)), strict=True)}
 
-    def _flicker(self, name: str) -> Figures:
+    def _flicker(self, name: str) -> Metrics:
         """Return the flicker with one seed for all frames and with a seed for each."""
         count = self.settings.frames
         y, half, path = card_of_motion(self.space, int(self.value), count)
         cards = [metrics.card_pixels(self.space, y, card_centre(self.space, y, place, path), half) for place in path]
-        found: Figures = {}
+        found: Metrics = {}
         for kind, changes in (("fixed", False), ("changing", True)):
             folders = [Path(self.job(frame, frame if changes else 0).output) for frame in range(1, count + 1)]
             images = [srgb_encode(finished(folder, name)) for folder in folders]

@@ -1,4 +1,4 @@
-"""Figures that only the parameter sweeps need: borders of elemental images, the moving eye, flicker, worst places.
+"""Metrics that only the parameter sweeps need: borders of elemental images, the moving eye, flicker, worst places.
 
 Images are EIAs (H, W, C) of sRGB values in [0, 1] in view order.
 """
@@ -14,7 +14,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.metrics.split_ssim import inside_border, mean_of, split_ssim_map
 from lfsr_core.optics.eia import to_elemental_images, to_views
-from lfsr_lab.experiments.engine.accuracy import Figures, root
+from lfsr_lab.experiments.engine.truth import Metrics, root
 from lfsr_lab.scenes.sweeps.space import Space
 
 Pair = tuple[int, int]
@@ -43,7 +43,7 @@ def foreground_ssim(of: Compared) -> float | None:
     return mean_of(inside_border(split_ssim_map(of.x, of.a, of.b))[inside]) if inside.any() else None
 
 
-def border_and_centre(of: Compared, width: int) -> Figures:
+def border_and_centre(of: Compared, width: int) -> Metrics:
     """Return RMS error and split SSIM of the outer ``width`` pixels of foreground EIs and of the rest, and their ratio.
 
     Values None where there are no such pixels, the ratio also where the centre's
@@ -51,21 +51,17 @@ def border_and_centre(of: Compared, width: int) -> Figures:
     """
     errors = of.squares[of.mask].mean(-1)
     local = to_elemental_images(split_ssim_map(of.x, of.a, of.b), of.lenses)[of.mask].mean(-1)
-    ring = _ring(errors.shape[1:], width)
-    found: Figures = {}
+    shape = errors.shape[1:]
+    down, across = (np.minimum(np.arange(size), np.arange(size)[::-1]) < width if size > 1 else np.zeros(1, bool)
+                    for size in shape)
+    ring = down[:, None] | across
+    found: Metrics = {}
     for name, where in (("border", ring), ("centre", ~ring)):
         some = bool(where.any()) and len(errors) > 0
         found[f"rmse_{name}"] = root(mean_of(errors[:, where])) if some else None
         found[f"ssim_{name}"] = mean_of(local[:, where]) if some else None
     border, centre = found["rmse_border"], found["rmse_centre"]
     return found | {"border_ratio": border / centre if border is not None and centre else None}
-
-
-def _ring(shape: tuple[int, ...], width: int) -> Array:
-    """Return the outer pixels (py, px); along an axis with one view there is no border."""
-    down, across = (np.minimum(np.arange(size), np.arange(size)[::-1]) < width if size > 1 else np.zeros(1, bool)
-                    for size in shape)
-    return down[:, None] | across
 
 
 def neighbour_view_error(of: Compared) -> float | None:

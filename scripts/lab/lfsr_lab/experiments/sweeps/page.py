@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,15 +11,12 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.images.png import write_png
 from lfsr_core.images.srgb import srgb_encode
-from lfsr_lab.experiments.engine.environment import environment
 from lfsr_lab.experiments.engine.plots import COLORS, MARKERS, Curve, draw_curves, panel_sheet, svg
-from lfsr_lab.experiments.engine.renders import SCENE_FILE, Store
-from lfsr_lab.experiments.engine.report import inline_svg, markdown_table, number, page_html, write_drawn, write_report
-from lfsr_lab.experiments.sweeps.breaks import breaking_point, near_breaks
+from lfsr_lab.experiments.engine.renders import Store
+from lfsr_lab.experiments.engine.report import inline_svg, markdown_table, number, page_html
 from lfsr_lab.experiments.sweeps.measure import BASELINE, Scene, finished
-from lfsr_lab.experiments.sweeps.records import FORMAT, Cell, Repeat, Report, Settings, SweepReport
-from lfsr_lab.experiments.sweeps.sweeps import MOTION, Sweep, choose_sweeps, label
-from lfsr_lab.networks.methods import LabMethod
+from lfsr_lab.experiments.sweeps.records import Cell, Repeat, Report, Settings, SweepReport, breaking_point
+from lfsr_lab.experiments.sweeps.sweeps import Sweep, choose_sweeps, label
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -30,50 +26,6 @@ LENSES_IN_CROP, LEAST_CROP, GAP = 3, 240, 6
 LEGEND = ("A number is the first value of the sweep where the method breaks: **b** below bicubic, **s** 0.05 below its "
           "own start; in brackets where else it may be with 95 % confidence over the seeds. – : it never breaks. ? : "
           "nothing could be measured.")
-
-
-def run(store: Store, settings: Settings, methods: Sequence[str], names: Sequence[str] | None = None,
-        quick: bool = False, seeds: int = 1) -> Path:
-    """Measure every missing cell, then write report and page; return the path of stress.json.
-
-    ``names``: of the sweeps, None for all; ``quick``: few values; ``seeds``: of the renders' noise where methods break.
-    Bicubic is added to ``methods``. LfsrError for an unknown sweep or method, a method that the display cannot have, a
-    folder begun with other settings, and where Blender fails.
-    """
-    methods = tuple(dict.fromkeys([BASELINE, *methods]))
-    for name in methods:
-        LabMethod.parse(name).check_parallax(settings.display.parallax)
-    scenes = {sweep: [Scene(store, settings, sweep, value) for value in (sweep.quick if quick else sweep.values)]
-              for sweep in choose_sweeps(names)}
-    store.claim(settings)
-    wanted = {scene.folder / SCENE_FILE: {"name": scene.sweep.name, "value": scene.value}
-              for of_sweep in scenes.values() for scene in of_sweep}
-    store.build("sweep_scenes.py", wanted, display=settings.display.to_dict(), scale=settings.scale,
-                frames=settings.frames)
-    sweeps = []
-    for index, (sweep, of_sweep) in enumerate(scenes.items(), start=1):
-        print(f"sweep {index} of {len(scenes)}: {sweep.name}, {len(of_sweep)} values", flush=True)
-        sweeps.append(measured_sweep(store, of_sweep, methods, seeds))
-    report = Report(FORMAT, settings, environment(), methods, tuple(sweeps))
-    file, _ = write_report(store.folder, STEM, report, {".md": lambda: markdown(report)})
-    write_drawn(store.folder / PAGE_FILE, lambda: html(store, report), file)
-    return file
-
-
-def measured_sweep(store: Store, scenes: Sequence[Scene], methods: Sequence[str], seeds: int) -> SweepReport:
-    """Measure the scenes of one sweep, those near breaking points with ``seeds`` seeds."""
-    sweep, values = scenes[0].sweep, [scene.value for scene in scenes]
-    store.render_all([job for scene in scenes for job in scene.jobs])
-    cells = tuple(cell for scene in scenes for cell in scene.cells(methods))
-    first = report_of(sweep, values, cells, methods)
-    if seeds == 1 or sweep.name == MOTION:  # whose figure is one of many seeds already
-        return first
-    near = near_breaks(values, first.breaks.values())
-    repeated = [dataclasses.replace(scene, seed=seed) for scene in scenes if scene.value in near
-                for seed in range(1, seeds)]
-    store.render_all([scene.job() for scene in repeated])
-    others = [cell for scene in repeated for cell in scene.cells(methods)]
-    return report_of(sweep, values, cells, methods, others)
 
 
 def report_of(sweep: Sweep, values: Sequence[float], cells: tuple[Cell, ...], methods: Sequence[str],
@@ -130,7 +82,7 @@ def _write_crop(store: Store, settings: Settings, entry: SweepReport, method: st
     if cell is None or cell.worst_lens is None:
         return None
     scene = Scene(store, settings, choose_sweeps([entry.name])[0], cell.value)
-    halves, render = scene.target.halves, Path(scene.job().output)
+    halves, render = scene.truth.whole, Path(scene.job().output)
     names = tuple(dict.fromkeys((BASELINE, method)))
     images = [(halves[0] + halves[1]) / 2, *(finished(render, name) for name in names)]
     crops = [crop_around(srgb_encode(image), settings.display.lenses, cell.worst_lens) for image in images]

@@ -1,9 +1,9 @@
-"""Does `lfsr plan` see where methods break? ``python -m lfsr_lab.experiments.sweeps.plans STRESS -o OUT --json FILE``
+"""Does `lfsr plan` see where methods break?
 
-STRESS is a finished folder of `lfsr stress`. Each sweep's scene at the default's breaking point is rendered whole at
-every scale and sample count of a plan, and plans are replayed on it (lfsr_lab.experiments.plan_validation). Their
-target is what the default has at the sweep's first value less DROP: what it misses once it is broken. Where it never
-breaks, the scene is that of the fast method's breaking point, else of the last value.
+STRESS is a finished folder of `lfsr study stress`. Each sweep's scene at the default's breaking point is rendered
+whole at every scale and sample count of a plan, and plans are replayed on it (`lfsr study plans`). Their target is what
+the default has at the sweep's first value less DROP: what it misses once it is broken. Where it never breaks, the scene
+is that of the fast method's breaking point, else of the last value.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -19,14 +18,13 @@ from lfsr_core.base.records import read_record, write_record
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD
-from lfsr_lab.experiments.engine.accuracy import MAIN_METRICS
 from lfsr_lab.experiments.engine.renders import Store
-from lfsr_lab.experiments.engine.report import UNKNOWN, exit_code, markdown_table, number
-from lfsr_lab.experiments.plan_validation.__main__ import Draws, summary, validate
+from lfsr_lab.experiments.engine.report import UNKNOWN, markdown_table, number
+from lfsr_lab.experiments.engine.truth import MAIN_METRICS
 from lfsr_lab.experiments.plan_validation.records import Validation, Verdict
-from lfsr_lab.experiments.sweeps.breaks import DROP
+from lfsr_lab.experiments.plan_validation.study import Draws, summary, validate
 from lfsr_lab.experiments.sweeps.measure import Scene
-from lfsr_lab.experiments.sweeps.records import Report, SweepReport
+from lfsr_lab.experiments.sweeps.records import DROP, Report, SweepReport
 from lfsr_lab.experiments.sweeps.sweeps import MOTION, choose_sweeps, label
 
 SCALES, SPPS, SEEDS = (1, 2, 4), (4, 16, 64), (0, 1, 2)
@@ -91,26 +89,17 @@ def _row(sweep: SweepReport, methods: Sequence[str], rows: Sequence[Verdict]) ->
             "–".join(dict.fromkeys(f"{each:.2f}" for each in (min(costs), max(costs)))) if costs else UNKNOWN]
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Return the exit code: 0, 2 after bad input, 130 if stopped."""
-    parser = argparse.ArgumentParser(prog="plans", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("stress", type=Path, metavar="STRESS", help="finished folder of lfsr stress")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="folder of measured candidates")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this study."""
+    parser.add_argument("stress", type=Path, metavar="STRESS", help="finished folder of `lfsr study stress`")
     parser.add_argument("--json", type=Path, required=True, metavar="FILE")
-    parser.add_argument("--blender")
-    options = parser.parse_args(argv)
-    return exit_code("plans", lambda: run(options.stress, options.output, options.json, options.blender))
 
 
-def run(stress: Path, output: Path, file: Path, blender: str | None = None) -> None:
-    """Make the plans, write them to ``file`` after each sweep, and print the table."""
-    report = read_record(stress / "stress.json", Report, "a report of lfsr stress")
+def run(arguments: argparse.Namespace) -> None:
+    """Make the plans, write them to the JSON file after each sweep, and print the table."""
+    report = read_record(arguments.stress / "stress.json", Report, "a report of `lfsr study stress`")
     rows: list[Verdict] = []
-    for verdict in verdicts(report, Store(stress, blender), output):
+    for verdict in verdicts(report, Store(arguments.stress, arguments.blender), arguments.output):
         rows.append(verdict)
-        write_record(file, Validation(True, summary(rows), tuple(rows)))
+        write_record(arguments.json, Validation(True, summary(rows), tuple(rows)))
     print("\n".join(table(report, rows)))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

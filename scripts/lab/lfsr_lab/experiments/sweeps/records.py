@@ -3,14 +3,92 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from statistics import fmean
+
+import numpy as np
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_lab.experiments.engine.accuracy import Figures
-from lfsr_lab.experiments.engine.environment import Environment
-from lfsr_lab.experiments.sweeps.breaks import BELOW_BICUBIC, BELOW_START, Break
+from lfsr_lab.experiments.engine.records import StudySettings
+from lfsr_lab.experiments.engine.report import Environment
+from lfsr_lab.experiments.engine.seeds import Estimate, estimate
+from lfsr_lab.experiments.engine.truth import Metrics
 from lfsr_lab.experiments.sweeps.sweeps import label
+
+DROP = 0.05       # how far below its own start a method counts as broken
+TOLERANCE = 1e-9  # rounding of the difference of two measured figures
+BELOW_BICUBIC, BELOW_START = "below bicubic", "below its start"
+Judged = Mapping[float, Sequence[float | None]]
+"""Judged figures by value of a sweep, one per seed; None where one could not be measured."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Break:
+    """Where a method breaks."""
+
+    value: float  # of the sweep
+    quality: float  # the judged figure there, mean over seeds
+    reason: str  # BELOW_BICUBIC or BELOW_START
+    # Where it breaks with 95 % confidence over the seeds: the first value at which it may be broken, and the first at
+    # which it surely is. None with one seed, ``latest`` also where it is sure at no value.
+    earliest: float | None = None
+    latest: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Margin:
+    """How far a method is above one of its limits at one value; it breaks at 0."""
+
+    value: float  # of the sweep
+    quality: float  # the judged figure, mean over seeds
+    limit: str  # BELOW_BICUBIC or BELOW_START
+    above: Estimate  # over seeds
+
+
+def breaking_point(values: Sequence[float], quality: Judged, bicubic: Judged | None = None) -> Break | None:
+    """Return where a method breaks: its first value below ``bicubic``, or DROP below its own start.
+
+    Parameters
+    ----------
+    values : of the sweep, from easy to hard; the start is the first of them with a quality
+    quality : the method's; values without one are passed over
+    bicubic : bicubic's with the same seeds, None where it is not compared
+
+    Returns
+    -------
+    None where the method never breaks on the mean over seeds
+    """
+    found = list(_margins(values, quality, bicubic or {}))
+    broken = next((margin for margin in found if margin.above.mean <= 0), None)
+    if broken is None:
+        return None
+    sure = [margin for margin in found if margin.above.spread is not None]
+    earliest = next((margin.value for margin in sure if margin.above.low <= 0), None)
+    latest = next((margin.value for margin in sure if margin.above.high <= 0), None)
+    return Break(broken.value, broken.quality, broken.limit, earliest, latest)
+
+
+def near_breaks(values: Sequence[float], breaks: Iterable[Break | None]) -> set[float]:
+    """Return the values that decide where methods break: those of ``breaks``, their neighbours, and the start."""
+    places = [values.index(found.value) for found in breaks if found]
+    return {values[near] for place in places for near in (0, place - 1, place, place + 1) if 0 <= near < len(values)}
+
+
+def _margins(values: Sequence[float], quality: Judged, bicubic: Judged) -> Iterator[Margin]:
+    """Yield the margins at every value where the method was measured, paired by seed."""
+    start: Sequence[float | None] = ()
+    for value in values:
+        own = quality.get(value, ())
+        known = [figure for figure in own if figure is not None]
+        start = start or known
+        limits = ((BELOW_BICUBIC, bicubic.get(value, ()), TOLERANCE), (BELOW_START, start, DROP - TOLERANCE))
+        for limit, others, allowed in limits:
+            above = [figure - other + allowed for figure, other in zip(own, others, strict=False)
+                     if figure is not None and other is not None]
+            if above:
+                yield Margin(value, fmean(known), limit, estimate(np.array(above)[:, None]))
+
 
 FORMAT = 1
 MARKS = {BELOW_BICUBIC: "b", BELOW_START: "s"}
@@ -21,7 +99,7 @@ EXTRAS = {"border": ("rmse_border", "rmse_centre", "border_ratio", "ssim_centre"
 
 
 @dataclasses.dataclass(frozen=True)
-class Settings:
+class Settings(StudySettings):
     """What decides every figure of a folder besides the sweeps and methods."""
 
     display: DisplayProfile  # that all scenes are made for
@@ -54,7 +132,7 @@ class Cell:
     scene: str  # folder of the scene
     samples: int  # per pixel of the low-resolution render
     method: str  # its name
-    metrics: Figures  # figures by name, None where one could not be measured
+    metrics: Metrics  # figures by name, None where one could not be measured
     # (row, column) of the foreground lens with the largest error, None without foreground.
     worst_lens: tuple[int, int] | None
     weights: str = ""  # SHA-256 over the files of the method's weights, empty without

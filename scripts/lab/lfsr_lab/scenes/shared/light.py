@@ -8,8 +8,7 @@ import bpy
 import mathutils
 
 from blender_addon.scene.light import add_light
-from lfsr_lab.scenes.shared.graph import Graph
-from lfsr_lab.scenes.shared.objects import add_object
+from lfsr_lab.scenes.shared.objects import Graph, add_object
 
 CAMERA_DISTANCE, DISPLAY_WIDTH = 10.0, 7.084  # of the 32-inch display, in units of 10 cm
 Vector = tuple[float, float, float]

@@ -8,9 +8,8 @@ import bpy
 import numpy as np
 
 from lfsr_lab.scenes.shared import surfaces
-from lfsr_lab.scenes.shared.graph import principled
-from lfsr_lab.scenes.shared.objects import add_surface, settle
-from lfsr_lab.scenes.training import plants
+from lfsr_lab.scenes.shared.objects import add_surface, principled, settle
+from lfsr_lab.scenes.training import shapes
 from lfsr_lab.scenes.training.layouts import around_plane, backdrop, floor_at, rods, room_side, scatter
 from lfsr_lab.scenes.training.lights import glowing_ball, light_dark, light_room
 from lfsr_lab.scenes.training.materials import paper_material, random_color, random_material
@@ -143,7 +142,7 @@ def hair(stage: Stage) -> None:
     """Furs and brushes of thin hairs, in hair or any other material."""
     for _ in range(stage.rng.integers(1, 4)):
         body = surfaces.blob(stage.rng) if stage.chance(0.5) else surfaces.sphere(40, 24)
-        fur = surfaces.unit_sized(plants.fur(stage.rng, body, 4, 0.4))
+        fur = surfaces.unit_sized(shapes.fur(stage.rng, body, 4, 0.4))
         material = _hair_material(stage) if stage.chance(0.6) else random_material(stage, closed=False)
         size = stage.rng.uniform(0.2, 0.8)
         put(stage, add_surface(fur, material, "hair"), around_plane(stage, size), size)

@@ -9,7 +9,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.objects import add_surface, settle
-from lfsr_lab.scenes.training import plants
+from lfsr_lab.scenes.training import shapes
 from lfsr_lab.scenes.training.lights import light_room
 from lfsr_lab.scenes.training.materials import leaf_material, paper_material, random_material
 from lfsr_lab.scenes.training.shapes import CLOSED, SMALL, copies, kinds, put, random_shape, readable, turn, upright
@@ -102,14 +102,14 @@ def rods(stage: Stage, counts: tuple[int, int], radii: tuple[float, float]) -> N
 def woods(stage: Stage) -> None:
     """One tree, or a few; leaves cut out by alpha."""
     for _ in range(stage.rng.integers(1, 4)):
-        plant = plants.tree(stage.rng)
+        plant = shapes.tree(stage.rng)
         size = stage.rng.uniform(0.5, 1.0)
         _plant(stage, plant, (around_plane(stage, size * 0.6), size, upright(stage, 0.1)))
     if stage.chance(0.3):
         floor_at(stage, -stage.array.half_height * 0.9)
 
 
-def _plant(stage: Stage, plant: plants.Plant, where: tuple[Array, float, Array],
+def _plant(stage: Stage, plant: shapes.Plant, where: tuple[Array, float, Array],
            cut_out: bool = True) -> None:
     """Wood and leaves; ``where``: place, size and turn, as of ``put``; ``cut_out``: leaves drawn by alpha."""
     wood, leaves = plant
@@ -129,7 +129,7 @@ def bouquet(stage: Stage) -> None:
     for _ in range(stage.rng.integers(2, 10)):
         lean = np.array([*stage.rng.normal(0, 0.25, 2), stage.rng.uniform(-3, 3)])
         height = size * stage.rng.uniform(0.9, 1.5)
-        _plant(stage, plants.flower(stage.rng), (base + np.array([0, 0, height - size]), height, lean),
+        _plant(stage, shapes.flower(stage.rng), (base + np.array([0, 0, height - size]), height, lean),
                cut_out=stage.chance(0.2))
     if stage.chance(0.5):
         floor_at(stage, base[2] - size)
@@ -138,7 +138,7 @@ def bouquet(stage: Stage) -> None:
 def meadow(stage: Stage) -> None:
     """Grass or hair-like blades with a few objects among them."""
     floor = -stage.array.half_height * 0.7
-    blades = plants.grass(stage.rng, 1.4, (stage.front + stage.behind) / 2)
+    blades = shapes.grass(stage.rng, 1.4, (stage.front + stage.behind) / 2)
     middle = np.array([0, (stage.behind - stage.front) / 2, floor])
     put(stage, add_surface(blades, random_material(stage, closed=False), "grass"), middle, 1.0, np.zeros(3))
     scatter(stage, (0, 5), 0.7, (0.1, 0.4))

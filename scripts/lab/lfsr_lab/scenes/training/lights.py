@@ -12,8 +12,7 @@ from mathutils import Vector
 from blender_addon import compat
 from lfsr_core.base.arrays import Array
 from lfsr_lab.scenes.shared import surfaces
-from lfsr_lab.scenes.shared.graph import Graph, principled
-from lfsr_lab.scenes.shared.objects import add_object, add_surface, settle
+from lfsr_lab.scenes.shared.objects import Graph, add_object, add_surface, principled, settle
 from lfsr_lab.scenes.training.materials import random_color
 from lfsr_lab.scenes.training.stage import Stage
 
@@ -28,11 +27,24 @@ def light_open_scene(stage: Stage) -> None:
         light_dark(stage, int(stage.rng.integers(1, 3)))
         return
     if setup.startswith("picture"):
-        _world_hdri(stage)
+        graph, color = _world(stage, 1.0)
+        paths = sorted(Path(bpy.utils.system_resource("DATAFILES", path="studiolights/world")).glob("*.exr"))
+        path = paths[stage.rng.integers(len(paths))]
+        around, tilt = stage.rng.uniform(0, 2 * math.pi), stage.rng.normal(0, 0.2)
+        vector = graph.node("ShaderNodeMapping", {"Vector": graph.node("ShaderNodeTexCoord").outputs["Generated"],
+                                                  "Rotation": (tilt, 0.0, around)}).outputs["Vector"]
+        image = bpy.data.images.load(str(path), check_existing=True)
+        graph.feed(color, graph.node("ShaderNodeTexEnvironment", {"Vector": vector}, image=image).outputs["Color"])
+        stage.note("world", file=path.name, turn=around)
     else:
         _world_color(stage, stage.log_uniform(0.02, 0.25) if setup != "sky" else 1.0)
     if setup == "sun":
-        _sun(stage, stage.log_uniform(2, 8))
+        strength = stage.log_uniform(2, 8)
+        light = bpy.data.lights.new("sun", "SUN")
+        light.energy, light.angle, light.color = strength, stage.log_uniform(0.005, 0.2), _lamp_color(stage)
+        _add_lamp(stage, light, (0, 0, 0)).rotation_euler = (stage.rng.uniform(-0.3, 1.2), stage.rng.uniform(-1.1,
+                                                                                                             1.1), 0)
+        stage.note("sun", angle=light.angle)
     if setup.endswith("lamps"):
         for _ in range(stage.rng.integers(1, 4)):
             lamp(stage, _above(stage), stage.log_uniform(0.5, 5))
@@ -52,18 +64,6 @@ def _world(stage: Stage, strength: float) -> tuple[Graph, bpy.types.NodeSocket]:
     background.inputs["Strength"].default_value = strength
     stage.dimmers.append((background.inputs["Strength"], "default_value"))
     return graph, background.inputs["Color"]
-
-
-def _world_hdri(stage: Stage) -> None:
-    graph, color = _world(stage, 1.0)
-    paths = sorted(Path(bpy.utils.system_resource("DATAFILES", path="studiolights/world")).glob("*.exr"))
-    path = paths[stage.rng.integers(len(paths))]
-    around, tilt = stage.rng.uniform(0, 2 * math.pi), stage.rng.normal(0, 0.2)
-    vector = graph.node("ShaderNodeMapping", {"Vector": graph.node("ShaderNodeTexCoord").outputs["Generated"],
-                                              "Rotation": (tilt, 0.0, around)}).outputs["Vector"]
-    image = bpy.data.images.load(str(path), check_existing=True)
-    graph.feed(color, graph.node("ShaderNodeTexEnvironment", {"Vector": vector}, image=image).outputs["Color"])
-    stage.note("world", file=path.name, turn=around)
 
 
 def _world_color(stage: Stage, strength: float) -> None:
@@ -112,13 +112,6 @@ def lamp(stage: Stage, at: Array, brightness: float, small: bool = False) -> Non
         light.shadow_soft_size = stage.log_uniform(0.01, 0.06 if small else 0.3)
     _add_lamp(stage, light, at).rotation_euler = Vector(-at).to_track_quat("-Z", "Y").to_euler()
     stage.note("lamp", kind=kind, at=at, brightness=brightness)
-
-
-def _sun(stage: Stage, strength: float) -> None:
-    light = bpy.data.lights.new("sun", "SUN")
-    light.energy, light.angle, light.color = strength, stage.log_uniform(0.005, 0.2), _lamp_color(stage)
-    _add_lamp(stage, light, (0, 0, 0)).rotation_euler = (stage.rng.uniform(-0.3, 1.2), stage.rng.uniform(-1.1, 1.1), 0)
-    stage.note("sun", angle=light.angle)
 
 
 def light_dark(stage: Stage, lamps: int, reach: float | None = None) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from lfsr_lab.scenes.shared.graph import Graph, principled
+from lfsr_lab.scenes.shared.objects import Graph, principled
 from lfsr_lab.scenes.training.stage import Stage
 
 KINDS = {"plastic": 15, "photo": 24, "noise": 12, "metal": 12, "glass": 11, "skin": 6, "cloth": 6,
@@ -28,8 +28,11 @@ def random_material(stage: Stage, closed: bool = True, uv: bool = True, kind: st
     graph.set(shader, BUILDERS[kind](stage, graph, uv))
     if kind == "glow":
         stage.dimmers.append((shader.inputs["Emission Strength"], "default_value"))
-    if kind not in ("glow", "photo") or stage.chance(0.3):
-        _maybe_bump(stage, graph, shader, uv)
+    if (kind not in ("glow", "photo") or stage.chance(0.3)) and stage.chance(0.4):
+        height = pattern_value(stage, graph, uv)
+        bump = graph.node("ShaderNodeBump", {"Height": height, "Strength": stage.log_uniform(0.05, 0.8),
+                                             "Distance": stage.log_uniform(0.003, 0.05)})
+        graph.feed(shader.inputs["Normal"], bump.outputs["Normal"])
     stage.note("material", kind=kind)
     return material
 
@@ -97,14 +100,6 @@ def pattern_color(stage: Stage, graph: Graph, uv: bool) -> bpy.types.NodeSocket:
         element.color = random_color(stage)
     ramp.color_ramp.interpolation = "CONSTANT" if stage.chance(0.25) else "LINEAR"
     return ramp.outputs["Color"]
-
-
-def _maybe_bump(stage: Stage, graph: Graph, shader: bpy.types.Node, uv: bool) -> None:
-    if stage.chance(0.4):
-        height = pattern_value(stage, graph, uv)
-        bump = graph.node("ShaderNodeBump", {"Height": height, "Strength": stage.log_uniform(0.05, 0.8),
-                                             "Distance": stage.log_uniform(0.003, 0.05)})
-        graph.feed(shader.inputs["Normal"], bump.outputs["Normal"])
 
 
 def _roughness(stage: Stage, graph: Graph, uv: bool, low: float, high: float) -> Any:

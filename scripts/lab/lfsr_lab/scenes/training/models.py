@@ -8,6 +8,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+import OpenImageIO as oiio
 from mathutils import Matrix
 
 from lfsr_core.base.errors import LfsrError
@@ -94,16 +95,13 @@ def load_model(path: Path) -> bpy.types.Object:
             bpy.ops.object.join()
     for item in set(added) - set(meshes):
         bpy.data.objects.remove(item)
-    _normalize(meshes[0].data)
-    return meshes[0]
-
-
-def _normalize(mesh: bpy.types.Mesh) -> None:
+    mesh = meshes[0].data
     points = np.empty(len(mesh.vertices) * 3, np.float32)
     mesh.vertices.foreach_get("co", points)
     low, high = points.reshape(-1, 3).min(0), points.reshape(-1, 3).max(0)
     scale = 2 / max(float((high - low).max()), 1e-9)
     mesh.transform(Matrix.Scale(scale, 4) @ Matrix.Translation([float(-x) for x in (low + high) / 2]))
+    return meshes[0]
 
 
 def glaze(thing: bpy.types.Object) -> None:
@@ -113,3 +111,41 @@ def glaze(thing: bpy.types.Object) -> None:
         if shader and not shader.inputs["Alpha"].is_linked and shader.inputs["Alpha"].default_value < CLEAR:
             for name, value in (("Alpha", 1.0), ("Transmission Weight", 1.0), ("Roughness", 0.0)):
                 shader.inputs[name].default_value = value
+
+
+PHOTOGRAPHS = {".jpg", ".jpeg", ".png"}
+QUALITY, SIZE = 80, 1024  # of the JPEG, of its longest side in pixels
+
+
+def find_textures(folder: str | Path | None) -> tuple[Path, ...]:
+    """Return the photographs of a folder sorted by name; none without a folder."""
+    if folder is None:
+        return ()
+    found = tuple(sorted(path for path in Path(folder).glob("*") if path.suffix.lower() in PHOTOGRAPHS))
+    if not found:
+        raise LfsrError(f"{folder} holds no .jpg or .png file, expected the training photographs: check --textures")
+    return found
+
+
+def prepare_textures(source: str | Path, target: str | Path) -> int:
+    """Write a small JPEG of each photograph; return how many."""
+    paths = find_textures(source)
+    Path(target).mkdir(parents=True, exist_ok=True)
+    for path in paths:
+        _shrink(path, Path(target, path.stem + ".jpg"))
+    return len(paths)
+
+
+def _shrink(path: Path, target: Path) -> None:
+    image = oiio.ImageBuf(str(path))
+    if image.has_error or image.nchannels < 1:
+        raise LfsrError(f"{path} cannot be read as an image ({image.geterror()}): remove or replace it")
+    width, height = image.oriented_width, image.oriented_height
+    image = oiio.ImageBufAlgo.reorient(image)
+    image = oiio.ImageBufAlgo.channels(image, (0, 1, 2) if image.nchannels >= 3 else (0, 0, 0))
+    factor = min(1.0, SIZE / max(width, height))
+    extent = oiio.ROI(0, max(1, round(width * factor)), 0, max(1, round(height * factor)), 0, 1, 0, 3)
+    small = oiio.ImageBufAlgo.resize(image, filtername="triangle", roi=extent)
+    small.specmod().attribute("Compression", f"jpeg:{QUALITY}")
+    if not small.write(str(target), oiio.UINT8):
+        raise LfsrError(f"{target} cannot be written ({small.geterror()}): choose another folder")

@@ -14,6 +14,8 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import math
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,13 +25,77 @@ from typing import Any
 import bpy
 import numpy as np
 
+from blender_addon.render.cycles import RenderSettings, Shot, render_encoded
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.files import atomic_path
+from lfsr_core.frames.frame import SUBPIXELS
+from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.display import load_display
-from lfsr_lab.scenes.training import capture
-from lfsr_lab.scenes.training.compose import compose
-from lfsr_lab.scenes.training.displays import TRAIN, training_display
-from lfsr_lab.scenes.training.stage import Stage
+from lfsr_core.optics.panel.panel_rays import PanelLayout
+from lfsr_core.optics.rays import RayLayout
+from lfsr_lab.scenes.training import hard_layouts, layouts
+from lfsr_lab.scenes.training.lights import light_open_scene
+from lfsr_lab.scenes.training.stage import TRAIN, Stage, training_display
+
+EXPOSURE_SAMPLES = 4
+BRIGHTNESS = (0.05, 1.0)  # scene-linear, of the median foreground lens
+OF_BRIGHT_LENS = 3.0  # times brighter, where another lens than the median counts
+LEAST_COVERED = 0.02  # of a foreground lens
+PANEL_TILE = (12, 6)  # pixels that count as a lens in an image of subpixels
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+LARGEST = 65504.0  # of float16
+
+
+def render_low(stage: Stage, samples: int, seed: int, clamp: float | None = None) -> dict[str, Array]:
+    """Render the low-resolution layers: color (RGBA), albedo, normal, each (H/s, W/s, C)."""
+    return render(stage, stage.scale, RenderSettings(samples, seed, ("albedo", "normal"), clamp_indirect=clamp))
+
+
+def render(stage: Stage, scale: int, settings: RenderSettings) -> dict[str, Array]:
+    """Render the layers of the EIA at a scale, or of the panel's subpixels."""
+    profile, array = stage.profile, stage.array
+    shot = Shot(PanelLayout(profile, array), stage.matrix_world, SUBPIXELS) if stage.is_direct else \
+        Shot(RayLayout.for_display(profile, array, scale), stage.matrix_world)
+    with tempfile.TemporaryDirectory(prefix="lfsr-training-") as folder:
+        path = Path(folder, "render.exr")
+        render_encoded(bpy.context.scene, shot, settings, path)
+        return read_layers(path)
+
+
+def expose(stage: Stage, seed: int) -> tuple[float, float]:
+    """Scale every light so that the stage's ``bright_lens`` has a random sensible brightness.
+
+    Return the factor and the fraction of lenses that see anything.
+    """
+    wanted = stage.log_uniform(*BRIGHTNESS)
+    wanted *= OF_BRIGHT_LENS if stage.bright_lens > 0.5 else 1.0
+    lenses = lens_means(stage, render_low(stage, EXPOSURE_SAMPLES, seed)["color"])
+    seen = lenses[lenses[..., 3] > LEAST_COVERED]
+    brightness = np.quantile(seen[:, :3] @ LUMINANCE / seen[:, 3], stage.bright_lens) if len(seen) else 0.0
+    factor = float(wanted / max(brightness, 1e-9))
+    for owner, attribute in stage.dimmers:
+        setattr(owner, attribute, getattr(owner, attribute) * factor)
+    return factor, occupancy(lenses)
+
+
+def lens_means(stage: Stage, image: Array) -> Array:
+    """Mean of each elemental image, or of each tile of an image of subpixels, (rows, columns, C)."""
+    sx, sy = stage.profile.lenses
+    if stage.is_direct:
+        sx, sy = image.shape[1] // PANEL_TILE[0], image.shape[0] // PANEL_TILE[1]
+    image = np.nan_to_num(image.astype(np.float32))
+    return image.reshape(sy, image.shape[0] // sy, sx, image.shape[1] // sx, -1).mean((1, 3))
+
+
+def occupancy(means: Array) -> float:
+    """Fraction of lenses that see anything."""
+    return float((means[..., 3] > 0).mean())
+
+
+def half_floats(image: Array) -> Array:
+    """float16, clipped to its range, without NaN or infinity."""
+    return np.clip(np.nan_to_num(image, posinf=LARGEST, neginf=0.0), -LARGEST, LARGEST).astype(np.float16)
+
 
 FORMAT = 4
 REPEATS = {1: 4, 4: 3, 16: 2}  # renders by their samples; one of any other count
@@ -76,7 +142,7 @@ def produce(recipe: Recipe, index: int) -> dict[str, float]:
     """Make one scene's file, whole or not at all; return the seconds of each stage."""
     stage, facts = _ready_scene(recipe, index)
     arrays = _render(recipe, stage, facts)
-    facts["p"] = capture.occupancy(capture.lens_means(stage, arrays["color_target"]))
+    facts["p"] = occupancy(lens_means(stage, arrays["color_target"]))
     with _timed(facts["seconds"], "write"):
         text = json.dumps(_meta(recipe, stage, facts), allow_nan=False)
         with atomic_path(recipe.path(index)) as temporary, temporary.open("wb") as file:
@@ -91,7 +157,7 @@ def _ready_scene(recipe: Recipe, index: int) -> tuple[Stage, dict[str, Any]]:
         with _timed(seconds, "build"):
             stage = build_scene(recipe, index, attempt)
         with _timed(seconds, "expose"):
-            exposure, occupied = capture.expose(stage, _render_seed(stage.rng))
+            exposure, occupied = expose(stage, _render_seed(stage.rng))
         if occupied >= LEAST_OCCUPANCY and EXPOSURES[0] < exposure < EXPOSURES[1]:
             break
     return stage, {"index": index, "attempt": attempt, "exposure": exposure, "seeds": {}, "seconds": seconds}
@@ -118,9 +184,9 @@ def _render(recipe: Recipe, stage: Stage, facts: dict[str, Any]) -> dict[str, Ar
     for name, samples in (names | {"target": recipe.reference_spp}).items():
         with _timed(facts["seconds"], "target" if name == "target" else "low"):
             seed = facts["seeds"][name] = _render_seed(stage.rng)
-            layers = capture.render_low(stage, samples, seed, 0.0 if name == "target" else None)
-        arrays[f"color_{name}"] = capture.half_floats(layers["color"])
-        arrays[f"guides_{name}"] = capture.half_floats(np.concatenate([layers["albedo"], layers["normal"]], -1))
+            layers = render_low(stage, samples, seed, 0.0 if name == "target" else None)
+        arrays[f"color_{name}"] = half_floats(layers["color"])
+        arrays[f"guides_{name}"] = half_floats(np.concatenate([layers["albedo"], layers["normal"]], -1))
     return arrays
 
 
@@ -137,3 +203,24 @@ def _meta(recipe: Recipe, stage: Stage, facts: dict[str, Any]) -> dict[str, Any]
         "matrix_world": [list(row) for row in stage.matrix_world], "convention": "centred", "view_aperture": 1.0,
         "layout": stage.notes[0]["name"], "scene": stage.notes, "device": "CPU",
         "blender": bpy.app.version_string}
+
+
+FROM_ABOVE = ("hero", "assembly", "pile", "woods", "bouquet", "meadow", "crowd")
+OWN_BACKGROUND = ("wall", "street", "window")
+
+
+def compose(stage: Stage) -> None:
+    """Fill the stage with one random layout and its light; the first note is the layout's."""
+    choices = layouts.LAYOUTS | hard_layouts.LAYOUTS
+    name = stage.pick({name: weight for name, (weight, _) in choices.items()})
+    stage.note("layout", name=name, front=stage.front, behind=stage.behind)
+    choices[name][1](stage)
+    if name not in ("room", *hard_layouts.LIT):
+        light_open_scene(stage)
+        if name not in OWN_BACKGROUND and stage.chance(0.15):
+            layouts.backdrop(stage)
+        elif name in FROM_ABOVE and stage.chance(0.6):
+            stage.pitch = stage.rng.uniform(0, math.radians(35))
+            stage.note("pitch", angle=stage.pitch)
+    if stage.chance(0.07):
+        hard_layouts.fog(stage)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import from_data
 from lfsr_lab.networks.denoiser import hdr_encode, normal_encode
-from lfsr_lab.train.reading import open_data
+from lfsr_lab.train.loop import open_data
 
 SAMPLES = (1, 4, 16)  # of the renders in a file
 CLEANEST = 32  # samples of the cleanest render; more are simulated
@@ -76,7 +76,12 @@ def load_scene(path: Path, *, guides: bool = False) -> Scene:
         layers = {name: _checked(file[name], kinds[kind]) for name in file.files
                   if (kind := name.partition("_")[0]) in kinds}
         across, down = (1 if meta.is_direct or count == 1 else count // meta.scale for count in meta.views)
-        _check_layers(layers, (down, across))
+        ei = (down, across)
+        present = {name.rpartition("_")[0] for name in layers} | set(layers)
+        [(height, width)] = {layer.shape[:2] for layer in layers.values()}
+        if not present >= {"color_target",
+                           *(f"color_{samples}" for samples in SAMPLES)} or height % ei[0] or width % ei[1]:
+            raise ValueError(f"layers {', '.join(layers)} of {width}×{height} pixels")
         return Scene(layers, (down, across), meta.scale, meta.validates)
 
 
@@ -99,14 +104,6 @@ def _checked(layer: Array, channels: int) -> Array:
     if layer.ndim != 3 or layer.shape[2] != channels or layer.dtype.kind != "f" or not np.isfinite(layer).all():
         raise ValueError(f"a layer of shape {layer.shape} and type {layer.dtype}")
     return layer
-
-
-def _check_layers(layers: Mapping[str, Array], ei: tuple[int, int]) -> None:
-    """ValueError unless the renders of all SAMPLES and the target are there, of one size, in whole EIs."""
-    present = {name.rpartition("_")[0] for name in layers} | set(layers)
-    [(height, width)] = {layer.shape[:2] for layer in layers.values()}
-    if not present >= {"color_target", *(f"color_{samples}" for samples in SAMPLES)} or height % ei[0] or width % ei[1]:
-        raise ValueError(f"layers {', '.join(layers)} of {width}×{height} pixels")
 
 
 def noisy(scene: Scene, samples: int, rng: np.random.Generator) -> Array:

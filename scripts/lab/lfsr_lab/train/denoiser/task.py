@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import math
 from typing import Any
@@ -12,13 +13,95 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from lfsr_core.metrics.split_ssim import SSIM_C1, SSIM_C2, SSIM_SIGMA
 from lfsr_core.reconstruct.denoiser import BASE, SMALL
 from lfsr_core.reconstruct.tza import read_tza
-from lfsr_lab.networks.denoiser import Denoiser, hdr_decode
-from lfsr_lab.networks.stock import stock_weights
+from lfsr_lab.networks.denoiser import Denoiser, hdr_decode, hdr_encode, stock_weights
 from lfsr_lab.train.config import DenoiserConfig
 from lfsr_lab.train.denoiser.data import Crop, Scene, crop
-from lfsr_lab.train.denoiser.loss import displayed, losses
+
+SLOPE = 1.055 / 2.4  # of the sRGB curve at 1, where the logarithm goes on
+ENCODED_WEIGHT = 0.5  # of the error that the network sees
+LEAST_SHOWN = 0.02  # fraction of a crop
+ENLARGED = 2  # times, before structure is compared
+NEAR_SIGMA = 0.7  # pixels, where elemental images cannot be enlarged
+TRUNCATED = 3  # standard deviations of a window
+
+
+def losses(output: Tensor, crop: Crop) -> tuple[Tensor, Tensor]:
+    """Return the mean absolute error and 1 - SSIM of display values where anything shows.
+
+    ``output``: what the network makes of ``crop.inputs``, (1, 3, H, W).
+    """
+    made = output[(..., *crop.inside)]
+    image, target = displayed(hdr_decode(made)), displayed(crop.target)
+    weight = crop.shown / crop.shown.mean().clamp(min=LEAST_SHOWN)
+    error = ((image - target).abs() * weight).mean()
+    error = error + ENCODED_WEIGHT * ((made - hdr_encode(crop.target)).abs() * weight).mean()
+    if crop.is_tiled:
+        return error, _structure_of_eis(image, target, crop)
+    row, column = (window(length, NEAR_SIGMA) for length in image.shape[2:])
+    return error, ((1 - _ssim(image.clamp(0, 1), target.clamp(0, 1), row, column)) * weight).mean()
+
+
+def displayed(linear: Tensor) -> Tensor:
+    """sRGB values of scene-linear ones; logarithmic above 1, so that highlights count for every view transform."""
+    low = linear.clamp(max=1)
+    curve = torch.where(low <= 0.0031308, 12.92 * low, 1.055 * low.clamp(min=1e-8) ** (1 / 2.4) - 0.055)
+    return curve + SLOPE * torch.log(linear.clamp(min=1))
+
+
+def _structure_of_eis(image: Tensor, target: Tensor, crop: Crop) -> Tensor:
+    """1 - SSIM of enlarged elemental images, each on its own, with a window as large as that of a finished EIA."""
+    shown = _elemental_images(crop.shown, crop.ei).amax((1, 2, 3)) > 0
+    if not shown.any():
+        return image.sum() * 0
+    images = _enlarged(_elemental_images(image, crop.ei)[shown], "bilinear").clamp(0, 1)
+    with torch.no_grad():
+        targets = _sharply_enlarged(_elemental_images(target, crop.ei)[shown]).clamp(0, 1)
+    sigma = ENLARGED * SSIM_SIGMA / crop.scale
+    row, column = (window(length * ENLARGED, sigma) for length in crop.ei)
+    return (1 - _ssim(images, targets, row, column)).mean()
+
+
+def _elemental_images(image: Tensor, ei: tuple[int, int]) -> Tensor:
+    """(1, C, H, W) -> (N, C, h, w)."""
+    (h, w), (_, channels, height, width) = ei, image.shape
+    tiles = image.reshape(channels, height // h, h, width // w, w)
+    return tiles.permute(1, 3, 0, 2, 4).reshape(-1, channels, h, w)
+
+
+def _enlarged(images: Tensor, mode: str) -> Tensor:
+    return functional.interpolate(images, scale_factor=ENLARGED, mode=mode, align_corners=False)
+
+
+def _sharply_enlarged(images: Tensor) -> Tensor:
+    """Cubic with one step of back-projection: means over its pixels are nearly ``images`` again."""
+    result = _enlarged(images, "bicubic")
+    return result + _enlarged(images - functional.avg_pool2d(result, ENLARGED), "bicubic")
+
+
+@functools.lru_cache(maxsize=256)
+def window(length: int, sigma: float) -> Tensor:
+    """(length, length) matrix whose columns are Gaussian windows, reflected at the ends."""
+    reach = min(length - 1, max(1, round(TRUNCATED * sigma)))
+    steps = np.arange(-reach, reach + 1)
+    gauss = np.exp(-0.5 * (steps / sigma) ** 2)
+    places = np.arange(length)[:, None] + steps
+    places = np.where(places < 0, -places - 1, np.where(places >= length, 2 * length - 1 - places, places))
+    matrix = np.zeros((length, length), np.float32)
+    np.add.at(matrix, (places, np.arange(length)[:, None]), gauss / gauss.sum())
+    return torch.from_numpy(matrix)
+
+
+def _ssim(x: Tensor, y: Tensor, row: Tensor, column: Tensor) -> Tensor:
+    """Local SSIM of (N, C, H, W); ``row``, ``column``: ``window`` of H and of W."""
+    maps = torch.cat([x, y, x * x, y * y, x * y], 1)
+    mean_x, mean_y, xx, yy, xy = (row.T @ maps @ column).chunk(5, 1)
+    variances = (xx - mean_x * mean_x).clamp(min=0) + (yy - mean_y * mean_y).clamp(min=0)
+    light = (2 * mean_x * mean_y + SSIM_C1) / (mean_x * mean_x + mean_y * mean_y + SSIM_C1)
+    return light * (2 * (xy - mean_x * mean_y) + SSIM_C2) / (variances + SSIM_C2)
+
 
 WIDTHS = {"small": SMALL, "base": BASE}
 # How often each count of samples is trained on.
@@ -75,7 +158,17 @@ class DenoiserTask:
         loss = self._balanced(self.config.error_weight * error + structure, samples)
         if self.critic is not None:
             loss = loss + self.config.adversarial * self._adversary(output.float(), part)
-        self._descend(loss)
+        self.optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(self.network.parameters(), LARGEST_GRADIENT)
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate(self.config, self.taken)
+        self.optimiser.step()
+        self.taken += 1
+        keep = min(AVERAGED, self.taken / (self.taken + 19))
+        with torch.no_grad():
+            for name, value in self.network.state_dict().items():
+                self.average[name].lerp_(value, 1 - keep)
         return {"error": error.detach(), "structure": structure.detach()}
 
     def _balanced(self, loss: Tensor, samples: int) -> Tensor:
@@ -93,19 +186,6 @@ class DenoiserTask:
         loss.backward()
         self.critic_optimiser.step()
         return functional.softplus(-self.critic(made)).mean()
-
-    def _descend(self, loss: Tensor) -> None:
-        self.optimiser.zero_grad()
-        loss.backward()
-        nn.utils.clip_grad_norm_(self.network.parameters(), LARGEST_GRADIENT)
-        for group in self.optimiser.param_groups:
-            group["lr"] = rate(self.config, self.taken)
-        self.optimiser.step()
-        self.taken += 1
-        keep = min(AVERAGED, self.taken / (self.taken + 19))
-        with torch.no_grad():
-            for name, value in self.network.state_dict().items():
-                self.average[name].lerp_(value, 1 - keep)
 
     @property
     def finished(self) -> Denoiser:

@@ -11,14 +11,25 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.reconstruct.second_stage import finished_panel
 from lfsr_lab.experiments.engine import plots, timing
-from lfsr_lab.experiments.engine.cells import Cell
+from lfsr_lab.experiments.engine.records import Cell
 from lfsr_lab.experiments.engine.renders import foreground
 from lfsr_lab.experiments.seed_paper import measuring, renders, weights
-from lfsr_lab.experiments.seed_paper.figure import SECONDS, Figure, Row, Rows, gains, scenes_of
+from lfsr_lab.experiments.seed_paper.figure import (
+    SECONDS,
+    SINGLE_RUN,
+    Difference,
+    Figure,
+    Row,
+    Rows,
+    gains,
+    overall,
+    paired,
+    scenes_of,
+    sentence,
+    single_runs,
+)
 from lfsr_lab.experiments.seed_paper.measuring import FRAME_COLUMNS, RENDER, TOTAL
-from lfsr_lab.experiments.seed_paper.renders import View
-from lfsr_lab.experiments.seed_paper.settings import SCALE, Settings
-from lfsr_lab.experiments.seed_paper.verdict import SINGLE_RUN, Difference, overall, paired, sentence, single_runs
+from lfsr_lab.experiments.seed_paper.renders import SCALE, Settings, View
 from lfsr_lab.networks import comparators
 
 NETWORK, DIRECT = "paper", "direct"

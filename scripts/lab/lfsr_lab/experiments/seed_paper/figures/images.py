@@ -14,13 +14,11 @@ from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import horizontal_epi, to_elemental_images
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.engine import plots
-from lfsr_lab.experiments.engine.cells import Cell
+from lfsr_lab.experiments.engine.records import Cell
 from lfsr_lab.experiments.seed_paper import measuring
-from lfsr_lab.experiments.seed_paper.figure import ACCURACY, Figure, Row, Rows, gains, scenes_of
+from lfsr_lab.experiments.seed_paper.figure import ACCURACY, Figure, Row, Rows, gains, overall, scenes_of, sentence
 from lfsr_lab.experiments.seed_paper.measuring import Finished
-from lfsr_lab.experiments.seed_paper.renders import View
-from lfsr_lab.experiments.seed_paper.settings import Settings
-from lfsr_lab.experiments.seed_paper.verdict import overall, sentence
+from lfsr_lab.experiments.seed_paper.renders import Settings, View
 
 METHODS = ("bicubic", "paper", "paper-gan")
 PARTS = (("paper", "bicubic"), ("paper-gan", "paper"))
@@ -45,9 +43,9 @@ def cells(settings: Settings) -> Iterator[Cell[Rows]]:
 
 def measure(made: Finished) -> Row:
     """Measure, and show the amplified residual of some lenses in the middle of the foreground."""
-    image, half_a, half_b = map(srgb_encode, (made.image, *made.target.halves))
+    image, half_a, half_b = map(srgb_encode, (made.image, *made.truth.whole))
     residual = np.abs(image - (half_a + half_b) / 2) * AMPLIFIED
-    write_image(made.file, residual[middle(made.target.mask, made.frame.display.views)])
+    write_image(made.file, residual[middle(made.truth.mask, made.frame.display.views)])
     return dataclasses.replace(measuring.accuracy(made), image=made.file.name)
 
 
@@ -96,8 +94,8 @@ def epi_cells(settings: Settings) -> Iterator[Cell[Rows]]:
 
 def measure_epis(made: Finished) -> Row:
     """Measure the squared error of all horizontal EPIs, row by row of lenses, and show that of the fullest row."""
-    display, mask = made.frame.display, made.target.mask
-    image, half_a, half_b = map(srgb_encode, (made.image, *made.target.halves))
+    display, mask = made.frame.display, made.truth.mask
+    image, half_a, half_b = map(srgb_encode, (made.image, *made.truth.whole))
     fullest = int(mask.sum(1).argmax())
     for path, shown in ((made.file, image), (_reference(made.file), (half_a + half_b) / 2)):
         write_image(path, horizontal_epi(shown, display.lenses, fullest, display.views[1] // 2))

@@ -8,13 +8,24 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from lfsr_lab.experiments.engine import plots
-from lfsr_lab.experiments.engine.cells import Cell
+from lfsr_lab.experiments.engine.records import Cell
 from lfsr_lab.experiments.seed_paper import weights
-from lfsr_lab.experiments.seed_paper.figure import ACCURACY, SECONDS, Figure, Row, Rows, gains, scenes_of
+from lfsr_lab.experiments.seed_paper.figure import (
+    ACCURACY,
+    SECONDS,
+    Difference,
+    Figure,
+    Row,
+    Rows,
+    gains,
+    overall,
+    paired,
+    scenes_of,
+    sentence,
+    span,
+)
 from lfsr_lab.experiments.seed_paper.measuring import TIME_COLUMNS, accuracy, accuracy_cell, network_times
-from lfsr_lab.experiments.seed_paper.renders import View
-from lfsr_lab.experiments.seed_paper.settings import SCALE, Settings
-from lfsr_lab.experiments.seed_paper.verdict import Difference, overall, paired, sentence, span
+from lfsr_lab.experiments.seed_paper.renders import SCALE, Settings, View
 from lfsr_lab.networks import comparators
 
 NETWORK, BICUBIC = "paper", "bicubic"
@@ -120,7 +131,7 @@ def cost_cells(settings: Settings) -> Iterator[Cell[Rows]]:
     width, height = display.eia_pixels
 
     def count() -> Rows:
-        from lfsr_lab.networks.cost import multiply_adds, parameters
+        from lfsr_lab.networks.networks import multiply_adds, parameters
 
         rows = []
         for name, entry in comparators.NETWORKS.items():

@@ -1,22 +1,59 @@
-"""The whole document: measure what is missing, join the records, draw."""
+"""Every study, measured as far as it is not, as one report with a manifest.
+
+--short: every study on tiny frames, half an hour on two cores; --long: as the documents quote it, days; --draw: only
+draw again what is measured in OUT. Machines may share OUT.
+"""
 
 from __future__ import annotations
 
+import argparse
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, write_json
-from lfsr_lab.experiments.document import manifest, page
-from lfsr_lab.experiments.document.studies import FORMS, Kept, Study, Unit, units
-from lfsr_lab.experiments.document.work import IMAGES, MEASURED, Ended, Work
-from lfsr_lab.experiments.engine.cells import to_stderr
+from lfsr_core.commands.arguments import names
+from lfsr_lab.experiments.document import page
+from lfsr_lab.experiments.document.studies import FORMS, LONG, SHORT, Kept, Study, Unit, read_table, units
+from lfsr_lab.experiments.document.work import IMAGES, MEASURED, Ended, Work, commit, digests, inputs, record_facts
+from lfsr_lab.experiments.engine.records import to_stderr
 
-MANIFEST = "manifest.json"
+MANIFEST = "work.json"
 KEPT = "kept"  # form of a folder in which nothing is measured, such as docs/results
 WORDS = {KEPT: "Drawn from the records that the documents quote, each measured as its command says."}
 SECONDS_ARE_ROUGH = "Seconds on a busy machine mean little; the load says how busy it was."
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this study."""
+    how = parser.add_mutually_exclusive_group(required=True)
+    how.add_argument("--short", action="store_true", help="every study on tiny frames: half an hour on two cores")
+    how.add_argument("--long", action="store_true", help="as the documents quote it: days")
+    how.add_argument("--draw", action="store_true", help="only draw again what is measured in OUT")
+    parser.add_argument("--only", type=names, metavar="NAME,NAME", help="studies to measure; default: all")
+    parser.add_argument("--part", type=_part, metavar="I/N", help="measure only every N-th unit, from the I-th on")
+    parser.add_argument("--assets", type=Path, metavar="DIR", help="scenes of other people, named in document.toml")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Measure what is missing, draw, and print the paths of manifest and report."""
+    table = read_table()
+    work = Work(arguments.output, table, arguments.assets, arguments.blender)
+    chosen = table.chosen(arguments.only)
+    if not arguments.draw:
+        measure(work, SHORT if arguments.short else LONG, chosen, arguments.part)
+    for path in draw(work):
+        print(path)
+
+
+def _part(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d+)/(\d+)", text)
+    index, count = map(int, found.groups()) if found else (0, 0)
+    if not 1 <= index <= count:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a part such as 2/3: which one, and how many there are")
+    return index, count
 
 
 def measure(work: Work, form: str, studies: Sequence[Study], part: tuple[int, int] | None = None) -> None:
@@ -42,13 +79,13 @@ def draw(work: Work) -> Iterator[Path]:
     rows = [*_records(work, form)]
     known = {name: files for ended in found.values() for name, files in ended.inputs.items()}
     if work.assets is not None:
-        known |= {asset.name: manifest.digests(path) for asset in work.table.asset
+        known |= {asset.name: digests(path) for asset in work.table.asset
                   if not asset.script and (path := work.assets / asset.file).is_file()}
     facts = {"form": form, "words": WORDS.get(form) or f"The {form} form: {FORMS[form]}. {SECONDS_ARE_ROUGH}",
-             "commit": None if form == KEPT else manifest.commit(),
+             "commit": None if form == KEPT else commit(),
              "units": [_unit(unit, found.get(unit)) for unit in every],
-             "inputs": manifest.inputs(work.table, known, before.get("inputs", [])),
-             "records": [manifest.record_facts(work.folder / MEASURED / kept.file, kept.command) for _, kept in rows]}
+             "inputs": inputs(work.table, known, before.get("inputs", [])),
+             "records": [record_facts(work.folder / MEASURED / kept.file, kept.command) for _, kept in rows]}
     write_json(work.folder / MANIFEST, facts)
     yield work.folder / MANIFEST
     images = next((path for path in (work.folder / IMAGES, work.folder.parent / IMAGES) if path.is_dir()), Path())

@@ -1,4 +1,4 @@
-"""Are plans right? ``python -m lfsr_lab.experiments.plan_validation BENCH -o DIR --json FILE [--replay]``
+"""Are plans right?
 
 Plans every scene of a folder of renders (lfsr_lab.experiments.plan_validation.actual) for several
 targets and seeds, and holds each plan against whole frames and references: does
@@ -35,7 +35,7 @@ from lfsr_core.plan.planner import Planned, make_plan
 from lfsr_core.process.blender import find_blender
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import REFERENCE
-from lfsr_lab.experiments.engine.report import exit_code, markdown_table
+from lfsr_lab.experiments.engine.report import markdown_table
 from lfsr_lab.experiments.plan_validation.actual import Actual, actuals, renders, replay, scenes
 from lfsr_lab.experiments.plan_validation.records import Summary, Validation, Verdict
 
@@ -178,13 +178,10 @@ def _known(statistic: Callable[[Sequence[float]], float], values: Sequence[float
     return float(statistic(values)) if values else None
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Return the exit code: 0, 2 after bad input, 130 if stopped."""
-    parser = argparse.ArgumentParser(prog="python -m lfsr_lab.experiments.plan_validation",
-                                     description=__doc__.splitlines()[0])
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this study."""
     add = parser.add_argument
-    add("bench", type=Path, help="folder with whole references and renders, as of `lfsr chart`")
-    add("-o", "--output", type=Path, required=True, help="keeps samples and measured candidates")
+    add("bench", type=Path, help="folder with whole references and renders, as of `lfsr study chart`")
     add("--json", type=Path, required=True)
     add("--scenes", type=Path, nargs="*", default=[], help="scene files; needless with --replay")
     add("--replay", action="store_true", help="cut the sample out of the bench's frames")
@@ -195,9 +192,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     add("--lenses", type=int)
     add("--rate", type=float, metavar="SECONDS",
         help="of a path sample, in place of those that renders took: where the machine was busy, and to judge by rays")
-    add("--blender")
-    options = parser.parse_args(argv)
-    return exit_code("plan_validation", lambda: run(options))
 
 
 def run(options: argparse.Namespace) -> None:
@@ -220,7 +214,3 @@ def _ints(text: str) -> tuple[int, ...]:
     """Numbers and ranges, as in 0-9,20."""
     ends = [part.split("-") for part in text.split(",")]
     return tuple(number for end in ends for number in range(int(end[0]), int(end[-1]) + 1))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

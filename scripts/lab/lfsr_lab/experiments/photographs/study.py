@@ -1,7 +1,5 @@
 """Calibration from simulated photographs of random lens sheets: how many are accepted, how far off, any in silence.
 
-    python -m lfsr_lab.experiments.photographs -o OUT [--sheets 100] [--bad 5] [--pairs 20]
-
 Each sheet is photographed once as people do it: stored in one of eight orientations, in perspective, distorted,
 blurred, noisy, vignetted, as JPEG. Then come photographs that must be refused, and pairs. What is complete in OUT is
 not done again; OUT/photographs.md has the tables.
@@ -15,7 +13,7 @@ import itertools
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +26,7 @@ from lfsr_core.calibration.fit import Photograph, combine, see
 from lfsr_core.calibration.patterns import pattern
 from lfsr_core.calibration.photo import read_photograph
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_lab.experiments.engine.report import exit_code
-from lfsr_lab.experiments.photographs.camera import Shot, jpeg
-from lfsr_lab.experiments.photographs.sheets import BAD, nominal, shot, unit, wrong
+from lfsr_lab.experiments.photographs.camera import BAD, Shot, jpeg, nominal, shot, unit, wrong
 
 Case = tuple[str, Callable[[Path], dict[str, Any]]]
 PITCH, TILT = 1e-5, 1e-4
@@ -39,15 +35,10 @@ BINS = {"blur": (0.4, 0.9, 1.4, 2.0), "noise": (0.001, 0.004, 0.008, 0.012), "qu
         "mixing": (0, 0.03, 0.05, 0.08), "fill": (0.7, 0.77, 0.85, 0.92)}
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Return the exit code: 0, 2 after bad input, 130 if stopped."""
-    parser = argparse.ArgumentParser(prog="python -m lfsr_lab.experiments.photographs",
-                                     description=__doc__.splitlines()[0])
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this study."""
     for name, count in (("sheets", 100), ("bad", 5), ("pairs", 20)):
         parser.add_argument(f"--{name}", type=int, default=count, metavar="N", help="default: %(default)s")
-    arguments = parser.parse_args(argv)
-    return exit_code("photographs", lambda: run(arguments))
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -140,7 +131,3 @@ def _row(name: str, part: list[dict[str, Any]]) -> str:
     (pitch, tilt, _), most = np.median(errors, 0), errors.max(0)
     return (f"| {name} | {len(errors)} of {len(part)} | {pitch:.1e}, {most[0]:.1e} | {tilt:.1e}, {most[1]:.1e} | "
             f"{most[2]:.4f} | {silent} |")
-
-
-if __name__ == "__main__":
-    sys.exit(main())

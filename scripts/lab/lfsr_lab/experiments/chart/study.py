@@ -1,67 +1,119 @@
-"""The whole chart: renders, cells, times, analysis, chart.json and what people read."""
+"""Speed and accuracy of every method on scenes, measured end to end, and drawn.
+
+What OUT lacks is rendered, every render is finished by every method; docs/reference/chart.md explains it.
+"""
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Progress
 from lfsr_core.base.progress import ProgressBar
 from lfsr_core.base.records import write_record
+from lfsr_core.commands.arguments import names, numbers
+from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import FRAME_FILE, read_frame
 from lfsr_core.frames.identity import is_changed, scene_stamp
+from lfsr_core.frames.request import check_scene
 from lfsr_core.pipeline.staging import staging_folder
-from lfsr_core.pipeline.store import is_complete
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.chart import cells, crops, findings, panels
-from lfsr_lab.experiments.chart.analysis import FIXED, Point, duels, reaches, short
-from lfsr_lab.experiments.chart.cells import Render
-from lfsr_lab.experiments.chart.records import DIRECT, FORMAT, LOW, Chart, SceneRow, UsedReference
-from lfsr_lab.experiments.chart.settings import Settings
-from lfsr_lab.experiments.engine.environment import environment
-from lfsr_lab.experiments.engine.measures import reference_noise
+from lfsr_lab.experiments.chart.analysis import (
+    DIRECT,
+    FIXED,
+    FORMAT,
+    LOW,
+    Chart,
+    Point,
+    SceneRow,
+    UsedReference,
+    duels,
+    reaches,
+    short,
+)
+from lfsr_lab.experiments.chart.cells import DIRECT_METHODS, Render, Settings, default_methods
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, check_render, reference_of, sampled
-from lfsr_lab.experiments.engine.report import write_report
+from lfsr_lab.experiments.engine.report import environment, write_report
 from lfsr_lab.experiments.engine.seeds import blocks_of
 from lfsr_lab.experiments.engine.timing import render_seconds
-from lfsr_lab.experiments.engine.truth import Truth
+from lfsr_lab.experiments.engine.truth import Truth, reference_noise
 from lfsr_lab.networks.methods import LabMethod
 
 CHART = "chart"  # stem of the files' names
 REFERENCE_SEED = 1000  # other noise than that of any render
 
 
-def run(settings: Settings, scenes: Sequence[Path]) -> list[Path]:
-    """Measure ``scenes`` as far as they are not, write the chart, and return the paths of its files.
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this study."""
+    add = parser.add_argument
+    add("scenes", nargs="+", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
+    add("--display", default="small", metavar="NAME|FILE.toml", help="default: %(default)s")
+    add("--methods", type=names, metavar="NAME,NAME", help="default: every method there is")
+    add("--ours", metavar="NAME", help="method that is held against the others; default: the default")
+    add("--scale", type=int, default=4, metavar="2|3|4|5|8", help="default: %(default)s")
+    add("--spps", type=_numbers, default=(1, 4, 16, 64), metavar="N,N",
+        help="samples per pixel of low-resolution renders, default: 1,4,16,64")
+    add("--direct-spps", type=_numbers, default=(1, 4, 16), metavar="N,N",
+        help="samples of direct high-resolution renders, default: 1,4,16; `none` for none")
+    add("--reference-spp", type=int, default=1024, metavar="N", help="default: %(default)s")
+    add("--lenses", type=int, metavar="N", help="sampled reference of N lenses; default: all")
+    add("--seeds", type=int, default=10, metavar="N", help="renders of each, whose noise differs, default: %(default)s")
+    add("--subject", metavar="COLLECTION", help="the foreground; default: everything but the world and a collection "
+                                                "called Background")
+    add("--world-visible", action=argparse.BooleanOptionalAction,
+        help="show the world behind the subject; default: what each scene says")
+    add("--device", default="CPU", metavar="NAME", help="Cycles device, default: %(default)s")
+    add("--repeats", type=int, default=3, metavar="N", help="timed runs of the second stage, default: %(default)s")
+    add("--render-repeats", type=int, default=3, metavar="N",
+        help="renders that are made again for their time, default: %(default)s; 0: count all seeds")
+    add("--times", action="store_true", help="time what is not timed; without it nothing is timed")
+    add("--only-measure", action="store_true", help="render nothing; leave out what is not there")
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    return () if text == "none" else numbers(text)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Measure scenes as far as they are not, write the chart, and print the paths of its files.
 
     What is known is written as JSON after every scene. LfsrError where not one scene can be measured, where the folder
     holds renders of another scene, and where another process measures a chart in it.
     """
-    names = [scene.stem for scene in scenes]
-    for name in names:
-        if names.count(name) > 1:
-            raise LfsrError(f"two scenes are called {name!r}, but each has a folder of its name: rename one file")
-    with staging_folder(settings.folder / CHART):
-        for scene in scenes:
-            _check_renders(settings.folder / scene.stem, scene)
-        return _measured(settings, scenes)
-
-
-def _measured(settings: Settings, scenes: Sequence[Path]) -> list[Path]:
-    measuring = _Run(settings, Store(settings.folder, settings.blender, not settings.only_measure),
-                     len(scenes) * settings.steps)
+    ours, scenes = arguments.ours or DEFAULT_METHOD, arguments.scenes
+    methods = tuple(dict.fromkeys([ours, *(arguments.methods or default_methods())]))
+    for name in methods:
+        LabMethod.parse(name)
+    settings = Settings(**Settings.given(arguments) | {"methods": methods, "direct_methods": DIRECT_METHODS,
+                                                       "ours": ours})
     for scene in scenes:
-        measuring.scene(scene)
-        if measuring.rows:
-            write_record(settings.folder / f"{CHART}.json", measuring.chart())
-    if not measuring.rows:
-        raise LfsrError(f"no scene could be measured ({'; '.join(measuring.skipped)}): run it without --only-measure")
-    measuring.bar.close()
-    chart = measuring.chart()
-    shown = [scene for scene in scenes if scene.stem in measuring.rows]
-    return write_report(settings.folder, CHART, None, {
-        ".html": lambda: panels.page(chart, crops.chosen(chart, settings, shown)), ".svg": lambda: panels.image(chart),
-        ".md": lambda: findings.markdown(chart)})
+        if not settings.only_measure:
+            check_scene(scene)
+        if sum(other.stem == scene.stem for other in scenes) > 1:
+            raise LfsrError(f"two scenes are called {scene.stem!r}, but each has a folder of its name: rename one file")
+    with staging_folder(settings.output / CHART):
+        for scene in scenes:
+            _check_renders(settings.output / scene.stem, scene)
+        measuring = _Run(settings, Store(settings.output, settings.blender, not settings.only_measure),
+                         len(scenes) * settings.steps)
+        for scene in scenes:
+            measuring.scene(scene)
+            if measuring.rows:
+                write_record(settings.output / f"{CHART}.json", measuring.chart())
+        if not measuring.rows:
+            raise LfsrError(f"no scene could be measured ({'; '.join(measuring.skipped)}): run it without "
+                            "--only-measure")
+        measuring.bar.close()
+        chart = measuring.chart()
+        shown = [scene for scene in scenes if scene.stem in measuring.rows]
+        for path in write_report(settings.output, CHART, None, {
+                ".html": lambda: panels.page(chart, crops.chosen(chart, settings, shown)),
+                ".svg": lambda: panels.image(chart), ".md": lambda: findings.markdown(chart)}):
+            print(path)
 
 
 def _check_renders(folder: Path, scene: Path) -> None:
@@ -116,7 +168,7 @@ class _Run:
         settings = self.settings
         self._begin(f"{scene.stem}: reference")
         most = cells.job(settings, scene, settings.scale, max(settings.spps))
-        whole = reference_of(most, settings.reference_spp, settings.folder / scene.stem / REFERENCE,
+        whole = reference_of(most, settings.reference_spp, settings.output / scene.stem / REFERENCE,
                              seed=REFERENCE_SEED)
         return self.store.render(sampled(whole, settings.lenses, lambda: self.store.render(most)))
 
@@ -126,19 +178,15 @@ class _Run:
             self._begin(f"{scene.stem}: scale {job.sampling.scale}, {job.sampling.samples} samples")
             if self.store.may_render:
                 self.store.render_all(render.jobs)
-            if all(map(is_complete, render.folders)):
+            if all(FrameFolder(folder).holds() for folder in render.folders):
                 for seed in render.jobs:
                     check_render(seed)
-                self._time(render)
+                if self.settings.times and self.settings.render_repeats:
+                    render_seconds(render.jobs[0], self.store, self.settings.render_repeats, retime=True)
                 yield render
             else:
                 self._skip(f"{scene.stem} has no render at scale {job.sampling.scale} with "
                            f"{job.sampling.samples} samples and {len(render.jobs)} seeds")
-
-    def _time(self, render: Render) -> None:
-        """Make the render of seed 0 again for its time, as often as it is to be, but for what is done."""
-        if self.settings.times and self.settings.render_repeats:
-            render_seconds(render.jobs[0], self.store, self.settings.render_repeats, retime=True)
 
     def _methods(self, scene: Path, render: Render) -> Iterator[str]:
         """Yield the methods that can finish a render."""
@@ -154,7 +202,7 @@ class _Run:
                 yield name
 
     def _begin(self, step: str) -> None:
-        self.bar(CHART, self.done / self.steps, step)
+        self.bar(Progress(CHART, self.done / self.steps, step))
         self.done += 1
 
     def _skip(self, sentence: str) -> None:

@@ -1,8 +1,6 @@
 """Three kinds of displays: this way of making their images against the usual one, time and accuracy.
 
-    python -m lfsr_lab.experiments.displays SCENES… -o OUT               the real panels, many hours on a CPU
-    python -m lfsr_lab.experiments.displays SCENES… -o OUT --width 384   panels of 384×216 pixels with the same sheets
-
+The real panels take many hours on a CPU; --width 384 is of panels of 384×216 pixels with the same sheets.
 What is complete in OUT is not done again. OUT/displays.json has everything, displays.md tables, displays.svg and
 displays-traced.svg figures: against every view, and against the panel's subpixels where it has a lens sheet.
 """
@@ -11,38 +9,34 @@ from __future__ import annotations
 
 import argparse
 import functools
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.base.records import write_record
 from lfsr_lab.experiments.displays import page
 from lfsr_lab.experiments.displays.kinds import FULL_WIDTH, kind
-from lfsr_lab.experiments.displays.measure import Point, Target, measure
+from lfsr_lab.experiments.displays.measure import USUAL, Point, Renders, Target, measure, measured_at
 from lfsr_lab.experiments.displays.page import Comparison, Row
-from lfsr_lab.experiments.displays.renders import Renders
-from lfsr_lab.experiments.displays.ways import USUAL, measured_at
-from lfsr_lab.experiments.engine.cells import Cell, measured, to_stderr
-from lfsr_lab.experiments.engine.environment import check_packages, environment
 from lfsr_lab.experiments.engine.plots import svg
-from lfsr_lab.experiments.engine.records import Records
+from lfsr_lab.experiments.engine.records import Cell, Records, measured, to_stderr
 from lfsr_lab.experiments.engine.renders import Store
-from lfsr_lab.experiments.engine.report import exit_code, write_report
+from lfsr_lab.experiments.engine.report import environment, write_report
 
 STEM = "displays"
 FIGURES = {page.WOVEN: ".svg", page.TRACED: "-traced.svg"}
 VERSION = 2  # of how points are measured
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Return the exit code: 0, 2 after bad input, 130 if stopped."""
-    arguments = _parser().parse_args(argv)
-    return exit_code("displays", lambda: run(arguments))
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this study."""
+    add = parser.add_argument
+    add("scenes", type=Path, nargs="+", metavar="SCENE", help=".blend, .glb, .gltf or .obj")
+    add("--width", type=int, metavar="PIXELS", help="of cut-down panels, a multiple of 192; default: the real panels")
+    add("--reference-spp", type=int, default=1024, metavar="N", help="default: %(default)s")
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Render and measure what is missing, then write the report and name its files."""
-    check_packages()
     for name in FULL_WIDTH:
         kind(name, arguments.width)
     store = Store(arguments.output, arguments.blender)
@@ -87,19 +81,3 @@ def _points(renders: Renders) -> Iterator[Point]:
             to_stderr(f"{renders.scene.stem}, {renders.display.name}, {way.name}, {samples} samples: "
                       f"{point.cpu:.2f} s, {point.accuracy.ssim_eye:.4f} (load {records.load or 0:.1f})")
             yield point
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m lfsr_lab.experiments.displays",
-                                     description=__doc__.splitlines()[0])
-    add = parser.add_argument
-    add("scenes", type=Path, nargs="+", metavar="SCENE", help=".blend, .glb, .gltf or .obj")
-    add("-o", "--output", type=Path, required=True, metavar="OUT", help="folder of everything that is made")
-    add("--width", type=int, metavar="PIXELS", help="of cut-down panels, a multiple of 192; default: the real panels")
-    add("--reference-spp", type=int, default=1024, metavar="N", help="default: %(default)s")
-    add("--blender", metavar="PATH", help="default: the bpy package, then PATH")
-    return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,0 +1,287 @@
+"""Temporal averaging of animations: half an hour on two cores; with --cost only what averaging costs on a display.
+
+docs/results/animations.md shows OUT/shots.json, shots.md and shots.svg.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import functools
+import itertools
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lfsr_core.base.arrays import Array
+from lfsr_core.frames.frame import frame_folder
+from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.frames.request import Request, Sampling
+from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.metrics.split_ssim import mean_of
+from lfsr_core.optics.display import DisplayProfile, load_display
+from lfsr_core.reconstruct import averaging
+from lfsr_core.reconstruct.averaging import average_frames, near, read_low
+from lfsr_core.reconstruct.second_stage import finished_lenses
+from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.engine.plots import svg
+from lfsr_lab.experiments.engine.records import Cell, Records, StudySettings, measured, method_facts
+from lfsr_lab.experiments.engine.renders import REFERENCE, SCENE_FILE, Store, reference_of
+from lfsr_lab.experiments.engine.report import Environment, environment, markdown_table, write_report
+from lfsr_lab.experiments.engine.timing import cpu_seconds
+from lfsr_lab.experiments.engine.truth import Truth, lens_ssims, split_rms
+
+
+@dataclasses.dataclass(frozen=True)
+class Motion:
+    """Of one animation."""
+
+    ssim: float  # mean split SSIM of elemental images
+    flicker: float  # root mean square of how much more than the reference a pixel changes from frame to frame, percent
+    offset: float  # the same of the errors of elemental images' means, percent
+    lag: float  # frames by which elemental images' means are late; a wrong brightness counts too where light changes
+    cpu_seconds: float  # of the second stage, per frame, of a few lenses finished and all denoised
+    unseen: float | None = None  # split SSIM of lenses that a fitted network did not learn from, in older reports
+
+
+def measure(lows: Sequence[LowResEIA], truths: Sequence[Truth], method: str, reach: int) -> Motion:
+    """Finish every frame, averaged with the 2 · ``reach`` nearest ones, and compare all with the references."""
+    lenses = truths[0].reference.lenses
+    started, everywhere = cpu_seconds(), np.ones(len(lenses), bool)
+    images = []
+    for number, low in enumerate(lows):
+        others = [lows[other] for other in near(number, range(len(lows)), reach)]
+        images.append(finished_lenses(average_frames(low, others)[0], everywhere, method, lenses))
+    seconds = (cpu_seconds() - started) / len(lows)
+    halves = zip(*(truth.reference.elemental_images() for truth in truths), strict=True)
+    return dataclasses.replace(compare(srgb_encode(np.stack(images)), *map(np.stack, halves)),
+                               cpu_seconds=round(seconds, 3))
+
+
+def compare(x: Array, a: Array, b: Array) -> Motion:
+    """Return the figures of display values ``x`` (frames, n, py, px, 3) against the halves of the references."""
+    ssim = np.stack([lens_ssims(*images) for images in zip(x, a, b, strict=True)])
+    steps = [np.diff(values, axis=0) for values in (x, a, b)]
+    means = [values.mean((2, 3)) for values in (x, a, b)]
+    return Motion(mean_of(ssim), 100 * split_rms(*steps), 100 * split_rms(*means), _lag(*means), cpu_seconds=0.0)
+
+
+def _lag(x: Array, a: Array, b: Array) -> float:
+    """Return the fraction of the way back to the frame before by which ``x`` is late."""
+    back_a, back_b = (values[:-1] - values[1:] for values in (a, b))
+    late = np.mean((x - a)[1:] * back_b + (x - b)[1:] * back_a, dtype=np.float64) / 2
+    change = np.mean(back_a * back_b, dtype=np.float64)
+    return float(late / change) if change > 0 else 0.0
+
+
+def cost_of_averaging(display: DisplayProfile, scale: int) -> float:
+    """Return the CPU seconds per neighbour of a frame, files not counted."""
+    random, (sx, sy), (w, h) = np.random.default_rng(0), display.lenses, display.low_views(scale)
+
+    def layer(channels: int) -> Array:
+        return random.random((sy, sx, h, w, channels), dtype=np.float32)
+
+    low, other = (LowResEIA(layer(3), layer(1), 16, scale) for _ in range(2))
+    started = cpu_seconds()
+    average_frames(low, [other])
+    return cpu_seconds() - started
+
+
+METHOD = "denoise+bilinear"
+DISPLAY_FILE = Path(__file__).parent / "animations.toml"
+NAMES = ("object", "light", "dance", "array")  # what moves, of lfsr_lab.scenes.animation_scenes
+FIXED, CHANGING, TURNING = "fixed", "changing", "turning"  # seeds of the frames; the last begin again after PERIOD
+PERIOD = 5
+SCENE_SCALE = 4  # at which what the scenes show is within the usable depth
+SEED_STEP = 1000  # from the seeds of one repetition to those of the next
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings(StudySettings):
+    """What decides every figure of a folder."""
+
+    display: DisplayProfile = dataclasses.field(default_factory=lambda: load_display(DISPLAY_FILE))
+    scale: int = 2  # of the low-resolution renders
+    frames: int = 6  # of every animation
+    samples: tuple[int, ...] = (4, 16)  # per pixel, that are compared
+    more: tuple[int, ...] = (8,)  # per pixel, without averaging: what the same time buys, and more
+    reference_samples: int = 256  # per pixel, of both halves together
+    reference_lenses: int = 48  # drawn at random, the same for every frame
+    seed: int = 0  # of everything
+
+    @property
+    def lens_list(self) -> tuple[tuple[int, int], ...]:
+        """(row, column) of the lenses that references show."""
+        sx, sy = self.display.lenses
+        chosen = np.random.default_rng(self.seed).choice(sx * sy, self.reference_lenses, replace=False)
+        return tuple((int(place) // sx, int(place) % sx) for place in np.sort(chosen))
+
+
+@dataclasses.dataclass(frozen=True)
+class Way:
+    """One way to render and finish an animation."""
+
+    name: str
+    seeds: str
+    reach: int = 0  # half the number of frames that each is averaged with
+
+
+FIXED_ALONE = Way("fixed seeds, every frame alone", FIXED)
+ALONE = Way("seeds that change, every frame alone", CHANGING)
+AVERAGED = Way("averaged over 5 frames, 5 seeds in turn", TURNING, PERIOD // 2)
+WAYS = (FIXED_ALONE, ALONE, AVERAGED)
+
+
+def build_scenes(store: Store, settings: Settings) -> None:
+    """Write the scene files that are missing."""
+    store.build("animation_scenes.py", {store.folder / name / SCENE_FILE: {"name": name} for name in NAMES},
+                display=settings.display.to_dict(), scale=SCENE_SCALE, frames=settings.frames)
+
+
+@dataclasses.dataclass(frozen=True)
+class Animation:
+    """One animation, to be finished in any way."""
+
+    store: Store
+    settings: Settings
+    name: str  # of NAMES
+
+    @property
+    def folder(self) -> Path:
+        """Folder of its scene and renders."""
+        return self.store.folder / self.name
+
+    def cells(self) -> Iterator[tuple[Way, int, Cell[Motion]]]:
+        """Yield what is measured: ways and samples per pixel."""
+        settings = self.settings
+        inputs = {"method": METHOD, **method_facts(METHOD), "averaging": averaging.VERSION}
+        for way, spp in [*itertools.product(WAYS, settings.samples), *((ALONE, spp) for spp in settings.more)]:
+            name = f"{way.name} spp{spp}".replace(",", "").replace(" ", "-")
+            jobs = self.low(way.seeds, spp)
+            yield way, spp, Cell(name, inputs, functools.partial(self._measure, way, jobs), jobs + self.references())
+
+    def low(self, seeds: str, spp: int) -> list[Request]:
+        """Return the low-resolution renders of all frames with one kind of seeds."""
+        folder = self.folder / f"{seeds}-spp{spp}"
+        seed = {FIXED: lambda number: 0, CHANGING: lambda number: number,
+                TURNING: lambda number: 1 + (number - 1) % PERIOD}[seeds]
+        return [self._job(folder, number, seed(number), spp) for number in range(1, self.settings.frames + 1)]
+
+    def references(self) -> list[Request]:
+        """Return the references of all frames."""
+        settings, folder = self.settings, self.folder / REFERENCE
+        return [reference_of(job, settings.reference_samples, frame_folder(folder, number),
+                             lens_list=settings.lens_list)
+                for number, job in enumerate(self.low(CHANGING, 1), start=1)]
+
+    def _job(self, folder: Path, number: int, seed: int, spp: int) -> Request:
+        settings = self.settings
+        return Request(str(frame_folder(folder, number)), settings.display, str((self.folder / SCENE_FILE).resolve()),
+                   sampling=Sampling(settings.scale, spp), frame=number, seed=settings.seed * SEED_STEP + seed)
+
+    @functools.cached_property
+    def truths(self) -> list[Truth]:
+        """The references of all frames."""
+        return [Truth(Path(job.output)) for job in self.references()]
+
+    def _measure(self, way: Way, jobs: Sequence[Request]) -> Motion:
+        return measure([read_low(Path(job.output)) for job in jobs], self.truths, METHOD, way.reach)
+
+
+COST_SCALE = 4
+NEEDS_OUTPUT = False  # with --cost
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of this study."""
+    parser.add_argument("--cost", metavar="NAME", help="display on which to measure only what averaging costs")
+    parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES, help="default: all")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of renders, default: %(default)s")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Render and measure what is missing, then write the report."""
+    if arguments.cost:
+        seconds = cost_of_averaging(load_display(arguments.cost), COST_SCALE)
+        print(f"{arguments.cost}, scale {COST_SCALE}: {seconds:.2f} CPU seconds per neighbouring frame")
+        return
+    settings = Settings(seed=arguments.seed)
+    store = Store(arguments.output or Path("animations"), arguments.blender)
+    store.claim(settings)
+    build_scenes(store, settings)
+    found = tuple(each for name in arguments.only for each in _measured(Animation(store, settings, name)))
+    write_report(store.folder, STEM, Report(settings, environment(), arguments.command, found),
+                 {".md": lambda: markdown(found), ".svg": lambda: svg(chart(found))})
+    print(markdown(found))
+
+
+def _measured(animation: Animation) -> Iterator[Found]:
+    records = Records(animation.folder / "cells", Motion)
+    for way, spp, cell in animation.cells():
+        for figures in measured([cell], records, animation.store):
+            print(f"{animation.name}, {way.name}, {spp} samples: split SSIM {figures.ssim:.4f}, flicker "
+                  f"{figures.flicker:.2f}, low-frequency error {figures.offset:.2f}, lag {figures.lag:.2f}", flush=True)
+            yield Found(animation.name, way.name, spp, figures)
+
+
+STEM = "shots"  # of the files
+TITLES = {"object": "an object moves", "light": "the light moves", "dance": "a figure dances",
+          "array": "the camera array moves"}
+HEADER = ("", "samples", "split SSIM", "flicker", "low-frequency error", "lag, frames")
+SHOWN = {"ssim": "split SSIM", "flicker": "flicker, %"}
+DRAWN = {FIXED_ALONE.name: "fixed seeds", ALONE.name: "changing seeds", AVERAGED.name: "averaged, 5 frames"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """The figures of one way of one animation."""
+
+    animation: str = dataclasses.field(metadata={"key": "shot"})
+    way: str
+    samples: int
+    figures: Motion
+
+
+@dataclasses.dataclass(frozen=True)
+class Report:
+    """All of them, and what they were measured with."""
+
+    settings: Settings
+    environment: Environment
+    command: str
+    found: tuple[Found, ...]
+
+
+def markdown(found: Sequence[Found]) -> str:
+    """Return a table per animation."""
+    lines: list[str] = []
+    for name in dict.fromkeys(each.animation for each in found):
+        rows = [(each.way, each.samples, f"{each.figures.ssim:.4f}", f"{each.figures.flicker:.2f}",
+                 f"{each.figures.offset:.2f}", f"{each.figures.lag:.2f}") for each in found if each.animation == name]
+        lines += [f"**{TITLES[name]}**", "", *markdown_table(HEADER, rows, "lr"), ""]
+    return "\n".join(lines)
+
+
+def chart(found: Sequence[Found]) -> Any:
+    """Draw a column per animation: split SSIM above, flicker below, over the samples."""
+    names = [name for name in NAMES if any(each.animation == name for each in found)]
+    figure, grid = plots.panel_sheet(len(SHOWN) * len(names), columns=len(names))
+    for axes, (kind, name) in zip(grid, [(kind, name) for kind in SHOWN for name in names], strict=True):
+        curves = [_curve(found, name, way, kind) for way in DRAWN]
+        axes.set_xscale("log", base=2)
+        ticks = sorted({x for curve in curves for x in curve.x})
+        axes.set_xticks(ticks, [f"{tick:g} samples" if tick == ticks[0] else f"{tick:g}" for tick in ticks])
+        axes.set_xticks([], minor=True)
+        axes.margins(0.08)
+        plots.draw_curves(axes, curves, f"{TITLES[name]}: {SHOWN[kind]}")
+    return figure
+
+
+def _curve(found: Sequence[Found], name: str, way: str, kind: str) -> plots.Curve:
+    points = sorted((each.samples, getattr(each.figures, kind)) for each in found
+                    if each.animation == name and each.way == way)
+    number = list(DRAWN).index(way)
+    x, y = zip(*points, strict=True)
+    return plots.Curve(DRAWN[way], plots.COLORS[number], plots.MARKERS[number], x, y, bold=way == AVERAGED.name)
