@@ -54,7 +54,7 @@ def test_the_renders_of_another_experiment_are_measured(tmp_path, monkeypatch):
     (tmp_path / "disc.blend").touch()
     (tmp_path / "settings.toml").write_text(TOML.replace("lenses = 20", "lenses = 8"))
     settings, store = read_settings(tmp_path / "settings.toml"), Store(tmp_path, played_blender(tmp_path / "blender"))
-    monkeypatch.setattr("lfsr_lab.experiments.scales.table._moves", lambda *_: (0.1, 0.2))  # that Blender sees nothing
+    monkeypatch.setattr("lfsr_lab.experiments.scales.study._moves", lambda *_: (0.1, 0.2))  # that Blender sees nothing
     assert collect(settings, store, [tmp_path], "bilinear").cells == (), "nothing is rendered"
     (place,) = places(store, settings, [tmp_path])
     place.fill(settings.reference_samples, settings.at_rays(place.scene)["one"][:2])
