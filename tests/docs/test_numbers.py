@@ -402,13 +402,6 @@ CLAIMS: list[Claim | TableClaim] = [
     Claim(PAPER, "out of reach on two CPU cores**: {} frames", lambda: nearest("Fig. 12(a)", [".11"])),
     TableClaim(PAPER, "| | claim | measured here |", lambda row: nearest(row[0], row_numbers(row[2])), first=2),
     TableClaim(PAPER, "| resolution, scale | render, s |", paper_row),
-    Claim(PLAN, "{} of {} plans met their target (95 % interval {} to {} %), and {} cost", lambda: [
-        plan("unseen")["chosen"] * plan("unseen")["met"], plan("unseen")["plans"],
-        *(100 * end for end in plan("unseen")["met_95"]), plan("unseen")["costs"] * plan("unseen")["cheap_enough"]]),
-    Claim(PLAN, "one step of the sample counts more, {} to {} times", lambda: span(
-        [row["cost"] for row in record("plan-unseen")["plans"] if (row["cost"] or 0) > 1.2])),
-    Claim(PLAN, "{} of {} did: all but those behind glass", lambda: [
-        plan("stress")["chosen"] * plan("stress")["met"], plan("stress")["plans"]]),
 ]
 
 
