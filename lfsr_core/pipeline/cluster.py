@@ -9,12 +9,13 @@ from __future__ import annotations
 import concurrent.futures
 import contextlib
 import dataclasses
+import functools
 import logging
 import secrets
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
@@ -35,12 +36,7 @@ AGAIN = "and run the same command again to continue"
 PLACE_FILE = ".lfsr-place-"
 
 
-class Task(NamedTuple):
-    """A function call on a worker, which may be repeated."""
-
-    name: str  # unique
-    function: Callable[..., Any]
-    arguments: tuple[Any, ...]
+Task = tuple[str, Callable[[], list[Made]]]  # a unique name, and a call that may be repeated
 
 
 def make_on(address: str, request: Request, finish: Finish, frames: Sequence[int], blender: str | None,
@@ -55,7 +51,9 @@ def make_on(address: str, request: Request, finish: Finish, frames: Sequence[int
     def tasks(workers: int) -> Iterator[Task]:
         size = max(1, min(MOST_CHUNK, -(-len(frames) // (2 * workers))))
         for first in range(0, len(frames), size):
-            yield Task(str(frames[first]), _make, (of_all, finish, frames[first:first + size], blender, overwrite))
+            chunk = frames[first:first + size]
+            yield str(frames[first]), functools.partial(make, of_all, finish, chunk, blender=blender,
+                                                        overwrite=overwrite)
 
     def took(results: list[Made]) -> None:
         made.update((result.folder, result) for result in results)
@@ -76,10 +74,10 @@ def reference_on(address: str, request: Request, blender: str | None, tell: Tell
 
     def tasks(workers: int) -> Iterator[Task]:
         parts.extend(reference_parts(request, PARTS_PER_WORKER * workers, hidden))
-        return (Task(Path(part.output).name, _render_part, (part, blender)) for part in parts)
+        return ((Path(part.output).name, functools.partial(make, part, blender=blender)) for part in parts)
 
-    def took(output: str) -> None:
-        done.append(Path(output))
+    def took(results: list[Made]) -> None:
+        done.append(Path(results[0].folder))
         tell(Progress("reference", len(done) / len(parts), f"{len(done)} of {len(parts)} parts"))
 
     run_on(address, folder.path.parent, request.scene, tasks, took)
@@ -92,19 +90,20 @@ def reference_parts(request: Request, most: int, hidden: str) -> list[Request]:
     """Return at most ``most`` requests that together are ``request``, in a folder named by what decides the pixels."""
     height, pairs = request.display.lenses[1], request.sampling.samples // 2
     count = min(most, height if request.lens_list is None else pairs)
-    facts = digest([request_facts(request), scene_stamp(request.scene), count])
-    outputs = [str(Path(request.output).with_name(f"{hidden}{facts}") / str(number + 1)) for number in range(count)]
+    folder = Path(request.output).with_name(
+        hidden + digest([request_facts(request), scene_stamp(request.scene), count]))
+    parts = [dataclasses.replace(request, output=str(folder / str(number + 1))) for number in range(count)]
     if request.lens_list is None:
-        return [dataclasses.replace(request, rows=parse_rows(f"{number + 1}/{count}", height), output=output)
-                for number, output in enumerate(outputs)]
+        return [dataclasses.replace(part, rows=parse_rows(f"{number + 1}/{count}", height))
+                for number, part in enumerate(parts)]
     samples = [2 * ((number + 1) * pairs // count - number * pairs // count) for number in range(count)]
     samples[0] += request.sampling.samples % 2
-    return [dataclasses.replace(request.sampled(samples=samples[number]), seed=request.seed + number, output=output)
-            for number, output in enumerate(outputs)]
+    return [dataclasses.replace(part.sampled(samples=samples[number]), seed=request.seed + number)
+            for number, part in enumerate(parts)]
 
 
 def run_on(address: str, output: Path, scene: str, tasks: Callable[[int], Iterator[Task]],
-           took: Callable[[Any], None]) -> None:
+           took: Callable[[list[Made]], None]) -> None:
     """Have a scheduler's workers do ``tasks``, called with their number; ``took`` is called with each result.
 
     LfsrError where no scheduler answers or no worker is left, where a worker does not see the folder ``output`` or
@@ -134,9 +133,9 @@ def run_on(address: str, output: Path, scene: str, tasks: Callable[[int], Iterat
         if not workers:
             raise LfsrError("the scheduler has no workers: start some by `dask worker ADDRESS`")
         uses = all(RESOURCE in worker.get("resources", {}) for worker in workers.values())
-        submitted = [client.submit(_work, task.function, task.arguments, str(place), scene, retries=RETRIES,
-                                   key=f"lfsr-{task.name}-{place.name[-8:]}", pure=False,
-                                   resources={RESOURCE: 1} if uses else None) for task in tasks(len(workers))]
+        submitted = [client.submit(_work, function, str(place), scene, retries=RETRIES, pure=False,
+                                   key=f"lfsr-{name}-{place.name[-8:]}", resources={RESOURCE: 1} if uses else None)
+                     for name, function in tasks(len(workers))]
         stack.callback(client.cancel, submitted)
         stack.enter_context(client.as_current())
         waiting = set(submitted)
@@ -157,18 +156,9 @@ def run_on(address: str, output: Path, scene: str, tasks: Callable[[int], Iterat
                 raise LfsrError(f"the scheduler {address} has ended: start it and its workers, {AGAIN}") from None
 
 
-def _work(function: Callable[..., Any], arguments: tuple[Any, ...], place: str, scene: str) -> Any:
+def _work(function: Callable[[], list[Made]], place: str, scene: str) -> list[Made]:
     """Do a task, on a worker that sees the folder and the scene."""
     for path, what in ((Path(place), f"folder {Path(place).parent}"), (Path(scene), f"scene {scene}")):
         if not path.is_file():
             raise LfsrError(f"a worker does not see the {what}: make it visible on its machine under the same path")
-    return function(*arguments)
-
-
-def _make(request: Request, finish: Finish, frames: Sequence[int], blender: str | None, overwrite: bool) -> list[Made]:
-    return make(request, finish, frames, blender=blender, overwrite=overwrite)
-
-
-def _render_part(request: Request, blender: str | None) -> str:
-    make(request, blender=blender)
-    return request.output
+    return function()

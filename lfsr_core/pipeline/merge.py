@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
 from lfsr_core.base.notices import Progress, Tell, silent
@@ -22,7 +23,6 @@ from lfsr_core.frames.frame import (
     REFERENCE_FILES,
     WORLD_FILE,
     Frame,
-    read_part,
     write_frame,
 )
 from lfsr_core.frames.identity import first_difference, has_other_size, phrases
@@ -42,34 +42,6 @@ def part_folders(folders: Sequence[Path]) -> list[Path]:
     return found
 
 
-def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent) -> Frame:
-    """Join parts by rows of lenses, or average whole references of other seeds, and return the frame in ``output``.
-
-    ``folders``: parts of ``lfsr render --rows`` or ``lfsr reference --rows``, in any order; or whole references. The
-    frame has the seconds of all parts together. LfsrError where a part is missing, given twice, incomplete, or of
-    another frame.
-    """
-    output, parts = Path(output), [_read(Path(folder)) for folder in folders]
-    if not parts:
-        raise LfsrError("there are no parts to merge: name their folders")
-    by_rows = any(part.frame.rows is not None for part in parts)
-    frame = _by_rows(parts) if by_rows else _by_samples(parts)
-    FrameFolder(output).check_free(parts[0].kind)
-    with staging_folder(output) as staging, system_errors(output):
-        staged = staging / "frame"
-        staged.mkdir()
-        names = RENDERED_FILES[parts[0].kind]
-        for number, name in enumerate(names):
-            tell(Progress("merge", number / len(names), name))
-            (_join if by_rows else _average)(parts, name, staged / name)
-        if frame.world_apart:
-            exr.write_layers(staged / WORLD_FILE, exr.read_layers(parts[0].folder / WORLD_FILE))
-        write_frame(staged, frame)
-        FrameFolder(output).publish(staged)
-    tell(Progress("merge", 1.0))
-    return frame
-
-
 @dataclasses.dataclass(frozen=True)
 class _Part:
     folder: Path
@@ -77,43 +49,62 @@ class _Part:
     kind: str
 
 
-def _read(folder: Path) -> _Part:
-    """Return a part whose files are there; its pixels are checked when they are read."""
-    frame = read_part(folder)
-    for kind, names in RENDERED_FILES.items():
-        if all((folder / name).is_file() for name in names):
-            return _Part(folder, frame, kind)
-    raise LfsrError(f"{folder} has a frame.json, but neither render nor reference: render this part again")
+def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent) -> Frame:
+    """Join parts by rows of lenses, or average whole references of other seeds, and return the frame in ``output``.
 
-
-def _by_rows(parts: list[_Part]) -> Frame:
-    """Sort the parts of one frame from the top and return it."""
+    ``folders``: parts of ``lfsr render --rows`` or ``lfsr reference --rows``, in any order; or whole references. The
+    frame has the seconds of all parts together. LfsrError where a part is missing, given twice, incomplete, or of
+    another frame.
+    """
+    parts = []
+    for folder in map(FrameFolder, folders):
+        frame, kinds = folder.part, [kind for kind in RENDERED_FILES if folder.holds(kind)]
+        if not kinds:
+            raise LfsrError(f"{folder.path} has a frame.json, but neither render nor reference: render this part again")
+        parts.append(_Part(folder.path, frame, kinds[0]))
+    if not parts:
+        raise LfsrError("there are no parts to merge: name their folders")
+    kind, seeds = parts[0].kind, dict[int, Path]()
     rows = {part.folder: part.frame.rows for part in parts if part.frame.rows is not None}
     for part in parts:
-        if part.folder not in rows:
+        if rows and part.folder not in rows:
             raise LfsrError(f"{part.folder} is a whole frame, but the others are parts of one: leave it out")
-    _check_same(parts, FREE)
-    check_cover([rows[part.folder] for part in parts], parts[0].frame.display.lenses[1])
-    for part in parts:
-        _check_size(part, rows[part.folder])
-    parts.sort(key=lambda part: rows[part.folder])
-    return _merged(parts, rows=None)
-
-
-def _by_samples(parts: list[_Part]) -> Frame:
-    """Return the frame of the average of independent references, which has the samples of all."""
-    seeds: dict[int, Path] = {}
-    for part in parts:
-        if part.kind != "reference":
+        if not rows and part.kind != "reference":
             raise LfsrError(f"{part.folder} is a whole render, not a part of one: merge parts of `lfsr render --rows`, "
                             "or references of other seeds")
-    _check_same(parts, FREE | {"seed", "samples"})
-    for part in parts:
-        if part.frame.seed in seeds:
-            raise LfsrError(f"{seeds[part.frame.seed]} and {part.folder} have the same seed {part.frame.seed}, and so "
-                            "the same noise: render one of them with another --seed")
-        seeds[part.frame.seed] = part.folder
-    return _merged(parts, samples=sum(part.frame.samples for part in parts), seed=min(seeds))
+    _check_same(parts, FREE if rows else FREE | {"seed", "samples"})
+    if rows:
+        check_cover(list(rows.values()), parts[0].frame.display.lenses[1])
+        for part in parts:
+            _check_size(part, rows[part.folder])
+        parts.sort(key=lambda part: rows[part.folder])
+        frame = _merged(parts, rows=None)
+    else:
+        for part in parts:
+            if part.frame.seed in seeds:
+                raise LfsrError(f"{seeds[part.frame.seed]} and {part.folder} have the same seed {part.frame.seed}, and "
+                                "so the same noise: render one of them with another --seed")
+            seeds[part.frame.seed] = part.folder
+        frame = _merged(parts, samples=sum(part.frame.samples for part in parts), seed=min(seeds))
+    target = FrameFolder(output)
+    target.check_free(kind)
+    with staging_folder(target.path) as staging, system_errors(target.path):
+        staged = staging / "frame"
+        staged.mkdir()
+        for number, name in enumerate(RENDERED_FILES[kind]):
+            tell(Progress("merge", number / len(RENDERED_FILES[kind]), name))
+            # As the whole render would be stored: a reference as 16-bit floats, unless it has positions.
+            half = name in REFERENCE_FILES and "position" not in frame.layers
+            if rows:
+                exr.join_rows([part.folder / name for part in parts], staged / name, half=half)
+            else:
+                exr.write_layers(staged / name, _average(parts, name), half=half)
+        if frame.world_apart:
+            exr.write_layers(staged / WORLD_FILE, exr.read_layers(parts[0].folder / WORLD_FILE))
+        write_frame(staged, frame)
+        target.publish(staged)
+    tell(Progress("merge", 1.0))
+    return frame
 
 
 def _merged(parts: list[_Part], **changes: int | None) -> Frame:
@@ -157,12 +148,8 @@ def _check_size(part: _Part, rows: Rows) -> None:
                             f"have {wanted[0]}×{wanted[1]}: render this part again")
 
 
-def _join(parts: list[_Part], name: str, path: Path) -> None:
-    exr.join_rows([part.folder / name for part in parts], path, half=_is_half(parts[0].frame, name))
-
-
-def _average(parts: list[_Part], name: str, path: Path) -> None:
-    """Average the layers by their samples, but for "index", which is that of the first part's first sample."""
+def _average(parts: list[_Part], name: str) -> dict[str, Array]:
+    """Layers averaged by their samples, but for "index", which is that of the first part's first sample."""
     half = REFERENCE_FILES.index(name)
     weights = np.array([(part.frame.samples + 1 - half) // 2 for part in parts], np.float64)
     weights /= weights.sum()
@@ -177,9 +164,4 @@ def _average(parts: list[_Part], name: str, path: Path) -> None:
                             "render it again")
         for layer in averaged:
             layers[layer] += others[layer] * np.float32(weight)
-    exr.write_layers(path, layers, half=_is_half(parts[0].frame, name))
-
-
-def _is_half(frame: Frame, name: str) -> bool:
-    """True where the whole render would be stored as 16-bit floats: a reference, unless it has positions."""
-    return name in REFERENCE_FILES and "position" not in frame.layers
+    return layers
