@@ -143,6 +143,7 @@ def blender_window(folder: Path) -> Iterator[Window]:
     [archive] = (folder / "built").glob("*.zip")
     with _screen(folder) as display, socket.create_server(("127.0.0.1", 0)) as server:
         environment = os.environ | {"DISPLAY": display, "HOME": str(folder),
+                                    "TMPDIR": os.environ["PYTEST_DEBUG_TEMPROOT"],  # which Blender's system sees
                                     "BLENDER_USER_RESOURCES": str(folder / "blender")}
         shutil.copy(AGENT, folder)
         install = inside("blender", "--command", "extension", "install-file", "--repo", "user_default", "--enable",
