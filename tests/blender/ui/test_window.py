@@ -7,6 +7,7 @@ DIR is the folder that scripts/window_blender.sh made. LFSR_SCREENSHOTS names a 
 
 from __future__ import annotations
 
+import shutil
 import time
 
 import numpy as np
