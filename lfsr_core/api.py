@@ -179,7 +179,7 @@ def reconstruct(low: LowResEIA, method: str = "bilinear") -> Array:
 
 
 def _finish(method: str | None, is_direct: bool, options: dict[str, Any]) -> Finish:
-    from lfsr_core.commands.upscale import method_of
+    from lfsr_core.commands.arguments import method_of
 
     return Finish(method_of(method, is_direct), **options)
 

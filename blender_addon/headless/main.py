@@ -18,7 +18,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import file_stamp, system_errors
 from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.base.records import to_data
-from lfsr_core.frames.identity import PLACES, digest, request_facts, scene_stamp
+from lfsr_core.frames.folder import PLACES, digest, request_facts, scene_stamp
 from lfsr_core.frames.request import Request, read_request
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.parts import remove_others

@@ -22,8 +22,7 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import file_stamp, read_json, write_json
-from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.identity import digest
+from lfsr_core.frames.folder import FrameFolder, digest
 from lfsr_core.pipeline.staging import has_parts
 
 from ..scene import folders

@@ -15,6 +15,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import file_digest, file_stamp
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.base.records import to_data
+from lfsr_core.frames.folder import PLACES, digest, request_facts
 from lfsr_core.frames.frame import (
     LOW_RES_FILE,
     REFERENCE_FILES,
@@ -24,7 +25,6 @@ from lfsr_core.frames.frame import (
     Frame,
     write_frame,
 )
-from lfsr_core.frames.identity import PLACES, digest, request_facts
 from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.frames.request import AUTO, GUIDES, OWN, Request
 from lfsr_core.optics.lens_rows import pixel_rows

@@ -13,6 +13,7 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import check_name, is_forbidden, read_json, write_json
+from lfsr_core.frames.folder import is_of
 from lfsr_core.frames.frame import (
     EIA_FILE,
     FRAME_FILE,
@@ -21,7 +22,6 @@ from lfsr_core.frames.frame import (
     Frame,
     read_part,
 )
-from lfsr_core.frames.identity import is_of
 
 from .displays import DIRECT
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 from typing import Any
 
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import LAYOUTS, VIEW_BY_VIEW
 from lfsr_core.frames.request import AUTO, DEVICES, EVEN, OWN, WORLD_IMAGES, Request, check_light, check_scene
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lens_rows import parse_rows
+from lfsr_core.reconstruct.methods import METHODS
 
 FARTHEST_MM = 1e6
 OFFERED_LAYOUTS = tuple(layout for layout in LAYOUTS if layout != VIEW_BY_VIEW)
@@ -72,6 +75,45 @@ def add_cluster_argument(parser: argparse.ArgumentParser, when: str = "") -> Non
     """The scheduler whose workers do the work; ``when``: words of help before it."""
     parser.add_argument("--cluster", metavar="ADDRESS",
                         help=f"{when}on the workers of this Dask scheduler, such as tcp://host:8786")
+
+
+def add_method_arguments(parser: argparse.ArgumentParser) -> None:
+    """Method and options of the second stage."""
+    parser.add_argument("--method", metavar="NAME",
+                        help=f"steps of {', '.join(METHODS)}, joined by + as in denoise+bicubic; default: the most "
+                             "accurate")
+    parser.add_argument("--dilate", type=int, default=0, metavar="N",
+                        help="grow the foreground mask by N lenses, for details too thin for sparse views")
+    parser.add_argument("--weights", type=Path, metavar="FILE", help="weights for the method's denoiser")
+    parser.add_argument("--linear-exr", action=argparse.BooleanOptionalAction, default=False,
+                        help="also write the scene-linear eia.exr")
+
+
+def method_of(name: str | None, is_direct: bool) -> str:
+    """Return the ``name`` of the method asked for, else that of the best that this machine can do.
+
+    ``is_direct``: whether the panel's subpixels are rendered.
+    """
+    from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PLAIN_METHOD, SUBPIXEL_METHODS, denoise
+
+    best, plain = SUBPIXEL_METHODS if is_direct else (DEFAULT_METHOD, PLAIN_METHOD)
+    return name or (best if denoise.is_available() else plain)
+
+
+def finish_of(arguments: argparse.Namespace, is_direct: bool, scale: int) -> Finish:
+    """Return the finish that the arguments ask for; LfsrError for a method that cannot finish a render at ``scale``."""
+    from lfsr_core.reconstruct.methods import load_method
+    from lfsr_core.reconstruct.subpixels import check_subpixels_finish
+
+    name = method_of(arguments.method, is_direct)
+    finish = Finish(name, arguments.dilate, os.path.abspath(arguments.weights) if arguments.weights else None,
+                    arguments.linear_exr, arguments.temporal_averaging or 0)
+    chosen = load_method(name).name
+    if is_direct:
+        check_subpixels_finish(finish)
+    else:
+        chosen.check_scale(scale)
+    return finish
 
 
 def position(text: str) -> tuple[float, float, float]:

@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="average each frame of an animation with the N frames before and after it where nothing "
                              "has changed, and give each frame noise of its own; 2 is a good value. With --frame: with "
                              "the frames already in DIR")
-    upscale.add_method_arguments(parser)
+    common.add_method_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> None:
     _check_together(arguments)
     frames = None if arguments.frames is None else parse_frames(arguments.frames)
     request = _request(arguments)
-    finish = upscale.finish_of(arguments, request.layout == SUBPIXELS, request.sampling.scale)
+    finish = common.finish_of(arguments, request.layout == SUBPIXELS, request.sampling.scale)
     if finish.temporal_averaging and frames is None:
         request = dataclasses.replace(request, seed=finish.seed_of(request.seed, arguments.frame))
     from lfsr_core.pipeline.make import FAILED, make
@@ -114,7 +114,7 @@ def _request(arguments: argparse.Namespace) -> Request:
     elif is_direct:
         scales = (1,)
     else:
-        scales = MethodName.parse(upscale.method_of(arguments.method, is_direct)).scales_of(scales_up_to(display))
+        scales = MethodName.parse(common.method_of(arguments.method, is_direct)).scales_of(scales_up_to(display))
     usual = USUAL_SAMPLES if is_direct else usual_rays(display)
     rays = None if arguments.spp is not None else usual if arguments.rays is None else arguments.rays
     samples = arguments.spp if rays is None else samples_at(display, scales[0], rays)

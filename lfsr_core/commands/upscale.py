@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import os
 from contextlib import closing
 from pathlib import Path
 
 from lfsr_core.base.progress import ProgressBar
+from lfsr_core.commands import arguments as common
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.reconstruct.methods import METHODS
 
 NAME = "upscale"
 HELP = "repeat the second stage of a rendered frame folder"
@@ -24,19 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--temporal-averaging", type=int, default=0, metavar="N",
                         help="average with the N frames before and after it where nothing has changed; for an "
                              "animation rendered with `lfsr render --temporal-averaging`")
-    add_method_arguments(parser)
-
-
-def add_method_arguments(parser: argparse.ArgumentParser) -> None:
-    """Method and options of the second stage."""
-    parser.add_argument("--method", metavar="NAME",
-                        help=f"steps of {', '.join(METHODS)}, joined by + as in denoise+bicubic; default: the most "
-                             "accurate")
-    parser.add_argument("--dilate", type=int, default=0, metavar="N",
-                        help="grow the foreground mask by N lenses, for details too thin for sparse views")
-    parser.add_argument("--weights", type=Path, metavar="FILE", help="weights for the method's denoiser")
-    parser.add_argument("--linear-exr", action=argparse.BooleanOptionalAction, default=False,
-                        help="also write the scene-linear eia.exr")
+    common.add_method_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -46,37 +32,10 @@ def run(arguments: argparse.Namespace) -> None:
     number, path = arguments.frame, arguments.folder
     folder = FrameFolder(path) if number is None else FrameFolder.of_frame(path, number)
     frame = folder.rendered
-    finish = finish_of(arguments, bool(frame.subpixels), frame.scale)
+    finish = common.finish_of(arguments, bool(frame.subpixels), frame.scale)
     with closing(ProgressBar(words=sentence)) as bar:
         finish_frame(folder.path, finish, bar)
         show_finished(folder, bar)
-
-
-def method_of(name: str | None, is_direct: bool) -> str:
-    """Return the ``name`` of the method asked for, else that of the best that this machine can do.
-
-    ``is_direct``: whether the panel's subpixels are rendered.
-    """
-    from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PLAIN_METHOD, SUBPIXEL_METHODS, denoise
-
-    best, plain = SUBPIXEL_METHODS if is_direct else (DEFAULT_METHOD, PLAIN_METHOD)
-    return name or (best if denoise.is_available() else plain)
-
-
-def finish_of(arguments: argparse.Namespace, is_direct: bool, scale: int) -> Finish:
-    """Return the finish that the arguments ask for; LfsrError for a method that cannot finish a render at ``scale``."""
-    from lfsr_core.reconstruct.methods import load_method
-    from lfsr_core.reconstruct.subpixels import check_subpixels_finish
-
-    name = method_of(arguments.method, is_direct)
-    finish = Finish(name, arguments.dilate, os.path.abspath(arguments.weights) if arguments.weights else None,
-                    arguments.linear_exr, arguments.temporal_averaging or 0)
-    chosen = load_method(name).name
-    if is_direct:
-        check_subpixels_finish(finish)
-    else:
-        chosen.check_scale(scale)
-    return finish
 
 
 def show_finished(folder: FrameFolder, bar: ProgressBar) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.foreground import check_dilate
 from lfsr_core.frames.request import MOST_SEED
 
+MOST_DILATE = 65536  # lenses
 MOST_AVERAGED = 8  # frames to each side
 
 
@@ -22,7 +22,9 @@ class Finish:
     temporal_averaging: int = 0  # neighbouring frames to each side that are averaged where nothing has changed
 
     def __post_init__(self) -> None:
-        check_dilate(self.dilate)
+        if not 0 <= self.dilate <= MOST_DILATE:
+            raise LfsrError(f"dilation of the foreground mask is {str(self.dilate)[:20]}, but it must be 0 to "
+                            f"{MOST_DILATE} lenses")
         if not 0 <= self.temporal_averaging <= MOST_AVERAGED:
             raise LfsrError(f"temporal averaging is {str(self.temporal_averaging)[:20]} frames to each side, but it "
                             f"must be 0 to {MOST_AVERAGED}")

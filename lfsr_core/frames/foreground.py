@@ -11,7 +11,6 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.optics.eia import to_elemental_images
 
-MOST_DILATE = 65536
 FOREGROUND_INDEX, BACKGROUND_INDEX = 1, 2
 
 
@@ -19,19 +18,11 @@ def foreground_mask(layers: Mapping[str, Array], lenses: tuple[int, int], dilate
     """Return a boolean (sy, sx): lenses with any hit of a foreground object.
 
     ``layers``: as of ``images.exr.read_layers``; ``lenses``: (sx, sy); ``dilate``: lenses by which the mask grows in
-    every direction, for parts so thin that they fall between sparse views. LfsrError where it is negative.
+    every direction, for parts so thin that they fall between sparse views.
     """
-    check_dilate(dilate)
     hit = foreground_pixels(layers)
     mask: Mask = to_elemental_images(hit[..., None], lenses).any(axis=(2, 3, 4))
     return _grown(_grown(mask, dilate).T, dilate).T if dilate else mask
-
-
-def check_dilate(dilate: int) -> None:
-    """LfsrError unless a mask can be grown by ``dilate`` lenses."""
-    if not 0 <= dilate <= MOST_DILATE:
-        raise LfsrError(f"dilation of the foreground mask is {str(dilate)[:20]}, but it must be 0 to {MOST_DILATE} "
-                        "lenses")
 
 
 def foreground_pixels(layers: Mapping[str, Array]) -> Mask:

@@ -14,8 +14,7 @@ from pathlib import Path
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.frames.finish import Finish
-from lfsr_core.frames.folder import FrameFolder, numbered
-from lfsr_core.frames.identity import scene_stamp
+from lfsr_core.frames.folder import FrameFolder, numbered, scene_stamp
 from lfsr_core.frames.numbers import spread
 from lfsr_core.frames.request import Request, check_scene
 from lfsr_core.optics.depth_scale import ScaleChoice
@@ -82,8 +81,8 @@ def make(request: Request, finish: Finish | None = None, frames: Sequence[int] |
     for asked in requests:
         folder = FrameFolder(asked.output)
         folder.check_free(asked.kind)
-        found = folder.readable
-        if found is not None and not overwrite and not lenient:
+        found = None if overwrite else folder.readable
+        if found is not None and not lenient:
             folder.check_rendered(asked, content, advice="give --overwrite, or choose another folder")
         if overwrite or not folder.is_rendered(asked):
             waiting.append(asked)

@@ -16,7 +16,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
 from lfsr_core.base.notices import Progress, Tell, silent
-from lfsr_core.frames.folder import RENDERED_FILES, FrameFolder
+from lfsr_core.frames.folder import RENDERED_FILES, FrameFolder, first_difference, has_other_size, phrases
 from lfsr_core.frames.frame import (
     DEVICES_JOINED,
     FRAME_FILE,
@@ -25,7 +25,6 @@ from lfsr_core.frames.frame import (
     Frame,
     write_frame,
 )
-from lfsr_core.frames.identity import first_difference, has_other_size, phrases
 from lfsr_core.images import exr
 from lfsr_core.optics.lens_rows import Rows, check_cover, pixel_rows, rows_text
 from lfsr_core.pipeline.staging import staging_folder

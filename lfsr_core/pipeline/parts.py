@@ -15,7 +15,7 @@ from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, replace, write_json
-from lfsr_core.frames.identity import digest, first_difference
+from lfsr_core.frames.folder import digest, first_difference
 from lfsr_core.pipeline.staging import RANGE, has_parts
 
 INPUTS_FILE = "inputs.json"

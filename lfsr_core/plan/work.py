@@ -14,7 +14,7 @@ from lfsr_core.base.cache import cache_folder
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import locks, read_json, write_json
 from lfsr_core.base.notices import Notice, Tell
-from lfsr_core.frames.identity import PLACES, digest, request_facts, scene_stamp
+from lfsr_core.frames.folder import PLACES, digest, request_facts, scene_stamp
 from lfsr_core.frames.request import Request
 from lfsr_core.pipeline.staging import LOCK_FILE
 from lfsr_core.plan.options import PlanOptions

@@ -16,9 +16,8 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.notices import Notice
-from lfsr_core.frames.folder import NUMBERED, numbered
+from lfsr_core.frames.folder import NUMBERED, first_difference, numbered
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
-from lfsr_core.frames.identity import first_difference
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.images.exr import read_finite
 from lfsr_core.reconstruct.methods.interpolation import encode

@@ -147,7 +147,7 @@ def test_render_defaults(scene, blender, tmp_path):
     assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender]) == 0
     (job,) = jobs(blender)
     assert (job["layers"], job["frame"]) == ([], None)
-    assert job["sampling"] == {"scale": 2, "samples": 4, "scales": [2, 1], "rays": 1, "frames": [], "reason": ""}
+    assert job["sampling"] == {"scale": 2, "samples": 4, "scales": [2, 1], "rays": 1, "frames": [], "reason": None}
     assert json.loads((tmp_path / "frame" / "report.json").read_text())["method"] == DEFAULT_METHOD
 
 

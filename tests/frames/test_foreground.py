@@ -48,8 +48,6 @@ def test_dilation_grows_by_lenses_and_stops_at_the_edge():
     mask = foreground_mask(layers(alpha=image((0, 0))), LENSES, dilate=1)
     assert marked(mask) == {(0, 0), (0, 1), (1, 0), (1, 1)}
     assert foreground_mask(layers(alpha=image((4, 7))), LENSES, dilate=2).sum() == 20
-    with pytest.raises(LfsrError, match="-1"):
-        foreground_mask(layers(alpha=image()), LENSES, dilate=-1)
 
 
 def test_background_meshes_are_no_foreground():

@@ -8,9 +8,9 @@ import os
 import pytest
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.frame import SUBPIXELS, write_frame
-from lfsr_core.frames.identity import (
-    check_same,
+from lfsr_core.frames.folder import (
+    RAYS,
+    FrameFolder,
     digest,
     first_difference,
     has_other_size,
@@ -21,6 +21,7 @@ from lfsr_core.frames.identity import (
     request_facts,
     scene_stamp,
 )
+from lfsr_core.frames.frame import SUBPIXELS, write_frame
 from lfsr_core.frames.request import AUTO
 from lfsr_core.optics.rays import CameraArray
 from tests.support.panels import cells, hexagonal, lenticular
@@ -55,11 +56,11 @@ def test_the_first_difference_is_one_sentence(tmp_path, changes, sentence):
     job = changed(JOB, **changes)
     write_frame(tmp_path, FRAME)
     with pytest.raises(LfsrError) as caught:
-        check_same(tmp_path, job, names=None, advice="give --overwrite")
+        FrameFolder(tmp_path).check_rendered(job, advice="give --overwrite")
     assert sentence in str(caught.value) and str(caught.value).endswith(" asked for: give --overwrite")
     assert is_same(FRAME, job) is (set(changes) == {"device"} or changes.get("layout") == "view-by-view")
     if set(changes) & {"seed", "frame", "subject", "device", "layers"}:
-        check_same(tmp_path, job)  # its rays are those
+        FrameFolder(tmp_path).check_rendered(job, names=RAYS)  # its rays are those
 
 
 @pytest.mark.parametrize(("changes", "found"), [
@@ -79,7 +80,7 @@ def test_what_a_job_leaves_open_may_be_anything(changes, found):
 def test_another_light_is_another_render(tmp_path):
     write_frame(tmp_path, dataclasses.replace(FRAME, light="own"))
     with pytest.raises(LfsrError, match="with light own, but light night was asked for"):
-        check_same(tmp_path, changed(JOB, light="night"), names=None)
+        FrameFolder(tmp_path).check_rendered(changed(JOB, light="night"))
 
 
 def test_a_light_field_is_no_render_of_subpixels():
@@ -92,11 +93,11 @@ def test_a_light_field_is_no_render_of_subpixels():
 
 def test_a_file_that_has_changed_is_told_where_both_are_known(tmp_path):
     write_frame(tmp_path, dataclasses.replace(FRAME, scene="a.blend", content="2 10; 7 10"))
-    check_same(tmp_path, JOB, "", None)
+    FrameFolder(tmp_path).check_rendered(JOB)
     with pytest.raises(LfsrError, match="was rendered before a.blend was changed: choose another folder"):
-        check_same(tmp_path, JOB, "2 11; 7 10", None)
+        FrameFolder(tmp_path).check_rendered(JOB, "2 11; 7 10")
     write_frame(tmp_path, FRAME)
-    check_same(tmp_path, JOB, "2 11; 7 10", None)
+    FrameFolder(tmp_path).check_rendered(JOB, "2 11; 7 10")
 
 
 def test_a_scene_is_known_by_size_and_time_of_its_files(tmp_path):

@@ -10,7 +10,7 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path, system_errors
-from lfsr_core.frames.identity import FARM_COPY
+from lfsr_core.frames.folder import FARM_COPY
 from lfsr_core.pipeline.farms import FarmJob, Submission, write_job
 
 from ...jobs import asked, session, show_image

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon.jobs.copy import file_copy
-from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.identity import scene_stamp
+from lfsr_core.frames.folder import FrameFolder, scene_stamp
 from lfsr_core.images.exr import write_layers
 from tests.support import panel
 

@@ -15,9 +15,8 @@ from lfsr_core.base.notices import Progress
 from lfsr_core.base.progress import ProgressBar
 from lfsr_core.base.records import write_record
 from lfsr_core.commands.arguments import names, numbers
-from lfsr_core.frames.folder import FrameFolder
+from lfsr_core.frames.folder import FrameFolder, is_changed, scene_stamp
 from lfsr_core.frames.frame import FRAME_FILE, read_frame
-from lfsr_core.frames.identity import is_changed, scene_stamp
 from lfsr_core.frames.request import check_scene
 from lfsr_core.pipeline.staging import staging_folder
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
