@@ -147,8 +147,8 @@ def render(scene: str | Path, output: str | Path | None = None, *, display: str 
     from lfsr_core.pipeline.make import make
 
     profile = display if isinstance(display, DisplayProfile) else load_display(str(display))
-    is_direct = request.get("layout") == SUBPIXELS
-    scales = (scale,) if scale is not None else (1,) if is_direct else scales_up_to(profile)
+    subpixels = request.get("layout") == SUBPIXELS
+    scales = (scale,) if scale is not None else (1,) if subpixels else scales_up_to(profile)
     if samples is None:
         rays = usual_rays(profile) if rays is None else rays
         samples = samples_at(profile, scales[0], rays)
@@ -157,7 +157,7 @@ def render(scene: str | Path, output: str | Path | None = None, *, display: str 
     asked = Request(str(output or Path(scene).stem), profile, check_scene(scene), sampling=sampling, **given)
     tell, close = _teller(progress)
     try:
-        make(asked, _finish(method, is_direct, finish or {}), blender=blender, tell=tell, overwrite=overwrite)
+        make(asked, _finish(method, subpixels, finish or {}), blender=blender, tell=tell, overwrite=overwrite)
     finally:
         close()
     return RenderedFrame(asked.output, tell)
@@ -178,10 +178,10 @@ def reconstruct(low: LowResEIA, method: str = "bilinear") -> Array:
     return from_elemental_images(images.reshape(rows, columns, *images.shape[1:]))
 
 
-def _finish(method: str | None, is_direct: bool, options: dict[str, Any]) -> Finish:
+def _finish(method: str | None, subpixels: bool, options: dict[str, Any]) -> Finish:
     from lfsr_core.commands.arguments import method_of
 
-    return Finish(method_of(method, is_direct), **options)
+    return Finish(method_of(method, subpixels), **options)
 
 
 def _teller(progress: Tell | bool | None) -> tuple[Tell, Callable[[], None]]:

@@ -89,27 +89,27 @@ def add_method_arguments(parser: argparse.ArgumentParser) -> None:
                         help="also write the scene-linear eia.exr")
 
 
-def method_of(name: str | None, is_direct: bool) -> str:
+def method_of(name: str | None, subpixels: bool) -> str:
     """Return the ``name`` of the method asked for, else that of the best that this machine can do.
 
-    ``is_direct``: whether the panel's subpixels are rendered.
+    ``subpixels``: whether the panel's subpixels are rendered.
     """
     from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PLAIN_METHOD, SUBPIXEL_METHODS, denoise
 
-    best, plain = SUBPIXEL_METHODS if is_direct else (DEFAULT_METHOD, PLAIN_METHOD)
+    best, plain = SUBPIXEL_METHODS if subpixels else (DEFAULT_METHOD, PLAIN_METHOD)
     return name or (best if denoise.is_available() else plain)
 
 
-def finish_of(arguments: argparse.Namespace, is_direct: bool, scale: int) -> Finish:
+def finish_of(arguments: argparse.Namespace, subpixels: bool, scale: int) -> Finish:
     """Return the finish that the arguments ask for; LfsrError for a method that cannot finish a render at ``scale``."""
     from lfsr_core.reconstruct.methods import load_method
     from lfsr_core.reconstruct.subpixels import check_subpixels_finish
 
-    name = method_of(arguments.method, is_direct)
+    name = method_of(arguments.method, subpixels)
     finish = Finish(name, arguments.dilate, os.path.abspath(arguments.weights) if arguments.weights else None,
                     arguments.linear_exr, arguments.temporal_averaging or 0)
     chosen = load_method(name).name
-    if is_direct:
+    if subpixels:
         check_subpixels_finish(finish)
     else:
         chosen.check_scale(scale)

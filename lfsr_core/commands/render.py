@@ -108,14 +108,14 @@ def _request(arguments: argparse.Namespace) -> Request:
     """Scale and samples, or scales and rays from which both follow, with the rest of the arguments."""
     from lfsr_core.reconstruct.methods import MethodName
 
-    display, is_direct = load_display(arguments.display), arguments.layout == SUBPIXELS
+    display, subpixels = load_display(arguments.display), arguments.layout == SUBPIXELS
     if arguments.scale != AUTO_SCALE:
         scales: tuple[int, ...] = (int(arguments.scale),)
-    elif is_direct:
+    elif subpixels:
         scales = (1,)
     else:
-        scales = MethodName.parse(common.method_of(arguments.method, is_direct)).scales_of(scales_up_to(display))
-    usual = USUAL_SAMPLES if is_direct else usual_rays(display)
+        scales = MethodName.parse(common.method_of(arguments.method, subpixels)).scales_of(scales_up_to(display))
+    usual = USUAL_SAMPLES if subpixels else usual_rays(display)
     rays = None if arguments.spp is not None else usual if arguments.rays is None else arguments.rays
     samples = arguments.spp if rays is None else samples_at(display, scales[0], rays)
     frames = spread(parse_frames(arguments.scale_frames)) if arguments.scale_frames else ()
