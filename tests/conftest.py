@@ -15,6 +15,10 @@ import pytest
 hypothesis.settings.register_profile("lfsr", deadline=None, max_examples=50)
 hypothesis.settings.load_profile("lfsr")
 
+# One test process per core is the measure: threads of linear algebra beside it wait for each other (8 s became 14 s).
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
 # What tests and the programs that they start leave in the temporary folder goes with them; not pytest's own folders.
 os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", tempfile.gettempdir())
 TEMPORARY = tempfile.mkdtemp(prefix="lfsr-tests-")

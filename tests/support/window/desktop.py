@@ -33,8 +33,10 @@ SECONDS_TO_INSTALL = 120
 
 
 def inside(*command: object) -> list[str]:
-    """``command`` as it runs inside the folder of the window's Blender; it sees the same temporary files."""
-    return [str(SCRIPT), os.environ[VARIABLE], *map(str, command)]
+    """``command`` as it runs inside the folder of the window's Blender; it sees the tests' folders."""
+    # Those lie in the system's temporary folder, which the script shares; temporary files stay in the suite's own.
+    return ["env", f"TMPDIR={os.environ['PYTEST_DEBUG_TEMPROOT']}", str(SCRIPT), os.environ[VARIABLE],
+            "env", f"TMPDIR={os.environ['TMPDIR']}", *map(str, command)]
 
 
 class Window:
