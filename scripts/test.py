@@ -1,4 +1,7 @@
-"""Make the environment, then run ruff, the import layers, mypy and every test; arguments go to pytest."""
+"""Make the environment, then run ruff, the import layers, mypy and every test; arguments go to pytest.
+
+``--fast`` is for work: ruff, the layers, mypy on this platform, and the tests that start no Blender, browser or cluster.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +10,28 @@ import sys
 from setup import program, ready, run
 
 PLATFORMS = ("linux", "win32", "darwin")
+IN_TWO = ("--numprocesses=2", "--dist=loadfile")
+FAST = ("base", "commands", "docs", "exports", "frames", "images", "metrics", "optics", "pipeline", "plan", "process",
+        "reconstruct")
+NOT_FAST = ("docs/test_python.py", "exports/test_screen.py", "exports/test_viewer.py", "pipeline/test_cluster.py")
 
 
 def main(arguments: list[str]) -> None:
     """Run everything in turn; the first failure ends the program with its exit code."""
+    is_fast = "--fast" in arguments
+    chosen = [argument for argument in arguments if argument != "--fast"]
     folder = ready("blender,dev,lab")
     python = program(folder, "python")
     run([program(folder, "ruff"), "check", "."])
     run([program(folder, "lint-imports")])
     # Types on every platform: names that one of them lacks show here. One after the other is as fast as all at once.
-    for platform in PLATFORMS:
+    for platform in [sys.platform] if is_fast else PLATFORMS:
         run([python, "-m", "mypy", "--platform", platform, "--cache-dir", f".mypy_cache/{platform}"])
     # All tests run in two processes, each file in one of them; tests chosen by arguments run in one.
-    run([python, "-m", "pytest", *(arguments or ["--numprocesses=2", "--dist=loadfile"])])
+    if is_fast:
+        chosen += [*IN_TWO, "-m", "not long and not slow", *(f"--ignore=tests/{name}" for name in NOT_FAST),
+                   *(f"tests/{name}" for name in FAST)]
+    run([python, "-m", "pytest", *(chosen or IN_TWO)])
 
 
 if __name__ == "__main__":

@@ -103,6 +103,16 @@ def test_arguments_go_to_pytest(played):
     assert played.calls()[-1] == "python -m pytest tests/optics -k weave"
 
 
+def test_the_fast_tests_are_folders_that_exist_and_start_no_blender(played):
+    folder = played()
+    assert run("test.py", "--fast", LFSR_VENV=str(folder)).returncode == 0
+    *_, types, tests = played.calls()
+    assert types.split()[2:5] == ["mypy", "--platform", sys.platform]
+    words = [word.removeprefix("--ignore=") for word in tests.split()]
+    places = [word for word in words if word.startswith("tests/")]
+    assert len(places) > 9 and all((ROOT / place).exists() for place in places) and "tests/blender" not in places
+
+
 def test_first_failure_ends_the_tests(played):
     folder = played("lint-imports ")
     assert run("test.py", LFSR_VENV=str(folder)).returncode == 1
