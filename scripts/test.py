@@ -1,6 +1,6 @@
 """Make the environment, then run ruff, the import layers, mypy and every test; arguments go to pytest.
 
-``--fast`` is for work: ruff, the layers, mypy on this platform, and the tests that start no Blender, browser or cluster.
+``--fast`` is for work: ruff, layers, mypy on this platform, and the tests that start no Blender, browser or cluster.
 """
 
 from __future__ import annotations
