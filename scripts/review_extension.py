@@ -37,7 +37,7 @@ INSTALLERS = {"pip", "ensurepip", "venv"}
 READS_ITS_FOLDER = {"jobs/runtime.py", "headless/entry.py", "render/frame_folder.py", "render/osl_camera.py",
                     "packages/lfsr_core/exports/page.py", "packages/lfsr_core/optics/display.py",
                     "packages/lfsr_core/reconstruct/denoiser.py", "packages/lfsr_core/process/blender.py",
-                    "packages/lfsr_core/pipeline/farms.py", "packages/lfsr_core/exports/screen.py"}
+                    "packages/lfsr_core/pipeline/farms.py", "packages/lfsr_core/exports/show.py"}
 KINDS = {".css", ".glsl", ".html", ".js", ".json", ".osl", ".py", ".toml", ".txt", ".tza", ".yaml"}
 DEVELOPERS = {"docs", "lfsr_lab", "scripts", "tests"}
 PERMISSIONS = {"files", "clipboard"}

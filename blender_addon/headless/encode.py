@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.exports.format_names import H264_SIDE
+from lfsr_core.exports.options import H264_SIDE
 from lfsr_core.process.protocol import emit
 
 from ..compat import literal_path, video_output

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lfsr_core.base.progress import ProgressBar
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.exports.format_names import DESCRIPTIONS, FILM_TYPES, VIEW_TYPES
+from lfsr_core.exports.options import DESCRIPTIONS, FILM_TYPES, VIEW_TYPES
 from lfsr_core.exports.quilt_names import PRESETS
 
 NAME = "export"

@@ -58,13 +58,10 @@ class Bridge:
 
     def __init__(self, call: Call = loopback.put) -> None:
         self._call = call
-        self._session = {"orchestration": self._token()}
-
-    def _token(self) -> str:
-        token = _within(self._call("enter_orchestration", {"name": "default"}), "payload")
+        token = _within(call("enter_orchestration", {"name": "default"}), "payload")
         if not isinstance(token, str) or not token:
             raise LfsrError(f"{PROGRAM} opened no session: update it to version 2.2 or newer")
-        return token
+        self._session = {"orchestration": token}
 
     def devices(self) -> list[Device]:
         """Displays with lenses, by index; LfsrError if there is none."""
@@ -80,7 +77,10 @@ class Bridge:
         """Show a quilt, or a film of quilts over and over, instead of what is shown now."""
         name = f"lfsr-{secrets.token_hex(8)}"
         self._put("instance_playlist", name=name, loop=True)
-        self._put("insert_playlist_entry", name=name, **_entry(quilt, device))
+        columns, rows = quilt.grid
+        self._put("insert_playlist_entry", name=name, id=0, index=0, uri=str(quilt.path.resolve()), rows=rows,
+                  cols=columns, aspect=quilt.aspect or _aspect(device, 1.0), view_count=columns * rows, isRGBD=0,
+                  focus=0, zoom=1, crop_pos_x=0, crop_pos_y=0, tag="", durationMS=STILL_MS)
         self._put("show_window", show_window=True, head_index=device.index)
         self._put("play_playlist", name=name, head_index=device.index)
 
@@ -121,14 +121,6 @@ def _aspect(device: Device, unknown: float) -> float:
     except LfsrError:
         return unknown
     return numbers["screenW"] / numbers["screenH"]
-
-
-def _entry(quilt: Quilt, device: Device) -> dict[str, Any]:
-    columns, rows = quilt.grid
-    aspect = quilt.aspect or _aspect(device, 1.0)
-    return {"id": 0, "index": 0, "uri": str(quilt.path.resolve()), "rows": rows, "cols": columns,
-            "aspect": aspect, "view_count": columns * rows, "isRGBD": 0, "focus": 0, "zoom": 1, "crop_pos_x": 0,
-            "crop_pos_y": 0, "tag": "", "durationMS": STILL_MS}
 
 
 def _device(entry: Any) -> Device:

@@ -1,22 +1,90 @@
-"""Write films: MP4 with H.264 or HEVC, GIF, WebP, and numbered PNG images."""
+"""Films: MP4 with H.264 or HEVC, GIF, WebP and numbered PNG images; and those of an eye that moves before the display.
+
+Sway goes round an ellipse, wiggle between two eyes.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.exports.format_names import H264_SIDE
+from lfsr_core.base.notices import Progress
+from lfsr_core.exports.light_field import LightField, on_screen, usual_width
+from lfsr_core.exports.options import FILM_TYPES, H264_SIDE, WIGGLE_TYPES, ExportOptions, chosen_type
+from lfsr_core.exports.stereo import eye_distance
 from lfsr_core.images.png import write_png
 
 QUALITY = 90  # of WebP
 ENCODERS = {"libx264": {"crf": "18", "preset": "medium"},  # without visible loss
             "libx265": {"crf": "20", "preset": "fast", "x265-params": "log-level=error"}}
 APPLE_TAG = "hvc1"  # of HEVC, without which Apple's programs do not play it
+RATES = {"mp4": 30, "gif": 20, "webp": 20, "png": 30}  # frames per second; GIF counts in hundredths of a second
+LOOPING = ("gif", "webp")  # start again by themselves
+ANIMATION_RATE = 24  # Blender's default
+REACH, RISE = 0.85, 0.35  # fraction of the half viewing zone, across and up
+
+
+class Motion(NamedTuple):
+    """How the eye moves."""
+
+    name: str
+    types: tuple[str, ...]  # of files, the default first
+    seconds: float  # of one round
+    rounds: int  # of a film that does not start again by itself
+    # place (x, y) of the eye in millimetres, at a phase of the round in [0, 1)
+    place: Callable[[LightField, ExportOptions, float], tuple[float, float]]
+
+
+def eye_place(field: LightField, phase: float) -> tuple[float, float]:
+    """Place (x, y) of the swaying eye in millimetres, at ``phase`` in [0, 1)."""
+    spacing, (across, down) = field.display.camera_spacing_mm, field.count
+    angle = 2 * math.pi * phase
+    return (REACH * across / 2 * spacing * math.sin(angle), RISE * down / 2 * spacing * math.cos(angle))
+
+
+SWAY = Motion("sway", FILM_TYPES, 4.0, 1, lambda field, _, phase: eye_place(field, phase))
+WIGGLE = Motion("wiggle", WIGGLE_TYPES, 0.8, 5, lambda field, options, phase:
+                (eye_distance(field, options) / 2 * math.sin(2 * math.pi * phase), 0.0))
+
+
+def write_motion(motion: Motion, field: LightField, folder: Path, options: ExportOptions) -> None:
+    """Write the film of one frame, while the eye moves."""
+    chosen = chosen_type(options, motion.types)
+    rate = options.fps or RATES[chosen]
+    rounds = 1 if chosen in LOOPING else motion.rounds
+    count = max(2, round((options.seconds or motion.seconds) * rate)) * rounds
+    phases = (number * rounds / count % 1 for number in range(count))
+    _write(motion, ((field, phase) for phase in phases), count, rate, folder, options)
+
+
+def write_motion_of_frames(motion: Motion, fields: Iterator[LightField], count: int, folder: Path,
+                           options: ExportOptions) -> None:
+    """Write the film of ``count`` frames, while the eye moves one or more whole rounds."""
+    rate = options.fps or ANIMATION_RATE
+    rounds = max(1, round(count / rate / (options.seconds or motion.seconds)))
+    places = ((field, rounds * number / count % 1) for number, field in enumerate(fields))
+    _write(motion, places, count, rate, folder, options)
+
+
+def _write(motion: Motion, places: Iterable[tuple[LightField, float]], count: int, rate: float, folder: Path,
+           options: ExportOptions) -> None:
+    """Write ``count`` frames, each the view of a light field from a phase of the eye's round."""
+    places = iter(places)
+    first = next(places)
+
+    def frames() -> Iterator[Array]:
+        for number, (field, phase) in enumerate(itertools.chain([first], places)):
+            options.tell(Progress("export", number / count, f"frame {number + 1} of {count}"))
+            view = field.seen_from(*motion.place(field, options, phase))
+            yield on_screen(view, field.display, options.width or usual_width(field.display))
+
+    write_film(folder / f"{first[0].name}_{motion.name}.{chosen_type(options, motion.types)}", frames(), rate)
 
 
 def write_film(path: Path, frames: Iterator[Array], rate: float) -> None:

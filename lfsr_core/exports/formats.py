@@ -12,11 +12,10 @@ from pathlib import Path
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import check_name, replace_files, system_errors
 from lfsr_core.base.notices import Notice, Progress, Tell
-from lfsr_core.exports import folders, hci, quilt, rgbd, stereo, sway
-from lfsr_core.exports.format_names import default_target
-from lfsr_core.exports.frame_folders import frame_folders, is_sequence, one_display
+from lfsr_core.exports import depth, films, folders, quilt, stereo
 from lfsr_core.exports.light_field import LightField, read_light_field
-from lfsr_core.exports.options import ExportOptions
+from lfsr_core.exports.options import ExportOptions, default_target
+from lfsr_core.frames.folder import frame_folders, is_sequence, one_display
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.pipeline.staging import staging_folder
 
@@ -35,22 +34,23 @@ class Format:
     write_film: Callable[[Iterator[LightField], int, Path, ExportOptions], None] | None = None
 
 
-def _motion(motion: sway.Motion, *more: str) -> Format:
-    return Format(functools.partial(sway.write, motion), ("width", "type", "seconds", "fps", *more),
-                  (f"*_{motion.name}_*.png",), write_film=functools.partial(sway.write_film, motion))
+def _motion(motion: films.Motion, *more: str) -> Format:
+    return Format(functools.partial(films.write_motion, motion), ("width", "type", "seconds", "fps", *more),
+                  (f"*_{motion.name}_*.png",), write_film=functools.partial(films.write_motion_of_frames, motion))
 
 
 FORMATS = {
-    "quilt": Format(quilt.write, ("views", "grid", "width", "preset"), one_file=True),
-    "quilt-film": Format(quilt.write_one_frame, ("views", "grid", "width", "preset", "type", "fps"), ("*_qs*_*.png",),
-                         write_film=quilt.write_film),
-    "rgbd": Format(rgbd.write, ("width",), one_file=True),
+    "quilt": Format(quilt.write_quilt, ("views", "grid", "width", "preset"), one_file=True),
+    "quilt-film": Format(lambda field, *rest: quilt.write_quilt_film(iter([field]), 1, *rest),
+                         ("views", "grid", "width", "preset", "type", "fps"), ("*_qs*_*.png",),
+                         write_film=quilt.write_quilt_film),
+    "rgbd": Format(depth.write_rgbd, ("width",), one_file=True),
     **{name: Format(functools.partial(stereo.write, layout), ("eyes_mm", "width"), one_file=True)
        for name, layout in stereo.LAYOUTS.items()},
-    "wiggle": _motion(sway.WIGGLE, "eyes_mm"),
-    "sway": _motion(sway.SWAY),
+    "wiggle": _motion(films.WIGGLE, "eyes_mm"),
+    "sway": _motion(films.SWAY),
     "views": Format(folders.write_views, ("views", "type"), ("view_*_*.png",)),
-    "hci": Format(hci.write, ("views",), ("input_Cam*.png", hci.DISPARITY_FILE)),
+    "hci": Format(folders.write_hci, ("views",), ("input_Cam*.png", folders.DISPARITY_FILE)),
     "stanford": Format(folders.write_stanford, ("views",), ("out_*_*_*_*_.png",)),
     "pleno": Format(folders.write_pleno, ("views",), ("[0-9][0-9][0-9]_[0-9][0-9][0-9].ppm",)),
 }
@@ -66,7 +66,7 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
     Parameters
     ----------
     folder : finished frame folder, or a folder of frame folders
-    name : format, one of FORMATS; ``format_names`` describes them
+    name : format, one of FORMATS; ``options.DESCRIPTIONS`` describes them
     target : folder to write into, by default ``export/NAME`` in ``folder``
     options : options of the format
 
@@ -74,7 +74,12 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
     ------
     LfsrError : for bad input; no export is half-written then, and an earlier one stays
     """
-    chosen = _find(name, options)
+    if name not in FORMATS:
+        raise LfsrError(f"unknown format {name!r}: {did_you_mean(name, FORMATS)}Choose from {', '.join(FORMATS)}")
+    chosen = FORMATS[name]
+    for option in options.given():
+        if option not in chosen.options:
+            raise LfsrError(f"format {name!r} has no option {option!r}, only {', '.join(chosen.options)}: leave it out")
     target = default_target(folder, name) if target is None else Path(target)
     if is_sequence(folder):
         written = _export_animation(frame_folders(folder), chosen, target, options)
@@ -84,42 +89,24 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
     return written
 
 
-def _find(name: str, options: ExportOptions) -> Format:
-    """Format of this name; LfsrError for an unknown name, or an option that the format does not have."""
-    if name not in FORMATS:
-        raise LfsrError(f"unknown format {name!r}: {did_you_mean(name, FORMATS)}Choose from {', '.join(FORMATS)}")
-    for option in options.given():
-        if option not in FORMATS[name].options:
-            raise LfsrError(f"format {name!r} has no option {option!r}, only "
-                            f"{', '.join(FORMATS[name].options)}: leave it out")
-    return FORMATS[name]
-
-
 def _export_animation(paths: list[Path], chosen: Format, target: Path, options: ExportOptions) -> list[Path]:
     one_display({path: read_frame(path) for path in paths})
-    write_film = chosen.write_film
+    write_film, files = chosen.write_film, list[Path]()
     if write_film is not None:
         fields = map(read_light_field, paths)  # one at a time: an 8K animation would not fit into memory
         return _write(target, chosen, lambda staged: write_film(fields, len(paths), staged, options))
-    files: list[Path] = []
     for number, path in enumerate(paths):
-        field = read_light_field(path)
-        if chosen.one_file:
-            field = dataclasses.replace(field, name=f"{field.name}_{path.name}")
-        given = dataclasses.replace(options, tell=functools.partial(_tell_of_all, options.tell, number, len(paths)))
-        files += _write(target if chosen.one_file else target / path.name, chosen,
-                        functools.partial(_write_one, chosen, field, given))
+        def tell(told: Progress | Notice, number: int = number) -> None:
+            options.tell(told if isinstance(told, Notice) else Progress(
+                told.stage, (number + told.fraction) / len(paths), f"frame {number + 1} of {len(paths)}"))
+
+        def write(staged: Path, path: Path = path, tell: Tell = tell) -> None:
+            field = read_light_field(path)
+            named = dataclasses.replace(field, name=f"{field.name}_{path.name}") if chosen.one_file else field
+            chosen.write(named, staged, dataclasses.replace(options, tell=tell))
+
+        files += _write(target if chosen.one_file else target / path.name, chosen, write)
     return files
-
-
-def _write_one(chosen: Format, field: LightField, options: ExportOptions, staged: Path) -> None:
-    chosen.write(field, staged, options)
-
-
-def _tell_of_all(tell: Tell, number: int, count: int, told: Progress | Notice) -> None:
-    """Tell the progress of frame ``number`` of ``count`` as that of all frames."""
-    tell(told if isinstance(told, Notice) else
-         Progress(told.stage, (number + told.fraction) / count, f"frame {number + 1} of {count}"))
 
 
 def _write(target: Path, chosen: Format, write: Callable[[Path], None]) -> list[Path]:

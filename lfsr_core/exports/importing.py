@@ -13,10 +13,10 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import file_digest, read_bytes, replace_files, system_errors
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
-from lfsr_core.exports.hci import PARAMETERS_FILE
-from lfsr_core.exports.quilt_files import Quilt, read_film, read_quilt
+from lfsr_core.exports.folders import PARAMETERS_FILE
+from lfsr_core.exports.light_field import Source, retargeted
+from lfsr_core.exports.quilt import Quilt, read_film, read_quilt
 from lfsr_core.exports.quilt_names import Pair, without_suffix
-from lfsr_core.exports.retarget import Source, retargeted
 from lfsr_core.exports.view_files import ViewFiles, find_views, read_views
 from lfsr_core.frames.folder import DERIVED_FILES, FrameFolder
 from lfsr_core.frames.frame import (

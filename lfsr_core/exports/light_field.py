@@ -1,8 +1,10 @@
-"""The light field of a finished frame: its views and the places of their cameras."""
+"""The light field of a finished frame, places of its cameras, and its views in other sizes and for other displays."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
+import math
 import re
 from pathlib import Path
 
@@ -14,8 +16,12 @@ from lfsr_core.frames.frame import EIA_LINEAR_FILE, Frame, read_frame
 from lfsr_core.frames.views import eia_to_views, read_views
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.reconstruct.methods.interpolation import cubic
 
 LONGEST_NAME = 60  # characters
+MOST_WIDTH = 16384
+PIXELS_PER_LENS, USUAL_WIDTHS = 10, (320, 1920)
+REACH = 2  # samples of the cubic kernel to either side
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,7 +84,8 @@ def camera_places(count: int, wanted: int) -> Array:
 def read_light_field(folder: str | Path) -> LightField:
     """Light field of a finished frame folder; LfsrError where its eia.png is missing or of another size."""
     folder, frame = Path(folder), read_frame(folder)
-    return LightField(read_views(folder), frame, folder, _name(frame, folder))
+    name = re.sub(r"[^A-Za-z0-9-]+", "_", Path(frame.scene).stem or folder.resolve().name)
+    return LightField(read_views(folder), frame, folder, name[:LONGEST_NAME].strip("_") or "lightfield")
 
 
 def read_linear_views(field: LightField) -> Array:
@@ -99,6 +106,86 @@ def _between(value: float, count: int) -> tuple[int, int, float]:
     return int(value), int(value) + 1, value - int(value)
 
 
-def _name(frame: Frame, folder: Path) -> str:
-    text = Path(frame.scene).stem or folder.resolve().name
-    return re.sub(r"[^A-Za-z0-9-]+", "_", text)[:LONGEST_NAME].strip("_") or "lightfield"
+def on_screen(view: Array, display: DisplayProfile, width: int, part: tuple[float, float] = (1, 1)) -> Array:
+    """Resample a view (sy, sx, 3) uint8 to (height, width, 3) in the panel's proportions, both even, as videos need.
+
+    ``part``: factors by which the result is narrower and lower than these proportions. LfsrError for a width or height
+    outside 16 to 16384 pixels.
+    """
+    return resized(view, screen_size(display, width, part))
+
+
+def screen_size(display: DisplayProfile, width: int, part: tuple[float, float] = (1, 1)) -> tuple[int, int]:
+    """(width, height) of what ``on_screen`` makes; LfsrError as there."""
+    height = width * display.panel_mm[1] / display.panel_mm[0]
+    if not 16 <= width <= MOST_WIDTH or not 2 <= height <= MOST_WIDTH:
+        raise LfsrError(f"width is {width}, but images are 16 to {MOST_WIDTH} pixels wide and high: choose another")
+    return int(width * part[0]) // 2 * 2, max(2, round(height * part[1] / 2) * 2)
+
+
+def resized(view: Array, size: tuple[int, int], covers: tuple[float, float] = (1, 1)) -> Array:
+    """Resample a view (sy, sx, 3) uint8 to ``size`` (width, height) pixels.
+
+    ``covers``: fractions of the result's width and height that the view takes, in the middle; above 1 it is cut, below
+    1 the rest is black.
+    """
+    if view.shape[1::-1] == size and covers == (1, 1):
+        return view
+    columns, rows = size
+    tall = _weights(view.shape[0], rows, covers[1]) @ view.reshape(view.shape[0], -1).astype(np.float32)
+    wide = np.matmul(_weights(view.shape[1], columns, covers[0]), tall.reshape(rows, view.shape[1], 3))
+    return np.asarray(np.rint(np.clip(wide, 0, 255)), np.uint8)
+
+
+def usual_width(display: DisplayProfile) -> int:
+    """Default width: ten pixels per lens, within what screens show."""
+    return min(max(PIXELS_PER_LENS * display.lenses[0], USUAL_WIDTHS[0]), USUAL_WIDTHS[1])
+
+
+@functools.lru_cache(maxsize=8)
+def _weights(size: int, target: int, covers: float = 1) -> Array:
+    """Weights (target, size) float32 of cubic interpolation at pixel centres; downscaling widens the kernel."""
+    stretch = max(1.0, size / target / covers)
+    places = ((np.arange(target) + 0.5) / target - 0.5) / covers * size + size / 2 - 0.5
+    reach = int(np.ceil(REACH * stretch))
+    taps = np.floor(places).astype(int)[:, None] + np.arange(1 - reach, reach + 1)
+    weights = cubic((places[:, None] - taps) / stretch)
+    matrix = np.zeros((target, size), np.float32)
+    np.add.at(matrix, (np.arange(target)[:, None], np.clip(taps, 0, size - 1)),
+              weights / weights.sum(1, keepdims=True))
+    matrix[(places < -0.5) | (places > size - 0.5)] = 0
+    return matrix
+
+
+@dataclasses.dataclass(frozen=True)
+class Source:
+    """Views of others."""
+
+    views: Array  # (rows, columns, height, width, 3) uint8, row 0 the topmost cameras, column 0 the leftmost
+    aspect: float  # width / height of the picture, whose pixels need not be square
+    # whether neighbouring cameras differ by one angle, as in quilts; else by one distance
+    equal_angles: bool
+
+
+def retargeted(source: Source, display: DisplayProfile, angle_deg: float | None = None, fill: bool = False) -> Array:
+    """Views (py, px, sy, sx, 3) uint8 for ``display``.
+
+    Parameters
+    ----------
+    source : the views
+    display : that they are shown on
+    angle_deg : over which the cameras of ``source`` are spread horizontally; beyond it the outermost view repeats.
+        None: the display's own angle
+    fill : whether the picture fills the display and is cut; else all of it is seen, between black bars
+    """
+    wider = source.aspect / (display.panel_mm[0] / display.panel_mm[1])
+    across = max(1.0, wider) if fill else min(1.0, wider)
+    covers = (across, across / wider)
+    views = np.stack([[resized(view, display.lenses, covers) for view in row] for row in source.views])
+    angle, (down, count) = math.radians(angle_deg or display.viewing_angle_deg), source.views.shape[:2]
+    right, up = ((np.arange(n) + 0.5 - n / 2) * display.camera_spacing_mm / display.viewing_distance_mm
+                 for n in display.views)  # tangents of the display's cameras
+    span = 2 * math.tan(angle / 2)
+    columns = ((np.arctan(right) / angle if source.equal_angles else right / span) + 0.5) * count - 0.5
+    rows = up / span * count + (down - 1) / 2  # as far apart as columns
+    return np.stack([np.stack([view_between(views, column, row) for column in columns]) for row in rows])

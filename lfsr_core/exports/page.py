@@ -14,7 +14,6 @@ import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -23,7 +22,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
-from lfsr_core.exports.frame_folders import frame_folders, one_display
+from lfsr_core.frames.folder import frame_folders, one_display
 from lfsr_core.frames.frame import EIA_FILE, VIEWER_FILE, Frame, read_frame
 from lfsr_core.images.png import read_png
 from lfsr_core.images.source import opened
@@ -165,8 +164,13 @@ def encode_webp(pixels: Array, quality: int) -> bytes:
 
 def _page(profile: DisplayProfile, labels: list[str], first: bytes, images: list[str]) -> str:
     """Text of the page: the files of ``viewer/``, with the data in place of their marks."""
-    record, url = _geometry(profile) | {"labels": labels}, f"data:image/webp;base64,{base64.b64encode(first).decode()}"
-    data = json.dumps(record).replace("<", "\\u003c")
+    url = f"data:image/webp;base64,{base64.b64encode(first).decode()}"
+    data = json.dumps({  # lengths in millimetres, pairs as (across, down)
+        "name": profile.name, "lenses": profile.lenses, "views": profile.views, "panel_mm": profile.panel_mm,
+        "distance_mm": profile.viewing_distance_mm, "gap_mm": gap_mm(profile),
+        "spacing_mm": profile.camera_spacing_mm,  # between view positions at the viewing distance
+        "angle_deg": profile.viewing_angle_deg, "flipped": profile.ei_order == "flipped",
+        "labels": labels}).replace("<", "\\u003c")
     tags = "\n".join(f'<script type="application/octet-stream" class="eia">{image}</script>' for image in images)
     parts = {"/*STYLE*/": _part("viewer.css"), "/*SHADER*/": _part("viewer.glsl"),
              "/*SCRIPT*/": _part("viewer.js") + _part("controls.js"), "TITLE": html.escape(profile.name),
@@ -174,14 +178,6 @@ def _page(profile: DisplayProfile, labels: list[str], first: bytes, images: list
              "STILL": url, "DATA": data, "<!--IMAGES-->": tags}
     # All at once, so that nothing inserted is taken for a mark.
     return re.sub("|".join(map(re.escape, parts)), lambda found: parts[found[0]], _part("viewer.html"))
-
-
-def _geometry(profile: DisplayProfile) -> dict[str, Any]:
-    """What the page knows of the display, with lengths in millimetres and pairs as (across, down)."""
-    return {"name": profile.name, "lenses": profile.lenses, "views": profile.views, "panel_mm": profile.panel_mm,
-            "distance_mm": profile.viewing_distance_mm, "gap_mm": gap_mm(profile),
-            "spacing_mm": profile.camera_spacing_mm,  # between view positions at the viewing distance
-            "angle_deg": profile.viewing_angle_deg, "flipped": profile.ei_order == "flipped"}
 
 
 def _part(name: str) -> str:

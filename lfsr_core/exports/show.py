@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+import html
+import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path
 from lfsr_core.base.notices import Tell, silent
 from lfsr_core.exports.bridge import Bridge, Device, Quilt, chosen
 from lfsr_core.exports.formats import export
-from lfsr_core.exports.frame_folders import frame_folders
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.exports.quilt_names import read_quilt_name
-from lfsr_core.exports.screen import write_screen_page
+from lfsr_core.frames.folder import frame_folders
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
 
 SCREEN = "screen"  # instead of a display's name: full screen, without Bridge
-PAGE = "show.html"
+PAGE, TEMPLATE = "show.html", Path(__file__).with_name("screen.html")
 FILMS = (".mp4", ".webm", ".mov", ".avi")
 
 
@@ -49,7 +52,12 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: 
     frames = frame_folders(path, (EIA_FILE, PANEL_FILE))
     found = find_display(frames[0], display)
     if found is None:
-        return _full_screen(path / PAGE, [_panel_image(folder) for folder in frames], 1 / fps)
+        images = [folder / (PANEL_FILE if read_rendered(folder).display.is_woven else EIA_FILE) for folder in frames]
+        for image in images:
+            if not image.is_file():
+                raise LfsrError(f"{image.parent} holds no {image.name}, the panel's image: finish it with `lfsr "
+                                "upscale`")
+        return _full_screen(path / PAGE, images, 1 / fps)
     if len(frames) > 1:
         (quilt,) = export(path, "quilt-film", options=options)
     else:
@@ -98,13 +106,19 @@ def _play(path: Path, bridge: Bridge, device: Device) -> Shown:
     return Shown(f"{path.name} is shown on {device.name} ({device.hardware})")
 
 
-def _panel_image(folder: Path) -> Path:
-    path = folder / (PANEL_FILE if read_rendered(folder).display.is_woven else EIA_FILE)
-    if not path.is_file():
-        raise LfsrError(f"{folder} holds no {path.name}, the panel's image: finish it with `lfsr upscale`")
-    return path
-
-
 def _full_screen(page: Path, images: list[Path], seconds: float) -> Shown:
     write_screen_page(page, images, seconds)
     return Shown("The browser shows it full screen: move its window to the display and click into it", page)
+
+
+def write_screen_page(path: Path, images: Sequence[Path], seconds: float) -> None:
+    """Write the page of an image, or of several that follow each other after ``seconds``, over and over.
+
+    It reads the images where they lie and fetches nothing else. In full screen it compares its size in the display's
+    pixels with the image's, and says what is wrong where they differ.
+    """
+    data = json.dumps({"images": [image.resolve().as_uri() for image in images], "seconds": seconds})
+    text = TEMPLATE.read_text(encoding="utf-8")
+    text = text.replace("TITLE", html.escape(images[0].parent.name), 1).replace("DATA", data.replace("<", "\\u003c"), 1)
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

@@ -10,9 +10,8 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.exports.light_field import LightField
+from lfsr_core.exports.light_field import LightField, on_screen, usual_width
 from lfsr_core.exports.options import ExportOptions
-from lfsr_core.exports.screen_images import on_screen, usual_width
 from lfsr_core.images.png import write_png
 from lfsr_core.images.srgb import srgb_decode, srgb_encode
 

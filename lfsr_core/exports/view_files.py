@@ -60,10 +60,28 @@ def find_views(folder: Path, columns: int | None = None) -> ViewFiles:
         raise LfsrError(f"{folder} is no folder, expected one of views: check the path")
     names = sorted(path.name for path in folder.iterdir())
     places = _hci(names, columns) or _stanford(names) or _numbered(names)
-    if places:
-        return _grid(folder, places)
-    raise LfsrError(f"{folder} has no views with known names, such as input_Cam000.png (HCI), out_00_00_-1.5_2.5_.png "
-                    "(Stanford), 000_000.ppm (JPEG Pleno) or view_000_000.png (a title, row and column): rename them")
+    if not places:
+        raise LfsrError(f"{folder} has no views with known names, such as input_Cam000.png (HCI), "
+                        "out_00_00_-1.5_2.5_.png (Stanford), 000_000.ppm (JPEG Pleno) or view_000_000.png (a title, "
+                        "row and column): rename them")
+    down, across = (range(min(numbers), max(numbers) + 1) for numbers in zip(*places, strict=True))
+    if len(down) * len(across) > MOST_CAMERAS:
+        raise LfsrError(f"{folder} names {len(across)}×{len(down)} cameras, more than {MOST_CAMERAS}: check the names")
+    for row, column in itertools.product(down, across):
+        if (row, column) not in places:
+            raise LfsrError(f"{folder} has {len(places)} views, but the one in row {row}, column {column} of "
+                            f"{len(down)} rows of {len(across)} is missing (another is {min(places.values())}): add "
+                            "it, or remove its whole row or column")
+    paths = tuple(tuple(folder / places[row, column] for column in across) for row in down)
+    first = image_size(paths[0][0])  # from the header
+    for path in itertools.chain(*paths):
+        if (size := image_size(path)) != first:
+            raise LfsrError(f"{path.name} has {size[0]}×{size[1]} pixels, but {paths[0][0].name} has "
+                            f"{first[0]}×{first[1]}: all views must have one size")
+    if max(first) > MAX_PIXELS or first[0] * first[1] * len(paths) * len(paths[0]) * 3 > MOST_BYTES:
+        raise LfsrError(f"{len(paths[0])}×{len(paths)} views of {first[0]}×{first[1]} pixels are too many to import: "
+                        "make them smaller")
+    return ViewFiles(paths, first)
 
 
 def read_views(files: ViewFiles, tell: Tell = silent) -> Array:
@@ -121,32 +139,6 @@ def _matching(pattern: str, names: list[str]) -> list[tuple[re.Match[str], str]]
     """Names of images that match a pattern and an ending, in small or capital letters."""
     whole = re.compile(pattern + ENDING, re.IGNORECASE)
     return [(match, name) for name in names if (match := whole.fullmatch(name))]
-
-
-def _grid(folder: Path, places: dict[Place, str]) -> ViewFiles:
-    rows, columns = (range(min(numbers), max(numbers) + 1) for numbers in zip(*places, strict=True))
-    if len(rows) * len(columns) > MOST_CAMERAS:
-        raise LfsrError(f"{folder} names {len(columns)}×{len(rows)} cameras, more than {MOST_CAMERAS}: check the names")
-    for row, column in itertools.product(rows, columns):
-        if (row, column) not in places:
-            raise LfsrError(f"{folder} has {len(places)} views, but the one in row {row}, column {column} of "
-                            f"{len(rows)} rows of {len(columns)} is missing (another is {min(places.values())}): add "
-                            "it, or remove its whole row or column")
-    paths = tuple(tuple(folder / places[row, column] for column in columns) for row in rows)
-    return ViewFiles(paths, _one_size(paths))
-
-
-def _one_size(paths: tuple[tuple[Path, ...], ...]) -> tuple[int, int]:
-    """(width, height) of all views, from their headers; LfsrError where one differs or they are too large."""
-    first = image_size(paths[0][0])
-    for path in (path for row in paths for path in row):
-        if (size := image_size(path)) != first:
-            raise LfsrError(f"{path.name} has {size[0]}×{size[1]} pixels, but {paths[0][0].name} has "
-                            f"{first[0]}×{first[1]}: all views must have one size")
-    if max(first) > MAX_PIXELS or first[0] * first[1] * len(paths) * len(paths[0]) * 3 > MOST_BYTES:
-        raise LfsrError(f"{len(paths[0])}×{len(paths)} views of {first[0]}×{first[1]} pixels are too many to import: "
-                        "make them smaller")
-    return first
 
 
 def image_size(path: Path) -> tuple[int, int]:

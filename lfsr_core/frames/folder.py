@@ -11,7 +11,7 @@ import hashlib
 import json
 import re
 import shutil
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, Frame, read_frame, read_part, read_rendered
 from lfsr_core.frames.report import Report, read_report
 from lfsr_core.frames.request import AUTO, Request
+from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lens_rows import rows_text
 
 RENDERED_FILES = {"render": (files.LOW_RES_FILE,), "reference": files.REFERENCE_FILES}
@@ -163,6 +164,45 @@ def numbered(output: Path) -> dict[int, FrameFolder]:
     found = output.iterdir() if output.is_dir() else ()
     return {int(path.name): FrameFolder(path) for path in found
             if NUMBERED.match(path.name) and FrameFolder(path).holds()}
+
+
+def is_sequence(folder: str | Path) -> bool:
+    """Whether ``folder`` exists and is no frame folder itself."""
+    return Path(folder).is_dir() and not (Path(folder) / files.FRAME_FILE).is_file()
+
+
+def frame_folders(folder: str | Path, images: Sequence[str] = (files.EIA_FILE,)) -> list[Path]:
+    """``folder`` itself if it is a frame folder, else the finished frame folders in it; LfsrError where there is none.
+
+    Numbered folders come first, by number. ``images``: a frame is finished if it holds one of these files.
+    """
+    folder = Path(folder)
+    if not is_sequence(folder):
+        return [folder]
+    found = [path.parent for path in folder.glob(f"*/{files.FRAME_FILE}")
+             if any((path.parent / name).is_file() for name in images)]
+    if not found:
+        raise LfsrError(f"{folder} is no frame folder and holds none with an {' or '.join(images)}: give one that "
+                        "`lfsr render` made")
+    return sorted(found, key=_order)
+
+
+def one_display(frames: Mapping[Path, Frame]) -> DisplayProfile:
+    """Display of ``frames``, given by folder; LfsrError where they have several displays."""
+    (first, frame), *others = frames.items()
+    for folder, other in others:
+        if other.display != frame.display:
+            raise LfsrError(f"{folder} is for display {other.display.name!r} and {first} for {frame.display.name!r}, "
+                            "but they are shown together: give frames of one display")
+    return frame.display
+
+
+def _order(folder: Path) -> tuple[bool, int, str]:
+    """Sorting key: numbers by value, then other names."""
+    try:
+        return False, int(folder.name), ""
+    except ValueError:
+        return True, 0, folder.name
 
 
 def is_whole(path: Path) -> bool:

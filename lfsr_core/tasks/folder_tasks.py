@@ -12,10 +12,9 @@ import numpy as np
 from lfsr_core.base.files import atomic_path
 from lfsr_core.base.notices import Progress
 from lfsr_core.base.records import from_data
-from lfsr_core.exports.format_names import FILM_RATE, FILMS, QUILT_FILM, default_target
-from lfsr_core.exports.frame_folders import frame_folders
+from lfsr_core.exports.options import FILM_RATE, FILMS, QUILT_FILM, default_target
 from lfsr_core.frames.finish import Finish
-from lfsr_core.frames.folder import FrameFolder
+from lfsr_core.frames.folder import FrameFolder, frame_folders
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
 from lfsr_core.process.protocol import emit_told
 from lfsr_core.tasks.command import RenderCommand

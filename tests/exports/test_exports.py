@@ -18,12 +18,10 @@ from PIL import Image, ImageSequence
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.exports import films
-from lfsr_core.exports.format_names import DESCRIPTIONS, TITLES
 from lfsr_core.exports.formats import FORMATS, export
-from lfsr_core.exports.light_field import read_light_field
-from lfsr_core.exports.options import ExportOptions
+from lfsr_core.exports.light_field import on_screen, read_light_field, resized
+from lfsr_core.exports.options import DESCRIPTIONS, TITLES, ExportOptions
 from lfsr_core.exports.quilt_names import quilt_name, read_quilt_name, usual_preset
-from lfsr_core.exports.screen_images import on_screen, resized
 from lfsr_core.exports.stereo import anaglyph
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import write_png

@@ -13,7 +13,7 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
-from lfsr_core.exports.disparity import central_disparity
+from lfsr_core.exports.depth import central_disparity
 from lfsr_core.exports.formats import export
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions

@@ -13,12 +13,12 @@ from PIL import Image
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.cli import main
-from lfsr_core.exports import quilt_files
+from lfsr_core.exports import quilt as quilts
 from lfsr_core.exports.formats import export
 from lfsr_core.exports.importing import ImportGeometry, import_film, import_quilt, import_views
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
-from lfsr_core.exports.quilt_files import Quilt, quilt_of
+from lfsr_core.exports.quilt import Quilt, quilt_of
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.display import load_display
@@ -87,7 +87,7 @@ def test_tiles_in_other_orders(tmp_path, top_first, mirror):
 def test_a_grid_that_does_not_divide_the_size(tmp_path):
     path = tmp_path / "q_qs5x9a1.6.png"
     write_png(path, np.zeros((4096 // 8, 4096 // 8, 3), np.uint8))
-    assert quilt_files.read_quilt(path, quilt_of(path)).views.shape == (1, 45, 56, 102, 3)
+    assert quilts.read_quilt(path, quilt_of(path)).views.shape == (1, 45, 56, 102, 3)
 
 
 @pytest.mark.parametrize(("name", "shape", "expected", "noted"), [
@@ -239,7 +239,7 @@ def test_a_film_without_a_word_on_its_colours(tmp_path, monkeypatch):
         frame = av.VideoFrame.from_ndarray(pixels, format="rgb24")
         made.mux(stream.encode(frame.reformat(format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")))
         made.mux(stream.encode())
-    ((taken, count),) = quilt_files.read_film(path, quilt_of(path))
+    ((taken, count),) = quilts.read_film(path, quilt_of(path))
     assert count == 1 and np.abs(taken.views.astype(int) - (200, 60, 30)).max() <= 3
 
 
@@ -261,7 +261,7 @@ def test_quilts_and_films_that_cannot_be_read(tmp_path, monkeypatch):
     write_png(small, np.zeros((8, 90, 3), np.uint8))
     with pytest.raises(LfsrError, match="90×8 pixels, too few for 8x6 tiles"):
         import_quilt(small, tmp_path / "frame", quilt_of(small))
-    monkeypatch.setattr(quilt_files, "MOST_SIDE", 80)
+    monkeypatch.setattr(quilts, "MOST_SIDE", 80)
     with pytest.raises(LfsrError, match="at most 80 a side"):
         import_quilt(small, tmp_path / "frame", quilt_of(small))
     monkeypatch.setitem(__import__("sys").modules, "av", None)
@@ -274,9 +274,9 @@ def test_images_in_other_formats(tmp_path):
     path = tmp_path / "q_qs2x2a1.png"
     flat = np.array([[[40, 90, 200], [220, 120, 30]], [[10, 180, 60], [128, 128, 128]]], np.uint8)
     write_png(path, flat.repeat(64, 0).repeat(64, 1))
-    wanted = quilt_files.read_quilt(path, quilt_of(path)).views.astype(int)
+    wanted = quilts.read_quilt(path, quilt_of(path)).views.astype(int)
     for ending, most in ((".jpg", 3), (".webp", 3)):
         other = path.with_suffix(ending)
         Image.open(path).save(other, quality=95)
-        found = quilt_files.read_quilt(other, quilt_of(other)).views
+        found = quilts.read_quilt(other, quilt_of(other)).views
         assert np.abs(found.astype(int) - wanted).mean() < most

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lfsr_core.exports.screen import write_screen_page
+from lfsr_core.exports.show import write_screen_page
 from lfsr_core.images.png import read_png, write_png
 from tests.support.browser import Page, chromium, needs_chromium
 

@@ -12,13 +12,11 @@ from PIL import Image
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.cli import main
-from lfsr_core.exports.format_names import DESCRIPTIONS
+from lfsr_core.exports.films import eye_place
 from lfsr_core.exports.formats import export
-from lfsr_core.exports.frame_folders import frame_folders
-from lfsr_core.exports.light_field import read_light_field
-from lfsr_core.exports.options import ExportOptions
-from lfsr_core.exports.screen_images import on_screen
-from lfsr_core.exports.sway import eye_place
+from lfsr_core.exports.light_field import on_screen, read_light_field
+from lfsr_core.exports.options import DESCRIPTIONS, ExportOptions
+from lfsr_core.frames.folder import frame_folders
 from lfsr_core.images.png import read_png, write_png
 from tests.support.finished import DIRECT, finished
 from tests.support.synthetic import fails

@@ -7,8 +7,8 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.exports.format_names import DESCRIPTIONS, FILMS, QUILT_FILM, TITLES, default_target
-from lfsr_core.exports.frame_folders import frame_folders
+from lfsr_core.exports.options import DESCRIPTIONS, FILMS, QUILT_FILM, TITLES, default_target
+from lfsr_core.frames.folder import frame_folders
 
 from ...jobs import session
 from ...jobs.task import Job

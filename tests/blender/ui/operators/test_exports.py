@@ -9,10 +9,9 @@ import pytest
 
 from blender_addon.scene import folders
 from lfsr_core.exports import loopback
-from lfsr_core.exports.format_names import DESCRIPTIONS
-from lfsr_core.exports.light_field import read_light_field
-from lfsr_core.exports.screen_images import on_screen
-from lfsr_core.exports.sway import eye_place
+from lfsr_core.exports.films import eye_place
+from lfsr_core.exports.light_field import on_screen, read_light_field
+from lfsr_core.exports.options import DESCRIPTIONS
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.profile_file import write_profile
