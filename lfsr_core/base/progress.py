@@ -13,13 +13,11 @@ import time
 from collections.abc import Callable
 from typing import TextIO
 
-from lfsr_core.base import notices
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.notices import Notice, Progress
 
 BAR_WIDTH = 30
 SECONDS_BETWEEN_LINES = 4.0  # a render writes a record each second, so that a line comes every five at the latest
 PROGRESS_VARIABLE, OPENJD = "LFSR_PROGRESS", "openjd"  # environment variable, set by our OpenJD template
-Progress = Callable[[str, float, str], None]
 
 
 class ProgressBar:
@@ -31,10 +29,8 @@ class ProgressBar:
         self._stage, self._shown_at, self._most = "", 0.0, 0.0
         self._told: list[Notice] = []
 
-    def __call__(self, told: notices.Progress | Notice | str, fraction: float = 0.0, detail: str = "") -> None:
+    def __call__(self, told: Progress | Notice) -> None:
         """Show progress, elsewhere than on a terminal only at a new stage, at the end, and every few seconds."""
-        if isinstance(told, str):  # for callers that still give progress by stage, fraction and message
-            told = notices.Progress(told, fraction, detail)
         if isinstance(told, Notice):
             if told not in self._told:
                 self._told.append(told)
@@ -95,7 +91,3 @@ def duration(seconds: float) -> str:
     if whole >= 3600:
         return f"{whole // 3600} h {whole % 3600 // 60} min"
     return f"{whole // 60} min {whole % 60} s" if whole >= 60 else f"{whole} s"
-
-
-def silent(stage: str, fraction: float, message: str) -> None:
-    """Ignore progress."""

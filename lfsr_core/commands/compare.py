@@ -31,12 +31,8 @@ def run(arguments: argparse.Namespace) -> None:
 
 def table(metrics: Metrics) -> list[str]:
     """One line per known metric (value, 95 % interval of a sample of lenses, meaning), then one per note."""
-    lines = [f"{field.name:17} {value:8.4f}{_spread(metrics, field.name):10}  {field.metadata['meaning']}"
+    spread = {name: f" ± {half_width:.4f}" for name, half_width in metrics.ci95.items() if half_width is not None}
+    lines = [f"{field.name:17} {value:8.4f}{spread.get(field.name, ''):10}  {field.metadata['meaning']}"
              for field in dataclasses.fields(metrics) if field.metadata
              and (value := getattr(metrics, field.name)) is not None]
     return [*lines, *map(sentence, metrics.notes)]
-
-
-def _spread(metrics: Metrics, name: str) -> str:
-    half_width = metrics.ci95.get(name)
-    return "" if half_width is None else f" ± {half_width:.4f}"

@@ -24,7 +24,9 @@ def contact_sheet(image: Array, lenses: tuple[int, int], across: int = VIEWS_ACR
     Views of few lenses are enlarged by repeating pixels.
     """
     views = eia.to_views(image, lenses)
-    rows, columns = (_evenly(count, across) for count in views.shape[:2])
+    # Each in the middle of an equal part of all views.
+    rows, columns = (((np.arange(shown) + 0.5) * count / shown).astype(int)
+                     for count in views.shape[:2] for shown in [min(count, across)])
     times = _times(views.shape[3], LEAST_VIEW_WIDTH)
     shown = views[np.ix_(rows, columns)].repeat(times, axis=2).repeat(times, axis=3)
     padded = np.pad(shown, ((0, 0), (0, 0), (0, GAP_PIXELS), (0, GAP_PIXELS), (0, 0)), constant_values=255)
@@ -62,12 +64,6 @@ def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = 
     for name, pixels in images.items():
         write_png(folder / name, pixels)
     return [folder / name for name in images]
-
-
-def _evenly(count: int, wanted: int) -> Array:
-    """Return the indices of ``wanted`` views, each in the middle of an equal part of ``count``."""
-    wanted = min(count, wanted)
-    return ((np.arange(wanted) + 0.5) * count / wanted).astype(int)
 
 
 def _enlarged(epi: Array) -> Array:

@@ -60,28 +60,27 @@ def find_blender(executable: str | None = None) -> Blender:
     """
     if executable is None and importlib.util.find_spec("bpy") is not None:
         return Blender()
-    path = shutil.which(executable or "blender") or (None if executable else _installed())
+    path = shutil.which(executable or "blender")
+    if path is None and not executable:
+        patterns = (os.path.expanduser(os.path.expandvars(place)) for place in PLACES.get(sys.platform, ()))
+        path = max((path for pattern in patterns for path in glob.glob(pattern)), default=None,
+                   key=lambda path: [int(number) for pair in re.findall(r"(\d+)\.(\d+)", path) for number in pair])
     if path is None:
         raise LfsrError(
             f"blender executable {executable!r} was not found: give the path of Blender 4.5 or newer" if executable
             else "Blender was not found, neither the bpy package nor an installed Blender: "
                  "install the 'blender' extra or give --blender PATH")
-    version = _version(path)
-    if version < OLDEST_BLENDER:
-        raise LfsrError(f"{path} is Blender {'.'.join(map(str, version))}, but 4.5 or newer is needed: "
+    try:
+        _, answer = output_of([path, "--version"], seconds=SECONDS_TO_ANSWER)
+    except OSError as error:
+        raise LfsrError(f"{path} cannot be started ({error}): give another with --blender PATH") from None
+    version = re.search(r"Blender (\d+)\.(\d+)", answer)
+    if version is None:
+        raise LfsrError(f"{path} does not say that it is Blender: give the executable with --blender PATH")
+    if (int(version[1]), int(version[2])) < OLDEST_BLENDER:
+        raise LfsrError(f"{path} is {version[0]}, but 4.5 or newer is needed: "
                         "give another with --blender PATH")
     return Blender(path)
-
-
-def _installed() -> str | None:
-    """Path of the newest Blender where this system keeps programs."""
-    patterns = (os.path.expanduser(os.path.expandvars(place)) for place in PLACES.get(sys.platform, ()))
-    found = [path for pattern in patterns for path in glob.glob(pattern)]
-    return max(found, key=_numbers, default=None)
-
-
-def _numbers(path: str) -> list[int]:
-    return [int(number) for pair in re.findall(r"(\d+)\.(\d+)", path) for number in pair]
 
 
 def _entry_script() -> Path:
@@ -90,14 +89,3 @@ def _entry_script() -> Path:
     if spec is None or not spec.submodule_search_locations:
         raise LfsrError("the package blender_addon is not installed beside lfsr_core: install LFSR again")
     return Path(next(iter(spec.submodule_search_locations)), "headless", "from_sources.py")
-
-
-def _version(path: str) -> tuple[int, ...]:
-    try:
-        _, answer = output_of([path, "--version"], seconds=SECONDS_TO_ANSWER)
-    except OSError as error:
-        raise LfsrError(f"{path} cannot be started ({error}): give another with --blender PATH") from None
-    found = re.search(r"Blender (\d+)\.(\d+)", answer)
-    if found is None:
-        raise LfsrError(f"{path} does not say that it is Blender: give the executable with --blender PATH")
-    return int(found[1]), int(found[2])

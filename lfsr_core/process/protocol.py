@@ -78,7 +78,17 @@ def repeated(silence: float = SECONDS_OF_SILENCE) -> Iterator[None]:
     Its message then ends with the seconds since it was new. Blender lets other threads run while it renders.
     """
     ended = threading.Event()
-    thread = threading.Thread(target=_repeat, args=(ended, silence), daemon=True, name="lfsr-progress")
+
+    def repeat() -> None:
+        while not ended.wait(silence):
+            last = _last
+            seconds = time.monotonic() - last[1] if last else 0.0
+            if last and seconds >= silence:
+                message = f"{last[0].get('message', '')}, for {seconds:.0f} s".removeprefix(", ")
+                with _speaking:
+                    _write(last[0] | {"message": message, "cpu": _cpu(), "repeated": True})
+
+    thread = threading.Thread(target=repeat, daemon=True, name="lfsr-progress")
     thread.start()
     try:
         yield
@@ -106,13 +116,3 @@ def _write(record: dict[str, Any]) -> None:
     # In one write, because Cycles' thread writes too.
     sys.stdout.write(PROGRESS_PREFIX + json.dumps(record) + "\n")
     sys.stdout.flush()
-
-
-def _repeat(ended: threading.Event, silence: float) -> None:
-    while not ended.wait(silence):
-        last = _last
-        seconds = time.monotonic() - last[1] if last else 0.0
-        if last and seconds >= silence:
-            message = f"{last[0].get('message', '')}, for {seconds:.0f} s".removeprefix(", ")
-            with _speaking:
-                _write(last[0] | {"message": message, "cpu": _cpu(), "repeated": True})

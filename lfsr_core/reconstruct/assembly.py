@@ -148,17 +148,14 @@ def place(buffer: Array, grid: tuple[int, int], lenses: Array, images: Array, fl
 
     ``flipped``: reverse the pixels of each EI in both axes, the order of a panel behind lenses.
     """
+    if flipped:
+        count, *_, channels = images.shape
+        # One item per pixel, which NumPy moves three times as fast as three channels.
+        pixels = np.ascontiguousarray(images).reshape(count, -1, channels).view(f"V{channels * images.itemsize}")
+        images = np.ascontiguousarray(pixels[:, ::-1]).view(images.dtype).reshape(images.shape)
     slots = to_elemental_images(buffer, grid)
-    for (row, column), image in zip(lenses, _reversed(images) if flipped else images, strict=True):
+    for (row, column), image in zip(lenses, images, strict=True):
         slots[row, column] = image
-
-
-def _reversed(images: Array) -> Array:
-    """EIs (n, py, px, C) with their pixels in reverse order in both axes."""
-    count, *_, channels = images.shape
-    # One item per pixel, which NumPy moves three times as fast as three channels.
-    pixels = np.ascontiguousarray(images).reshape(count, -1, channels).view(f"V{channels * images.itemsize}")
-    return np.ascontiguousarray(pixels[:, ::-1]).view(images.dtype).reshape(images.shape)
 
 
 def finish_lenses(upscaler: Upscaler, low: LowResEIA, lenses: Array) -> Array:

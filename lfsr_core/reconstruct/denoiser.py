@@ -7,6 +7,7 @@ tensors.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import hashlib
@@ -80,19 +81,13 @@ def _load(path: Path, _written: int) -> Weights:
     entering = tensors[f"{LAYERS[0]}.weight"].shape[1:2] if f"{LAYERS[0]}.weight" in tensors else ()
     inputs = GUIDED_INPUTS if entering == (GUIDED_INPUTS,) else COLOR_INPUTS
     check_network(tensors, path, inputs)
-    _check_digest(path, content)
+    facts = path.with_suffix(".json")
+    known = digest = hashlib.sha256(content).hexdigest()
+    with contextlib.suppress(LfsrError, LookupError, TypeError):  # a training writes them beside the weights
+        known = read_json(facts, "the facts of a training")["sha256"]
+    if digest != known:
+        raise LfsrError(f"{path} does not have the SHA-256 in {facts.name}: it was changed or damaged, get both again")
     if any(tensor.dtype != np.float16 for tensor in tensors.values()):
         raise LfsrError(f"{path} holds single floats, but Open Image Denoise takes half floats: write them with "
                         "write_tza(half=True)")
     return Weights(content, inputs == GUIDED_INPUTS)
-
-
-def _check_digest(path: Path, content: bytes) -> None:
-    """LfsrError unless the content has the SHA-256 in the JSON file that a training writes beside it, if any."""
-    facts = path.with_suffix(".json")
-    try:
-        known = read_json(facts, "the facts of a training")["sha256"]
-    except (LfsrError, LookupError, TypeError):
-        return
-    if hashlib.sha256(content).hexdigest() != known:
-        raise LfsrError(f"{path} does not have the SHA-256 in {facts.name}: it was changed or damaged, get both again")

@@ -29,7 +29,7 @@ from lfsr_core.optics.panel.panel_rays import panel_image
 from lfsr_core.reconstruct.assembly import StageClock, peak_bytes
 from lfsr_core.reconstruct.methods import AS_RENDERED, SUBPIXEL_METHODS, MethodName
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, span
-from lfsr_core.reconstruct.methods.oidn import Note, Wanted, ignored
+from lfsr_core.reconstruct.methods.oidn import Note, Wanted
 
 NEED_LENSES = ("dilate", "weights", "linear_exr", "temporal_averaging")
 ROWS_AT_ONCE, MOST_WORKERS = 64, 8
@@ -58,7 +58,14 @@ def finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, t
     tell(Progress("color", 0.0, PANEL_FILE))
     with clock("color"):
         show = ViewTransform(frame.color, image.shape[0] * image.shape[1])
-        pixels = _shown(show, image)
+        pixels = np.empty(image.shape, np.uint8)
+
+        def work(start: int) -> None:
+            rows = slice(start, start + ROWS_AT_ONCE)
+            pixels[rows] = show.to_uint8(image[rows])
+
+        with ThreadPoolExecutor(min(usable_cores(), MOST_WORKERS)) as pool:
+            list(pool.map(work, range(0, len(image), ROWS_AT_ONCE)))
     with clock("write"):
         write_png(staged / PANEL_FILE, pixels)
     background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]
@@ -72,7 +79,7 @@ def finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, t
 
 
 def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: MethodName,
-                       note: Note = ignored) -> Array:
+                       note: Note = silent) -> Array:
     """Panel image (H, W, 3), scene-linear, from the layers of a direct subpixel rendering; ``note``: see ``oidn``.
 
     LfsrError where the layers and the frame differ in size.
@@ -84,27 +91,10 @@ def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: Method
                         "render the frame again")
     shown = over_background(layers, frame)
     if method.text != AS_RENDERED:
-        shown = _denoised(shown, frame, note)
+        # Of the rectangle that shows more than the background.
+        seen = (shown != np.asarray(frame.display.background, np.float32)).any(-1)
+        part = span(seen.any(1), 1), span(seen.any(0), 1)
+        if shown[part].size:
+            shown = shown.copy()
+            shown[part] = denoise_eia(shown[part], device=Wanted.of(frame.device, frame.gpus), note=note)
     return panel_image(frame.subpixels, shown)
-
-
-def _denoised(shown: Array, frame: Frame, note: Note) -> Array:
-    """Denoise the rectangle that shows more than the background."""
-    seen = (shown != np.asarray(frame.display.background, np.float32)).any(-1)
-    part = span(seen.any(1), 1), span(seen.any(0), 1)
-    if shown[part].size:
-        shown = shown.copy()
-        shown[part] = denoise_eia(shown[part], device=Wanted.of(frame.device, frame.gpus), note=note)
-    return shown
-
-
-def _shown(show: ViewTransform, image: Array) -> Array:
-    result = np.empty(image.shape, np.uint8)
-
-    def work(start: int) -> None:
-        rows = slice(start, start + ROWS_AT_ONCE)
-        result[rows] = show.to_uint8(image[rows])
-
-    with ThreadPoolExecutor(min(usable_cores(), MOST_WORKERS)) as pool:
-        list(pool.map(work, range(0, len(image), ROWS_AT_ONCE)))
-    return result

@@ -38,10 +38,9 @@ def read_content(path: str | Path) -> bytes:
 def parse(content: bytes, origin: object) -> dict[str, Array]:
     """Tensors of a file's bytes; ``origin`` names them in the LfsrError of damaged ones."""
     try:
-        tensors = dict(_entries(content))
+        return dict(_entries(content))
     except (ValueError, struct.error) as error:
         raise LfsrError(f"{origin} cannot be read as TZA weights ({error}): get it again or train it again") from None
-    return tensors
 
 
 def write_tza(path: str | Path, tensors: Mapping[str, Array], *, half: bool = True) -> None:
@@ -83,29 +82,24 @@ def _entries(content: bytes) -> Iterator[tuple[str, Array]]:
         raise ValueError(f"it has {count} tensors, expected at most {MOST_TENSORS}")
     at, seen = at + 4, set[str]()
     for _ in range(count):
-        name, tensor, at = _entry(content, at)
+        (length,) = struct.unpack_from("<H", content, at)
+        name, at = content[at + 2:at + 2 + length].decode("ascii", errors="replace"), at + 2 + length
+        (axes,) = struct.unpack_from("<B", content, at)
+        if axes not in LAYOUTS:
+            raise ValueError(f"tensor {name[:40]!r} has {axes} axes, expected 1 or 4")
+        *shape, layout, kind, start = struct.unpack_from(f"<{axes}I{axes}scQ", content, at + 1)
+        at += struct.calcsize(f"<B{axes}I{axes}scQ")
+        if layout != LAYOUTS[axes] or kind not in TYPES:
+            raise ValueError(f"tensor {name[:40]!r} has layout {layout!r} and type {kind!r}, expected "
+                             f"{LAYOUTS[axes]!r} and b'f' or b'h'")
+        size = math.prod(shape)
+        if not 0 < size <= MOST_BYTES or start + size * TYPES[kind].itemsize > len(content):
+            raise ValueError(f"tensor {name[:40]!r} of shape {tuple(shape)} at byte {start} does not fit "
+                             f"{len(content)} bytes")
+        tensor = np.frombuffer(content, TYPES[kind], size, start).reshape(shape)
+        if not np.isfinite(tensor).all():
+            raise ValueError(f"tensor {name[:40]!r} has values that are not finite")
         if name in seen:
             raise ValueError(f"it has tensor {name!r} twice")
         seen.add(name)
         yield name, tensor
-
-
-def _entry(content: bytes, at: int) -> tuple[str, Array, int]:
-    """Name, values and end of the entry of the table that begins at byte ``at``."""
-    (length,) = struct.unpack_from("<H", content, at)
-    name, at = content[at + 2:at + 2 + length].decode("ascii", errors="replace"), at + 2 + length
-    (axes,) = struct.unpack_from("<B", content, at)
-    if axes not in LAYOUTS:
-        raise ValueError(f"tensor {name[:40]!r} has {axes} axes, expected 1 or 4")
-    *shape, layout, kind, start = struct.unpack_from(f"<{axes}I{axes}scQ", content, at + 1)
-    if layout != LAYOUTS[axes] or kind not in TYPES:
-        raise ValueError(f"tensor {name[:40]!r} has layout {layout!r} and type {kind!r}, expected {LAYOUTS[axes]!r} "
-                         "and b'f' or b'h'")
-    size = math.prod(shape)
-    if not 0 < size <= MOST_BYTES or start + size * TYPES[kind].itemsize > len(content):
-        raise ValueError(f"tensor {name[:40]!r} of shape {tuple(shape)} at byte {start} does not fit {len(content)} "
-                         "bytes")
-    tensor = np.frombuffer(content, TYPES[kind], size, start).reshape(shape)
-    if not np.isfinite(tensor).all():
-        raise ValueError(f"tensor {name[:40]!r} has values that are not finite")
-    return name, tensor, at + struct.calcsize(f"<B{axes}I{axes}scQ")

@@ -15,12 +15,13 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import silent
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.denoiser import Weights
 from lfsr_core.reconstruct.methods import oidn
-from lfsr_core.reconstruct.methods.oidn import CPU, Note, Wanted, ignored
+from lfsr_core.reconstruct.methods.oidn import CPU, Note, Wanted
 
 CONTEXT = 32  # pixels around the wanted ones that the denoiser sees too
 POOLED = 16  # pixels that the denoiser's network pools into one
@@ -29,7 +30,7 @@ Box = tuple[slice, slice]  # rows and columns of lenses
 
 
 def denoise_eia(color: Array, guides: Array | None = None, *, weights: Weights | None = None, exposure: float = 0.0,
-                device: Wanted = CPU, note: Note = ignored) -> Array:
+                device: Wanted = CPU, note: Note = silent) -> Array:
     """Denoise one image (H, W, 3), scene-linear >= 0; LfsrError where the library is missing or fails.
 
     ``guides``: albedo and normal (H, W, 6) for guided weights, None for zeros. ``weights``: they see display white as

@@ -198,17 +198,14 @@ def _mean_along(found: Array, covered: Array, step: tuple[int, int]) -> Array:
     """Mean over covered pixels up to REACH steps on and back, in rows and in columns: a patch of one point."""
     count = np.broadcast_to(covered[:, :, None, None, None], (*found.shape[:4], 1)).astype(np.float32)
     for axis in (0, 1):
-        found, count = (_sum_along(values, axis, step) for values in (found, count))
+        sums = found.copy(), count.copy()
+        for steps in range(1, REACH + 1):
+            (here, there), (across, on) = _step(found.shape, axis, (steps * step[0], steps * step[1]))
+            for total, values in zip(sums, (found, count), strict=True):
+                total[here][across] += values[there][on]
+                total[there][on] += values[here][across]
+        found, count = sums
     return np.asarray(found / np.maximum(count, 1))
-
-
-def _sum_along(values: Array, axis: int, step: tuple[int, int]) -> Array:
-    total = values.copy()
-    for steps in range(1, REACH + 1):
-        (here, there), (across, on) = _step(values.shape, axis, (steps * step[0], steps * step[1]))
-        total[here][across] += values[there][on]
-        total[there][on] += values[here][across]
-    return total
 
 
 Pair = tuple[tuple[slice, ...], tuple[slice, ...]]

@@ -123,13 +123,10 @@ def interpolated(images: Array, kernel: str, factors: tuple[int, int], margin: i
 
 def averaged(images: Array, kernel: str, factors: tuple[int, int]) -> Array:
     """Low-resolution EIs (sy, sx, h, w, 3) after interpolation and averaging back to their own pixels."""
-    down, across = (_blur(kernel, *axis) for axis in zip(images.shape[2:4], factors[::-1], strict=True))
+    down, across = (np.asarray(kernel_matrix(kernel, size, scale).reshape(size, scale, size).mean(1))
+                    for size, scale in zip(images.shape[2:4], factors[::-1], strict=True))
     flat = images.reshape(-1, *images.shape[2:])
     return apply_matrices(flat, down, per_channel(across, images.shape[-1])).reshape(images.shape)
-
-
-def _blur(kernel: str, size: int, scale: int) -> Array:
-    return np.asarray(kernel_matrix(kernel, size, scale).reshape(size, scale, size).mean(1))
 
 
 def finish_in_steps(low: LowResEIA, lenses: Array, step: int, upscale: Callable[[Array, Array], Array]) -> Array:

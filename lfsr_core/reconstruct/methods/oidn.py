@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.notices import Notice, silent
 from lfsr_core.frames.frame import DEVICES_JOINED
 from lfsr_core.process.protocol import BLENDER_FOLDER
 
@@ -84,14 +84,10 @@ class Wanted:
 CPU = Wanted()
 
 
-def ignored(_notice: Notice) -> None:
-    """Tell nobody."""
-
-
 def denoise(color: Array, albedo: Array | None = None, normal: Array | None = None, *,
             hdr: bool = False, srgb: bool = False, clean_aux: bool = False, quality: str = "high",
             weights: bytes | None = None, input_scale: float | None = None, device: Wanted = CPU,
-            note: Note = ignored) -> Array:
+            note: Note = silent) -> Array:
     """Denoise an image (H, W, 3), float32; a normal needs an albedo.
 
     ``hdr``: values may exceed 1; they are multiplied by ``input_scale`` before the network, None to let the library
@@ -130,7 +126,12 @@ def find_libraries() -> Iterator[Path]:
     if chosen := os.environ.get(LIBRARY_VARIABLE):
         yield Path(chosen)
         return
-    yield from (path for folder in _folders() for path in map(folder.joinpath, PLACES) if path.is_file())
+    folders = [*(folder / "oidn" for folder in _package("pyoidn")), *_package("bpy")]
+    if blender := os.environ.get(BLENDER_FOLDER):
+        folders.append(Path(blender))
+    if Path(sys.prefix).name == "python":  # .../5.0/python in every Blender
+        folders.append(Path(sys.prefix).parents[1])
+    yield from (path for folder in folders for path in map(folder.joinpath, PLACES) if path.is_file())
     yield from map(Path, SYSTEM_LIBRARIES.get(sys.platform, ()))
 
 
@@ -141,15 +142,6 @@ def why_missing() -> str:
     except ImportError as error:
         return str(error)
     return ""
-
-
-def _folders() -> Iterator[Path]:
-    yield from (folder / "oidn" for folder in _package("pyoidn"))
-    yield from _package("bpy")
-    if folder := os.environ.get(BLENDER_FOLDER):
-        yield Path(folder)
-    if Path(sys.prefix).name == "python":  # .../5.0/python in every Blender
-        yield Path(sys.prefix).parents[1]
 
 
 def _package(name: str) -> Iterator[Path]:
@@ -163,22 +155,18 @@ def _load(paths: tuple[Path, ...]) -> ctypes.CDLL:
     problems = []
     for path in paths:
         try:
-            return _bound(path)
+            for module in path.parent.glob(MODULES):
+                with contextlib.suppress(OSError):  # of a GPU whose driver is not installed
+                    ctypes.CDLL(str(module))
+            library = ctypes.CDLL(str(path))
+            for name, (result, arguments) in SIGNATURES.items():
+                function = getattr(library, name)
+                function.restype, function.argtypes = result, arguments
+            return library
         except (OSError, AttributeError) as error:
             problems += [f"{path} cannot be loaded: {error}"] if path.name != str(path) else []
     raise ImportError(problems[0] if problems else "neither pyoidn nor a libOpenImageDenoise of Blender or the system "
                       "was found")
-
-
-def _bound(path: Path) -> ctypes.CDLL:
-    for module in path.parent.glob(MODULES):
-        with contextlib.suppress(OSError):  # of a GPU whose driver is not installed
-            ctypes.CDLL(str(module))
-    library = ctypes.CDLL(str(path))
-    for name, (result, arguments) in SIGNATURES.items():
-        function = getattr(library, name)
-        function.restype, function.argtypes = result, arguments
-    return library
 
 
 def _run(library: ctypes.CDLL, device: int, images: dict[str, Array], configure: Callable[[int], None], *,
@@ -189,9 +177,11 @@ def _run(library: ctypes.CDLL, device: int, images: dict[str, Array], configure:
         work = library.oidnNewFilter(device, b"RT")
         check(library, device)
         stack.callback(library.oidnReleaseFilter, work)
-        buffers = {name: _buffer(library, device, image, copies, stack)
-                   for name, image in {**images, "output": result}.items()}
-        for name, buffer in buffers.items():
+        for name, image in {**images, "output": result}.items():
+            buffer = (library.oidnNewBuffer(device, image.nbytes) if copies
+                      else library.oidnNewSharedBuffer(device, image.ctypes.data, image.nbytes))
+            check(library, device)
+            stack.callback(library.oidnReleaseBuffer, buffer)
             if copies and name in images:
                 library.oidnWriteBuffer(buffer, 0, result.nbytes, images[name].ctypes.data)
             library.oidnSetFilterImage(work, name.encode(), buffer, FLOAT3, width, height, 0, 0, 0)
@@ -200,18 +190,9 @@ def _run(library: ctypes.CDLL, device: int, images: dict[str, Array], configure:
         library.oidnExecuteFilter(work)
         check(library, device)
         if copies:
-            library.oidnReadBuffer(buffers["output"], 0, result.nbytes, result.ctypes.data)
+            library.oidnReadBuffer(buffer, 0, result.nbytes, result.ctypes.data)
             check(library, device)
     return result
-
-
-def _buffer(library: ctypes.CDLL, device: int, image: Array, copies: bool, stack: contextlib.ExitStack) -> int:
-    """A buffer of the device for an image, or the image's own memory; released with the ``stack``."""
-    buffer: int = (library.oidnNewBuffer(device, image.nbytes) if copies
-                   else library.oidnNewSharedBuffer(device, image.ctypes.data, image.nbytes))
-    check(library, device)
-    stack.callback(library.oidnReleaseBuffer, buffer)
-    return buffer
 
 
 @functools.lru_cache(maxsize=8)

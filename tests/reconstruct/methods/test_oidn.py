@@ -56,7 +56,7 @@ def test_the_library_that_the_user_names_is_the_only_one(tmp_path, monkeypatch):
 def test_the_systems_library_is_found_by_its_name(tmp_path):
     library = next(path for path in oidn.find_libraries() if "pyoidn" not in str(path))
     (tmp_path / "system").symlink_to(library.parent)
-    program = ("from lfsr_core.reconstruct.methods import oidn; import sys; oidn._folders = lambda: iter(())\n"
+    program = ("from lfsr_core.reconstruct.methods import oidn; import sys; oidn.PLACES = ()\n"
                "import numpy as np\n"
                "sys.stdout.write(oidn.why_missing() or str(oidn.denoise(np.ones((9, 9, 3))).max()))")
 
