@@ -174,8 +174,8 @@ def _frame(scene: bpy.types.Scene, request: Request, subject: set[bpy.types.Obje
     if "index" not in layers and has_background_meshes(scene, subject):
         layers = (*layers, "index")
     if request.world_visible and scene.world is None:
-        raise LfsrError(f"scene {scene.name!r} has no world to show behind the subject: add a world, or leave out "
-                        "--world-visible")
+        raise LfsrError(f"scene {scene.name!r} has no world to show behind the subject: add a world, or render "
+                        "without one")
     world_visible = request.world_visible
     if world_visible is None:
         world_visible = request.light == OWN and scene.world is not None and not scene.render.film_transparent

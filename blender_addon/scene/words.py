@@ -6,23 +6,11 @@ import re
 
 # Absolute paths, of which a panel shows the last name only.
 PATH = re.compile(r"(?<![\w.:/\\])(?:[A-Za-z]:)?[\\/](?:[^\\/\s'\"]+[\\/])+([^\\/\s'\",:;)]+)")
-ASIDE = re.compile(r" \(--[a-z-]+\)")
-OPTION = re.compile(r"(?:(?:give|with) )?--[a-z][a-z-]*")
-# What a panel has instead of an option of the command line.
-SETTINGS = {"with --light": "under Quality", "give --overwrite": "turn on Overwrite", "--camera": "the active camera",
-            "--subject": "the subject", "--linear-exr": "Linear EXR", "--world-visible": "the world"}
 
 
 def for_panel(text: str) -> str:
-    """Return a message as the panel shows it: without paths and options of the command line, and with a capital."""
-    text = ASIDE.sub("", PATH.sub(r"\1", text))
-    return capitalized(OPTION.sub(_setting, text))
-
-
-def _setting(match: re.Match[str]) -> str:
-    option = match[0]
-    words, _, name = option.rpartition("--")
-    return SETTINGS.get(option) or words + SETTINGS.get(f"--{name}", name.replace("-", " ").title())
+    """Return a message as the panel shows it: without the folders of its paths, and with a capital."""
+    return capitalized(PATH.sub(r"\1", text))
 
 
 def capitalized(text: str) -> str:

@@ -80,8 +80,8 @@ def write_rgbd(field: LightField, folder: Path, options: ExportOptions) -> None:
     """
     rendered = rendered_disparity(field)
     if rendered is None:
-        raise LfsrError(f"{field.folder} has no position layer, from which depth comes: render it with --layers "
-                        "position")
+        raise LfsrError(f"{field.folder} has no position layer, from which depth comes: render it with the "
+                        "layer position")
     color = on_screen(field.view_at(*rendered.place), field.display, options.width or usual_width(field.display))
     disparity, infinite = rendered.disparity, infinite_disparity(field.frame)
     hit = disparity[disparity > infinite]

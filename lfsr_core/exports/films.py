@@ -106,7 +106,7 @@ def _write_mp4(path: Path, frames: Iterator[Array], rate: float) -> None:
         import av
     except ImportError:
         raise LfsrError("MP4 needs the package av, which this Python lacks: pip install 'lfsr[video]', or choose "
-                        "--type png and encode the frames elsewhere") from None
+                        "type png and encode the frames elsewhere") from None
     first = next(frames)
     encoder = "libx264" if max(first.shape[:2]) <= H264_SIDE else "libx265"
     with av.open(str(path), "w", options={"movflags": "faststart"}) as film:
@@ -115,7 +115,7 @@ def _write_mp4(path: Path, frames: Iterator[Array], rate: float) -> None:
                                           options=ENCODERS[encoder])
         except ValueError:
             raise LfsrError(f"films of {first.shape[1]}×{first.shape[0]} pixels need {encoder}, which this Python's "
-                            "package av lacks: choose --type png and encode the frames elsewhere") from None
+                            "package av lacks: choose type png and encode the frames elsewhere") from None
         stream.height, stream.width = first.shape[:2]
         stream.pix_fmt = "yuv420p"
         # The file says BT.709 of limited range, which players otherwise guess from the size.
@@ -134,7 +134,7 @@ def _write_animation(path: Path, frames: Iterator[Array], rate: float) -> None:
         from PIL import Image
     except ImportError:
         raise LfsrError(f"{path.suffix[1:].upper()} needs the package pillow, which this Python lacks: pip install "
-                        "'lfsr[video]', or choose another --type") from None
+                        "'lfsr[video]', or choose another type") from None
     first, *others = [Image.fromarray(frame) for frame in frames]
     quality: dict[str, Any] = {"quality": QUALITY, "method": 4}
     if path.suffix == ".gif":  # one palette, so that colours do not flicker, and no bands

@@ -55,7 +55,7 @@ def write_views(field: LightField, folder: Path, options: ExportOptions) -> None
                      for n, wanted in zip(field.count, options.views or field.count, strict=True))
     if len(columns) * len(rows) > MOST_PARTS:
         raise LfsrError(f"{len(columns)}x{len(rows)} views are more parts than the {MOST_PARTS} that programs read: "
-                        "choose fewer with --views, such as 9 or 9x9")
+                        "choose fewer, such as 9 or 9x9")
     parts = [(row, column) for row in rows for column in columns]
     specs = []
     for row, column in parts:

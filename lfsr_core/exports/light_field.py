@@ -92,8 +92,8 @@ def read_linear_views(field: LightField) -> Array:
     """Scene-linear views (py, px, sy, sx, 3) float32 from the folder's eia.exr; LfsrError where there is none."""
     path = field.folder / EIA_LINEAR_FILE
     if not path.is_file():
-        raise LfsrError(f"{field.folder} has no {EIA_LINEAR_FILE}, which scene-linear views need: run `lfsr upscale` "
-                        "on it with --linear-exr, or export PNG")
+        raise LfsrError(f"{field.folder} has no {EIA_LINEAR_FILE}, which scene-linear views need: finish the "
+                        "frame with a linear EXR, or export PNG")
     return eia_to_views(read_layers(path)["color"][..., :3], field.display)
 
 

@@ -75,7 +75,7 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
         images.append(base64.b64encode(_webp(folder, profile, quality, tell)).decode("ascii"))
         if sum(map(len, images)) > MOST_PAGE_BYTES:
             raise LfsrError(f"the page would be over {MOST_PAGE_BYTES / 1e6:.0f} MB after {number + 1} of "
-                            f"{len(frames)} frames: give fewer frames or a lower --quality")
+                            f"{len(frames)} frames: give fewer frames or a lower quality")
     text = _page(profile, _labels(frames), still(next(iter(frames)), profile), images)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

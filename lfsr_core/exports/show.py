@@ -74,7 +74,7 @@ def find_display(folder: Path, display: str | None = None) -> tuple[Bridge, Devi
     asked = display not in (None, SCREEN)
     if asked and not has_views:
         raise LfsrError(f"{folder} holds the panel's image alone, but display {display!r} of Looking Glass Bridge "
-                        f"needs views: give --display {SCREEN}")
+                        f"needs views: choose display {SCREEN}")
     if not asked and (display == SCREEN or not has_views or profile.lenticular is None):
         return None
     bridge = Bridge()
@@ -89,7 +89,7 @@ def _show_file(path: Path, display: str | None) -> Shown:
         return _play(path, bridge, chosen(bridge.devices(), display))
     if display not in (None, SCREEN) or path.suffix.lower() in FILMS:
         raise LfsrError(f"{path.name} is no quilt by its name, expected an ending as in name_qs8x6a0.75.png: rename it "
-                        f"if it is one, or show the panel's image with --display {SCREEN}")
+                        f"if it is one, or show the panel's image on display {SCREEN}")
     return _full_screen(path.with_name(f"{path.stem}.{PAGE}"), [path], 1.0)
 
 

@@ -127,7 +127,7 @@ def _elsewhere(frame: Frame, reference: Frame) -> str:
                 "same scene")
     distances = [of.array.distance for of in (reference, frame)]
     if math.isclose(*distances, rel_tol=1e-5):
-        where = "its cameras stand or face elsewhere, as with another --camera or --subject"
+        where = "its cameras stand or face elsewhere, as with another camera or subject"
     else:
         where = f"its display plane is {distances[0]:.4g} from the cameras, the frame's {distances[1]:.4g}"
     return f"the reference does not show what the frame shows: {where}. Render both of the same scene in the same way"

@@ -83,7 +83,7 @@ def make(request: Request, finish: Finish | None = None, frames: Sequence[int] |
         folder.check_free(asked.kind)
         found = None if overwrite else folder.readable
         if found is not None and not lenient:
-            folder.check_rendered(asked, content, advice="give --overwrite, or choose another folder")
+            folder.check_rendered(asked, content, advice="overwrite it, or choose another folder")
         if overwrite or not folder.is_rendered(asked):
             waiting.append(asked)
             continue

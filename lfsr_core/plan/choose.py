@@ -64,7 +64,7 @@ def estimate(values: Array, counts: Array, population: int) -> Estimate:
     mean, width = stratum(values[counts], round(population * count / len(values)))
     if mean is None or width is None:
         raise LfsrError(f"{count} of {len(values)} sampled lenses shows foreground, but at least 2 are needed: choose "
-                        "another subject, more lenses (--lenses), or --metric ssim_lens")
+                        "another subject, more lenses, or metric ssim_lens")
     return Estimate(mean, mean - width, count)
 
 

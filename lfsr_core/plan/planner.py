@@ -95,7 +95,7 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
     layers, _ = read_finite(quick / LOW_RES_FILE)
     mask, wide = (foreground_mask(layers, first.rays.tiles, grown) for grown in (0, 1))
     if not mask.any():
-        raise LfsrError("no lens shows any foreground: check where the camera looks, and --subject")
+        raise LfsrError("no lens shows any foreground: check where the camera looks, and the subject")
     # A ring around the foreground is sampled too, where the quick look may have missed something thin.
     places = np.ones_like(mask) if options.metric == "ssim_lens" else wide
     lenses = sampled_lenses(places, lens_count(display, options), request.seed)

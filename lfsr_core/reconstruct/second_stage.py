@@ -149,7 +149,7 @@ def read_finished_linear(folder: str | Path) -> Array | None:
     size = tuple(count * views for count, views in zip(tiles[::-1], frame.display.views[::-1], strict=True))
     if pixels.shape[:2] != size:
         raise LfsrError(f"{path} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but its frame {size[1]}×{size[0]}: "
-                        "finish the frame again with --linear-exr")
+                        "finish the frame again with a linear EXR")
     return flip_order(pixels, tiles) if frame.display.ei_order == "flipped" else pixels
 
 

@@ -232,7 +232,7 @@ def test_depth_where_nothing_was_hit(tmp_path):
 
 def test_depth_needs_the_position_layer(tmp_path):
     folder = finished(tmp_path / "frame", layers=())
-    with pytest.raises(LfsrError, match="has no position layer, .* render it with --layers position"):
+    with pytest.raises(LfsrError, match="has no position layer, .* render it with the layer position"):
         export(folder, "rgbd", tmp_path / "out")
 
 

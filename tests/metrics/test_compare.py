@@ -84,5 +84,5 @@ def test_kept_linear_world_image_another_size_is_refused(tmp_path):
     folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
     finish_frame(folder, "bicubic")
     write_layers(folder / "eia.exr", {"color": np.zeros((8, 8, 3), np.float16)}, half=True)
-    with pytest.raises(LfsrError, match="finish the frame again with --linear-exr"):
+    with pytest.raises(LfsrError, match="finish the frame again with a linear EXR"):
         compare_folders(folder, reference)

@@ -154,7 +154,7 @@ def test_overwrite_makes_all_again(made):
 
 
 def test_frames_of_another_render_are_refused_or_replaced(made):
-    with pytest.raises(LfsrError, match="seed 5.*--overwrite"):
+    with pytest.raises(LfsrError, match="seed 5.*overwrite"):
         film(made, FRAMES, changes={"seed": 9})
     assert states(film(made, FRAMES, changes={"seed": 9}, blender=played_blender(made / "blender"),
                        lenient=True)) == [MADE] * 3

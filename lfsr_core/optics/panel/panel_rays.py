@@ -58,7 +58,7 @@ def check_sheet(display: DisplayProfile) -> None:
     """LfsrError unless the display has a lens sheet, so that its subpixels send rays of their own."""
     if not display.is_woven:
         raise LfsrError(f"display {display.name!r} has no lens sheet, so that its elemental images are the panel's "
-                        "image already: leave out --layout subpixels, or give a profile of format 2")
+                        "image already: render its elemental images, or give a profile of format 2")
 
 
 def rendered_size(display: DisplayProfile) -> tuple[int, int]:
