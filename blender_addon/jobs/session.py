@@ -22,10 +22,11 @@ STATUS_WIDTH = 12  # of the progress in the status bar, in Blender's units
 MOST_NOTICES = 3  # that a panel shows
 # What the panel calls the stages of the work.
 TITLES = {"save": "Saving a copy of the file", "open": "Opening the scene", "render": "Rendering",
-          "frames": "Rendering", "reference": "Rendering reference", "finish": "Upscaling", "upscale": "Upscaling",
-          "denoise": "Denoising", "views": "Decoding views", "decode": "Decoding views", "compare": "Comparing",
-          "view": "Writing viewer", "export": "Exporting", "encode": "Encoding", "show": "Showing",
-          "test": "Test image", "plan": "Measuring lenses", "estimate": "Measuring lenses"}
+          "frames": "Rendering", "reference": "Rendering reference", "finish": "Finishing", "load": "Finishing",
+          "average": "Averaging frames", "upscale": "Upscaling", "denoise": "Denoising", "color": "Finishing",
+          "weave": "Finishing", "write": "Finishing", "views": "Decoding views", "decode": "Decoding views",
+          "compare": "Comparing", "view": "Writing viewer", "export": "Exporting", "encode": "Encoding",
+          "show": "Showing", "test": "Test image", "plan": "Measuring lenses", "estimate": "Measuring lenses"}
 ALONE = ("save", "open")  # stages that say more than their fractions
 
 _current: Task | None = None

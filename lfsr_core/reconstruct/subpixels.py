@@ -52,7 +52,7 @@ def finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, t
     tell(Progress("load", 0.0, LOW_RES_FILE))
     with clock("load"):
         layers, replaced = read_finite(folder / LOW_RES_FILE)
-    tell(Progress("upscale", 0.0, method.text))
+    tell(Progress("denoise", 0.0, method.text))
     with clock("upscale"):
         image = linear_panel_image(layers, frame, method, said.append)
     tell(Progress("color", 0.0, PANEL_FILE))

@@ -22,7 +22,10 @@ from blender_addon.scene.sentences import sentence
 from blender_addon.ui.operators import render
 from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
+from lfsr_core.tasks.runner import TASKS
 from tests.support import panel
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.fixture
@@ -165,6 +168,12 @@ def test_a_copy_that_cannot_be_saved_ends_the_task(scene, monkeypatch):
     running = start(scene)
     panel.wait_for(lambda: session.current() is None)
     assert running.ended and "cannot be saved" in message()[0] and message()[1]
+
+
+def test_every_stage_that_the_panel_hears_has_a_title():
+    told = {found for package in ("lfsr_core", "blender_addon") for path in (ROOT / package).rglob("*.py")
+            for found in re.findall(r'Progress\("(\w+)"', path.read_text(encoding="utf-8"))}
+    assert (told | set(TASKS)) - {"import", "merge", "make"} <= set(session.TITLES)
 
 
 def test_progress_and_time_left_run_on_between_reports(monkeypatch):
