@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base.files import read_json, write_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.report import read_report
 from lfsr_core.images.png import read_png
@@ -35,7 +34,10 @@ def window(tmp_path_factory):
 
 def press_render(window) -> list[str]:
     window.xdotool("mousemove", 500, 450)
-    return window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))")
+    pressed = window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))")
+    if pressed != ["FINISHED"]:
+        window.screenshot("ident-asked")
+    return pressed
 
 
 def until_done(window) -> None:
@@ -96,23 +98,6 @@ def test_what_the_method_needs_is_asked_before_the_render(window):
     until_done(window)
     assert window.get(f"{LFSR}.method") == "bilinear"
     assert read_report(folder / "shot" / "Scene" / "0001").method == "bilinear"
-
-
-def test_results_of_an_older_version_are_found_once_and_said(window):
-    images = window.folder / "two" / "lightfield"
-    data = read_json(images / "shot" / "Scene" / "0001" / "frame.json", "a frame")
-    write_json(images / "shot" / "Scene" / "0001" / "frame.json",
-               {name: value for name, value in data.items() if name not in ("source", "scene_name")})
-    (images / "shot" / "Scene").rename(images / "Scene")
-    (images / "shot").rmdir()
-    assert window.get("list(bpy.ops.lfsr.preview_view('INVOKE_DEFAULT', True))") == ["FINISHED"]
-    window.until(f"{TASK} is None", SECONDS_TO_RENDER)
-    said = "1 frame of an older version moved from Scene to shot/Scene in the output folder"
-    assert window.get(MESSAGE) == said
-    assert (images / "shot" / "Scene" / "0001" / "eia.png").is_file() and not (images / "Scene").exists()
-    window.close_others()
-    window.scroll_down()
-    window.screenshot("ident-8-moved")
 
 
 def test_a_render_whose_second_stage_failed_is_finished_by_another_method(window):
