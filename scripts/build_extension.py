@@ -29,7 +29,7 @@ from pathlib import Path, PurePosixPath
 
 sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (0, 1))
 
-from review_extension import review
+from review_extension import OF_COMMANDS, review
 
 from lfsr_core import __version__
 from lfsr_core.base.errors import LfsrError
@@ -42,7 +42,6 @@ CORE, PACKAGES = "lfsr_core", "packages"  # the second stage's Python finds the 
 # The command line, what only it and notebooks reach, and what starts Blender from a clone.
 NOT_IN_ZIP = shutil.ignore_patterns("__pycache__", ".*", "py.typed", "cli.py", "api.py", "cluster*.py",
                                     "from_sources.py")
-OF_COMMANDS = ("__init__.py", "sentences.py")  # which the panel words notices with too
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first date of a zip
 TOKEN = re.compile(rf"from\s+({CORE}[\w.]*)")
 

@@ -101,8 +101,8 @@ def test_zip_is_complete(files):
     manifest = tomllib.loads(files["blender_manifest.toml"].decode())
     assert manifest["version"] == __version__ and "platforms" not in manifest and "wheels" not in manifest
     assert {"__init__.py", "render/ray_layout.osl", "headless/entry.py", "LICENSE"} <= files.keys()
-    for pattern in ("optics/displays/*.toml", "reconstruct/weights/*", "sequence/templates/*",
-                    "exports/viewer/*", "show/*.html"):
+    for pattern in ("optics/displays/*.toml", "reconstruct/weights/*", "pipeline/templates/*",
+                    "exports/viewer/*", "exports/*.html"):
         data = {f"packages/{path.relative_to(ROOT).as_posix()}" for path in (ROOT / "lfsr_core").glob(pattern)}
         assert data and data <= files.keys(), pattern
 
@@ -134,11 +134,11 @@ def test_two_builds_are_the_same_bytes(archive, tmp_path):
 
 
 @pytest.mark.parametrize(("module", "place", "name"), [
-    ("lfsr_core.base.errors", "ui/operators/render.py", "...packages.lfsr_core.errors"),
-    ("lfsr_core.base.errors", "__init__.py", ".packages.lfsr_core.errors"),
+    ("lfsr_core.base.errors", "ui/operators/render.py", "...packages.lfsr_core.base.errors"),
+    ("lfsr_core.base.errors", "__init__.py", ".packages.lfsr_core.base.errors"),
     ("lfsr_core", "ui/panels.py", "..packages.lfsr_core"),
     ("lfsr_core.base.errors", "packages/lfsr_core/base/files.py", ".errors"),
-    ("lfsr_core.optics.panel.weave", "packages/lfsr_core/calibration/fit.py", ".weave"),
+    ("lfsr_core.optics.panel.weave", "packages/lfsr_core/calibration/fit.py", "..optics.panel.weave"),
     ("lfsr_core.optics.rays", "packages/lfsr_core/tasks/runner.py", "..optics.rays"),
     ("lfsr_core.tasks", "packages/lfsr_core/tasks/runner.py", "."),
 ])

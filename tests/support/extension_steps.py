@@ -44,15 +44,16 @@ def render(folder: Path) -> dict[str, object]:
     """In a new session: render the default cube with the extension's two commands."""
     runtime = importlib.import_module(f"{MODULE}.jobs.runtime")
     display = importlib.import_module(f"{CORE}.optics.display").load_display("mini")
-    job = importlib.import_module(f"{CORE}.frames.job").Job(
-        str(folder / "frame"), display, scene=str(folder / "cube.blend"), samples=2, layers=("albedo", "normal"))
-    bpy.ops.wm.save_as_mainfile(filepath=job.scene, copy=True)
-    importlib.import_module(f"{CORE}.records").write_record(folder / "job.json", job)
-    task = {"task": "upscale", "folder": job.output, "method": "denoise+bilinear"}
+    records = importlib.import_module(f"{CORE}.frames.request")
+    request = records.Request(str(folder / "frame"), display, str(folder / "cube.blend"),
+                              sampling=records.Sampling(samples=2), layers=("albedo", "normal"))
+    bpy.ops.wm.save_as_mainfile(filepath=request.scene, copy=True)
+    importlib.import_module(f"{CORE}.base.records").write_record(folder / "request.json", request)
+    task = {"task": "finish", "folder": request.output, "finish": {"method": "denoise+bilinear"}}
     (folder / "task.json").write_text(json.dumps(task))
-    commands = (runtime.render_command(folder / "job.json"),
+    commands = ([*runtime.render_command(), str(folder / "request.json")],
                 [*runtime.second_stage_command("lfsr_core.tasks.runner"), str(folder / "task.json")])
-    child = importlib.import_module(f"{CORE}.render.child")
+    child = importlib.import_module(f"{CORE}.process.child")
     for command in commands:
         with child.Child(command, runtime.environment()) as running:
             records = list(running.records())
