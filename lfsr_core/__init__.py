@@ -24,14 +24,12 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.exports.importing import ImportGeometry, import_views
     from lfsr_core.exports.options import ExportOptions
     from lfsr_core.exports.page import Page, write_page
-    from lfsr_core.frames.contact_sheet import write_views
-    from lfsr_core.frames.finish import Finish
+    from lfsr_core.frames.finish import Finish, Report
     from lfsr_core.frames.folder import FrameFolder
     from lfsr_core.frames.frame import Frame
     from lfsr_core.frames.reference import Reference
-    from lfsr_core.frames.report import Report
     from lfsr_core.frames.request import Request, Sampling
-    from lfsr_core.frames.views import eia_to_views, views_to_eia
+    from lfsr_core.frames.views import eia_to_views, views_to_eia, write_views
     from lfsr_core.images.png import read_png, write_png
     from lfsr_core.metrics.compare import Metrics, compare_folders
     from lfsr_core.optics.display import DisplayProfile, load_display
@@ -61,14 +59,12 @@ _MODULES = {
     "exports.importing": "ImportGeometry import_views",
     "exports.options": "ExportOptions",
     "exports.page": "Page write_page",
-    "frames.contact_sheet": "write_views",
-    "frames.finish": "Finish",
+    "frames.finish": "Finish Report",
     "frames.folder": "FrameFolder",
     "frames.frame": "Frame",
     "frames.reference": "Reference",
-    "frames.report": "Report",
     "frames.request": "Request Sampling",
-    "frames.views": "eia_to_views views_to_eia",
+    "frames.views": "eia_to_views views_to_eia write_views",
     "images.png": "read_png write_png",
     "metrics.compare": "Metrics compare_folders",
     "optics.display": "DisplayProfile load_display",

@@ -25,8 +25,8 @@ from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, load_display
 
 if TYPE_CHECKING:
+    from lfsr_core.frames.finish import Report
     from lfsr_core.frames.low_res import LowResEIA
-    from lfsr_core.frames.report import Report
     from lfsr_core.metrics.compare import Metrics
     from lfsr_core.process.blender import Starts
 

@@ -27,10 +27,10 @@ from lfsr_core.calibration.photo import read_photograph
 from lfsr_core.calibration.visual_json import profile_from_calibration, read_calibration
 from lfsr_core.exports import films
 from lfsr_core.exports.quilt import quilt_of, read_film, read_quilt
+from lfsr_core.frames.finish import Report, read_report, write_report
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import FRAME_FILE, REPORT_FILE, read_frame
 from lfsr_core.frames.low_res import low_resolution
-from lfsr_core.frames.report import Report, read_report, write_report
 from lfsr_core.frames.request import read_request
 from lfsr_core.images.exr import read_finite, read_layers
 from lfsr_core.images.png import read_mask, read_png, write_mask

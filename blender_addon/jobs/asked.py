@@ -11,8 +11,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.folder import FrameFolder, is_same
 from lfsr_core.frames.frame import EIA_FILE
-from lfsr_core.frames.numbers import spread
-from lfsr_core.frames.request import Request
+from lfsr_core.frames.request import Request, spread
 from lfsr_core.pipeline.staging import has_parts
 from lfsr_core.reconstruct.methods import MethodName
 

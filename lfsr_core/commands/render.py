@@ -15,8 +15,7 @@ from lfsr_core.commands import upscale
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import SUBPIXELS
-from lfsr_core.frames.numbers import parse_frames, spread
-from lfsr_core.frames.request import LAYERS, Request, Sampling
+from lfsr_core.frames.request import LAYERS, Request, Sampling, parse_frames, spread
 from lfsr_core.optics.depth_scale import USUAL_SAMPLES, USUAL_SCALE, samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lens_rows import rows_text

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from lfsr_core.commands.arguments import position
-from lfsr_core.frames.contact_sheet import write_views
+from lfsr_core.frames.views import write_views
 
 NAME = "views"
 HELP = "write a contact sheet of decoded views, a pair of EPIs, and what an eye would see"

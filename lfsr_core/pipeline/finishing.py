@@ -6,9 +6,8 @@ from pathlib import Path
 
 from lfsr_core.base.files import replace_files, system_errors
 from lfsr_core.base.notices import Progress, Tell, silent
-from lfsr_core.frames.finish import Finish
+from lfsr_core.frames.finish import Finish, Report, write_report
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, MASK_FILE, PANEL_FILE, read_rendered
-from lfsr_core.frames.report import Report, write_report
 from lfsr_core.pipeline.staging import staging_folder
 from lfsr_core.reconstruct.second_stage import finish_into
 from lfsr_core.reconstruct.upscaler import Upscaler

@@ -15,8 +15,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.folder import FrameFolder, numbered, scene_stamp
-from lfsr_core.frames.numbers import spread
-from lfsr_core.frames.request import Request, check_scene
+from lfsr_core.frames.request import Request, check_scene, spread
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.finishing import finish_frame
 from lfsr_core.pipeline.rendering import render_all

@@ -15,7 +15,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
-from lfsr_core.frames.finish import Finish
+from lfsr_core.frames.finish import Finish, Report
 from lfsr_core.frames.foreground import foreground_mask, unseen_notices
 from lfsr_core.frames.frame import (
     EIA_FILE,
@@ -28,7 +28,6 @@ from lfsr_core.frames.frame import (
     read_rendered,
 )
 from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world
-from lfsr_core.frames.report import Report
 from lfsr_core.images.exposure import exposure_notices
 from lfsr_core.images.exr import HALF_MAX, read_finite, read_layers, replaced_notices, write_layers
 from lfsr_core.images.png import write_mask, write_png

@@ -16,11 +16,10 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.cores import usable_cores
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
-from lfsr_core.frames.finish import Finish
+from lfsr_core.frames.finish import Finish, Report
 from lfsr_core.frames.foreground import foreground_pixels, unseen_notices
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS, Frame
 from lfsr_core.frames.low_res import over_background
-from lfsr_core.frames.report import Report
 from lfsr_core.images.exposure import exposure_notices
 from lfsr_core.images.exr import read_finite, replaced_notices
 from lfsr_core.images.png import write_png

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lfsr_core.frames.contact_sheet import contact_sheet, epi_pair
+from lfsr_core.frames.views import contact_sheet, epi_pair
 from lfsr_core.optics import eia
 
 

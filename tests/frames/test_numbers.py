@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.numbers import parse_frames, spread
+from lfsr_core.frames.request import parse_frames, spread
 
 
 @pytest.mark.parametrize(("text", "frames"), [

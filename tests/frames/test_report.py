@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 
 from lfsr_core.base.notices import Notice
-from lfsr_core.frames.finish import Finish
-from lfsr_core.frames.report import Report, read_report, write_report
+from lfsr_core.frames.finish import Finish, Report, read_report, write_report
 
 
 def test_a_report_comes_back(tmp_path):

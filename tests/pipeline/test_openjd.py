@@ -13,7 +13,7 @@ import pytest
 from lfsr_core.base.progress import OPENJD as OPENJD_PROGRESS
 from lfsr_core.base.progress import PROGRESS_VARIABLE
 from lfsr_core.cli import main
-from lfsr_core.frames.report import read_report
+from lfsr_core.frames.finish import read_report
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 
 OPENJD = Path(sys.executable).with_name("openjd")

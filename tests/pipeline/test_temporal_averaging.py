@@ -7,9 +7,8 @@ import shutil
 import pytest
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.finish import Finish
+from lfsr_core.frames.finish import Finish, read_report
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.report import read_report
 from lfsr_core.pipeline.finishing import finish_frame
 from lfsr_core.pipeline.make import KEPT, MADE, requests_of
 from tests.support.animations import FINISH, film, film_request, images, states

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
-from lfsr_core.frames.numbers import spread
+from lfsr_core.frames.request import spread
 
 MOST_FRAMES = 24  # sampled from an animation
 

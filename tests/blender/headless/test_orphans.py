@@ -12,8 +12,8 @@ from pathlib import Path
 import bpy
 import pytest
 
+from lfsr_core.frames.finish import read_report
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.report import read_report
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_png
 from tests.support.scenes import ROOT, add_box, emission

@@ -17,7 +17,7 @@ from blender_addon.scene import folders
 from blender_addon.scene import settings as scene_settings
 from blender_addon.ui.operators import finish, render
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.report import read_report
+from lfsr_core.frames.finish import read_report
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
 from tests.support import panel

@@ -6,8 +6,7 @@ import pytest
 
 from blender_addon.scene import folders
 from blender_addon.ui import summary
-from lfsr_core.frames.finish import Finish
-from lfsr_core.frames.report import Report, write_report
+from lfsr_core.frames.finish import Finish, Report, write_report
 from tests.support.synthetic import write_render
 
 

@@ -18,8 +18,7 @@ from pathlib import Path
 
 from lfsr_core.base.records import write_record
 from lfsr_core.frames.frame import LOW_RES_FILE
-from lfsr_core.frames.numbers import parse_frames
-from lfsr_core.frames.request import Request, Sampling, read_request
+from lfsr_core.frames.request import Request, Sampling, parse_frames, read_request
 from lfsr_core.optics.display import load_display
 
 DISPLAY, SCALE, SAMPLES, ROUNDS, OWN = "small", 2, 64, 3, "Blender's own"
