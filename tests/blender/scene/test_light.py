@@ -96,7 +96,7 @@ def test_glow_that_lights_nothing_counts_as_no_light(scene, tmp_path, file, lit)
     scene.collection.children["box"].objects.link(scene.objects["item"])
     assert light.has_light(scene)
     brightest, said = brightness(scene, tmp_path, subject="box", scene=file)
-    assert "Almost no light reaches" in said and ("lit with" in said) == lit
+    assert "lmost no light reaches" in said and ("lit with" in said) == lit
     assert brightest > 0.05 if lit else brightest < 0.01
 
 
@@ -106,7 +106,7 @@ def test_what_shines_in_the_dark_does_not_count_as_light(scene, tmp_path, file, 
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     add_box(scene, (0, -0.5, 0), (0.1, 0.01, 0.1), emission((20, 20, 20)))
     _, said = brightness(scene, tmp_path, scene=file)
-    assert "Almost no light reaches" in said and ("lit with" in said) == lit
+    assert "lmost no light reaches" in said and ("lit with" in said) == lit
     assert read_frame(tmp_path / "out").light == ("city" if lit else "own")
     color = exr.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
     assert (np.median(color[color[..., 3] == 1][:, :3].max(-1)) > 0.05) == lit
@@ -132,7 +132,7 @@ def test_the_world_of_a_new_file_is_too_dark(scene, tmp_path, value, exposure, d
     grey_world(scene, value)
     scene.view_settings.exposure = exposure
     _, said = brightness(scene, tmp_path)
-    assert ("Almost no light reaches" in said) == light.is_dim(scene) == dark
+    assert ("lmost no light reaches" in said) == light.is_dim(scene) == dark
     assert light.is_certain(scene) != dark
 
 
@@ -212,7 +212,7 @@ def test_sun_of_next_to_nothing_is_left_to_the_artist_and_replaced_in_files_from
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     with_sun(scene, 3 / 683)
     brightest, said = brightness(scene, tmp_path, scene=file)
-    assert "Almost no light reaches" in said
+    assert "lmost no light reaches" in said
     assert brightest > 0.05 if lit else brightest < 0.01
 
 
