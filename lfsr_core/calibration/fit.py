@@ -23,7 +23,7 @@ from lfsr_core.calibration.patterns import FRINGE_CHANNELS, dots, tones
 from lfsr_core.calibration.photograph import Raster, View, find_panel, grid
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_waves
-from lfsr_core.optics.sheet import Lattice, Lenslet, Lenticular
+from lfsr_core.optics.sheet import Lattice, Lenticular
 
 MOST_ACROSS = 2048  # points at which a photograph is sampled
 PER_LENS = 3  # pixels of a photograph that are enough for a lens
@@ -84,7 +84,11 @@ def see(profile: DisplayProfile, photograph: Photograph) -> Seen:
         raise LfsrError(f"a photograph was taken at z = {photograph.eye_mm[2]:g} mm, but it must be in front of the "
                         "panel, above 0")
     view = find_panel(photograph.image, profile)
-    _check_place(view, photograph.eye_mm)
+    eye, found_at = photograph.eye_mm, view.camera(photograph.eye_mm[2])
+    if np.abs(found_at - eye[:2]).max() > PLACE * eye[2] + PLACE_MM:
+        raise LfsrError(f"the photograph was taken from about {found_at[0]:.0f},{found_at[1]:.0f} by its perspective, "
+                        f"but from {eye[0]:g},{eye[1]:g} was stated: correct the place, or give the whole, uncropped "
+                        "photograph")
     geometry, (waves, phases) = Geometry.of(profile), elemental_waves(profile)
     nearer = (1 + geometry.gap / geometry.distance) / (1 + geometry.gap / photograph.eye_mm[2])
     found: list[list[Fringes]] = [[], []]
@@ -102,25 +106,33 @@ def combine(profile: DisplayProfile, seen: Sequence[Seen]) -> Calibration:
     """Return the calibration of photographs; LfsrError if they disagree or are too uncertain."""
     fitted = profile
     for _ in range(ROUNDS):
-        found = [_lens_waves(one, Geometry.of(fitted).gap) for one in seen]
-        waves = np.mean([wave for wave, _ in found], 0)
-        phases = np.array([phase for _, phase in found])
+        # Waves (n, 2) of the lenses per millimetre and their phases (n,) at the middle; n: 1 for cylinders, else 2.
+        found: list[tuple[Array, Array]] = []
+        for one in seen:
+            behind = Geometry.of(fitted).gap / one.eye_mm[2]
+            apparent = np.array([fringes.wave for fringes in one.lenses])
+            seen_phases = np.array([fringes.phase for fringes in one.lenses])
+            found.append((apparent * (1 + behind), seen_phases + apparent @ np.array(one.eye_mm[:2]) * behind))
+        waves, phases = (np.array(values) for values in zip(*found, strict=True))
         phases = phases[0] + (phases - phases[0] + 0.5) % 1 - 0.5  # of the same lens
-        fitted = _with_sheet(profile, fitted, waves, phases.mean(0))
-    _check_agreement(profile, found, phases)
-    errors = _errors(seen, found, phases)
-    _check_errors(profile, errors)
-    behind = Geometry.of(fitted).gap / float(np.mean([one.eye_mm[2] for one in seen]))
+        fitted = _with_sheet(profile, fitted, np.mean(waves, 0), phases.mean(0))
+    # Photographs must not place a lens differently, at the panel's middle or at a corner.
+    corners = np.array([[0, 0], [-1, -1], [-1, 1], [1, -1], [1, 1]]) / 2 * profile.panel_mm
+    lenses = np.array([corners @ wave.T - phase for wave, phase in zip(waves, phases, strict=True)])
+    apart = float(np.ptp(lenses, axis=0).max())
+    if apart > MAX_DIFFERENCE:
+        raise LfsrError(f"the photographs disagree by {apart:.2f} of a lens pitch: check the places that they were "
+                        "taken from, and the profile's viewing angle and distance")
+    errors = _errors(seen, waves, phases)
+    across = min(profile.panel_mm[:1] if profile.lenticular else profile.panel_mm) / max(profile.sheet.pitches)
+    allowed = max(PITCH, LENSES / across)
+    if errors.pitch * SURE > allowed or errors.turn * SURE > TURN:
+        raise LfsrError(f"the pitch is known only to {errors.pitch * SURE:.1e} of it and the rotation to "
+                        f"{errors.turn * SURE:.1e}, but {allowed:.1e} and {TURN:g} are needed: fill the photograph "
+                        "with the panel, hold the camera still, or give several photographs")
     distance = float(np.mean([one.eye_mm[2] for one in seen]))
+    behind = Geometry.of(fitted).gap / distance
     return Calibration(fitted, tuple(seen), errors, behind / distance / (1 + behind))
-
-
-def _check_place(view: View, eye: tuple[float, float, float]) -> None:
-    found = view.camera(eye[2])
-    if np.abs(found - eye[:2]).max() > PLACE * eye[2] + PLACE_MM:
-        raise LfsrError(f"the photograph was taken from about {found[0]:.0f},{found[1]:.0f} by its perspective, but "
-                        f"from {eye[0]:g},{eye[1]:g} was stated: correct the place, or give the whole, uncropped "
-                        "photograph")
 
 
 def _picture(profile: DisplayProfile, image: Array, view: View, channel: int) -> Picture:
@@ -153,32 +165,16 @@ def _mean(found: list[Fringes], view: View, profile: DisplayProfile) -> Fringes:
     return Fringes(mean[:2], float(mean[2]), errors)
 
 
-def _lens_waves(seen: Seen, gap: float) -> tuple[Array, Array]:
-    """Waves (n, 2) of the lenses per millimetre and their phases (n,) at the middle; n is 1 for cylinders, else 2."""
-    behind = gap / seen.eye_mm[2]
-    apparent = np.array([one.wave for one in seen.lenses])
-    phases = np.array([one.phase for one in seen.lenses])
-    return apparent * (1 + behind), phases + apparent @ np.array(seen.eye_mm[:2]) * behind
-
-
-def _check_agreement(profile: DisplayProfile, found: Sequence[tuple[Array, Array]], phases: Array) -> None:
-    """LfsrError if photographs place a lens differently, at the panel's middle or at a corner."""
-    corners = np.array([[0, 0], [-1, -1], [-1, 1], [1, -1], [1, 1]]) / 2 * profile.panel_mm
-    lenses = np.array([corners @ waves.T - phase for (waves, _), phase in zip(found, phases, strict=True)])
-    apart = float(np.ptp(lenses, axis=0).max())
-    if apart > MAX_DIFFERENCE:
-        raise LfsrError(f"the photographs disagree by {apart:.2f} of a lens pitch: check the places that they were "
-                        "taken from, and the profile's viewing angle and distance")
-
-
-def _errors(seen: Sequence[Seen], found: Sequence[tuple[Array, Array]], phases: Array) -> Errors:
+def _errors(seen: Sequence[Seen], found: Array, phases: Array) -> Errors:
     """What windows and photographs scatter by, the larger of both, of the axis that is known least."""
     count = len(seen)
     results = []
     for axis in range(len(phases[0])):
-        waves = np.array([wave[axis] for wave, _ in found])
+        waves = found[:, axis]
         length, normal = np.linalg.norm(waves.mean(0)), waves.mean(0) / np.linalg.norm(waves.mean(0))
-        inside = np.sqrt(np.mean([_along(one.lenses[axis].errors, normal) for one in seen], 0) / count)
+        # Variances (3,) of a wave along ``normal``, across it, and of the phase.
+        turned = np.array([[*normal, 0], [-normal[1], normal[0], 0], [0, 0, 1]])
+        inside = np.sqrt(np.mean([np.diag(turned @ one.lenses[axis].errors @ turned.T) for one in seen], 0) / count)
         along = np.array([normal, [-normal[1], normal[0]]])
         between = np.append((waves @ along.T), phases[:, axis:axis + 1], -1).std(0, ddof=1) / math.sqrt(count) \
             if count > 1 else np.zeros(3)
@@ -186,40 +182,16 @@ def _errors(seen: Sequence[Seen], found: Sequence[tuple[Array, Array]], phases: 
     return Errors(*(float(value) for value in np.max(results, 0)))
 
 
-def _along(errors: Array, normal: Array) -> Array:
-    """Variances (3,) of a wave along ``normal``, across it, and of the phase."""
-    turned = np.array([[*normal, 0], [-normal[1], normal[0], 0], [0, 0, 1]])
-    return np.diag(turned @ errors @ turned.T)
-
-
-def _check_errors(profile: DisplayProfile, errors: Errors) -> None:
-    """LfsrError if pitch or rotation may be wrong by more than is harmless, at SURE standard deviations."""
-    lenses = min(profile.panel_mm[:1] if profile.lenticular else profile.panel_mm) / max(profile.sheet.pitches)
-    allowed = max(PITCH, LENSES / lenses)
-    if errors.pitch * SURE > allowed or errors.turn * SURE > TURN:
-        raise LfsrError(f"the pitch is known only to {errors.pitch * SURE:.1e} of it and the rotation to "
-                        f"{errors.turn * SURE:.1e}, but {allowed:.1e} and {TURN:g} are needed: fill the photograph "
-                        "with the panel, hold the camera still, or give several photographs")
-
-
 def _with_sheet(profile: DisplayProfile, before: DisplayProfile, waves: Array, phases: Array) -> DisplayProfile:
     """``profile`` with lenses of these waves and phases; the gap is that of ``before``."""
     sheet = profile.sheet
     if isinstance(sheet, Lenticular):
-        return dataclasses.replace(profile, lenticular=_lenticular(before, sheet, waves, phases))
-    return dataclasses.replace(profile, lenslet=_lenslet(profile, sheet, waves, phases))
-
-
-def _lenticular(profile: DisplayProfile, sheet: Lenticular, waves: Array, phases: Array) -> Lenticular:
-    geometry, (width, height) = Geometry.of(profile), profile.panel_mm
-    wave = waves[0] / (1 + geometry.gap / geometry.distance)  # of elemental images, further apart than lenses
-    slant = float(wave[1] / wave[0])
-    across = float(wave[0]) * width
-    center = float(phases[0]) + across / 2 * (1 + slant * height / width) - 0.5
-    return dataclasses.replace(sheet, pitch_mm=float(1 / np.linalg.norm(wave)), slant=slant, center=center % 1)
-
-
-def _lenslet(profile: DisplayProfile, sheet: Lenslet, waves: Array, phases: Array) -> Lenslet:
+        geometry, (width, height) = Geometry.of(before), before.panel_mm
+        wave = waves[0] / (1 + geometry.gap / geometry.distance)  # of elemental images, further apart than lenses
+        slant = float(wave[1] / wave[0])
+        center = float(phases[0]) + float(wave[0]) * width / 2 * (1 + slant * height / width) - 0.5
+        return dataclasses.replace(profile, lenticular=dataclasses.replace(
+            sheet, pitch_mm=float(1 / np.linalg.norm(wave)), slant=slant, center=center % 1))
     matrix = np.linalg.inv(waves)
     turn = math.atan2(matrix[1, 0], matrix[0, 0])
     across, up = float(np.hypot(*matrix[:, 0])), float(-math.sin(turn) * matrix[0, 1] + math.cos(turn) * matrix[1, 1])
@@ -229,4 +201,5 @@ def _lenslet(profile: DisplayProfile, sheet: Lenslet, waves: Array, phases: Arra
     nominal = waves @ np.array(sheet.lenses.shift_mm)
     shift = matrix @ (nominal + (phases - nominal + 0.5) % 1 - 0.5)
     lenses = Lattice((across, up), math.degrees(turn), float(lean / up), (float(shift[0]), float(shift[1])))
-    return dataclasses.replace(sheet, lenses=lenses, elemental_images=None, gap_mm=Geometry.of(profile).gap)
+    return dataclasses.replace(profile, lenslet=dataclasses.replace(
+        sheet, lenses=lenses, elemental_images=None, gap_mm=Geometry.of(profile).gap))

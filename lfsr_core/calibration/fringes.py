@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lfsr_core.base.arrays import Array, Mask
+from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 
 MIN_CONTRAST = 0.02  # amplitude of fringes, where white is 1
@@ -54,20 +54,21 @@ def find_fringes(picture: Picture, expected: Array, other: Array) -> Fringes:
     LfsrError if they are not clear, hidden in places, or bent.
     """
     wave = _strongest_wave(picture, expected)
-    count = _windows(wave, picture)
+    most = float(np.abs(wave * [np.ptp(picture.x), np.ptp(picture.y)]).max())
+    count = int(np.clip(2 * most / FRINGES - 1, LEAST_WINDOWS, MOST_WINDOWS))
     windows = [_window(picture, wave, wave + other, (column, row), count) for row in range(count)
                for column in range(count)]
     places, fitted = np.array([place for place, _ in windows]), np.array([factors for _, factors in windows])
     first = fitted[:, 0] - 1j * fitted[:, 1]
     seen = np.abs(first) >= MIN_AMPLITUDE * np.median(np.abs(first))
     if (~seen).mean() > MOST_COVERED:
-        raise LfsrError(f"{_where(places, ~seen)} of the panel shows no fringes: uncover the whole panel, and keep "
-                        "lamps and windows from being mirrored in it")
-    return _plane(wave, places[seen], first[seen])
-
-
-def _plane(wave: Array, places: Array, first: Array) -> Fringes:
-    """The wave whose phases come nearest to those of windows at ``places``."""
+        x, y = places[~seen].mean(0) / np.abs(places).max(0)
+        down = "upper " if y > 0.3 else "lower " if y < -0.3 else ""
+        across = "right" if x > 0.3 else "left" if x < -0.3 else "part" if down else "middle"
+        raise LfsrError(f"the {down}{across} of the panel shows no fringes: uncover the whole panel, and keep lamps "
+                        "and windows from being mirrored in it")
+    # The wave whose phases come nearest to those of the windows.
+    places, first = places[seen], first[seen]
     middle = np.angle(first.sum())
     phases = np.angle(first * np.exp(-1j * middle)) / 2 / math.pi
     known = np.concatenate([places, np.ones((len(places), 1))], -1)
@@ -81,17 +82,12 @@ def _plane(wave: Array, places: Array, first: Array) -> Fringes:
                    np.linalg.inv(known.T @ known) * (scatter * OVERLAP) ** 2)
 
 
-def _windows(wave: Array, picture: Picture) -> int:
-    """Windows along each side, such that each holds some fringes."""
-    most = float(np.abs(wave * [np.ptp(picture.x), np.ptp(picture.y)]).max())
-    return int(np.clip(2 * most / FRINGES - 1, LEAST_WINDOWS, MOST_WINDOWS))
-
-
 def _window(picture: Picture, wave: Array, other: Array, number: tuple[int, int],
             count: int) -> tuple[Array, Array]:
-    """Centre (x, y) of a window, and the cosine and sine of its light at the wave."""
-    parts = (_part(axis, one, count) for axis, one in zip(picture[1:3], number, strict=True))
-    (across, x), (down, y) = parts
+    """Centre (x, y) of a window, and the cosine and sine of its light at the wave; neighbours overlap by half."""
+    across, down = (slice(*(round(len(axis) * (one + step) / (count + 1)) for step in (0, 2)))
+                    for axis, one in zip(picture[1:3], number, strict=True))
+    x, y = picture.x[across], picture.y[down]
     weights = np.sqrt(np.hanning(len(y) + 2)[1:-1, None] * np.hanning(len(x) + 2)[None, 1:-1]).ravel()
     turn, added = (2 * math.pi * np.add.outer(y * one[1], x * one[0]).ravel() for one in (wave, other))
     values, light = picture.values[down, across].ravel(), picture.dots[down, across].ravel()
@@ -105,21 +101,6 @@ def _window(picture: Picture, wave: Array, other: Array, number: tuple[int, int]
     return np.array([x.mean(), y.mean()]), factors[:2]
 
 
-def _part(axis: Array, number: int, count: int) -> tuple[slice, Array]:
-    """One of ``count`` parts of an axis, of which neighbours overlap by half."""
-    ends = [round(len(axis) * (number + step) / (count + 1)) for step in (0, 2)]
-    part = slice(*ends)
-    return part, axis[part]
-
-
-def _where(places: Array, missing: Mask) -> str:
-    """In words, which part of the panel has the ``missing`` windows."""
-    x, y = places[missing].mean(0) / np.abs(places).max(0)
-    down = "upper " if y > 0.3 else "lower " if y < -0.3 else ""
-    across = "right" if x > 0.3 else "left" if x < -0.3 else ""
-    return f"the {(down + (across or 'part' if down else across or 'middle')).strip()}"
-
-
 def _strongest_wave(picture: Picture, expected: Array) -> Array:
     """The wave near the ``expected`` one with the strongest response; LfsrError if there is no clear one."""
     image, places = picture.values, (picture.x, picture.y)
@@ -130,7 +111,10 @@ def _strongest_wave(picture: Picture, expected: Array) -> Array:
     reach = REACH * float(np.linalg.norm(expected))
     wave, step, around = np.array(expected, float), reach / 12, 12
     while step * max(np.ptp(picture.x), np.ptp(picture.y)) > 1e-3:
-        wave, step, around = _strongest(weighted, places, wave, np.arange(-around, around + 1) * step), step / 4, 5
+        steps = np.arange(-around, around + 1) * step
+        right, up = wave[0] + steps, wave[1] + steps
+        row, column = np.unravel_index(np.abs(_spectrum(weighted, places, right, up)).argmax(), (len(up), len(right)))
+        wave, step, around = np.array([right[column], up[row]]), step / 4, 5
     value = _spectrum(weighted, places, wave[:1], wave[1:])[0, 0] / window.sum()
     contrast = 2 * abs(value)
     variation = float((light ** 2 * window).sum() / window.sum())
@@ -139,13 +123,6 @@ def _strongest_wave(picture: Picture, expected: Array) -> Array:
         raise LfsrError(f"no clear fringes are seen (contrast {contrast:.3f}, {fraction:.0%} of the variation): the "
                         "photograph may be blurred, the lenses too small in it, or the profile too far from the sheet")
     return wave
-
-
-def _strongest(weighted: Array, places: tuple[Array, Array], wave: Array, steps: Array) -> Array:
-    """The wave near ``wave`` with the strongest response."""
-    across, up = wave[0] + steps, wave[1] + steps
-    row, column = np.unravel_index(np.abs(_spectrum(weighted, places, across, up)).argmax(), (len(up), len(across)))
-    return np.array([across[column], up[row]])
 
 
 def _spectrum(weighted: Array, places: tuple[Array, Array], across: Array, up: Array) -> Array:

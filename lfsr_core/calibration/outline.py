@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lfsr_core.base.arrays import Array, Mask
+from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 
 SMALL = 240  # pixels of the longer side in which the panel is looked for
@@ -29,15 +29,33 @@ def outline(image: Array) -> Array:
                         f"{MIN_PICTURE}: send the original, not a preview")
     step = max(1, math.ceil(max(height, width) / SMALL))
     rows, columns = (np.arange(step // 2, count, step) for count in (height, width))
-    light = _smoothed(image[np.ix_(rows, columns)].max(-1))
-    lit = _connected(light > LIT * _middle(light))
-    row, column = np.nonzero(lit)
-    if _middle(light) < 0.02 or len(row) < lit.size / 100:
+    padded = np.pad(image[np.ix_(rows, columns)].max(-1), 1, mode="edge")
+    high, wide = len(rows), len(columns)
+    light = np.asarray(sum(padded[y:y + high, x:x + wide] for y in range(3) for x in range(3)) / 9)
+    middle = np.s_[high * 2 // 5:high * 3 // 5 + 1, wide * 2 // 5:wide * 3 // 5 + 1]
+    brightness = float(np.median(light[middle]))
+    lit = light > LIT * brightness
+    part = np.zeros_like(lit)  # of what is lit, all that hangs together with the middle
+    part[middle] = lit[middle]
+    count = -1
+    while count != (count := int(part.sum())):
+        for _ in range(8):
+            grown = np.pad(part, 1)
+            part = lit & (grown[1:-1, 1:-1] | grown[:-2, 1:-1] | grown[2:, 1:-1] | grown[1:-1, :-2] | grown[1:-1, 2:])
+    row, column = np.nonzero(part)
+    if brightness < 0.02 or len(row) < lit.size / 100:
         raise LfsrError("no lit panel is seen in the photograph: photograph the phase pattern in a dark room, with the "
                         "panel in the middle of the image")
-    half = math.hypot(height, width) / 2
-    found = _largest_quadrangle(np.stack([columns[column], rows[row]], -1).astype(float))
-    return np.asarray((found - [(width - 1) / 2, (height - 1) / 2]) / half)
+    # Of the quadrangles that points which lie farthest in four directions make, the largest.
+    points, best = np.stack([columns[column], rows[row]], -1).astype(float), -1.0
+    for angle in np.arange(ANGLES) * math.pi / 2 / ANGLES:
+        ways = angle + np.arange(4) * math.pi / 2
+        ends = points[(points @ np.stack([np.cos(ways), np.sin(ways)])).argmax(0)]
+        x, y = ends.T
+        area = float(abs((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()))
+        if area > best:
+            best, found = area, ends
+    return np.asarray((found - [(width - 1) / 2, (height - 1) / 2]) / (math.hypot(height, width) / 2))
 
 
 def check_size(image: Array, corners: Array) -> None:
@@ -60,41 +78,3 @@ def check_light(panel: Array) -> None:
     if np.ptp(panel, axis=-1).mean() < LEAST_COLOR * panel.mean():
         raise LfsrError("the photograph has no colours, but the pattern's channels are measured one by one: switch "
                         "filters off and photograph in colour")
-
-
-def _middle(light: Array) -> float:
-    height, width = light.shape
-    return float(np.median(light[height * 2 // 5:height * 3 // 5 + 1, width * 2 // 5:width * 3 // 5 + 1]))
-
-
-def _smoothed(light: Array) -> Array:
-    padded = np.pad(light, 1, mode="edge")
-    rows, columns = light.shape
-    return np.asarray(sum(padded[y:y + rows, x:x + columns] for y in range(3) for x in range(3)) / 9)
-
-
-def _connected(lit: Mask) -> Mask:
-    """The part of ``lit`` that hangs together with its middle."""
-    rows, columns = lit.shape
-    part = np.zeros_like(lit)
-    part[rows * 2 // 5:rows * 3 // 5 + 1, columns * 2 // 5:columns * 3 // 5 + 1] = True
-    part &= lit
-    count = -1
-    while count != (count := int(part.sum())):
-        for _ in range(8):
-            grown = np.pad(part, 1)
-            part = lit & (grown[1:-1, 1:-1] | grown[:-2, 1:-1] | grown[2:, 1:-1] | grown[1:-1, :-2] | grown[1:-1, 2:])
-    return part
-
-
-def _largest_quadrangle(points: Array) -> Array:
-    """Of the quadrangles that points which lie farthest in four directions make, the largest; clockwise."""
-    best, found = -1.0, points[:4]
-    for angle in np.arange(ANGLES) * math.pi / 2 / ANGLES:
-        ways = angle + np.arange(4) * math.pi / 2
-        ends = points[(points @ np.stack([np.cos(ways), np.sin(ways)])).argmax(0)]
-        x, y = ends.T
-        area = float(abs((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()))
-        if area > best:
-            best, found = area, ends
-    return found

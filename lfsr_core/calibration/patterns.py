@@ -51,13 +51,46 @@ def pattern(profile: DisplayProfile, kind: str) -> Array:
         raise LfsrError(f"pattern is {kind!r}, but it must be one of {', '.join(PATTERNS)}")
     columns, rows = profile.panel_pixels
     image = np.empty((rows, columns, 3), np.uint8)
-    paint = {"phase": _phase, "lens": _lens, "band": _band, "rgb": _rgb, "grid": _grid}[kind]
     across = np.arange(columns)
     for start in range(0, rows, 128):
         part = np.arange(start, min(start + 128, rows))
         for channel in range(3):
-            image[part, :, channel] = np.rint(255 * paint(profile, channel, part[:, None], across))
+            image[part, :, channel] = np.rint(255 * _painted(profile, kind, channel, part[:, None], across))
     return image
+
+
+def _painted(profile: DisplayProfile, kind: str, channel: int, rows: Array, columns: Array) -> Array:
+    """Values from 0 to 1 of one channel of a pattern in these rows (n, 1) and columns (m,)."""
+    sheet = profile.sheet
+    if kind in ("rgb", "band"):
+        rays = subpixel_rays(profile, channel, rows, columns)
+        if kind == "rgb":
+            view = (rays.view_x + 0.5) / profile.views[0]
+            return np.asarray(np.clip(np.floor(view * 3), 0, 2) == channel, float)
+        across, down = (np.abs(view - (count - 1) / 2) for view, count
+                        in zip((rays.view_x, rays.view_y), profile.views, strict=True))
+        pixel = profile.panel_mm[0] / profile.panel_pixels[0]
+        behind = ((profile.panel_pixels[0] / sheet.lenses_across(profile.panel_mm[0]), 1.0)
+                  if isinstance(sheet, Lenticular) else (sheet.pitches[0] / pixel, sheet.pitches[1] / pixel))
+        # At least as wide as a pixel, or there would be gaps.
+        widths = [max(1.0, count / size) for count, size in zip(profile.views, behind, strict=True)]
+        return np.asarray(np.broadcast_to((across <= widths[0] / 2) & (down <= widths[1] / 2), across.shape), float)
+    x, y = subpixel_places(profile, channel, rows, columns)
+    if kind == "phase":
+        x, y = np.broadcast_arrays(x, y)
+        if channel == DOT_CHANNEL:
+            return dots(profile).shown(x, y)
+        places, used = lattice_coordinates(profile, x, y), tones(profile, channel)
+        waves = [np.cos(2 * np.pi * (1 + 1 / lenses) * places[axis]) for axis, lenses in used]
+        return np.asarray(0.5 + CONTRAST * sum(waves) / len(waves))
+    if kind == "grid":
+        across, up = (np.abs(number - np.floor(number) - 0.5) < BORDER for number in lattice_coordinates(profile, x, y))
+        return np.asarray(across | up if profile.lenslet else across, float)
+    if isinstance(sheet, Lenslet):
+        first, second = nearest_point(elemental_lattice(sheet, Geometry.of(profile)), sheet.packing, x, y)
+    else:
+        first, second = (np.floor(number + 0.5) for number in lattice_coordinates(profile, x, y))
+    return np.asarray((first % LENS_STEP == 0) & (second % LENS_STEP == 0), float)
 
 
 def carriers(profile: DisplayProfile) -> tuple[float, float]:
@@ -102,50 +135,3 @@ def dots(profile: DisplayProfile) -> Dots:
             for count, size in zip(counts, profile.panel_mm, strict=True))
     bits = np.array([CODE >> bit & 1 for bit in reversed(range(MOST_DOTS ** 2))]).reshape(MOST_DOTS, MOST_DOTS)
     return Dots(x, y, bits[:len(y), :len(x)] * 2.0 - 1, step * DOT_SPREAD)
-
-
-def _phase(profile: DisplayProfile, channel: int, rows: Array, columns: Array) -> Array:
-    x, y = np.broadcast_arrays(*subpixel_places(profile, channel, rows, columns))
-    if channel == DOT_CHANNEL:
-        return dots(profile).shown(x, y)
-    places, used = lattice_coordinates(profile, x, y), tones(profile, channel)
-    waves = [np.cos(2 * np.pi * (1 + 1 / lenses) * places[axis]) for axis, lenses in used]
-    return np.asarray(0.5 + CONTRAST * sum(waves) / len(waves))
-
-
-def _lens(profile: DisplayProfile, channel: int, rows: Array, columns: Array) -> Array:
-    place, sheet = subpixel_places(profile, channel, rows, columns), profile.sheet
-    if isinstance(sheet, Lenslet):
-        first, second = nearest_point(elemental_lattice(sheet, Geometry.of(profile)), sheet.packing, *place)
-    else:
-        first, second = (np.floor(number + 0.5) for number in lattice_coordinates(profile, *place))
-    return np.asarray((first % LENS_STEP == 0) & (second % LENS_STEP == 0), float)
-
-
-def _band(profile: DisplayProfile, channel: int, rows: Array, columns: Array) -> Array:
-    rays = subpixel_rays(profile, channel, rows, columns)
-    across, down = (np.abs(view - (count - 1) / 2) for view, count
-                    in zip((rays.view_x, rays.view_y), profile.views, strict=True))
-    # At least as wide as a pixel, or there would be gaps.
-    widths = [max(1.0, count / size) for count, size in zip(profile.views, _pixels_behind(profile), strict=True)]
-    return np.asarray(np.broadcast_to((across <= widths[0] / 2) & (down <= widths[1] / 2), across.shape), float)
-
-
-def _pixels_behind(profile: DisplayProfile) -> tuple[float, float]:
-    """Pixels behind a lens, across and down."""
-    sheet = profile.sheet
-    if isinstance(sheet, Lenticular):
-        return profile.panel_pixels[0] / sheet.lenses_across(profile.panel_mm[0]), 1.0
-    pixel = profile.panel_mm[0] / profile.panel_pixels[0]
-    return sheet.lenses.pitch_mm[0] / pixel, sheet.lenses.pitch_mm[1] / pixel
-
-
-def _rgb(profile: DisplayProfile, channel: int, rows: Array, columns: Array) -> Array:
-    view = (subpixel_rays(profile, channel, rows, columns).view_x + 0.5) / profile.views[0]
-    return np.asarray(np.clip(np.floor(view * 3), 0, 2) == channel, float)
-
-
-def _grid(profile: DisplayProfile, channel: int, rows: Array, columns: Array) -> Array:
-    coordinates = lattice_coordinates(profile, *subpixel_places(profile, channel, rows, columns))
-    across, up = (np.abs(number - np.floor(number) - 0.5) < BORDER for number in coordinates)
-    return np.asarray(across | up if profile.lenslet else across, float)

@@ -27,46 +27,29 @@ def read_photograph(path: str | Path) -> Array:
     with opened(path) as source:
         spec = source.spec() if source else None
         if spec is not None:
-            _check(path, spec)
+            if spec.width * spec.height > MOST_PIXELS:
+                raise LfsrError(f"{path} has {spec.width}×{spec.height} pixels, but a photograph may have "
+                                f"{MOST_PIXELS // 1_000_000} million: make it smaller")
+            if spec.nchannels < 3:
+                raise LfsrError(f"{path} has no colours, but the pattern's channels are measured one by one: "
+                                "photograph in colour")
         kind = "uint8" if spec is not None and str(spec.format) == "uint8" else "uint16"
         pixels = source.read_image(0, 0, 0, 3, kind) if source else None
         problem = source.geterror() if source else oiio.geterror()
     if spec is None or pixels is None or problem:
-        raise LfsrError(f"{path} cannot be read as a photograph{_because(problem)}: save it as JPEG or PNG, or take it "
-                        "again")
-    upright = _upright(np.asarray(pixels), spec.get_int_attribute("Orientation", 1))
-    return _reduced(upright, -(-max(upright.shape) // LONGER_SIDE)) / np.float32(WHITE[kind])
-
-
-def _check(path: str | Path, spec: oiio.ImageSpec) -> None:
-    if spec.width * spec.height > MOST_PIXELS:
-        raise LfsrError(f"{path} has {spec.width}×{spec.height} pixels, but a photograph may have "
-                        f"{MOST_PIXELS // 1_000_000} million: make it smaller")
-    if spec.nchannels < 3:
-        raise LfsrError(f"{path} has no colours, but the pattern's channels are measured one by one: photograph in "
-                        "colour")
-
-
-def _because(problem: str) -> str:
-    """The library's first line, without paths."""
-    line = problem.strip().partition("\n")[0].rpartition(":")[2].strip()
-    return f" ({line[:80]})" if line else ""
-
-
-def _upright(stored: Array, orientation: int) -> Array:
-    """The picture that a file with this EXIF orientation means."""
+        line = problem.strip().partition("\n")[0].rpartition(":")[2].strip()[:80]  # of the library, without paths
+        raise LfsrError(f"{path} cannot be read as a photograph{f' ({line})' if line else ''}: save it as JPEG or PNG, "
+                        "or take it again")
+    image, orientation = np.asarray(pixels), spec.get_int_attribute("Orientation", 1)
     if orientation in (5, 6, 7, 8):
-        stored = stored.swapaxes(0, 1)
-    across, down = orientation in (2, 3, 6, 7), orientation in (3, 4, 7, 8)
-    return stored[::-1 if down else 1, ::-1 if across else 1]
-
-
-def _reduced(image: Array, times: int) -> Array:
-    """Means of ``times`` × ``times`` pixels, float32."""
+        image = image.swapaxes(0, 1)
+    image = image[::-1 if orientation in (3, 4, 7, 8) else 1, ::-1 if orientation in (2, 3, 6, 7) else 1]
+    times = -(-max(image.shape) // LONGER_SIDE)
     if times == 1:
-        return np.ascontiguousarray(image, np.float32)
+        return np.ascontiguousarray(image, np.float32) / np.float32(WHITE[kind])
+    # Means of times × times pixels.
     rows, columns = (count // times * times for count in image.shape[:2])
     total = np.zeros((rows // times, columns // times, image.shape[2]), np.float32)
     for number in range(times ** 2):
         total += image[number // times:rows:times, number % times:columns:times]
-    return total / times ** 2
+    return total / times ** 2 / np.float32(WHITE[kind])

@@ -113,9 +113,13 @@ class View:
         """Place (2,) on the panel in front of which a camera at this height, in millimetres, is by the perspective."""
         low, high = math.log(0.05), math.log(100.0)
         for _ in range(60):
-            place = _place_of(self.matrix, math.exp((low + high) / 2))
-            low, high = ((low + high) / 2, high) if place[2] < height else (low, (low + high) / 2)
-        return place[:2]
+            middle = (low + high) / 2
+            focal = math.exp(middle)  # in halves of the photograph's diagonal
+            turned: Array = np.diag([1 / focal, 1 / focal, 1]) @ self.matrix
+            turned /= math.sqrt(np.linalg.norm(turned[:, 0]) * np.linalg.norm(turned[:, 1]))
+            right, up, away = turned.T
+            low, high = (middle, high) if abs(np.cross(right, up) @ away) < height else (low, middle)
+        return np.array([-right @ away, -up @ away])
 
     @property
     def bent(self) -> float:
@@ -128,14 +132,14 @@ def find_panel(image: Array, profile: DisplayProfile) -> View:
 
     LfsrError if no panel or no dots are found.
     """
-    corners = outline(image)
+    corners, square = outline(image), np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2
     check_size(image, corners)
-    check_light(Raster.of(image).at(_inside(corners)))
+    check_light(Raster.of(image).at(project(fit_homography(square, corners), grid(np.ones(2), COARSE))))
     marks, size, light = dots(profile), np.array(profile.panel_mm), Raster.of(image ** GAMMA)
     small = light.shrunk(round(_side(corners) * light.half / COARSE))
     view = _align(_turned(small, corners, marks, size), small, marks, size, COARSE, COARSE_SPREAD, False)
     view = _align(view, small, marks, size, COARSE, COARSE_SPREAD, True)
-    middle = light.shrunk(round(_side(_corners(view, size)) * light.half / FINE)).softened()
+    middle = light.shrunk(round(_side(view.places(square * size)) * light.half / FINE)).softened()
     view = _align(view, middle, marks, size, FINE, 1.0, True)
     if not view.alike >= LEAST_SEEN or abs(view.bent) > MOST_BEND:
         raise LfsrError(f"the pattern's dots are not seen clearly (agreement {max(view.alike, 0):.0%}): photograph the "
@@ -150,17 +154,14 @@ def project(matrix: Array, points: Array) -> Array:
     return np.stack([scaled[0] / scaled[2], scaled[1] / scaled[2]], -1)
 
 
-def _place_of(matrix: Array, focal: float) -> Array:
-    """(x, y, height) of a camera with this focal length in halves of the photograph's diagonal."""
-    turned: Array = np.diag([1 / focal, 1 / focal, 1]) @ matrix
-    turned /= math.sqrt(np.linalg.norm(turned[:, 0]) * np.linalg.norm(turned[:, 1]))
-    right, up, away = turned.T
-    return np.array([-right @ away, -up @ away, abs(np.cross(right, up) @ away)])
-
-
 def fit_homography(points: Array, images: Array) -> Array:
     """Return the homography (3, 3) that maps (n, 2) ``points`` closest to ``images``, for 4 points or more."""
-    before, after = (_normalised(places) for places in (points, images))
+    # Homographies that move points to the origin and scale them to a size of about 1.
+    moves = []
+    for places in (points, images):
+        middle, size = places.mean(0), max(float(places.std()), 1e-12)
+        moves.append(np.array([[1 / size, 0, -middle[0] / size], [0, 1 / size, -middle[1] / size], [0, 0, 1.0]]))
+    before, after = moves
     x, y = project(before, points).T
     u, v = project(after, images).T
     one, none = np.ones_like(x), np.zeros_like(x)
@@ -181,16 +182,6 @@ def grid(size: Array, across: int) -> Array:
 def _side(corners: Array) -> float:
     """Mean of the sides of a quadrangle of places."""
     return float(np.linalg.norm(corners - np.roll(corners, 1, 0), axis=1).mean())
-
-
-def _inside(corners: Array) -> Array:
-    """Places (n, n, 2) inside a quadrangle of places."""
-    square = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2
-    return project(fit_homography(square, corners), grid(np.ones(2), COARSE))
-
-
-def _corners(view: View, size: Array) -> Array:
-    return view.places(np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2 * size)
 
 
 def _turned(image: Raster, found: Array, marks: Dots, size: Array) -> View:
@@ -215,6 +206,7 @@ def _turned(image: Raster, found: Array, marks: Dots, size: Array) -> View:
 def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wider: float, bend: bool) -> View:
     """The view that explains the dots' channel best, beginning with ``view``; with distortion if ``bend``."""
     points = grid(size, across)
+    axes = points[:, 0, 1], points[0, :, 0]
     spread = marks.spread * wider
     light, wide = (marks.shown(points[..., 0], points[..., 1], width).ravel() ** GAMMA
                    for width in (spread, spread * 1.1))
@@ -227,7 +219,15 @@ def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wid
         seen, others = colors[:, DOT_CHANNEL], colors[:, FRINGE_CHANNELS]
         known = np.concatenate([columns, others], -1)
         fitted = known @ _solved(known, seen) - under @ _solved(under, seen)
-        slopes = _slopes(view, points, fitted.reshape(points.shape[:2]), size, bend)
+        # What is seen changes with each number of the view as the light that is expected; the photograph's own slopes
+        # would do but for its noise, which is in what they explain too. How places change along y and x; its inverse,
+        # how points change with places.
+        steps = np.stack(np.gradient(places, *axes, axis=(0, 1))[::-1], -1)
+        slope = np.einsum("...i,...ij->...j", np.stack(np.gradient(fitted.reshape(points.shape[:2]), *axes)[::-1], -1),
+                          np.linalg.inv(steps))
+        changes = [(((_moved(view, delta, size, bend).places(points) - places) / 1e-5) * slope).sum(-1).ravel()
+                   for delta in 1e-5 * np.eye(12 if bend else 8)]
+        slopes = np.stack(changes, -1)
         solved = _solved(np.concatenate([known, -slopes], -1), seen)
         moved = _moved(view, solved[known.shape[1]:], size, bend)
         step = np.abs(moved.places(points) - places).max() * image.half
@@ -238,27 +238,18 @@ def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wid
     plain = _without(seen[:, None], np.concatenate([under, others], -1))[:, 0]
     alike = math.sqrt(max(0.0, 1 - float((rest ** 2).sum() / max((plain ** 2).sum(), 1e-12))))
     gain = columns[:, under.shape[1]:-1] @ solved[under.shape[1]:columns.shape[1] - 1]
-    offsets, there = _dot_offsets(marks, points, rest.reshape(points.shape[:2]), gain.reshape(points.shape[:2]))
-    return dataclasses.replace(view, alike=alike, offsets=offsets, seen=there)
-
-
-def _slopes(view: View, points: Array, light: Array, size: Array, bend: bool) -> Array:
-    """(n, 8 or 12) change of what is seen at ``points`` with each number of the view, by the light that is expected.
-
-    The photograph's own slopes would do but for its noise, which is in what they explain too.
-    """
-    axes = points[:, 0, 1], points[0, :, 0]
-    places = view.places(points)
-    # How places change along y and x; its inverse, how points change with places.
-    steps = np.stack(np.gradient(places, *axes, axis=(0, 1))[::-1], -1)
-    slope = np.einsum("...i,...ij->...j", np.stack(np.gradient(light, *axes)[::-1], -1), np.linalg.inv(steps))
-    changes = []
-    for number in range(12 if bend else 8):
-        delta = np.zeros(12 if bend else 8)
-        delta[number] = 1e-5
-        moved = (_moved(view, delta, size, bend).places(points) - places) / 1e-5
-        changes.append((moved * slope).sum(-1).ravel())
-    return np.stack(changes, -1)
+    # Millimetres by which each dot lies elsewhere than the fit says, and whether it is there at all.
+    rest, gain = (values.reshape(points.shape[:2]) for values in (rest, gain))
+    up, right = (np.gradient(gain, places, axis=axis) for axis, places in enumerate(axes))
+    offsets, there = [], []
+    for y in marks.y:
+        for x in marks.x:
+            part = np.ix_(np.abs(axes[0] - y) < 2.5 * marks.spread, np.abs(axes[1] - x) < 2.5 * marks.spread)
+            known = np.stack([np.ones_like(gain[part]), -right[part], -up[part], gain[part]], -1).reshape(-1, 4)
+            _, *offset, more = _solved(known, rest[part].ravel())
+            offsets.append(offset)
+            there.append(abs(more) < 0.6)
+    return dataclasses.replace(view, alike=alike, offsets=np.array(offsets), seen=np.array(there))
 
 
 def _moved(view: View, delta: Array, size: Array, bend: bool) -> View:
@@ -267,21 +258,6 @@ def _moved(view: View, delta: Array, size: Array, bend: bool) -> View:
     matrix = view.matrix + np.append(delta[:8], 0).reshape(3, 3) @ scale
     bent = tuple(float(one + more) for one, more in zip(view.bend, delta[8:], strict=True)) if bend else view.bend
     return dataclasses.replace(view, matrix=matrix / matrix[2, 2], bend=bent)
-
-
-def _dot_offsets(marks: Dots, points: Array, rest: Array, gain: Array) -> tuple[Array, Array]:
-    """(n, 2) millimetres by which each dot lies elsewhere than the fit says, and (n,) whether it is there at all."""
-    offsets, there = [], []
-    across, down = points[0, :, 0], points[:, 0, 1]
-    right, up = np.gradient(gain, across, axis=1), np.gradient(gain, down, axis=0)
-    for y in marks.y:
-        for x in marks.x:
-            part = np.ix_(np.abs(down - y) < 2.5 * marks.spread, np.abs(across - x) < 2.5 * marks.spread)
-            known = np.stack([np.ones_like(gain[part]), -right[part], -up[part], gain[part]], -1).reshape(-1, 4)
-            _, *offset, more = _solved(known, rest[part].ravel())
-            offsets.append(offset)
-            there.append(abs(more) < 0.6)
-    return np.array(offsets), np.array(there)
 
 
 def _terms(points: Array, size: Array, count: int) -> Array:
@@ -305,9 +281,3 @@ def _solved(known: Array, values: Array) -> Array:
     square = scaled.T @ scaled + 1e-10 * np.eye(len(scale))
     factors = np.linalg.solve(square, scaled.T @ values)
     return np.asarray((factors.T / scale).T)
-
-
-def _normalised(points: Array) -> Array:
-    """Homography (3, 3) that moves points to the origin and scales them to a size of about 1."""
-    middle, size = points.mean(0), max(float(points.std()), 1e-12)
-    return np.array([[1 / size, 0, -middle[0] / size], [0, 1 / size, -middle[1] / size], [0, 0, 1.0]])

@@ -9,7 +9,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.calibration.fit import Calibration, Photograph, Seen
+from lfsr_core.calibration.fit import Calibration, Photograph
 from lfsr_core.calibration.patterns import FRINGE_CHANNELS, pattern
 from lfsr_core.calibration.photograph import Raster, grid
 from lfsr_core.optics.display import DisplayProfile
@@ -26,40 +26,28 @@ def comparison(profile: DisplayProfile, calibration: Calibration, photographs: l
 
     ``profile``: for which the pattern was drawn. LfsrError if the two are not alike.
     """
-    shown = pattern(profile, "phase")
+    shown, fitted = pattern(profile, "phase"), calibration.profile
     rows = []
     for photograph, seen in zip(photographs, calibration.seen, strict=True):
-        taken, predicted = _taken(profile, photograph, seen), _predicted(shown, calibration.profile, seen)
-        alike = _alike(taken, predicted)
+        # The panel of the photograph from the front.
+        points, raster = grid(np.array(profile.panel_mm), ACROSS), Raster.of(photograph.image)
+        ends = seen.view.places(points[0, [0, -1]])
+        times = int(np.linalg.norm(ends[1] - ends[0]) * raster.half / ACROSS)
+        taken = raster.shrunk(times).at(seen.view.places(points))
+        # What the camera sees of the pattern through the fitted lenses, at the same points of the panel.
+        behind = Geometry.of(fitted).gap / seen.eye_mm[2]
+        x, y = ((axis + place * behind) / (1 + behind)
+                for axis, place in zip((points[0, :, 0], points[:, 0, 1]), seen.eye_mm, strict=False))
+        predicted = seen_at(shown, fitted, seen.eye_mm, x, y) / 255
+        # Correlation of the channels of the fringes, the lesser.
+        high, wide = (count // BLOCK for count in taken.shape[:2])
+        blocks = [image[:high * BLOCK, :wide * BLOCK].reshape(high, BLOCK, wide, BLOCK, 3).mean((1, 3))
+                  for image in (taken, predicted)]
+        alike = min(float(np.corrcoef(*(block[..., channel].ravel() for block in blocks))[0, 1])
+                    for channel in FRINGE_CHANNELS)
         if alike < LEAST_ALIKE:
             raise LfsrError(f"the photograph and what the fitted lenses would show agree by {alike:.0%} only: start "
                             "from the maker's figures, and photograph the pattern of this very profile")
         rows.append(np.concatenate([taken, np.ones((len(taken), EDGE, 3)), predicted], 1))
         rows.append(np.ones((EDGE, rows[0].shape[1], 3)))
     return np.asarray(np.rint(np.clip(np.concatenate(rows[:-1]), 0, 1) * 255), np.uint8)
-
-
-def _taken(profile: DisplayProfile, photograph: Photograph, seen: Seen) -> Array:
-    """The panel of a photograph from the front."""
-    points = grid(np.array(profile.panel_mm), ACROSS)
-    raster = Raster.of(photograph.image)
-    ends = seen.view.places(points[0, [0, -1]])
-    times = int(np.linalg.norm(ends[1] - ends[0]) * raster.half / ACROSS)
-    return raster.shrunk(times).at(seen.view.places(points))
-
-
-def _predicted(shown: Array, fitted: DisplayProfile, seen: Seen) -> Array:
-    """What the camera sees of the pattern ``shown`` through the fitted lenses, at the same points of the panel."""
-    points, behind = grid(np.array(fitted.panel_mm), ACROSS), Geometry.of(fitted).gap / seen.eye_mm[2]
-    x, y = ((axis + place * behind) / (1 + behind)
-            for axis, place in zip((points[0, :, 0], points[:, 0, 1]), seen.eye_mm, strict=False))
-    return seen_at(shown, fitted, seen.eye_mm, x, y) / 255
-
-
-def _alike(taken: Array, predicted: Array) -> float:
-    """Correlation of the channels of the fringes, the lesser."""
-    rows, columns = (count // BLOCK for count in taken.shape[:2])
-    blocks = [image[:rows * BLOCK, :columns * BLOCK].reshape(rows, BLOCK, columns, BLOCK, 3).mean((1, 3))
-              for image in (taken, predicted)]
-    return min(float(np.corrcoef(*(block[..., channel].ravel() for block in blocks))[0, 1])
-               for channel in FRINGE_CHANNELS)

@@ -46,7 +46,15 @@ class Calibration:
 
 def read_calibration(path: str | Path) -> Calibration:
     """Read a visual.json; LfsrError names the field, its value and what was expected."""
-    return calibration_of(_read(path), path)
+    what = "the visual.json of a display"
+    content = read_bytes(path, what, MOST_JSON_BYTES)
+    try:
+        if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):  # PowerShell's
+            content = content.decode("utf-16").encode()
+        data = parse_json(content.removeprefix(codecs.BOM_UTF8))  # Windows programs begin with this mark
+    except ValueError as error:
+        raise LfsrError(f"{path} cannot be read as {what} ({error}): copy it from the display again") from None
+    return calibration_of(data, path)
 
 
 def calibration_of(data: Any, path: str | Path) -> Calibration:
@@ -66,20 +74,11 @@ def calibration_of(data: Any, path: str | Path) -> Calibration:
     _check(path, "slope", numbers["slope"], numbers["slope"] != 0, "a number other than 0")
     mode = _unwrapped(data.get("CellPatternMode", data.get("cellPatternMode", 0)))
     _check(path, "CellPatternMode", mode, isinstance(mode, (int, float)) and mode in RULES, "one of 0, 1, 2, 3, 4")
-    cells = _cells(path, _unwrapped(data.get("subpixelCells")) or [])
-    return Calibration(numbers, int(mode), cells, str(data.get("serial", "")))
-
-
-def _read(path: str | Path) -> Any:
-    """Data of a JSON file, which Windows programs begin with a byte order mark."""
-    what = "the visual.json of a display"
-    content = read_bytes(path, what, MOST_JSON_BYTES)
-    try:
-        if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):  # PowerShell's
-            content = content.decode("utf-16").encode()
-        return parse_json(content.removeprefix(codecs.BOM_UTF8))
-    except ValueError as error:
-        raise LfsrError(f"{path} cannot be read as {what} ({error}): copy it from the display again") from None
+    cells = _unwrapped(data.get("subpixelCells")) or []
+    _check(path, "subpixelCells", cells, isinstance(cells, list) and all(isinstance(cell, dict) for cell in cells),
+           "a list of objects")
+    offsets = tuple(tuple(_number(path, cell, name, None) for name in OFFSETS) for cell in cells)
+    return Calibration(numbers, int(mode), offsets, str(data.get("serial", "")))
 
 
 def _calibrations(data: Any) -> Iterator[dict[str, Any]]:
@@ -110,7 +109,15 @@ def profile_from_calibration(calibration: Calibration, name: str) -> DisplayProf
         third = (1 if mirrored == bgr else -1) / (3 * pixels[0])
         sheet = dataclasses.replace(sheet, center=sheet.center - third * sheet.lenses_across(panel_mm[0]))
     if upside_down:
-        sheet, subpixels = _turned_over(sheet, subpixels, panel_mm, pixels[1])
+        # Sheet and subpixels with y measured from the panel's other end.
+        lean = sheet.slant * panel_mm[1] / panel_mm[0] * sheet.lenses_across(panel_mm[0])  # over its height, in pitches
+        sheet = dataclasses.replace(sheet, slant=-sheet.slant, center=sheet.center - lean, flip=(False, True))
+        rule, cells = subpixels.cell_rule, subpixels.cells
+        if "y" in rule and cells:
+            count = int(rule[-1])
+            cells = tuple(cells[(pixels[1] - 1 - number) % count] for number in range(count))
+        subpixels = dataclasses.replace(subpixels, cells=tuple(
+            tuple(-value if axis % 2 else value for axis, value in enumerate(cell)) for cell in cells))
     lenses, views = proposed_light_field(PanelShape(pixels, panel_mm), sheet)
     serial = f" {calibration.serial}" if calibration.serial else ""
     return DisplayProfile(
@@ -118,20 +125,6 @@ def profile_from_calibration(calibration: Calibration, name: str) -> DisplayProf
         numbers["viewCone"] or CONE,
         ei_order="direct", description=f"Lenticular display{serial}, from its calibration.", subpixels=subpixels,
         lenticular=sheet)
-
-
-def _turned_over(sheet: Lenticular, subpixels: Subpixels, panel_mm: tuple[float, float],
-                 rows: int) -> tuple[Lenticular, Subpixels]:
-    """Sheet and subpixels with y measured from the other end of the panel's ``rows``, whose image is upside down."""
-    width, height = panel_mm
-    lean = sheet.slant * height / width * sheet.lenses_across(width)  # of the axes over the panel's height, in pitches
-    turned = dataclasses.replace(sheet, slant=-sheet.slant, center=sheet.center - lean, flip=(False, True))
-    rule, cells = subpixels.cell_rule, subpixels.cells
-    if "y" in rule and cells:
-        count = int(rule[-1])
-        cells = tuple(cells[(rows - 1 - number) % count] for number in range(count))
-    return turned, dataclasses.replace(subpixels, cells=tuple(
-        tuple(-value if axis % 2 else value for axis, value in enumerate(cell)) for cell in cells))
 
 
 def _number(path: str | Path, data: Mapping[str, Any], name: str, default: float | None) -> float:
@@ -146,12 +139,6 @@ def _number(path: str | Path, data: Mapping[str, Any], name: str, default: float
 
 def _unwrapped(value: Any) -> Any:
     return value.get("value") if isinstance(value, dict) else value
-
-
-def _cells(path: str | Path, data: Any) -> tuple[tuple[float, ...], ...]:
-    _check(path, "subpixelCells", data, isinstance(data, list) and all(isinstance(cell, dict) for cell in data),
-           "a list of objects")
-    return tuple(tuple(_number(path, cell, name, None) for name in OFFSETS) for cell in data)
 
 
 def _check(path: str | Path, name: str, value: Any, holds: bool, rule: str) -> None:
