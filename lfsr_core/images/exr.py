@@ -57,7 +57,16 @@ def read_layers(path: str | Path) -> Layers:
     try:
         for names, pixels in _read_parts(path):
             for layer, found in _layer_columns(names).items():
-                layers.setdefault(layer, _columns_of(pixels, _ordered(found, layer, path)))
+                wanted = LAYER_CHANNELS[layer]
+                orders = (wanted, wanted[:3], *(() if layer in COLORS else ("RGB", "XYZ")))
+                order = next((each for each in orders if set(found) == set(each)), None)
+                if order is None:
+                    raise _unreadable(path, f"its layer {layer} has the channels {', '.join(sorted(found))} instead of "
+                                            f"{', '.join(wanted[:3])}")
+                columns = [found[component] for component in order]
+                in_turn = columns == list(range(columns[0], columns[0] + len(columns)))
+                layers.setdefault(layer, np.ascontiguousarray(pixels[..., columns[0]:columns[-1] + 1]) if in_turn
+                                  else pixels[..., columns])
     except (UnicodeDecodeError, MemoryError) as error:
         raise _unreadable(path, "too little memory" if isinstance(error, MemoryError) else str(error)) from None
     if "color" not in layers:
@@ -121,7 +130,12 @@ def _stacked(layers: Mapping[str, Array], half: bool) -> Array:
 @contextmanager
 def _output(path: str | Path, layers: Mapping[str, Array], height: int, half: bool) -> Iterator[oiio.ImageOutput]:
     """An open EXR for these layers with ``height`` rows."""
-    names = [name for layer, pixels in layers.items() for name in _channel_names(layer, pixels.shape[2])]
+    names: list[str] = []
+    for layer, pixels in layers.items():
+        if layer not in LAYER_CHANNELS:
+            raise LfsrError(f"layer is {layer!r}, but it must be one of {', '.join(LAYER_CHANNELS)}")
+        prefix = "" if layer == "color" else f"{layer}."
+        names += [prefix + component for component in LAYER_CHANNELS[layer][:pixels.shape[2]]]
     width = next(iter(layers.values())).shape[1]
     spec = oiio.ImageSpec(width, height, len(names), "half" if half else "float")
     spec.channelnames = tuple(names)
@@ -198,26 +212,25 @@ def _read_parts(path: Path) -> Iterator[tuple[tuple[str, ...], Array]]:
             raise _unreadable(path, oiio.geterror())
         index, left = 0, min(MAX_BYTES, path.stat().st_size * MAX_COMPRESSION)
         while source.seek_subimage(index, 0):
-            left -= _memory(source.spec())
-            if left < 0 or index >= MAX_PARTS:
+            spec = source.spec()
+            width, height = max(spec.width, spec.tile_width), max(spec.height, spec.tile_height)
+            left -= width * height * max(spec.depth, spec.tile_depth, 1) * spec.nchannels * 4
+            if (left < 0 or index >= MAX_PARTS or spec.deep or max(width, height) > MAX_SIDE
+                    or min(spec.width, spec.height) < 1):
                 raise _unreadable(path, "its header asks for more than the file can hold")
-            names = source.spec().channelnames
-            _check_numbers(path, source.spec())
-            pixels = source.read_image(index, 0, 0, len(names), "float") if _layer_columns(names) else None
+            if (found := spec.get_string_attribute("compression", "none")) not in LOSSLESS:
+                raise _unreadable(path, f"its compression is {found}, expected one without loss, as zip")
+            names = spec.channelnames
+            wanted = _layer_columns(names)
+            for layer, columns in wanted.items():  # whole numbers are read as fractions of the largest
+                for kind in {str(spec.channelformat(column)) for column in columns.values()}.difference(FLOATS):
+                    raise _unreadable(path, f"its layer {layer} has {kind} numbers instead of floats")
+            pixels = source.read_image(index, 0, 0, len(names), "float") if wanted else None
             if source.has_error:
                 raise _unreadable(path, source.geterror())
             if pixels is not None:
                 yield names, pixels.reshape(*pixels.shape[:2], len(names))
             index += 1
-
-
-def _memory(spec: oiio.ImageSpec) -> int:
-    """Bytes of a part's pixels as float32; more than MAX_BYTES for sizes that Blender does not render."""
-    width, height = max(spec.width, spec.tile_width), max(spec.height, spec.tile_height)
-    depth = max(spec.depth, spec.tile_depth, 1)
-    if spec.deep or max(width, height) > MAX_SIDE or min(spec.width, spec.height) < 1:
-        return MAX_BYTES + 1
-    return width * height * depth * spec.nchannels * 4
 
 
 def _first_line(reason: str, otherwise: str) -> str:
@@ -244,36 +257,3 @@ def _layer_columns(names: Sequence[str]) -> dict[str, dict[str, int]]:
             # A second view layer's pass of the same name does not replace the first one's.
             found.setdefault(layer, {}).setdefault(component, column)
     return found
-
-
-def _check_numbers(path: Path, spec: oiio.ImageSpec) -> None:
-    """LfsrError where a layer has whole numbers, read as fractions of the largest, or a compression that loses."""
-    if (found := spec.get_string_attribute("compression", "none")) not in LOSSLESS:
-        raise _unreadable(path, f"its compression is {found}, expected one without loss, as zip")
-    for layer, columns in _layer_columns(spec.channelnames).items():
-        for kind in {str(spec.channelformat(column)) for column in columns.values()}.difference(FLOATS):
-            raise _unreadable(path, f"its layer {layer} has {kind} numbers instead of floats")
-
-
-def _ordered(columns: Mapping[str, int], layer: str, path: Path) -> list[int]:
-    """Columns of the layer's components in the order of LAYER_CHANNELS; LfsrError where there are others."""
-    components = LAYER_CHANNELS[layer]
-    for wanted in (components, components[:3], *(() if layer in COLORS else ("RGB", "XYZ"))):
-        if set(columns) == set(wanted):
-            return [columns[component] for component in wanted]
-    raise _unreadable(path, f"its layer {layer} has the channels {', '.join(sorted(columns))} instead of "
-                            f"{', '.join(components[:3])}")
-
-
-def _columns_of(pixels: Array, columns: list[int]) -> Array:
-    first = columns[0]
-    if columns == list(range(first, first + len(columns))):
-        return np.ascontiguousarray(pixels[..., first:first + len(columns)])
-    return pixels[..., columns]
-
-
-def _channel_names(layer: str, count: int) -> list[str]:
-    if layer not in LAYER_CHANNELS:
-        raise LfsrError(f"layer is {layer!r}, but it must be one of {', '.join(LAYER_CHANNELS)}")
-    prefix = "" if layer == "color" else f"{layer}."
-    return [prefix + component for component in LAYER_CHANNELS[layer][:count]]

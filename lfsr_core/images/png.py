@@ -34,37 +34,31 @@ def encode_png(pixels: Array) -> list[bytes]:
     rows = np.ascontiguousarray(pixels).reshape(pixels.shape[0], -1)
     channels = rows.shape[1] // pixels.shape[1]
     header = struct.pack(">IIBBBBB", pixels.shape[1], pixels.shape[0], 8, COLOR_TYPES[channels], 0, 0, 0)
-    starts = range(0, len(rows), BAND_ROWS)
+
+    def deflated(start: int) -> tuple[bytes, int, int]:
+        """Compressed bytes, Adler-32 and length of the filtered rows of the band from ``start`` on."""
+        band = rows[start:start + BAND_ROWS]
+        filtered = np.empty((len(band), band.shape[1] + 1), np.uint8)
+        filtered[:, 0] = 2  # "Up": each row minus the one above
+        np.subtract(band[1:], band[:-1], out=filtered[1:, 1:])
+        filtered[0, 1:] = band[0] - rows[start - 1] if start else band[0]
+        # On rendered images run lengths alone compress as well as full matching, twice as fast.
+        deflate = zlib.compressobj(1, zlib.DEFLATED, -15, 9, zlib.Z_RLE)
+        data = deflate.compress(filtered.data) + deflate.flush(zlib.Z_FULL_FLUSH)
+        return data, zlib.adler32(filtered.data), filtered.size
+
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        bands = list(pool.map(lambda start: _deflate_band(rows, start), starts))
+        bands = list(pool.map(deflated, range(0, len(rows), BAND_ROWS)))
     checksum = 1
-    for _, band_checksum, length in bands:
-        checksum = _combine_adler(checksum, band_checksum, length)
+    for _, band_checksum, length in bands:  # as zlib's adler32_combine
+        low = (checksum & 0xFFFF) + (band_checksum & 0xFFFF) - 1
+        high = (checksum >> 16) + (band_checksum >> 16) + (length % ADLER_PRIME) * ((checksum & 0xFFFF) - 1)
+        checksum = (high % ADLER_PRIME) << 16 | low % ADLER_PRIME
     # An empty final block ends the stream. 78 01: zlib, 32 KiB window, fastest.
     tail = b"\x03\x00" + struct.pack(">I", checksum)
     data = [_chunk(b"IDAT", band) for band, _, _ in bands]
     return [SIGNATURE, _chunk(b"IHDR", header), _chunk(b"IDAT", b"\x78\x01"), *data,
             _chunk(b"IDAT", tail), _chunk(b"IEND", b"")]
-
-
-def _deflate_band(rows: Array, start: int) -> tuple[bytes, int, int]:
-    """Compressed bytes, Adler-32 and length of the filtered rows from ``start`` on."""
-    band = rows[start:start + BAND_ROWS]
-    filtered = np.empty((len(band), band.shape[1] + 1), np.uint8)
-    filtered[:, 0] = 2  # "Up": each row minus the one above
-    np.subtract(band[1:], band[:-1], out=filtered[1:, 1:])
-    filtered[0, 1:] = band[0] - rows[start - 1] if start else band[0]
-    # On rendered images run lengths alone compress as well as full matching, twice as fast.
-    deflate = zlib.compressobj(1, zlib.DEFLATED, -15, 9, zlib.Z_RLE)
-    data = deflate.compress(filtered.data) + deflate.flush(zlib.Z_FULL_FLUSH)
-    return data, zlib.adler32(filtered.data), filtered.size
-
-
-def _combine_adler(first: int, second: int, length: int) -> int:
-    """Adler-32 of joined data from those of its two parts and the length of the second (zlib's adler32_combine)."""
-    low = (first & 0xFFFF) + (second & 0xFFFF) - 1
-    high = (first >> 16) + (second >> 16) + (length % ADLER_PRIME) * ((first & 0xFFFF) - 1)
-    return (high % ADLER_PRIME) << 16 | low % ADLER_PRIME
 
 
 def _chunk(kind: bytes, data: bytes) -> bytes:
@@ -98,22 +92,16 @@ def read_mask(path: str | Path, lenses: tuple[int, int] | None = None) -> Array:
     return mask
 
 
-def _sizes_fit(head: bytes, size: int) -> bool:
-    """Whether a file of ``size`` bytes can hold an image as large as its ``head`` states."""
-    if len(head) < 26 or not head.startswith(SIGNATURE):
-        return False
-    width, height, depth, color_type = struct.unpack(">IIBB", head[16:])
-    bits = width * height * depth * CHANNELS.get(color_type, 4)
-    return bool(max(width, height) <= MAX_SIDE and bits <= size * 8 * MAX_COMPRESSION)
-
-
 def _decode(path: str | Path, grey: bool) -> Array:
     with reading(path, "a PNG image") as file:
-        sizes_fit = _sizes_fit(file.read(26), file.seek(0, os.SEEK_END))
-    pixels = None
-    if sizes_fit:
-        with opened(path) as source:
-            pixels = source.read_image("uint8") if source else None
+        head, size, pixels = file.read(26), file.seek(0, os.SEEK_END), None
+    if len(head) == 26 and head.startswith(SIGNATURE):
+        width, height, depth, color_type = struct.unpack(">IIBB", head[16:])
+        bits = width * height * depth * CHANNELS.get(color_type, 4)
+        # Damaged headers must not cost memory: the file must be able to hold an image as large as its head states.
+        if max(width, height) <= MAX_SIDE and bits <= size * 8 * MAX_COMPRESSION:
+            with opened(path) as source:
+                pixels = source.read_image("uint8") if source else None
     if pixels is None:
         oiio.geterror()  # otherwise the library prints the error when the process ends
         raise LfsrError(f"{path} is not a readable 8-bit image: write it again")

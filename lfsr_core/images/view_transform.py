@@ -34,7 +34,25 @@ class ViewTransform:
     """
 
     def __init__(self, settings: ColorSettings, pixels: int = 0) -> None:
-        processor = _processor(settings)
+        try:
+            path: Path | None = find_config(settings)
+        except LfsrError:
+            if settings != ColorSettings():
+                raise
+            path = None  # imported light fields need no Blender
+        if path is None:
+            # Blender's Standard view on an sRGB display: IEC 61966-2-1, clipped to [0, 1].
+            curve = ocio.ExponentWithLinearTransform(gamma=[2.4, 2.4, 2.4, 1], offset=[0.055, 0.055, 0.055, 0],
+                                                     direction=ocio.TRANSFORM_DIR_INVERSE)
+            clip = ocio.RangeTransform(minInValue=0, maxInValue=1, minOutValue=0, maxOutValue=1)
+            processor = ocio.Config.CreateRaw().getProcessor(ocio.GroupTransform([clip, curve]))
+        else:
+            try:
+                config = ocio.Config.CreateFromFile(str(path))
+                processor = config.getProcessor(_display_chain(config, settings))
+            except ocio.Exception as error:
+                raise LfsrError(f"{path} cannot be used as a colour configuration ({str(error)[:100]}): "
+                                "set OCIO to another") from None
         flags = ocio.OPTIMIZATION_DEFAULT
         self._baked: ocio.CPUProcessor | None = None
         self._to_float = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_F32, flags)
@@ -60,39 +78,13 @@ class ViewTransform:
         result = np.empty(source.shape, np.uint8)
         (self._baked or self._to_bytes).apply(_image(source), _image(result))
         if self._baked and source.size and not (source.min() >= 0 and source.max() <= BRIGHTEST):
-            self._correct(source.reshape(-1, 3), result.reshape(-1, 3))
+            # Pixels outside the table get the exact values.
+            outside = ~((source >= 0) & (source <= BRIGHTEST)).all(-1)
+            pixels = np.ascontiguousarray(source[outside][None])
+            shown = np.empty(pixels.shape, np.uint8)
+            self._to_bytes.apply(_image(pixels), _image(shown))
+            result[outside] = shown[0]
         return result
-
-    def _correct(self, source: Array, result: Array) -> None:
-        """Replace, in place, the ``result`` of pixels (n, 3) outside the table by the exact one."""
-        outside = ~((source >= 0) & (source <= BRIGHTEST)).all(1)
-        pixels = np.ascontiguousarray(source[outside][None])
-        shown = np.empty(pixels.shape, np.uint8)
-        self._to_bytes.apply(_image(pixels), _image(shown))
-        result[outside] = shown[0]
-
-
-def _processor(settings: ColorSettings) -> ocio.Processor:
-    try:
-        path = find_config(settings)
-    except LfsrError:
-        if settings == ColorSettings():  # imported light fields need no Blender
-            return _plain_processor()
-        raise
-    try:
-        config = ocio.Config.CreateFromFile(str(path))
-        return config.getProcessor(_display_chain(config, settings))
-    except ocio.Exception as error:
-        raise LfsrError(f"{path} cannot be used as a colour configuration ({str(error)[:100]}): "
-                        "set OCIO to another") from None
-
-
-def _plain_processor() -> ocio.Processor:
-    """Blender's Standard view on an sRGB display: IEC 61966-2-1, clipped to [0, 1]."""
-    curve = ocio.ExponentWithLinearTransform(gamma=[2.4, 2.4, 2.4, 1], offset=[0.055, 0.055, 0.055, 0],
-                                             direction=ocio.TRANSFORM_DIR_INVERSE)
-    clip = ocio.RangeTransform(minInValue=0, maxInValue=1, minOutValue=0, maxOutValue=1)
-    return ocio.Config.CreateRaw().getProcessor(ocio.GroupTransform([clip, curve]))
 
 
 def find_config(settings: ColorSettings) -> Path:
@@ -116,7 +108,11 @@ def _display_chain(config: ocio.Config, settings: ColorSettings) -> ocio.GroupTr
     factor = 2.0**settings.exposure
     chain.appendTransform(ocio.MatrixTransform(np.diag([factor, factor, factor, 1.0]).ravel().tolist()))
     if settings.look not in NO_LOOK:
-        look = _look_name(config, settings)
+        look, known = settings.look, list(config.getLookNames())
+        with_view = f"{view} - {look}"  # Blender's interface omits the view's name
+        if with_view in known and look not in known:
+            look = with_view
+        _check_known("look", look, known)
         behind_look = config.getLook(look).getProcessSpace()
         chain.appendTransform(ocio.LookTransform(src=space, dst=behind_look, looks=look))
         space = behind_look
@@ -124,16 +120,6 @@ def _display_chain(config: ocio.Config, settings: ColorSettings) -> ocio.GroupTr
     if settings.gamma != 1:
         chain.appendTransform(ocio.ExponentTransform([1 / max(settings.gamma, MIN_GAMMA)] * 3 + [1.0]))
     return chain
-
-
-def _look_name(config: ocio.Config, settings: ColorSettings) -> str:
-    """The configuration's name of a look; Blender's interface omits the view's name from it."""
-    known = list(config.getLookNames())
-    with_view = f"{settings.view_transform} - {settings.look}"
-    if with_view in known and settings.look not in known:
-        return with_view
-    _check_known("look", settings.look, known)
-    return settings.look
 
 
 def _check_known(what: str, name: str, known: Iterable[str]) -> None:

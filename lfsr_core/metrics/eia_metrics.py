@@ -100,6 +100,10 @@ def _compare_whole(x: Array, a: Array, b: Array, mask: Mask) -> dict[str, Any]:
     # Windows cross from lens to lens in ``local``, but not in ``alone``.
     local, inside = inside_border(split_ssim_map(x, a, b)), inside_border(foreground)
     alone = lens_ssim(x, a, b, (sx, sy))
+    views_ssim = None
+    if any_foreground:  # views are small, so their borders count
+        views = [to_views(values, (sx, sy)).reshape(-1, sy, sx, x.shape[2]) for values in (x, a, b)]
+        views_ssim = mean_of(stacked_ssim(*views)[:, mask])
     return {
         "p": mean_of(mask),
         "ssim_eia": mean_of(local),
@@ -107,60 +111,45 @@ def _compare_whole(x: Array, a: Array, b: Array, mask: Mask) -> dict[str, Any]:
         "ssim_lens": mean_of(alone),
         "ssim_lens_fg": mean_of(alone[mask]) if any_foreground else None,
         "psnr_fg": psnr(split_mse(x[foreground], a[foreground], b[foreground])) if any_foreground else None,
-        "ssim_views_fg": _views_ssim(x, a, b, mask) if any_foreground else None,
+        "ssim_views_fg": views_ssim,
         "ssim_eia_plain": ssim(x, mean),
         "ssim_ceiling": ssim(a, b),
         "flip": mean_flip(x, mean),
     }
 
 
-def _views_ssim(x: Array, a: Array, b: Array, mask: Mask) -> float:
-    """Split SSIM of the decoded views over foreground lenses; views are small, so their borders count."""
-    (sy, sx), channels = mask.shape, x.shape[2]
-    x, a, b = (to_views(values, (sx, sy)).reshape(-1, sy, sx, channels) for values in (x, a, b))
-    return mean_of(stacked_ssim(x, a, b)[:, mask])
-
-
 def _compare_sampled(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], mask: Mask,
                      lens_list: LensList) -> dict[str, Any]:
     rows, columns = np.asarray(lens_list).T
     chosen = to_elemental_images(image, lenses)[rows, columns]
-    a, b = (srgb_encode(_tiles(half, chosen.shape)) for half in halves)
-    values = _per_lens(srgb_encode(chosen), a, b)
+    count, py, px, channels = chosen.shape
+    encoded = [srgb_encode(chosen)]
+    for half in halves:  # its first tiles are those of the lenses
+        if half.shape[0] % py or half.shape[1] % px or half.shape[0] * half.shape[1] < count * py * px:
+            raise _shape_error(half.shape, (f"{count} tiles of", py, px, channels))
+        tiles = to_elemental_images(half, (half.shape[1] // px, half.shape[0] // py)).reshape(-1, py, px, channels)
+        encoded.append(srgb_encode(tiles[:count]))
+    x, a, b = encoded
+    mean = (a + b) / 2
+    # Metrics (N,) of each elemental image on its own; "psnr" holds squared errors.
+    values = {
+        "ssim_lens": stacked_ssim(x, a, b).mean((1, 2)),
+        "ssim_lens_plain": stacked_ssim(x, mean, mean).mean((1, 2)),
+        "ssim_lens_ceiling": stacked_ssim(a, b, b).mean((1, 2)),
+        "psnr": np.mean((x - a) * (x - b), (1, 2, 3), dtype=np.float64),
+    }
+    if flip_evaluator:
+        values["flip"] = np.array([mean_flip(*pair) for pair in zip(x, mean, strict=True)])
     in_foreground = mask[rows, columns]
     found: dict[str, Estimate] = {
         name: stratified(values[name], in_foreground, mask) if name in values else (None, None)
         for name in ("ssim_lens", "ssim_lens_plain", "ssim_lens_ceiling", "flip")}
     for name in ("ssim_lens", "psnr"):
         found[f"{name}_fg"] = stratum(values[name][in_foreground], int(mask.sum()))
-    found["psnr_fg"] = _decibels(*found["psnr_fg"])
+    # Decibels and their half-width (first order) from a squared error and its half-width.
+    error, width = found["psnr_fg"]
+    found["psnr_fg"] = (None, None) if error is None or error <= 0 else (
+        psnr(error), None if width is None else 10 / math.log(10) * width / error)
     metrics = {"p": mean_of(mask)} | {name: value for name, (value, _) in found.items()}
     return {**{name: metrics[name] for name in SAMPLED_NAMES},
             "lenses": len(lens_list), "ci95": {name: width for name, (_, width) in found.items()}}
-
-
-def _tiles(half: Array, shape: tuple[int, ...]) -> Array:
-    """The first N of the (py, px) tiles of a reference, (N, py, px, C)."""
-    count, py, px, channels = shape
-    if half.shape[0] % py or half.shape[1] % px or half.shape[0] * half.shape[1] < count * py * px:
-        raise _shape_error(half.shape, (f"{count} tiles of", py, px, channels))
-    return to_elemental_images(half, (half.shape[1] // px, half.shape[0] // py)).reshape(-1, py, px, channels)[:count]
-
-
-def _per_lens(x: Array, a: Array, b: Array) -> dict[str, Array]:
-    """Metrics (N,) of each elemental image (N, py, px, C) on its own; "psnr" holds squared errors."""
-    mean = (a + b) / 2
-    flip = {"flip": np.array([mean_flip(*pair) for pair in zip(x, mean, strict=True)])} if flip_evaluator else {}
-    return {
-        "ssim_lens": stacked_ssim(x, a, b).mean((1, 2)),
-        "ssim_lens_plain": stacked_ssim(x, mean, mean).mean((1, 2)),
-        "ssim_lens_ceiling": stacked_ssim(a, b, b).mean((1, 2)),
-        "psnr": np.mean((x - a) * (x - b), (1, 2, 3), dtype=np.float64),
-    } | flip
-
-
-def _decibels(error: float | None, width: float | None) -> Estimate:
-    """PSNR and its half-width (first order) from a squared error and its half-width."""
-    if error is None or error <= 0:
-        return None, None
-    return psnr(error), None if width is None else 10 / math.log(10) * width / error

@@ -35,7 +35,15 @@ def split_ssim_map(image: Array, half_a: Array, half_b: Array) -> Array:
         # Windows cross the band's edge, so the band is computed with a margin that is then cut off.
         first, end = max(0, start - SSIM_BORDER), start + BAND_ROWS
         margin = slice(first, end + SSIM_BORDER)
-        band = _local_ssim(*(np.asarray(values[margin], np.float64) for values in (image, half_a, half_b)))
+        x, a, b = (np.asarray(values[margin], np.float64) for values in (image, half_a, half_b))
+        mean_x, mean_a, mean_b = _blur(x), _blur(a), _blur(b)
+        mean_r = (mean_a + mean_b) / 2
+        variance_x: Array = _blur(x * x) - mean_x * mean_x
+        variance_r: Array = _blur(a * b) - mean_a * mean_b
+        covariance = _blur(x * (a + b)) / 2 - mean_x * mean_r
+        light = (2 * mean_x * mean_r + SSIM_C1) / (mean_x * mean_x + mean_a * mean_b + SSIM_C1)
+        # In flat places noise can push cov(a, b) below 0, but the sum of two variances is never negative.
+        band = np.divide(light * (2 * covariance + SSIM_C2), np.maximum(variance_x + variance_r, 0) + SSIM_C2)
         local[start:end] = band[start - first:end - first]
     return local
 
@@ -88,17 +96,6 @@ def inside_border(values: Array) -> Array:
 def mean_of(values: Array) -> float:
     """Mean as a float, summed in double precision."""
     return float(np.mean(values, dtype=np.float64))
-
-
-def _local_ssim(x: Array, a: Array, b: Array) -> Array:
-    mean_x, mean_a, mean_b = _blur(x), _blur(a), _blur(b)
-    mean_r = (mean_a + mean_b) / 2
-    variance_x: Array = _blur(x * x) - mean_x * mean_x
-    variance_r: Array = _blur(a * b) - mean_a * mean_b
-    covariance = _blur(x * (a + b)) / 2 - mean_x * mean_r
-    light: Array = (2 * mean_x * mean_r + SSIM_C1) / (mean_x * mean_x + mean_a * mean_b + SSIM_C1)
-    # In flat places noise can push cov(a, b) below 0, but the sum of two variances is never negative.
-    return np.divide(light * (2 * covariance + SSIM_C2), np.maximum(variance_x + variance_r, 0) + SSIM_C2)
 
 
 def _blur(values: Array) -> Array:

@@ -56,8 +56,22 @@ class DisplayProfile:
     weave: str = "views"  # one of WEAVES: what the weave interpolates
 
     def __post_init__(self) -> None:
-        for check in (_check_texts, _check_lengths, _check_pixels, _check_sheet):
-            check(self)
+        for field, most in (("name", MAX_NAME), ("title", MAX_NAME), ("description", MAX_DESCRIPTION)):
+            text = getattr(self, field)
+            if len(text) > most or not text.isprintable() or (field == "name" and not text):
+                fail(field, text, f"it must be one line of text of at most {most} characters"
+                                  f"{', and not empty' if field == 'name' else ''}")
+        check_choice("ei_order", self.ei_order, EI_ORDERS)
+        check_choice("weave", self.weave, WEAVES)
+        if not all(0 <= value <= 1 for value in self.background):
+            fail("background", self.background, "it must be three scene-linear values from 0 to 1, [red, green, blue]")
+        if not all(1 / MAX_MM <= length <= MAX_MM for length in self.panel_mm):
+            fail("panel_mm", self.panel_mm, "it must be two lengths above 0 in millimetres, [width, height]")
+        if not 1 / MAX_MM <= self.viewing_distance_mm <= MAX_MM:
+            fail("viewing_distance_mm", self.viewing_distance_mm, "it must be a length above 0 in millimetres")
+        check_within("viewing_angle_deg", self.viewing_angle_deg, 1, 120)
+        _check_pixels(self)
+        _check_sheet(self)
 
     @property
     def is_woven(self) -> bool:
@@ -123,10 +137,11 @@ class DisplayProfile:
     def low_views(self, scale: int) -> tuple[int, int]:
         """Views per lens of the low-resolution EIA; LfsrError if ``scale`` does not divide the views."""
         if scale < 1 or any(count % scale for count in self._view_counts):
+            *others, last = [1, *self.scales()]
             raise LfsrError(
                 f"scale is {scale}, but display {self.name!r} has {self.views[0]}×{self.views[1]} views per "
                 f"lens: choose a scale that divides {'both' if all(self.parallax) else 'them'}: "
-                f"{self._scales_in_words()}")
+                f"{', '.join(map(str, others))}{' or ' if others else ''}{last}")
         across, down = (count // scale if many else 1 for count, many in zip(self.views, self.parallax, strict=True))
         return across, down
 
@@ -138,10 +153,6 @@ class DisplayProfile:
         """Scale factors from 2 to 10 that divide the views of every axis with several."""
         counts = self._view_counts
         return [scale for scale in range(2, 11) if counts and not any(count % scale for count in counts)]
-
-    def _scales_in_words(self) -> str:
-        *others, last = [1, *self.scales()]
-        return f"{', '.join(map(str, others))} or {last}" if others else f"{last}"
 
     @property
     def _view_counts(self) -> list[int]:
@@ -160,47 +171,21 @@ class DisplayProfile:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], source: str = "display profile") -> DisplayProfile:
         """Return the profile of TOML or JSON data; LfsrError names the field, its value and the rule."""
-        return from_data(cls, _without_format(data, source), source)
-
-
-def _without_format(data: Mapping[str, Any], source: str) -> dict[str, Any]:
-    """A profile's fields without its format; format 2 may omit the light field, which is then proposed."""
-    data = dict(data)
-    number = data.pop("format", 1)
-    if number not in FORMATS or isinstance(number, bool):
-        raise LfsrError(f"{source}: format is {repr(number)[:MAX_NAME]}, but this version reads 1 and 2")
-    tables = [key for key in TABLES if data.get(key) is not None]
-    if number == 1 and tables:
-        raise LfsrError(f"{source}: a table {tables[0]} needs format = 2: add that line")
-    if not tables:
-        return data
-    data.setdefault("ei_order", "direct")
-    if "lenses" not in data or "views" not in data:
-        shape = from_data(PanelShape, {key: data.get(key) for key in ("panel_pixels", "panel_mm")}, source)
-        read: dict[str, Any] = {key: from_data(TABLES[key], data[key], f"{source}: {key}") for key in tables}
-        lenses, views = proposed_light_field(shape, read.get("lenslet") or read.get("lenticular"))
-        data = {"lenses": list(lenses), "views": list(views)} | data
-    return data
-
-
-def _check_texts(profile: DisplayProfile) -> None:
-    for field, most in (("name", MAX_NAME), ("title", MAX_NAME), ("description", MAX_DESCRIPTION)):
-        text = getattr(profile, field)
-        if len(text) > most or not text.isprintable() or (field == "name" and not text):
-            fail(field, text, f"it must be one line of text of at most {most} characters"
-                              f"{', and not empty' if field == 'name' else ''}")
-    check_choice("ei_order", profile.ei_order, EI_ORDERS)
-    check_choice("weave", profile.weave, WEAVES)
-    if not all(0 <= value <= 1 for value in profile.background):
-        fail("background", profile.background, "it must be three scene-linear values from 0 to 1, [red, green, blue]")
-
-
-def _check_lengths(profile: DisplayProfile) -> None:
-    if not all(1 / MAX_MM <= length <= MAX_MM for length in profile.panel_mm):
-        fail("panel_mm", profile.panel_mm, "it must be two lengths above 0 in millimetres, [width, height]")
-    if not 1 / MAX_MM <= profile.viewing_distance_mm <= MAX_MM:
-        fail("viewing_distance_mm", profile.viewing_distance_mm, "it must be a length above 0 in millimetres")
-    check_within("viewing_angle_deg", profile.viewing_angle_deg, 1, 120)
+        data = dict(data)
+        number = data.pop("format", 1)
+        if number not in FORMATS or isinstance(number, bool):
+            raise LfsrError(f"{source}: format is {repr(number)[:MAX_NAME]}, but this version reads 1 and 2")
+        tables = [key for key in TABLES if data.get(key) is not None]
+        if number == 1 and tables:
+            raise LfsrError(f"{source}: a table {tables[0]} needs format = 2: add that line")
+        if tables:
+            data.setdefault("ei_order", "direct")
+        if tables and ("lenses" not in data or "views" not in data):  # the light field is proposed
+            shape = from_data(PanelShape, {key: data.get(key) for key in ("panel_pixels", "panel_mm")}, source)
+            read: dict[str, Any] = {key: from_data(TABLES[key], data[key], f"{source}: {key}") for key in tables}
+            lenses, views = proposed_light_field(shape, read.get("lenslet") or read.get("lenticular"))
+            data = {"lenses": list(lenses), "views": list(views)} | data
+        return from_data(cls, data, source)
 
 
 def _check_pixels(profile: DisplayProfile) -> None:

@@ -54,22 +54,17 @@ def eye_view(panel: Array, profile: DisplayProfile, eye_mm: Point, width: int = 
                         f"{profile.name!r} has {columns}×{rows}: upscale the folder again")
     if eye_mm[2] <= 0:
         raise LfsrError(f"the eye is at z = {eye_mm[2]} mm, but it must be in front of the display, above 0")
-    seen = seen_panel(panel, profile, eye_mm) if profile.is_woven else _through_lenses(panel, profile, eye_mm)
+    if profile.is_woven:
+        seen = seen_panel(panel, profile, eye_mm)
+    else:
+        # The driver of a "direct" display reverses each elemental image before the panel shows it.
+        eia = flip_order(panel, profile.lenses) if profile.ei_order == "direct" else panel
+        column, row = _seen_pixel(profile, eye_mm, 0), rows - 1 - _seen_pixel(profile, eye_mm, 1)[::-1]
+        seen = eia[np.clip(row, 0, rows - 1)[:, None], np.clip(column, 0, columns - 1)]
+        seen[(row < 0) | (row >= rows)] = 0
+        seen[:, (column < 0) | (column >= columns)] = 0
     times = max(1, width // seen.shape[1])
     return seen.repeat(times, axis=0).repeat(times, axis=1)
-
-
-def _through_lenses(eia: Array, profile: DisplayProfile, eye_mm: Point) -> Array:
-    """(sy, sx, C): the pixel that each lens shows."""
-    if profile.ei_order == "direct":
-        # The driver of such a display reverses each elemental image before the panel shows it.
-        eia = flip_order(eia, profile.lenses)
-    height, width = eia.shape[:2]
-    column, row = _seen_pixel(profile, eye_mm, 0), height - 1 - _seen_pixel(profile, eye_mm, 1)[::-1]
-    seen: Array = eia[np.clip(row, 0, height - 1)[:, None], np.clip(column, 0, width - 1)]
-    seen[(row < 0) | (row >= height)] = 0
-    seen[:, (column < 0) | (column >= width)] = 0
-    return seen
 
 
 def _seen_pixel(profile: DisplayProfile, eye_mm: Point, axis: int) -> Array:

@@ -11,7 +11,6 @@ import math
 
 import numpy as np
 
-from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eye import Point, seen_views
@@ -61,19 +60,15 @@ def eye_card(layout: RayLayout, profile: DisplayProfile, eye_mm: Point, region: 
     times_x, times_y = (side // region.scale for side in region.profile.views)
     lenses = layout.lenses[0] * times_x, layout.lenses[1] * times_y
     fine = lens_card(dataclasses.replace(layout, lenses=lenses, views=(1, 1)), radius)
-    image, view = _seen(profile, layout, eye_mm, (times_x, times_y))
+    # (tiles, 2) elemental image and rendered view of every tile, row by row.
+    columns, rows = (np.repeat([image, view * layout.views[axis] // profile.views[axis]], times, axis=1).T
+                     for axis, ((image, view), times) in enumerate(zip(
+                         seen_views(profile, eye_mm), (times_x, times_y), strict=True)))
+    grid = np.stack(np.broadcast_arrays(columns[None], rows[:, None]), axis=-1)  # row, column, image or view, axis
+    image, view = grid.reshape(-1, 2, 2).swapaxes(0, 1)
     shown = ((image >= 0) & (image < layout.lenses)).all(1)
     cells = view[:, None] + 0.5 + INSIDE * (np.clip(fine.cells, 0, 1) - 0.5)
     whole = lens_card(layout, radius)
     targets = np.clip(image, 0, np.array(layout.lenses) - 1) * np.array(whole.lens_step) + whole.targets[0]
     return dataclasses.replace(whole, pixel=fine.pixel, corners=fine.corners[shown], cells=cells[shown],
                                targets=targets[shown])
-
-
-def _seen(profile: DisplayProfile, layout: RayLayout, eye_mm: Point, times: tuple[int, int]) -> tuple[Array, Array]:
-    """(tiles, 2) elemental image and rendered view of every tile, row by row; a lens has ``times`` tiles."""
-    columns, rows = (np.repeat([image, view * layout.views[axis] // profile.views[axis]], times[axis], axis=1).T
-                     for axis, (image, view) in enumerate(seen_views(profile, eye_mm)))
-    grid = np.stack(np.broadcast_arrays(columns[None], rows[:, None]), axis=-1)  # row, column, image or view, axis
-    flat = grid.reshape(-1, 2, 2)
-    return flat[:, 0], flat[:, 1]

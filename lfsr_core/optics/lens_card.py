@@ -50,7 +50,11 @@ def lens_card(layout: RayLayout, radius: float = math.inf) -> LensCard:
     pitch = np.array([2 * array.half_width / layout.lenses[0], -2 * array.half_height / layout.lenses[1]])
     views, up = np.array(layout.views), np.array([1, -1])
     first = np.array([view_offset(np.array(0), n, layout.spacing, layout.convention) for n in layout.views])
-    pixel = float(pitch[0] * min(1, max(MIN_SIZE, radius / _reach(layout) / pitch[0])))
+    # Pixels from the centre of the whole panel to its corner.
+    scale = layout.spacing / array.spacing
+    every = (count * (scale if moves else 1) for count, moves in zip(layout.views, layout.parallax, strict=True))
+    reach = math.hypot(*(lenses * count / 2 for lenses, count in zip(layout.lenses, every, strict=True)))
+    pixel = float(pitch[0] * min(1, max(MIN_SIZE, radius / reach / pitch[0])))
     rows, columns = np.divmod(np.arange(layout.tiles[0] * layout.tiles[1]), layout.tiles[0])
     tiles = np.stack([columns, rows], axis=-1)
     # Corners (quads, 4, 2) in pixels from the image's upper left corner, rightwards and downwards.
@@ -85,10 +89,3 @@ def card_rays(card: LensCard, cells: Array, targets: Array, distance: float,
 
 def _pair(values: Array) -> tuple[float, float]:
     return float(values[0]), float(values[1])
-
-
-def _reach(layout: RayLayout) -> float:
-    """Pixels from the centre of the whole panel to its corner."""
-    scale = layout.spacing / layout.array.spacing
-    every = (views * (scale if moves else 1) for views, moves in zip(layout.views, layout.parallax, strict=True))
-    return math.hypot(*(lenses * views / 2 for lenses, views in zip(layout.lenses, every, strict=True)))

@@ -70,7 +70,12 @@ class RayLayout:
             raise LfsrError(f"convention is {self.convention!r}, but it must be one of {', '.join(CONVENTIONS)}")
         if not 0 <= self.view_aperture <= 1:
             raise LfsrError(f"view aperture is {self.view_aperture}, but it must be between 0 and 1")
-        _check_lens_list(self)
+        if self.lens_list is not None and not self.lens_list:
+            raise LfsrError("the list of lenses is empty: name at least one lens or leave the list out")
+        for row, column in self.lens_list or ():
+            if not (0 <= row < self.lenses[1] and 0 <= column < self.lenses[0]):
+                raise LfsrError(f"lens ({row}, {column}) is outside the {self.lenses[1]} rows and "
+                                f"{self.lenses[0]} columns of the display: name lenses inside it")
 
     @classmethod
     def for_display(cls, profile: DisplayProfile, array: CameraArray, scale: int = 1, *, convention: str = "centred",
@@ -112,17 +117,6 @@ class RayLayout:
     def size(self) -> tuple[int, int]:
         """Rendered image size in pixels, (width, height)."""
         return self.tiles[0] * self.views[0], self.tiles[1] * self.views[1]
-
-
-def _check_lens_list(layout: RayLayout) -> None:
-    if layout.lens_list is None:
-        return
-    if not layout.lens_list:
-        raise LfsrError("the list of lenses is empty: name at least one lens or leave the list out")
-    for row, column in layout.lens_list:
-        if not (0 <= row < layout.lenses[1] and 0 <= column < layout.lenses[0]):
-            raise LfsrError(f"lens ({row}, {column}) is outside the {layout.lenses[1]} rows and "
-                            f"{layout.lenses[0]} columns of the display: name lenses inside it")
 
 
 def view_offset(index: Array, count: int, spacing: float, convention: str = "centred") -> Array:

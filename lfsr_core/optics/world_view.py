@@ -74,16 +74,12 @@ class WorldView:
         for row in np.unique(lenses[:, 0]):
             chosen = lenses[:, 0] == row
             first, part = columns[lenses[chosen, 1]], parts[lenses[chosen, 1], :, None]
-            seen = self._row(int(row))
+            above, below = (values[row] for values in self._places[1])
+            # (py, W, 3): the image at the heights that this row of lenses sees.
+            seen = self.pixels[above] + below[:, None, None] * (self.pixels[above + 1] - self.pixels[above])
             left = seen[:, first]
             images[chosen] = np.moveaxis(left + part * (seen[:, first + 1] - left), 0, 1)
         return images
-
-    def _row(self, row: int) -> Array:
-        """(py, W, 3): the image at the heights that one row of lenses sees."""
-        first, part = (values[row] for values in self._places[1])
-        blended: Array = self.pixels[first] + part[:, None, None] * (self.pixels[first + 1] - self.pixels[first])
-        return blended
 
     @functools.cached_property
     def _places(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

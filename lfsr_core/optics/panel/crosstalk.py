@@ -10,7 +10,6 @@ import dataclasses
 
 import numpy as np
 
-from lfsr_core.base.arrays import Array
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_rays
 from lfsr_core.optics.panel.trace import trace
@@ -32,27 +31,23 @@ class ViewSpread:
 
 def view_spread(profile: DisplayProfile) -> ViewSpread:
     """Measure a display with a lens sheet by ``POINTS`` rays from each of ``PLACES``."""
-    random, parts = np.random.default_rng(0), []
+    random, parts, geometry = np.random.default_rng(0), [], Geometry.of(profile)
     for place in PLACES:
-        off = _views_off(profile, [round(place * (count - 1)) for count in profile.views], random)
+        view = [round(place * (count - 1)) for count in profile.views]
+        # An eye at the centre of that view looks at random points.
+        across, down = ((number - (count - 1) / 2) * geometry.spacing
+                        for number, count in zip(view, profile.views, strict=True))
+        x, y = ((random.random(POINTS) - 0.5) * size * BORDER for size in geometry.lens_plane)
+        seen = trace(profile, (across, -down, geometry.distance), x, y)
+        off = np.zeros((2, POINTS))  # distances, in views across and down, of what it sees there
+        for channel in range(3):
+            rays = subpixel_rays(profile, channel, seen.row, seen.column)
+            chosen = seen.channel == channel if seen.channel.min() >= 0 else np.arange(POINTS) % 3 == channel
+            for axis, shown in enumerate((rays.view_x, rays.view_y)):
+                inside = np.clip(shown, 0, profile.views[axis] - 1)
+                off[axis] = np.where(chosen, inside - view[axis], off[axis])
+        off = off[:, seen.on_panel]
         on_place = np.clip(1 - np.abs(off), 0, None).prod(0)
         beside = sum(np.clip(1 - np.abs(off - step), 0, None) for step in (-1, 0, 1)).prod(0)
         parts.append((on_place.mean(), (beside - on_place).mean(), (1 - beside).mean(), off[0].mean()))
     return ViewSpread(*map(float, np.mean(parts, 0)))
-
-
-def _views_off(profile: DisplayProfile, view: list[int], random: np.random.Generator) -> Array:
-    """Distances (2, n), in views across and down, of what an eye at the centre of ``view`` sees at random points."""
-    geometry = Geometry.of(profile)
-    across, down = ((number - (count - 1) / 2) * geometry.spacing
-                    for number, count in zip(view, profile.views, strict=True))
-    x, y = ((random.random(POINTS) - 0.5) * size * BORDER for size in geometry.lens_plane)
-    seen = trace(profile, (across, -down, geometry.distance), x, y)
-    off = np.zeros((2, POINTS))
-    for channel in range(3):
-        rays = subpixel_rays(profile, channel, seen.row, seen.column)
-        chosen = seen.channel == channel if seen.channel.min() >= 0 else np.arange(POINTS) % 3 == channel
-        for axis, place in enumerate((rays.view_x, rays.view_y)):
-            inside = np.clip(place, 0, profile.views[axis] - 1)
-            off[axis] = np.where(chosen, inside - view[axis], off[axis])
-    return off[:, seen.on_panel]

@@ -46,45 +46,33 @@ def gather_map(profile: DisplayProfile, sampling: str) -> GatherMap:
     LfsrError if the EIA has more bytes than a four-byte index can address.
     """
     columns, rows = profile.eia_pixels
+    (sx, sy), (px, py), line = profile.lenses, profile.views, columns * CHANNELS
+    # Bytes from one to the next, count, and whether interpolated: columns, rows, views across and views down.
+    every = ((px * CHANNELS, sx, sampling == "all" and sx > 1), (py * line, sy, sampling == "all" and sy > 1),
+             (CHANNELS, px, sampling != "nearest" and px > 1), (line, py, sampling != "nearest" and py > 1))
     if columns * rows * CHANNELS >= 2**31:
         raise LfsrError(f"the EIA has {columns}×{rows} pixels, but the weave takes fewer than 2³¹ bytes: "
                         "give the profile fewer lenses or views")
     size = (profile.panel_pixels[1], profile.panel_pixels[0], CHANNELS)
     first = np.empty(size, np.int32)
-    strides = [stride for stride, _, smooth in _light_field_axes(profile, sampling) if smooth]
+    strides = [stride for stride, _, smooth in every if smooth]
     weights = [np.empty(size, np.uint8) for _ in strides]
 
     def work(start: int) -> None:
         part = np.arange(start, min(start + ROWS_AT_ONCE, size[0]))
         for channel in range(CHANNELS):
-            index, fractions = _block(profile, sampling, channel, part)
+            rays = subpixel_rays(profile, channel, part[:, None], np.arange(size[1]))
+            places = (rays.column, rays.row, rays.view_x, rays.view_y)
+            index, interpolated = np.zeros((len(part), size[1])) + channel, iter(weights)
+            for place, (stride, count, smooth) in zip(places, every, strict=True):
+                inside = np.clip(place, 0, count - 1)
+                whole = np.minimum(np.floor(inside), count - 2) if smooth else np.floor(inside + 0.5)
+                index += whole * stride
+                if smooth:
+                    next(interpolated)[part, :, channel] = np.rint((inside - whole) * ONE)
             first[part, :, channel] = index
-            for weight, fraction in zip(weights, fractions, strict=True):
-                weight[part, :, channel] = np.rint(fraction * ONE)
 
     with ThreadPoolExecutor(min(usable_cores(), MAX_WORKERS)) as pool:
         list(pool.map(work, range(0, size[0], ROWS_AT_ONCE)))
     axes = (Axis(stride, weight) for stride, weight in zip(strides, weights, strict=True))
     return GatherMap((columns, rows), first, tuple(axis for axis in axes if axis.weights.any()))
-
-
-def _light_field_axes(profile: DisplayProfile, sampling: str) -> list[tuple[int, int, bool]]:
-    """(bytes from one to the next, count, whether interpolated) of columns, rows, views across and views down."""
-    (sx, sy), (px, py) = profile.lenses, profile.views
-    line = sx * px * CHANNELS
-    return [(px * CHANNELS, sx, sampling == "all" and sx > 1), (py * line, sy, sampling == "all" and sy > 1),
-            (CHANNELS, px, sampling != "nearest" and px > 1), (line, py, sampling != "nearest" and py > 1)]
-
-
-def _block(profile: DisplayProfile, sampling: str, channel: int, rows: Array) -> tuple[Array, list[Array]]:
-    """Index of the first sample, and fractions along the interpolated axes, of one channel of panel rows."""
-    rays = subpixel_rays(profile, channel, rows[:, None], np.arange(profile.panel_pixels[0]))
-    places = (rays.column, rays.row, rays.view_x, rays.view_y)
-    index, fractions = np.zeros((len(rows), profile.panel_pixels[0])) + channel, []
-    for place, (stride, count, smooth) in zip(places, _light_field_axes(profile, sampling), strict=True):
-        inside = np.clip(place, 0, count - 1)
-        whole = np.minimum(np.floor(inside), count - 2) if smooth else np.floor(inside + 0.5)
-        index += whole * stride
-        if smooth:
-            fractions.append(inside - whole)
-    return index, fractions

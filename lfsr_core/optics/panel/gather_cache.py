@@ -35,13 +35,29 @@ def cached_gather_map(profile: DisplayProfile) -> GatherMap:
         return gather_map(profile, profile.weave)
     folder = cache_folder() / "weave" / digest(profile)
     with contextlib.suppress(OSError, LfsrError, ValueError, KeyError):
-        found = _read(folder, size, profile.eia_pixels)
-        os.utime(folder)
-        return found
+        strides = parse_json((folder / ABOUT).read_bytes())["strides"]
+        first, *weights = (np.load(folder / name, mmap_mode="r", allow_pickle=False)
+                           for name in (FIRST, *(f"axis{number}.npy" for number in range(len(strides)))))
+        intact = first.dtype == np.int32 and all(array.dtype == np.uint8 for array in weights)
+        if intact and all(array.shape == size for array in (first, *weights)):
+            os.utime(folder)
+            return GatherMap(profile.eia_pixels, first, tuple(map(Axis, strides, weights)))
     mapped = gather_map(profile, profile.weave)
     with contextlib.suppress(OSError):
-        _write(folder, mapped)
-        _remove_old(folder.parent)
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".map-", dir=folder.parent) as name:
+            part = Path(name, "map")
+            part.mkdir()
+            np.save(part / FIRST, mapped.first)
+            for number, axis in enumerate(mapped.axes):
+                np.save(part / f"axis{number}.npy", axis.weights)
+            (part / ABOUT).write_text(json.dumps({"strides": [axis.stride for axis in mapped.axes]}), encoding="utf-8")
+            shutil.rmtree(folder, ignore_errors=True)
+            replace(part, folder)
+        kept = sorted((entry for entry in folder.parent.iterdir() if not entry.name.startswith(".")),
+                      key=lambda entry: entry.stat().st_mtime)
+        for entry in kept[:-MAX_MAPS]:
+            shutil.rmtree(entry, ignore_errors=True)
     return mapped
 
 
@@ -49,34 +65,3 @@ def digest(profile: DisplayProfile) -> str:
     """Hash of everything that a map depends on, for a folder's name."""
     data = {key: value for key, value in profile.to_dict().items() if key not in APPEARANCE} | {"version": VERSION}
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:32]
-
-
-def _read(folder: Path, size: tuple[int, int, int], eia_pixels: tuple[int, int]) -> GatherMap:
-    strides = parse_json((folder / ABOUT).read_bytes())["strides"]
-    arrays = [np.load(folder / name, mmap_mode="r", allow_pickle=False)
-              for name in (FIRST, *(f"axis{number}.npy" for number in range(len(strides))))]
-    kinds = [np.dtype(np.int32), *[np.dtype(np.uint8)] * len(strides)]
-    if any(array.shape != size or array.dtype != kind for array, kind in zip(arrays, kinds, strict=True)):
-        raise ValueError("damaged")
-    axes = tuple(Axis(stride, array) for stride, array in zip(strides, arrays[1:], strict=True))
-    return GatherMap(eia_pixels, arrays[0], axes)
-
-
-def _write(folder: Path, mapped: GatherMap) -> None:
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".map-", dir=folder.parent) as name:
-        part = Path(name, "map")
-        part.mkdir()
-        np.save(part / FIRST, mapped.first)
-        for number, axis in enumerate(mapped.axes):
-            np.save(part / f"axis{number}.npy", axis.weights)
-        (part / ABOUT).write_text(json.dumps({"strides": [axis.stride for axis in mapped.axes]}), encoding="utf-8")
-        shutil.rmtree(folder, ignore_errors=True)
-        replace(part, folder)
-
-
-def _remove_old(parent: Path) -> None:
-    folders = sorted((entry for entry in parent.iterdir() if not entry.name.startswith(".")),
-                     key=lambda entry: entry.stat().st_mtime)
-    for entry in folders[:-MAX_MAPS]:
-        shutil.rmtree(entry, ignore_errors=True)

@@ -107,6 +107,13 @@ def panel_card(layout: PanelLayout, radius: float = math.inf, of_subpixels: bool
     shown = (places / size - 0.5) * (1, -1) * np.where(display.flip, -1, 1) * panel
     starts, ends = sheet.start * start_unit, end_units[:, None] * sheet.lens
     ways, millimetres = ends - starts, shown @ pitch
+    wide, high = display.pixel_layout.size
+    table = np.zeros((PERIOD, PERIOD * PARTS, 3))
+    if display.pixel_layout.count > 1:
+        # The panel's subpixels from left to right, where its image is mirrored too.
+        right, up, channel = (each[:, :, ::-1 if display.flip[0] else 1] for each in subpixel_table(layout))
+        third = np.arange(PARTS) / PARTS
+        table = np.stack([right + (1 - wide) / 2 - third, up + (1 - high) / 2, channel], -1).reshape(table.shape)
     return PanelCard(
         pixel=pixel, corners=(places - size / 2) * (1, -1) * pixel,
         places=(shown + panel / 2) * (PARTS, 1), mixes=not of_subpixels and display.pixel_layout.count > 1,
@@ -116,7 +123,7 @@ def panel_card(layout: PanelLayout, radius: float = math.inf, of_subpixels: bool
         images=sheet.images, lenses=sheet.lenses, start_steps=sheet.start_steps * start_unit,
         way_steps=end_units[:, None] * sheet.end_steps - sheet.start_steps * start_unit,
         lens_steps=end_units[:, None] * sheet.lens_steps * layout.aperture,
-        table=_table(layout), stretch=_stretch(layout) if display.pixel_layout.cells else None)
+        table=table, stretch=(wide - 1 / PARTS, high - 1) if display.pixel_layout.cells else None)
 
 
 def _cylinders(layout: PanelLayout, geometry: Geometry) -> _Sheet:
@@ -159,22 +166,6 @@ def _by_rows(matrix: Array) -> tuple[Array, Rows]:
     square = up - shift * along
     return np.stack([along, square], -1), Rows(shift if abs(shift) > STRAIGHT else 0.0,
                                                float(square @ square / (along @ along)))
-
-
-def _table(layout: PanelLayout) -> Array:
-    if layout.display.pixel_layout.count == 1:
-        return np.zeros((PERIOD, PERIOD * PARTS, 3))
-    # The panel's subpixels from left to right, where its image is mirrored too.
-    right, up, channel = (each[:, :, ::-1 if layout.display.flip[0] else 1] for each in subpixel_table(layout))
-    wide, high = layout.display.pixel_layout.size
-    third = np.arange(PARTS) / PARTS
-    table: Array = np.stack([right + (1 - wide) / 2 - third, up + (1 - high) / 2, channel], -1)
-    return table.reshape(PERIOD, -1, 3)
-
-
-def _stretch(layout: PanelLayout) -> tuple[float, float]:
-    wide, high = layout.display.pixel_layout.size
-    return wide - 1 / PARTS, high - 1
 
 
 def card_rays(card: PanelCard, across: Array, up: Array, distance: float, random: tuple[Array, Array] | None = None,
@@ -229,7 +220,12 @@ class _Places:
         whole = np.abs(card.corners[2] - card.corners[0]) / card.pixel
         places = np.stack(np.broadcast_arrays(across, up), -1)
         self.places, self.precision = ((places * (whole - 2 * RIM) + RIM) / whole).astype(precision), precision
-        self.off = None if card.stretch is None else self._off(card, card.stretch)
+        self.off: Array | None = None
+        if card.stretch is not None:
+            at = self._corners(card.places)
+            column, row = np.moveaxis(np.floor(at).astype(int), -1, 0)
+            entry = card.table[row % PERIOD, column % (PERIOD * PARTS), :2].astype(precision)
+            self.off = (at - np.floor(at)) * np.array(card.stretch, precision) + entry
 
     def linear(self, quantity: Linear) -> Array:
         """``quantity`` where the light of the places comes from."""
@@ -241,10 +237,3 @@ class _Places:
         across, up = self.places[..., :1], self.places[..., 1:]
         mixed: Array = (1 - across - up) * lower_left + across * lower_right + up * upper_left
         return mixed
-
-    def _off(self, card: PanelCard, stretch: tuple[float, float]) -> Array:
-        at = self._corners(card.places)
-        column, row = np.moveaxis(np.floor(at).astype(int), -1, 0)
-        entry = card.table[row % PERIOD, column % (PERIOD * PARTS), :2].astype(self.precision)
-        moved: Array = (at - np.floor(at)) * np.array(stretch, self.precision) + entry
-        return moved

@@ -86,7 +86,17 @@ def panel_rays(layout: PanelLayout, raster_x: Array, raster_y: Array, random_x: 
     ``random_y``, in [0, 1), choose the point on the lens.
     """
     display, array = layout.display, layout.array
-    seen = point_rays(display, *_panel_points(layout, raster_x, raster_y))
+    # The subpixel, and the place in millimetres from the panel's centre, y up.
+    (across, down), pixel = display.panel_pixels, display.pixel_layout
+    at_x, at_y = (np.clip(np.asarray(raster, float) * pixels, 0, pixels - 1e-9)
+                  for raster, pixels in zip((raster_x, raster_y), layout.size, strict=True))
+    index, line = np.floor(at_x).astype(int), np.floor(at_y).astype(int)
+    row, column = _on_panel(layout, line, index // pixel.count)
+    (right, up, _), (wide, high) = subpixel_table(layout), pixel.size
+    entry = row % PERIOD, column % PERIOD, index % pixel.count
+    seen = point_rays(
+        display, ((column + 0.5 + right[entry] + (at_x - index - 0.5) * wide) / across - 0.5) * display.panel_mm[0],
+        ((row + 0.5 + up[entry] + (at_y - line - 0.5) * high) / down - 0.5) * display.panel_mm[1])
     right, up = lens_points(display, np.asarray(random_x, float), np.asarray(random_y, float))
     right, up = right * layout.aperture, up * layout.aperture
     width, height = Geometry.of(display).lens_plane
@@ -133,16 +143,3 @@ def _on_panel(layout: PanelLayout, rows: Array, columns: Array) -> tuple[Array, 
     """Rows (from the bottom) and columns of the panel for those of its image, which may be mirrored."""
     (across, down), flip = layout.display.panel_pixels, layout.display.flip
     return down - 1 - rows if flip[1] else rows, across - 1 - columns if flip[0] else columns
-
-
-def _panel_points(layout: PanelLayout, raster_x: Array, raster_y: Array) -> tuple[Array, Array]:
-    """Millimetres from the panel's centre, y up."""
-    (across, down), pixel = layout.display.panel_pixels, layout.display.pixel_layout
-    at_x, at_y = (np.clip(np.asarray(raster, float) * pixels, 0, pixels - 1e-9)
-                  for raster, pixels in zip((raster_x, raster_y), layout.size, strict=True))
-    index, row = np.floor(at_x).astype(int), np.floor(at_y).astype(int)
-    y, x = _on_panel(layout, row, index // pixel.count)
-    (right, up, _), (wide, high) = subpixel_table(layout), pixel.size
-    entry = y % PERIOD, x % PERIOD, index % pixel.count
-    return ((x + 0.5 + right[entry] + (at_x - index - 0.5) * wide) / across - 0.5) * layout.display.panel_mm[0], (
-        (y + 0.5 + up[entry] + (at_y - row - 0.5) * high) / down - 0.5) * layout.display.panel_mm[1]

@@ -15,7 +15,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.sheet import Lattice, Lenslet, Lenticular, Sheet
+from lfsr_core.optics.sheet import Lattice, Lenslet, Lenticular
 
 Pair = tuple[Array, Array]
 
@@ -43,7 +43,18 @@ class Geometry:
     def of(cls, profile: DisplayProfile) -> Geometry:
         """Geometry of a display with a lens sheet."""
         distance, half = profile.viewing_distance_mm, math.tan(math.radians(profile.viewing_angle_deg) / 2)
-        gap = _gap(profile.sheet, half, distance)
+        # Unless the gap is stated, an elemental image fills the viewing angle:
+        # elemental image = lens pitch · (1 + gap / distance) = 2 · gap · tan(angle / 2).
+        sheet = profile.sheet
+        if isinstance(sheet, Lenticular):
+            # Calibrations state the pitch of a lenticular's elemental images; here along a row of pixels.
+            gap = sheet.pitch_mm / math.cos(math.atan(sheet.slant)) / 2 / half
+        elif sheet.gap_mm is not None:
+            gap = sheet.gap_mm
+        elif sheet.elemental_images is not None:
+            gap = sheet.elemental_images.pitch_mm[0] / 2 / half
+        else:
+            gap = sheet.lenses.pitch_mm[0] / (2 * half - sheet.lenses.pitch_mm[0] / distance)
         width, height = profile.panel_mm
         nearer = distance / (distance + gap)
         return cls((width / profile.panel_pixels[0], height / profile.panel_pixels[1]), distance, gap,
@@ -53,22 +64,6 @@ class Geometry:
     def nearer(self) -> float:
         """Distance of the lenses from the viewer by that of the panel."""
         return self.distance / (self.distance + self.gap)
-
-
-def _gap(sheet: Sheet, half_tangent: float, distance: float) -> float:
-    """Millimetres from panel to lenses: as stated, or so that an elemental image fills the viewing angle.
-
-    ``half_tangent``: tan(angle / 2). Elemental image = lens pitch · (1 + gap / distance) = 2 · gap · tan(angle / 2).
-    """
-    if isinstance(sheet, Lenticular):
-        # Calibrations state the pitch of a lenticular's elemental images; here along a row of pixels.
-        return sheet.pitch_mm / math.cos(math.atan(sheet.slant)) / 2 / half_tangent
-    if sheet.gap_mm is not None:
-        return sheet.gap_mm
-    if sheet.elemental_images is not None:
-        return sheet.elemental_images.pitch_mm[0] / 2 / half_tangent
-    pitch = sheet.lenses.pitch_mm[0]
-    return pitch / (2 * half_tangent - pitch / distance)
 
 
 def subpixel_rays(profile: DisplayProfile, channel: int, rows: Array, columns: Array) -> SubpixelRays:
@@ -83,10 +78,27 @@ def subpixel_rays(profile: DisplayProfile, channel: int, rows: Array, columns: A
 def point_rays(profile: DisplayProfile, x: Array, y: Array) -> SubpixelRays:
     """Rays of points of a panel with a lens sheet, millimetres from its centre, y up."""
     sheet, geometry = profile.sheet, Geometry.of(profile)
+    # ``point``: where rays cross the plane of the lenses, millimetres from its centre, y up.
     if isinstance(sheet, Lenticular):
-        point, view = _through_cylinders(profile, sheet, x, y)
+        (width, height), (normal, along), nearer = profile.panel_mm, sheet.directions, geometry.nearer
+        cylinders = sheet.lenses_across(width)
+        # Calibrations: a = (x + y·tilt)·P − center with x, y from 0 to 1 and tilt = slant·height / width.
+        phase = (x / width + 0.5 + (y / height + 0.5) * sheet.slant * height / width) * cylinders - sheet.center
+        inside = phase - np.floor(phase)
+        view = (inside if sheet.reversed else 1 - inside) * profile.views[0] - 0.5, np.array(0.0)
+        middle = x - (inside - 0.5) * width / cylinders  # of the elemental image, in the subpixel's row
+        eye = -(inside - 0.5) * profile.views[0] * geometry.spacing
+        # Light goes to (eye, 0). Perpendicular to the axis it crosses the plane where that middle is seen from the
+        # viewing distance; along the axis it goes straight on.
+        across = (middle * normal[0] + y * normal[1]) * nearer
+        straight = (x * along[0] + y * along[1]) * nearer + eye * along[0] * (1 - nearer)
+        point = across * normal[0] + straight * along[0], across * normal[1] + straight * along[1]
     else:
-        point, view = _through_lenses(profile, sheet, x, y)
+        numbers = nearest_point(elemental_lattice(sheet, geometry), sheet.packing, x, y)
+        point = lattice_point(sheet.lenses, sheet.packing, *numbers)
+        throw = geometry.distance / geometry.gap / geometry.spacing
+        view = ((point[0] - x) * throw + point[0] / geometry.spacing + (profile.views[0] - 1) / 2,
+                (y - point[1]) * throw - point[1] / geometry.spacing + (profile.views[1] - 1) / 2)
     (width, height), (columns, rows) = geometry.lens_plane, profile.lenses
     return SubpixelRays((point[0] / width + 0.5) * columns - 0.5, (0.5 - point[1] / height) * rows - 0.5, *view)
 
@@ -99,42 +111,6 @@ def subpixel_places(profile: DisplayProfile, channel: int, rows: Array, columns:
     right, up = profile.pixel_layout.offsets(channel, y, x)
     return (((x + 0.5 + right) / across - 0.5) * profile.panel_mm[0],
             ((y + 0.5 + up) / down - 0.5) * profile.panel_mm[1])
-
-
-def _through_cylinders(profile: DisplayProfile, sheet: Lenticular, x: Array, y: Array) -> tuple[Pair, Pair]:
-    """Where rays cross the plane of the lenses (millimetres from its centre, y up), and their views."""
-    geometry, (width, height) = Geometry.of(profile), profile.panel_mm
-    across = sheet.lenses_across(width)
-    # Calibrations: a = (x + y·tilt)·P − center with x, y from 0 to 1 and tilt = slant·height / width.
-    phase = (x / width + 0.5 + (y / height + 0.5) * sheet.slant * height / width) * across - sheet.center
-    inside = phase - np.floor(phase)
-    view = (inside if sheet.reversed else 1 - inside) * profile.views[0] - 0.5
-    on_axis = x - (inside - 0.5) * width / across
-    eye = -(inside - 0.5) * profile.views[0] * geometry.spacing
-    return _axis_point(sheet, (on_axis, x, y), geometry.nearer, eye), (view, np.array(0.0))
-
-
-def _axis_point(sheet: Lenticular, place: tuple[Array, Array, Array], nearer: float, eye: Array) -> Pair:
-    """Where light of a subpixel crosses its cylinder's axis on the way to (``eye``, 0).
-
-    ``place``: x of the elemental image's centre in the subpixel's row, x and y of the subpixel. Perpendicular to the
-    axis the point is that centre seen from the viewing distance; along the axis light goes straight on.
-    """
-    (middle, x, y), (normal, along) = place, sheet.directions
-    across = (middle * normal[0] + y * normal[1]) * nearer
-    straight = (x * along[0] + y * along[1]) * nearer + eye * along[0] * (1 - nearer)
-    return across * normal[0] + straight * along[0], across * normal[1] + straight * along[1]
-
-
-def _through_lenses(profile: DisplayProfile, sheet: Lenslet, x: Array, y: Array) -> tuple[Pair, Pair]:
-    """As ``_through_cylinders``."""
-    geometry = Geometry.of(profile)
-    first, second = nearest_point(elemental_lattice(sheet, geometry), sheet.packing, x, y)
-    center_x, center_y = lattice_point(sheet.lenses, sheet.packing, first, second)
-    throw = geometry.distance / geometry.gap / geometry.spacing
-    view = ((center_x - x) * throw + center_x / geometry.spacing + (profile.views[0] - 1) / 2,
-            (y - center_y) * throw - center_y / geometry.spacing + (profile.views[1] - 1) / 2)
-    return (center_x, center_y), view
 
 
 def lattice_point(lattice: Lattice, packing: str, first: Array, second: Array) -> Pair:
@@ -155,7 +131,18 @@ def nearest_point(lattice: Lattice, packing: str, x: Array, y: Array) -> Pair:
     first, second = (inverse[n, 0] * right + inverse[n, 1] * up for n in (0, 1))
     if plain:
         return np.floor(first + 0.5), np.floor(second + 0.5)
-    first, second = _nearest_of_four(matrix, first, second)
+    # Nearest corner of the cell around the place.
+    left, below = np.floor(first), np.floor(second)
+    in_first, in_second = first - left, second - below
+    metric = matrix.T @ matrix
+    best, step_first, step_second = np.full(left.shape, np.inf), np.zeros_like(left), np.zeros_like(left)
+    for one, two in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        a, b = in_first - one, in_second - two
+        far = metric[0, 0] * a * a + 2 * metric[0, 1] * a * b + metric[1, 1] * b * b
+        nearer = far < best
+        best = np.where(nearer, far, best)
+        step_first, step_second = np.where(nearer, one, step_first), np.where(nearer, two, step_second)
+    first, second = left + step_first, below + step_second
     return short[0, 0] * first + short[0, 1] * second, short[1, 0] * first + short[1, 1] * second
 
 
@@ -172,21 +159,6 @@ def short_steps(steps: Array) -> Array:
         if up @ up > (1 - 1e-9) * (along @ along):
             return short
         short = short[:, ::-1].copy()
-
-
-def _nearest_of_four(matrix: Array, first: Array, second: Array) -> Pair:
-    """Nearest corner of the cell that contains (first, second), where the columns of ``matrix`` are short steps."""
-    left, below = np.floor(first), np.floor(second)
-    in_first, in_second = first - left, second - below
-    metric = matrix.T @ matrix
-    best, step_first, step_second = np.full(left.shape, np.inf), np.zeros_like(left), np.zeros_like(left)
-    for one, two in ((0, 0), (1, 0), (0, 1), (1, 1)):
-        a, b = in_first - one, in_second - two
-        far = metric[0, 0] * a * a + 2 * metric[0, 1] * a * b + metric[1, 1] * b * b
-        nearer = far < best
-        best = np.where(nearer, far, best)
-        step_first, step_second = np.where(nearer, one, step_first), np.where(nearer, two, step_second)
-    return left + step_first, below + step_second
 
 
 def lattice_coordinates(profile: DisplayProfile, x: Array, y: Array) -> Pair:

@@ -39,7 +39,10 @@ def seen_panel(panel: Array, profile: DisplayProfile, eye_mm: Point) -> Array:
     The result (rows, columns, 3) uint8 has about one pixel per lens across and is black beyond the panel. ``eye_mm``:
     (x, y, z) from the middle of the lenses, y up, z towards the viewer.
     """
-    (columns, rows), (width, height) = _result_size(profile), Geometry.of(profile).lens_plane
+    sheet, (width, height) = profile.sheet, Geometry.of(profile).lens_plane
+    columns = max(1, round(profile.panel_mm[0] / sheet.pitch_mm if isinstance(sheet, Lenticular)
+                           else width / sheet.lenses.pitch_mm[0]))
+    rows = max(1, round(columns * profile.panel_mm[1] / profile.panel_mm[0]))
     x, y = ((np.arange(columns) + 0.5) / columns - 0.5) * width, (0.5 - (np.arange(rows) + 0.5) / rows) * height
     image: Array = np.rint(seen_at(panel, profile, eye_mm, x, y)).astype(np.uint8)
     return image
@@ -52,8 +55,14 @@ def seen_at(panel: Array, profile: DisplayProfile, eye_mm: Point, x: Array, y: A
     place, black beyond the panel.
     """
     light, count = np.zeros((len(y), len(x), 3)), np.zeros((len(y), len(x), 3))
+    # A lens focuses on a whole pixel, or it would show one colour; a cylinder passes many rows anyway.
+    wide = 0.0 if profile.pixel_layout.count == 1 else 1.0 if profile.lenslet else 1 / 3
     for sample in range(SAMPLES):
-        seen = _seen_by_pixels(profile, eye_mm, x, y, np.modf(0.5 + sample * GOLDEN)[0] - 0.5)
+        place = np.modf(0.5 + sample * GOLDEN)[0] - 0.5  # in [-1/2, 1/2)⁴: in the pixel, in the focus
+        across, down = (axis + place[number] * (axis[-1] - axis[0]) / max(len(axis) - 1, 1)
+                        for number, axis in enumerate((x, y)))
+        points_x, points_y = np.meshgrid(across, down)
+        seen = trace(profile, eye_mm, points_x, points_y, (place[2] * wide, place[3] * wide))
         values = panel[seen.row, seen.column] * seen.on_panel[..., None]
         shown = (seen.channel[..., None] == np.arange(3)) | (seen.channel[..., None] < 0)
         light += values * shown
@@ -72,25 +81,21 @@ def trace(profile: DisplayProfile, eye_mm: Point, x: Array, y: Array,
         on_x, on_y = _cylinder_focus(profile, sheet, eye_mm, (x, y))
     else:
         on_x, on_y = _lens_focus(profile, sheet, eye_mm, (x, y))
-    return _subpixel_at(profile, on_x + spread[0] * geometry.pixel[0], on_y + spread[1] * geometry.pixel[1])
-
-
-def _result_size(profile: DisplayProfile) -> tuple[int, int]:
-    """Columns and rows of about one lens each, in the panel's proportions."""
-    sheet, (width, height) = profile.sheet, profile.panel_mm
-    columns = max(1, round(width / sheet.pitch_mm if isinstance(sheet, Lenticular)
-                           else Geometry.of(profile).lens_plane[0] / sheet.lenses.pitch_mm[0]))
-    return columns, max(1, round(columns * height / width))
-
-
-def _seen_by_pixels(profile: DisplayProfile, eye_mm: Point, x: Array, y: Array, place: Array) -> SeenSubpixels:
-    """One ray of every pixel around (x, y), through ``place`` in [-1/2, 1/2)⁴: in the pixel, in the focus."""
-    across, down = (axis + place[number] * (axis[-1] - axis[0]) / max(len(axis) - 1, 1)
-                    for number, axis in enumerate((x, y)))
-    # A lens focuses on a whole pixel, or it would show one colour; a cylinder passes many rows anyway.
-    wide = 0.0 if profile.pixel_layout.count == 1 else 1.0 if profile.lenslet else 1 / 3
-    points_x, points_y = np.meshgrid(across, down)
-    return trace(profile, eye_mm, points_x, points_y, (place[2] * wide, place[3] * wide))
+    on_x, on_y = on_x + spread[0] * geometry.pixel[0], on_y + spread[1] * geometry.pixel[1]
+    (across, down), (width, height) = profile.panel_pixels, profile.panel_mm
+    column = np.floor((on_x / width + 0.5) * across).astype(int)
+    row = np.floor((0.5 - on_y / height) * down).astype(int)
+    on_panel = (column >= 0) & (column < across) & (row >= 0) & (row < down)
+    column = across - 1 - column if profile.flip[0] else column
+    row = down - 1 - row if profile.flip[1] else row
+    row, column = np.clip(row, 0, down - 1), np.clip(column, 0, across - 1)
+    subpixels = profile.pixel_layout
+    if subpixels.count == 1:
+        return SeenSubpixels(row, column, np.full(row.shape, -1), on_panel)
+    if subpixels.cells:
+        return SeenSubpixels(*_nearest_subpixel(profile, (on_x, on_y), row, column), on_panel)
+    third = np.floor(((on_x / width + 0.5) * across % 1) * 3).astype(int).clip(0, 2)
+    return SeenSubpixels(row, column, third if subpixels.stripes == "rgb" else 2 - third, on_panel)
 
 
 def _cylinder_focus(profile: DisplayProfile, sheet: Lenticular, eye: Point, point: Pair) -> Pair:
@@ -124,24 +129,6 @@ def _lens_focus(profile: DisplayProfile, sheet: Lenslet, eye: Point, point: Pair
     center_x, center_y = center_x + shift_x, center_y + shift_y
     behind = Geometry.of(profile).gap / eye[2]
     return center_x + (center_x - eye[0]) * behind, center_y + (center_y - eye[1]) * behind
-
-
-def _subpixel_at(profile: DisplayProfile, x: Array, y: Array) -> SeenSubpixels:
-    """Subpixel at a point of the panel, millimetres from its centre."""
-    (across, down), (width, height) = profile.panel_pixels, profile.panel_mm
-    column = np.floor((x / width + 0.5) * across).astype(int)
-    row = np.floor((0.5 - y / height) * down).astype(int)
-    on_panel = (column >= 0) & (column < across) & (row >= 0) & (row < down)
-    column = across - 1 - column if profile.flip[0] else column
-    row = down - 1 - row if profile.flip[1] else row
-    row, column = np.clip(row, 0, down - 1), np.clip(column, 0, across - 1)
-    subpixels = profile.pixel_layout
-    if subpixels.count == 1:
-        return SeenSubpixels(row, column, np.full(row.shape, -1), on_panel)
-    if subpixels.cells:
-        return SeenSubpixels(*_nearest_subpixel(profile, (x, y), row, column), on_panel)
-    third = np.floor(((x / width + 0.5) * across % 1) * 3).astype(int).clip(0, 2)
-    return SeenSubpixels(row, column, third if subpixels.stripes == "rgb" else 2 - third, on_panel)
 
 
 def _nearest_subpixel(profile: DisplayProfile, point: Pair, near_row: Array,
