@@ -8,16 +8,20 @@ from __future__ import annotations
 
 import importlib
 
-# Each of these may list Blender classes to register in CLASSES, and have a register() and unregister() of its own.
+# Each of these may list in CLASSES what Blender registers, in HANDLERS what it calls after changes (name, function), in
+# DRAWN what draws in every 3D view (event, function), and have a register() and unregister() of its own.
 MODULES = ("ui.preferences", "ui.properties", "scene.array.cached", "jobs.preview", "check.last", "jobs.copy",
            "jobs.session", "live.session", "ui.operators.render", "ui.operators.finish", "ui.operators.array",
            "ui.operators.check", "ui.operators.estimate", "ui.operators.plan", "ui.operators.exports",
-           "ui.operators.farm", "ui.operators.live", "ui.operators.calibration", "ui.presets", "ui.panels",
-           "ui.live_panel", "ui.menus", "ui.overlay", "ui.array_view")
+           "ui.operators.farm", "ui.operators.live", "ui.operators.calibration", "ui.menus", "ui.panels",
+           "ui.overlay", "ui.array_view")
+
+
+_drawn: list[object] = []
 
 
 def register() -> None:
-    """Register every module's CLASSES with Blender, then call its own ``register``."""
+    """Register every module's CLASSES with Blender, call its own ``register`` and add its handlers."""
     import bpy
 
     for module in _modules():
@@ -25,13 +29,22 @@ def register() -> None:
             bpy.utils.register_class(cls)
         if hasattr(module, "register"):
             module.register()
+        for name, handler in getattr(module, "HANDLERS", ()):
+            getattr(bpy.app.handlers, name).append(handler)
+        if not bpy.app.background:  # which has no 3D views
+            _drawn.extend(bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", event)
+                          for event, draw in getattr(module, "DRAWN", ()))
 
 
 def unregister() -> None:
     """Undo ``register``, last first."""
     import bpy
 
+    while _drawn:
+        bpy.types.SpaceView3D.draw_handler_remove(_drawn.pop(), "WINDOW")
     for module in reversed(_modules()):
+        for name, handler in getattr(module, "HANDLERS", ()):
+            getattr(bpy.app.handlers, name).remove(handler)
         if hasattr(module, "unregister"):
             module.unregister()
         for cls in reversed(getattr(module, "CLASSES", ())):

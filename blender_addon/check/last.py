@@ -83,13 +83,9 @@ HANDLERS = (("depsgraph_update_post", _note), ("undo_post", _note), ("redo_post"
 
 def register() -> None:
     """Listen to changes."""
-    for name, handler in HANDLERS:
-        getattr(bpy.app.handlers, name).append(handler)
     _subscribe()
 
 
 def unregister() -> None:
     """Stop listening."""
     bpy.msgbus.clear_by_owner(_OWNER)
-    for name, handler in HANDLERS:
-        getattr(bpy.app.handlers, name).remove(handler)

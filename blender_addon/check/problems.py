@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from pathlib import Path
 
 import bpy
 
@@ -14,15 +17,30 @@ from ..jobs import denoiser, preview
 from ..scene import devices, folders
 from ..scene import settings as scene_settings
 from ..scene.array import rig
-from ..scene.array.spaces import is_mirrored
-from ..scene.light import AUTO_LIGHT, SCENE_LIGHTS, has_light, is_dim
-from ..scene.notices import missing_images
+from ..scene.color import color_settings
+from ..scene.light import AUTO_LIGHT, OWN_LIGHT, SCENE_LIGHTS, has_light, is_dim
+from ..scene.notices import left_out, missing_images
 from ..scene.sentences import sentence
-from ..scene.settings import title
+from ..scene.settings import Resolved, title
 from ..scene.subject import find_subject
 from ..scene.words import capitalized
-from . import disk, geometry, ignored
+from . import geometry
 from .problem import ERROR, INFO, SEVERITIES, Problem
+
+# Bytes per rendered pixel of all layers, per finished pixel of an image, of its linear copy, and of its decoded views.
+RENDERED, IMAGE, LINEAR, VIEWS = 48, 3, 6, 3
+GIGABYTE = 1e9
+# Code of the problem, title and button of what renders leave out, by the code of its notice.
+LEFT_OUT = {"libraries-missing": ("linked", "Linked Files", "Find Files…"),
+            "scripts-off": ("autoexec", "Scripts", "Reload Trusted"),
+            "shift-ignored": ("shift", "Camera Shift", "Reset Shift"),
+            "override-ignored": ("override", "Material Override", "Clear Override"),
+            "layers-left-out": ("layers", "View Layers", "Switch Off Others"),
+            "compositor-ignored": ("compositor", "Compositor", "Switch Off"),
+            "sequencer-ignored": ("sequencer", "Sequencer", "Switch Off")}
+# Title and button of what a view layer does with collections.
+SWITCHED = {"exclude": ("Excluded Collections", "Include"), "holdout": ("Holdouts", "Switch Off"),
+            "indirect_only": ("Indirect-Only Collections", "Switch Off")}
 
 
 def check_scene(scene: bpy.types.Scene) -> list[Problem]:
@@ -32,8 +50,8 @@ def check_scene(scene: bpy.types.Scene) -> list[Problem]:
 
 def to_ask(scene: bpy.types.Scene, frames: int = 1) -> list[Problem]:
     """Return what an artist is asked about before a render of ``frames`` images, worst first."""
-    found = [problem for check in QUICK if check is not disk.find for problem in check(scene) if problem.asks]
-    return _sorted([*found, *disk.find(scene, frames)])
+    found = [problem for check in QUICK if check is not _disks for problem in check(scene) if problem.asks]
+    return _sorted([*found, *_disks(scene, frames)])
 
 
 def _sorted(problems: Iterable[Problem]) -> list[Problem]:
@@ -70,7 +88,7 @@ def _array(scene: bpy.types.Scene) -> Iterator[Problem]:
     if len(arrays) > 1 and scene.camera not in arrays:
         yield Problem("arrays", array.name, f"The scene has {len(arrays)} camera arrays, of which this one is used. "
                       "Make another one the active camera to use it instead.", severity=INFO, is_object=True)
-    if is_mirrored(array):
+    if rig.is_mirrored(array):
         yield Problem("mirror", array.name, f"{sentence(Notice('camera-mirrored', {'camera': array.name}))}.",
                       severity=INFO, is_object=True)
 
@@ -145,5 +163,86 @@ def _has_script(tree: bpy.types.NodeTree | None) -> bool:
     return any(node.type == "SCRIPT" or (node.type == "GROUP" and _has_script(node.node_tree)) for node in nodes)
 
 
+def _disks(scene: bpy.types.Scene, frames: int = 1) -> Iterator[Problem]:
+    """The disks that have too little room for ``frames`` images of ``scene``."""
+    try:
+        settings, folder = scene_settings.resolve(scene), folders.scene_folder(scene)
+    except LfsrError:
+        return  # said elsewhere
+    needed = frames * bytes_of_frame(settings)
+    if free(folder) < needed:
+        yield _full_disk("disk", "the disk of the output folder", needed, folder, "Choose Folder…")
+    temporary = Path(bpy.app.tempdir)
+    if free(temporary) < (needed := bytes_of_work(settings)):
+        yield _full_disk("temporary", "the disk of Blender's temporary files", needed, temporary, "Choose Folder…")
+
+
+def bytes_of_frame(settings: Resolved) -> int:
+    """Bytes that one image may take in its frame folder, uncompressed."""
+    finished = math.prod(settings.display.panel_pixels if settings.subpixels else settings.display.eia_pixels)
+    rendered = finished // settings.display.finished_pixels(settings.sampling.scale)
+    return RENDERED * rendered + (IMAGE + LINEAR * settings.finish.linear_exr) * finished
+
+
+def bytes_of_work(settings: Resolved) -> int:
+    """Bytes of the temporary files of one render: a copy of the open file, and the decoded views."""
+    file = Path(bpy.data.filepath)
+    return VIEWS * math.prod(settings.display.eia_pixels) + (file.stat().st_size if file.is_file() else 0)
+
+
+def free(folder: Path) -> float:
+    """Free bytes of the disk that ``folder`` is on or will be; infinite where that cannot be told."""
+    for place in (folder, *folder.parents):
+        try:
+            return shutil.disk_usage(place).free
+        except FileNotFoundError:
+            continue
+        except OSError:
+            break
+    return float("inf")
+
+
+def _full_disk(code: str, disk: str, needed: float, folder: Path, fix: str) -> Problem:
+    return Problem(code, "Disk Space", f"The render needs up to {needed / GIGABYTE:.2g} GB, but {disk} has only "
+                   f"{free(folder) / GIGABYTE:.2g} GB free.", fix, ERROR, asks=True)
+
+
+def _ignored(scene: bpy.types.Scene) -> Iterator[Problem]:
+    """Everything of ``scene`` that a render does not show as Blender's own would."""
+    cycles, camera = getattr(scene, "cycles", None), scene.camera
+    if cycles is not None and cycles.pixel_filter_type not in (
+            "BOX", cycles.bl_rna.properties["pixel_filter_type"].default):
+        yield Problem("filter", "Pixel Filter", "This filter would mix neighbouring views. Light-field renders use a "
+                      "box of one pixel instead.", "Use Box", INFO)
+    if scene.render.use_motion_blur:
+        yield Problem("motion", "Motion Blur", "Light-field renders ignore motion blur.", "Switch Off", INFO, asks=True)
+    if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
+        yield Problem("focus", camera.name, "Light-field renders ignore depth of field, since the viewer's eye "
+                      "focuses.", "Switch Off", INFO, is_object=True, asks=True)
+    try:
+        color_settings(scene, _shows_world(scene))
+    except LfsrError as error:
+        code, fix, view = "space", "", scene.view_settings
+        if view.use_curve_mapping or view.use_white_balance:
+            code, fix = "view", "Switch Off"
+        elif _shows_world(scene):
+            code, fix = "catcher", "Make Film Transparent"
+        yield Problem(code, scene.name, f"{capitalized(str(error))}.", fix, ERROR, title="Colors")
+    for notice in left_out(scene):
+        values = notice.values
+        code, title, button = (values["switch"], *SWITCHED[values["switch"]]) if "switch" in values else (
+            LEFT_OUT[notice.code])
+        target = values.get("camera") or values.get("layer") or scene.name
+        yield Problem(code, target, f"{sentence(notice)}.", button, INFO, title=title, asks=True)
+
+
+def _shows_world(scene: bpy.types.Scene) -> bool:
+    """True if the scene's own world is seen behind a subject that may catch shadows."""
+    is_own = scene.lfsr.light == OWN_LIGHT or (scene.lfsr.light == AUTO_LIGHT and has_light(scene))
+    # Whether any object catches shadows is asked here, since finding those of instances takes long.
+    return is_own and scene.world is not None and not scene.render.film_transparent and any(
+        item.is_shadow_catcher for item in bpy.data.objects)
+
+
 # What takes no longer in a scene of many objects than looking at each of them once.
-QUICK = (_renderer, _settings, _array, _light, _scripts, _images, disk.find, ignored.find)
+QUICK = (_renderer, _settings, _array, _light, _scripts, _images, _disks, _ignored)

@@ -18,6 +18,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import file_stamp, system_errors
 from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.base.records import to_data
+from lfsr_core.exports.options import H264_SIDE
 from lfsr_core.frames.folder import PLACES, digest, request_facts, scene_stamp
 from lfsr_core.frames.request import Request, read_request
 from lfsr_core.optics.depth_scale import ScaleChoice
@@ -33,14 +34,13 @@ from lfsr_core.process.protocol import (
     repeated,
 )
 
+from ..compat import literal_path, video_output
 from ..render.frame_folder import Opened, inputs_before_opening, render_job, settled_light
 from ..render.output import UNFINISHED
-from ..scene.array import scale
-from ..scene.array.cameras import camera_notices, choose_camera
+from ..scene.array import placement
 from ..scene.notices import notices
-from ..scene.open import choose_scene, local_scene, open_scene
+from ..scene.open import camera_notices, choose_camera, choose_scene, local_scene, open_scene
 from ..scene.overrides import overridden
-from . import encode
 
 STANDARD_INPUT = 0
 
@@ -82,15 +82,15 @@ def _end_with_input() -> None:
 
 def _run(arguments: Sequence[str]) -> dict[str, object]:
     match arguments:
-        case [encode.NAME, frames, film, rate]:
-            return {"folder": str(encode.run(frames, film, rate))}
-        case [scale.CHOOSE, path]:
+        case ["encode", frames, film, rate]:
+            return {"folder": str(encode(frames, film, rate))}
+        case ["scale", path]:
             request = read_request(path)
-            return to_data(scale.scale_of(_chosen_scene(request), request))
-        case [scale.LOOK, path]:
+            return to_data(placement.scale_of(_chosen_scene(request), request))
+        case ["depth", path]:
             request = read_request(path)
-            return {"moves": scale.all_moves(_chosen_scene(request), request).tolist()}
-        case [] | [encode.NAME | scale.CHOOSE | scale.LOOK, *_]:
+            return {"moves": placement.all_moves(_chosen_scene(request), request).tolist()}
+        case [] | ["encode" | "scale" | "depth", *_]:
             raise LfsrError("expected request files, encode, two paths and a rate, or scale or depth and a request "
                             f"file, but got {len(arguments)} arguments")
     return {"folder": str(run_all([read_request(path) for path in arguments]))}
@@ -111,7 +111,7 @@ def run_all(requests: Sequence[Request]) -> Path:
             if request.sampling.scales and request.sampling.frames:  # one scale for all frames that ask the same
                 question = digest(request_facts(request, (*PLACES, "frame", "seed")))
                 if question not in choices:
-                    choices[question] = scale.scale_of(scene, request)
+                    choices[question] = placement.scale_of(scene, request)
                 request = request.with_scale(choices[question])
             folder = render_job(scene, request, opened, emit_told)
             opened = dataclasses.replace(opened, seconds=0.0)
@@ -153,3 +153,35 @@ def _chosen_scene(request: Request) -> bpy.types.Scene:
     if request.camera is not None:
         choose_camera(scene, request.camera)
     return scene
+
+
+def encode(frames_folder: str, film_file: str, frames_a_second: str) -> Path:
+    """Encode the PNG images of a folder as MP4 and return the film; LfsrError if this Blender cannot."""
+    folder, film, rate = Path(frames_folder), Path(film_file), float(frames_a_second)
+    frames = sorted(folder.glob("*.png"))
+    if not frames:
+        raise LfsrError(f"{folder} has no PNG frames to encode: export again")
+    if not bpy.app.ffmpeg.supported:
+        raise LfsrError("this Blender was built without FFmpeg and cannot write MP4: choose another format")
+    # A scene with nothing but the frames, in their own colours.
+    scene = bpy.data.scenes.new("Film")
+    strip = scene.sequence_editor_create().strips.new_image("Frames", str(frames[0]), channel=1, frame_start=1)
+    for frame in frames[1:]:
+        strip.elements.append(frame.name)
+    strip.frame_final_duration = len(frames)  # for the appended elements to count
+    scene.frame_start, scene.frame_end = 1, len(frames)
+    scene.display_settings.display_device, scene.view_settings.view_transform = "sRGB", "Standard"
+    render, size = scene.render, (strip.elements[0].orig_width, strip.elements[0].orig_height)
+    render.resolution_x, render.resolution_y, render.resolution_percentage = *size, 100
+    render.fps, render.fps_base = round(rate), round(rate) / rate
+    for name, value in video_output().items():
+        setattr(render.image_settings, name, value)
+    video, codec = render.ffmpeg, "H264" if max(size) <= H264_SIDE else "H265"
+    video.format, video.codec, video.constant_rate_factor, video.gopsize = "MPEG4", codec, "PERC_LOSSLESS", 30
+    render.use_file_extension, render.filepath = False, literal_path(str(film))
+    bpy.app.handlers.render_write.append(
+        lambda scene, *_: emit(stage="encode", fraction=scene.frame_current / len(frames), message="encoding"))
+    bpy.ops.render.render(animation=True, scene=scene.name)
+    if not film.is_file() or not film.stat().st_size:
+        raise LfsrError(f"{film} was not written: free some space or choose another folder")
+    return film

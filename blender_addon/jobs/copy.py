@@ -201,11 +201,3 @@ HANDLERS = (("depsgraph_update_post", _updated), ("undo_post", _edited), ("redo_
 def register() -> None:
     """Count edits from now on."""
     _edited()
-    for name, function in HANDLERS:
-        getattr(bpy.app.handlers, name).append(function)
-
-
-def unregister() -> None:
-    """Stop counting."""
-    for name, function in HANDLERS:
-        getattr(bpy.app.handlers, name).remove(function)

@@ -90,12 +90,5 @@ def _image(width: int, height: int) -> bpy.types.Image:
     return image
 
 
-def register() -> None:
-    """Forget the views of a file when another is opened."""
-    bpy.app.handlers.load_post.append(forget)
-
-
-def unregister() -> None:
-    """Forget them now."""
-    bpy.app.handlers.load_post.remove(forget)
-    forget()
+unregister = forget
+HANDLERS = (("load_post", forget),)

@@ -184,7 +184,6 @@ def _opened(*_: object) -> None:
 def register() -> None:
     """Show progress in the status bar; processes end with Blender."""
     bpy.types.STATUSBAR_HT_header.prepend(draw_status)
-    bpy.app.handlers.load_post.append(_opened)
     atexit.register(cancel)
 
 
@@ -192,5 +191,7 @@ def unregister() -> None:
     """Stop what runs."""
     cancel()
     atexit.unregister(cancel)
-    bpy.app.handlers.load_post.remove(_opened)
     bpy.types.STATUSBAR_HT_header.remove(draw_status)
+
+
+HANDLERS = (("load_post", _opened),)

@@ -27,13 +27,11 @@ from lfsr_core.optics.rays import RayLayout
 
 from .. import compat
 from ..render.card_camera import new_card
-from ..render.card_parts import new_camera, place_of
+from ..render.card_parts import distance_to_volume, new_camera, place_of
 from ..render.panel_card import new_panel_card
 from ..scene import devices
 from ..scene.array import rig
-from ..scene.array.spaces import is_mirrored
 from ..scene.settings import display_of, live_samples, live_scale
-from ..scene.volumes import distance_to_volume
 from . import nodes
 
 MARK = "lfsr_live"
@@ -71,7 +69,7 @@ def view_of(scene: bpy.types.Scene, size: tuple[int, int], kind: str = PANEL) ->
     placed, found = rig.placement(scene, profile), rig.find(scene)
     if placed is None or found is None:
         raise LfsrError("the live view needs a camera array: press Add in Camera Array")
-    if is_mirrored(found):
+    if rig.is_mirrored(found):
         raise LfsrError(f"camera array {found.name!r} is mirrored by a negative scale, which the live view cannot "
                         "follow: make its scale, and its parents', positive")
     region, eye = LiveRegion(profile, size, scale), None

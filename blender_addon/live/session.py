@@ -162,18 +162,7 @@ def _frame_changed(scene: bpy.types.Scene, *_: object) -> None:
             shown.frame_set(scene.frame_current, subframe=scene.frame_subframe)
 
 
-HANDLERS = {"save_pre": _before_save, "save_post": _after_save, "save_post_fail": _after_save, "load_pre": _before_load,
-            "load_post": _tidy, "undo_post": _tidy, "redo_post": _tidy, "frame_change_post": _frame_changed}
-
-
-def register() -> None:
-    """Add the handlers of saving, loading, undo and frame changes."""
-    for name, handler in HANDLERS.items():
-        getattr(bpy.app.handlers, name).append(handler)
-
-
-def unregister() -> None:
-    """Stop the live views and remove the handlers."""
-    stop()
-    for name, handler in HANDLERS.items():
-        getattr(bpy.app.handlers, name).remove(handler)
+HANDLERS = (("save_pre", _before_save), ("save_post", _after_save), ("save_post_fail", _after_save),
+            ("load_pre", _before_load), ("load_post", _tidy), ("undo_post", _tidy), ("redo_post", _tidy),
+            ("frame_change_post", _frame_changed))
+unregister = stop

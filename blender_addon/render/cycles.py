@@ -23,11 +23,10 @@ from lfsr_core.pipeline.parts import ImageParts, Part
 
 from .. import compat
 from ..scene import devices
-from ..scene.array.spaces import Matrix, to_blender
+from ..scene.array.rig import Matrix, to_blender
 from ..scene.overrides import new_data, overridden
 from .bands import border, render_in_bands
-from .card_camera import card_camera
-from .clip_plane import clip_plane
+from .card_camera import card_camera, clip_plane
 from .osl_camera import layout_parameters, layout_source, set_shader
 from .output import Follow, render_to
 

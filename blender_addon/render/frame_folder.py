@@ -34,7 +34,6 @@ from lfsr_core.version import __version__
 
 from ..scene import devices
 from ..scene.array import motion, placement
-from ..scene.array.scale import scale_of
 from ..scene.color import color_settings
 from ..scene.light import lit
 from ..scene.notices import image_files
@@ -116,7 +115,7 @@ def prepared(scene: bpy.types.Scene, request: Request, say: Say = silent) -> Ite
         if request.frame is not None:
             scene.frame_set(request.frame)
         if request.sampling.scales and request.kind != "reference":
-            request = request.with_scale(scale_of(scene, request))
+            request = request.with_scale(placement.scale_of(scene, request))
         subject = find_subject(scene, request.subject)
         with _resting(scene), pass_indices(subject), lit(scene, request.light):
             frame = _frame(scene, request, subject)

@@ -21,7 +21,7 @@ from lfsr_core.optics import eia
 from lfsr_core.optics.rays import RayLayout, view_offset
 
 from .. import compat
-from ..scene.array.spaces import to_blender
+from ..scene.array.rig import to_blender
 from ..scene.overrides import overridden
 from .cycles import RenderSettings, Shot, cycles_settings, pixel_aspect, temporary_camera
 from .output import Follow, listed, one_of, render_to, unfinished

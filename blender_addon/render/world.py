@@ -16,7 +16,7 @@ import bpy
 from lfsr_core.optics.world_view import WorldImage
 
 from .. import compat
-from ..scene.array.spaces import Matrix
+from ..scene.array.rig import Matrix
 from ..scene.overrides import new_data, overridden
 from .card_parts import Wiring
 from .cycles import RenderSettings, cycles_settings, pixel_aspect, temporary_camera

@@ -18,7 +18,7 @@ from lfsr_core.optics.display import DisplayProfile
 from ..jobs import show_image
 from ..scene import settings as scene_settings
 from ..scene.array import cached, rig
-from ..scene.array.view import free_part
+from ..scene.array.placement import View
 from .drawing import draw_points
 
 FILL = 0.92  # of the 3D view's free part
@@ -28,7 +28,6 @@ SECONDS_BETWEEN_CHECKS = 0.3
 ZOOMS = (-30.0, 600.0)  # Blender's least and most
 GUIDES = "show_camera_guides"  # since Blender 5.0: the frame of the scene's own resolution
 
-_handle: object | None = None
 _before: dict[int, Before] = {}  # by 3D view
 
 
@@ -127,6 +126,36 @@ def _frame(area: bpy.types.Area, region: bpy.types.RegionView3D, display: Displa
                                  for pixels, main_side in zip(shift, (main.width, main.height), strict=True)]
 
 
+def free_part(area: bpy.types.Area) -> tuple[int, int, int, int]:
+    """Left, bottom, right and top of the 3D view's free part, in pixels of its main region.
+
+    Sidebar, toolbar and headers lie over the main region.
+    """
+    main = next(region for region in area.regions if region.type == "WINDOW")
+    left, bottom, right, top = 0, 0, main.width, main.height
+    for region in area.regions:
+        if region.type == "UI" and region.width > 1:
+            right = min(right, region.x - main.x)
+        elif region.type == "TOOLS" and region.width > 1:
+            left = max(left, region.x + region.width - main.x)
+        elif region.type in ("HEADER", "TOOL_HEADER") and region.height > 1 and region.y > main.y + main.height // 2:
+            top = min(top, region.y - main.y)
+    return (left, bottom, right, top) if right > left and top > bottom else (0, 0, main.width, main.height)
+
+
+def view_of(area: bpy.types.Area, profile: DisplayProfile) -> View:
+    """Return what the 3D view ``area`` shows, framed for a display."""
+    space, main = area.spaces.active, next(region for region in area.regions if region.type == "WINDOW")
+    region, (left, bottom, right, top) = space.region_3d, free_part(area)
+    # The frame lies around the view's axis, which is the middle of the main region.
+    across = min(right - main.width / 2, main.width / 2 - left) / (main.width / 2)
+    down = min(top - main.height / 2, main.height / 2 - bottom) / (main.height / 2)
+    half_width, half_height = (1 / region.window_matrix[i][i] for i in (0, 1))
+    aspect = profile.panel_mm[0] / profile.panel_mm[1]
+    return View(region.view_matrix.inverted(), min(across * half_width, down * half_height * aspect),
+                region.view_distance, (space.clip_start, space.clip_end), region.is_perspective)
+
+
 def frame_corners(scene: bpy.types.Scene, region: bpy.types.Region,
                   view: bpy.types.RegionView3D) -> list[mathutils.Vector]:
     """Return the display's corners in pixels of ``region``, from bottom left, in order; none without an array."""
@@ -174,21 +203,13 @@ def _draw_frame(corners: list[mathutils.Vector], size: tuple[int, int], title: s
     blf.draw(0, title)
 
 
-def register() -> None:
-    """Draw in every 3D view; there is none in background mode."""
-    global _handle
-    if not bpy.app.background:
-        _handle = bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", "POST_PIXEL")
-
-
 def unregister() -> None:
-    """Stop drawing; views that look through the array get their own settings back."""
-    global _handle
+    """Views that look through the array get their own settings back."""
     for area in show_image.areas("VIEW_3D"):
         if area.spaces.active.as_pointer() in _before:
             leave(area)
     if bpy.app.timers.is_registered(_watch):
         bpy.app.timers.unregister(_watch)
-    if _handle is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-        _handle = None
+
+
+DRAWN = (("POST_PIXEL", draw),)

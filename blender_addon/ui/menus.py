@@ -1,10 +1,16 @@
-"""Entries in Blender's own menus, where its search (F3) finds them by name."""
+"""Entries in Blender's own menus, where its search (F3) finds them by name, and presets in the panel's header."""
 
 from __future__ import annotations
 
 import bpy
+from bl_operators.presets import AddPresetBase
+from bl_ui.utils import PresetPanel
 
 from ..scene.array import cached
+
+SUBFOLDER = "lfsr/light_field"
+SAVED = ("display", "profile_file", "subpixels", "scale", "rays", "samples", "method", "seed", "linear_exr",
+         "reference_samples", "reference_lenses")
 
 
 class LFSR_MT_render(bpy.types.Menu):
@@ -44,9 +50,6 @@ def draw_camera(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
     _draw_add(menu.layout)
 
 
-CLASSES = (LFSR_MT_render,)
-
-
 def register() -> None:
     """Append the entries."""
     bpy.types.TOPBAR_MT_render.append(draw_render)
@@ -57,3 +60,27 @@ def unregister() -> None:
     """Remove them again."""
     bpy.types.VIEW3D_MT_camera_add.remove(draw_camera)
     bpy.types.TOPBAR_MT_render.remove(draw_render)
+
+
+class LFSR_OT_preset_add(AddPresetBase, bpy.types.Operator):
+    """Add or remove a light-field preset of display, scale, rays and method"""
+
+    bl_idname = "lfsr.preset_add"
+    bl_label = "Add Light Field Preset"
+    preset_menu = "LFSR_PT_presets"
+    preset_subdir = SUBFOLDER
+    # Lines of the preset file; they are executed in this order.
+    preset_defines = ("import bpy", "lfsr = bpy.context.scene.lfsr")
+    preset_values = tuple(f"lfsr.{name}" for name in SAVED)
+
+
+class LFSR_PT_presets(PresetPanel, bpy.types.Panel):
+    """Menu of the presets"""
+
+    bl_label = "Light Field Presets"
+    preset_subdir = SUBFOLDER
+    preset_operator = "script.execute_preset"
+    preset_add_operator = LFSR_OT_preset_add.bl_idname
+
+
+CLASSES = (LFSR_MT_render, LFSR_OT_preset_add, LFSR_PT_presets)

@@ -24,7 +24,6 @@ BEYOND = 4.0  # display distances up to which an unlimited range is drawn
 CORNERS = np.array([(-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)])
 
 Lines = tuple[tuple[float, ...], float, float, Array]
-_handle: object | None = None
 
 
 def rectangle(array: CameraArray, distance: float) -> Array:
@@ -97,16 +96,4 @@ def _in_world(points: Array, to_world: Array) -> list[tuple[float, ...]]:
     return [tuple(point) for point in points @ to_world[:3, :3].T + to_world[:3, 3]]
 
 
-def register() -> None:
-    """Draw in every 3D view; there is none in background mode."""
-    global _handle
-    if not bpy.app.background:
-        _handle = bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", "POST_VIEW")
-
-
-def unregister() -> None:
-    """Stop drawing."""
-    global _handle
-    if _handle is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-        _handle = None
+DRAWN = (("POST_VIEW", draw),)

@@ -10,17 +10,26 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.progress import duration
 
 from ..check import last
+from ..check.fixes import OPERATORS
+from ..check.problem import MOST_ROWS
 from ..jobs import preview, session, timing
-from ..scene import folders
+from ..live import nodes
+from ..live import session as live_session
+from ..live.scene import EYE
+from ..scene import devices, folders
 from ..scene import settings as scene_settings
 from ..scene.array import cached, rig
+from ..scene.displays import PROFILE_FILE
 from ..scene.light import FILE_LIGHT
-from . import array_view, display_panel, summary
+from . import array_view, summary
 from .drawing import LightFieldPanel, columns, facts, row_if, sentence
+from .menus import LFSR_PT_presets
 from .operators.array import FIT_ITEMS
-from .problem_rows import draw_problems
 
 UNSAVED_NOTE = "Images are lost when Blender quits, unless you save the file: they then move beside it"
+HOW_TO_PLACE = "Drag the new window to the display and make it full screen. It follows all changes here"
+ICONS = {"ERROR": "CANCEL", "WARNING": "ERROR", "INFO": "INFO"}
+MOST_NAMES = 8  # of an expanded row
 
 
 class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
@@ -243,5 +252,149 @@ def _draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
             row.operator("lfsr.render_reference", text="Compare")
 
 
-CLASSES = (*display_panel.CLASSES, LFSR_PT_array, LFSR_PT_check, LFSR_PT_quality, LFSR_PT_plan, LFSR_PT_render,
-           LFSR_PT_preview, LFSR_PT_exports, LFSR_PT_reference)
+class LFSR_MT_scale(bpy.types.Menu):
+    """One of this many views in each direction is rendered, the others are reconstructed"""
+
+    bl_label = "Scale"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the scales that divide the display's views."""
+        for name in scene_settings.offered_scales(context.scene):
+            self.layout.prop_enum(context.scene.lfsr, "scale", name)
+
+
+class LFSR_PT_display(LightFieldPanel, bpy.types.Panel):
+    """The display that the image is for"""
+
+    bl_label = "Display"
+    bl_order = 0
+
+    def draw_header_preset(self, _context: bpy.types.Context) -> None:
+        """Draw the preset menu."""
+        LFSR_PT_presets.draw_panel_header(self.layout)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw profile, scale and resolutions."""
+        lfsr = context.scene.lfsr
+        self.layout.prop(lfsr, "display", text="")  # without a column for labels, where long names would be cut off
+        if lfsr.display == PROFILE_FILE:
+            columns(self.layout).prop(lfsr, "profile_file", text="File")
+        if scene_settings.is_woven(context.scene):
+            # Without a column for labels: its label is as long as the sidebar is wide.
+            self.layout.prop(lfsr, "subpixels")
+            row = self.layout.row(align=True)
+            row.operator("lfsr.test_picture", text="Test Picture…")
+            row.operator("lfsr.calibrate", text="Calibrate…")
+        # The menu of scales, where Blender draws a property's.
+        split = row_if(not scene_settings.renders_subpixels(context.scene), self.layout).split(factor=0.4)
+        label = split.row()
+        label.alignment = "RIGHT"
+        label.label(text="Scale")
+        split.menu("LFSR_MT_scale", text=lfsr.bl_rna.properties["scale"].enum_items[lfsr.scale].name)
+        try:
+            facts(self.layout, summary.display_facts(scene_settings.resolve(context.scene)))
+        except LfsrError as error:
+            sentence(self.layout, str(error), "ERROR", context)
+
+
+def draw_problems(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the worst rows, and the others where the artist asks for them."""
+    state = context.window_manager.lfsr
+    rows = list(state.problems)
+    for row in rows if state.all_problems else rows[:MOST_ROWS]:
+        _draw(layout, row, context)
+    if len(rows) > MOST_ROWS:
+        text = "Fewer" if state.all_problems else f"{len(rows) - MOST_ROWS} More"
+        icon = "DISCLOSURE_TRI_DOWN" if state.all_problems else "DISCLOSURE_TRI_RIGHT"
+        layout.prop(state, "all_problems", text=text, icon=icon, emboss=False)
+
+
+def _draw(layout: bpy.types.UILayout, row: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    box = layout.box().column()
+    head = box.row(align=True)
+    if row.count > 1:
+        icon = "DISCLOSURE_TRI_DOWN" if row.expanded else "DISCLOSURE_TRI_RIGHT"
+        head.prop(row, "expanded", text="", icon=icon, emboss=False)
+    title = head.row()
+    title.alert = row.severity == "ERROR"
+    title.label(text=row.title, icon=ICONS[row.severity])
+    if row.is_object:
+        _select_button(head, row.code, row.target)
+    sentence(box, row.reason, "NONE", context)
+    if row.expanded:
+        problems, column = last.problems(row.code), box.column(align=True)
+        for problem in problems[:MOST_NAMES]:
+            line = column.row(align=True)
+            line.label(text=problem.target)
+            if problem.is_object:
+                _select_button(line, row.code, problem.target)
+        if len(problems) > MOST_NAMES:
+            column.label(text=f"and {len(problems) - MOST_NAMES:,} more")
+    if row.fix and row.code in OPERATORS:
+        name, settings = OPERATORS[row.code]
+        asking = box.row()
+        asking.operator_context = "INVOKE_DEFAULT"
+        button = asking.operator(name, text=row.fix)
+        for key, value in settings.items():
+            setattr(button, key, value)
+    elif row.fix:
+        button = box.operator("lfsr.check_fix", text=row.fix)
+        button.code, button.target = row.code, row.target
+
+
+def _select_button(layout: bpy.types.UILayout, code: str, target: str) -> None:
+    button = layout.operator("lfsr.check_select", text="", icon="RESTRICT_SELECT_OFF")
+    button.code, button.target = code, target
+
+
+class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
+    """The light field in a window of its own, as it renders"""
+
+    bl_label = "Live"
+    bl_order = 5
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the buttons, the settings and the notes."""
+        layout, lfsr = self.layout, context.scene.lfsr
+        if live_session.is_on():
+            layout.operator("lfsr.live_stop", icon="PAUSE")
+            layout.operator("lfsr.live_full_screen", icon="FULLSCREEN_ENTER")
+        else:
+            layout.operator("lfsr.live_start", icon="PLAY")
+        column, woven = columns(layout), scene_settings.is_woven(context.scene)
+        row_if(not woven, column).prop(lfsr, "live_scale")
+        row_if(not lfsr.live_samples, column).prop(lfsr, "live_rays")
+        column.prop(lfsr, "live_samples")
+        row_if(nodes.can_interpolate() and not woven, column).prop(lfsr, "live_smooth")
+        row_if(devices.has_denoiser(), column).prop(lfsr, "live_denoise")
+        row_if(devices.has_denoiser() and lfsr.live_denoise, column).prop(lfsr, "live_denoise_start")
+        for text, icon in notes(context.scene):
+            sentence(layout, text, icon, context)
+        if live_session.is_on(EYE):
+            layout.operator("lfsr.live_eye_stop", icon="HIDE_ON")
+        else:
+            layout.operator("lfsr.live_eye_start", icon="HIDE_OFF")
+        column = columns(layout).column(align=True)
+        for name in ("live_eye_right", "live_eye_up", "live_eye_near"):
+            column.prop(lfsr, name, slider=True)
+        if live_session.message(EYE):
+            sentence(layout, live_session.message(EYE), "ERROR", context)
+
+
+def notes(scene: bpy.types.Scene) -> list[tuple[str, str]]:
+    """Sentences with their icons: what this Blender cannot do, and what to do now."""
+    found = []
+    if not nodes.can_interpolate():
+        found.append(("This Blender's viewport compositor cannot interpolate: each rendered view is repeated. "
+                      "Blender 5.0 and later can", "INFO"))
+    if scene.lfsr.live_denoise and not devices.has_denoiser():
+        found.append(("This Blender was built without a denoiser: the live view shows its noise", "INFO"))
+    if live_session.is_on():
+        problem = live_session.message()
+        found.append((problem, "ERROR") if problem else ("The live window is exact", "CHECKMARK"))
+        found.append((HOW_TO_PLACE, "INFO"))
+    return found
+
+
+CLASSES = (LFSR_MT_scale, LFSR_PT_display, LFSR_PT_array, LFSR_PT_check, LFSR_PT_quality, LFSR_PT_plan, LFSR_PT_render,
+           LFSR_PT_preview, LFSR_PT_exports, LFSR_PT_reference, LFSR_PT_live)

@@ -12,7 +12,7 @@ import numpy as np
 
 from blender_addon import compat
 from blender_addon.render import cycles
-from blender_addon.scene.array import spaces
+from blender_addon.scene.array import rig
 from lfsr_core.images import exr
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray, RayLayout
@@ -34,7 +34,7 @@ def fresh_scene() -> bpy.types.Scene:
 def front() -> tuple[tuple[float, ...], ...]:
     """Array at the distance of ARRAY in front of the origin, looking along +Y with Z up."""
     place = mathutils.Matrix.Translation((0, -ARRAY.distance, 0))
-    return spaces.from_blender(place @ mathutils.Matrix.Rotation(np.pi / 2, 4, "X"))
+    return rig.from_blender(place @ mathutils.Matrix.Rotation(np.pi / 2, 4, "X"))
 
 
 def add_plane(scene: bpy.types.Scene, matrix: mathutils.Matrix, material: bpy.types.Material,
@@ -110,7 +110,7 @@ def _emission(connect: Callable[[bpy.types.NodeTree, bpy.types.Node], None]) -> 
 WAYS = ("one-pass", "lens-card")   # of tracing all views at once
 
 
-def encoded(scene: bpy.types.Scene, layout: RayLayout, folder: Path, matrix_world: spaces.Matrix | None = None,
+def encoded(scene: bpy.types.Scene, layout: RayLayout, folder: Path, matrix_world: rig.Matrix | None = None,
             way: str = WAYS[0], **settings: object) -> dict[str, np.ndarray]:
     """Layers of a render of all views at once."""
     settings = cycles.RenderSettings(**{"samples": 1} | settings)

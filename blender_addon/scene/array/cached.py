@@ -12,8 +12,6 @@ from lfsr_core.optics.display import DisplayProfile
 
 from . import rig
 
-# Blender's own data are other ones after each of these.
-REPLACED = ("undo_pre", "undo_post", "redo_pre", "redo_post", "load_pre", "load_post")
 Objects = list[bpy.types.Object]
 _found: dict[int, tuple[Objects, Objects]] | None = None  # arrays and display planes of scenes by their ``session_uid``
 
@@ -83,15 +81,14 @@ def register() -> None:
     """Keep what is found, since changes are told from now on."""
     global _found
     _found = {}
-    bpy.app.handlers.depsgraph_update_post.append(_changed)
-    for name in REPLACED:
-        getattr(bpy.app.handlers, name).append(_forget)
 
 
 def unregister() -> None:
     """Search at every question again."""
     global _found
     _found = None
-    bpy.app.handlers.depsgraph_update_post.remove(_changed)
-    for name in REPLACED:
-        getattr(bpy.app.handlers, name).remove(_forget)
+
+
+# Blender's own data are other ones after an undo, a redo or another file.
+HANDLERS = (("depsgraph_update_post", _changed), *((f"{event}_{when}", _forget) for event in ("undo", "redo", "load")
+                                                   for when in ("pre", "post")))

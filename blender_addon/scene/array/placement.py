@@ -6,6 +6,7 @@ import collections
 import dataclasses
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 
 import bpy
 import mathutils
@@ -15,14 +16,14 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.frames.frame import Clip
-from lfsr_core.frames.request import FIT
+from lfsr_core.frames.request import FIT, Request
+from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
+from ..subject import find_subject
 from . import motion, rig
-from .rig import Placement
-from .spaces import from_blender, to_blender, upright
-from .view import View
+from .rig import Placement, from_blender, to_blender, upright
 
 FILL = 0.85           # fraction of the display that the subject may fill, seen from the centre
 LEAST_FILL = 0.5      # a deep subject is made smaller to fit the usable depth, but not below this
@@ -32,6 +33,17 @@ MOST_NAMES = 3
 PROBES = (32, 18)     # rays across and down that measure the visible depth of the subject
 SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 BOXED = {"VOLUME", "CURVES", "POINTCLOUD"}  # known by their bounding boxes only
+
+
+@dataclasses.dataclass(frozen=True)
+class View:
+    """A 3D view, and the largest frame of the display's aspect in its middle."""
+
+    matrix: mathutils.Matrix  # world matrix of its eye, in parallel of the point it turns around; looks along -Z
+    half_width: float  # of the frame: at depth 1 in perspective, else everywhere
+    pivot: float  # depth of the point that the view turns around, in perspective
+    clip: Clip
+    is_perspective: bool
 
 
 def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: Iterable[bpy.types.Object]) -> Placement:
@@ -296,3 +308,25 @@ def _free_fraction(sight: _Sight, profile: DisplayProfile, array: CameraArray) -
             free = (hit[0] - sight.matrix @ mathutils.Vector(start)).length
             fraction = min(fraction, free * WALL_MARGIN / reach)
     return fraction
+
+
+
+
+def scale_of(scene: bpy.types.Scene, job: Request) -> ScaleChoice:
+    """Choose one of the job's scales by the depth at which the middle of the array sees the subject in its frames."""
+    return choose_scale(job.display, all_moves(scene, job), job.sampling.scales, job.judged_rays)
+
+
+def all_moves(scene: bpy.types.Scene, job: Request) -> Array:
+    """Disparities (n,), in lenses, of what the middle of the array sees of the subject in the job's frames."""
+    subject, moves = find_subject(scene, job.subject), [np.empty(0)]
+    for _ in motion.visited(scene, job.sampling.frames):
+        with suppress(LfsrError):  # no array where the subject is out of sight: its frame says so when it is rendered
+            moves.append(moves_of(scene, job.display, subject))
+    return np.concatenate(moves)
+
+
+def moves_of(scene: bpy.types.Scene, display: DisplayProfile, subject: set[bpy.types.Object]) -> Array:
+    """Disparities (n,), in lenses, of what the middle of the array sees of the ``subject`` in the current frame."""
+    placed = place_array(scene, display, subject)
+    return disparities(display, placed[0], seen_depths(scene, placed, subject))

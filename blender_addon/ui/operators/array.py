@@ -8,7 +8,8 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 
 from ...scene import settings as scene_settings
-from ...scene.array import edit, rig, view
+from ...scene.array import edit, rig
+from ...scene.array.placement import View
 from .. import array_view
 from .base import UNDO, Result, activate, reports_errors
 
@@ -114,13 +115,13 @@ class LFSR_OT_look_through(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def _view_of(context: bpy.types.Context, display: DisplayProfile) -> view.View:
+def _view_of(context: bpy.types.Context, display: DisplayProfile) -> View:
     """The 3D view in which the button was pressed; LfsrError without one, or if it looks through the array."""
     if context.area is None or context.area.type != "VIEW_3D":
         raise LfsrError("there is no 3D view here: press the button in the sidebar of a 3D view")
     if rig.is_array(array_view.camera_of(context.space_data, context.scene)):
         raise LfsrError("this view looks through the camera array already: leave it first")
-    return view.of_area(context.area, display)
+    return array_view.view_of(context.area, display)
 
 
 CLASSES = (LFSR_OT_array_add, LFSR_OT_array_fit, LFSR_OT_array_remove, LFSR_OT_select_plane, LFSR_OT_look_through)

@@ -152,15 +152,6 @@ def _forget(*_: object) -> None:
     _accepted.clear()
 
 
-def register() -> None:
-    """Ask again in another file."""
-    bpy.app.handlers.load_post.append(_forget)
-
-
-def unregister() -> None:
-    """Forget what was asked."""
-    bpy.app.handlers.load_post.remove(_forget)
-    _forget()
-
-
+unregister = _forget
+HANDLERS = (("load_post", _forget),)
 CLASSES = (LFSR_OT_check_scene, LFSR_OT_check_select, LFSR_OT_check_fix, LFSR_OT_choose_output)

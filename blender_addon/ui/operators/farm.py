@@ -17,7 +17,7 @@ from ...jobs import asked, session, show_image
 from ...jobs.copy import save_copy
 from ...scene import folders
 from ...scene import settings as scene_settings
-from ...scene.array.scale import scale_of
+from ...scene.array.placement import scale_of
 from ...scene.displays import PROFILE_FILE
 from .base import Result, reports_errors
 

@@ -10,7 +10,7 @@ import pytest
 from blender_addon.check import last
 from blender_addon.check.problem import MOST_ROWS
 from blender_addon.scene.array import rig
-from blender_addon.ui import panels, problem_rows
+from blender_addon.ui import panels
 from blender_addon.ui.operators import check
 from lfsr_core.optics.display import load_display
 from tests.support.recording_layout import RecordingLayout
@@ -54,7 +54,7 @@ def test_many_objects_are_one_row_that_opens(scene, thin):
     assert row.title in labels() and "Rod 00" not in labels()
     row.expanded = True
     shown = labels()
-    assert shown.count("Rod 00") == 1 and f"and {RODS - problem_rows.MOST_NAMES} more" in shown
+    assert shown.count("Rod 00") == 1 and f"and {RODS - panels.MOST_NAMES} more" in shown
     last.check(scene)
     assert rows()["thin"].expanded, "it stays open"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.check import disk, problems
+from blender_addon.check import problems
 from blender_addon.check.fixes import OPERATORS
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import rig
@@ -122,7 +122,7 @@ def test_a_broken_array_is_added_again(scene):
 
 def test_too_little_room(scene, monkeypatch):
     usage = shutil.disk_usage(bpy.app.tempdir)
-    needed = disk.bytes_of_frame(scene_settings.resolve(scene))
+    needed = problems.bytes_of_frame(scene_settings.resolve(scene))
     assert needed > 3 * 128 * 96
     for free, codes in ((needed, []), (needed - 1, ["disk"]), (0, ["disk", "temporary"])):
         monkeypatch.setattr(shutil, "disk_usage", lambda _, free=free: usage._replace(free=free))
@@ -132,7 +132,7 @@ def test_too_little_room(scene, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=10 * needed))
     assert problems.to_ask(scene, 10) == [] and [problem.code for problem in problems.to_ask(scene, 11)] == ["disk"]
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=0))
-    assert disk.free(Path(bpy.app.tempdir, "not", "there")) == 0
+    assert problems.free(Path(bpy.app.tempdir, "not", "there")) == 0
 
 
 def test_every_device_traces_all_views_at_once(scene, monkeypatch):

@@ -11,7 +11,7 @@ import pytest
 
 from blender_addon import compat
 from blender_addon.render import card_camera
-from blender_addon.scene.volumes import distance_to_volume
+from blender_addon.render.card_parts import distance_to_volume
 from lfsr_core.images import exr
 from lfsr_core.optics.rays import RayLayout
 from tests.blender.render.test_view_by_view import same_image

@@ -11,7 +11,7 @@ import pytest
 
 from blender_addon.render import cycles, output
 from blender_addon.render.card_camera import card_camera
-from blender_addon.scene.array import spaces
+from blender_addon.scene.array import rig
 from blender_addon.scene.overrides import overridden
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.images import exr
@@ -68,7 +68,7 @@ def test_samples_fill_the_subpixel_and_the_lens(scene, tmp_path, name):
     """Beyond the plane of the lenses, where both count: as far around the middle as in panel_rays.py."""
     display = small(DISPLAYS[name])
     array = CameraArray.for_display(display, 2.0)
-    layout, looking_down = PanelLayout(display, array), spaces.from_blender(mathutils.Matrix())
+    layout, looking_down = PanelLayout(display, array), rig.from_blender(mathutils.Matrix())
     means, depth = [], 2 * array.distance
     for square in (False, True):
         for item in list(scene.collection.objects):

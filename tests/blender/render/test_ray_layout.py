@@ -9,7 +9,7 @@ import mathutils
 import numpy as np
 import pytest
 
-from blender_addon.scene.array import spaces
+from blender_addon.scene.array import rig
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics import eia
 from lfsr_core.optics.rays import RayLayout, view_offset
@@ -29,7 +29,7 @@ from tests.support.scenes import (
 TOLERANCE = 1e-5 * ARRAY.distance
 # Cycles reads the pixel filter from a table of 1024 steps, which puts the pixel's centre half a step up and right.
 CENTRE = (0.5 + 0.5 / 1024, 0.5 - 0.5 / 1024)
-ARRAY_TO_WORLD = np.array(spaces.from_blender(TURNED))
+ARRAY_TO_WORLD = np.array(rig.from_blender(TURNED))
 LENSES = ((0, 0), (11, 15), (3, 7), (7, 3), (5, 5))
 ALL_LENSES = tuple((row, column) for row in range(MINI.lenses[1]) for column in range(MINI.lenses[0]))
 
@@ -133,7 +133,7 @@ def test_samples_fill_the_lens_and_the_cell_of_views(tmp_path, scale, aperture, 
         scene = fresh_scene()
         # In array space itself, so that x and y are not mixed by the turn.
         add_plane(scene, mathutils.Matrix.Translation((0, 0, -2 * ARRAY.distance)), position_emission(square))
-        looking_down = spaces.from_blender(mathutils.Matrix())
+        looking_down = rig.from_blender(mathutils.Matrix())
         moments.append(encoded(scene, layout, tmp_path, looking_down, way, samples=256)["color"][..., :2])
     mean = moments[0] - POSITION_OFFSET
     variance = (moments[1] - mean**2).mean((0, 1))

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from blender_addon.scene.array import edit, placement, rig
-from blender_addon.scene.array.cameras import camera_notices, choose_camera
-from blender_addon.scene.open import open_scene
+from blender_addon.scene.open import camera_notices, choose_camera, open_scene
 from blender_addon.scene.subject import find_subject
 from lfsr_core.base.errors import LfsrError
 from tests.support.scenes import MINI, add_box, add_camera, fresh_scene, save_box

@@ -7,7 +7,7 @@ import json
 import bpy
 import pytest
 
-from blender_addon.scene.array.scale import moves_of
+from blender_addon.scene.array.placement import moves_of
 from blender_addon.scene.subject import find_subject
 from lfsr_core.process.blender import find_blender
 from lfsr_lab.scenes import scene_script

@@ -12,11 +12,11 @@ from tests.support.window.desktop import NEEDS_WINDOW, blender_window
 pytestmark = NEEDS_WINDOW
 CORNERS = """
 from mathutils import Vector
-array_view, view, area = addon.ui.array_view, addon.scene.array.view, bpy.context.area
+array_view, area = addon.ui.array_view, bpy.context.area
 region = next(region for region in area.regions if region.type == "WINDOW")
 corners = array_view.frame_corners(bpy.context.scene, region, area.spaces.active.region_3d)
 value = {"corners": [list(corner) for corner in corners],
-         "free": view.free_part(area), "is_looking": array_view.is_looking(area.spaces.active, bpy.context.scene)}
+         "free": array_view.free_part(area), "is_looking": array_view.is_looking(area.spaces.active, bpy.context.scene)}
 """
 OWN_VIEW = """
 space = bpy.context.space_data
@@ -83,7 +83,7 @@ def test_a_view_that_turns_away_has_its_own_camera_again(window, array):
 def test_fit_to_the_view_frames_what_is_seen(window, array):
     window.run("bpy.ops.view3d.view_axis(type='FRONT'); bpy.ops.view3d.view_persportho()")
     window.settle()
-    shown = "addon.scene.array.view.of_area(bpy.context.area, addon.scene.settings.display_of(bpy.context.scene))"
+    shown = "addon.ui.array_view.view_of(bpy.context.area, addon.scene.settings.display_of(bpy.context.scene))"
     view = window.run(f"v = {shown}; value = [[list(row) for row in v.matrix], v.half_width, v.is_perspective]")
     window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True, to='VIEW')")
     array_at = window.get("[list(row) for row in bpy.data.objects['Light Field Array'].matrix_world]")

@@ -10,7 +10,7 @@ import pytest
 import blender_addon
 from blender_addon.check import last
 from blender_addon.scene import words
-from blender_addon.ui import live_panel, summary
+from blender_addon.ui import panels, summary
 from tests.blender.ui.test_panels import draw, draw_all
 from tests.support import panel
 
@@ -118,7 +118,7 @@ STATES = ("as it is", "profile", "scale", "texture", "lens sheet", "one sample",
 def test_the_panels_texts_are_plain(tmp_path, state):
     with panel.registered():
         spoiled(panel.artist_scene(tmp_path), state)
-        everything = [*draw_all().values(), draw(live_panel.LFSR_PT_live)]
+        everything = [*draw_all().values(), draw(panels.LFSR_PT_live)]
         wrong = [wrong_message(text) for drawn in everything for text in texts_in(drawn)]
         starts = [texts_in(drawn)[0] for drawn in everything if texts_in(drawn)]
     assert [text for text in wrong if text] == []

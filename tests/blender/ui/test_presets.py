@@ -6,14 +6,14 @@ from pathlib import Path
 
 import bpy
 
-from blender_addon.ui import presets
+from blender_addon.ui import menus
 
 
 def test_a_blender_preset_is_saved_loaded_and_removed(scene):
     scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method = "small", "5", 21, "lanczos"
     scene.lfsr.rays = 2.5
     assert bpy.ops.lfsr.preset_add(name="My Wall") == {"FINISHED"}
-    folder = Path(bpy.utils.user_resource("SCRIPTS", path=f"presets/{presets.SUBFOLDER}"))
+    folder = Path(bpy.utils.user_resource("SCRIPTS", path=f"presets/{menus.SUBFOLDER}"))
     file = folder / "My_Wall.py"
     assert file.is_file()
     scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method = "mini", "2", 1, "bicubic"
@@ -22,11 +22,11 @@ def test_a_blender_preset_is_saved_loaded_and_removed(scene):
     lfsr = scene.lfsr
     assert (lfsr.display, lfsr.scale, lfsr.samples, lfsr.method) == ("small", "5", 21, "lanczos")
     assert (scene.lfsr.quality, scene.lfsr.rays) == ("CUSTOM", 2.5)
-    presets.LFSR_PT_presets.bl_label = "My Wall"
+    menus.LFSR_PT_presets.bl_label = "My Wall"
     assert bpy.ops.lfsr.preset_add(name="My Wall", remove_active=True) == {"FINISHED"}
-    presets.LFSR_PT_presets.bl_label = "Light Field Presets"
+    menus.LFSR_PT_presets.bl_label = "Light Field Presets"
     assert not file.exists()
 
 
 def test_saved_settings_all_exist(scene):
-    assert set(presets.SAVED) <= {item.identifier for item in scene.lfsr.bl_rna.properties}
+    assert set(menus.SAVED) <= {item.identifier for item in scene.lfsr.bl_rna.properties}

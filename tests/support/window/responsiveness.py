@@ -50,12 +50,12 @@ def timed(name, function, clock=time.thread_time):
         finally:
             times[name].append(1000 * (clock() - began))
     return wrapped
-ui = [importlib.import_module(f"{addon.__name__}.ui.{name}") for name in ("panels", "live_panel", "overlay")]
-for cls in (*ui[0].CLASSES, *ui[1].CLASSES):
+ui = [importlib.import_module(f"{addon.__name__}.ui.{name}") for name in ("panels", "overlay")]
+for cls in ui[0].CLASSES:
     cls.draw = timed(cls.bl_label, cls.draw)
-ui[2].unregister()
-ui[2].draw = timed("3D view", ui[2].draw)
-ui[2].register()
+addon.unregister()
+ui[1].DRAWN = (("POST_VIEW", timed("3D view", ui[1].draw)),)
+addon.register()
 task = importlib.import_module(f"{addon.__name__}.jobs.task").Task
 task.poll = timed("poll", task.poll, time.perf_counter)
 """

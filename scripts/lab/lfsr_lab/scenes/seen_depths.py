@@ -16,7 +16,7 @@ from typing import Any
 # Where lfsr_lab and lfsr_core are: installed side by side, or in a clone, scripts/lab and the root.
 sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4))
 
-from blender_addon.scene.array.scale import moves_of
+from blender_addon.scene.array.placement import moves_of
 from blender_addon.scene.open import open_scene
 from blender_addon.scene.subject import find_subject
 from lfsr_core.base.files import write_json

@@ -11,7 +11,7 @@ import pytest
 
 from blender_addon.scene import subject
 from blender_addon.scene.array import edit, placement, rig
-from blender_addon.scene.array.view import View
+from blender_addon.scene.array.placement import View
 from lfsr_core.optics.display import load_display
 from tests.support import panel
 from tests.support.scenes import add_box, add_camera

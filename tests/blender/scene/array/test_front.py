@@ -7,7 +7,7 @@ import mathutils
 import numpy as np
 import pytest
 
-from blender_addon.scene.array import edit, front, placement, rig
+from blender_addon.scene.array import edit, placement, rig
 from lfsr_core.optics.display import load_display
 from tests.support.scenes import add_box, add_camera
 
@@ -21,7 +21,7 @@ def box_at(low, high):
 def chosen(*boxes):
     """Which of the boxes are the main part."""
     names = [f"{index}" for index in range(len(boxes))]
-    return front.main_part(names, np.array(boxes))
+    return edit.main_part(names, np.array(boxes))
 
 
 THING, NEIGHBOUR = box_at((-1, -1, 0), (1, 1, 2)), box_at((2, -1, 0), (3, 1, 2))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from blender_addon.scene import subject
-from blender_addon.scene.array import cameras, motion, placement, spaces
+from blender_addon.scene.array import motion, placement, rig
+from blender_addon.scene.open import camera_notices
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.optics.display import builtin_names, load_display
@@ -69,7 +70,7 @@ def test_own_camera_keeps_place_direction_and_angle(scene):
     camera = add_camera(scene)
     scene.render.resolution_x, scene.render.resolution_y = 1600, 900
     array, matrix_world = placement.place_array(scene, SMALL, {box})
-    assert matrix_world == spaces.from_blender(camera.matrix_world)
+    assert matrix_world == rig.from_blender(camera.matrix_world)
     assert np.arctan(array.half_width / array.distance) * 2 == pytest.approx(0.6, rel=1e-5)
     assert array.distance == pytest.approx(7 - HALF[1], abs=0.05), "only the box's front is seen"
     assert array.spacing == pytest.approx(SMALL.camera_spacing_mm * array.distance / SMALL.viewing_distance_mm)
@@ -183,11 +184,11 @@ def scaled(scene, item, scale):
 def test_mirror_of_a_camera_is_undone(scene, scale):
     add_box(scene, tuple(CENTRE), tuple(HALF))
     camera = add_camera(scene)
-    assert cameras.camera_notices(scene, None, is_imported=False) == []
+    assert camera_notices(scene, None, is_imported=False) == []
     plain = scaled(scene, camera, (1, 1, 1))
     array, matrix = scaled(scene, camera, scale)
     assert (array.distance, np.ravel(matrix)) == (pytest.approx(plain[0].distance), pytest.approx(np.ravel(plain[1])))
-    assert cameras.camera_notices(scene, None, is_imported=False) == [Notice("camera-mirrored", {"camera": "camera"})]
+    assert camera_notices(scene, None, is_imported=False) == [Notice("camera-mirrored", {"camera": "camera"})]
 
 
 def test_mirror_of_a_parent_is_undone_where_it_puts_the_camera(scene):
@@ -197,8 +198,8 @@ def test_mirror_of_a_parent_is_undone_where_it_puts_the_camera(scene):
     camera.parent = parent
     _, matrix = scaled(scene, parent, (-1, 1, 1))
     expected = mathutils.Matrix.Translation((-1, -5, 3)) @ mathutils.Matrix.Rotation(np.pi / 2, 4, "X")
-    assert np.ravel(matrix) == pytest.approx(np.ravel(spaces.from_blender(expected)), abs=1e-6)
-    assert [notice.code for notice in cameras.camera_notices(scene, None, is_imported=False)] == ["camera-mirrored"]
+    assert np.ravel(matrix) == pytest.approx(np.ravel(rig.from_blender(expected)), abs=1e-6)
+    assert [notice.code for notice in camera_notices(scene, None, is_imported=False)] == ["camera-mirrored"]
 
 
 @pytest.mark.parametrize("scale", [(0, 0, 0), (0, 1, 1), (1, 1, 0)])
