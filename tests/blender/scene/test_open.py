@@ -13,6 +13,7 @@ from blender_addon.scene.array import edit, placement, rig
 from blender_addon.scene.open import camera_notices, choose_camera, open_scene
 from blender_addon.scene.subject import find_subject
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.commands.sentences import sentence
 from tests.support.scenes import MINI, add_box, add_camera, fresh_scene, save_box
 
 # Box of the test files: not centred, not a cube, deeper than wide in no axis.
@@ -99,7 +100,7 @@ def test_first_camera_of_a_gltf_file_is_used_and_others_by_name(tmp_path):
     scene = open_scene(save_cameras(tmp_path / "cameras.glb", ("zeta", "alpha")))
     assert scene.camera.name == "zeta"
     (notice,) = camera_notices(scene, None, is_imported=True)
-    assert "'zeta'" in notice and "alpha" in notice
+    assert "'zeta'" in sentence(notice) and "alpha" in sentence(notice)
     assert camera_notices(scene, None, is_imported=False) == camera_notices(scene, "zeta", is_imported=True) == []
     choose_camera(scene, "alpha")
     assert scene.camera.name == "alpha"
@@ -113,12 +114,14 @@ def test_a_scene_without_an_active_camera_is_said(tmp_path):
     scene = open_scene(save_cameras(tmp_path / "cameras.glb", ("zeta", "alpha")))
     scene.camera = None
     (notice,) = camera_notices(scene, None, is_imported=True)
-    assert "no active camera" in notice and "--camera (zeta, alpha), or" in notice and len(notice) <= 300
+    said = sentence(notice)
+    assert "no active camera" in said and "--camera (zeta, alpha), or" in said and len(said) <= 300
     assert camera_notices(scene, "fit", is_imported=True) == []
     for item in [item for item in scene.objects if item.type == "CAMERA"]:
         bpy.data.objects.remove(item)
     (notice,) = camera_notices(scene, None, is_imported=False)
-    assert "outer wall" in notice and "--camera" not in notice and "Align Active Camera to View" in notice
+    said = sentence(notice)
+    assert "outer wall" in said and "--camera" not in said and "Align Active Camera to View" in said
     edit.add(scene, MINI)
     assert camera_notices(scene, None, is_imported=False) == []
 

@@ -287,7 +287,8 @@ def test_the_suite_runs_from_scene_to_page(tmp_path):
     display = tmp_path / "tiny.toml"
     display.write_text('name = "tiny"\npanel_pixels = [64, 48]\npanel_mm = [59.04, 44.28]\nlenses = [8, 6]\n'
                        "views = [8, 8]\nviewing_distance_mm = 500.0\nviewing_angle_deg = 40.0\n", encoding="utf-8")
-    command = ["study", "stress", "-o", str(tmp_path / "out"), "--display", str(display), "--quick", "--reference-spp", "8",
+    command = ["study", "stress", "-o", str(tmp_path / "out"), "--display", str(display), "--quick", "--reference-spp",
+               "8",
                "--sweeps", "samples"]
     assert main([*command, "--methods", "bilinear"]) == 0
     sweep = read_json(tmp_path / "out" / "stress.json", "the report")["dials"][0]
