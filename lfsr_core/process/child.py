@@ -95,8 +95,9 @@ class Child:
         """
         code = self._process.wait()
         reason = f"signal {-code}" if code < 0 else f"exit code {code}"
-        lines = (" / ".join(self._tail) or "nothing")[-MOST_LAST_WORDS:]
-        return CrashError(f"{what} {reason} before it was done, last printing {lines!r}: {advice}")
+        lines = " / ".join(self._tail)[-MOST_LAST_WORDS:]
+        last = f", last printing {lines!r}" if lines else ""
+        return CrashError(f"{what} {reason} before it was done{last}: {advice}")
 
     def stop(self, seconds: float = SECONDS_TO_STOP) -> None:
         """End the process and its own children: ask first, and kill what has not ended after ``seconds``."""

@@ -136,8 +136,9 @@ def image_job(scene: bpy.types.Scene, wants_test: bool = False) -> Job:
 
     def notice(told: Notice) -> bool:
         if told.code == "test-made":
-            bpy.context.window_manager.lfsr.test_shown = test_name
             show_image_of(name, Path(told.values["folder"]))
+            state = bpy.context.window_manager.lfsr
+            state.test_shown, state.outcome_folder = test_name, ""  # that one is temporary
             session.say(TEST_IMAGE)
         return told.code == "test-made"
 
