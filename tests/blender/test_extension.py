@@ -187,7 +187,7 @@ def test_from_installation_to_removal(archive, blender):
     assert (frame / "view.html").is_file() and list((frame / "export" / "sway").glob("*.mp4"))
     metrics = json.loads((frame / "report.json").read_text())["metrics"]
     assert metrics["flip"] is None and metrics["notes"][0]["code"] == "flip-missing"
-        assert 0 < metrics["ssim_lens_fg"] <= 1
+    assert 0 < metrics["ssim_lens_fg"] <= 1
 
     found = blender("uninstall")
     assert found == {"enabled": ON, "uninstall": ["FINISHED"], "after": OFF}
