@@ -1,8 +1,7 @@
 """Weights as safetensors with a provenance file beside them.
 
-The header of ``NAME-xS.safetensors`` holds format version, architecture, scale,
-options and a SHA-256 over the tensors; ``NAME-xS.json`` holds how they were made.
-Nothing is ever unpickled.
+The header of ``NAME-xS.safetensors`` holds format version, architecture, scale, options and a SHA-256 over the tensors;
+``NAME-xS.json`` holds how they were made. Nothing is ever unpickled.
 """
 
 from __future__ import annotations
@@ -45,8 +44,7 @@ def save(path: str | Path, network: nn.Module, scale: int, provenance: Mapping[s
               "options": json.dumps(dict(options or {}), sort_keys=True, default=list), "sha256": digest(tensors)}
     with atomic_path(path) as temporary:
         temporary.write_bytes(to_bytes(tensors, header))
-    facts = {**header, "version": VERSION, "scale": scale, "options": dict(options or {}),
-             "bytes": path.stat().st_size}
+    facts = {**header, "version": VERSION, "scale": scale, "options": dict(options or {}), "bytes": path.stat().st_size}
     write_json(path.with_suffix(".json"), {**facts, **provenance})
 
 

@@ -87,11 +87,8 @@ class ESPCN(nn.Module):
 
     def __init__(self, scale: int = 4) -> None:
         super().__init__()
-        self.body = nn.Sequential(
-            nn.Conv2d(3, 64, 5, padding=2), nn.Tanh(),
-            nn.Conv2d(64, 32, 3, padding=1), nn.Tanh(),
-            nn.Conv2d(32, 3 * scale**2, 3, padding=1), nn.PixelShuffle(scale),
-        )
+        self.body = nn.Sequential(nn.Conv2d(3, 64, 5, padding=2), nn.Tanh(), nn.Conv2d(64, 32, 3, padding=1), nn.Tanh(),
+                                  nn.Conv2d(32, 3 * scale**2, 3, padding=1), nn.PixelShuffle(scale),)
 
     def forward(self, x: Tensor) -> Tensor:
         """sRGB values (N, 3, h, w) -> (N, 3, s·h, s·w)."""

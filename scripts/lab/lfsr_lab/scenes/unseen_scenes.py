@@ -114,8 +114,7 @@ def around(rng: Random) -> None:
     """A metal knot, a glass ball and a thin plant before a landscape that is seen."""
     put(surfaces.unit_sized(surfaces.torus_knot(rng)), paint("copper", (0.9, 0.5, 0.3), 0.15, Metallic=1.0),
         (-1.5, 0.1, 0.0), 1.2)
-    put(surfaces.sphere(), paint("glass", (1, 1, 1), 0.0, Transmission_Weight=1.0, IOR=1.45), (1.6, -0.3, -0.5),
-        0.8)
+    put(surfaces.sphere(), paint("glass", (1, 1, 1), 0.0, Transmission_Weight=1.0, IOR=1.45), (1.6, -0.3, -0.5), 0.8)
     twigs = rng.normal(0, 1, (160, 3)) * (0.8, 0.5, 0.4) + (0, 0, 1.3)
     paths = np.array([1.7, 0.6, -1.4]) + np.linspace(0, 1, 5)[None, :, None] ** (1.6, 1.6, 0.8) * twigs[:, None]
     put(surfaces.strands(paths, np.array([0.02, 0.015, 0.012, 0.008, 0.003])), paint("twig", (0.2, 0.11, 0.05), 0.8),
@@ -166,8 +165,7 @@ def _windows(name: str, color: Vector, count: float) -> bpy.types.Material:
     return material
 
 
-BUILDERS = {
-    "glitter": glitter, "cloth": cloth, "room": room, "city": city, "deep": deep, "world": around}
+BUILDERS = {"glitter": glitter, "cloth": cloth, "room": room, "city": city, "deep": deep, "world": around}
 
 
 def main(folder: Path) -> None:

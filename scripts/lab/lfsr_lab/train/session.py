@@ -67,17 +67,11 @@ def _finish_denoiser(task: DenoiserTask, outcome: Outcome, output: Path) -> Outc
 def _provenance(task: ComparatorTask | DenoiserTask, outcome: Outcome, yardstick: dict[str, float],
                 device: torch.device) -> dict[str, Any]:
     """How the weights were made, for the JSON file beside them."""
-    return {
-        "network": task.config.network,
-        "config": dataclasses.asdict(task.config),
-        "data": task.data(),
-        "seconds": round(outcome.seconds, 1),
-        "validation": outcome.validation | yardstick,
-        "command": _command(),
-        "versions": {"lfsr": __version__, "python": platform.python_version(), "torch": torch.__version__,
-                     "numpy": np.__version__},
-        "device": torch.cuda.get_device_name(device) if device.type == "cuda" else f"CPU {platform.machine()}",
-        "parameters": parameters(task.network)}
+    return {"network": task.config.network, "config": dataclasses.asdict(task.config), "data": task.data(),
+            "seconds": round(outcome.seconds, 1), "validation": outcome.validation | yardstick, "command": _command(),
+            "versions": {"lfsr": __version__, "python": platform.python_version(), "torch": torch.__version__,
+                         "numpy": np.__version__}, "device": torch.cuda.get_device_name(device) if device.type == "cuda"
+            else f"CPU {platform.machine()}", "parameters": parameters(task.network)}
 
 
 def _command() -> str:

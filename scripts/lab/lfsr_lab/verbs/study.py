@@ -55,8 +55,7 @@ class _Study(argparse.Action):
         module.add_arguments(own)
         own.add_argument("-o", "--output", type=Path, required=getattr(module, "NEEDS_OUTPUT", True), metavar="OUT",
                          help="folder of everything that is made; what is complete in it is not made again")
-        own.add_argument("--blender", metavar="PATH",
-                         help="Blender 4.5 or newer; default: the bpy package, then PATH")
+        own.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")
         own.parse_args(words, namespace)
         shown = [Path(word).name if Path(word).is_absolute() else word for word in words]  # no folder of this machine
         namespace.study, namespace.command = module, shlex.join(["lfsr", "study", name, *shown])

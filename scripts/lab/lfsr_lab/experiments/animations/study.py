@@ -173,8 +173,7 @@ class Animation:
         """Return the references of all frames."""
         settings, folder = self.settings, self.folder / REFERENCE
         return [reference_of(job, settings.reference_samples, frame_folder(folder, number),
-                             lens_list=settings.lens_list)
-                for number, job in enumerate(self.low(CHANGING, 1), start=1)]
+                             lens_list=settings.lens_list) for number, job in enumerate(self.low(CHANGING, 1), start=1)]
 
     def _job(self, folder: Path, number: int, seed: int, spp: int) -> Request:
         settings = self.settings

@@ -119,9 +119,8 @@ def job(settings: Settings, scene: Path, scale: int, samples: int, seed: int = 0
     """Return one render of a scene."""
     name = f"s{scale}-spp{samples}" + (f"-seed{seed}" if seed else "")
     return Request(output=str(settings.output / scene.stem / name), display=settings.profile,
-                   scene=str(scene.resolve()),
-               sampling=Sampling(scale, samples), device=settings.device, seed=seed,
-               subject=settings.subject, world_visible=settings.world_visible)
+                   scene=str(scene.resolve()), sampling=Sampling(scale, samples), device=settings.device, seed=seed,
+                   subject=settings.subject, world_visible=settings.world_visible)
 
 
 def measured(render: Render, name: str, truth: Truth) -> Measured:

@@ -118,8 +118,7 @@ def _render(settings: Settings, scene: Path, cell: Cell) -> cells.Render:
 def _row(settings: Settings, scene: Path, pair: Pair, index: int, title: str, ours: str) -> Row:
     truth = Truth(settings.output / scene.stem / REFERENCE)
     images = [truth.finished(_render(settings, scene, cell).folders[0], cell.method)[index] for cell in pair]
-    names = [f"{name}, {cell.samples} samples"
-             for name, cell in zip(("ours", label(RIVAL, ours)), pair, strict=True)]
+    names = [f"{name}, {cell.samples} samples" for name, cell in zip(("ours", label(RIVAL, ours)), pair, strict=True)]
     errors = [float(_flips(settings, scene, cell)[index]) for cell in pair]
     mean = (truth.halves[0][index] + truth.halves[1][index]) / 2
     return Row(f"{title}\n{scene.stem}", (names[0], names[1]), (errors[0], errors[1]), mean, (images[0], images[1]))

@@ -83,8 +83,7 @@ def losses(chart: Chart) -> list[str]:
     for key in dict.fromkeys(duel.key for scene in chart.scenes for duel in scene.duels):
         duels = [duel for scene in chart.scenes for duel in scene.duels if duel.key == key]
         lost = [f"{SHORT[measure]} {count} of {sum(duel.measure == measure for duel in duels)} times"
-                for measure in MEASURES
-                if (count := sum(duel.measure == measure and is_lost(duel) for duel in duels))]
+                for measure in MEASURES if (count := sum(duel.measure == measure and is_lost(duel) for duel in duels))]
         if lost:
             sentences.append(f"{label(key, ours)}: {', '.join(lost)}")
     return sentences or [f"{ours} needs more than no method that was measured, at no error, on no scene."]
@@ -112,8 +111,7 @@ def equal_error(chart: Chart) -> Table:
     """Return the geometric means over scenes of what ours needs at the error of each other method."""
     ours, rows, means = chart.settings.ours, [], mean_duels(chart.scenes)
     for key, samples in dict.fromkeys(((duel.role, duel.method), duel.samples) for duel in means):
-        every = {duel.measure: duel for duel in means
-                 if (duel.role, duel.method, duel.samples) == (*key, samples)}
+        every = {duel.measure: duel for duel in means if (duel.role, duel.method, duel.samples) == (*key, samples)}
         first = every[SSIM]
         rows.append([label(key, ours), str(samples), f"{cost_text(first.rays)}",
                      *(f"{cost_text(duel.seconds or duel.rays)}{_of(duel, chart)}" for duel in every.values())])

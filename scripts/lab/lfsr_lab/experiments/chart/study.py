@@ -21,19 +21,8 @@ from lfsr_core.frames.request import check_scene
 from lfsr_core.pipeline.staging import staging_folder
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.chart import cells, crops, findings, panels
-from lfsr_lab.experiments.chart.analysis import (
-    DIRECT,
-    FIXED,
-    FORMAT,
-    LOW,
-    Chart,
-    Point,
-    SceneRow,
-    UsedReference,
-    duels,
-    reaches,
-    short,
-)
+from lfsr_lab.experiments.chart.analysis import (DIRECT, FIXED, FORMAT, LOW, Chart, Point, SceneRow, UsedReference,
+                                                 duels, reaches, short,)
 from lfsr_lab.experiments.chart.cells import DIRECT_METHODS, Render, Settings, default_methods
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, check_render, reference_of, sampled
 from lfsr_lab.experiments.engine.report import environment, write_report
@@ -153,8 +142,7 @@ class _Run:
             return self._skip(f"{path.stem} has no foreground in the lenses of its reference")
         blocks = blocks_of(truth.lenses)
         points = [Point.of(render.role, name, render.jobs[0].sampling.scale, render.jobs[0].sampling.samples,
-                           cells.measured(
-            render, name, truth), cells.times(self.settings, render, name), blocks)
+                           cells.measured(render, name, truth), cells.times(self.settings, render, name), blocks)
                   for render in self._renders(path) for name in self._methods(path, render)]
         if not points:
             return self._skip(f"{path.stem} has no render that a method could finish")

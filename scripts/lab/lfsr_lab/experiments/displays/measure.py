@@ -270,8 +270,7 @@ class Renders:
         """Render one after the other; first two of a few lenses: the first builds the scene, the second is measured."""
         lenses = tuple(itertools.product(range(4), range(4)))
         single = [dataclasses.replace(jobs[0], output=str(self.folder / name), sampling=Sampling(1, 1), kind="render",
-                                      display=self.display, layout="one-pass", lens_list=lenses)
-                  for name in SINGLE]
+                                      display=self.display, layout="one-pass", lens_list=lenses) for name in SINGLE]
         seconds = [children_cpu_seconds()]
 
         def rendered(job: Request) -> None:

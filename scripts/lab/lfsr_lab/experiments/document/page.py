@@ -93,8 +93,7 @@ def _parts(lines: list[str]) -> Iterator[Markup]:
     if words:
         yield Markup("<p>{}</p>").format(_inline(" ".join(words)))
     if items:
-        yield Markup("<ul>{}</ul>").format(Markup().join(Markup("<li>{}</li>").format(_inline(item))
-                                                         for item in items))
+        yield Markup("<ul>{}</ul>").format(Markup().join(Markup("<li>{}</li>").format(_inline(item)) for item in items))
     if table:
         yield _table([[cell.strip() for cell in line.strip().strip("|").split("|")] for line in table])
 

@@ -82,8 +82,7 @@ def draw(work: Work) -> Iterator[Path]:
         known |= {asset.name: digests(path) for asset in work.table.asset
                   if not asset.script and (path := work.assets / asset.file).is_file()}
     facts = {"form": form, "words": WORDS.get(form) or f"The {form} form: {FORMS[form]}. {SECONDS_ARE_ROUGH}",
-             "commit": None if form == KEPT else commit(),
-             "units": [_unit(unit, found.get(unit)) for unit in every],
+             "commit": None if form == KEPT else commit(), "units": [_unit(unit, found.get(unit)) for unit in every],
              "inputs": inputs(work.table, known, before.get("inputs", [])),
              "records": [record_facts(work.folder / MEASURED / kept.file, kept.command) for _, kept in rows]}
     write_json(work.folder / MANIFEST, facts)

@@ -61,8 +61,7 @@ def errors(images: Array, half_a: Array, half_b: Array) -> dict[str, Array]:
     """
     mean, shown = (half_a + half_b) / 2, [srgb_encode(half) for half in (half_a, half_b)]
     return {SSIM: np.array([1 - lens_ssims(srgb_encode(image), *shown) for image in images]),
-            **_relative(images, half_a, half_b),
-            SMAPE: np.array([_smape(image, mean) for image in images]),
+            **_relative(images, half_a, half_b), SMAPE: np.array([_smape(image, mean) for image in images]),
             FLIP: np.array([_flips(image, mean) for image in images])}
 
 
@@ -74,8 +73,7 @@ def reference_noise(half_a: Array, half_b: Array) -> dict[str, float]:
     """
     squares = (half_a - half_b)**2 * _weights(half_a, half_b)
     apart = {SSIM: 1 - lens_ssims(*(srgb_encode(half) for half in (half_a, half_b, half_b))),
-             RELMSE: _lens_means(squares, _kept(squares)),
-             SMAPE: _smape(half_a, half_b), FLIP: _flips(half_a, half_b)}
+             RELMSE: _lens_means(squares, _kept(squares)), SMAPE: _smape(half_a, half_b), FLIP: _flips(half_a, half_b)}
     return {name: float(values.mean()) / (4 if name in (SSIM, RELMSE) else 2) for name, values in apart.items()}
 
 

@@ -26,28 +26,10 @@ from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.averaging import read_low
 from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution
 from lfsr_lab.experiments.engine.renders import Store
-from lfsr_lab.experiments.engine.report import (
-    UNKNOWN,
-    Environment,
-    environment,
-    load_average,
-    markdown_table,
-    write_report,
-)
-from lfsr_lab.experiments.gpu_budget.counts import (
-    DENOISE,
-    FRAME_MS,
-    GPU,
-    INTERPOLATE,
-    SHOW,
-    TRACE,
-    WEAVE,
-    Work,
-    fitting_samples,
-    frame_ms,
-    frame_work,
-    read_gpus,
-)
+from lfsr_lab.experiments.engine.report import (UNKNOWN, Environment, environment, load_average, markdown_table,
+                                                write_report,)
+from lfsr_lab.experiments.gpu_budget.counts import (DENOISE, FRAME_MS, GPU, INTERPOLATE, SHOW, TRACE, WEAVE, Work,
+                                                    fitting_samples, frame_ms, frame_work, read_gpus,)
 
 REPEATS = 7
 
@@ -71,9 +53,8 @@ class Measured:
 
 def measure(store: Store, scene: Path, display: DisplayProfile, scale: int, spp: int) -> Measured:
     """Render with ``spp`` and four times as many samples, then time every other step."""
-    jobs = [Request(str(store.folder / f"scale-{scale}-spp-{count}"), display, str(scene), sampling=Sampling(scale,
-            count),
-                layers=GUIDES, device=AUTO) for count in (spp, 4 * spp)]
+    jobs = [Request(str(store.folder / f"scale-{scale}-spp-{count}"), display, str(scene),
+                    sampling=Sampling(scale, count), layers=GUIDES, device=AUTO) for count in (spp, 4 * spp)]
     store.render_all(jobs)
     frames = [read_frame(job.output) for job in jobs]
     few, many = (frame.seconds["render"] for frame in frames)

@@ -196,14 +196,12 @@ def unit(random: np.random.Generator, profile: DisplayProfile) -> DisplayProfile
 def shot(random: np.random.Generator, seed: int) -> Shot:
     """A photograph as people take it."""
     within = random.uniform
-    return Shot(
-        (within(-80, 80), within(-60, 60), within(430, 700)), SIZE, rays=1, fill=within(0.7, 0.92),
-        roll_deg=within(-10, 10), aim=(within(-0.03, 0.03), within(-0.03, 0.03)),
-        orientation=int(random.integers(1, 9)), flagged=bool(random.integers(2)),
-        bend=(within(-0.06, 0.06), within(-0.01, 0.01)),
-        off_axis=(within(-0.01, 0.01), within(-0.01, 0.01)), blur=within(0.4, 2.0),
-        vignette=within(0, 0.5), exposure=within(0.5, 1.1), ambient=within(0, 0.01), mixing=within(0, 0.08),
-        noise=within(0.001, 0.012), quality=int(random.integers(60, 96)), seed=seed)
+    return Shot((within(-80, 80), within(-60, 60), within(430, 700)), SIZE, rays=1, fill=within(0.7, 0.92),
+                roll_deg=within(-10, 10), aim=(within(-0.03, 0.03), within(-0.03, 0.03)),
+                orientation=int(random.integers(1, 9)), flagged=bool(random.integers(2)),
+                bend=(within(-0.06, 0.06), within(-0.01, 0.01)), off_axis=(within(-0.01, 0.01), within(-0.01, 0.01)),
+                blur=within(0.4, 2.0), vignette=within(0, 0.5), exposure=within(0.5, 1.1), ambient=within(0, 0.01),
+                mixing=within(0, 0.08), noise=within(0.001, 0.012), quality=int(random.integers(60, 96)), seed=seed)
 
 
 def wrong(found: DisplayProfile, real: DisplayProfile) -> tuple[float, float, float]:

@@ -69,9 +69,8 @@ def actuals(scene: Path, candidates: Sequence[Candidate], records: Records[Actua
     found = {}
     for candidate in candidates:
         try:
-            found[candidate] = records.get(f"{candidate.name.replace(' ', '-')}-{PlanOptions.metric}",
-                                           {"rate": rate} if rate else {},
-                                           functools.partial(_measure, scene, candidate, rate))
+            found[candidate] = records.get(f"{candidate.name.replace(' ', '-')}-{PlanOptions.metric}", {"rate": rate}
+                                           if rate else {}, functools.partial(_measure, scene, candidate, rate))
         except LfsrError as error:
             if candidate == candidates[-1] and not found:
                 raise
@@ -122,9 +121,8 @@ def setup_seconds(scene: Path, rate: float | None = None) -> float:
 def replay(scene: Path, job: Request, rate: float | None = None) -> None:
     """Do ``job`` by cutting its lenses out of a whole frame of the folder, instead of rendering them.
 
-    Seconds are the scene's set-up and what is left of the frame's, for as many
-    pixels. A reference's two halves show the same half of the bench's, which of
-    them the seed decides. ``rate`` as of ``timed_frame``.
+    Seconds are the scene's set-up and what is left of the frame's, for as many pixels. A reference's two halves show
+    the same half of the bench's, which of them the seed decides. ``rate`` as of ``timed_frame``.
     """
     source = _source(scene, job)
     frame, target = timed_frame(source, rate), Path(job.output)

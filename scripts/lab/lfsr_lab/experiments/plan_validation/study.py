@@ -1,10 +1,9 @@
 """Are plans right?
 
-Plans every scene of a folder of renders (lfsr_lab.experiments.plan_validation.actual) for several
-targets and seeds, and holds each plan against whole frames and references: does
-the chosen candidate meet the target, and what does it cost against the best
-choice in hindsight. With --replay the sampled lenses are cut out of the bench's
-frames, so that many seeds cost no render; without, they are rendered.
+Plans every scene of a folder of renders (lfsr_lab.experiments.plan_validation.actual) for several targets and seeds,
+and holds each plan against whole frames and references: does the chosen candidate meet the target, and what does it
+cost against the best choice in hindsight. With --replay the sampled lenses are cut out of the bench's frames, so that
+many seeds cost no render; without, they are rendered.
 """
 
 from __future__ import annotations
@@ -93,8 +92,7 @@ def validate(scene: Path, plans: PlanOptions, draws: Draws) -> Iterator[Verdict]
                 yield judge(planned, known, display, scene.name, seed, target)
 
 
-def judge(planned: Planned, actuals: Actuals, display: DisplayProfile, scene: str, seed: int,
-          target: float) -> Verdict:
+def judge(planned: Planned, actuals: Actuals, display: DisplayProfile, scene: str, seed: int, target: float) -> Verdict:
     """Compare a plan for a scene, seed of lenses and target with what its candidates reach and take as whole frames."""
     meeting = [candidate for candidate, found in actuals.items() if found.accuracy >= target]
     best = min(meeting, key=lambda candidate: actuals[candidate].seconds, default=None)

@@ -30,12 +30,9 @@ VERSION = 1  # of how figures are measured
 CUT = 22  # pixels
 OURS = ("bilinear", "bicubic", "lanczos", "bilinear+epi")
 KERNEL_OF = {"bilinear": "linear", "bicubic": "cubic", "lanczos": "lanczos"}
-FOLDERS = {
-    "antinous": "epinet/hci_dataset/additional/antinous",
-    "translucent": "LightField_Denoising/data/clean/translucent",
-    "t_rex": "LightField_Denoising/data/clean/t_rex",
-    "Amethyst": "Sheared-EPI/Training/TrainDataLF/Amethyst",
-}
+FOLDERS = {"antinous": "epinet/hci_dataset/additional/antinous",
+           "translucent": "LightField_Denoising/data/clean/translucent",
+           "t_rex": "LightField_Denoising/data/clean/t_rex", "Amethyst": "Sheared-EPI/Training/TrainDataLF/Amethyst",}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,9 +57,8 @@ class Task:
 
 
 # Shears: 9 as in the tests of Sheared-EPI, more where neighbouring views differ by more (antinous: up to 3.1 pixels).
-TASKS = (Task("antinous", 3, 3, 1), Task("antinous", 2, 6, 1, 19), Task("antinous", 2, 7),
-         Task("translucent", 3, 3), Task("translucent", 2, 6, shear=9), Task("t_rex", 2, 3),
-         Task("Amethyst", 6, 3), Task("Amethyst", 3, 7))
+TASKS = (Task("antinous", 3, 3, 1), Task("antinous", 2, 6, 1, 19), Task("antinous", 2, 7), Task("translucent", 3, 3),
+         Task("translucent", 2, 6, shear=9), Task("t_rex", 2, 3), Task("Amethyst", 6, 3), Task("Amethyst", 3, 7))
 
 
 @dataclasses.dataclass(frozen=True)

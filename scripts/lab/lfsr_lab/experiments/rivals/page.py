@@ -93,17 +93,16 @@ def _gaps(found: Record) -> dict[str, str]:
         return entries[method][place] - entries[other][place] if method in entries else math.nan
 
     default, fine = mean(found, wide, DEFAULT, SSIM), View(SCALES[1], SAMPLES[-1])
-    return {
-        "epicnn": _signed(mean(found, fine, "denoise+EPICNN", SSIM) - mean(found, fine, DEFAULT, SSIM)),
-        "narrow": _signed(mean(found, narrow, DEFAULT, SSIM) - default),
-        "deep_ssim": _signed(above("deep", "denoise+AngularSR-2", DEFAULT, SSIM)),
-        "deep_psnr": _decibels(above("deep", "denoise+AngularSR-2", DEFAULT, PSNR)),
-        "figures_ssim": _signed(above("figures", "LFBM5D+AngularSR-2", DEFAULT, SSIM)),
-        "figures_psnr": _decibels(above("figures", "LFBM5D+AngularSR-2", DEFAULT, PSNR)),
-        "filtered": _signed(above("truck", "LFBM5D+bilinear", "denoise+bilinear", SSIM)),
-        "sheared": _decibels(_gain(found, "antinous 2→7", "Sheared-EPI", "bilinear")),
-        "row": _decibels(_gain(found, "Amethyst 6→16", "EPICNN", "bilinear+epi")),
-        "known": ", ".join(name for name, group in found["groups"].items() if group == "known")}
+    return {"epicnn": _signed(mean(found, fine, "denoise+EPICNN", SSIM) - mean(found, fine, DEFAULT, SSIM)),
+            "narrow": _signed(mean(found, narrow, DEFAULT, SSIM) - default),
+            "deep_ssim": _signed(above("deep", "denoise+AngularSR-2", DEFAULT, SSIM)),
+            "deep_psnr": _decibels(above("deep", "denoise+AngularSR-2", DEFAULT, PSNR)),
+            "figures_ssim": _signed(above("figures", "LFBM5D+AngularSR-2", DEFAULT, SSIM)),
+            "figures_psnr": _decibels(above("figures", "LFBM5D+AngularSR-2", DEFAULT, PSNR)),
+            "filtered": _signed(above("truck", "LFBM5D+bilinear", "denoise+bilinear", SSIM)),
+            "sheared": _decibels(_gain(found, "antinous 2→7", "Sheared-EPI", "bilinear")),
+            "row": _decibels(_gain(found, "Amethyst 6→16", "EPICNN", "bilinear+epi")),
+            "known": ", ".join(name for name, group in found["groups"].items() if group == "known")}
 
 
 def _gain(found: Record, task: str, method: str, other: str) -> float:

@@ -103,9 +103,8 @@ def _job(settings: Settings, view: View) -> Request:
     bench = settings.bench if display == settings.display else settings.output / f"bench-{display.name}"
     variant = "" if view.layout == "one-pass" else f"-{view.layout}"
     folder = bench / view.scene.stem / f"s{view.scale}-spp{view.spp}{variant}"
-    return Request(output=str(folder), display=display, scene=check_scene(view.scene), sampling=Sampling(view.scale,
-            view.spp),
-               layout=view.layout, device=settings.render_device)
+    return Request(output=str(folder), display=display, scene=check_scene(view.scene),
+                   sampling=Sampling(view.scale, view.spp), layout=view.layout, device=settings.render_device)
 
 
 def moved(settings: Settings, scene: Path, fraction: float) -> Path:
@@ -134,5 +133,4 @@ def resolution(display: DisplayProfile, divisor: int) -> DisplayProfile | None:
         return None
     (px, py), (width, height) = display.views, display.panel_pixels
     return dataclasses.replace(display, name=f"{display.name}-1-{divisor}" if divisor > 1 else display.name,
-                               views=(px // divisor, py // divisor),
-                               panel_pixels=(width // divisor, height // divisor))
+                               views=(px // divisor, py // divisor), panel_pixels=(width // divisor, height // divisor))

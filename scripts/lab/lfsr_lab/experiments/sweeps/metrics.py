@@ -126,8 +126,7 @@ def card_pixels(space: Space, y: float, centre: tuple[float, float], half: tuple
     return met[1][:, None, :, None] & met[0][None, :, None, :]
 
 
-def flicker(frames: Sequence[Array], lenses: Pair, path: Sequence[Pair],
-            cards: Sequence[Array]) -> float | None:
+def flicker(frames: Sequence[Array], lenses: Pair, path: Sequence[Pair], cards: Sequence[Array]) -> float | None:
     """Return the RMS change from frame to frame of a card that moves by whole lenses, after moving it back.
 
     Parameters

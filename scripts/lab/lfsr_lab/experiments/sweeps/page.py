@@ -91,8 +91,7 @@ def _write_crop(store: Store, settings: Settings, entry: SweepReport, method: st
     return source, cell
 
 
-def crop_around(image: Array, lenses: tuple[int, int], lens: tuple[int, int],
-                across: int = LENSES_IN_CROP) -> Array:
+def crop_around(image: Array, lenses: tuple[int, int], lens: tuple[int, int], across: int = LENSES_IN_CROP) -> Array:
     """Return the elemental images of an EIA (H, W, 3) around ``lens`` (row, column), near the edges beside it.
 
     ``across``: lenses along the axis where they have most pixels; along the other as many as make the crop square.

@@ -37,8 +37,7 @@ def unit_sized(surface: Surface) -> Surface:
     return dataclasses.replace(surface, vertices=(surface.vertices - (low + high) / 2) / half)
 
 
-def parametric(place: Callable[[Array, Array], Array], columns: int, rows: int,
-               wrap: bool = False) -> Surface:
+def parametric(place: Callable[[Array, Array], Array], columns: int, rows: int, wrap: bool = False) -> Surface:
     """Quads over (u, v) in [0, 1]²; ``place`` maps two (rows, columns) arrays to (rows, columns, 3).
 
     ``wrap``: whether the last column meets the first.
@@ -104,8 +103,7 @@ def torus_knot(rng: Random) -> Surface:
     turns, windings = [(2, 3), (3, 2), (2, 5), (3, 4), (1, 0), (3, 5)][rng.integers(6)]
     angle = np.linspace(0, 2 * np.pi, 160, endpoint=False)
     reach = 1 + 0.4 * np.cos(windings * angle) * (windings > 0)
-    path = np.stack([reach * np.cos(turns * angle), reach * np.sin(turns * angle),
-                     0.4 * np.sin(windings * angle)], -1)
+    path = np.stack([reach * np.cos(turns * angle), reach * np.sin(turns * angle), 0.4 * np.sin(windings * angle)], -1)
     return tube(path, rng.uniform(0.05, 0.3), 16, closed=True)
 
 

@@ -109,8 +109,7 @@ def woods(stage: Stage) -> None:
         floor_at(stage, -stage.array.half_height * 0.9)
 
 
-def _plant(stage: Stage, plant: shapes.Plant, where: tuple[Array, float, Array],
-           cut_out: bool = True) -> None:
+def _plant(stage: Stage, plant: shapes.Plant, where: tuple[Array, float, Array], cut_out: bool = True) -> None:
     """Wood and leaves; ``where``: place, size and turn, as of ``put``; ``cut_out``: leaves drawn by alpha."""
     wood, leaves = plant
     put(stage, add_surface(wood, random_material(stage, closed=False), "wood"), *where)
