@@ -59,7 +59,6 @@ def test_a_network_wants_views_along_both_axes(tmp_path):
 def test_a_missing_package_is_one_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     monkeypatch.delitem(sys.modules, "lfsr_lab.networks.upscalers", raising=False)
-    monkeypatch.delitem(sys.modules, "lfsr_lab.networks.engine", raising=False)
     with pytest.raises(LfsrError, match=r"need the Python package 'torch'.*install lfsr-lab\[training\]"):
         ready("espcn")
 

@@ -1,4 +1,4 @@
-"""``lfsr chart`` on frame folders: measured, timed, resumed, refused; and once with Blender."""
+"""``lfsr study chart`` on frame folders: measured, timed, resumed, refused; and once with Blender."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def finished(monkeypatch):
     runs = []
     real = Truth.finished
 
-    def run(self, folder, ready):
-        runs.append(ready.name.text)
-        return real(self, folder, ready)
+    def run(self, folder, name):
+        runs.append(name)
+        return real(self, folder, name)
 
     monkeypatch.setattr(Truth, "finished", run)
     return runs
@@ -46,9 +46,9 @@ def timed(monkeypatch):
     runs = []
     real = timing.finish_frame
 
-    def run(folder, name):
-        runs.append(name)
-        return real(folder, name)
+    def run(folder, finish, **network):
+        runs.append(finish.method)
+        return real(folder, finish, **network)
 
     monkeypatch.setattr(timing, "finish_frame", run)
     return runs

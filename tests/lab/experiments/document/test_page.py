@@ -76,7 +76,7 @@ def test_the_manifest_names_every_record_with_its_digest_command_machine_and_see
     facts = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     [record] = facts["records"]
     assert record["sha256"] == hashlib.sha256((folder / "measured/small.json").read_bytes()).hexdigest()
-    assert record["command"].startswith("lfsr chart ") and record["machine"] and record["seeds"] == [0, 1, 2]
+    assert record["command"].startswith("lfsr study chart ") and record["machine"] and record["seeds"] == [0, 1, 2]
     assert {unit["state"] for unit in facts["units"]} == {"not measured"} and len(facts["units"]) > 5
 
 

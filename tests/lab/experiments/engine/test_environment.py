@@ -29,7 +29,7 @@ def test_a_graphics_card_is_named_beside_the_processor():
 
 def test_a_chart_is_refused_before_it_is_measured_where_it_could_not_be_written(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "jinja2", None)
-    for words in (["chart", "vase.blend"], ["stress"]):
+    for words in (["study", "chart", "vase.blend"], ["study", "stress"]):
         message = fails([*words, "-o", str(tmp_path / "out")], capsys)
         assert "'Jinja2', which is not installed: install lfsr-lab" in message
     assert not (tmp_path / "out").exists()

@@ -17,7 +17,6 @@ from lfsr_lab.experiments.engine.report import inline_svg, page_html
 from lfsr_lab.experiments.engine.truth import BIAS, LABELS, MEASURES, PARTS, RELMSE, SSIM, VARIANCE
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
     from lfsr_lab.experiments.chart.crops import Crops
 
@@ -100,30 +99,26 @@ def drawn(chart: Chart, shown: Sequence[Panel], footer: str = "") -> str:
     """Return panels as one SVG."""
     figure, grid = plots.panel_sheet(len(shown), footer=footer)
     for axes, panel in zip(grid, shown, strict=True):
-        _draw(axes, chart, panel)
+        named = [curve for key, look in styles(chart).items() for curve in _curves(chart, panel, key, look)]
+        noise = panel.noise[RELMSE if panel.parts else panel.measure]
+        ours = [cell for cell in panel.cells if cell.key == (LOW, chart.settings.ours)]
+        plots.error_axis(axes, *plots.limits([*(y for curve in named for y in curve.y), noise], 0.06))
+        plots.cost_axis(axes, *plots.limits([x for curve in named for x in curve.x], 0.04), panel.seconds)
+        axes.grid(color=plots.GRID)
+        axes.set_title(panel.title, loc="left", fontsize=16, weight="bold", pad=21)
+        quiet: dict[str, Any] = {"fontsize": 12, "color": plots.QUIET, "textcoords": "offset points",
+                                 "xycoords": "axes fraction"}
+        axes.annotate(f"↓ {panel.error}", (0, 1), (0, 7), **quiet)
+        axes.annotate(COSTS[panel.seconds], (1, 0), (0, -36), ha="right", **quiet)
+        for index, curve in enumerate(reversed(named)):  # the first comes on top
+            plots.draw_curve(axes, curve, 3 + index / 10)
+        taken = plots.draw_noise(axes, noise)
+        start = min(ours, key=lambda cell: cell.samples, default=None)
+        if start:
+            measure = VARIANCE if panel.parts else panel.measure
+            taken += plots.draw_slopes(axes, measure, (_cost(panel, start), start.errors[measure].mean))
+        plots.name_curves(axes, named, taken)
     return plots.svg(figure)
-
-
-def _draw(axes: Axes, chart: Chart, panel: Panel) -> None:
-    named = [curve for key, look in styles(chart).items() for curve in _curves(chart, panel, key, look)]
-    noise = panel.noise[RELMSE if panel.parts else panel.measure]
-    ours = [cell for cell in panel.cells if cell.key == (LOW, chart.settings.ours)]
-    plots.error_axis(axes, *plots.limits([*(y for curve in named for y in curve.y), noise], 0.06))
-    plots.cost_axis(axes, *plots.limits([x for curve in named for x in curve.x], 0.04), panel.seconds)
-    axes.grid(color=plots.GRID)
-    axes.set_title(panel.title, loc="left", fontsize=16, weight="bold", pad=21)
-    quiet: dict[str, Any] = {"fontsize": 12, "color": plots.QUIET, "textcoords": "offset points",
-                             "xycoords": "axes fraction"}
-    axes.annotate(f"↓ {panel.error}", (0, 1), (0, 7), **quiet)
-    axes.annotate(COSTS[panel.seconds], (1, 0), (0, -36), ha="right", **quiet)
-    for index, curve in enumerate(reversed(named)):  # the first comes on top
-        plots.draw_curve(axes, curve, 3 + index / 10)
-    taken = plots.draw_noise(axes, noise)
-    start = min(ours, key=lambda cell: cell.samples, default=None)
-    if start:
-        measure = VARIANCE if panel.parts else panel.measure
-        taken += plots.draw_slopes(axes, measure, (_cost(panel, start), start.errors[measure].mean))
-    plots.name_curves(axes, named, taken)
 
 
 def _curves(chart: Chart, panel: Panel, key: Key, look: tuple[str, str]) -> list[Curve]:

@@ -21,8 +21,19 @@ from lfsr_core.frames.request import check_scene
 from lfsr_core.pipeline.staging import staging_folder
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.chart import cells, crops, findings, panels
-from lfsr_lab.experiments.chart.analysis import (DIRECT, FIXED, FORMAT, LOW, Chart, Point, SceneRow, UsedReference,
-                                                 duels, reaches, short,)
+from lfsr_lab.experiments.chart.analysis import (
+    DIRECT,
+    FIXED,
+    FORMAT,
+    LOW,
+    Chart,
+    Point,
+    SceneRow,
+    UsedReference,
+    duels,
+    reaches,
+    short,
+)
 from lfsr_lab.experiments.chart.cells import DIRECT_METHODS, Render, Settings, default_methods
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, check_render, reference_of, sampled
 from lfsr_lab.experiments.engine.report import environment, write_report
@@ -134,7 +145,11 @@ class _Run:
 
     def scene(self, path: Path) -> None:
         """Measure a scene, unless its reference is missing or shows no foreground, or no method finishes a render."""
-        folder = self._reference(path)
+        settings = self.settings
+        self._begin(f"{path.stem}: reference")
+        most = cells.job(settings, path, settings.scale, max(settings.spps))
+        whole = reference_of(most, settings.reference_spp, settings.output / path.stem / REFERENCE, seed=REFERENCE_SEED)
+        folder = self.store.render(sampled(whole, settings.lenses, lambda: self.store.render(most)))
         if folder is None:
             return self._skip(f"{path.stem} has no reference")
         truth = Truth(folder)
@@ -146,18 +161,13 @@ class _Run:
                   for render in self._renders(path) for name in self._methods(path, render)]
         if not points:
             return self._skip(f"{path.stem} has no render that a method could finish")
-        self.rows[path.stem] = SceneRow(
-            path.stem, truth.reference.frame.blender, _used(truth), tuple(point.cell for point in points),
-            tuple(duels(points, (LOW, self.settings.ours))), tuple(reaches(points, FIXED)))
-
-    def _reference(self, scene: Path) -> Path | None:
-        """Return the folder of the reference; what is there may have any lenses and samples."""
-        settings = self.settings
-        self._begin(f"{scene.stem}: reference")
-        most = cells.job(settings, scene, settings.scale, max(settings.spps))
-        whole = reference_of(most, settings.reference_spp, settings.output / scene.stem / REFERENCE,
-                             seed=REFERENCE_SEED)
-        return self.store.render(sampled(whole, settings.lenses, lambda: self.store.render(most)))
+        frame = truth.reference.frame
+        noise = {name: short(value) for name, value in reference_noise(*truth.halves).items()}
+        lenses = None if frame.lens_list is None else len(frame.lens_list)
+        self.rows[path.stem] = SceneRow(path.stem, truth.reference.frame.blender, UsedReference(
+            frame.samples, lenses, int(truth.counted.sum()), sum(frame.seconds.values()), noise),
+                                        tuple(point.cell for point in points),
+                                        tuple(duels(points, (LOW, self.settings.ours))), tuple(reaches(points, FIXED)))
 
     def _renders(self, scene: Path) -> Iterator[Render]:
         for render in cells.renders(self.settings, scene):
@@ -196,10 +206,3 @@ class _Run:
         if sentence not in self.skipped:
             self.skipped.append(sentence)
             self.bar.note(f"skipped: {sentence}")
-
-
-def _used(truth: Truth) -> UsedReference:
-    frame = truth.reference.frame
-    noise = {name: short(value) for name, value in reference_noise(*truth.halves).items()}
-    lenses = None if frame.lens_list is None else len(frame.lens_list)
-    return UsedReference(frame.samples, lenses, int(truth.counted.sum()), sum(frame.seconds.values()), noise)

@@ -20,7 +20,7 @@ from lfsr_lab.experiments.document.studies import FORMS, LONG, SHORT, Kept, Stud
 from lfsr_lab.experiments.document.work import IMAGES, MEASURED, Ended, Work, commit, digests, inputs, record_facts
 from lfsr_lab.experiments.engine.records import to_stderr
 
-MANIFEST = "work.json"
+MANIFEST = "manifest.json"
 KEPT = "kept"  # form of a folder in which nothing is measured, such as docs/results
 WORDS = {KEPT: "Drawn from the records that the documents quote, each measured as its command says."}
 SECONDS_ARE_ROUGH = "Seconds on a busy machine mean little; the load says how busy it was."

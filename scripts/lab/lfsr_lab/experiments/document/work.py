@@ -184,16 +184,39 @@ class Work:
             command = [sys.executable, *PROGRAMS[program], *words]
             if self.blender:
                 command += ["--blender", self.blender]
-            last = _run(command, lock, self._folder(unit) / LOG_FILE)
+            log = self._folder(unit) / LOG_FILE
+            inherited: dict[str, Any] = {} if sys.platform == "win32" else {"pass_fds": (lock.fileno(),)}
+            process = subprocess.Popen(list(command), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                                       stderr=subprocess.STDOUT, text=True, encoding="utf-8", errors="replace",
+                                       **inherited, **START,
+                                       env={**os.environ, "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8"})
+            group, last = ProcessGroup(process, low_priority=False), ""
+            assert process.stdout is not None
+            try:
+                with log.open("a", encoding="utf-8") as kept:
+                    for line in process.stdout:
+                        kept.write(line)
+                        to_stderr(line.rstrip())
+                        last = line.strip() or last
+                code = process.wait()
+            finally:
+                if process.poll() is None:  # cancelled: it may end what it has begun
+                    process.send_signal(signal.SIGTERM)
+                    with contextlib.suppress(subprocess.TimeoutExpired):
+                        process.wait(SECONDS_TO_STOP)
+                group.kill()
+            if code:
+                raise LfsrError(last[-LAST_WORDS:] or f"it ended with exit code {code}")
             if not (self._folder(unit) / unit.study.record).exists():
                 raise LfsrError(f"{unit.study.record} was not written: {last[-LAST_WORDS:] or 'nothing was printed'}")
         except LfsrError as error:
             sentence = str(error)
             to_stderr(f"{unit.title}: {sentence}")
         known = {name: digests(path) for name, path in files.items()}
-        write_record(self._folder(unit) / UNIT_FILE, Ended(
-            self.shown(unit), sentence, round(time.monotonic() - started, 1), load_average(),
-            _threads(), environment(), known))
+        allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+        write_record(self._folder(unit) / UNIT_FILE,
+                     Ended(self.shown(unit), sentence, round(time.monotonic() - started, 1), load_average(),
+                           os.environ.get("OMP_NUM_THREADS") or str(allowed), environment(), known))
 
     def _file(self, asset: Asset) -> Path:
         """Return the file of an asset, made now where a script makes it; LfsrError where it is missing."""
@@ -218,12 +241,6 @@ class Work:
         return self.folder / unit.study.name / unit.name
 
 
-def _threads() -> str:
-    """Return how many threads there may be, for libraries that ask and for others."""
-    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return os.environ.get("OMP_NUM_THREADS") or str(allowed)
-
-
 def joined(study: Study, paths: Sequence[Path]) -> Any:
     """Return the records of a study's units as one: of the first, with the joined part of the others."""
     whole, *others = (read_json(path, "a record") for path in paths)
@@ -240,32 +257,6 @@ def _filled(unit: Unit, files: Mapping[str, object], folders: Mapping[str, objec
     """Return the command with files and folders; quoted where that is needed."""
     values = {**files, **folders, "each": unit.name, "scene": files.get(unit.name, "")}
     return unit.form.command.format_map({name: shlex.quote(str(value)) for name, value in values.items()})
-
-
-def _run(command: Sequence[str], lock: IO[bytes], log: Path) -> str:
-    """Run a command to its end, show and log what it prints, and return the last of it; LfsrError if it fails."""
-    inherited: dict[str, Any] = {} if sys.platform == "win32" else {"pass_fds": (lock.fileno(),)}
-    process = subprocess.Popen(list(command), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                               stderr=subprocess.STDOUT, text=True, encoding="utf-8", errors="replace", **inherited,
-                               **START, env={**os.environ, "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8"})
-    group, last = ProcessGroup(process, low_priority=False), ""
-    assert process.stdout is not None
-    try:
-        with log.open("a", encoding="utf-8") as kept:
-            for line in process.stdout:
-                kept.write(line)
-                to_stderr(line.rstrip())
-                last = line.strip() or last
-        code = process.wait()
-    finally:
-        if process.poll() is None:  # cancelled: it may end what it has begun
-            process.send_signal(signal.SIGTERM)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(SECONDS_TO_STOP)
-        group.kill()
-    if code:
-        raise LfsrError(last[-LAST_WORDS:] or f"it ended with exit code {code}")
-    return last
 
 
 @contextlib.contextmanager

@@ -139,7 +139,9 @@ class Environment:
 def environment() -> Environment:
     """Return the environment of this process; a graphics card is named only once PyTorch is loaded."""
     versions = {"lfsr": __version__} | {name: found for name in PACKAGES if (found := _version(name))}
-    return Environment(_cpu(), os.cpu_count() or 1, _memory_gib(), platform.system(), platform.python_version(), _gpu(),
+    torch = sys.modules.get("torch")  # not imported only to ask: without it no method used a GPU
+    return Environment(_cpu(), os.cpu_count() or 1, _memory_gib(), platform.system(), platform.python_version(),
+                       torch.cuda.get_device_name() if torch is not None and torch.cuda.is_available() else None,
                        versions)
 
 
@@ -177,8 +179,3 @@ def _memory_gib() -> float | None:
         return round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1)
     except (ValueError, OSError):
         return None
-
-
-def _gpu() -> str | None:
-    torch = sys.modules.get("torch")  # not imported only to ask: without it no method used a GPU
-    return torch.cuda.get_device_name() if torch is not None and torch.cuda.is_available() else None
