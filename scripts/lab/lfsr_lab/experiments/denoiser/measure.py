@@ -25,8 +25,15 @@ from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.methods import MethodName
 from lfsr_lab.experiments.displays.kinds import FULL_WIDTH, kind
 from lfsr_lab.experiments.engine.records import Fingerprint, StudySettings, method_facts
-from lfsr_lab.experiments.engine.renders import (REFERENCE, Store, digest, foreground, frame_digest, reference_of,
-                                                 sampled,)
+from lfsr_lab.experiments.engine.renders import (
+    REFERENCE,
+    Store,
+    digest,
+    foreground,
+    frame_digest,
+    reference_of,
+    sampled,
+)
 from lfsr_lab.experiments.engine.timing import cpu_seconds
 from lfsr_lab.experiments.engine.truth import FLIP, RELMSE, SSIM, VERSION, Figures, Truth, errors
 

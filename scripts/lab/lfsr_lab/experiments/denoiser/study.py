@@ -23,8 +23,18 @@ from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.metrics.intervals import student_95
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
-from lfsr_lab.experiments.denoiser.measure import (METRICS, SETTINGS, Candidate, Place, Render, Scene, Settings,
-                                                   measure, places, read_settings,)
+from lfsr_lab.experiments.denoiser.measure import (
+    METRICS,
+    SETTINGS,
+    Candidate,
+    Place,
+    Render,
+    Scene,
+    Settings,
+    measure,
+    places,
+    read_settings,
+)
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store
 from lfsr_lab.experiments.engine.report import Environment, environment, markdown_table, number, write_text

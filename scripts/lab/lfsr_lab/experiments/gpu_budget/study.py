@@ -26,10 +26,28 @@ from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.averaging import read_low
 from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution
 from lfsr_lab.experiments.engine.renders import Store
-from lfsr_lab.experiments.engine.report import (UNKNOWN, Environment, environment, load_average, markdown_table,
-                                                write_report,)
-from lfsr_lab.experiments.gpu_budget.counts import (DENOISE, FRAME_MS, GPU, INTERPOLATE, SHOW, TRACE, WEAVE, Work,
-                                                    fitting_samples, frame_ms, frame_work, read_gpus,)
+from lfsr_lab.experiments.engine.report import (
+    UNKNOWN,
+    Environment,
+    environment,
+    load_average,
+    markdown_table,
+    write_report,
+)
+from lfsr_lab.experiments.gpu_budget.counts import (
+    DENOISE,
+    FRAME_MS,
+    GPU,
+    INTERPOLATE,
+    SHOW,
+    TRACE,
+    WEAVE,
+    Work,
+    fitting_samples,
+    frame_ms,
+    frame_work,
+    read_gpus,
+)
 
 REPEATS = 7
 

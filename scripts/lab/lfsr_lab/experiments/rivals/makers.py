@@ -12,8 +12,18 @@ import torch.nn.functional as nn
 from torch import Tensor
 
 from lfsr_core.base.arrays import Array
-from lfsr_lab.experiments.rivals.matlab import (cells, convolution, convolution_4d, from_ycbcr, linear, parameters,
-                                                resized, tensor, to_ycbcr, transposed,)
+from lfsr_lab.experiments.rivals.matlab import (
+    cells,
+    convolution,
+    convolution_4d,
+    from_ycbcr,
+    linear,
+    parameters,
+    resized,
+    tensor,
+    to_ycbcr,
+    transposed,
+)
 from lfsr_lab.experiments.rivals.sheared_epi import ShearedEPI
 
 ANGULAR_RATIO = 7

@@ -24,8 +24,18 @@ from lfsr_lab.experiments.engine.report import write_text
 from lfsr_lab.experiments.engine.truth import Truth
 from lfsr_lab.experiments.rivals.captured import OURS, TASKS, Likeness, Task, likeness, made, methods, read_field
 from lfsr_lab.experiments.rivals.captured import VERSION as CAPTURED_VERSION
-from lfsr_lab.experiments.rivals.measure import (SCENES, VERSION, VIEWS, Row, View, denoisers, fill, folder_of, measure,
-                                                 place,)
+from lfsr_lab.experiments.rivals.measure import (
+    SCENES,
+    VERSION,
+    VIEWS,
+    Row,
+    View,
+    denoisers,
+    fill,
+    folder_of,
+    measure,
+    place,
+)
 from lfsr_lab.experiments.rivals.page import markdown, record
 
 RECORD = "rivals.json"

@@ -14,8 +14,20 @@ from lfsr_lab.experiments.engine import plots, timing
 from lfsr_lab.experiments.engine.records import Cell
 from lfsr_lab.experiments.engine.renders import foreground
 from lfsr_lab.experiments.seed_paper import measuring, renders, weights
-from lfsr_lab.experiments.seed_paper.figure import (SECONDS, SINGLE_RUN, Difference, Figure, Row, Rows, gains, overall,
-                                                    paired, scenes_of, sentence, single_runs,)
+from lfsr_lab.experiments.seed_paper.figure import (
+    SECONDS,
+    SINGLE_RUN,
+    Difference,
+    Figure,
+    Row,
+    Rows,
+    gains,
+    overall,
+    paired,
+    scenes_of,
+    sentence,
+    single_runs,
+)
 from lfsr_lab.experiments.seed_paper.measuring import FRAME_COLUMNS, RENDER, TOTAL
 from lfsr_lab.experiments.seed_paper.renders import SCALE, Settings, View
 from lfsr_lab.networks import comparators

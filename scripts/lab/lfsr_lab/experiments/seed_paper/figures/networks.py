@@ -10,8 +10,20 @@ from pathlib import Path
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.records import Cell
 from lfsr_lab.experiments.seed_paper import weights
-from lfsr_lab.experiments.seed_paper.figure import (ACCURACY, SECONDS, Difference, Figure, Row, Rows, gains, overall,
-                                                    paired, scenes_of, sentence, span,)
+from lfsr_lab.experiments.seed_paper.figure import (
+    ACCURACY,
+    SECONDS,
+    Difference,
+    Figure,
+    Row,
+    Rows,
+    gains,
+    overall,
+    paired,
+    scenes_of,
+    sentence,
+    span,
+)
 from lfsr_lab.experiments.seed_paper.measuring import TIME_COLUMNS, accuracy, accuracy_cell, network_times
 from lfsr_lab.experiments.seed_paper.renders import SCALE, Settings, View
 from lfsr_lab.networks import comparators
