@@ -22,12 +22,13 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from lfsr_core.base.errors import MOST_CHARACTERS, LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import to_data
 from lfsr_core.calibration.photo import read_photograph
 from lfsr_core.calibration.visual_json import profile_from_calibration, read_calibration
 from lfsr_core.exports import films
 from lfsr_core.exports.quilt import quilt_of, read_film, read_quilt
-from lfsr_core.frames.finish import Report, read_report, write_report
+from lfsr_core.frames.finish import Finish, Report, read_report, write_report
 from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import FRAME_FILE, REPORT_FILE, read_frame
 from lfsr_core.frames.low_res import low_resolution
@@ -94,7 +95,8 @@ def damaged_bytes(draw: st.DrawFn, good: bytes) -> bytes:
 def render_files(folder: Path) -> dict[str, bytes]:
     """What a rendered and finished folder holds, by name."""
     write_render(folder)
-    write_report(folder, Report("bilinear", "mini", 2, 16, {"render": 1.0}, None, 0.3, ("a",), {"ssim_eia": 0.5}))
+    write_report(folder, Report(Finish("bilinear"), "bilinear", "mini", 2, 16, {"render": 1.0}, None, 0.3,
+                                (Notice("subject-unseen", {"background": 0.0}),), {"ssim_eia": 0.5}))
     write_mask(folder / "mask.png", read_layers(folder / "lr_eia.exr")["color"][..., 3] > 0)
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 

@@ -26,6 +26,7 @@ from lfsr_core.tasks.runner import TASKS
 from tests.support import panel
 
 ROOT = Path(__file__).resolve().parents[3]
+LONG = 100_000  # samples per pixel, so that a render is under way when it is stopped
 
 
 @pytest.fixture
@@ -51,6 +52,7 @@ def children(pid: int) -> list[int]:
 
 
 def test_cancel_while_rendering_is_quick_and_leaves_nothing(scene):
+    scene.lfsr.samples = LONG
     before = panel.snapshot(scene)
     task = start(scene, lambda _: pytest.fail("it finished"))
     panel.wait_for(lambda: task.progress.stage == "render")
@@ -86,6 +88,7 @@ def test_a_process_that_dies_is_reported(scene):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks for the process's own")
 def test_a_killed_blender_is_one_sentence(scene):
+    scene.lfsr.samples = LONG
     task = start(scene)
     panel.wait_for(lambda: task.progress.stage == "render")
     for pid in children(task.child.pid):
@@ -96,6 +99,7 @@ def test_a_killed_blender_is_one_sentence(scene):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks for the process's own")
 def test_the_processes_leave_cores_to_others_and_end_with_this_one(scene):
+    scene.lfsr.samples = LONG
     task = start(scene)
     panel.wait_for(lambda: task.progress.stage == "render")
     (blender,) = children(task.child.pid)

@@ -8,6 +8,7 @@ import pytest
 
 from blender_addon.render import cycles, frame_folder, light_measurement, world
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame
 from lfsr_core.frames.low_res import read_world
 from lfsr_core.images import exr
@@ -123,7 +124,7 @@ def test_what_no_direction_says_is_rendered_with_the_subject(lit_box, tmp_path, 
     said = []
     with frame_folder.prepared(lit_box, make_request(str(tmp_path), MINI), said.append) as frame:
         assert frame.world_visible and not frame.world_apart
-    assert "so the world is rendered with the subject" in said[-1]
+    assert "so the world is rendered with the subject" in sentence(said[-1])
 
 
 def test_references_and_hidden_worlds_have_none_apart(lit_box, tmp_path):

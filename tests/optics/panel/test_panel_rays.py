@@ -81,5 +81,5 @@ def test_points_on_a_lens_are_even_around_its_middle_and_its_own(name):
 
 
 def test_a_display_without_a_sheet_has_no_rays_of_its_own():
-    with pytest.raises(LfsrError, match="'mini' has no lens sheet.*leave out --layout subpixels"):
+    with pytest.raises(LfsrError, match="'mini' has no lens sheet"):
         PanelLayout(MINI, CameraArray.for_display(MINI, 2.0))
