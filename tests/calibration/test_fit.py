@@ -17,8 +17,8 @@ from lfsr_core.calibration.prediction import comparison
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.sheet import Lattice
-from lfsr_lab.experiments.photographs.camera import Shot, photograph
 from tests.support.panels import SHEETS
+from tests.support.telephone import Shot, photograph
 
 PIXEL = 0.25
 LARGE = {"format": 2, "name": "large", "panel_pixels": [960, 540], "panel_mm": [240.0, 135.0],

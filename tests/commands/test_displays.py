@@ -11,12 +11,12 @@ from lfsr_core.exports import loopback
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.profile_file import write_profile
-from lfsr_lab.experiments.photographs.camera import jpeg
 from tests.calibration.test_fit import CYLINDERS, GOOD
 from tests.calibration.test_visual_json import CELLS, NEW, new_unit, written
 from tests.support.bridge import device
 from tests.support.bridge_displays import DEVICES, PORTRAIT
 from tests.support.synthetic import fails
+from tests.support.telephone import jpeg
 
 
 def test_a_calibration_becomes_a_profile(tmp_path, capsys):

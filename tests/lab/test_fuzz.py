@@ -31,7 +31,6 @@ from lfsr_core.optics.profile_file import write_profile
 from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.pipeline.parts import INPUTS_FILE, remove_others
 from lfsr_core.reconstruct import denoiser, tza
-from lfsr_lab.experiments.photographs.camera import photograph
 from lfsr_lab.experiments.sweeps.sweeps import choose_sweeps, label
 from lfsr_lab.networks import comparators
 from lfsr_lab.networks.methods import LabMethod
@@ -46,6 +45,7 @@ from tests.support.noisy_renders import JOB, render
 from tests.support.played_blender import played_blender
 from tests.support.requests import changed
 from tests.support.synthetic import MINI, light_field, write_apart, write_reference, write_render
+from tests.support.telephone import photograph
 from tests.support.training_photographs import write_photographs
 
 SEED, MANY = 29, 10_000

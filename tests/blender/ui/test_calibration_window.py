@@ -8,8 +8,8 @@ import pytest
 from lfsr_core.calibration.patterns import pattern
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.profile_file import write_profile
-from lfsr_lab.experiments.photographs.camera import jpeg
 from tests.calibration.test_fit import CYLINDERS, GOOD, PLACE
+from tests.support.telephone import jpeg
 from tests.support.window.desktop import NEEDS_WINDOW, blender_window
 
 pytestmark = NEEDS_WINDOW

@@ -15,8 +15,6 @@ SCALES = (2, 3, 4, 8)  # that every architecture has
 
 @dataclasses.dataclass(frozen=True)
 class Comparator:
-    """A network trained on photographs, with how to build it."""
-
     description: str  # one line
     weights: Mapping[int, Path]  # files, by the scale that each was trained for
     architecture: str  # its class, a name of ``networks.ARCHITECTURES``

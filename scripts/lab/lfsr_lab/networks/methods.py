@@ -40,7 +40,6 @@ class LabMethod:
 
     @property
     def comparator(self) -> Comparator | None:
-        """The network, None where there is none."""
         return NETWORKS[self.network] if self.network else None
 
     @property

@@ -78,7 +78,6 @@ class PaperGenerator(nn.Module):
         self.up = aligned_deconvolution(16, 3, 9, scale)
 
     def forward(self, x: Tensor) -> Tensor:
-        """sRGB values (N, 3, h, w) -> (N, 3, s·h, s·w)."""
         return self.up(self.body(x))
 
 
@@ -91,7 +90,6 @@ class ESPCN(nn.Module):
                                   nn.Conv2d(32, 3 * scale**2, 3, padding=1), nn.PixelShuffle(scale),)
 
     def forward(self, x: Tensor) -> Tensor:
-        """sRGB values (N, 3, h, w) -> (N, 3, s·h, s·w)."""
         return self.body(x)
 
 
@@ -119,7 +117,6 @@ class FSRCNN(nn.Module):
                 nn.init.zeros_(values)
 
     def forward(self, x: Tensor) -> Tensor:
-        """sRGB values (N, 3, h, w) -> (N, 3, s·h, s·w)."""
         return self.up(self.body(x))
 
 ARCHITECTURES: dict[str, Callable[..., nn.Module]] = {
@@ -148,7 +145,6 @@ def load(name: str, scale: int, weights: str | Path | None = None) -> nn.Module:
 
 
 def parameters(network: nn.Module) -> int:
-    """Number of trained values."""
     return sum(parameter.numel() for parameter in network.parameters())
 
 

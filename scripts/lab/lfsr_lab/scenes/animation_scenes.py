@@ -115,7 +115,6 @@ def limb(parent: bpy.types.Object, material: bpy.types.Material, at: tuple[float
 
 
 def frames_of(stage: Stage) -> range:
-    """The numbers of the frames."""
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 1, stage.frames
     return range(1, stage.frames + 1)

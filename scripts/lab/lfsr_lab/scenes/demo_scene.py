@@ -22,7 +22,6 @@ from lfsr_lab.scenes.shared.script import save
 
 
 def main(path: Path) -> None:
-    """Write the scene to ``path``."""
     demo_camera()
     things()
     world("interior", 1.0)

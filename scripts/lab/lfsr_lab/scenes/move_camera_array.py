@@ -30,7 +30,6 @@ from lfsr_lab.scenes.shared.script import script_arguments
 
 
 def main(job: dict[str, Any]) -> None:
-    """Open, move, save."""
     scene, fraction = open_scene(job["scene"]), job["share"]
     profile = DisplayProfile.from_dict(job["display"])
     array, matrix = placement.place_array(scene, profile, find_subject(scene))

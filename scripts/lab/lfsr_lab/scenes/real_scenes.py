@@ -37,8 +37,6 @@ Color = tuple[float, float, float]
 
 
 class Scenes:
-    """Builders of the scenes, by name."""
-
     def __init__(self, models: Path, photographs: Path) -> None:
         self.models, self.photographs = models, photographs
 
@@ -244,7 +242,6 @@ def corners(things: Sequence[bpy.types.Object], outside: float = 0.5) -> tuple[A
 
 
 def shader(material: bpy.types.Material) -> bpy.types.Node:
-    """Return the Principled shader of a material."""
     return next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
 
 
@@ -261,7 +258,6 @@ NAMES = ("figures", "interior", "frosted", "lanterns", "brainstem", "damaged", "
 
 
 def main(models: Path, photographs: Path, folder: Path) -> None:
-    """Write every scene into ``folder``."""
     folder.mkdir(parents=True, exist_ok=True)
     for number, name in enumerate(NAMES):
         demo_camera()

@@ -34,7 +34,6 @@ SETTINGS_FILE = "settings.json"
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """Return the options of the command line."""
     parser = argparse.ArgumentParser(prog="training_scenes.py", description=__doc__.splitlines()[0])
     parser.add_argument("--output", type=Path, help="folder of the scene files")
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
@@ -123,7 +122,6 @@ def attempt(recipe: Recipe, index: int) -> bool:
 
 
 def main() -> int:
-    """Exit code: 0, 1 where scenes failed, 2 on bad input."""
     try:
         return 1 if run(parse(script_arguments())) else 0
     except LfsrError as error:

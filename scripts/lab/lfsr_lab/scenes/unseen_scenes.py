@@ -169,7 +169,6 @@ BUILDERS = {"glitter": glitter, "cloth": cloth, "room": room, "city": city, "dee
 
 
 def main(folder: Path) -> None:
-    """Write every scene into ``folder``."""
     folder.mkdir(parents=True, exist_ok=True)
     for number, (name, build) in enumerate(BUILDERS.items()):
         demo_camera()

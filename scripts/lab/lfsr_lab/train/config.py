@@ -128,7 +128,6 @@ def _checked(values: dict[str, Any], name: str) -> TrainConfig | DenoiserConfig:
 
 
 def builtin_configs() -> list[str]:
-    """Names of the configs that ship with the package."""
     return sorted(path.stem for path in CONFIG_FOLDER.glob("*.toml"))
 
 

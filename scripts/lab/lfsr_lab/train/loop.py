@@ -57,7 +57,6 @@ class TrainLog:
         self.lines: list[dict[str, Any]] = kept
 
     def add(self, line: dict[str, Any]) -> None:
-        """Append one epoch."""
         self.lines.append(line)
         with system_errors(self._path), self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(line) + "\n")
@@ -103,8 +102,6 @@ CHECKPOINT, CHECKPOINT_VERSION = "checkpoint.pt", 1
 
 
 class Task(Protocol):
-    """What is trained."""
-
     def identity(self) -> dict[str, Any]:
         """Plain values that must be equal for a run to be resumed."""
 
@@ -135,8 +132,6 @@ class Schedule:
 
 @dataclass
 class Position:
-    """Where a run stands."""
-
     epoch: int = 0  # finished epochs
     step: int = 0  # finished steps of the next epoch
     sums: dict[str, Any] = field(default_factory=dict)  # losses summed over those steps
@@ -145,8 +140,6 @@ class Position:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended."""
-
     epochs: int
     stopped: bool  # a signal ended the run before its last epoch
     seconds: float  # over all resumed parts

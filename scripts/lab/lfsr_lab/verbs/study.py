@@ -19,13 +19,11 @@ STUDIES = {  # module, and what it measures
     "stress": ("sweeps.study", "scenes that grow harder, every method to its breaking point"),
     "displays": ("displays.study", "three kinds of displays, this way of making their images against the usual one"),
     "animations": ("animations.study", "temporal averaging: accuracy, flicker and lag"),
-    "animation-cost": ("animations.cost", "what an animation costs beside Blender's own"),
     "denoiser": ("denoiser.study", "denoisers on known and unprepared scenes"),
     "scales": ("scales.study", "fit the model of `--scale auto`, and show what its choices lose"),
     "plans": ("plan_validation.study", "plans of `lfsr plan` against whole renders"),
     "stress-plans": ("sweeps.plans", "plans where methods break"),
     "rivals": ("rivals.study", "methods of others with their own weights"),
-    "photographs": ("photographs.study", "calibration from simulated photographs"),
     "gpu-budget": ("gpu_budget.study", "what a frame at 8K asks of a GPU"),
     "paper": ("seed_paper.study", "the figures of the paper behind the method"),
     "report": ("document.study", "every study, as one report with a manifest"),
@@ -33,7 +31,6 @@ STUDIES = {  # module, and what it measures
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The study's name, then its own arguments."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     width = max(map(len, STUDIES))
     parser.epilog = "\n".join(["studies:", *(f"  {name:{width}}  {text}" for name, (_, text) in STUDIES.items())])

@@ -15,7 +15,6 @@ HELP = "train a network as a TOML config says"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this verb."""
     parser.add_argument("config", metavar="CONFIG", help="TOML file, or a built-in name such as paper-short")
     parser.add_argument("--output", default=None, help="folder for weights, log, curves and checkpoint "
                                                        "(default: out/train/CONFIG)")

@@ -10,9 +10,9 @@ from lfsr_core.calibration.patterns import pattern
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.profile_file import write_profile
-from lfsr_lab.experiments.photographs.camera import jpeg
 from tests.calibration.test_fit import CYLINDERS, GOOD, PLACE
 from tests.support import panel
+from tests.support.telephone import jpeg
 
 
 @pytest.fixture(scope="module")

@@ -135,22 +135,18 @@ WAYS = (FIXED_ALONE, ALONE, AVERAGED)
 
 
 def build_scenes(store: Store, settings: Settings) -> None:
-    """Write the scene files that are missing."""
     store.build("animation_scenes.py", {store.folder / name / SCENE_FILE: {"name": name} for name in NAMES},
                 display=settings.display.to_dict(), scale=SCENE_SCALE, frames=settings.frames)
 
 
 @dataclasses.dataclass(frozen=True)
 class Animation:
-    """One animation, to be finished in any way."""
-
     store: Store
     settings: Settings
     name: str  # of NAMES
 
     @property
     def folder(self) -> Path:
-        """Folder of its scene and renders."""
         return self.store.folder / self.name
 
     def cells(self) -> Iterator[tuple[Way, int, Cell[Motion]]]:
@@ -170,7 +166,6 @@ class Animation:
         return [self._job(folder, number, seed(number), spp) for number in range(1, self.settings.frames + 1)]
 
     def references(self) -> list[Request]:
-        """Return the references of all frames."""
         settings, folder = self.settings, self.folder / REFERENCE
         return [reference_of(job, settings.reference_samples, frame_folder(folder, number),
                              lens_list=settings.lens_list) for number, job in enumerate(self.low(CHANGING, 1), start=1)]
@@ -182,7 +177,6 @@ class Animation:
 
     @functools.cached_property
     def truths(self) -> list[Truth]:
-        """The references of all frames."""
         return [Truth(Path(job.output)) for job in self.references()]
 
     def _measure(self, way: Way, jobs: Sequence[Request]) -> Motion:
@@ -194,7 +188,6 @@ NEEDS_OUTPUT = False  # with --cost
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this study."""
     parser.add_argument("--cost", metavar="NAME", help="display on which to measure only what averaging costs")
     parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES, help="default: all")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of renders, default: %(default)s")
@@ -245,8 +238,6 @@ class Found:
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """All of them, and what they were measured with."""
-
     settings: Settings
     environment: Environment
     command: str
@@ -254,7 +245,6 @@ class Report:
 
 
 def markdown(found: Sequence[Found]) -> str:
-    """Return a table per animation."""
     lines: list[str] = []
     for name in dict.fromkeys(each.animation for each in found):
         rows = [(each.way, each.samples, f"{each.figures.ssim:.4f}", f"{each.figures.flicker:.2f}",

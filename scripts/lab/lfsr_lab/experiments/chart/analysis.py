@@ -34,8 +34,6 @@ Key = tuple[Role, str]  # role and method of a curve
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ChartSettings:
-    """The settings that decide a chart's figures."""
-
     display: str  # its name or file
     scale: int  # of the low-resolution renders
     spps: tuple[int, ...]  # samples per pixel of each low-resolution render
@@ -64,8 +62,6 @@ class Measured:
 
 @dataclasses.dataclass(frozen=True)
 class Times:
-    """Seconds of one render and method."""
-
     render_seconds: tuple[float, ...]  # of every run of the render
     second_stage_seconds: tuple[float, ...]  # of every run, from reading the render to the written PNG
     load_average: float | None  # of the machine, before the runs of the second stage
@@ -78,8 +74,6 @@ class Times:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Cell:
-    """One render with all its seeds, finished by one method."""
-
     role: Role  # what the render is for
     method: str  # what finished it
     scale: int  # of the render
@@ -91,12 +85,10 @@ class Cell:
 
     @property
     def key(self) -> Key:
-        """The curve it belongs to."""
         return self.role, self.method
 
     @property
     def rays(self) -> float:
-        """Rays per finished pixel."""
         return self.samples / self.scale**2
 
 
@@ -123,7 +115,6 @@ class Duel:
 
     @property
     def key(self) -> Key:
-        """The other's curve."""
         return self.role, self.method
 
 
@@ -154,8 +145,6 @@ class MeanDuel:
 
 @dataclasses.dataclass(frozen=True)
 class UsedReference:
-    """The reference of a scene."""
-
     samples: int  # per pixel, both halves together
     lenses: int | None  # how many it shows, None for all
     counted: int  # lenses with foreground, over which errors are means
@@ -165,8 +154,6 @@ class UsedReference:
 
 @dataclasses.dataclass(frozen=True)
 class SceneRow:
-    """One scene."""
-
     scene: str  # its name
     blender: str  # version that rendered the reference
     reference: UsedReference
@@ -177,8 +164,6 @@ class SceneRow:
 
 @dataclasses.dataclass(frozen=True)
 class Chart:
-    """A whole chart."""
-
     format: int
     settings: ChartSettings
     environment: Environment
@@ -187,7 +172,6 @@ class Chart:
 
     @property
     def timed(self) -> bool:
-        """Whether every cell has times."""
         return all(cell.seconds for scene in self.scenes for cell in scene.cells)
 
 
@@ -228,7 +212,6 @@ class Point:
 
     @property
     def key(self) -> Key:
-        """The curve it belongs to."""
         return self.role, self.method
 
     @property
@@ -247,7 +230,6 @@ class Point:
 
 
 def _estimate(drawn: Array, spread: float | None = None) -> Estimate:
-    """Return the value of draws (1 + DRAWS,) with its interval."""
     mean, (low, high) = float(drawn[0]), interval(drawn[1:])
     return Estimate(short(mean), short(low), short(high), spread and short(spread))
 
@@ -322,7 +304,6 @@ def _duel(point: Point, mine: Sequence[Point], measure: str) -> Duel:
 
 
 def reaches(points: Sequence[Point], fixed: Mapping[str, float]) -> list[Reach]:
-    """Return what every method needs to reach fixed errors."""
     found = []
     for (measure, error), ((role, method), curve) in itertools.product(fixed.items(), curves(points).items()):
         rays, errors, seconds = stack(curve, measure)

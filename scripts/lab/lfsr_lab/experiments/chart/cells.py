@@ -49,7 +49,6 @@ class Settings(ChartSettings, StudySettings):
 
     @property
     def profile(self) -> DisplayProfile:
-        """The display."""
         return load_display(self.display)
 
     @property
@@ -59,7 +58,6 @@ class Settings(ChartSettings, StudySettings):
 
     @property
     def figures(self) -> ChartSettings:
-        """Return the part that decides the figures."""
         return ChartSettings(**{field.name: getattr(self, field.name) for field in dataclasses.fields(ChartSettings)})
 
 
@@ -85,19 +83,15 @@ CELL_FOLDER, TIMES_FOLDER = "cells", "times"
 
 @dataclasses.dataclass(frozen=True)
 class Render:
-    """A render of a scene with all its seeds."""
-
     role: Role
     jobs: tuple[Request, ...]  # one per seed, that of seed 0 first
 
     @property
     def folders(self) -> list[Path]:
-        """Folder of each seed."""
         return [Path(job.output) for job in self.jobs]
 
     @property
     def name(self) -> str:
-        """Name in records."""
         return self.folders[0].name
 
     def facts(self, name: str) -> Fingerprint:
@@ -116,7 +110,6 @@ def renders(settings: Settings, scene: Path) -> Iterator[Render]:
 
 
 def job(settings: Settings, scene: Path, scale: int, samples: int, seed: int = 0) -> Request:
-    """Return one render of a scene."""
     name = f"s{scale}-spp{samples}" + (f"-seed{seed}" if seed else "")
     return Request(output=str(settings.output / scene.stem / name), display=settings.profile,
                    scene=str(scene.resolve()), sampling=Sampling(scale, samples), device=settings.device, seed=seed,

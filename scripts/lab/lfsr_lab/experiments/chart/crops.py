@@ -43,8 +43,6 @@ class Row:
 
 @dataclasses.dataclass(frozen=True)
 class Crops:
-    """All rows."""
-
     rows: tuple[Row, ...]
 
     def png(self) -> bytes:

@@ -17,8 +17,6 @@ SHORT = {name: LABELS[name].partition(",")[0] for name in (*MEASURES, *PARTS)}
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """One table."""
-
     title: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -26,12 +24,10 @@ class Table:
 
     @property
     def left(self) -> list[int]:
-        """Numbers of the columns of text."""
         return [index for index, letter in enumerate(self.align) if letter == "l"]
 
 
 def label(key: Key, ours: str) -> str:
-    """Return a method as the page calls it."""
     role, name = key
     if role == DIRECT:
         return "every view" if name == "none" else f"every view +{name.upper() if name == RIVAL[1] else name}"
@@ -96,14 +92,12 @@ def is_lost(duel: Duel) -> bool:
 
 
 def markdown(chart: Chart) -> str:
-    """Return the headline and all tables as Markdown."""
     tables = [equal_error(chart), *duels(chart), *fixed(chart), noise(chart), *numbers(chart)]
     parts = [[f"## {table.title}", "", *markdown_table(table.header, table.rows, table.align), ""] for table in tables]
     return "\n".join([headline(chart), "", *(line for part in parts for line in part)])
 
 
 def cost_name(chart: Chart) -> str:
-    """Return what the tables' costs are."""
     return "seconds" if chart.timed else "rays"
 
 
@@ -151,7 +145,6 @@ def fixed(chart: Chart) -> Iterator[Table]:
 
 
 def noise(chart: Chart) -> Table:
-    """Return the references and their own noise."""
     return Table("References", ("scene", "samples", "lenses", "with foreground", *(SHORT[name] for name in MEASURES)), [
         [scene.scene, str(scene.reference.samples), "all" if scene.reference.lenses is None
          else str(scene.reference.lenses), str(scene.reference.counted),
@@ -176,6 +169,5 @@ def _numbers(title: str, cells: Sequence[Cell], chart: Chart) -> Table:
 
 
 def _error(error: Estimate) -> str:
-    """Return an error with its interval, and its spread over seeds."""
     spread = f" ± {error.spread:.1g}" if error.spread else ""
     return f"{error.mean:.3g} ({error.low:.3g}–{error.high:.3g}){spread}"

@@ -26,8 +26,6 @@ COSTS = {True: "render and second stage, end to end →", False: "rays per finis
 
 @dataclasses.dataclass(frozen=True)
 class Panel:
-    """What one panel shows."""
-
     title: str
     cells: Sequence[Cell]
     noise: Mapping[str, float]  # of the reference, by error
@@ -36,17 +34,14 @@ class Panel:
 
     @property
     def parts(self) -> bool:
-        """Whether bias and variance are shown."""
         return self.measure in PARTS
 
     @property
     def error(self) -> str:
-        """What its vertical axis shows."""
         return "bias² and variance, parts of relMSE" if self.parts else LABELS[self.measure]
 
     @property
     def words(self) -> str:
-        """What it shows, in words."""
         return f"{self.title}: {self.error}, by {'time' if self.seconds else 'rays'}"
 
 
@@ -78,7 +73,6 @@ def styles(chart: Chart) -> dict[Key, tuple[str, str]]:
 
 
 def image(chart: Chart) -> str:
-    """Return the overview as one SVG."""
     environment, settings = chart.environment, chart.settings
     return drawn(chart, overview(chart), f"Ours: {settings.ours}. Numbers: samples per pixel. Bars: 95 % intervals "
                  f"over seeds and lenses. Display {settings.display}, {settings.seeds} "
@@ -96,7 +90,6 @@ def page(chart: Chart, crops: Crops | None) -> str:
 
 
 def drawn(chart: Chart, shown: Sequence[Panel], footer: str = "") -> str:
-    """Return panels as one SVG."""
     figure, grid = plots.panel_sheet(len(shown), footer=footer)
     for axes, panel in zip(grid, shown, strict=True):
         named = [curve for key, look in styles(chart).items() for curve in _curves(chart, panel, key, look)]

@@ -47,7 +47,6 @@ REFERENCE_SEED = 1000  # other noise than that of any render
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this study."""
     add = parser.add_argument
     add("scenes", nargs="+", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     add("--display", default="small", metavar="NAME|FILE.toml", help="default: %(default)s")
@@ -129,8 +128,6 @@ def _check_renders(folder: Path, scene: Path) -> None:
 
 @dataclasses.dataclass
 class _Run:
-    """One run of a chart, and what it found so far."""
-
     settings: Settings
     store: Store
     steps: int  # how many there are
@@ -186,7 +183,6 @@ class _Run:
                            f"{job.sampling.samples} samples and {len(render.jobs)} seeds")
 
     def _methods(self, scene: Path, render: Render) -> Iterator[str]:
-        """Yield the methods that can finish a render."""
         settings, job = self.settings, render.jobs[0]
         for name in settings.direct_methods if render.role == DIRECT else settings.methods:
             self._begin(f"{scene.stem}: {name} at scale {job.sampling.scale}, {job.sampling.samples} samples")

@@ -55,7 +55,6 @@ class Candidate:
 
     @property
     def label(self) -> str:
-        """Its name in tables and files."""
         return self.name.text + (f"={self.weights.parent.name}-{self.weights.stem}" if self.weights else "")
 
     def at(self, frame: Frame) -> Candidate | None:
@@ -65,7 +64,6 @@ class Candidate:
         return self if self.name.works_at(frame.scale) else None
 
     def facts(self, render: Path, reference: Path) -> Fingerprint:
-        """Return what its figures depend on."""
         weights = {"file": digest(self.weights.read_bytes())} if self.weights else {}
         return {"version": VERSION, "render": frame_digest(render), "reference": frame_digest(reference),
                 "method": self.name.text, **method_facts(self.name.text), **weights}
@@ -99,8 +97,6 @@ BLOCK = 24  # lenses along each side that a reference shows where views differ a
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """One scene on one display."""
-
     name: str
     file: str  # below one of the folders of scenes
     group: str  # over which figures are averaged
@@ -111,22 +107,18 @@ class Scene:
 
     @property
     def profile(self) -> DisplayProfile:
-        """Its display."""
         name, _, width = self.display.rpartition("-")
         return kind(name, int(width)) if name in FULL_WIDTH else load_display(self.display)
 
 
 @dataclasses.dataclass(frozen=True, order=True)
 class Render:
-    """One low-resolution render."""
-
     scale: int
     samples: int
     seed: int = 0
 
     @property
     def folder(self) -> str:
-        """Its folder's name."""
         return f"s{self.scale}-spp{self.samples}-seed{self.seed}"
 
 
@@ -152,25 +144,20 @@ class Settings(StudySettings):
                 for rays, samples_at in self.rays.items()}
 
     def renders(self, scene: Scene) -> list[Render]:
-        """Return every render of a scene, those at its scale first."""
         return list(dict.fromkeys(itertools.chain(self.at_scale(scene), *self.at_rays(scene).values())))
 
 
 @dataclasses.dataclass(frozen=True)
 class Place:
-    """A scene's file, and its folder in the store."""
-
     store: Store
     scene: Scene
     file: Path
 
     @property
     def folder(self) -> Path:
-        """Folder of all its renders."""
         return self.store.folder / self.scene.name
 
     def job(self, render: Render) -> Request:
-        """Return the job of a render."""
         return Request(str(self.folder / render.folder), self.scene.profile, check_scene(self.file),
                        sampling=Sampling(render.scale, render.samples), seed=render.seed)
 
@@ -183,7 +170,6 @@ class Place:
         return dataclasses.replace(whole, lens_list=_block(self.store.rendered(base)))
 
     def fill(self, reference_samples: int, renders: Iterable[Render]) -> None:
-        """Render what is missing."""
         self.store.render_all([self.reference(reference_samples), *map(self.job, renders)])
 
 
@@ -196,7 +182,6 @@ def _block(folder: Path) -> tuple[tuple[int, int], ...]:
 
 
 def read_settings(path: Path) -> Settings:
-    """Read settings; LfsrError where a value is wrong."""
     try:
         return from_data(Settings, tomllib.loads(path.read_text(encoding="utf-8")), str(path))
     except (OSError, tomllib.TOMLDecodeError) as error:

@@ -47,8 +47,6 @@ Rows = list[tuple[str, list[Scene]]]
 
 @dataclasses.dataclass(frozen=True)
 class Page:
-    """Everything measured of some methods."""
-
     settings: Settings
     scenes: Sequence[Scene]
     methods: Sequence[str]
@@ -56,7 +54,6 @@ class Page:
     found: Mapping[Key, Figures]
 
     def markdown(self) -> str:
-        """Return all tables."""
         lines, judged = ["# Denoisers"], [name for name in self.methods if name not in self.baselines]
         for samples in sorted({*self.settings.repeated, *self.settings.once}):
             scenes = [scene for scene in self.scenes
@@ -75,7 +72,6 @@ class Page:
         return "\n".join(lines) + "\n"
 
     def _accuracy(self, samples: int, rows: Rows) -> list[str]:
-        """Return the table of all metrics."""
         def cell(scenes: list[Scene], name: str) -> str:
             means = [[self._values(scene, samples, name, metric).mean() for metric in (*METRICS, "cpu_seconds")]
                      for scene in scenes if self._values(scene, samples, name).size]
@@ -129,7 +125,6 @@ def difference(values: Array, others: Array) -> Estimate:
 
 
 def mean(estimates: Sequence[Estimate]) -> Estimate:
-    """Return the mean over these very scenes."""
     values, halves = np.transpose(estimates)
     return float(values.mean()), math.sqrt(halves @ halves) / len(halves)
 
@@ -156,8 +151,6 @@ class Mean:
 
 @dataclasses.dataclass(frozen=True)
 class Record:
-    """Everything that was measured."""
-
     environment: Environment | None
     means: tuple[Mean, ...]
 
@@ -175,7 +168,6 @@ class Record:
 
 
 def means(scenes: Sequence[Scene], found: Mapping[Key, Figures]) -> Iterator[Mean]:
-    """Yield the means of what was found."""
     known = {scene.name: scene for scene in scenes}
     for (name, render, method), figures in found.items():
         scene = known[name]
@@ -202,7 +194,6 @@ CELLS = "cells"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this study."""
     add = parser.add_argument
     add("scenes", type=Path, nargs="+", metavar="SCENES", help="folders with the files of the settings")
     add("-m", "--method", action="append", default=[], metavar="METHOD[=WEIGHTS]", help="to judge, any number of times")

@@ -43,8 +43,6 @@ GUIDES = ("albedo", "normal")
 
 @dataclasses.dataclass(frozen=True)
 class Way:
-    """How a panel's image is made."""
-
     name: str
     folder: str  # of its renders, without samples
     layout: str  # how it is rendered, see frames.frame.LAYOUTS
@@ -133,8 +131,6 @@ Halves = tuple[Array, Array]
 
 @dataclasses.dataclass(frozen=True)
 class Accuracy:
-    """How near a panel's image comes to the reference's."""
-
     psnr_panel: float | None  # decibels over all subpixels; None: below what the reference's noise lets see
     psnr_eye: float | None  # of what eyes see
     ssim_eye: float
@@ -142,8 +138,6 @@ class Accuracy:
 
 @dataclasses.dataclass(frozen=True)
 class Point:
-    """One way at one number of samples."""
-
     way: str
     samples: int
     render_cpu: float  # seconds on all cores beyond opening the scene
@@ -155,14 +149,11 @@ class Point:
 
     @property
     def cpu(self) -> float:
-        """Seconds in all."""
         return self.render_cpu + self.finish_cpu
 
 
 @dataclasses.dataclass(frozen=True)
 class Target:
-    """What panels are compared with."""
-
     profile: DisplayProfile
     panels: Halves  # (H, W, 3) uint8
     eyes: tuple[Halves, ...]  # what eyes see of them, in [0, 1]
@@ -221,8 +212,6 @@ class Cost:
 
 @dataclasses.dataclass(frozen=True)
 class Renders:
-    """The renders of one scene on one kind of display."""
-
     store: Store
     scene: Path
     display: DisplayProfile
@@ -230,7 +219,6 @@ class Renders:
 
     @property
     def folder(self) -> Path:
-        """Where they are."""
         return self.store.folder / self.scene.stem / self.display.name
 
     @property

@@ -26,8 +26,6 @@ OTHERS = (EVERY_VIEW, SUBPIXEL, USUAL)
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """One scene on one display."""
-
     scene: str
     kind: str
     panel_pixels: tuple[int, int]
@@ -41,8 +39,6 @@ class Row:
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """Everything that was measured."""
-
     width: int | None  # pixels of cut-down panels, None for the real ones
     reference_spp: int
     environment: Environment
@@ -50,7 +46,6 @@ class Comparison:
 
 
 def markdown(found: Comparison) -> str:
-    """Return tables of every point and of what they say."""
     lines = [f"{found.environment.machine}; {found.environment.packages}.", "",
              *(f"- {way.name}: {way.meaning}." for way in WAYS), "",
              *markdown_table(("scene", "display", "reference", "against", "at samples", "its SSIM eye", "its CPU s",

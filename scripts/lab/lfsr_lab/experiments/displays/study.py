@@ -28,7 +28,6 @@ VERSION = 2  # of how points are measured
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this study."""
     add = parser.add_argument
     add("scenes", type=Path, nargs="+", metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     add("--width", type=int, metavar="PIXELS", help="of cut-down panels, a multiple of 192; default: the real panels")

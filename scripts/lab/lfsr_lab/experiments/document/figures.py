@@ -38,8 +38,6 @@ IMAGE = re.compile(r"!\[[^]]*\]\([^)]*?([\w-]+\.png)\)")
 
 @dataclasses.dataclass(frozen=True)
 class Drawn:
-    """One figure of the document."""
-
     title: str
     image: Markup  # SVG, or an image in itself
     words: str = ""  # below it
@@ -53,8 +51,6 @@ class Drawn:
 
 @dataclasses.dataclass(frozen=True)
 class Shown:
-    """What the document shows of one record."""
-
     figures: list[Drawn]
     tables: str  # Markdown of all values, or HTML made of it
     lead: str = ""  # Markdown of what is said first, or HTML made of it
@@ -152,7 +148,6 @@ def _page(record: Path, images: Path) -> Shown:
 
 
 def embedded(file: Path, title: str) -> Markup:
-    """Return a PNG file as a part of a page."""
     from markupsafe import Markup
 
     data = base64.b64encode(file.read_bytes()).decode()

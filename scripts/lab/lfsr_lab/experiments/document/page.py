@@ -27,8 +27,6 @@ SECONDS_TO_PRINT = 180
 
 @dataclasses.dataclass(frozen=True)
 class Section:
-    """One record in the document."""
-
     id: str
     study: Study
     of: Kept

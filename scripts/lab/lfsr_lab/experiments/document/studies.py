@@ -56,8 +56,6 @@ class Kept:
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """One row of the table."""
-
     name: str
     kind: str  # of its figures, see figures.py
     title: str
@@ -79,17 +77,14 @@ class Unit:
 
     @property
     def form(self) -> Form:
-        """How it is measured."""
         form: Form = getattr(self.study, self.length)
         return form
 
     @property
     def title(self) -> str:
-        """What progress calls it."""
         return f"{self.study.name}/{self.name}"
 
     def assets(self, table: Table) -> list[Asset]:
-        """Return the assets that its command needs."""
         known = {asset.name: asset for asset in table.asset}
         own = (self.name,) if "{scene}" in self.form.command else ()
         return [known[name] for name in (*own, *self.form.assets)]
@@ -97,8 +92,6 @@ class Unit:
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """Everything in document.toml."""
-
     asset: tuple[Asset, ...]
     study: tuple[Study, ...]
 
@@ -113,7 +106,6 @@ class Table:
 
 
 def read_table(path: Path = TABLE) -> Table:
-    """Read the table; LfsrError where a value is wrong."""
     try:
         return from_data(Table, tomllib.loads(path.read_text(encoding="utf-8")), str(path))
     except (OSError, tomllib.TOMLDecodeError) as error:

@@ -27,7 +27,6 @@ SECONDS_ARE_ROUGH = "Seconds on a busy machine mean little; the load says how bu
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this study."""
     how = parser.add_mutually_exclusive_group(required=True)
     how.add_argument("--short", action="store_true", help="every study on tiny frames: half an hour on two cores")
     how.add_argument("--long", action="store_true", help="as the documents quote it: days")

@@ -108,8 +108,6 @@ SECONDS_TO_STOP, BETWEEN_LOOKS, LAST_WORDS = 20.0, 0.5, 300
 
 @dataclasses.dataclass(frozen=True)
 class Ended:
-    """What is known of a unit whose command has ended."""
-
     command: str  # as a person would type it
     sentence: str  # why it failed, empty where it is whole
     seconds: float
@@ -147,7 +145,6 @@ class Work:
         return found if found and found.command == self.shown(unit) else None
 
     def is_whole(self, unit: Unit) -> bool:
-        """Return whether everything of a unit is measured."""
         found = self.ended(unit)
         return found is not None and not found.sentence
 

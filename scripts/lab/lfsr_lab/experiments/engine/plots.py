@@ -51,8 +51,6 @@ NOTE_PLACES = [(-8.0, 8.0), (8.0, -9.0), (8.0, 8.0), (-8.0, -9.0), (0.0, 12.0), 
 
 @dataclasses.dataclass(frozen=True)
 class Curve:
-    """One line of a chart."""
-
     name: str  # written beside its last point
     color: str  # one of COLORS
     marker: str  # one of MARKERS, for eyes that do not know the colours apart
@@ -94,7 +92,6 @@ def panel_sheet(count: int, columns: int = 2, footer: str = "") -> tuple[Figure,
 
 
 def svg(figure: Figure) -> str:
-    """The figure as an SVG document."""
     from matplotlib import rc_context
 
     with rc_context(STYLE):
@@ -274,7 +271,6 @@ def cost_axis(axes: Axes, low: float, high: float, seconds: bool) -> None:
 
 
 def error_axis(axes: Axes, low: float, high: float) -> None:
-    """Set a logarithmic axis of errors."""
     axes.set_yscale("log")
     axes.set_ylim(low, high)
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)

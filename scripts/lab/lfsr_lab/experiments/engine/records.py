@@ -30,7 +30,6 @@ class Records(Generic[Record]):
     load: float | None = None  # highest load average after any measurement that was read or made, None if unknown
 
     def path(self, name: str) -> Path:
-        """Return the file of one record."""
         return self.folder / f"{name}.json"
 
     def read(self, name: str, fingerprint: Fingerprint) -> Record | None:
@@ -82,8 +81,6 @@ class StudySettings:
 
 @dataclasses.dataclass(frozen=True)
 class Cell(Generic[Record]):
-    """One measurement."""
-
     name: str  # of its record
     inputs: Fingerprint  # what it depends on, plain JSON: method, weights, versions, settings
     measure: Callable[[], Record]  # called when all renders are there
@@ -91,7 +88,6 @@ class Cell(Generic[Record]):
 
 
 def to_stderr(line: str) -> None:
-    """Print a line of progress."""
     print(line, file=sys.stderr, flush=True)
 
 

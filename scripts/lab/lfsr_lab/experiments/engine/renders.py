@@ -31,8 +31,6 @@ SETTINGS_FILE, SCENE_FILE, REFERENCE = "settings.json", "scene.blend", "referenc
 
 @dataclasses.dataclass(frozen=True)
 class Store:
-    """A folder of scenes and renders."""
-
     folder: Path
     blender: str | None = None  # executable, None for the best there is
     may_render: bool = True  # False: a render that is missing is left out

@@ -132,7 +132,6 @@ class Environment:
 
     @property
     def packages(self) -> str:
-        """Names and versions in words."""
         return ", ".join(f"{name} {number}" for name, number in self.versions.items())
 
 

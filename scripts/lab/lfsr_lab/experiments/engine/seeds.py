@@ -22,8 +22,6 @@ TAILS = (0.025, 0.975)  # of a 95 % interval
 
 @dataclasses.dataclass(frozen=True)
 class Estimate:
-    """A mean over seeds and lenses."""
-
     mean: float
     low: float  # ends of the 95 % interval
     high: float

@@ -77,8 +77,6 @@ def _timed_again(job: Request, store: Store) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class StageTimes:
-    """Seconds of the second stage."""
-
     second_stage_seconds: tuple[float, ...]  # of every run
     stage_seconds: dict[str, float]  # medians of its parts
     notes: tuple[str, ...]  # its sentences
@@ -134,7 +132,6 @@ def take_turns(functions: Mapping[str, Callable[[], Any]], repeats: int) -> Seco
 
 
 def median_ms(seconds: Sequence[float]) -> float:
-    """Return the median in milliseconds."""
     return 1e3 * statistics.median(seconds)
 
 

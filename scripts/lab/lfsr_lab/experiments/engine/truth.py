@@ -158,13 +158,10 @@ class Figures:
 
 @dataclasses.dataclass(frozen=True)
 class Truth:
-    """A reference."""
-
     folder: Path
 
     @cached_property
     def reference(self) -> Reference:
-        """The reference, read when first asked for."""
         return Reference.read(self.folder)
 
     @cached_property

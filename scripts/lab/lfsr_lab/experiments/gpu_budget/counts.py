@@ -27,8 +27,6 @@ DEPTHS = {name: depth for depth, names in enumerate((
 
 @dataclasses.dataclass(frozen=True)
 class Work:
-    """What one step does for one frame."""
-
     step: str
     samples: int = 0  # paths from the camera
     operations: int = 0  # additions and multiplications
@@ -80,7 +78,6 @@ def interpolation_work(rendered: int, finished: int, parallax: tuple[bool, bool]
 
 @functools.cache
 def shipped_network() -> tuple[Sequence[int], int]:
-    """Widths and inputs of the shipped denoiser."""
     tensors = tza.parse(tza.read_content(WEIGHTS), WEIGHTS)
     return [tensors[f"{layer}.weight"].shape[0] for layer in LAYERS], tensors[f"{LAYERS[0]}.weight"].shape[1]
 
@@ -123,7 +120,6 @@ class GPU:
 
 
 def read_gpus() -> list[GPU]:
-    """Published rates."""
     found = tomllib.loads(GPUS.read_text(encoding="utf-8"))["gpu"]
     return [GPU(**{**fields, "samples_per_second": tuple(fields["samples_per_second"]),
                    "sources": tuple(fields["sources"])}) for fields in found]

@@ -54,8 +54,6 @@ REPEATS = 7
 
 @dataclasses.dataclass(frozen=True)
 class Measured:
-    """Milliseconds of a frame's steps on one device."""
-
     display: str
     scale: int
     spp: int
@@ -135,13 +133,10 @@ STEM = "gpu-budget"
 
 @dataclasses.dataclass(frozen=True)
 class Record:
-    """Everything that was measured."""
-
     measured: tuple[Measured, ...] = ()
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this study."""
     add = parser.add_argument
     add("--measure", type=Path, metavar="SCENE", help="render this scene and time every step")
     add("--display", default=DISPLAY, metavar="NAME", help="of the measurement; default: %(default)s")
@@ -172,7 +167,6 @@ COMMAND = "lfsr study gpu-budget"
 
 
 def markdown(gpus: Sequence[GPU], measured: Sequence[Measured]) -> str:
-    """The page."""
     display, woven = load_display(DISPLAY), load_display(WOVEN)
     scale, spp = EXAMPLE
     steps = frame_work(display, scale, spp)

@@ -50,7 +50,6 @@ def scenes(bench: Path) -> list[Path]:
 
 
 def renders(scene: Path) -> dict[tuple[int, int], Path]:
-    """Return the frame folders of a scene by scale and samples."""
     found = {}
     for path in scene.glob(f"s*-spp*/{FRAME_FILE}"):
         name = RENDER_FOLDER.fullmatch(path.parent.name)

@@ -8,8 +8,6 @@ from typing import Any
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """How a plan compares with whole frames."""
-
     # scene, seed, target: which plan
     scene: str
     seed: int

@@ -119,7 +119,6 @@ def judge(planned: Planned, actuals: Actuals, display: DisplayProfile, scene: st
 
 
 def summary(rows: Sequence[Verdict]) -> Summary:
-    """Summarise all plans."""
     chosen = [row for row in rows if row.met is not None]
     costs = [row.cost for row in rows if row.cost is not None]
     possible = [row for row in rows if row.hindsight is not None]
@@ -177,7 +176,6 @@ def _known(statistic: Callable[[Sequence[float]], float], values: Sequence[float
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this study."""
     add = parser.add_argument
     add("bench", type=Path, help="folder with whole references and renders, as of `lfsr study chart`")
     add("--json", type=Path, required=True)

@@ -47,7 +47,6 @@ class Task:
 
     @property
     def made(self) -> int:
-        """Views along each axis."""
         return self.ratio * (self.given - 1) + 1
 
     @property
@@ -63,8 +62,6 @@ TASKS = (Task("antinous", 3, 3, 1), Task("antinous", 2, 6, 1, 19), Task("antinou
 
 @dataclasses.dataclass(frozen=True)
 class Likeness:
-    """Of the views that one method made."""
-
     psnr: float  # dB, mean over views
     ssim: float  # mean over views
 

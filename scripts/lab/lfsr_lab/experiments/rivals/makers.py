@@ -128,8 +128,6 @@ Make = Callable[[Array], Array]  # views (m, n, H, W, 3) to (r·(m - 1) + 1, r·
 
 @dataclasses.dataclass(frozen=True)
 class Maker:
-    """A network."""
-
     ratio: int | None  # steps between two given views; None for any
     load: Callable[[Path, int, int], Make]  # from the folder of clones, the ratio, and the greatest shear in pixels
 

@@ -84,7 +84,6 @@ def from_ycbcr(values: Array) -> Array:
 
 
 def tensor(values: Array) -> Tensor:
-    """Return a float32 tensor of an array."""
     return torch.tensor(values, dtype=torch.float32)
 
 
@@ -140,5 +139,4 @@ def parameters(clones: Path, path: str) -> dict[str, Array]:
 
 
 def state(clones: Path, path: str) -> dict[str, Any]:
-    """Return the tensors of a PyTorch checkpoint, by name."""
     return dict(torch.load(stored(clones, path), map_location="cpu", weights_only=True))

@@ -48,15 +48,12 @@ SCENES = {  # file below one of the folders of scenes, by name; the group says w
 
 @dataclasses.dataclass(frozen=True, order=True)
 class View:
-    """One low-resolution render."""
-
     scale: int
     samples: int
     width: str = WIDE
 
     @property
     def name(self) -> str:
-        """Its name in tables and files."""
         return f"s{self.scale}-spp{self.samples}-{self.width}"
 
 
@@ -72,12 +69,10 @@ def place(name: str, store: Store, folders: Sequence[Path]) -> Place | None:
 
 
 def folder_of(view: View) -> str:
-    """Return the name of a render's folder."""
     return _wide(view).folder if view.width == WIDE else view.name
 
 
 def job(place: Place, view: View) -> Request:
-    """Return the job of a render."""
     return dataclasses.replace(place.job(_wide(view)), output=str(place.folder / folder_of(view)),
                                view_aperture=1.0 if view.width == WIDE else 1 / view.scale)
 
@@ -87,7 +82,6 @@ def _wide(view: View) -> Render:
 
 
 def fill(place: Place) -> None:
-    """Render what is missing of a scene."""
     place.store.render_all([place.reference(REFERENCE_SAMPLES), *(job(place, view) for view in VIEWS)])
 
 
@@ -103,8 +97,6 @@ SLOW = ("Sheared-EPI",)  # after our denoiser alone
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """Of one render and denoiser."""
-
     cpu_seconds: float  # of denoising
     followers: dict[str, Figures]  # by the interpolation
 

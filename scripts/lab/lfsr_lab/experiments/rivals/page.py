@@ -45,7 +45,6 @@ def record(rows: Rows, captured: Captured) -> Record:
 
 
 def markdown(found: Record) -> str:
-    """Return the page of a record."""
     seven, three = (renders_table(found, scale) for scale in SCALES)
     return TEMPLATE.read_text(encoding="utf-8").format(
         scenes=", ".join(found["scenes"]), seven="\n".join(seven), three="\n".join(three),

@@ -42,7 +42,6 @@ RECORD = "rivals.json"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this study."""
     add = parser.add_argument
     add("clones", type=Path, metavar="CLONES", help="folder with the clones")
     add("--scenes", type=Path, nargs="+", default=(), metavar="FOLDER", help="folders of our scenes; default: none")

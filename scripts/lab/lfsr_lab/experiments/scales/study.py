@@ -34,8 +34,6 @@ QUANTILES = 64  # of a scene's disparities that are stored
 
 @dataclasses.dataclass(frozen=True)
 class Cell:
-    """Accuracy of a scene at one scale."""
-
     scene: str
     group: str
     rays: float  # per finished pixel, the same for all scales that are compared
@@ -45,8 +43,6 @@ class Cell:
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """Everything measured with one method."""
-
     method: str
     # quantiles of the lenses by which neighbouring views of the display move what is seen, by scene
     moves: dict[str, tuple[float, ...]]
@@ -100,8 +96,6 @@ DISPLAY = load_display("small")  # full parallax: all that the choice asks for
 
 @dataclasses.dataclass(frozen=True)
 class Group:
-    """One scene with one number of rays."""
-
     scene: str
     rays: float
     moves: Array  # (n,)
@@ -109,11 +103,9 @@ class Group:
 
     @property
     def best(self) -> int:
-        """The scale with the highest accuracy."""
         return max(self.ssims, key=lambda scale: self.ssims[scale])
 
     def chosen(self, model: LossModel) -> int:
-        """The scale that `--scale auto` would take."""
         return choose_scale(DISPLAY, self.moves, self.ssims, self.rays, model).scale
 
     def lost(self, model: LossModel) -> float:
@@ -130,7 +122,6 @@ class Fit:
 
 
 def groups_of(table: Table) -> list[Group]:
-    """Return the scenes of a table with their numbers of rays."""
     def key(cell: Cell) -> tuple[float, str]:
         return cell.rays, cell.scene
 
@@ -192,7 +183,6 @@ NEEDS_OUTPUT = False  # with a table alone
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this study."""
     add = parser.add_argument
     add("table", type=Path, metavar="TABLE.json", help="accuracies and depths")
     add("scenes", type=Path, nargs="*", metavar="SCENES", help="folders with the files of the settings")
@@ -216,7 +206,6 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def page(groups: Sequence[Group], fitted: Fit, method: str) -> list[str]:
-    """Return the lines of the tables."""
     rows = [[group.scene, f"{group.rays:g}", *(f"{group.ssims[scale]:.4f}" if scale in group.ssims else "–"
                                                for scale in (1, 2, 4, 5)), group.best, group.chosen(fitted.model),
              f"{group.lost(fitted.model):.4f}", f"{fitted.left_out[group.scene, group.rays]:.4f}",

@@ -22,8 +22,6 @@ WORDS = {1: "holds", -1: "the other way round", 0: "cannot be told"}
 
 @dataclasses.dataclass(frozen=True)
 class Difference:
-    """A difference with its 95 % interval."""
-
     value: float  # the difference itself
     half: float = 0.0  # half-width of the interval, infinite where the spread is not known
 
@@ -99,8 +97,6 @@ LARGE = 100  # numbers from here on have no decimals
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Row:
-    """One row of a figure's table, and what it is compared by."""
-
     scene: str = ""  # its name, or that of the case
     method: str = ""  # its name, or that of the row
     how: str = ""  # how it was made, where the method does not tell
@@ -130,8 +126,6 @@ class Rows:
 
 @dataclasses.dataclass(frozen=True)
 class Results:
-    """All rows of a figure."""
-
     rows: tuple[Row, ...]
     load: float | None = None  # highest load average seen after any measurement, None where the system tells none
     schedules: dict[str, str] = dataclasses.field(default_factory=dict)  # how each method's network was trained
@@ -139,8 +133,6 @@ class Results:
 
 @dataclasses.dataclass(frozen=True)
 class Figure:
-    """One figure or table of the paper."""
-
     id: str  # on the command line and in file names
     title: str  # on the page
     claim: str  # what the paper says, as far as it is known here
@@ -153,7 +145,6 @@ class Figure:
 
     @property
     def image(self) -> str:
-        """File name of its image."""
         return f"paper-{self.id}.png"
 
     def measure(self, settings: Settings) -> Results:
@@ -193,5 +184,4 @@ def gains(rows: Iterable[Row], more: str, less: str, series: str = LENS_SSIM) ->
 
 
 def scenes_of(rows: Iterable[Row]) -> list[str]:
-    """Return the names of the rows' scenes, each once."""
     return list(dict.fromkeys(row.scene for row in rows if row.scene))

@@ -26,8 +26,6 @@ QUICK_DISPLAY = DisplayProfile("paper-quick", (192, 112), (192.0, 112.0), (12, 7
 
 @dataclasses.dataclass(frozen=True)
 class Settings(StudySettings):
-    """Everything that decides what is measured."""
-
     output: Path  # folder of everything that is made
     scenes: tuple[Path, ...]  # scene files
     bench: Path  # folder of renders on ``display``, may be shared
@@ -72,8 +70,6 @@ def make_settings(output: Path, quick: bool = False, **changes: Any) -> Settings
 
 @dataclasses.dataclass(frozen=True)
 class View:
-    """One render."""
-
     scene: Path  # its file
     spp: int  # samples per pixel
     scale: int = SCALE  # factor, 1 for every view
@@ -93,7 +89,6 @@ def reference(settings: Settings, scene: Path) -> Path:
 
 
 def store(settings: Settings) -> Store:
-    """Return the store that makes missing renders."""
     return Store(settings.output, settings.blender)
 
 

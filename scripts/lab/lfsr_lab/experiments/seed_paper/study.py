@@ -24,7 +24,6 @@ PAGE_IN_DOCS = "notebook/paper.md"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this study."""
     add = parser.add_argument
     add("--scenes", type=Path, nargs="+", default=[], metavar="FILE", help="default: the demo scene")
     add("--quick", action="store_true", help="tiny frames and few samples: every figure in minutes")

@@ -45,8 +45,6 @@ def finished(render: Path, name: str) -> Array:
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """A sweep's scene at one value, with its renders."""
-
     store: Store
     settings: Settings
     sweep: Sweep
@@ -55,7 +53,6 @@ class Scene:
 
     @property
     def folder(self) -> Path:
-        """Folder of the scene, its reference and its renders."""
         return self.store.folder / self.sweep.scene_name(self.value)
 
     def cells(self, methods: Sequence[str]) -> Iterator[Cell]:
@@ -75,7 +72,6 @@ class Scene:
 
     @property
     def reference_job(self) -> Request:
-        """The reference."""
         return reference_of(self.job(), self.settings.reference_samples, self.folder / REFERENCE)
 
     def job(self, frame: int = 1, seed: int | None = None) -> Request:
@@ -89,16 +85,13 @@ class Scene:
 
     @functools.cached_property
     def truth(self) -> Truth:
-        """The reference, read."""
         return Truth(Path(self.reference_job.output))
 
     @property
     def space(self) -> Space:
-        """The display in lens pitches."""
         return Space.of(self.settings.display, self.settings.scale)
 
     def measure(self, name: str) -> Cell:
-        """Return every figure of a method here."""
         truth, image = self.truth, finished(Path(self.job().output), name)
         half_a, half_b = map(srgb_encode, truth.whole)
         of = metrics.Compared(srgb_encode(image), half_a, half_b, self.settings.display.lenses, truth.mask)

@@ -34,7 +34,6 @@ COLUMNS = ("sweep", "from – to", "default, scores", "target", "plan at", "chos
 
 
 def value_of(sweep: SweepReport) -> float:
-    """Return the value at which plans are made."""
     found = (sweep.breaks.get(name) for name in (DEFAULT_METHOD, FAST_METHOD))
     return next((each.value for each in found if each), sweep.values[-1])
 
@@ -90,7 +89,6 @@ def _row(sweep: SweepReport, methods: Sequence[str], rows: Sequence[Verdict]) ->
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this study."""
     parser.add_argument("stress", type=Path, metavar="STRESS", help="finished folder of `lfsr study stress`")
     parser.add_argument("--json", type=Path, required=True, metavar="FILE")
 

@@ -25,8 +25,6 @@ Judged = Mapping[float, Sequence[float | None]]
 
 @dataclasses.dataclass(frozen=True)
 class Break:
-    """Where a method breaks."""
-
     value: float  # of the sweep
     quality: float  # the judged figure there, mean over seeds
     reason: str  # BELOW_BICUBIC or BELOW_START
@@ -126,8 +124,6 @@ class Settings(StudySettings):
 
 @dataclasses.dataclass(frozen=True)
 class Cell:
-    """The figures of one method at one value of one sweep."""
-
     value: float  # of the sweep
     scene: str  # folder of the scene
     samples: int  # per pixel of the low-resolution render
@@ -150,8 +146,6 @@ class Repeat:
 
 @dataclasses.dataclass(frozen=True)
 class SweepReport:
-    """What was measured along one sweep."""
-
     name: str  # as of the sweep
     meaning: str  # as of the sweep
     unit: str  # as of the sweep
@@ -163,7 +157,6 @@ class SweepReport:
 
     @property
     def span(self) -> str:
-        """First and last value."""
         return f"{label(self.values[0])} – {label(self.values[-1])}"
 
     @property
@@ -186,7 +179,6 @@ class SweepReport:
         return first | {repeat.value: repeat.figures for repeat in self.repeats if repeat.method == method}
 
     def break_text(self, method: str) -> str:
-        """How a table shows where ``method`` breaks."""
         if all(value is None for value in self.series(method, self.judged)):
             return "?"
         found = self.breaks[method]
@@ -200,8 +192,6 @@ class SweepReport:
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """Everything that was measured in a folder."""
-
     format: int  # of the file
     settings: Settings  # of the folder
     environment: Environment  # of the machine that wrote the report

@@ -23,7 +23,6 @@ SAMPLES, QUICK_SAMPLES, FRAMES, QUICK_FRAMES, SCALE = 256, 32, 24, 4, 4
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this study."""
     add = parser.add_argument
     add("--sweeps", type=names, metavar="NAME,NAME", help="default: all, see docs/results/stress.md")
     add("--methods", type=names, metavar="NAME,NAME",

@@ -15,8 +15,6 @@ SAMPLES = 16
 
 @dataclasses.dataclass(frozen=True)
 class Sweep:
-    """One parameter that is varied."""
-
     name: str  # as on the command line and in the names of folders
     meaning: str  # what a value is
     unit: str  # of the values
@@ -27,7 +25,6 @@ class Sweep:
     scene: str | None = None
 
     def scene_name(self, value: float) -> str:
-        """Return the folder name of the scene of one value."""
         return self.scene or f"{self.name}-{label(value)}"
 
     def samples(self, value: float) -> int:

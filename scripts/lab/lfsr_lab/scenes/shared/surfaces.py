@@ -234,7 +234,6 @@ def terrain(rng: Random) -> Surface:
 
 
 def card(width: float = 1.0, height: float = 1.0) -> Surface:
-    """A flat rectangle in the XZ plane facing -Y."""
     corners = np.array([[-width, 0, -height], [width, 0, -height], [width, 0, height], [-width, 0, height]])
     return Surface(corners, np.array([[0, 1, 2, 3]]), np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float), False)
 

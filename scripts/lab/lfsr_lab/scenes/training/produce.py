@@ -118,7 +118,6 @@ class Recipe:
     models: dict[Path, dict[str, str]] = dataclasses.field(default_factory=dict)
 
     def path(self, index: int) -> Path:
-        """File of one scene."""
         return self.output / f"scene_{index:06d}.npz"
 
     def settings(self) -> dict[str, Any]:

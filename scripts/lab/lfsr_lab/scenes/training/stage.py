@@ -90,7 +90,6 @@ class Stage:
         return np.array([self.rng.uniform(-width, width) * margin, depth, self.rng.uniform(-height, height) * margin])
 
     def chance(self, probability: float) -> bool:
-        """True with the given probability."""
         return bool(self.rng.random() < probability)
 
     def log_uniform(self, low: float, high: float) -> float:

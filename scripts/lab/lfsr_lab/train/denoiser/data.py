@@ -31,8 +31,6 @@ SHOWN_AROUND = 5  # pixels whose neighbours count as shown
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """Low-resolution renders of one scene."""
-
     layers: dict[str, Array]  # as training/produce.py names them, (H, W, 4) and (H, W, 6) float16
     ei: tuple[int, int]  # (h, w) of an elemental image in pixels, (1, 1) where there are none
     scale: int

@@ -131,7 +131,6 @@ class DenoiserTask:
         self.epoch = self.taken = 0  # the epoch, and steps since the start
 
     def identity(self) -> dict[str, Any]:
-        """Settings and a digest of the data."""
         return {"config": dataclasses.asdict(self.config), "data": self.data()}
 
     def data(self) -> dict[str, Any]:
@@ -206,14 +205,12 @@ class DenoiserTask:
         return result
 
     def state(self) -> dict[str, Any]:
-        """Everything that training changes."""
         critics = {"critic": self.critic.state_dict(), "critic_optimiser": self.critic_optimiser.state_dict()} \
             if self.critic and self.critic_optimiser else {}
         return {"network": self.network.state_dict(), "average": self.average, "levels": self.levels,
                 "optimiser": self.optimiser.state_dict(), "taken": self.taken, **critics}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Return to a ``state``."""
         self.network.load_state_dict(state["network"])
         self.optimiser.load_state_dict(state["optimiser"])
         self.average, self.levels, self.taken = state["average"], state["levels"], state["taken"]

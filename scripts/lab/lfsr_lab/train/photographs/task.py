@@ -45,7 +45,6 @@ class Photographs:
         return state.hexdigest()
 
     def facts(self) -> dict[str, Any]:
-        """Number, size and digest, for the provenance."""
         pixels = sum(image.shape[0] * image.shape[1] for image in self.images)
         return {"files": len(self.names), "megapixels": round(pixels / 1e6, 2), "sha256": self.digest}
 
@@ -178,12 +177,10 @@ class ComparatorTask:
 
     @property
     def finished(self) -> nn.Module:
-        """The network to save when the run has ended."""
         return self.network
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """Hyper-parameters for the header of the weights."""
         return comparators.spec(self.config.network).options
 
     @property
@@ -194,7 +191,6 @@ class ComparatorTask:
         return torch.optim.Adam(module.parameters(), self.config.rate, BETAS, fused=self.device.type == "cuda")
 
     def data(self) -> dict[str, Any]:
-        """Photographs of the run, for the provenance."""
         return self._facts
 
     def identity(self) -> dict[str, Any]:
@@ -245,7 +241,6 @@ class ComparatorTask:
 
     @torch.no_grad()
     def validate(self) -> dict[str, float]:
-        """Mean PSNR and SSIM over the validation photographs."""
         return self._quality("validation", self.network)
 
     def yardstick(self) -> dict[str, float]:
@@ -265,11 +260,9 @@ class ComparatorTask:
                     for key, metric in metrics.items()}
 
     def state(self) -> dict[str, Any]:
-        """Everything that training changes."""
         return {name: part.state_dict() for name, part in self._parts().items()}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Return to a ``state``."""
         for name, part in self._parts().items():
             part.load_state_dict(state[name])
 

@@ -58,7 +58,6 @@ def middle(mask: Mask, views: tuple[int, int]) -> tuple[slice, slice]:
 
 
 def write_image(path: Path, image: Array) -> None:
-    """Write display values (H, W, 3) in [0, 1] as a PNG."""
     write_png(path, (image.clip(0, 1) * 255).round().astype(np.uint8))
 
 

@@ -1,1 +1,0 @@
-"""Calibration from photographs: simulated telephones before random lens sheets."""
