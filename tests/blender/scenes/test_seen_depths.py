@@ -10,8 +10,7 @@ import pytest
 from blender_addon.scene.array.placement import moves_of
 from blender_addon.scene.subject import find_subject
 from lfsr_core.process.blender import find_blender
-from lfsr_lab.scenes import scene_script
-from lfsr_lab.scenes.running import run_script
+from lfsr_lab.scenes import run_script, scene_script
 from tests.support.scenes import MINI, add_box, add_camera
 
 

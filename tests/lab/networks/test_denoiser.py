@@ -10,16 +10,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.reconstruct import tza
 from lfsr_core.reconstruct.denoiser import BASE, SMALL, network_shapes
 from lfsr_core.reconstruct.methods import oidn
-from lfsr_lab.networks.denoiser import (
-    NAMES,
-    SIZES,
-    Denoiser,
-    hdr_decode,
-    hdr_encode,
-    ldr_encode,
-    normal_encode,
-    stock_weights,
-)
+from lfsr_lab.networks import denoiser as twin
 
 RANDOM = np.random.default_rng(0)
 
@@ -42,10 +33,10 @@ def noise(shape):
 
 def by_twin(network, color, guides, hdr):
     color, *guides = (torch.from_numpy(image).permute(2, 0, 1)[None] for image in (color, *guides))
-    seen = [guides[0], normal_encode(guides[1])] if guides else []
+    seen = [guides[0], twin.normal_encode(guides[1])] if guides else []
     with torch.inference_mode():
-        found = network(torch.cat([hdr_encode(color) if hdr else ldr_encode(color), *seen], 1))
-        found = hdr_decode(found) if hdr else ldr_encode(found)
+        found = network(torch.cat([twin.hdr_encode(color) if hdr else twin.ldr_encode(color), *seen], 1))
+        found = twin.hdr_decode(found) if hdr else twin.ldr_encode(found)
     return found[0].permute(1, 2, 0).numpy()
 
 
@@ -55,12 +46,12 @@ def by_library(path, color, guides, hdr, **more):
 
 
 @pytest.mark.parametrize("images", [render, noise])
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("size", twin.SIZES)
+@pytest.mark.parametrize("name", twin.NAMES)
 def test_twin_equals_library(tmp_path, name, size, images):
     hdr, guided = name.startswith("hdr"), name.endswith("guided")
-    stock = stock_weights(name, size)
-    network = Denoiser.from_tensors(stock, inputs=9 if guided else 3)
+    stock = twin.stock_weights(name, size)
+    network = twin.Denoiser.from_tensors(stock, inputs=9 if guided else 3)
     tza.write_tza(tmp_path / "some.tza", network.tensors())
     color, *guides = images((45, 70))
     color, guides = (color if hdr else np.clip(color / 3, 0, 1)), guides if guided else []
@@ -77,8 +68,8 @@ def test_twin_equals_library(tmp_path, name, size, images):
 def test_any_widths_work(tmp_path_factory, widths, guided):
     torch.manual_seed(0)
     inputs, path = 9 if guided else 3, tmp_path_factory.mktemp("widths") / "some.tza"
-    tza.write_tza(path, Denoiser((*widths, 3), inputs).tensors())
-    stored = Denoiser.from_tensors(tza.read_tza(path), inputs)
+    tza.write_tza(path, twin.Denoiser((*widths, 3), inputs).tensors())
+    stored = twin.Denoiser.from_tensors(tza.read_tza(path), inputs)
     color, *guides = noise((20, 35))
     found, expected = (by(where, np.clip(color, 0, 1), guides if guided else [], hdr=False)
                        for by, where in ((by_twin, stored), (by_library, path)))
@@ -86,9 +77,9 @@ def test_any_widths_work(tmp_path_factory, widths, guided):
 
 
 @pytest.mark.parametrize("quality", oidn.QUALITIES)
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", twin.SIZES)
 def test_every_quality_takes_the_weights(tmp_path, size, quality):
-    tza.write_tza(tmp_path / "some.tza", stock_weights("hdr", size))
+    tza.write_tza(tmp_path / "some.tza", twin.stock_weights("hdr", size))
     color = render((45, 70))[0]
     expected = by_library(tmp_path / "some.tza", color, [], True)
     np.testing.assert_allclose(by_library(tmp_path / "some.tza", color, [], True, quality=quality), expected, rtol=1e-3)
@@ -96,32 +87,32 @@ def test_every_quality_takes_the_weights(tmp_path, size, quality):
 
 @given(st.floats(0, 65504, width=32), st.sampled_from((0.25, 1.0, 8.0)))
 def test_encoding_can_be_undone(value, scale):
-    encoded = hdr_encode(torch.tensor([value]), scale)
+    encoded = twin.hdr_encode(torch.tensor([value]), scale)
     assert 0 <= encoded <= 1 + 1e-6
-    assert float(hdr_decode(encoded, scale)) == pytest.approx(min(value, 65504 / scale), rel=2e-4, abs=1e-9)
+    assert float(twin.hdr_decode(encoded, scale)) == pytest.approx(min(value, 65504 / scale), rel=2e-4, abs=1e-9)
 
 
 def test_encoding_rises_and_has_gradients():
     values = torch.cat([torch.zeros(1), torch.logspace(-8, 4.8, 400)]).requires_grad_()
-    encoded = hdr_encode(values)
+    encoded = twin.hdr_encode(values)
     assert (encoded.diff() > 0).all()
-    hdr_decode(encoded).sum().backward()
+    twin.hdr_decode(encoded).sum().backward()
     assert torch.isfinite(values.grad).all() and (values.grad > 0).all()
 
 
 def test_twin_has_the_tensors_of_the_file():
     for widths, inputs in ((BASE, 3), (SMALL, 9)):
-        found = Denoiser(widths, inputs).tensors()
+        found = twin.Denoiser(widths, inputs).tensors()
         assert {name: value.shape for name, value in found.items()} == network_shapes(widths, inputs)
 
 
 @pytest.mark.parametrize(("name", "size"), [("albedo", "small"), ("hdr", "huge")])
 def test_unknown_stock_weights_are_one_sentence(name, size):
     with pytest.raises(LfsrError, match="choose hdr, hdr-guided, ldr, ldr-guided"):
-        stock_weights(name, size)
+        twin.stock_weights(name, size)
 
 
 def test_stock_weights_without_a_library_are_one_sentence(monkeypatch):
     monkeypatch.setattr(oidn, "find_libraries", lambda: iter(()))
     with pytest.raises(LfsrError, match="install the package pyoidn"):
-        stock_weights()
+        twin.stock_weights()

@@ -4,7 +4,7 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.process.blender import Blender
-from lfsr_lab.scenes.running import run_script
+from lfsr_lab.scenes import run_script
 
 
 @pytest.fixture

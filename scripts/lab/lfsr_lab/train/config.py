@@ -66,7 +66,6 @@ class DenoiserConfig:
     start: str = "stock"  # the library's own weights, a TZA file, or "" for random ones
     guides: bool = True  # whether it sees albedo and normal as rendered
     mirror: bool = True  # every other elemental image, as the product does
-    adversarial: float = 0.0  # weight of the adversarial term
     error_weight: float = 2.0  # of the absolute error beside 1 - SSIM
     side: int = 192  # of a crop in pixels
     seed: int = 1

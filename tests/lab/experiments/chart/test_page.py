@@ -11,8 +11,8 @@ import pytest
 
 from lfsr_lab.experiments.chart import findings, panels
 from lfsr_lab.experiments.chart.analysis import mean_duels
-from lfsr_lab.experiments.chart.crops import Crops, Row
 from lfsr_lab.experiments.chart.findings import RIVAL
+from lfsr_lab.experiments.chart.panels import Crops, Row
 from lfsr_lab.experiments.engine.truth import MEASURES, SSIM
 from tests.support.chart_example import LOW_METHODS, example
 

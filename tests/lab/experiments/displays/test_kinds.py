@@ -8,8 +8,7 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_lab.experiments.displays.kinds import FULL_WIDTH, kind
-from lfsr_lab.experiments.displays.measure import FEW, with_few_views
+from lfsr_lab.experiments.displays.measure import FEW, FULL_WIDTH, kind, with_few_views
 
 
 def pitch(profile: DisplayProfile) -> tuple[float, float]:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.records import read_record
-from lfsr_lab.experiments.displays import page
 from lfsr_lab.experiments.displays import study as run
 from lfsr_lab.experiments.displays.measure import (
     OURS,
@@ -62,7 +61,7 @@ def test_everything_is_measured_once_and_shown(tmp_path, one_kind):
     _, table, *images = run.write_pages(store.folder, found)
     assert table.read_text().count("| disc |") == 2 * 7 + 10
     assert len(images) == 2 and all("<svg" in image.read_text() for image in images)
-    assert read_record(store.folder / "displays.json", page.Comparison, "a comparison").rows == found.rows
+    assert read_record(store.folder / "displays.json", run.Comparison, "a comparison").rows == found.rows
 
 
 def test_the_reference_itself_is_perfect_and_less_views_are_not(tmp_path):
@@ -77,9 +76,9 @@ def test_the_reference_itself_is_perfect_and_less_views_are_not(tmp_path):
 
 def test_time_for_an_accuracy_lies_between_those_of_two_points():
     points = (point(OURS, 1.0, 0.8), point(OURS, 4.0, 0.9))
-    assert page.seconds_for(points, 0.85) == pytest.approx(2.0)
-    assert page.seconds_for(points, 0.7) == 1.0
-    assert page.seconds_for(points, 0.95) is None
+    assert run.seconds_for(points, 0.85) == pytest.approx(2.0)
+    assert run.seconds_for(points, 0.7) == 1.0
+    assert run.seconds_for(points, 0.95) is None
 
 
 def test_nearest_views_are_woven_without_mixing():
@@ -98,4 +97,4 @@ def test_cleaned_normals_keep_their_direction():
 
 def test_the_published_comparison_is_read():
     published = Path(__file__).parents[4] / "docs" / "results" / "measured" / "displays.json"
-    assert read_record(published, page.Comparison, "a comparison").rows[-1].points
+    assert read_record(published, run.Comparison, "a comparison").rows[-1].points

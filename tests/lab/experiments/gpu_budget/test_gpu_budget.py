@@ -10,21 +10,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import read_record
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_lab.experiments.engine.renders import Store
-from lfsr_lab.experiments.gpu_budget import study
-from lfsr_lab.experiments.gpu_budget.counts import (
-    DENOISE,
-    FRAME_MS,
-    INTERPOLATE,
-    SHOW,
-    TRACE,
-    WEAVE,
-    denoiser_work,
-    fitting_samples,
-    frame_ms,
-    frame_work,
-    read_gpus,
-    shipped_network,
-)
+from lfsr_lab.experiments.gpu_budget import counts, study
 from lfsr_lab.experiments.gpu_budget.study import Record, best_device, measure, tensor_steps
 from lfsr_lab.networks.denoiser import Denoiser
 from tests.support.played_blender import played_blender
@@ -34,38 +20,39 @@ DISPLAY = load_display("bupt-32in-8k")
 
 
 def test_the_denoiser_has_the_operations_that_pytorch_counts():
-    widths, inputs = shipped_network()
+    widths, inputs = counts.shipped_network()
     with FlopCounterMode(display=False) as counted, torch.inference_mode():
         Denoiser(widths, inputs)(torch.zeros(1, inputs, 64, 48))
-    assert denoiser_work(64 * 48).operations == counted.get_total_flops()
+    assert counts.denoiser_work(64 * 48).operations == counted.get_total_flops()
 
 
 def test_samples_are_those_of_the_rendered_pixels():
-    assert {work.step: work.samples for work in frame_work(DISPLAY, 4, 16)}[TRACE] == 1920 * 1080 * 16
+    assert {work.step: work.samples for work in counts.frame_work(DISPLAY, 4, 16)}[counts.TRACE] == 1920 * 1080 * 16
 
 
 @pytest.mark.parametrize("name", builtin_names())
 def test_each_display_has_its_steps(name):
     display = load_display(name)
     scale = display.scales()[0]
-    steps = [work.step for work in frame_work(display, scale, 1)]
-    assert steps == [TRACE, DENOISE, INTERPOLATE, *([WEAVE] if display.is_woven else []), SHOW]
-    assert INTERPOLATE not in [work.step for work in frame_work(display, 1, 1)]
+    steps = [work.step for work in counts.frame_work(display, scale, 1)]
+    woven = [counts.WEAVE] if display.is_woven else []
+    assert steps == [counts.TRACE, counts.DENOISE, counts.INTERPOLATE, *woven, counts.SHOW]
+    assert counts.INTERPOLATE not in [work.step for work in counts.frame_work(display, 1, 1)]
 
 
 def test_a_scale_that_does_not_divide_the_views_is_refused():
     with pytest.raises(LfsrError, match="scale is 3"):
-        frame_work(DISPLAY, 3, 1)
+        counts.frame_work(DISPLAY, 3, 1)
 
 
-@pytest.mark.parametrize("gpu", read_gpus(), ids=lambda gpu: gpu.name)
+@pytest.mark.parametrize("gpu", counts.read_gpus(), ids=lambda gpu: gpu.name)
 @pytest.mark.parametrize("scale", [2, 4, 8])
 def test_the_samples_that_fit_fill_the_frame(gpu, scale):
-    fitting = fitting_samples(gpu, DISPLAY, scale)
-    at_highest, at_lowest = frame_ms(gpu, frame_work(DISPLAY, scale, 1000))
-    others = sum(gpu.least_ms(work)[0] for work in frame_work(DISPLAY, scale, 1) if work.step != TRACE)
+    fitting = counts.fitting_samples(gpu, DISPLAY, scale)
+    at_highest, at_lowest = counts.frame_ms(gpu, counts.frame_work(DISPLAY, scale, 1000))
+    others = sum(gpu.least_ms(work)[0] for work in counts.frame_work(DISPLAY, scale, 1) if work.step != counts.TRACE)
     for samples, whole in zip(fitting, (at_lowest, at_highest), strict=True):
-        assert others + (whole - others) * samples / 1000 == pytest.approx(FRAME_MS)
+        assert others + (whole - others) * samples / 1000 == pytest.approx(counts.FRAME_MS)
     assert fitting[0] <= fitting[1]
 
 
@@ -74,12 +61,12 @@ def test_tensors_take_every_step_of_a_lenticular_panel():
     scale = display.scales()[0]
     images = torch.rand(4, 6, 1, display.views[0] // scale, 3).numpy()
     found = tensor_steps(images, (scale, 1), display, best_device())
-    assert set(found) == {INTERPOLATE, WEAVE, SHOW} and all(value > 0 for value in found.values())
+    assert set(found) == {counts.INTERPOLATE, counts.WEAVE, counts.SHOW} and all(value > 0 for value in found.values())
 
 
 def test_the_page_names_every_gpu_with_a_source_for_each_rate():
-    text = study.markdown(read_gpus(), [])
-    for gpu in read_gpus():
+    text = study.markdown(counts.read_gpus(), [])
+    for gpu in counts.read_gpus():
         assert gpu.name in text and sum("http" in source for source in gpu.sources) >= 2
 
 
@@ -87,10 +74,11 @@ def test_a_measured_frame_has_every_step(tmp_path):
     scene = tmp_path / "disc.blend"
     scene.touch()
     found = measure(Store(tmp_path / "out", played_blender(tmp_path / "blender")), scene, load_display("mini"), 2, 1)
-    assert set(found.milliseconds) == {TRACE, DENOISE, INTERPOLATE, SHOW} and found.samples_per_second > 0
-    assert found.device in study.markdown(read_gpus(), [found])
+    assert set(found.milliseconds) == {counts.TRACE, counts.DENOISE, counts.INTERPOLATE, counts.SHOW}
+    assert found.samples_per_second > 0
+    assert found.device in study.markdown(counts.read_gpus(), [found])
 
 
 def test_the_committed_page_is_that_of_the_committed_record():
     record = read_record(DOCS / "measured" / "gpu-budget.json", Record, "measured steps")
-    assert (DOCS / "gpu-budget.md").read_text(encoding="utf-8") == study.markdown(read_gpus(), record.measured)
+    assert (DOCS / "gpu-budget.md").read_text(encoding="utf-8") == study.markdown(counts.read_gpus(), record.measured)

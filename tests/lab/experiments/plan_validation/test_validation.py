@@ -25,8 +25,7 @@ from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.timing import Repeats
 from lfsr_lab.experiments.plan_validation import actual
 from lfsr_lab.experiments.plan_validation.actual import Actual
-from lfsr_lab.experiments.plan_validation.records import Validation
-from lfsr_lab.experiments.plan_validation.study import judge, summary, wilson
+from lfsr_lab.experiments.plan_validation.study import Validation, judge, summary, wilson
 from tests.support.noisy_renders import JOB, render
 from tests.support.synthetic import MINI, frame_of
 

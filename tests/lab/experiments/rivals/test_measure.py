@@ -13,8 +13,7 @@ from lfsr_core.reconstruct.methods import denoise
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.truth import Truth
 from lfsr_lab.experiments.rivals.measure import NARROW, SCENES, Figures, Row, View, folder_of, job, measure, place
-from lfsr_lab.experiments.rivals.page import markdown, record
-from lfsr_lab.experiments.rivals.study import rendered_scenes
+from lfsr_lab.experiments.rivals.study import markdown, record, rendered_scenes
 from tests.support import stored_weights as stored
 from tests.support.synthetic import MINI, write_reference, write_render
 

@@ -20,7 +20,7 @@ from lfsr_core.pipeline.finishing import finish_frame
 from lfsr_lab.experiments.engine import renders as engine_renders
 from lfsr_lab.experiments.engine import timing
 from lfsr_lab.experiments.engine.plots import save
-from lfsr_lab.experiments.seed_paper import measuring, page, renders, weights
+from lfsr_lab.experiments.seed_paper import measuring, renders, study, weights
 from lfsr_lab.experiments.seed_paper.figure import LENS_SSIM, Results
 from lfsr_lab.experiments.seed_paper.figures import images
 from tests.support.synthetic import MINI, write_reference, write_render
@@ -53,11 +53,11 @@ def frames(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def measured(frames):
-    return {name: figure.measure(frames) for name, figure in page.FIGURES.items()}
+    return {name: figure.measure(frames) for name, figure in study.FIGURES.items()}
 
 
 def test_every_figure_measures_draws_and_speaks(frames, measured, tmp_path):
-    for name, figure in page.FIGURES.items():
+    for name, figure in study.FIGURES.items():
         results = measured[name]
         assert from_data(Results, json.loads(json.dumps(to_data(results))), name) == results
         rows = figure.table(results.rows)
@@ -104,7 +104,7 @@ def test_a_second_run_measures_nothing(frames, measured, monkeypatch):
 
     for module, name in ((measuring, "linear_and_mask"), (timing, "take_turns"), (engine_renders, "render_all")):
         monkeypatch.setattr(module, name, forbidden)
-    for name, figure in page.FIGURES.items():
+    for name, figure in study.FIGURES.items():
         assert figure.measure(frames) == measured[name], name
     with pytest.raises(AssertionError, match="measured again"):
         FIG9.measure(dataclasses.replace(frames, output=frames.output / "other"))

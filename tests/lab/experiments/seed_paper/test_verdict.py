@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from lfsr_lab.experiments.seed_paper import figure, page
+from lfsr_lab.experiments.seed_paper import figure, study
 from lfsr_lab.experiments.seed_paper.figure import LENS_SSIM, Difference, Results, Row
 from lfsr_lab.experiments.seed_paper.figures import frames, images, networks
 from lfsr_lab.experiments.seed_paper.measuring import RENDER, TOTAL, timed_rows
@@ -82,7 +82,7 @@ MADE_UP = {"fig9": fig9, "fig10a": fig10a, "fig10b": fig10b, "fig10c": fig10c, "
 
 def line(name, gap):
     """Return the sentence of numbers that favour the claim, or with a ``gap`` below zero speak against it."""
-    return page.FIGURES[name].line(Results(tuple(MADE_UP[name](gap))))
+    return study.FIGURES[name].line(Results(tuple(MADE_UP[name](gap))))
 
 
 @pytest.mark.parametrize("name", MADE_UP)
@@ -120,7 +120,7 @@ def test_networks_trained_differently_are_called_so():
 
     def found(label):
         schedules = {"paper": f"{alike}, 60 s on CPU", "paper-gan": label}
-        return page.FIGURES["fig9"].line(Results(tuple(fig9(0.4)), schedules=schedules))
+        return study.FIGURES["fig9"].line(Results(tuple(fig9(0.4)), schedules=schedules))
 
     assert "trained" not in found(f"{alike}, 900 s on CPU") and "trained" not in found("no weights")
     assert "not trained alike" in found(f"{alike.replace('9 epochs', '2 epochs')}, 60 s on CPU")

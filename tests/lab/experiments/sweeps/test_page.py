@@ -1,28 +1,9 @@
-"""The pieces of the sweeps's page: crops and curves."""
+"""The curves and tables of the sweeps."""
 
 from __future__ import annotations
 
-import numpy as np
-import pytest
-
-from lfsr_lab.experiments.sweeps import page
+from lfsr_lab.experiments.sweeps import study
 from lfsr_lab.experiments.sweeps.records import Break, Cell, Repeat, SweepReport
-
-
-@pytest.mark.parametrize("lens", [(0, 0), (5, 7), (11, 15)])
-def test_crops_hold_their_lens_and_stay_inside(lens):
-    image = np.zeros((96, 128, 3))
-    row, column = lens
-    image[row * 8:row * 8 + 8, column * 8:column * 8 + 8] = 1
-    crop = page.crop_around(image, (16, 12), lens)
-    assert crop.shape == (24, 24, 3) and crop.sum() == 8 * 8 * 3
-
-
-def test_a_crop_of_flat_elemental_images_is_square_too():
-    image = np.zeros((54, 31 * 40, 3))
-    image[20] = 1
-    assert page.crop_around(image, (31, 54), (20, 3)).shape == (54, 120, 3), "as high as there are rows"
-    assert page.crop_around(image[:, :31 * 10], (31, 54), (20, 3)).shape == (30, 30, 3)
 
 
 def test_a_curve_with_gaps_is_drawn_where_it_is_known(monkeypatch):
@@ -30,13 +11,13 @@ def test_a_curve_with_gaps_is_drawn_where_it_is_known(monkeypatch):
                   for value, quality in ((1, 0.9), (2, None), (3, 0.7)))
     dial = SweepReport("d", "meaning", "unit", "q", (1, 2, 3), cells, {"m": Break(3, 0.7, "below its start")})
     figures = []
-    monkeypatch.setattr(page, "svg", lambda figure: figures.append(figure) or "<svg></svg>")
-    page.curves(dial, ["m"])
+    monkeypatch.setattr(study, "svg", lambda figure: figures.append(figure) or "<svg></svg>")
+    study.curves(dial, ["m"])
     ring, line = figures[0].axes[0].lines
     assert line.get_xydata().tolist() == [[0, 0.9], [2, 0.7]] and ring.get_xydata().tolist() == [[2, 0.7]]
     assert dial.break_text("m") == "3 s"
     unknown = SweepReport("d", "meaning", "unit", "other", (1, 2, 3), cells, {"m": None})
-    assert page.curves(unknown, ["m"]) is None and unknown.break_text("m") == "?"
+    assert study.curves(unknown, ["m"]) is None and unknown.break_text("m") == "?"
 
 
 def test_tables_show_the_mean_over_seeds_and_where_else_the_break_may_be():

@@ -11,7 +11,7 @@ from lfsr_core.cli import main
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.report import environment
-from lfsr_lab.experiments.plan_validation.records import Validation
+from lfsr_lab.experiments.plan_validation.study import Validation
 from lfsr_lab.experiments.sweeps import plans
 from lfsr_lab.experiments.sweeps.measure import Scene
 from lfsr_lab.experiments.sweeps.records import FORMAT, Break, Cell, Report, Settings, SweepReport

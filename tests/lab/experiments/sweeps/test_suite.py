@@ -15,12 +15,11 @@ import pytest
 from lfsr_core.base.records import read_record
 from lfsr_core.cli import main
 from lfsr_core.frames.frame import write_frame
-from lfsr_core.images.png import read_png
 from lfsr_core.reconstruct.methods import MethodName
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import SCENE_FILE
-from lfsr_lab.experiments.plan_validation.records import Validation
-from lfsr_lab.experiments.sweeps import measure, page, plans
+from lfsr_lab.experiments.plan_validation.study import Validation
+from lfsr_lab.experiments.sweeps import measure, plans
 from lfsr_lab.experiments.sweeps.records import Report
 from lfsr_lab.experiments.sweeps.sweeps import SWEEPS as SWEEP_LIST
 from lfsr_lab.experiments.sweeps.sweeps import choose_sweeps
@@ -150,18 +149,6 @@ def test_the_table_shows_each_breaking_point(bench, report):
     assert row.endswith("| 64 b |") and "| – |" in row
     for dial in report["dials"]:
         assert f"\n## {dial['name']}\n" in text
-
-
-def test_the_page_shows_curves_and_the_worst_crop_of_every_method(bench, report):
-    text = (bench / "index.html").read_text(encoding="utf-8")
-    assert text.count("<svg") == len(SWEEPS) and "<script" not in text
-    assert not re.search(r"""(src|href)=.http|@import|url\(.?http""", text)
-    pictures = re.findall(r'<img[^>]* src="([^"]+)"', text)
-    assert len(pictures) == len(set(pictures)) == len(SWEEPS) * 3
-    for picture in pictures:
-        panels = 2 if "-bicubic" in picture else 3
-        side = 24 * 10  # 3 lenses of 8 views, ten times
-        assert read_png(bench / picture).shape == (side, panels * side + (panels - 1) * page.GAP, 3)
 
 
 def run_again(bench, monkeypatch) -> list[str]:

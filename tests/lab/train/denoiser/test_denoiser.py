@@ -147,7 +147,7 @@ def test_training_writes_weights_that_the_library_runs(folder, tmp_path):
 
 def test_a_resumed_training_ends_as_an_uninterrupted_one(folder, tmp_path):
     def task():
-        return DenoiserTask(config(folder, half_precision=False, adversarial=0.1), load_scenes(folder, guides=True))
+        return DenoiserTask(config(folder, half_precision=False), load_scenes(folder, guides=True))
 
     whole = task()
     run(whole, Schedule(2, 1, 1), tmp_path / "whole")

@@ -20,20 +20,7 @@ from lfsr_core.frames.frame import FRAME_FILE, read_frame
 from lfsr_core.frames.request import check_scene
 from lfsr_core.pipeline.staging import staging_folder
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
-from lfsr_lab.experiments.chart import cells, crops, findings, panels
-from lfsr_lab.experiments.chart.analysis import (
-    DIRECT,
-    FIXED,
-    FORMAT,
-    LOW,
-    Chart,
-    Point,
-    SceneRow,
-    UsedReference,
-    duels,
-    reaches,
-    short,
-)
+from lfsr_lab.experiments.chart import analysis, cells, findings, panels
 from lfsr_lab.experiments.chart.cells import DIRECT_METHODS, Render, Settings, default_methods
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, check_render, reference_of, sampled
 from lfsr_lab.experiments.engine.report import environment, write_report
@@ -109,7 +96,7 @@ def run(arguments: argparse.Namespace) -> None:
         chart = measuring.chart()
         shown = [scene for scene in scenes if scene.stem in measuring.rows]
         for path in write_report(settings.output, CHART, None, {
-                ".html": lambda: panels.page(chart, crops.chosen(chart, settings, shown)),
+                ".html": lambda: panels.page(chart, panels.chosen_crops(chart, settings, shown)),
                 ".svg": lambda: panels.image(chart), ".md": lambda: findings.markdown(chart)}):
             print(path)
 
@@ -133,12 +120,13 @@ class _Run:
     steps: int  # how many there are
     done: int = 0  # steps that are begun
     bar: ProgressBar = dataclasses.field(default_factory=ProgressBar)
-    rows: dict[str, SceneRow] = dataclasses.field(default_factory=dict)
+    rows: dict[str, analysis.SceneRow] = dataclasses.field(default_factory=dict)
     skipped: list[str] = dataclasses.field(default_factory=list)  # sentences on what was left out
 
-    def chart(self) -> Chart:
+    def chart(self) -> analysis.Chart:
         """Return the chart as far as it is known; the environment knows only now whether PyTorch was needed."""
-        return Chart(FORMAT, self.settings.figures, environment(), tuple(self.skipped), tuple(self.rows.values()))
+        return analysis.Chart(analysis.FORMAT, self.settings.figures, environment(), tuple(self.skipped),
+                              tuple(self.rows.values()))
 
     def scene(self, path: Path) -> None:
         """Measure a scene, unless its reference is missing or shows no foreground, or no method finishes a render."""
@@ -153,18 +141,20 @@ class _Run:
         if not truth.counted.any():
             return self._skip(f"{path.stem} has no foreground in the lenses of its reference")
         blocks = blocks_of(truth.lenses)
-        points = [Point.of(render.role, name, render.jobs[0].sampling.scale, render.jobs[0].sampling.samples,
+        points = [analysis.Point.of(render.role, name, render.jobs[0].sampling.scale, render.jobs[0].sampling.samples,
                            cells.measured(render, name, truth), cells.times(self.settings, render, name), blocks)
                   for render in self._renders(path) for name in self._methods(path, render)]
         if not points:
             return self._skip(f"{path.stem} has no render that a method could finish")
         frame = truth.reference.frame
-        noise = {name: short(value) for name, value in reference_noise(*truth.halves).items()}
+        noise = {name: analysis.short(value) for name, value in reference_noise(*truth.halves).items()}
         lenses = None if frame.lens_list is None else len(frame.lens_list)
-        self.rows[path.stem] = SceneRow(path.stem, truth.reference.frame.blender, UsedReference(
-            frame.samples, lenses, int(truth.counted.sum()), sum(frame.seconds.values()), noise),
-                                        tuple(point.cell for point in points),
-                                        tuple(duels(points, (LOW, self.settings.ours))), tuple(reaches(points, FIXED)))
+        used = analysis.UsedReference(frame.samples, lenses, int(truth.counted.sum()), sum(frame.seconds.values()),
+                                      noise)
+        duels = analysis.duels(points, (analysis.LOW, settings.ours))
+        self.rows[path.stem] = analysis.SceneRow(
+            path.stem, truth.reference.frame.blender, used, tuple(point.cell for point in points), tuple(duels),
+            tuple(analysis.reaches(points, analysis.FIXED)))
 
     def _renders(self, scene: Path) -> Iterator[Render]:
         for render in cells.renders(self.settings, scene):
@@ -184,7 +174,7 @@ class _Run:
 
     def _methods(self, scene: Path, render: Render) -> Iterator[str]:
         settings, job = self.settings, render.jobs[0]
-        for name in settings.direct_methods if render.role == DIRECT else settings.methods:
+        for name in settings.direct_methods if render.role == analysis.DIRECT else settings.methods:
             self._begin(f"{scene.stem}: {name} at scale {job.sampling.scale}, {job.sampling.samples} samples")
             parsed = LabMethod.parse(name)
             if not parsed.works_with(job.display.parallax):

@@ -23,7 +23,7 @@ from lfsr_core.frames.request import Request, Sampling, check_scene
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.methods import MethodName
-from lfsr_lab.experiments.displays.kinds import FULL_WIDTH, kind
+from lfsr_lab.experiments.displays.measure import FULL_WIDTH, kind
 from lfsr_lab.experiments.engine.records import Fingerprint, StudySettings, method_facts
 from lfsr_lab.experiments.engine.renders import (
     REFERENCE,

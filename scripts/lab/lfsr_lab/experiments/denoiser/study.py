@@ -23,32 +23,21 @@ from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.metrics.intervals import student_95
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
-from lfsr_lab.experiments.denoiser.measure import (
-    METRICS,
-    SETTINGS,
-    Candidate,
-    Place,
-    Render,
-    Scene,
-    Settings,
-    measure,
-    places,
-    read_settings,
-)
+from lfsr_lab.experiments.denoiser import measure as measuring
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store
 from lfsr_lab.experiments.engine.report import Environment, environment, markdown_table, number, write_text
 from lfsr_lab.experiments.engine.truth import Figures, Truth
 
-Key = tuple[str, Render, str]  # scene, render, method
+Key = tuple[str, measuring.Render, str]  # scene, render, method
 Estimate = tuple[float, float]  # mean and half-width of its 95 % interval
-Rows = list[tuple[str, list[Scene]]]
+Rows = list[tuple[str, list[measuring.Scene]]]
 
 
 @dataclasses.dataclass(frozen=True)
 class Page:
-    settings: Settings
-    scenes: Sequence[Scene]
+    settings: measuring.Settings
+    scenes: Sequence[measuring.Scene]
     methods: Sequence[str]
     baselines: Sequence[str]  # those of ``methods`` that the others are compared with
     found: Mapping[Key, Figures]
@@ -72,12 +61,13 @@ class Page:
         return "\n".join(lines) + "\n"
 
     def _accuracy(self, samples: int, rows: Rows) -> list[str]:
-        def cell(scenes: list[Scene], name: str) -> str:
-            means = [[self._values(scene, samples, name, metric).mean() for metric in (*METRICS, "cpu_seconds")]
+        def cell(scenes: list[measuring.Scene], name: str) -> str:
+            means = [[self._values(scene, samples, name, metric).mean()
+                      for metric in (*measuring.METRICS, "cpu_seconds")]
                      for scene in scenes if self._values(scene, samples, name).size]
             return " ".join(number(value, digits=4) for value in np.mean(means, 0)) if means else number(None)
 
-        return [f"Each: {', '.join(METRICS.values())}, CPU seconds.", "", *markdown_table(
+        return [f"Each: {', '.join(measuring.METRICS.values())}, CPU seconds.", "", *markdown_table(
             ["scene", *(f"`{name}`" for name in self.methods)],
             [[title, *(cell(scenes, name) for name in self.methods)] for title, scenes in rows], "lr")]
 
@@ -93,7 +83,7 @@ class Page:
                           f"{worst:+.4f}"])
         return markdown_table(["scene", *(f"`{name}`" for name in self.baselines), "the best of them"], cells, "lr")
 
-    def _values(self, scene: Scene, samples: int, method: str, metric: str = "ssim") -> Array:
+    def _values(self, scene: measuring.Scene, samples: int, method: str, metric: str = "ssim") -> Array:
         """Return what was measured at the scene's scale, (seeds, lenses); empty where nothing was."""
         return np.array([getattr(figures, metric) for (name, render, label), figures in self.found.items()
                          if (name, label, render.scale, render.samples) == (scene.name, method, scene.scale, samples)])
@@ -167,12 +157,12 @@ class Record:
         return fmean(known) if known else None
 
 
-def means(scenes: Sequence[Scene], found: Mapping[Key, Figures]) -> Iterator[Mean]:
+def means(scenes: Sequence[measuring.Scene], found: Mapping[Key, Figures]) -> Iterator[Mean]:
     known = {scene.name: scene for scene in scenes}
     for (name, render, method), figures in found.items():
         scene = known[name]
         yield Mean(name, scene.group, render.scale, render.samples, render.seed, method, render.scale == scene.scale,
-                   *(round(fmean(getattr(figures, metric)), 5) for metric in METRICS))
+                   *(round(fmean(getattr(figures, metric)), 5) for metric in measuring.METRICS))
 
 
 def markdown(record: Record) -> str:
@@ -181,11 +171,11 @@ def markdown(record: Record) -> str:
     samples = sorted({each.samples for each in record.means if each.compared})
     groups = list(dict.fromkeys(each.group for each in record.means))
     scenes = list(dict.fromkeys(each.scene for each in record.means))
-    tables = [[[count, name, *(" / ".join(number(get(name, count, method, metric)) for metric in METRICS)
+    tables = [[[count, name, *(" / ".join(number(get(name, count, method, metric)) for metric in measuring.METRICS)
                                for method in methods)] for count in samples for name in names]
               for names, get in ((groups, record.group_mean), (scenes, record.mean))]
     header = ["samples", "scenes", *(f"`{method}`" for method in methods)]
-    return "\n\n".join([f"Each: {', '.join(METRICS.values())}.",
+    return "\n\n".join([f"Each: {', '.join(measuring.METRICS.values())}.",
                         *("\n".join(markdown_table(header, rows, "rlr")) for rows in tables)])
 
 
@@ -200,14 +190,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--only", nargs="+", metavar="NAME", help="scenes or groups; default: all")
     add("--samples", type=int, nargs="+", metavar="N", help="only these samples, no scales at equal rays")
     add("--only-measure", action="store_true", help="render nothing")
-    add("--settings", type=Path, default=SETTINGS, metavar="FILE.toml", help="default: denoiser.toml of the laboratory")
+    add("--settings", type=Path, default=measuring.SETTINGS, metavar="FILE.toml",
+        help="default: denoiser.toml of the laboratory")
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Render and measure what is missing, then write and print the tables."""
-    settings, store = read_settings(arguments.settings), Store(arguments.output, arguments.blender)
-    candidates = {each.label: each for each in map(Candidate.parse, [*arguments.method, *BASELINES])}
-    chosen = [place for place in places(store, settings, arguments.scenes)
+    settings, store = measuring.read_settings(arguments.settings), Store(arguments.output, arguments.blender)
+    candidates = {each.label: each for each in map(measuring.Candidate.parse, [*arguments.method, *BASELINES])}
+    chosen = [place for place in measuring.places(store, settings, arguments.scenes)
               if not arguments.only or {place.scene.name, place.scene.group} & {*arguments.only}]
     found: dict[Key, Figures] = {}
     for place in chosen:
@@ -223,7 +214,8 @@ def run(arguments: argparse.Namespace) -> None:
     print(write_text(arguments.output / "denoiser.md", page.markdown()).read_text(encoding="utf-8"))
 
 
-def measured(place: Place, renders: Iterable[Render], candidates: Sequence[Candidate]) -> dict[Key, Figures]:
+def measured(place: measuring.Place, renders: Iterable[measuring.Render],
+             candidates: Sequence[measuring.Candidate]) -> dict[Key, Figures]:
     """Return the figures of what is rendered of a scene; each that is missing is measured now and stored at once."""
     found, truth = {}, Truth(place.folder / REFERENCE)
     for render in renders:
@@ -233,5 +225,6 @@ def measured(place: Place, renders: Iterable[Render], candidates: Sequence[Candi
             for label, own in ((each.label, each.at(frame)) for each in candidates):
                 if own:
                     found[place.scene.name, render, label] = records.get(
-                        label, own.facts(folder, truth.folder), functools.partial(measure, folder, truth, own))
+                        label, own.facts(folder, truth.folder),
+                        functools.partial(measuring.measure, folder, truth, own))
     return found

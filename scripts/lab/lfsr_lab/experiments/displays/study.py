@@ -8,22 +8,154 @@ displays-traced.svg figures: against every view, and against the panel's subpixe
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import functools
+import itertools
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from lfsr_core.base.records import write_record
-from lfsr_lab.experiments.displays import page
-from lfsr_lab.experiments.displays.kinds import FULL_WIDTH, kind
-from lfsr_lab.experiments.displays.measure import USUAL, Point, Renders, Target, measure, measured_at
-from lfsr_lab.experiments.displays.page import Comparison, Row
+from lfsr_lab.experiments.displays.measure import (
+    EVERY_VIEW,
+    FULL_WIDTH,
+    OURS,
+    SUBPIXEL,
+    USUAL,
+    WAYS,
+    Accuracy,
+    Point,
+    Renders,
+    Target,
+    Way,
+    kind,
+    measure,
+    measured_at,
+)
+from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.plots import svg
 from lfsr_lab.experiments.engine.records import Cell, Records, measured, to_stderr
 from lfsr_lab.experiments.engine.renders import Store
-from lfsr_lab.experiments.engine.report import environment, write_report
+from lfsr_lab.experiments.engine.report import Environment, environment, markdown_table, number, write_report
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WOVEN, TRACED = "woven", "traced"  # references: every view, woven or as it is; the panel's subpixels
+HEADER = ("scene", "display", "way", "samples", "scale", "render", "rest", "CPU s", "PSNR panel", "PSNR eye",
+          "SSIM eye", "traced: PSNR panel", "PSNR eye", "SSIM eye")
+OTHERS = (EVERY_VIEW, SUBPIXEL, USUAL)
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    scene: str
+    kind: str
+    panel_pixels: tuple[int, int]
+    points: tuple[Point, ...]
+
+    @property
+    def references(self) -> tuple[str, ...]:
+        """What its points are judged by, of WOVEN and TRACED."""
+        return (WOVEN, TRACED) if all(point.traced for point in self.points) else (WOVEN,)
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    width: int | None  # pixels of cut-down panels, None for the real ones
+    reference_spp: int
+    environment: Environment
+    rows: tuple[Row, ...]
+
+
+def markdown(found: Comparison) -> str:
+    lines = [f"{found.environment.machine}; {found.environment.packages}.", "",
+             *(f"- {way.name}: {way.meaning}." for way in WAYS), "",
+             *markdown_table(("scene", "display", "reference", "against", "at samples", "its SSIM eye", "its CPU s",
+                              "ours CPU s", "times"), _verdicts(found), "llll"), "",
+             *markdown_table(HEADER, _lines(found), "lll")]
+    return "\n".join(lines) + "\n"
+
+
+def judged(point: Point, reference: str) -> Accuracy:
+    """How near it comes to a reference that its row has."""
+    return point.traced if reference == TRACED and point.traced else point.accuracy
+
+
+def seconds_for(points: Sequence[Point], value: float, reference: str = WOVEN) -> float | None:
+    """Return the CPU seconds at which a way's curve reaches an ``ssim_eye``; None where it never does.
+
+    Between two points the logarithm of time is interpolated; points that are slower and no better do not count.
+    """
+    rising: list[tuple[float, float]] = []  # value, seconds
+    for seconds, reached in sorted((point.cpu, judged(point, reference).ssim_eye) for point in points):
+        if not rising or reached > rising[-1][0]:
+            rising.append((reached, seconds))
+    if not rising or value > rising[-1][0]:
+        return None
+    values, times = np.array(rising).T
+    return math.exp(np.interp(value, values, np.log(times)))
+
+
+def figure(found: Comparison, reference: str = WOVEN) -> Figure | None:
+    """A panel per scene and display: what eyes see, by processor seconds; None where no display has that reference."""
+    rows = [row for row in found.rows if reference in row.references]
+    if not rows:
+        return None
+    made = {WOVEN: "every view", TRACED: "the panel's subpixels"}[reference]
+    figure, grid = plots.panel_sheet(len(rows), len({row.kind for row in rows}),
+                                     f"Up and left is better: split SSIM of what eyes see, against {made} traced with "
+                                     f"{found.reference_spp} samples; processor seconds on all cores, of one run")
+    for axes, row in zip(grid, rows, strict=True):
+        _panel(axes, row, reference)
+    return figure
+
+
+def _of(row: Row, way: Way) -> tuple[Point, ...]:
+    return tuple(point for point in row.points if point.way == way.name)
+
+
+def _lines(found: Comparison) -> Iterator[tuple]:
+    for row in found.rows:
+        for point in row.points:
+            seconds = (number(value, digits=1) for value in (point.render_cpu, point.finish_cpu, point.cpu))
+            yield (row.scene, row.kind, point.way, point.samples, point.scale, *seconds, *_figures(point.accuracy),
+                   *_figures(point.traced))
+
+
+def _figures(close: Accuracy | None) -> tuple[str, ...]:
+    values = (close.psnr_panel, close.psnr_eye, close.ssim_eye) if close else (None,) * 3
+    return tuple(number(value, digits=digits) for value, digits in zip(values, (2, 2, 4), strict=True))
+
+
+def _verdicts(found: Comparison) -> Iterator[tuple]:
+    """Yield what each point of the other ways costs us."""
+    for row in found.rows:
+        rivals = [point for way in OTHERS for point in _of(row, way)]
+        for reference, rival in itertools.product(row.references, rivals):
+            its = judged(rival, reference).ssim_eye
+            ours = seconds_for(_of(row, OURS), its, reference)
+            yield (row.scene, row.kind, reference, rival.way, rival.samples, number(its, digits=4),
+                   number(rival.cpu, digits=1), number(ours, digits=1), number(ours and rival.cpu / ours, digits=1))
+
+
+def _panel(axes: Axes, row: Row, reference: str) -> None:
+    curves = [plots.Curve(way.name, plots.COLORS[index], plots.MARKERS[index], [point.cpu for point in points],
+                          [judged(point, reference).ssim_eye for point in points],
+                          notes=[str(point.samples) for point in points], bold=way == OURS)
+              for index, way in enumerate((OURS, *OTHERS)) if (points := _of(row, way))]
+    seconds, values = ([value for curve in curves for value in getattr(curve, axis)] for axis in "xy")
+    plots.time_axis(axes, min(seconds) / 1.3, max(seconds) * 1.3)
+    plots.value_axis(axes, plots.height(min(values)) - 0.3, plots.height(max(values)) + 0.3)
+    plots.draw_curves(axes, curves, f"{row.scene}, {row.kind} {row.panel_pixels[0]}×{row.panel_pixels[1]}")
+
 
 STEM = "displays"
-FIGURES = {page.WOVEN: ".svg", page.TRACED: "-traced.svg"}
+FIGURES = {WOVEN: ".svg", TRACED: "-traced.svg"}
 VERSION = 2  # of how points are measured
 
 
@@ -59,9 +191,9 @@ def compare(store: Store, width: int | None, reference_spp: int, scenes: Sequenc
 
 def write_pages(folder: Path, found: Comparison) -> list[Path]:
     """Write what people read beside the results, and return the paths of all files."""
-    figures = {end: page.figure(found, reference) for reference, end in FIGURES.items()}
+    figures = {end: figure(found, reference) for reference, end in FIGURES.items()}
     texts = {end: functools.partial(svg, drawn) for end, drawn in figures.items() if drawn}
-    return write_report(folder, STEM, None, {".md": lambda: page.markdown(found)} | texts)
+    return write_report(folder, STEM, None, {".md": lambda: markdown(found)} | texts)
 
 
 def _points(renders: Renders) -> Iterator[Point]:

@@ -20,13 +20,12 @@ from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.report import inline_svg, markdown_table
 from lfsr_lab.experiments.gpu_budget import study as gpu_budget
 from lfsr_lab.experiments.plan_validation import study as plans
-from lfsr_lab.experiments.plan_validation.records import Validation
-from lfsr_lab.experiments.rivals import page as rivals
+from lfsr_lab.experiments.rivals import study as rivals
 from lfsr_lab.experiments.scales import study as scales
 from lfsr_lab.experiments.scales.study import Table, fit, groups_of
-from lfsr_lab.experiments.seed_paper import page as seed_paper
+from lfsr_lab.experiments.seed_paper import study as seed_paper
 from lfsr_lab.experiments.seed_paper.figure import Results
-from lfsr_lab.experiments.sweeps import page as sweeps
+from lfsr_lab.experiments.sweeps import study as sweeps
 from lfsr_lab.experiments.sweeps.records import Report
 
 if TYPE_CHECKING:
@@ -88,14 +87,14 @@ def _animations(record: Path, _images: Path) -> Shown:
 
 def _displays(record: Path, _images: Path) -> Shown:
     found = read_record(record, displays.Comparison, "a comparison of displays")
-    drawn = {"Against every view": displays.page.WOVEN, "Against the panel's own subpixels": displays.page.TRACED}
-    figures = {title: displays.page.figure(found, reference) for title, reference in drawn.items()}
+    drawn = {"Against every view": displays.WOVEN, "Against the panel's own subpixels": displays.TRACED}
+    figures = {title: displays.figure(found, reference) for title, reference in drawn.items()}
     return Shown([Drawn(title, inline_svg(plots.svg(figure), title)) for title, figure in figures.items() if figure],
-                 displays.page.markdown(found))
+                 displays.markdown(found))
 
 
 def _plans(record: Path, _images: Path) -> Shown:
-    tables = plans.markdown(read_record(record, Validation, "a validation of plans").plans)
+    tables = plans.markdown(read_record(record, plans.Validation, "a validation of plans").plans)
     return Shown([], tables, tables.strip().split("\n\n")[-1])
 
 
@@ -113,7 +112,7 @@ def _denoiser(record: Path, _images: Path) -> Shown:
 
 def _gpu_budget(record: Path, _images: Path) -> Shown:
     measured = read_record(record, gpu_budget.Record, "measured steps").measured
-    text = gpu_budget.markdown(gpu_budget.read_gpus(), measured).partition("\n\n")[2]
+    text = gpu_budget.markdown(gpu_budget.counts.read_gpus(), measured).partition("\n\n")[2]
     return Shown([], text, text.split("\n## ")[2].partition("\n\n")[2])
 
 

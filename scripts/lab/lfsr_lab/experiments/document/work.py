@@ -34,8 +34,7 @@ from lfsr_core.process.group import START, ProcessGroup
 from lfsr_lab.experiments.document.studies import TABLE, Asset, Study, Table, Unit, units
 from lfsr_lab.experiments.engine.records import to_stderr
 from lfsr_lab.experiments.engine.report import Environment, environment, load_average
-from lfsr_lab.scenes import scene_script
-from lfsr_lab.scenes.running import run_script
+from lfsr_lab.scenes import run_script, scene_script
 
 Digests = dict[str, str]  # SHA-256 by the file's path below the asset's folder
 BESIDE = (".gltf", ".obj")  # scenes whose other files lie beside them

@@ -23,8 +23,7 @@ from lfsr_core.images.exr import read_finite
 from lfsr_core.optics.lens_sampling import choose_lenses
 from lfsr_core.pipeline.rendering import render_all
 from lfsr_core.process.blender import find_blender
-from lfsr_lab.scenes import scene_script
-from lfsr_lab.scenes.running import run_script
+from lfsr_lab.scenes import run_script, scene_script
 
 SETTINGS_FILE, SCENE_FILE, REFERENCE = "settings.json", "scene.blend", "reference"
 

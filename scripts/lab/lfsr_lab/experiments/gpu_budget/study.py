@@ -34,20 +34,7 @@ from lfsr_lab.experiments.engine.report import (
     markdown_table,
     write_report,
 )
-from lfsr_lab.experiments.gpu_budget.counts import (
-    DENOISE,
-    FRAME_MS,
-    GPU,
-    INTERPOLATE,
-    SHOW,
-    TRACE,
-    WEAVE,
-    Work,
-    fitting_samples,
-    frame_ms,
-    frame_work,
-    read_gpus,
-)
+from lfsr_lab.experiments.gpu_budget import counts
 
 REPEATS = 7
 
@@ -78,12 +65,13 @@ def measure(store: Store, scene: Path, display: DisplayProfile, scale: int, spp:
     pixels = math.prod(low.color.shape[:4])
     rate = pixels * 3 * spp / max(many - few, 1e-3)
     device = best_device()
-    milliseconds = {TRACE: 1e3 * pixels * spp / rate, DENOISE: median_ms(lambda: denoise_low_resolution(low))}
+    milliseconds = {counts.TRACE: 1e3 * pixels * spp / rate,
+                    counts.DENOISE: median_ms(lambda: denoise_low_resolution(low))}
     notes = tuple(map(sentence, denoise_low_resolution(low).notes))
     with torch.inference_mode():
         milliseconds |= tensor_steps(np.asarray(low.color, np.float32), low.factors, display, device)
     return Measured(display.name, scale, spp, frames[0].device, str(device), rate, max(0.0, 1e3 * few
-                    - milliseconds[TRACE]), milliseconds, notes, environment(), load_average())
+                    - milliseconds[counts.TRACE]), milliseconds, notes, environment(), load_average())
 
 
 def tensor_steps(images: Array, factors: tuple[int, int], display: DisplayProfile,
@@ -101,14 +89,14 @@ def tensor_steps(images: Array, factors: tuple[int, int], display: DisplayProfil
         larger = torch.nn.functional.interpolate(low, scale_factor=grown, mode="bilinear", align_corners=False)
         return larger.clamp_(0, 1).mul_(255).to(torch.uint8)
 
-    found = {INTERPOLATE: median_ms(interpolated, device)} if factors != (1, 1) else {}
+    found = {counts.INTERPOLATE: median_ms(interpolated, device)} if factors != (1, 1) else {}
     shown = torch.zeros((*display.panel_pixels[::-1], 4), dtype=torch.uint8, device=device)
     if display.is_woven:
         finished = interpolated().flatten()
         places = torch.randint(finished.numel(), (shown.numel() * 3 // 4,), device=device)
-        found[WEAVE] = median_ms(lambda: finished.take(places), device)
+        found[counts.WEAVE] = median_ms(lambda: finished.take(places), device)
     target = torch.empty_like(shown)
-    return {**found, SHOW: median_ms(lambda: target.copy_(shown), device)}
+    return {**found, counts.SHOW: median_ms(lambda: target.copy_(shown), device)}
 
 
 def best_device() -> torch.device:
@@ -153,7 +141,7 @@ def run(arguments: argparse.Namespace) -> None:
                         load_display(arguments.display), arguments.scale, arguments.spp)
         record = Record((*(each for each in record.measured if _place(each) != _place(found)), found))
     write_record(path, record)
-    texts = {".md": lambda: markdown(read_gpus(), record.measured)}
+    texts = {".md": lambda: markdown(counts.read_gpus(), record.measured)}
     print("\n".join(map(str, write_report(arguments.output, STEM, None, texts))))
 
 
@@ -166,15 +154,15 @@ SCALES, SAMPLES, EXAMPLE = (1, 2, 4, 5, 8), (1, 4, 16), (4, 4)
 COMMAND = "lfsr study gpu-budget"
 
 
-def markdown(gpus: Sequence[GPU], measured: Sequence[Measured]) -> str:
+def markdown(gpus: Sequence[counts.GPU], measured: Sequence[Measured]) -> str:
     display, woven = load_display(DISPLAY), load_display(WOVEN)
     scale, spp = EXAMPLE
-    steps = frame_work(display, scale, spp)
+    steps = counts.frame_work(display, scale, spp)
     lines = [
         "# What 30 frames per second at 8K ask of a GPU", "",
         f"`{COMMAND}` counts and writes this page. It was written without a GPU: the milliseconds are the least that "
         "published rates allow, every step alone on the GPU, nothing copied to main memory. The method is `fast` "
-        f"(denoiser and linear interpolation); every lens is foreground. One frame has {FRAME_MS:.1f} ms.", "",
+        f"(denoiser and linear interpolation); every lens is foreground. One frame has {counts.FRAME_MS:.1f} ms.", "",
         "## Counts", "",
         f"`{DISPLAY}`, one frame. Samples are paths from the camera, in millions.", "",
         *markdown_table(["scale", *(f"samples at {count}" for count in SAMPLES), "denoiser: 10⁹ operations", "MB",
@@ -206,30 +194,30 @@ def markdown(gpus: Sequence[GPU], measured: Sequence[Measured]) -> str:
 
 
 def _count_row(display: DisplayProfile, scale: int) -> list[str]:
-    by_step = {work.step: work for work in frame_work(display, scale, 1)}
-    interpolated = by_step.get(INTERPOLATE)
-    return [f"{scale}", *(f"{by_step[TRACE].samples * count / 1e6:.1f}" for count in SAMPLES),
-            _billions(by_step[DENOISE]), _megabytes(by_step[DENOISE]),
+    by_step = {work.step: work for work in counts.frame_work(display, scale, 1)}
+    interpolated = by_step.get(counts.INTERPOLATE)
+    return [f"{scale}", *(f"{by_step[counts.TRACE].samples * count / 1e6:.1f}" for count in SAMPLES),
+            _billions(by_step[counts.DENOISE]), _megabytes(by_step[counts.DENOISE]),
             *([_billions(interpolated), _megabytes(interpolated)] if interpolated else [UNKNOWN, UNKNOWN]),
-            _megabytes(by_step[SHOW])]
+            _megabytes(by_step[counts.SHOW])]
 
 
-def _rate_row(gpu: GPU, steps: Sequence[Work]) -> list[str]:
-    best, worst = frame_ms(gpu, steps)
+def _rate_row(gpu: counts.GPU, steps: Sequence[counts.Work]) -> list[str]:
+    best, worst = counts.frame_ms(gpu, steps)
     slowest = max(steps, key=lambda work: gpu.least_ms(work)[0])
     return [gpu.name, *(_span(gpu.least_ms(work), 1) for work in steps), _span((best, worst), 0),
             _span((1e3 / worst, 1e3 / best), 0), f"{slowest.step} ({gpu.limit(slowest)})"]
 
 
-def _fits(gpu: GPU, display: DisplayProfile, scale: int) -> str:
-    low, high = fitting_samples(gpu, display, scale)
+def _fits(gpu: counts.GPU, display: DisplayProfile, scale: int) -> str:
+    low, high = counts.fitting_samples(gpu, display, scale)
     return f"{_span((low, high), 1)} ({_span((low / scale ** 2, high / scale ** 2), 2)})"
 
 
-def _conclusion(gpus: Sequence[GPU], display: DisplayProfile) -> Iterable[str]:
-    steps = frame_work(display, *EXAMPLE)
-    others = [sum(gpu.least_ms(work)[0] for work in steps if work.step != TRACE) for gpu in gpus]
-    best = max(fitting_samples(gpu, display, EXAMPLE[0])[1] for gpu in gpus)
+def _conclusion(gpus: Sequence[counts.GPU], display: DisplayProfile) -> Iterable[str]:
+    steps = counts.frame_work(display, *EXAMPLE)
+    others = [sum(gpu.least_ms(work)[0] for work in steps if work.step != counts.TRACE) for gpu in gpus]
+    best = max(counts.fitting_samples(gpu, display, EXAMPLE[0])[1] for gpu in gpus)
     scale = max(SCALES)
     yield (f"**Rays limit everywhere**: at scale {EXAMPLE[0]} all other steps take {min(others):.1f} to "
            f"{max(others):.1f} ms. In scenes of production at most {best:.1f} samples per rendered pixel fit at that "
@@ -242,25 +230,25 @@ def _conclusion(gpus: Sequence[GPU], display: DisplayProfile) -> Iterable[str]:
            "of production at scale 8 on the fastest of these.")
 
 
-def _most(gpus: Sequence[GPU], display: DisplayProfile, scale: int) -> str:
-    return f"{max(fitting_samples(gpu, display, scale)[1] for gpu in gpus):.1f}"
+def _most(gpus: Sequence[counts.GPU], display: DisplayProfile, scale: int) -> str:
+    return f"{max(counts.fitting_samples(gpu, display, scale)[1] for gpu in gpus):.1f}"
 
 
-def _measured_row(found: Measured, steps: Sequence[Work]) -> list[str]:
+def _measured_row(found: Measured, steps: Sequence[counts.Work]) -> list[str]:
     return [found.device, found.tensors, f"{found.scale}, {found.spp}", f"{found.samples_per_second / 1e6:.2f}",
             f"{found.started_ms / 1e3:.1f}", *(f"{found.milliseconds[work.step]:.0f}" if work.step in found.milliseconds
                                                 else UNKNOWN for work in steps)]
 
 
 def _weave_megabytes(display: DisplayProfile) -> float:
-    return next(work.bytes for work in frame_work(display, 1, 1) if work.step == WEAVE) / 1e6
+    return next(work.bytes for work in counts.frame_work(display, 1, 1) if work.step == counts.WEAVE) / 1e6
 
 
-def _billions(work: Work) -> str:
+def _billions(work: counts.Work) -> str:
     return f"{work.operations / 1e9:.1f}"
 
 
-def _megabytes(work: Work) -> str:
+def _megabytes(work: counts.Work) -> str:
     return f"{work.bytes / 1e6:.0f}"
 
 

@@ -12,18 +12,7 @@ import torch.nn.functional as nn
 from torch import Tensor
 
 from lfsr_core.base.arrays import Array
-from lfsr_lab.experiments.rivals.matlab import (
-    cells,
-    convolution,
-    convolution_4d,
-    from_ycbcr,
-    linear,
-    parameters,
-    resized,
-    tensor,
-    to_ycbcr,
-    transposed,
-)
+from lfsr_lab.experiments.rivals import matlab
 from lfsr_lab.experiments.rivals.sheared_epi import ShearedEPI
 
 ANGULAR_RATIO = 7
@@ -37,17 +26,17 @@ class AngularSR:
     """The network of ``pairs`` alternating pairs; the weights of 4, 8 and 16 pairs are not in the stored copy."""
 
     def __init__(self, clones: Path, pairs: int = 2) -> None:
-        self._layers = parameters(clones, f"LightFieldAngularSR/pretrained_models/Layer{pairs}.mat")
+        self._layers = matlab.parameters(clones, f"LightFieldAngularSR/pretrained_models/Layer{pairs}.mat")
         self._pairs = pairs
 
     def __call__(self, corners: Array) -> Array:
         """Return views (8, 8, H, W, 3) of (2, 2, H, W, 3), display values in [0, 1]."""
-        colour = to_ycbcr(corners)
-        share = linear(np.arange(ANGULAR_RATIO + 1)[:, None] / ANGULAR_RATIO - np.arange(2))
+        colour = matlab.to_ycbcr(corners)
+        share = matlab.linear(np.arange(ANGULAR_RATIO + 1)[:, None] / ANGULAR_RATIO - np.arange(2))
         dense = np.einsum("ai,bj,ijhwc->abhwc", share, share, colour)
-        luma = tensor(colour[..., 0])
+        luma = matlab.tensor(colour[..., 0])
         dense[..., 0] = np.concatenate([self._band(luma, start) for start in range(0, luma.shape[2], BAND)], 2)
-        made = from_ycbcr(dense)
+        made = matlab.from_ycbcr(dense)
         made[::ANGULAR_RATIO, ::ANGULAR_RATIO] = corners
         return made
 
@@ -73,7 +62,7 @@ class AngularSR:
                   leak: float = LEAK) -> Tensor:
         weight = self._layers[f"{name}_f{end}"]
         weight = weight.reshape(*weight.shape, *[1] * (6 - weight.ndim))
-        made = convolution_4d(x, weight, self._layers[f"{name}_b{end}"], pad, step)
+        made = matlab.convolution_4d(x, weight, self._layers[f"{name}_b{end}"], pad, step)
         return torch.nn.functional.leaky_relu(made, leak)
 
 
@@ -94,7 +83,7 @@ class EPICNN:
     """The network on the rows of a light field, then on its columns."""
 
     def __init__(self, clones: Path) -> None:
-        self._layers = cells(clones, "lfepicnn/EPICNN/EPICNN_model.mat")
+        self._layers = matlab.cells(clones, "lfepicnn/EPICNN/EPICNN_model.mat")
 
     def __call__(self, views: Array) -> Array:
         """Return views (3·(m - 1) + 1, 3·(n - 1) + 1, H, W, 3) of (m, n, H, W, 3), display values in [0, 1].
@@ -108,19 +97,20 @@ class EPICNN:
         """Return views (3·(n - 1) + 1, H, W, 3) of (n, H, W, 3), which differ along W."""
         if len(views) == 1:
             return views
-        planes = np.pad(to_ycbcr(views.astype(float)).swapaxes(0, 1), [(0, 0), (1, 1), (0, 0), (0, 0)], mode="edge")
-        made = resized(planes, 1, EPICNN_RATIO * (planes.shape[1] - 1) + 1)
+        luma = matlab.to_ycbcr(views.astype(float)).swapaxes(0, 1)
+        planes = np.pad(luma, [(0, 0), (1, 1), (0, 0), (0, 0)], mode="edge")
+        made = matlab.resized(planes, 1, EPICNN_RATIO * (planes.shape[1] - 1) + 1)
         made[..., 0] = np.concatenate([self._luma(planes[start:start + BATCH, ..., 0])
                                        for start in range(0, len(planes), BATCH)])
-        return from_ycbcr(made[:, EPICNN_RATIO:-EPICNN_RATIO]).swapaxes(0, 1)
+        return matlab.from_ycbcr(made[:, EPICNN_RATIO:-EPICNN_RATIO]).swapaxes(0, 1)
 
     @torch.inference_mode()
     def _luma(self, planes: Array) -> Array:
-        x = tensor(planes)[:, None]
+        x = matlab.tensor(planes)[:, None]
         for weight, bias in self._layers[:2]:
-            x = nn.relu(convolution(x, weight, bias, 2))
+            x = nn.relu(matlab.convolution(x, weight, bias, 2))
         weight, bias = self._layers[2]
-        return np.asarray(transposed(x, weight, bias, (EPICNN_RATIO, 1))[:, 0, CROP:-CROP, CROP:-CROP])
+        return np.asarray(matlab.transposed(x, weight, bias, (EPICNN_RATIO, 1))[:, 0, CROP:-CROP, CROP:-CROP])
 
 
 Make = Callable[[Array], Array]  # views (m, n, H, W, 3) to (r·(m - 1) + 1, r·(n - 1) + 1, H, W, 3)

@@ -27,7 +27,7 @@ from lfsr_lab.experiments.denoiser.measure import SETTINGS, Candidate, Place, Se
 from lfsr_lab.experiments.denoiser.study import measured
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, scene_script
 from lfsr_lab.experiments.engine.report import markdown_table
-from lfsr_lab.scenes.running import run_script
+from lfsr_lab.scenes import run_script
 
 QUANTILES = 64  # of a scene's disparities that are stored
 

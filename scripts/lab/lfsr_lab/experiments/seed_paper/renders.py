@@ -15,8 +15,7 @@ from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.process.blender import find_blender
 from lfsr_lab.experiments.engine.records import StudySettings
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, reference_of
-from lfsr_lab.scenes import scene_script
-from lfsr_lab.scenes.running import run_script
+from lfsr_lab.scenes import run_script, scene_script
 
 CELLS = "cells"  # folder of measurements
 VERSION = 5  # increase it when a measurement of the same inputs yields other numbers

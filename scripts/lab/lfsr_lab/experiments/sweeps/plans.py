@@ -21,8 +21,7 @@ from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.report import UNKNOWN, markdown_table, number
 from lfsr_lab.experiments.engine.truth import MAIN_METRICS
-from lfsr_lab.experiments.plan_validation.records import Validation, Verdict
-from lfsr_lab.experiments.plan_validation.study import Draws, summary, validate
+from lfsr_lab.experiments.plan_validation.study import Draws, Validation, Verdict, summary, validate
 from lfsr_lab.experiments.sweeps.measure import Scene
 from lfsr_lab.experiments.sweeps.records import DROP, Report, SweepReport
 from lfsr_lab.experiments.sweeps.sweeps import MOTION, choose_sweeps, label

@@ -1,6 +1,6 @@
 """Parameter sweeps: generated scenes that grow harder, every method to its breaking point.
 
-OUT/stress.md has the breaking points, OUT/index.html curves and the worst crop of every method.
+OUT/stress.md has the breaking points; `lfsr study report` draws the curves.
 """
 
 from __future__ import annotations
@@ -8,16 +8,74 @@ from __future__ import annotations
 import argparse
 import dataclasses
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from lfsr_core.commands.arguments import names
 from lfsr_core.optics.display import load_display
+from lfsr_lab.experiments.engine.plots import COLORS, MARKERS, Curve, draw_curves, panel_sheet, svg
 from lfsr_lab.experiments.engine.renders import SCENE_FILE, Store
-from lfsr_lab.experiments.engine.report import environment, write_drawn, write_report
+from lfsr_lab.experiments.engine.report import environment, inline_svg, markdown_table, write_report
+from lfsr_lab.experiments.sweeps import records
 from lfsr_lab.experiments.sweeps.measure import BASELINE, DISPLAY_FILE, Scene, default_methods
-from lfsr_lab.experiments.sweeps.page import PAGE_FILE, STEM, html, markdown, report_of
-from lfsr_lab.experiments.sweeps.records import FORMAT, Report, Settings, SweepReport, near_breaks
-from lfsr_lab.experiments.sweeps.sweeps import MOTION, choose_sweeps
+from lfsr_lab.experiments.sweeps.sweeps import MOTION, Sweep, choose_sweeps, label
 from lfsr_lab.networks.methods import LabMethod
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+STEM = "stress"
+LEGEND = ("A number is the first value of the sweep where the method breaks: **b** below bicubic, **s** 0.05 below its "
+          "own start; in brackets where else it may be with 95 % confidence over the seeds. – : it never breaks. ? : "
+          "nothing could be measured.")
+
+
+def report_of(sweep: Sweep, values: Sequence[float], cells: tuple[records.Cell, ...], methods: Sequence[str],
+              others: Sequence[records.Cell] = ()) -> records.SweepReport:
+    """Return what the cells of a sweep say; ``others`` are those of further seeds, in their order."""
+    figures: dict[str, dict[float, list[float | None]]] = {method: {} for method in methods}
+    for cell in (*cells, *others):
+        figures[cell.method].setdefault(cell.value, []).append(cell.metrics.get(sweep.judged))
+    breaks = {method: records.breaking_point(values, quality, figures[BASELINE]) for method, quality in figures.items()}
+    repeats = [records.Repeat(value, method, tuple(known)) for method, quality in figures.items()
+               for value, known in quality.items() if len(known) > 1]
+    return records.SweepReport(sweep.name, sweep.meaning, sweep.unit, sweep.judged, tuple(values), cells, breaks,
+                       tuple(repeats))
+
+
+def markdown(report: records.Report) -> str:
+    """Return the breaking points of every method, then the figures of every sweep."""
+    breaks = [[sweep.name, sweep.span, *map(sweep.break_text, report.methods)] for sweep in report.sweeps]
+    lines = ["# Parameter sweeps", "", str(report.settings), "", "## Breaking points", "", LEGEND, "",
+             *markdown_table(["sweep", "from – to", *report.methods], breaks)]
+    for sweep in report.sweeps:
+        lines += ["", f"## {sweep.name}", "", f"{sweep.meaning.capitalize()}; values are {sweep.unit}.", ""]
+        for metric in sweep.shown:
+            columns = {method: sweep.series(method, metric) for method in report.methods}
+            if metric == sweep.judged:  # the reference's own noise is of the same kind
+                columns["ssim_ceiling"] = sweep.series(BASELINE, "ssim_ceiling")
+            rows = zip(map(label, sweep.values), *columns.values(), strict=True)
+            lines += [*markdown_table([metric, *columns], rows), ""]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def curves(sweep: records.SweepReport, methods: Sequence[str]) -> Markup | None:
+    """Draw the judged figure along the sweep, one step of it per step across; None where nothing could be measured."""
+    drawn = []
+    figure, (axes,) = panel_sheet(1)
+    axes.set_xticks(range(len(sweep.values)), map(label, sweep.values))
+    for index, method in enumerate(methods):
+        known = [(place, value) for place, value in enumerate(sweep.series(method, sweep.judged)) if value is not None]
+        if known:
+            color, marker = COLORS[index % len(COLORS)], MARKERS[index // len(COLORS) % len(MARKERS)]
+            x, y = zip(*known, strict=True)
+            drawn.append(Curve(method, color, marker, x, y))
+            if found := sweep.breaks[method]:
+                axes.plot(sweep.values.index(found.value), found.quality, "o", ms=13, mfc="none", mec=color)
+    if not drawn:
+        return None
+    draw_curves(axes, drawn, sweep.judged)
+    return inline_svg(svg(figure), f"{sweep.judged} along {sweep.name}")
+
 
 SAMPLES, QUICK_SAMPLES, FRAMES, QUICK_FRAMES, SCALE = 256, 32, 24, 4, 4
 
@@ -39,14 +97,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Measure what is missing and write tables, curves and images.
+    """Measure what is missing and write the tables.
 
     LfsrError for an unknown sweep or method, a method that the display cannot have, a folder begun with other settings,
     and where Blender fails.
     """
     samples = arguments.reference_spp or (QUICK_SAMPLES if arguments.quick else SAMPLES)
     frames = arguments.frames or (QUICK_FRAMES if arguments.quick else FRAMES)
-    settings = Settings(load_display(arguments.display or DISPLAY_FILE), arguments.scale, samples, frames,
+    settings = records.Settings(load_display(arguments.display or DISPLAY_FILE), arguments.scale, samples, frames,
                         arguments.device)
     store, parallax = Store(arguments.output, arguments.blender), settings.display.parallax
     methods = tuple(dict.fromkeys([BASELINE, *(arguments.methods or default_methods(settings.scale, parallax))]))
@@ -64,14 +122,12 @@ def run(arguments: argparse.Namespace) -> None:
     for index, (sweep, of_sweep) in enumerate(scenes.items(), start=1):
         print(f"sweep {index} of {len(scenes)}: {sweep.name}, {len(of_sweep)} values", flush=True)
         sweeps.append(measured_sweep(store, of_sweep, methods, arguments.seeds))
-    report = Report(FORMAT, settings, environment(), methods, tuple(sweeps))
-    file, table = write_report(store.folder, STEM, report, {".md": lambda: markdown(report)})
-    write_drawn(store.folder / PAGE_FILE, lambda: html(store, report), file)
+    report = records.Report(records.FORMAT, settings, environment(), methods, tuple(sweeps))
+    _, table = write_report(store.folder, STEM, report, {".md": lambda: markdown(report)})
     print(table.read_text(encoding="utf-8"))
-    print(f"{store.folder / PAGE_FILE}: curves and the worst crop of every method")
 
 
-def measured_sweep(store: Store, scenes: Sequence[Scene], methods: Sequence[str], seeds: int) -> SweepReport:
+def measured_sweep(store: Store, scenes: Sequence[Scene], methods: Sequence[str], seeds: int) -> records.SweepReport:
     """Measure the scenes of one sweep, those near breaking points with ``seeds`` seeds."""
     sweep, values = scenes[0].sweep, [scene.value for scene in scenes]
     store.render_all([job for scene in scenes for job in scene.jobs])
@@ -79,7 +135,7 @@ def measured_sweep(store: Store, scenes: Sequence[Scene], methods: Sequence[str]
     first = report_of(sweep, values, cells, methods)
     if seeds == 1 or sweep.name == MOTION:  # whose figure is one of many seeds already
         return first
-    near = near_breaks(values, first.breaks.values())
+    near = records.near_breaks(values, first.breaks.values())
     repeated = [dataclasses.replace(scene, seed=seed) for scene in scenes if scene.value in near
                 for seed in range(1, seeds)]
     store.render_all([scene.job() for scene in repeated])

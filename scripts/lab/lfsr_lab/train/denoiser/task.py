@@ -126,8 +126,6 @@ class DenoiserTask:
         self.average = {name: value.clone() for name, value in self.network.state_dict().items()}
         self.optimiser = torch.optim.Adam(self.network.parameters(), config.rate)
         self.levels: dict[int, float] = {}  # running mean of the loss by samples
-        self.critic = critic() if config.adversarial else None
-        self.critic_optimiser = torch.optim.Adam(self.critic.parameters(), 2e-4, (0.5, 0.99)) if self.critic else None
         self.epoch = self.taken = 0  # the epoch, and steps since the start
 
     def identity(self) -> dict[str, Any]:
@@ -155,8 +153,6 @@ class DenoiserTask:
             output = self.network(part.inputs)
         error, structure = losses(output.float(), part)
         loss = self._balanced(self.config.error_weight * error + structure, samples)
-        if self.critic is not None:
-            loss = loss + self.config.adversarial * self._adversary(output.float(), part)
         self.optimiser.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(self.network.parameters(), LARGEST_GRADIENT)
@@ -175,16 +171,6 @@ class DenoiserTask:
         before = self.levels.get(samples, loss.item())
         self.levels[samples] = REMEMBERED * before + (1 - REMEMBERED) * loss.item()
         return loss * (float(np.mean(list(self.levels.values()))) / self.levels[samples]) ** BALANCE
-
-    def _adversary(self, output: Tensor, part: Crop) -> Tensor:
-        """Train the critic on a crop; return the generator's loss (SRGAN, arXiv 1609.04802)."""
-        assert self.critic is not None and self.critic_optimiser is not None
-        made, true = displayed(hdr_decode(output[(..., *part.inside)])), displayed(part.target)
-        loss = functional.softplus(-self.critic(true)).mean() + functional.softplus(self.critic(made.detach())).mean()
-        self.critic_optimiser.zero_grad()
-        loss.backward()
-        self.critic_optimiser.step()
-        return functional.softplus(-self.critic(made)).mean()
 
     @property
     def finished(self) -> Denoiser:
@@ -205,18 +191,13 @@ class DenoiserTask:
         return result
 
     def state(self) -> dict[str, Any]:
-        critics = {"critic": self.critic.state_dict(), "critic_optimiser": self.critic_optimiser.state_dict()} \
-            if self.critic and self.critic_optimiser else {}
         return {"network": self.network.state_dict(), "average": self.average, "levels": self.levels,
-                "optimiser": self.optimiser.state_dict(), "taken": self.taken, **critics}
+                "optimiser": self.optimiser.state_dict(), "taken": self.taken}
 
     def restore(self, state: dict[str, Any]) -> None:
         self.network.load_state_dict(state["network"])
         self.optimiser.load_state_dict(state["optimiser"])
         self.average, self.levels, self.taken = state["average"], state["levels"], state["taken"]
-        if self.critic and self.critic_optimiser:
-            self.critic.load_state_dict(state["critic"])
-            self.critic_optimiser.load_state_dict(state["critic_optimiser"])
 
 
 def begin(config: DenoiserConfig) -> Denoiser:
@@ -234,11 +215,3 @@ def rate(config: DenoiserConfig, step: int) -> float:
     course = step / (config.epochs * config.steps_per_epoch)
     cosine = LEAST_RATE + (1 - LEAST_RATE) * (1 + math.cos(math.pi * course)) / 2
     return config.rate * min(1.0, (step + 1) / WARM_UP) * cosine
-
-
-def critic() -> nn.Module:
-    """Return a network that tells denoised patches (1, 3, H, W) of display values from clean ones."""
-    layers = list[nn.Module]()
-    for entering, leaving, stride in ((3, 32, 1), (32, 64, 2), (64, 64, 1), (64, 64, 2)):
-        layers += [nn.Conv2d(entering, leaving, 3, stride, 1), nn.LeakyReLU(0.2)]
-    return nn.Sequential(*layers, nn.Conv2d(64, 1, 3, 1, 1))

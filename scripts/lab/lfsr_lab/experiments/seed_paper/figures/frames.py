@@ -13,21 +13,8 @@ from lfsr_core.reconstruct.second_stage import finished_panel
 from lfsr_lab.experiments.engine import plots, timing
 from lfsr_lab.experiments.engine.records import Cell
 from lfsr_lab.experiments.engine.renders import foreground
+from lfsr_lab.experiments.seed_paper import figure as fig
 from lfsr_lab.experiments.seed_paper import measuring, renders, weights
-from lfsr_lab.experiments.seed_paper.figure import (
-    SECONDS,
-    SINGLE_RUN,
-    Difference,
-    Figure,
-    Row,
-    Rows,
-    gains,
-    overall,
-    paired,
-    scenes_of,
-    sentence,
-    single_runs,
-)
 from lfsr_lab.experiments.seed_paper.measuring import FRAME_COLUMNS, RENDER, TOTAL
 from lfsr_lab.experiments.seed_paper.renders import SCALE, Settings, View
 from lfsr_lab.networks import comparators
@@ -46,14 +33,14 @@ RIVAL_COLUMNS = (*FRAME_COLUMNS, PLAIN, "ssim_ceiling", "ssim_eia_fg", "psnr_fg"
 CLAIM_SCALE = f"Two stages take less time than direct path tracing, and reach {REALTIME} frames per second at 8K."
 
 
-def selection(settings: Settings, scene: Path, distance: float | None = None) -> Cell[Rows]:
+def selection(settings: Settings, scene: Path, distance: float | None = None) -> Cell[fig.Rows]:
     """Return the cell of the second stage of one frame with and without foreground selection, in turns."""
     display = settings.timing_display
     name = scene.stem if distance is None else f"distance {distance:g}"
     inputs = {"scene": scene.stem, "distance": distance, "display": display.to_dict(), "spp": settings.spp,
               "repeats": settings.repeats, "device": settings.device, "render_device": settings.render_device}
 
-    def measure() -> Rows:
+    def measure() -> fig.Rows:
         seen = scene if distance is None else renders.moved(settings, scene, distance)
         folder = renders.rendered(settings, View(seen, settings.spp, display=display))
         finish, upscaler = weights.untrained_method(settings, NETWORK, SCALE)
@@ -65,7 +52,7 @@ def selection(settings: Settings, scene: Path, distance: float | None = None) ->
     return Cell(f"{scene.stem}-{name}".replace(" ", "-"), inputs, measure)
 
 
-def draw_selection(rows: Sequence[Row], _folder: Path) -> plots.Figure:
+def draw_selection(rows: Sequence[fig.Row], _folder: Path) -> plots.Figure:
     """Draw two bars per scene or distance, from the smallest foreground to the largest."""
     sheet, grid = plots.sheet(6, 3)
     for index, kind in enumerate((WITH, WITHOUT)):
@@ -79,35 +66,36 @@ def draw_selection(rows: Sequence[Row], _folder: Path) -> plots.Figure:
     return sheet
 
 
-def rule_fraction(rows: Sequence[Row]) -> str:
+def rule_fraction(rows: Sequence[fig.Row]) -> str:
     """Return what selection saves, and whether a smaller foreground saves more."""
-    found = gains(rows, WITHOUT, WITH, SECONDS)
+    found = fig.gains(rows, WITHOUT, WITH, fig.SECONDS)
     least, most = min(rows, key=_p), max(rows, key=_p)
-    order = {"": paired(_saved(rows, least), _saved(rows, most))} if _p(least) < _p(most) else {}
+    order = {"": fig.paired(_saved(rows, least), _saved(rows, most))} if _p(least) < _p(most) else {}
     statement = f"It saves more at p = {_p(least):.2f} than at p = {_p(most):.2f}"
-    return f"{overall(found, order)} {sentence('Selection saves time', found, 's')} {sentence(statement, order, 's')}"
+    saves = fig.sentence("Selection saves time", found, "s")
+    return f"{fig.overall(found, order)} {saves} {fig.sentence(statement, order, 's')}"
 
 
-def rule_scenes(rows: Sequence[Row]) -> str:
+def rule_scenes(rows: Sequence[fig.Row]) -> str:
     """Return what selection saves on each scene, also as a fraction of the frame."""
-    found = gains(rows, WITHOUT, WITH, SECONDS)
+    found = fig.gains(rows, WITHOUT, WITH, fig.SECONDS)
     whole = {row.scene: row.value(RENDER) + row.value("ms") / 1e3 for row in rows if row.method == WITHOUT}
     percent = [100 * saved.value / whole[scene] for scene, saved in found.items()]
-    return (f"{overall(found)} {sentence('Selection saves time', found, 's')} That is {min(percent):.1f} to "
+    return (f"{fig.overall(found)} {fig.sentence('Selection saves time', found, 's')} That is {min(percent):.1f} to "
             f"{max(percent):.1f} % of a whole frame with its render.")
 
 
-def _p(row: Row) -> float:
+def _p(row: fig.Row) -> float:
     return row.value("p")
 
 
-def _saved(rows: Sequence[Row], at: Row) -> list[float]:
+def _saved(rows: Sequence[fig.Row], at: fig.Row) -> list[float]:
     """Return the seconds that selection saves in each pair of runs of one scene."""
-    runs = {row.method: row.series[SECONDS] for row in rows if row.scene == at.scene}
+    runs = {row.method: row.series[fig.SECONDS] for row in rows if row.scene == at.scene}
     return [slow - fast for slow, fast in zip(runs[WITHOUT], runs[WITH], strict=True)]
 
 
-def scale_cells(settings: Settings) -> Iterator[Cell[Rows]]:
+def scale_cells(settings: Settings) -> Iterator[Cell[fig.Rows]]:
     """Yield render and second stage of the first scene, every resolution and scale; scale 1 is direct."""
     for divisor in settings.resolutions:
         display = renders.resolution(settings.timing_display, divisor)
@@ -116,27 +104,27 @@ def scale_cells(settings: Settings) -> Iterator[Cell[Rows]]:
                 yield _scale(settings, View(settings.scenes[0], settings.spp, scale, display))
 
 
-def _scale(settings: Settings, view: View) -> Cell[Rows]:
+def _scale(settings: Settings, view: View) -> Cell[fig.Rows]:
     """Return the cell of one frame; for direct path tracing the second stage runs without an upscaler."""
     display = view.display or settings.display
     width, height = display.eia_pixels
     inputs = {"scene": view.scene.stem, "display": display.to_dict(), "scale": view.scale, "spp": view.spp,
               "device": settings.device, "render_device": settings.render_device, "repeats": settings.repeats}
 
-    def measure() -> Rows:
+    def measure() -> fig.Rows:
         folder = renders.rendered(settings, view)
         method = weights.untrained_method(settings, NETWORK if view.scale > 1 else "none", view.scale)
         name = f"s = {view.scale}" if view.scale > 1 else DIRECT
         values = {"width": width, "scale": view.scale, **measuring.frame_seconds(settings, folder, method)}
-        return Rows((Row(scene=f"{width}×{height}", method=name, samples=view.spp, values=values),))
+        return fig.Rows((fig.Row(scene=f"{width}×{height}", method=name, samples=view.spp, values=values),))
 
     return Cell(f"{view.scene.stem}-{height}-s{view.scale}", inputs, measure)
 
 
-def draw_scales(rows: Sequence[Row], _folder: Path) -> plots.Figure:
+def draw_scales(rows: Sequence[fig.Row], _folder: Path) -> plots.Figure:
     """Draw seconds per frame over the scale factor, a line per resolution."""
     sheet, grid = plots.sheet(5.5, 3.2)
-    for color, scene in zip(plots.COLORS, scenes_of(rows), strict=False):
+    for color, scene in zip(plots.COLORS, fig.scenes_of(rows), strict=False):
         points = sorted((row.value("scale"), row.value(TOTAL)) for row in rows if row.scene == scene)
         grid[0, 0].plot(*zip(*points, strict=True), "o-", color=color, label=scene)
     grid[0, 0].set(xlabel="scale factor (1: direct path tracing)", ylabel="time per frame", yscale="log")
@@ -148,25 +136,25 @@ def draw_scales(rows: Sequence[Row], _folder: Path) -> plots.Figure:
     return sheet
 
 
-def rule_scales(rows: Sequence[Row]) -> str:
+def rule_scales(rows: Sequence[fig.Row]) -> str:
     """Return direct minus two stages in every cell, and the frame rate."""
     direct = {row.scene: row.value(TOTAL) for row in rows if row.method == DIRECT}
     ours = [row for row in rows if row.method != DIRECT]
-    found = {f"{row.scene} at {row.method}": single_runs(direct[row.scene], row.value(TOTAL)) for row in ours}
+    found = {f"{row.scene} at {row.method}": fig.single_runs(direct[row.scene], row.value(TOTAL)) for row in ours}
     times = [direct[row.scene] / row.value(TOTAL) for row in ours]
     best = max(ours, key=lambda row: (row.value("width"), -row.value(TOTAL)))
     rate = 1 / best.value(TOTAL)
     # The bound is for 8K; a smaller frame cannot tell.
-    realtime = {"": single_runs(rate, REALTIME)} if best.value("width") >= WIDTH_8K else {}
-    return (f"{overall(found, realtime)} {sentence('Two stages take less time', found, 's')} They are "
+    realtime = {"": fig.single_runs(rate, REALTIME)} if best.value("width") >= WIDTH_8K else {}
+    return (f"{fig.overall(found, realtime)} {fig.sentence('Two stages take less time', found, 's')} They are "
             f"{min(times):.1f} to {max(times):.1f} times as fast. Renders were timed once: less than "
-            f"{100 * SINGLE_RUN:.0f} % of difference does not count. "
-            f"{sentence(f'Above {REALTIME} frames per second at 8K', realtime, 'frames per second')} The fastest at "
-            f"{best.scene} is {best.method} with {rate:.3g} frames per second, "
+            f"{100 * fig.SINGLE_RUN:.0f} % of difference does not count. "
+            f"{fig.sentence(f'Above {REALTIME} frames per second at 8K', realtime, 'frames per second')} The fastest "
+            f"at {best.scene} is {best.method} with {rate:.3g} frames per second, "
             f"{100 * best.value(RENDER) / best.value(TOTAL):.0f} % of it the render.")
 
 
-def rival_cells(settings: Settings) -> Iterator[Cell[Rows]]:
+def rival_cells(settings: Settings) -> Iterator[Cell[fig.Rows]]:
     """Yield every rival on every scene."""
     for scene in settings.scenes:
         view = View(scene, settings.spp)
@@ -179,37 +167,37 @@ def rival_cells(settings: Settings) -> Iterator[Cell[Rows]]:
                                 device=settings.device, render_device=settings.render_device, repeats=settings.repeats)
 
 
-def _rival(settings: Settings, made: measuring.Finished) -> Row:
+def _rival(settings: Settings, made: measuring.Finished) -> fig.Row:
     found, seconds = measuring.accuracy(made), measuring.frame_seconds(settings, made.folder, made.method)
     return dataclasses.replace(found, how=f"s{made.frame.scale}", values={**found.values, **seconds})
 
 
-def rule_rivals(rows: Sequence[Row]) -> str:
+def rule_rivals(rows: Sequence[fig.Row]) -> str:
     """Return the paper's method, with its adversary if it was trained, against each rival."""
     measured = [row for row in rows if row.values]
     ours = next((name for name in (PAPER, PAPER_PLAIN) if any(row.method == name for row in measured)), None)
     if ours is None:
-        return overall()
+        return fig.overall()
     rivals = {(row.scene, row.method): row for row in measured}
     mine = [row for row in measured if row.method == ours]
-    faster = {rival: {row.scene: single_runs(rivals[row.scene, rival].value(TOTAL), row.value(TOTAL))
+    faster = {rival: {row.scene: fig.single_runs(rivals[row.scene, rival].value(TOTAL), row.value(TOTAL))
                       for row in mine if (row.scene, rival) in rivals} for rival in RIVALS}
     # Plain SSIM is the paper's own figure; over all lenses it has no interval.
-    enough = {row.scene: Difference(row.value(PLAIN) - ENOUGH_SSIM) for row in mine}
-    words = [overall(*faster.values(), enough), f"Of {ours}:"]
-    words += [sentence(f"Faster than {rival}", found, "s") for rival, found in faster.items()]
-    words.append(sentence(f"Plain SSIM above {ENOUGH_SSIM:.2f}", enough, f"from {ENOUGH_SSIM:.2f}"))
-    words += [sentence(f"More accurate than {rival}", gains(rows, ours, rival), "split SSIM")
+    enough = {row.scene: fig.Difference(row.value(PLAIN) - ENOUGH_SSIM) for row in mine}
+    words = [fig.overall(*faster.values(), enough), f"Of {ours}:"]
+    words += [fig.sentence(f"Faster than {rival}", found, "s") for rival, found in faster.items()]
+    words.append(fig.sentence(f"Plain SSIM above {ENOUGH_SSIM:.2f}", enough, f"from {ENOUGH_SSIM:.2f}"))
+    words += [fig.sentence(f"More accurate than {rival}", fig.gains(rows, ours, rival), "split SSIM")
               for rival in (*RIVALS, OURS)]
     return " ".join(words)
 
 
-FRACTION = Figure("fig10b", "Fig. 10(b): fraction of foreground", CLAIM_FRACTION, lambda settings: [
+FRACTION = fig.Figure("fig10b", "Fig. 10(b): fraction of foreground", CLAIM_FRACTION, lambda settings: [
     selection(settings, settings.scenes[0], distance) for distance in settings.moves], ("p", "ms"), rule_fraction,
     draw_selection)
-SCALES = Figure("fig12a", "Fig. 12(a): scale factors and resolutions", CLAIM_SCALE, scale_cells,
+SCALES = fig.Figure("fig12a", "Fig. 12(a): scale factors and resolutions", CLAIM_SCALE, scale_cells,
                 FRAME_COLUMNS, rule_scales, draw_scales)
-SCENES = Figure("fig12b", "Fig. 12(b): foreground selection", CLAIM_SCENES, lambda settings: [
+SCENES = fig.Figure("fig12b", "Fig. 12(b): foreground selection", CLAIM_SCENES, lambda settings: [
     selection(settings, scene) for scene in settings.scenes], ("p", RENDER, "ms"), rule_scenes, draw_selection)
-TABLE2 = Figure("table2", "Table 2: rivals", CLAIM_RIVALS, rival_cells, RIVAL_COLUMNS, rule_rivals,
+TABLE2 = fig.Figure("table2", "Table 2: rivals", CLAIM_RIVALS, rival_cells, RIVAL_COLUMNS, rule_rivals,
                 methods=("fsrcnn", "paper-gan", "paper", DEFAULT_METHOD))
