@@ -77,12 +77,16 @@ def load_into(network: nn.Module, path: str | Path, scale: int) -> nn.Module:
     """
     path = Path(path)
     header, tensors = read(path)
-    expected = {"architecture": type(network).__name__, "scale": str(scale)}
-    for key, wanted in expected.items():
-        if header.get(key) != wanted:
-            raise LfsrError(f"{path} holds weights for {key} {header.get(key)!r}, expected {wanted!r}: "
+    for key, value in (("architecture", type(network).__name__), ("scale", str(scale))):
+        if header.get(key) != value:
+            raise LfsrError(f"{path} holds weights for {key} {header.get(key)!r}, expected {value!r}: "
                             f"choose the file that fits or train it again")
-    _check_shapes(path, tensors, network)
+    wanted = {name: tuple(value.shape) for name, value in network.state_dict().items()}
+    found = {name: tuple(value.shape) for name, value in tensors.items()}
+    for name in sorted(wanted.keys() | found.keys()):
+        if wanted.get(name) != found.get(name):
+            raise LfsrError(f"{path} has tensor {name!r} of shape {found.get(name, 'missing')}, expected "
+                            f"{wanted.get(name, 'no such tensor')}: choose the file that fits or train it again")
     network.load_state_dict({name: torch.from_numpy(value) for name, value in tensors.items()})
     return network
 
@@ -103,12 +107,3 @@ def digest(tensors: Mapping[str, Array]) -> str:
         state.update(f"{name} {value.dtype.str} {value.shape}\n".encode())
         state.update(value.tobytes())
     return state.hexdigest()
-
-
-def _check_shapes(path: Path, tensors: Mapping[str, Array], network: nn.Module) -> None:
-    wanted = {name: tuple(value.shape) for name, value in network.state_dict().items()}
-    found = {name: tuple(value.shape) for name, value in tensors.items()}
-    for name in sorted(wanted.keys() | found.keys()):
-        if wanted.get(name) != found.get(name):
-            raise LfsrError(f"{path} has tensor {name!r} of shape {found.get(name, 'missing')}, expected "
-                            f"{wanted.get(name, 'no such tensor')}: choose the file that fits or train it again")

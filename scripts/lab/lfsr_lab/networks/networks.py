@@ -34,21 +34,14 @@ def deconvolution_as_shuffle(layer: nn.ConvTranspose2d) -> nn.Sequential:
     scale, padding, kernel = layer.stride[0], int(layer.padding[0]), layer.kernel_size[0]
     reach = max(kernel - 1 - padding, scale - 1 + padding) // scale
     convolution = nn.Conv2d(layer.in_channels, layer.out_channels * scale**2, 2 * reach + 1, padding=reach)
-    weight = _shuffled_weight(layer.weight.detach(), scale, padding, reach)
-    convolution.weight = nn.Parameter(weight)
-    convolution.bias = nn.Parameter(layer.bias.detach().repeat_interleave(scale**2))
-    return nn.Sequential(convolution, nn.PixelShuffle(scale))
-
-
-def _shuffled_weight(weight: Tensor, scale: int, padding: int, reach: int) -> Tensor:
-    """(in, out, k, k) of a deconvolution -> (out·s², in, 2·reach+1, 2·reach+1)."""
-    inputs, outputs, kernel, _ = weight.shape
-    size = 2 * reach + 1
+    weight, size = layer.weight.detach(), 2 * reach + 1  # (in, out, k, k)
     # Pad the kernel so that tap r + p - s·d is always inside, with zeros where the layer has none.
     before = scale * reach - padding
     padded = F.pad(weight, (before, size * scale - before - kernel) * 2)
-    taps = padded.view(inputs, outputs, size, scale, size, scale).flip(2, 4)
-    return taps.permute(1, 3, 5, 0, 2, 4).reshape(outputs * scale**2, inputs, size, size).contiguous()
+    taps = padded.view(*weight.shape[:2], size, scale, size, scale).flip(2, 4).permute(1, 3, 5, 0, 2, 4)
+    convolution.weight = nn.Parameter(taps.reshape(-1, weight.shape[0], size, size).contiguous())
+    convolution.bias = nn.Parameter(layer.bias.detach().repeat_interleave(scale**2))
+    return nn.Sequential(convolution, nn.PixelShuffle(scale))
 
 
 def fold_for_inference(network: nn.Module) -> nn.Module:

@@ -52,11 +52,12 @@ class Engine:
     def run(self, low: Tensor) -> Tensor:
         """Return the same for tensors, on the engine's device."""
         step = self.step or max(1, PIXELS_PER_STEP[self.device.type] // (low.shape[1] * low.shape[2]))
-        return torch.cat([self._apply(batch.to(self.device, non_blocking=True)) for batch in low.split(step)])
-
-    def _apply(self, low: Tensor) -> Tensor:
-        encoded = srgb_encode(low).permute(0, 3, 1, 2).to(self._dtype, memory_format=torch.channels_last)
-        return srgb_decode(self._network(encoded).permute(0, 2, 3, 1).float())
+        made = []
+        for batch in low.split(step):
+            encoded = srgb_encode(batch.to(self.device, non_blocking=True)).permute(0, 3, 1, 2)
+            high = self._network(encoded.to(self._dtype, memory_format=torch.channels_last))
+            made.append(srgb_decode(high.permute(0, 2, 3, 1).float()))
+        return torch.cat(made)
 
 
 def choose_device(name: str) -> torch.device:
@@ -147,14 +148,11 @@ class WholeEIAUpscaler(PhotographUpscaler):
         for first in range(0, int(lenses[:, 0].max(initial=-1)) + 1, ROWS_AT_ONCE):
             chosen = (lenses[:, 0] >= first) & (lenses[:, 0] < first + ROWS_AT_ONCE)
             if chosen.any():
-                rows = self._cached_rows(low, first).reshape(-1, size[0], sx, size[1], 3)
+                if self._cache is None or self._cache[0] is not low or self._cache[1] != first:
+                    self._cache = (low, first, self._rows(low, first))
+                rows = self._cache[2].reshape(-1, size[0], sx, size[1], 3)
                 result[chosen] = rows[lenses[chosen, 0] - first, :, lenses[chosen, 1]]
         return result
-
-    def _cached_rows(self, low: LowResEIA, first: int) -> Array:
-        if self._cache is None or self._cache[0] is not low or self._cache[1] != first:
-            self._cache = (low, first, self._rows(low, first))
-        return self._cache[2]
 
     def _rows(self, low: LowResEIA, first: int) -> Array:
         """Return rows of lenses from ``first`` on, (rows·h·s, sx·w·s, 3), as of the whole EIA."""

@@ -8,7 +8,7 @@ import sys
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import get_type_hints
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import read_bytes, without_advice
@@ -100,17 +100,24 @@ def load_config(name: str, settings: Sequence[str] = ()) -> TrainConfig | Denois
 
     LfsrError for a missing file, an unknown key (with the nearest) or a wrong type.
     """
-    values = _read_toml(name)
+    path = CONFIG_FOLDER / f"{name}.toml"
+    path = path if path.exists() else Path(name)
+    if not path.exists():
+        raise LfsrError(f"there is no training config {name!r}: give a TOML file or one of "
+                        f"{', '.join(builtin_configs())}")
+    content = read_bytes(path, "a training config", MAX_BYTES)
+    try:
+        values = tomllib.loads(content.decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise LfsrError(f"training config {path} cannot be read ({without_advice(error)}): correct it") from None
     for setting in settings:
         key, separator, text = setting.partition("=")
         if not separator:
             raise LfsrError(f"setting {setting!r} is not of the form key=value: write for example epochs=10")
-        values[key.strip()] = _parse(text.strip())
-    return _checked(values, name)
-
-
-def _checked(values: dict[str, Any], name: str) -> TrainConfig | DenoiserConfig:
-    """Return the config of plain values; LfsrError for an unknown, missing or mistyped key."""
+        try:
+            values[key.strip()] = tomllib.loads(f"value = {text.strip()}")["value"]
+        except (ValueError, RecursionError):  # no TOML: the text itself
+            values[key.strip()] = text.strip()
     kind = DenoiserConfig if values.get("network") == DENOISER else TrainConfig
     hints = get_type_hints(kind)
     for key, value in values.items():
@@ -128,24 +135,3 @@ def _checked(values: dict[str, Any], name: str) -> TrainConfig | DenoiserConfig:
 
 def builtin_configs() -> list[str]:
     return sorted(path.stem for path in CONFIG_FOLDER.glob("*.toml"))
-
-
-def _read_toml(name: str) -> dict[str, Any]:
-    path = CONFIG_FOLDER / f"{name}.toml"
-    path = path if path.exists() else Path(name)
-    if not path.exists():
-        raise LfsrError(f"there is no training config {name!r}: give a TOML file or one of "
-                        f"{', '.join(builtin_configs())}")
-    content = read_bytes(path, "a training config", MAX_BYTES)
-    try:
-        return tomllib.loads(content.decode("utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise LfsrError(f"training config {path} cannot be read ({without_advice(error)}): correct it") from None
-
-
-def _parse(text: str) -> Any:
-    """Value of a command-line setting: parsed if it is TOML, else the text itself."""
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError):
-        return text

@@ -40,7 +40,14 @@ def train(config: TrainConfig | DenoiserConfig, output: str | Path, device: str 
     if isinstance(config, DenoiserConfig):
         denoiser = DenoiserTask(config, load_scenes(config.scenes, config.count, guides=config.guides))
         outcome = run(denoiser, schedule, output, options)
-        return outcome if outcome.stopped else _finish_denoiser(denoiser, outcome, Path(output))
+        if outcome.stopped:
+            return outcome
+        path = Path(output, f"{DENOISER}.tza")
+        write_tza(path, denoiser.finished.tensors())
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        write_json(path.with_suffix(".json"),
+                   {"sha256": digest} | _provenance(denoiser, outcome, {}, torch.device("cpu")))
+        return dataclasses.replace(outcome, weights=path)
     photographs = load_photographs(config.photographs, LONG_SIDE)
     validation = load_photographs(config.validation) if config.validation else None
     task = ComparatorTask(config, photographs, validation, choose_device(device))
@@ -55,26 +62,14 @@ def train(config: TrainConfig | DenoiserConfig, output: str | Path, device: str 
     return dataclasses.replace(outcome, weights=path)
 
 
-def _finish_denoiser(task: DenoiserTask, outcome: Outcome, output: Path) -> Outcome:
-    """Write denoiser.tza and denoiser.json."""
-    path = output / f"{DENOISER}.tza"
-    write_tza(path, task.finished.tensors())
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    write_json(path.with_suffix(".json"), {"sha256": digest} | _provenance(task, outcome, {}, torch.device("cpu")))
-    return dataclasses.replace(outcome, weights=path)
-
-
 def _provenance(task: ComparatorTask | DenoiserTask, outcome: Outcome, yardstick: dict[str, float],
                 device: torch.device) -> dict[str, Any]:
     """How the weights were made, for the JSON file beside them."""
+    program = Path(sys.argv[0]).name
+    command = shlex.join([*(["lfsr"] if program in ("lfsr", "cli.py") else ["python", program]), *sys.argv[1:]])
     return {"network": task.config.network, "config": dataclasses.asdict(task.config), "data": task.data(),
-            "seconds": round(outcome.seconds, 1), "validation": outcome.validation | yardstick, "command": _command(),
+            "seconds": round(outcome.seconds, 1), "validation": outcome.validation | yardstick, "command": command,
             "versions": {"lfsr": __version__, "python": platform.python_version(), "torch": torch.__version__,
                          "numpy": np.__version__}, "device": torch.cuda.get_device_name(device) if device.type == "cuda"
             else f"CPU {platform.machine()}", "parameters": parameters(task.network)}
 
-
-def _command() -> str:
-    """This process's command line, as a user types it."""
-    program = Path(sys.argv[0]).name
-    return shlex.join([*(["lfsr"] if program in ("lfsr", "cli.py") else ["python", program]), *sys.argv[1:]])

@@ -1,4 +1,4 @@
-"""``lfsr study chart`` on frame folders: measured, timed, resumed, refused; and once with Blender."""
+"""``lfsr study chart`` on frame folders: measured, timed, resumed, refused."""
 
 from __future__ import annotations
 
@@ -9,21 +9,26 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.cli import main
 from lfsr_core.pipeline.staging import staging_folder
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.chart import cells as chart_cells
-from lfsr_lab.experiments.chart.cells import Settings, default_methods
+from lfsr_lab.experiments.chart import panels
+from lfsr_lab.experiments.chart.cells import default_methods
 from lfsr_lab.experiments.engine import timing
 from lfsr_lab.experiments.engine.truth import MEASURES, PARTS, Truth
 from lfsr_lab.networks.methods import LabMethod
-from tests.support.chart_example import example
 from tests.support.chart_folder import SEEDS, arguments, experiment_folder, main_fails, measured, noisy_render
-from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import fails, write_render
 
 ROOT = Path(__file__).parents[4]
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """A chart's page and image take longer than everything here; test_page.py draws them."""
+    for name in ("page", "image"):
+        monkeypatch.setattr(panels, name, lambda *_: "")
 
 
 @pytest.fixture
@@ -82,7 +87,7 @@ def test_every_cell_is_measured_on_all_seeds_and_the_renders_are_left_as_they_we
     assert "data:image/png;base64,iVBOR" in (folder / "chart.html").read_text(), "crops"
 
 
-def test_what_is_measured_is_not_measured_again_unless_its_render_changes(tmp_path, finished):
+def test_what_is_measured_is_not_measured_again_unless_its_render_changes(tmp_path, finished, undrawn):
     folder = experiment_folder(tmp_path)
     main(arguments(folder))
     first, crops = measured(folder), len(finished) - 12
@@ -95,7 +100,7 @@ def test_what_is_measured_is_not_measured_again_unless_its_render_changes(tmp_pa
     assert finished[:4] == ["bicubic"] * 2 + ["nearest"] * 2 and len(finished) == 4 + crops
 
 
-def test_times_are_a_pass_of_their_own_that_continues(tmp_path, timed, monkeypatch):
+def test_times_are_a_pass_of_their_own_that_continues(tmp_path, timed, monkeypatch, undrawn):
     folder = experiment_folder(tmp_path)
     assert main(arguments(folder)) == 0 and timed == []
     before = measured(folder)["scenes"][0]["cells"]
@@ -115,12 +120,12 @@ def test_times_are_a_pass_of_their_own_that_continues(tmp_path, timed, monkeypat
     after = measured(folder)["scenes"][0]["cells"]
     assert [cell["errors"] for cell in after] == [cell["errors"] for cell in before]
     assert all(cell["seconds"]["low"] > cell["samples"] for cell in after), "renders took a second per sample"
-    assert "end to end" in (folder / "chart.svg").read_text()
+    assert "at equal error, seconds" in (folder / "chart.md").read_text()
     timed.clear()
     assert main(arguments(folder)) == 0 and timed == [] and measured(folder)["scenes"][0]["cells"] == after
 
 
-def test_renders_are_made_again_for_their_time_once(tmp_path, monkeypatch):
+def test_renders_are_made_again_for_their_time_once(tmp_path, monkeypatch, undrawn):
     folder = experiment_folder(tmp_path)
     (tmp_path / "vase.blend").touch()
     times = iter([51.0, 61.0, 71.0, 81.0, 91.0, 101.0])
@@ -133,7 +138,7 @@ def test_renders_are_made_again_for_their_time_once(tmp_path, monkeypatch):
         assert [int(cell["seconds"]["mean"] // 10) for cell in cells] == [5, 5, 7, 7, 9, 9]
 
 
-def test_an_interrupted_chart_goes_on_where_it_stopped(tmp_path, finished, monkeypatch):
+def test_an_interrupted_chart_goes_on_where_it_stopped(tmp_path, finished, monkeypatch, undrawn):
     folder = experiment_folder(tmp_path)
     real = chart_cells.errors
 
@@ -151,7 +156,7 @@ def test_an_interrupted_chart_goes_on_where_it_stopped(tmp_path, finished, monke
     assert finished[:2] == ["oidn"] * 2 and finished.count("nearest") == 0
 
 
-def test_a_whole_reference_and_one_seed_are_measured_too(tmp_path):
+def test_a_whole_reference_and_one_seed_are_measured_too(tmp_path, undrawn):
     folder = experiment_folder(tmp_path, lens_list=None)
     assert main(arguments(folder, "--seeds", "1")) == 0
     scene, = measured(folder)["scenes"]
@@ -160,7 +165,7 @@ def test_a_whole_reference_and_one_seed_are_measured_too(tmp_path):
     assert scene["cells"][0]["errors"]["1-ssim"]["spread"] is None
 
 
-def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, capsys):
+def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, capsys, undrawn):
     folder = experiment_folder(tmp_path, names=("vase", "head"))
     shutil.rmtree(folder / "vase" / "s2-spp4-seed1")
     shutil.rmtree(folder / "head" / "reference")
@@ -172,12 +177,12 @@ def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, capsys):
     assert "skipped: head has no reference" in capsys.readouterr().err
 
 
-def test_several_scenes_have_a_mean(tmp_path):
+def test_several_scenes_have_a_mean(tmp_path, undrawn):
     folder, both = experiment_folder(tmp_path, names=("vase", "head")), ("vase.blend", "head.glb")
     assert main(arguments(folder, scenes=both)) == 0
     chart = measured(folder)
     assert [scene["scene"] for scene in chart["scenes"]] == ["vase", "head"]
-    assert "Mean of 2 scenes" in (folder / "chart.svg").read_text()
+    assert "Mean of 2 scenes" in (folder / "chart.md").read_text()
 
 
 def test_two_charts_at_once_and_a_scene_of_the_same_name_are_refused(tmp_path, capsys):
@@ -193,13 +198,6 @@ def test_two_charts_at_once_and_a_scene_of_the_same_name_are_refused(tmp_path, c
     assert not (folder / "chart.json").exists()
 
 
-def test_renders_with_another_subject_or_world_are_refused(tmp_path, capsys):
-    folder = experiment_folder(tmp_path)
-    for words, said in ((("--subject", "Vase"), "was rendered with no subject, but subject Vase"),
-                        (("--world-visible",), "but visible world was asked for")):
-        assert said in main_fails(arguments(folder, *words), capsys)
-
-
 @pytest.mark.parametrize(("more", "said"), [
     (("--methods", "nothing"), "unknown method 'nothing'"),
     (("--spps", "4,4"), "different whole numbers"),
@@ -207,6 +205,8 @@ def test_renders_with_another_subject_or_world_are_refused(tmp_path, capsys):
     (("--seeds", "0"), "seeds is 0"),
     (("--scale", "3"), "scale is 3"),
     (("--display", "small"), "display mini"),
+    (("--subject", "Vase"), "was rendered with no subject, but subject Vase"),
+    (("--world-visible",), "but visible world was asked for"),
 ])
 def test_bad_input_is_refused_in_a_sentence(tmp_path, capsys, more, said):
     assert said in main_fails(arguments(experiment_folder(tmp_path), *more), capsys)
@@ -233,30 +233,9 @@ def test_default_methods_are_all_known_and_begin_with_the_default():
         assert LabMethod.parse(name).text == name
 
 
-def test_our_method_must_be_measured(tmp_path):
-    with pytest.raises(LfsrError, match="not among those measured"):
-        Settings(output=tmp_path, **vars(example(1).settings) | {"ours": "nearer"})
-
-
 def test_without_pytorch_the_default_methods_have_no_network():
     source = ("import sys; sys.modules['torch'] = None\n"
               "from lfsr_lab.experiments.chart.cells import default_methods; print(*default_methods())")
     done = subprocess.run([sys.executable, "-c", source], text=True, cwd=ROOT, capture_output=True, check=True)
     assert set(default_methods()) > set(done.stdout.split()) > {"bicubic", "denoise+bilinear"}
     assert "paper" not in done.stdout
-
-
-@needs_bpy
-@pytest.mark.slow
-def test_from_a_scene_to_a_chart(tmp_path):
-    scene = tmp_path / "fan.obj"
-    scene.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\n")
-    words = ["study", "chart", str(scene), "-o", str(tmp_path / "out"), "--display", "mini", "--scale", "4", "--spps",
-             "1",
-             "--direct-spps", "1", "--seeds", "2", "--reference-spp", "2", "--lenses", "12", "--repeats", "1",
-             "--render-repeats", "2", "--times", "--methods", "bicubic", "--ours", "bicubic"]
-    assert main(words) == 0
-    scene, = measured(tmp_path / "out")["scenes"]
-    assert scene["reference"]["samples"] == 2 and scene["reference"]["lenses"] == 12
-    assert [cell["role"] for cell in scene["cells"]] == ["low", "direct", "direct"]
-    assert all(cell["seconds"]["mean"] > 0 and cell["errors"]["variance"]["mean"] > 0 for cell in scene["cells"])

@@ -65,15 +65,12 @@ def compare(x: Array, a: Array, b: Array) -> Motion:
     ssim = np.stack([lens_ssims(*images) for images in zip(x, a, b, strict=True)])
     steps = [np.diff(values, axis=0) for values in (x, a, b)]
     means = [values.mean((2, 3)) for values in (x, a, b)]
-    return Motion(mean_of(ssim), 100 * split_rms(*steps), 100 * split_rms(*means), _lag(*means), cpu_seconds=0.0)
-
-
-def _lag(x: Array, a: Array, b: Array) -> float:
-    """Return the fraction of the way back to the frame before by which ``x`` is late."""
+    x, a, b = means
     back_a, back_b = (values[:-1] - values[1:] for values in (a, b))
     late = np.mean((x - a)[1:] * back_b + (x - b)[1:] * back_a, dtype=np.float64) / 2
     change = np.mean(back_a * back_b, dtype=np.float64)
-    return float(late / change) if change > 0 else 0.0
+    lag = float(late / change) if change > 0 else 0.0  # of the way back to the frame before
+    return Motion(mean_of(ssim), 100 * split_rms(*steps), 100 * split_rms(*means), lag, cpu_seconds=0.0)
 
 
 def cost_of_averaging(display: DisplayProfile, scale: int) -> float:
@@ -163,17 +160,15 @@ class Animation:
         folder = self.folder / f"{seeds}-spp{spp}"
         seed = {FIXED: lambda number: 0, CHANGING: lambda number: number,
                 TURNING: lambda number: 1 + (number - 1) % PERIOD}[seeds]
-        return [self._job(folder, number, seed(number), spp) for number in range(1, self.settings.frames + 1)]
+        settings, scene = self.settings, str((self.folder / SCENE_FILE).resolve())
+        return [Request(str(frame_folder(folder, number)), settings.display, scene,
+                        sampling=Sampling(settings.scale, spp), frame=number,
+                        seed=settings.seed * SEED_STEP + seed(number)) for number in range(1, settings.frames + 1)]
 
     def references(self) -> list[Request]:
         settings, folder = self.settings, self.folder / REFERENCE
         return [reference_of(job, settings.reference_samples, frame_folder(folder, number),
                              lens_list=settings.lens_list) for number, job in enumerate(self.low(CHANGING, 1), start=1)]
-
-    def _job(self, folder: Path, number: int, seed: int, spp: int) -> Request:
-        settings = self.settings
-        return Request(str(frame_folder(folder, number)), settings.display, str((self.folder / SCENE_FILE).resolve()),
-                   sampling=Sampling(settings.scale, spp), frame=number, seed=settings.seed * SEED_STEP + seed)
 
     @functools.cached_property
     def truths(self) -> list[Truth]:
@@ -203,19 +198,19 @@ def run(arguments: argparse.Namespace) -> None:
     store = Store(arguments.output or Path("animations"), arguments.blender)
     store.claim(settings)
     build_scenes(store, settings)
-    found = tuple(each for name in arguments.only for each in _measured(Animation(store, settings, name)))
-    write_report(store.folder, STEM, Report(settings, environment(), arguments.command, found),
+    found = []
+    for name in arguments.only:
+        animation = Animation(store, settings, name)
+        records = Records(animation.folder / "cells", Motion)
+        for way, spp, cell in animation.cells():
+            for figures in measured([cell], records, store):
+                print(f"{name}, {way.name}, {spp} samples: split SSIM {figures.ssim:.4f}, flicker "
+                      f"{figures.flicker:.2f}, low-frequency error {figures.offset:.2f}, lag {figures.lag:.2f}",
+                      flush=True)
+                found.append(Found(name, way.name, spp, figures))
+    write_report(store.folder, STEM, Report(settings, environment(), arguments.command, tuple(found)),
                  {".md": lambda: markdown(found), ".svg": lambda: svg(chart(found))})
     print(markdown(found))
-
-
-def _measured(animation: Animation) -> Iterator[Found]:
-    records = Records(animation.folder / "cells", Motion)
-    for way, spp, cell in animation.cells():
-        for figures in measured([cell], records, animation.store):
-            print(f"{animation.name}, {way.name}, {spp} samples: split SSIM {figures.ssim:.4f}, flicker "
-                  f"{figures.flicker:.2f}, low-frequency error {figures.offset:.2f}, lag {figures.lag:.2f}", flush=True)
-            yield Found(animation.name, way.name, spp, figures)
 
 
 STEM = "shots"  # of the files
@@ -258,7 +253,13 @@ def chart(found: Sequence[Found]) -> Any:
     names = [name for name in NAMES if any(each.animation == name for each in found)]
     figure, grid = plots.panel_sheet(len(SHOWN) * len(names), columns=len(names))
     for axes, (kind, name) in zip(grid, [(kind, name) for kind in SHOWN for name in names], strict=True):
-        curves = [_curve(found, name, way, kind) for way in DRAWN]
+        curves = []
+        for number, way in enumerate(DRAWN):
+            points = sorted((each.samples, getattr(each.figures, kind)) for each in found
+                            if each.animation == name and each.way == way)
+            x, y = zip(*points, strict=True)
+            curves.append(plots.Curve(DRAWN[way], plots.COLORS[number], plots.MARKERS[number], x, y,
+                                      bold=way == AVERAGED.name))
         axes.set_xscale("log", base=2)
         ticks = sorted({x for curve in curves for x in curve.x})
         axes.set_xticks(ticks, [f"{tick:g} samples" if tick == ticks[0] else f"{tick:g}" for tick in ticks])
@@ -266,11 +267,3 @@ def chart(found: Sequence[Found]) -> Any:
         axes.margins(0.08)
         plots.draw_curves(axes, curves, f"{TITLES[name]}: {SHOWN[kind]}")
     return figure
-
-
-def _curve(found: Sequence[Found], name: str, way: str, kind: str) -> plots.Curve:
-    points = sorted((each.samples, getattr(each.figures, kind)) for each in found
-                    if each.animation == name and each.way == way)
-    number = list(DRAWN).index(way)
-    x, y = zip(*points, strict=True)
-    return plots.Curve(DRAWN[way], plots.COLORS[number], plots.MARKERS[number], x, y, bold=way == AVERAGED.name)

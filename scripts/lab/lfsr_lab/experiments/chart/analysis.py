@@ -291,16 +291,15 @@ def duels(points: Sequence[Point], ours: Key) -> list[Duel]:
     found = curves(points)
     mine = found.get(ours, [])
     others = [point for key, curve in found.items() if key != ours for point in curve]
-    return [_duel(point, mine, measure) for measure in MEASURES for point in others] if mine else []
-
-
-def _duel(point: Point, mine: Sequence[Point], measure: str) -> Duel:
-    rays, errors, seconds = stack(mine, measure)
-    needed, bound = reach(rays, errors, point.drawn[measure])
-    times = None
-    if seconds is not None and point.seconds is not None:
-        times = cost(reach(seconds, errors, point.drawn[measure])[0] / point.seconds, bool(bound[0]))
-    return Duel(measure, *point.key, point.samples, cost(needed / point.rays, bool(bound[0])), times)
+    fought = []
+    for measure, point in itertools.product(MEASURES, others if mine else ()):
+        rays, errors, seconds = stack(mine, measure)
+        needed, bound = reach(rays, errors, point.drawn[measure])
+        times = None
+        if seconds is not None and point.seconds is not None:
+            times = cost(reach(seconds, errors, point.drawn[measure])[0] / point.seconds, bool(bound[0]))
+        fought.append(Duel(measure, *point.key, point.samples, cost(needed / point.rays, bool(bound[0])), times))
+    return fought
 
 
 def reaches(points: Sequence[Point], fixed: Mapping[str, float]) -> list[Reach]:
@@ -319,14 +318,14 @@ def mean_duels(scenes: Sequence[SceneRow]) -> list[MeanDuel]:
     found: dict[tuple[str, Role, str, int], list[Duel]] = {}
     for duel in (duel for scene in scenes for duel in scene.duels):
         found.setdefault((duel.measure, duel.role, duel.method, duel.samples), []).append(duel)
-    return [MeanDuel(*key, *_mean_duel(every)) for key, every in found.items() if len(every) == len(scenes)]
-
-
-def _mean_duel(every: Sequence[Duel]) -> tuple[int, Cost, Cost | None]:
-    reached = [duel for duel in every if duel.rays.value is not None]
-    seconds = [duel.seconds for duel in reached if duel.seconds is not None]
-    return (len(reached), geometric_mean([duel.rays for duel in reached]),
-            geometric_mean(seconds) if len(seconds) == len(reached) else None)
+    means = []
+    for key, every in found.items():
+        if len(every) == len(scenes):
+            reached = [duel for duel in every if duel.rays.value is not None]
+            seconds = [duel.seconds for duel in reached if duel.seconds is not None]
+            means.append(MeanDuel(*key, len(reached), geometric_mean([duel.rays for duel in reached]),
+                                  geometric_mean(seconds) if len(seconds) == len(reached) else None))
+    return means
 
 
 def geometric_mean(costs: Sequence[Cost]) -> Cost:
@@ -338,37 +337,34 @@ def geometric_mean(costs: Sequence[Cost]) -> Cost:
     if len(values) < 2:
         return costs[0] if costs else Cost(None, None, None, False)
     logs, count, random = np.log(values), len(values), np.random.default_rng(len(values))
-    open_ = np.array([_log_error(each) for each in costs])
+    open_ = []  # standard errors of the logarithms; those of the lower half where there is no upper end
+    for each, value in zip(costs, values, strict=True):
+        low = each.low or value
+        open_.append(float(np.log((each.high or value**2 / low) / low)) / (2 * NORMAL_95))
     chosen = random.integers(0, count, (DRAWS, count))
-    drawn = np.exp((logs[chosen] + open_[chosen] * random.normal(size=(DRAWS, count))).mean(1))
+    drawn = np.exp((logs[chosen] + np.array(open_)[chosen] * random.normal(size=(DRAWS, count))).mean(1))
     low, high = interval(drawn)
     certain = all(each.high is not None for each in costs)
     return Cost(short(np.exp(logs.mean())), short(low), short(high) if certain else None,
                 any(each.bound for each in costs))
 
 
-def _log_error(found: Cost) -> float:
-    """Return the standard error of a cost's logarithm; that of its lower half where it has no upper end."""
-    assert found.value is not None
-    low = found.low or found.value
-    high = found.high or found.value**2 / low
-    return float(np.log(high / low)) / (2 * NORMAL_95)
-
-
 def mean_cells(scenes: Sequence[SceneRow]) -> list[Cell]:
     """Return the cells that every scene has: means of errors and geometric means of times over these very scenes."""
     tables = [{(cell.key, cell.samples): cell for cell in scene.cells} for scene in scenes]
-    shared = [key for key in tables[0] if all(key in table for table in tables)]
-    return [_mean_cell([table[key] for table in tables]) for key in shared]
-
-
-def _mean_cell(cells: Sequence[Cell]) -> Cell:
-    seconds = [cell.seconds for cell in cells if cell.seconds]
-    names = [name for name in cells[0].errors if all(name in cell.errors for cell in cells)]
-    return dataclasses.replace(
-        cells[0], errors={name: mean_estimate([cell.errors[name] for cell in cells]) for name in names},
-        seconds=_geometric(seconds) if len(seconds) == len(cells) else None, second_stage=None,
-        load_average=None)
+    means = []
+    for key in (key for key in tables[0] if all(key in table for table in tables)):
+        cells = [table[key] for table in tables]
+        errors = {name: mean_estimate([cell.errors[name] for cell in cells]) for name in cells[0].errors
+                  if all(name in cell.errors for cell in cells)}
+        seconds = None
+        if all(cell.seconds for cell in cells):
+            logs = mean_estimate([Estimate(math.log(each.mean), math.log(each.low), math.log(each.high), None)
+                                  for cell in cells if (each := cell.seconds)])
+            seconds = Estimate(short(math.exp(logs.mean)), short(math.exp(logs.low)), short(math.exp(logs.high)), None)
+        means.append(dataclasses.replace(cells[0], errors=errors, seconds=seconds, second_stage=None,
+                                         load_average=None))
+    return means
 
 
 def mean_estimate(every: Sequence[Estimate]) -> Estimate:
@@ -378,12 +374,6 @@ def mean_estimate(every: Sequence[Estimate]) -> Estimate:
     below, above = (np.sqrt(np.sum(part**2)) / len(mean) for part in (mean - low, high - mean))
     return Estimate(short(mean.mean()), short(mean.mean() - below), short(mean.mean() + above),
                     short(float(np.mean(spreads))) if spreads else None)
-
-
-def _geometric(seconds: Sequence[Estimate]) -> Estimate:
-    logs = mean_estimate([Estimate(math.log(each.mean), math.log(each.low), math.log(each.high), None)
-                          for each in seconds])
-    return Estimate(short(math.exp(logs.mean)), short(math.exp(logs.low)), short(math.exp(logs.high)), None)
 
 
 def short(value: float) -> float:

@@ -38,7 +38,12 @@ class Settings(ChartSettings, StudySettings):
 
     def __post_init__(self) -> None:
         for name in ("spps", "direct_spps"):
-            _check_samples(name, getattr(self, name))
+            samples = getattr(self, name)
+            if name == "spps" and not samples:
+                raise LfsrError("there are no samples per pixel to measure at: give some with --spps, as in 1,4,16,64")
+            if min(samples, default=1) < 1 or len(set(samples)) < len(samples):
+                raise LfsrError(f"{name} are {', '.join(map(str, samples))}, but they must be different whole numbers "
+                                "from 1")
         for name, least in (("seeds", 1), ("repeats", 1), ("render_repeats", 0), ("reference_spp", 2)):
             if getattr(self, name) < least:
                 raise LfsrError(f"{name} is {getattr(self, name)}, but it must be {least} or more")
@@ -59,13 +64,6 @@ class Settings(ChartSettings, StudySettings):
     @property
     def figures(self) -> ChartSettings:
         return ChartSettings(**{field.name: getattr(self, field.name) for field in dataclasses.fields(ChartSettings)})
-
-
-def _check_samples(name: str, samples: tuple[int, ...]) -> None:
-    if name == "spps" and not samples:
-        raise LfsrError("there are no samples per pixel to measure at: give some with --spps, as in 1,4,16,64")
-    if min(samples, default=1) < 1 or len(set(samples)) < len(samples):
-        raise LfsrError(f"{name} are {', '.join(map(str, samples))}, but they must be different whole numbers from 1")
 
 
 def default_methods() -> tuple[str, ...]:
@@ -123,16 +121,15 @@ def measured(render: Render, name: str, truth: Truth) -> Measured:
     """
     records = Records(render.folders[0].parent / CELL_FOLDER, Measured)
     facts = {"version": VERSION, "reference": frame_digest(truth.folder), **render.facts(name)}
-    return records.get(f"{render.name}-{name}", facts, lambda: _measure(render, name, truth))
 
+    def measure() -> Measured:
+        for folder in render.folders:
+            check_reference(read_frame(folder), truth.reference.frame)
+        found = errors(np.array([truth.finished(folder, name) for folder in render.folders]), *truth.halves)
+        return Measured({measure: tuple(tuple(short(float(value)) for value in row) for row in np.atleast_2d(values))
+                         for measure, values in found.items()})
 
-def _measure(render: Render, name: str, truth: Truth) -> Measured:
-    for folder in render.folders:
-        check_reference(read_frame(folder), truth.reference.frame)
-    images = np.array([truth.finished(folder, name) for folder in render.folders])
-    found = errors(images, *truth.halves)
-    return Measured({measure: tuple(tuple(short(float(value)) for value in row) for row in np.atleast_2d(values))
-                     for measure, values in found.items()})
+    return records.get(f"{render.name}-{name}", facts, measure)
 
 
 def times(settings: Settings, render: Render, name: str) -> Times | None:

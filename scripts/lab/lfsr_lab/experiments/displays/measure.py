@@ -57,33 +57,24 @@ def kind(name: str, width: int | None = None) -> DisplayProfile:
     if not STEP <= wide <= FULL_WIDTH[name] or wide % STEP:
         raise LfsrError(f"width is {wide}, but a panel must be a multiple of {STEP} pixels wide, at most "
                         f"{FULL_WIDTH[name]}")
-    data = {"integral": _integral, "lenticular": _lenticular, "hexagonal": _hexagonal}[name](wide, wide * 9 // 16)
-    return DisplayProfile.from_dict({"name": f"{name}-{wide}", **data})
-
-
-def _integral(width: int, height: int) -> dict[str, Any]:
-    return {**_panel(width, height), "lenses": [width // LENS_PIXELS, height // LENS_PIXELS],
-            "views": [LENS_PIXELS, LENS_PIXELS]}
-
-
-def _hexagonal(width: int, height: int) -> dict[str, Any]:
-    pitch = HEXAGON_PIXELS * PIXEL_MM
-    lattice = {"pitch_mm": [pitch, pitch * math.sqrt(0.75)], "rotation_deg": TURN_DEG, "shift_mm": list(SHIFT_MM)}
-    return {"format": 2, **_panel(width, height), "lenslet": {"packing": "hexagonal", "lenses": lattice}}
-
-
-def _panel(width: int, height: int) -> dict[str, Any]:
-    return {"panel_pixels": [width, height], "panel_mm": [width * PIXEL_MM, height * PIXEL_MM],
-            "viewing_distance_mm": DISTANCE * width * PIXEL_MM, "viewing_angle_deg": 40.0}
-
-
-def _lenticular(width: int, height: int) -> dict[str, Any]:
-    """The 16 inch display of the third generation, with the light field that is proposed for the panel."""
-    whole = load_display("looking-glass-16-gen3")
-    fraction = width / whole.panel_pixels[0]
-    data = whole.to_dict() | {"panel_pixels": [width, height], "panel_mm": [side * fraction for side in whole.panel_mm],
-                              "viewing_distance_mm": whole.viewing_distance_mm * fraction}
-    return {key: value for key, value in data.items() if key not in ("name", "description", "lenses", "views")}
+    high = wide * 9 // 16
+    panel = {"panel_pixels": [wide, high], "panel_mm": [wide * PIXEL_MM, high * PIXEL_MM],
+             "viewing_distance_mm": DISTANCE * wide * PIXEL_MM, "viewing_angle_deg": 40.0}
+    data: dict[str, Any]
+    if name == "integral":
+        data = panel | {"lenses": [wide // LENS_PIXELS, high // LENS_PIXELS], "views": [LENS_PIXELS, LENS_PIXELS]}
+    elif name == "hexagonal":
+        pitch = HEXAGON_PIXELS * PIXEL_MM
+        lattice = {"pitch_mm": [pitch, pitch * math.sqrt(0.75)], "rotation_deg": TURN_DEG, "shift_mm": list(SHIFT_MM)}
+        data = panel | {"format": 2, "lenslet": {"packing": "hexagonal", "lenses": lattice}}
+    else:  # the 16 inch display of the third generation, with the light field that is proposed for the panel
+        whole = load_display("looking-glass-16-gen3")
+        fraction = wide / whole.panel_pixels[0]
+        data = whole.to_dict() | {"panel_pixels": [wide, high],
+                                  "panel_mm": [side * fraction for side in whole.panel_mm],
+                                  "viewing_distance_mm": whole.viewing_distance_mm * fraction}
+        data = {key: value for key, value in data.items() if key not in ("description", "lenses", "views")}
+    return DisplayProfile.from_dict(data | {"name": f"{name}-{wide}"})
 
 
 GUIDES = ("albedo", "normal")
@@ -156,14 +147,13 @@ def _view_by_view(folder: Path, frame: Frame) -> Array:
     images = {name: to_elemental_images(layers[name][..., :3], frame.rays.tiles)
               for name in ("color", *GUIDES) if name in layers}
     py, px = images["color"].shape[2:4]
-    return from_views(np.array([[_denoised({name: image[:, :, row, column] for name, image in images.items()})
-                                 for column in range(px)] for row in range(py)]))
-
-
-def _denoised(view: Mapping[str, Array]) -> Array:
-    guides = clean_guides({name: view[name] for name in GUIDES if name in view})
-    return oidn.denoise(view["color"], guides.get("albedo"), guides.get("normal"), hdr=True, clean_aux=bool(guides),
-                        quality="balanced")
+    views = np.empty((py, px, *images["color"].shape[:2], 3), np.float32)
+    for row, column in np.ndindex(py, px):
+        view = {name: image[:, :, row, column] for name, image in images.items()}
+        guides = clean_guides({name: view[name] for name in GUIDES if name in view})
+        views[row, column] = oidn.denoise(view["color"], guides.get("albedo"), guides.get("normal"), hdr=True,
+                                          clean_aux=bool(guides), quality="balanced")
+    return from_views(views)
 
 
 def clean_guides(guides: Mapping[str, Array]) -> dict[str, Array]:
@@ -287,20 +277,23 @@ class Renders:
         """Render what is missing and return the CPU seconds of each render, by way and samples."""
         jobs = {(way.name, samples): self._job(way, samples) for way, samples in measured_at(self.display)}
         usual = [self._job(EVERY_VIEW, samples) for name, samples in jobs if name == USUAL.name]
-        every = {job.output: job for job in (*jobs.values(), *usual, *self._references())}
+        ways = [(EVERY_VIEW, self.reference), (SUBPIXEL, self.traced_reference)]
+        references = [reference_of(self._job(way, self.reference_spp), self.reference_spp, folder)
+                      for way, folder in ways if folder]
+        every = {job.output: job for job in (*jobs.values(), *usual, *references)}
         missing = [job for job in every.values() if self._cost(job) is None]
         if missing:
             self._render(missing)
         for job in every.values():
             check_render(job)
-        return {key: self._whole(job) for key, job in jobs.items()}
-
-    def _whole(self, job: Request) -> float:
-        """Return the CPU seconds of a render; of the usual way those that all views would take."""
-        cost = self._cost(job)
-        if cost is None:
-            raise LfsrError(f"what {job.output} took is not known: delete it and run this again")
-        return cost.cpu * (math.prod(self.display.views) / math.prod(job.display.views))
+        costs = {}
+        for key, job in jobs.items():
+            cost = self._cost(job)
+            if cost is None:
+                raise LfsrError(f"what {job.output} took is not known: delete it and run this again")
+            # Of the usual way the seconds that all views would take.
+            costs[key] = cost.cpu * (math.prod(self.display.views) / math.prod(job.display.views))
+        return costs
 
     def _render(self, jobs: Sequence[Request]) -> None:
         """Render one after the other; first two of a few lenses: the first builds the scene, the second is measured."""
@@ -326,11 +319,6 @@ class Renders:
     def _cost(self, job: Request) -> Cost | None:
         folder = Path(job.output)
         return self._costs.read(folder.name, _mark(job)) if FrameFolder(folder).holds(job.kind) else None
-
-    def _references(self) -> list[Request]:
-        ways = [(EVERY_VIEW, self.reference), (SUBPIXEL, self.traced_reference)]
-        return [reference_of(self._job(way, self.reference_spp), self.reference_spp, folder)
-                for way, folder in ways if folder]
 
     def _job(self, way: Way, samples: int) -> Request:
         scales, one_by_one = way.scales(self.display), way == USUAL

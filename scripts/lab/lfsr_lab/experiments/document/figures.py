@@ -5,9 +5,10 @@ from __future__ import annotations
 import base64
 import dataclasses
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from markupsafe import Markup
 
 from lfsr_core.base.files import read_json
 from lfsr_core.base.records import from_data, read_record
@@ -27,9 +28,6 @@ from lfsr_lab.experiments.seed_paper import study as seed_paper
 from lfsr_lab.experiments.seed_paper.figure import Results
 from lfsr_lab.experiments.sweeps import study as sweeps
 from lfsr_lab.experiments.sweeps.records import Report
-
-if TYPE_CHECKING:
-    from markupsafe import Markup
 
 WIDE = 800  # points
 IMAGE = re.compile(r"!\[[^]]*\]\([^)]*?([\w-]+\.png)\)")
@@ -126,16 +124,15 @@ def _seed_paper(record: Path, images: Path) -> Shown:
     known = [(seed_paper.FIGURES[name], found) for name, found in results.items()]
     tables = ["\n".join([f"## {figure.title}", "", f"Claim: {figure.claim}", "", f"Here: {figure.line(found)}", "",
                          *figure.table(found.rows)]) for figure, found in known]
-    return Shown([*_seed_figures(known, images)], "\n\n".join(tables))
-
-
-def _seed_figures(known: list[tuple[seed_paper.Figure, Results]], images: Path) -> Iterator[Drawn]:
+    drawn = []
     for figure, found in known:
         file, words = images / figure.image, f"{figure.claim} {figure.line(found)}"
         if figure.draw and not any(row.image for row in found.rows):
-            yield Drawn(figure.title, inline_svg(plots.svg(figure.draw(found.rows, images)), figure.title), words)
+            image = inline_svg(plots.svg(figure.draw(found.rows, images)), figure.title)
+            drawn.append(Drawn(figure.title, image, words))
         elif figure.draw and file.exists():
-            yield Drawn(figure.title, embedded(file, figure.title), words)
+            drawn.append(Drawn(figure.title, embedded(file, figure.title), words))
+    return Shown(drawn, "\n\n".join(tables))
 
 
 def _page(record: Path, images: Path) -> Shown:
@@ -147,8 +144,6 @@ def _page(record: Path, images: Path) -> Shown:
 
 
 def embedded(file: Path, title: str) -> Markup:
-    from markupsafe import Markup
-
     data = base64.b64encode(file.read_bytes()).decode()
     return Markup('<img alt="{}" src="data:image/png;base64,{}">').format(title, data)
 

@@ -8,16 +8,15 @@ import shutil
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from markupsafe import Markup, escape
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path
 from lfsr_lab.experiments.document.figures import Shown, shown
 from lfsr_lab.experiments.document.studies import Kept, Study
 from lfsr_lab.experiments.engine.report import page_html, write_drawn
-
-if TYPE_CHECKING:
-    from markupsafe import Markup
 
 PAGE, PRINTED = "report.html", "report.pdf"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome", "msedge")
@@ -74,15 +73,11 @@ def print_pdf(page: Path) -> Path | None:
 
 def html(markdown: str) -> Markup:
     """Return our own Markdown as HTML: headings, tables, lists and paragraphs with code and bold words."""
-    from markupsafe import Markup
-
     blocks = re.split(r"\n{2,}", re.sub(r"\n {2,}(?=\S)", " ", markdown.strip()))  # items go on in further lines
     return Markup("\n").join(part for block in blocks for part in _parts(block.splitlines()))
 
 
 def _parts(lines: list[str]) -> Iterator[Markup]:
-    from markupsafe import Markup
-
     while lines and lines[0].startswith("#"):
         yield Markup("<h4>{}</h4>").format(_inline(lines.pop(0).lstrip("# ")))
     table = [line for line in lines if line.startswith("|")]
@@ -97,8 +92,6 @@ def _parts(lines: list[str]) -> Iterator[Markup]:
 
 
 def _table(rows: list[list[str]]) -> Markup:
-    from markupsafe import Markup
-
     left = [not rule.endswith(":") for rule in rows[1]]
 
     def line(cells: Sequence[str], tag: str) -> Markup:
@@ -111,8 +104,6 @@ def _table(rows: list[list[str]]) -> Markup:
 
 
 def _inline(text: str) -> Markup:
-    from markupsafe import Markup, escape
-
     words = re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", str(escape(text)))
     words = re.sub(r"`([^`]+)`", r"<code>\1</code>", words)
     words = re.sub(r"\*\*([^*]+)\*\*", r"<b>\1</b>", words)

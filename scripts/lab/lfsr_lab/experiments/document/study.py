@@ -99,16 +99,12 @@ def draw(work: Work) -> Iterator[Path]:
 def _records(work: Work, form: str) -> Iterator[tuple[Study, Kept]]:
     """Yield study and description of every record that is there: of this form, or those that the documents quote."""
     for study in work.table.study:
-        for kept in study.kept if form == KEPT else _own(work, study, form):
+        every = list(study.kept) if form == KEPT else []
+        if form != KEPT and (names := ",".join(unit.name for unit in units([study], form))):
+            every = [Kept(f"{study.name}.json", study.title, work.shown(Unit(study, names, form)), study.kind)]
+        for kept in every:
             if (work.folder / MEASURED / kept.file).exists():
                 yield study, kept
-
-
-def _own(work: Work, study: Study, form: str) -> Iterator[Kept]:
-    """Yield what a study leaves in this form, if it has it."""
-    if every := units([study], form):
-        command = work.shown(Unit(study, ",".join(unit.name for unit in every), form))
-        yield Kept(f"{study.name}.json", study.title, command, study.kind)
 
 
 def _unit(unit: Unit, ended: Ended | None) -> dict[str, Any]:

@@ -223,7 +223,10 @@ class Work:
                                 "below the folder that --assets names")
             return path
         path = self.folder / SCENES / asset.file
-        with _waited(self.folder / SCENES):
+        with contextlib.ExitStack() as held:
+            while held.enter_context(_claimed(self.folder / SCENES)) is None:
+                held.close()
+                time.sleep(BETWEEN_LOOKS)
             if not path.exists():
                 with tempfile.TemporaryDirectory(prefix=".making-", dir=path.parent) as name:
                     made = Path(name, asset.file)
@@ -262,13 +265,3 @@ def _claimed(folder: Path) -> Iterator[IO[bytes] | None]:
     with folder.with_name(f"{folder.name}.lock").open("ab") as lock:
         yield lock if locks(lock) else None
 
-
-@contextlib.contextmanager
-def _waited(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder, as soon as nobody else does."""
-    while True:
-        with _claimed(folder) as lock:
-            if lock is not None:
-                yield
-                return
-        time.sleep(BETWEEN_LOOKS)

@@ -16,6 +16,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from markupsafe import Markup
+
 from lfsr_core import __version__
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path
@@ -23,7 +25,6 @@ from lfsr_core.base.records import write_record
 
 if TYPE_CHECKING:
     import jinja2
-    from markupsafe import Markup
 
 UNKNOWN = "–"
 RULES = {"l": "---", "r": "---:"}  # below the header, by a column's letter
@@ -68,8 +69,6 @@ def page_html(template: str, **values: Any) -> str:
 
 def inline_svg(svg: str, title: str) -> Markup:
     """Return an SVG document to stand in a page and scale with it; ``title`` is read aloud in its place."""
-    from markupsafe import Markup
-
     return Markup('<svg role="img" aria-label="{}"').format(title) + Markup(svg[svg.index("<svg") + len("<svg"):])
 
 

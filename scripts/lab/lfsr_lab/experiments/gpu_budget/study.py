@@ -9,8 +9,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-import statistics
-import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
@@ -25,6 +23,7 @@ from lfsr_core.frames.request import AUTO, GUIDES, Request, Sampling
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.averaging import read_low
 from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution
+from lfsr_lab.experiments.engine import timing
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.report import (
     UNKNOWN,
@@ -106,14 +105,12 @@ def best_device() -> torch.device:
 
 def median_ms(work: Callable[[], object], device: torch.device | None = None) -> float:
     """Median milliseconds of ``REPEATS`` calls after one that does not count, each until the device has finished."""
-    seconds = []
-    for _ in range(REPEATS + 1):
-        started = time.perf_counter()
+    def finished() -> None:
         work()
         if device is not None and device.type != "cpu":
             torch.accelerator.synchronize()
-        seconds.append(time.perf_counter() - started)
-    return 1e3 * statistics.median(seconds[1:])
+
+    return timing.median_ms(timing.take_turns({"": finished}, REPEATS)[""])
 
 
 STEM = "gpu-budget"
@@ -158,6 +155,7 @@ def markdown(gpus: Sequence[counts.GPU], measured: Sequence[Measured]) -> str:
     display, woven = load_display(DISPLAY), load_display(WOVEN)
     scale, spp = EXAMPLE
     steps = counts.frame_work(display, scale, spp)
+    weave = next(work.bytes for work in counts.frame_work(woven, 1, 1) if work.step == counts.WEAVE)
     lines = [
         "# What 30 frames per second at 8K ask of a GPU", "",
         f"`{COMMAND}` counts and writes this page. It was written without a GPU: the milliseconds are the least that "
@@ -168,7 +166,7 @@ def markdown(gpus: Sequence[counts.GPU], measured: Sequence[Measured]) -> str:
         *markdown_table(["scale", *(f"samples at {count}" for count in SAMPLES), "denoiser: 10⁹ operations", "MB",
                          "interpolation: 10⁹ operations", "MB", "display: MB"],
                         [_count_row(display, each) for each in SCALES], "r"), "",
-        f"The weave of a lenticular 8K panel (`{WOVEN}`) moves {_weave_megabytes(woven):.0f} MB more. The denoiser's "
+        f"The weave of a lenticular 8K panel (`{WOVEN}`) moves {weave / 1e6:.0f} MB more. The denoiser's "
         "bytes are those of layers that are not fused: each reads its inputs and writes its outputs in half "
         "precision.", "",
         "## At published rates", "",
@@ -219,9 +217,10 @@ def _conclusion(gpus: Sequence[counts.GPU], display: DisplayProfile) -> Iterable
     others = [sum(gpu.least_ms(work)[0] for work in steps if work.step != counts.TRACE) for gpu in gpus]
     best = max(counts.fitting_samples(gpu, display, EXAMPLE[0])[1] for gpu in gpus)
     scale = max(SCALES)
+    largest = max(counts.fitting_samples(gpu, display, scale)[1] for gpu in gpus)
     yield (f"**Rays limit everywhere**: at scale {EXAMPLE[0]} all other steps take {min(others):.1f} to "
            f"{max(others):.1f} ms. In scenes of production at most {best:.1f} samples per rendered pixel fit at that "
-           f"scale, and {_most(gpus, display, scale)} at scale {scale}; a table's value below 1 is out of reach. Two "
+           f"scale, and {largest:.1f} at scale {scale}; a table's value below 1 is out of reach. Two "
            "things help. A sample that meets the background costs almost nothing: with a fifth of the elemental images "
            "in the foreground up to five times as many fit. And light scenes trace faster: a bare path tracer with up "
            "to 16 bounces sends 3.3·10⁹ samples per second through one statue on an RTX 4090 "
@@ -230,18 +229,10 @@ def _conclusion(gpus: Sequence[counts.GPU], display: DisplayProfile) -> Iterable
            "of production at scale 8 on the fastest of these.")
 
 
-def _most(gpus: Sequence[counts.GPU], display: DisplayProfile, scale: int) -> str:
-    return f"{max(counts.fitting_samples(gpu, display, scale)[1] for gpu in gpus):.1f}"
-
-
 def _measured_row(found: Measured, steps: Sequence[counts.Work]) -> list[str]:
     return [found.device, found.tensors, f"{found.scale}, {found.spp}", f"{found.samples_per_second / 1e6:.2f}",
             f"{found.started_ms / 1e3:.1f}", *(f"{found.milliseconds[work.step]:.0f}" if work.step in found.milliseconds
                                                 else UNKNOWN for work in steps)]
-
-
-def _weave_megabytes(display: DisplayProfile) -> float:
-    return next(work.bytes for work in counts.frame_work(display, 1, 1) if work.step == counts.WEAVE) / 1e6
 
 
 def _billions(work: counts.Work) -> str:

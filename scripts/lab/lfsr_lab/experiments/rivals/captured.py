@@ -125,19 +125,10 @@ def _imported(given: Array, ratio: int, name: str) -> Array:
 def likeness(shown: Array, views: Array, ratio: int) -> Likeness:
     """Compare the views that were left out, (m, n, H, W, 3) uint8 each."""
     left_out = [place for place in np.ndindex(views.shape[:2]) if any(index % ratio for index in place)]
-    pairs = [[_luma(each[place]) for each in (shown, views)] for place in left_out]
-    return Likeness(float(np.mean([_psnr(*pair) for pair in pairs])), float(np.mean([_ssim(*pair) for pair in pairs])))
-
-
-def _luma(view: Array) -> Array:
-    """Return luma (H, W) in [0, 1], rounded to 8 bits, without its borders."""
-    return np.asarray(np.round(to_ycbcr(view[CUT:-CUT, CUT:-CUT] / 255)[..., 0] * 255) / 255)
-
-
-def _psnr(x: Array, y: Array) -> float:
-    return -10 * math.log10(max(float(np.mean((x - y)**2)), 1e-10))
-
-
-def _ssim(x: Array, y: Array) -> float:
-    x, y = (values[None, ..., None].astype(np.float32) for values in (x, y))
-    return float(stacked_ssim(x, y, y).mean())
+    # Luma in [0, 1], rounded to 8 bits, without its borders.
+    x, y = (np.stack([np.round(to_ycbcr(each[place][CUT:-CUT, CUT:-CUT] / 255)[..., 0] * 255) / 255
+                      for place in left_out])[..., None] for each in (shown, views))
+    psnr = [-10 * math.log10(max(float(square), 1e-10)) for square in np.mean((x - y)**2, (1, 2, 3))]
+    ssim = [stacked_ssim(*(values[None].astype(np.float32) for values in (one, other, other))).mean()
+            for one, other in zip(x, y, strict=True)]
+    return Likeness(float(np.mean(psnr)), float(np.mean(ssim)))

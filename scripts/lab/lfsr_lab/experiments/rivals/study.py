@@ -23,7 +23,7 @@ from lfsr_core.base.records import to_data
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.metrics.intervals import student_95
 from lfsr_core.reconstruct.methods import PREFILTER, names
-from lfsr_lab.experiments.engine.records import Fingerprint, Records, method_facts, to_stderr
+from lfsr_lab.experiments.engine.records import Records, method_facts, to_stderr
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, digest, frame_digest
 from lfsr_lab.experiments.engine.report import UNKNOWN, markdown_table, write_text
 from lfsr_lab.experiments.engine.truth import Truth
@@ -187,25 +187,17 @@ def rendered_scenes(folders: Sequence[Path], clones: Path, store: Store, only: S
         if store.may_render:
             fill(where)
         if FrameFolder(where.folder / REFERENCE).holds("reference"):
-            found |= {(name, *key): row for key, row in _measured(where.folder, clones).items()}
+            truth, records = Truth(where.folder / REFERENCE), Records(where.folder / CELLS, Row)
+            for view in VIEWS:
+                render = where.folder / folder_of(view)
+                for denoiser in denoisers(view) if FrameFolder(render).holds() else ():
+                    to_stderr(f"{name} {view.name} {denoiser}")
+                    ours = method_facts(f"{denoiser}+bilinear+epi") if denoiser in names(PREFILTER) else {}
+                    facts = {"version": VERSION, "render": frame_digest(render),
+                             "reference": frame_digest(truth.folder), "denoiser": denoiser, **ours}
+                    found[name, view, denoiser] = records.get(
+                        f"{view.name}-{denoiser}", facts, functools.partial(measure, render, truth, denoiser, clones))
     return found
-
-
-def _measured(scene: Path, clones: Path) -> dict[tuple[View, str], Row]:
-    truth, records, found = Truth(scene / REFERENCE), Records(scene / CELLS, Row), {}
-    for view in VIEWS:
-        render = scene / folder_of(view)
-        for denoiser in denoisers(view) if FrameFolder(render).holds() else ():
-            to_stderr(f"{scene.name} {view.name} {denoiser}")
-            found[view, denoiser] = records.get(f"{view.name}-{denoiser}", _facts(render, truth.folder, denoiser),
-                                                functools.partial(measure, render, truth, denoiser, clones))
-    return found
-
-
-def _facts(render: Path, reference: Path, denoiser: str) -> Fingerprint:
-    ours = method_facts(f"{denoiser}+bilinear+epi") if denoiser in names(PREFILTER) else {}
-    return {"version": VERSION, "render": frame_digest(render), "reference": frame_digest(reference),
-            "denoiser": denoiser, **ours}
 
 
 def captured_views(clones: Path, folder: Path) -> dict[tuple[str, str], Likeness]:

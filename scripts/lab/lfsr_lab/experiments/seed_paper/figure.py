@@ -166,14 +166,10 @@ class Figure:
         """Return what became of the claim, and what the results lack."""
         absent = ", ".join(dict.fromkeys(row.method for row in results.rows if not row.has_weights))
         without = f" Not measured, because they have no weights: {absent}." if absent else ""
-        return self.rule(results.rows) + without + _unequal(results.schedules.values())
-
-
-def _unequal(schedules: Iterable[str]) -> str:
-    """Return a caution where the networks were not trained alike; seconds and device do not count."""
-    recipes = {text.rpartition(", ")[0] for text in schedules if text != weights.NONE}
-    unequal = len(recipes) > 1 or "" in recipes
-    return " The networks were not trained alike, or it is not recorded how." if unequal else ""
+        # Seconds and device do not count.
+        recipes = {text.rpartition(", ")[0] for text in results.schedules.values() if text != weights.NONE}
+        unequal = " The networks were not trained alike, or it is not recorded how."
+        return self.rule(results.rows) + without + (unequal if len(recipes) > 1 or "" in recipes else "")
 
 
 def gains(rows: Iterable[Row], more: str, less: str, series: str = LENS_SSIM) -> dict[str, Difference]:

@@ -10,7 +10,6 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, write_json
@@ -118,7 +117,13 @@ def run(arguments: argparse.Namespace) -> None:
     machine = environment()
     text = run_text(settings, machine, arguments.command)
     file, facts = settings.output / RESULTS_FILE, settings.facts()
-    results = _earlier(file, facts)
+    results: dict[str, Results] = {}
+    if file.exists():
+        data = read_json(file, "the results of an earlier run")
+        if data.get("settings") == facts:
+            results = {name: from_data(Results, found, str(file)) for name, found in data["figures"].items()}
+        else:
+            print(f"{file} has other settings: its figures leave the page, their measurements stay", file=sys.stderr)
     for figure in figures:
         found = results[figure.id] = figure.measure(settings)
         write_json(file, {"settings": facts, "environment": to_data(machine), "command": arguments.command,
@@ -133,13 +138,3 @@ def run(arguments: argparse.Namespace) -> None:
             write_text(folder / page_file, markdown(results, text, pictures))
         print(f"{figure.title}: {figure.line(found)}", flush=True)
 
-
-def _earlier(path: Path, facts: dict[str, Any]) -> dict[str, Results]:
-    """Return the figures of an earlier run with the same settings, none where they differ."""
-    if not path.exists():
-        return {}
-    data = read_json(path, "the results of an earlier run")
-    if data.get("settings") == facts:
-        return {name: from_data(Results, found, str(path)) for name, found in data["figures"].items()}
-    print(f"{path} has other settings: its figures leave the page, their measurements stay", file=sys.stderr)
-    return {}

@@ -8,7 +8,8 @@ from __future__ import annotations
 import argparse
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+
+from markupsafe import Markup
 
 from lfsr_core.commands.arguments import names
 from lfsr_core.optics.display import load_display
@@ -19,9 +20,6 @@ from lfsr_lab.experiments.sweeps import records
 from lfsr_lab.experiments.sweeps.measure import BASELINE, DISPLAY_FILE, Scene, default_methods
 from lfsr_lab.experiments.sweeps.sweeps import MOTION, Sweep, choose_sweeps, label
 from lfsr_lab.networks.methods import LabMethod
-
-if TYPE_CHECKING:
-    from markupsafe import Markup
 
 STEM = "stress"
 LEGEND = ("A number is the first value of the sweep where the method breaks: **b** below bicubic, **s** 0.05 below its "

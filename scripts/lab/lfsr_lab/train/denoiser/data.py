@@ -137,7 +137,8 @@ def crop(scene: Scene, samples: int, rng: np.random.Generator, side: int, *, mir
     ei = scene.ei
     if augment:
         images, margins, ei = _augmented(images, margins, ei, rng)
-    rendered, target, alpha, *rest = map(_tensor, images)
+    rendered, target, alpha, *rest = (torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None]
+                                      for image in images)
     height, width = target.shape[2:]
     inside = (slice(margins[0], height - margins[1]), slice(margins[2], width - margins[3]))
     seen = [hdr_encode(rendered)]
@@ -232,6 +233,3 @@ def _augmented(images: Sequence[Array], margins: list[int], ei: tuple[int, int],
         above, below, left, right = left, right, above, below
     return result, [above, below, left, right], ei
 
-
-def _tensor(image: Array) -> Tensor:
-    return torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None]

@@ -58,7 +58,11 @@ def _structure_of_eis(image: Tensor, target: Tensor, crop: Crop) -> Tensor:
         return image.sum() * 0
     images = _enlarged(_elemental_images(image, crop.ei)[shown], "bilinear").clamp(0, 1)
     with torch.no_grad():
-        targets = _sharply_enlarged(_elemental_images(target, crop.ei)[shown]).clamp(0, 1)
+        low = _elemental_images(target, crop.ei)[shown]
+        # Cubic with one step of back-projection: means over its pixels are nearly ``low`` again.
+        targets = _enlarged(low, "bicubic")
+        targets += _enlarged(low - functional.avg_pool2d(targets, ENLARGED), "bicubic")
+        targets = targets.clamp(0, 1)
     sigma = ENLARGED * SSIM_SIGMA / crop.scale
     row, column = (window(length * ENLARGED, sigma) for length in crop.ei)
     return (1 - _ssim(images, targets, row, column)).mean()
@@ -73,12 +77,6 @@ def _elemental_images(image: Tensor, ei: tuple[int, int]) -> Tensor:
 
 def _enlarged(images: Tensor, mode: str) -> Tensor:
     return functional.interpolate(images, scale_factor=ENLARGED, mode=mode, align_corners=False)
-
-
-def _sharply_enlarged(images: Tensor) -> Tensor:
-    """Cubic with one step of back-projection: means over its pixels are nearly ``images`` again."""
-    result = _enlarged(images, "bicubic")
-    return result + _enlarged(images - functional.avg_pool2d(result, ENLARGED), "bicubic")
 
 
 @functools.lru_cache(maxsize=256)
@@ -152,7 +150,11 @@ class DenoiserTask:
         with torch.autocast("cpu", torch.bfloat16, enabled=self.config.half_precision):
             output = self.network(part.inputs)
         error, structure = losses(output.float(), part)
-        loss = self._balanced(self.config.error_weight * error + structure, samples)
+        loss = self.config.error_weight * error + structure
+        # Weighed so that all counts of samples matter nearly alike.
+        before = self.levels.get(samples, loss.item())
+        self.levels[samples] = REMEMBERED * before + (1 - REMEMBERED) * loss.item()
+        loss = loss * (float(np.mean(list(self.levels.values()))) / self.levels[samples]) ** BALANCE
         self.optimiser.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(self.network.parameters(), LARGEST_GRADIENT)
@@ -165,12 +167,6 @@ class DenoiserTask:
             for name, value in self.network.state_dict().items():
                 self.average[name].lerp_(value, 1 - keep)
         return {"error": error.detach(), "structure": structure.detach()}
-
-    def _balanced(self, loss: Tensor, samples: int) -> Tensor:
-        """Weigh the loss so that all counts of samples matter nearly alike."""
-        before = self.levels.get(samples, loss.item())
-        self.levels[samples] = REMEMBERED * before + (1 - REMEMBERED) * loss.item()
-        return loss * (float(np.mean(list(self.levels.values()))) / self.levels[samples]) ** BALANCE
 
     @property
     def finished(self) -> Denoiser:

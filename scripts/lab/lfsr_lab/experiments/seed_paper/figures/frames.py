@@ -101,10 +101,10 @@ def scale_cells(settings: Settings) -> Iterator[Cell[fig.Rows]]:
         display = renders.resolution(settings.timing_display, divisor)
         for scale in (1, *display.scales()) if display else ():
             if scale == 1 or scale in comparators.SCALES:
-                yield _scale(settings, View(settings.scenes[0], settings.spp, scale, display))
+                yield scale_cell(settings, View(settings.scenes[0], settings.spp, scale, display))
 
 
-def _scale(settings: Settings, view: View) -> Cell[fig.Rows]:
+def scale_cell(settings: Settings, view: View) -> Cell[fig.Rows]:
     """Return the cell of one frame; for direct path tracing the second stage runs without an upscaler."""
     display = view.display or settings.display
     width, height = display.eia_pixels
