@@ -26,7 +26,7 @@ from lfsr_core.frames.frame import (
     write_frame,
 )
 from lfsr_core.frames.low_res import finished_layout
-from lfsr_core.frames.request import AUTO, GUIDES, OWN, Request
+from lfsr_core.frames.request import AUTO, GUIDES, OWN, POSITION, Request
 from lfsr_core.optics.lens_rows import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.pipeline.parts import ImageParts, Part, remove_others
@@ -167,9 +167,9 @@ def _inputs(scene: bpy.types.Scene, request: Request, frame: Frame, content: str
 def _frame(scene: bpy.types.Scene, request: Request, subject: set[bpy.types.Object]) -> Frame:
     """The frame that is asked for; LfsrError if the array cannot be placed or colours cannot be reproduced."""
     array, matrix_world = placement.place_array(scene, request.display, subject)
-    # The denoiser is given more than colours; every view at scale 1 would take as much memory again.
+    # The second stage is given more than colours; every view at scale 1 would take as much memory again.
     guided = request.kind == "render" and request.sampling.scale > 1 and request.layout != SUBPIXELS
-    layers = tuple(dict.fromkeys((*request.layers, *(GUIDES if guided else ()))))
+    layers = tuple(dict.fromkeys((*request.layers, *((*GUIDES, POSITION) if guided else ()))))
     if "index" not in layers and has_background_meshes(scene, subject):
         layers = (*layers, "index")
     if request.world_visible and scene.world is None:

@@ -37,8 +37,9 @@ def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--layout", choices=OFFERED_LAYOUTS, default=LAYOUTS[0],
                         help="how rays are sent, default: %(default)s; subpixels: direct subpixel rendering with "
                              "`lfsr render`, for displays with a lens sheet: the panel's image, no light field")
-    parser.add_argument("--view-aperture", type=float, default=1.0, metavar="0..1",
-                        help="fraction of a view's cell that its rays cover, default: %(default)s")
+    parser.add_argument("--view-aperture", type=float, default=1.0, metavar="N",
+                        help="side of what the rays of a view cover, in finished views, at most the scale; default: "
+                             "%(default)s")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the noise, default: %(default)s")
     parser.add_argument("--frame", type=int, metavar="N", help="default: the scene's current frame")
     parser.add_argument("--camera", metavar="NAME",

@@ -20,7 +20,7 @@ MOST_AVERAGED = 8  # frames to each side
 class Finish:
     """The only record of a method and its options; LfsrError on values that no frame can be finished with."""
 
-    method: str  # its name, such as "denoise+bilinear+epi", see ``reconstruct.methods``
+    method: str  # its name, such as "denoise+pool", see ``reconstruct.methods``
     dilate: int = 0  # lenses by which the foreground mask grows
     weights: str | None = None  # file for the method's network, None for the shipped one
     linear_exr: bool = False  # also write the scene-linear eia.exr

@@ -18,7 +18,8 @@ from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.rays import RayLayout
 from lfsr_core.optics.world_view import WorldImage, WorldView
 
-ARRAYS = ("color", "alpha", "guides", "position", "noisy", "opacity", "places")
+ARRAYS = ("color", "alpha", "guides", "position", "slope", "noisy", "opacity", "places")
+LEAST_ALPHA = 0.5  # coverage from which a pixel's position is that of a surface
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,6 +35,10 @@ class LowResEIA:
     scale: int  # s, high-resolution views per low-resolution view along each axis with parallax
     guides: Array | None = None  # albedo in [0, 1] and normal in [-1, 1], C = 6, where rendered
     position: Array | None = None  # where rendered
+    # Lenses that the point seen in a pixel moves by from one rendered view to the next, rightwards (C = 1); NaN where
+    # nothing is hit. None where positions were not rendered.
+    slope: Array | None = None
+    slope_ratio: float = 1.0  # by which it moves more lenses downwards: the ratio of lens pitches, width to height
     noisy: Array | None = None  # colour as rendered, where a denoiser has changed ``color``
     parallax: tuple[bool, bool] = (True, True)  # axes, (horizontal, vertical), along which the display's views differ
     exposure: float = 0.0  # of the view transform, in stops
@@ -107,12 +112,29 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
         images["guides"] = np.concatenate([np.clip(albedo, 0, 1), np.clip(normal, -1, 1)], -1)
     if "position" in layers:
         images["position"] = layers["position"]
+    if "position" in layers and frame.convention == "centred":
+        images["slope"] = _slopes(layers["position"], images["alpha"], frame)
     if frame.world_apart:
         images["opacity"] = 1 - np.clip(layers["environment"], 0, 1)
     tiles: dict[str, Any] = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
     return LowResEIA(**tiles, samples=frame.samples, scale=frame.scale, parallax=frame.display.parallax, world=world,
                      exposure=frame.color.exposure, device=frame.device, gpus=frame.gpus,
-                     places=frame.rays.shown_lenses if frame.world_apart else None)
+                     places=frame.rays.shown_lenses if frame.world_apart else None,
+                     slope_ratio=_pitch(frame, 0) / _pitch(frame, 1))
+
+
+def _slopes(position: Array, alpha: Array, frame: Frame) -> Array:
+    """Slopes (H, W, 1) of the points of a position layer, see ``LowResEIA.slope``."""
+    matrix, array = np.asarray(frame.matrix_world), frame.array
+    depth = (position - matrix[:3, 3]) @ matrix[:3, 2]
+    depth = np.where((alpha[..., 0] >= LEAST_ALPHA) & (depth > 0), depth, np.nan)
+    slopes: Array = ((1 - array.distance / depth) * (frame.rays.spacing / _pitch(frame, 0)))[..., None]
+    return slopes.astype(np.float32)
+
+
+def _pitch(frame: Frame, axis: int) -> float:
+    """Distance of neighbouring lenses on the display plane, in scene units."""
+    return 2 * frame.array.half_size[axis] / frame.display.lenses[axis]
 
 
 def finished_layout(frame: Frame) -> RayLayout:

@@ -31,7 +31,8 @@ WORLD_IMAGES = ("city", "courtyard", "forest", "interior", "night", "studio", "s
 LIGHTS = (AUTO, OWN, EVEN, *WORLD_IMAGES)
 LIGHT_SUFFIXES = (".hdr", ".exr")  # of a world image of the user's
 GUIDES = ("albedo", "normal")  # layers that the denoiser sees beside the colour
-LAYERS = (*GUIDES, "position", "index")
+POSITION = "position"  # layer along which the missing views are pooled
+LAYERS = (*GUIDES, POSITION, "index")
 # Blender's own limits: it would silently clip larger numbers.
 MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**31 - 1, 1_048_574, 10**8
 MOST_DIGITS = 30
@@ -212,7 +213,8 @@ def _check_numbers(job: Request) -> None:
     for scale in (job.sampling.scale, *job.sampling.scales):
         if type(scale) is not int:
             raise LfsrError(f"scale is {scale!r}, but it must be a whole number")
-    for name, most in (("view_aperture", 1), ("seed", MOST_SEED), ("clamp_indirect", MOST_CLAMP)):
+    widest = max((job.sampling.scale, *job.sampling.scales))
+    for name, most in (("view_aperture", widest), ("seed", MOST_SEED), ("clamp_indirect", MOST_CLAMP)):
         value = getattr(job, name)
         if value is not None and not 0 <= value <= most:
             raise LfsrError(f"{name.replace('_', ' ')} is {_shown(value)}, but it must be between 0 and {most}")

@@ -60,7 +60,9 @@ class RayLayout:
     array: CameraArray  # placement of the dense camera array
     spacing: float  # between the views of this render, s × the dense spacing
     convention: str = "centred"  # one of CONVENTIONS, "centred" unless the paper is reproduced
-    view_aperture: float = 1.0  # fraction of a view's cell that its rays cover, in [0, 1] (0: a point)
+    # Side of the square of the camera plane that the rays of one view cover, in spacings of
+    # finished views: 1 covers one finished view, s all that a rendered view stands for, 0 is a point.
+    view_aperture: float = 1.0
     lens_list: LensList | None = None  # only these lenses, in tiles of the image, row by row; None for all
     # axes along which the display's views differ; along the others every ray starts on the array's axis
     parallax: tuple[bool, bool] = (True, True)
@@ -68,8 +70,9 @@ class RayLayout:
     def __post_init__(self) -> None:
         if self.convention not in CONVENTIONS:
             raise LfsrError(f"convention is {self.convention!r}, but it must be one of {', '.join(CONVENTIONS)}")
-        if not 0 <= self.view_aperture <= 1:
-            raise LfsrError(f"view aperture is {self.view_aperture}, but it must be between 0 and 1")
+        most = max(1, self.spacing / self.array.spacing)
+        if not 0 <= self.view_aperture <= most * (1 + 1e-9):
+            raise LfsrError(f"view aperture is {self.view_aperture}, but it must be between 0 and {most:g}")
         if self.lens_list is not None and not self.lens_list:
             raise LfsrError("the list of lenses is empty: name at least one lens or leave the list out")
         for row, column in self.lens_list or ():
@@ -87,7 +90,7 @@ class RayLayout:
     @property
     def cell(self) -> tuple[float, float]:
         """Width and height, in scene units, of the part of the camera plane that the rays of one view cover."""
-        side = self.spacing * self.view_aperture
+        side = self.array.spacing * self.view_aperture
         return side * self.parallax[0], side * self.parallax[1]
 
     @property

@@ -122,7 +122,7 @@ def finished_lenses(low: LowResEIA, mask: Array, finish: Finish | str, lenses: A
     """Finished EIs (n, py, px, 3) float32, scene-linear, of a few ``lenses`` (n, 2), as in a whole frame.
 
     ``low``: as rendered, before any prefilter. ``mask`` (n,) bool: lenses in the foreground; the others are filled in.
-    ``block``: see ``epipolar.Recovering``.
+    ``block``: see ``pooling.Pooling``.
     """
     finish = Finish.of(finish)
     name = MethodName.parse(finish.method)
@@ -196,7 +196,7 @@ def _view_transform(work: _Work) -> ViewTransform:
 
 def _filler(method: Method, scale: int) -> Upscaler:
     """Upscaler of the lenses beside the foreground."""
-    made: Upscaler = method.upscaler if scale == 1 else METHODS[FILL_METHOD].make()
+    made: Upscaler = method.upscaler if scale == 1 else METHODS[FILL_METHOD].make(None)
     return made
 
 

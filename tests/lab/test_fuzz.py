@@ -197,7 +197,7 @@ ENDINGS = ("png", "jpg", "ppm", "tif")
 CASES = {
     "upscale": Case(upscaled, {"frame.json": "frame.json", "lr_eia.exr": "lr_eia.exr", "world.exr": "world.exr",
                                "report.json": "report.json"},
-                    lambda folder: ["upscale", str(folder), "--method", "bilinear+epi", "--linear-exr"],
+                    lambda folder: ["upscale", str(folder), "--method", "pool", "--linear-exr"],
                     ("eia.png", "eia.exr"), FRAME),
     "denoiser": Case(with_weights, {"weights .tza": "mine.tza", "weights' .json": "mine.json"}, lambda folder: [
         "upscale", str(folder), "--method", "denoise+bilinear", "--weights", f"{folder}/mine.tza"], ("eia.png",)),

@@ -67,11 +67,11 @@ def test_pixels_lie_where_an_orthographic_camera_sees_them(layout):
 
 
 def test_a_cell_is_filled_from_edge_to_edge():
-    layout = RayLayout((2, 2), (4, 4), ARRAY, 0.4, view_aperture=0.5)
+    layout = RayLayout((2, 2), (4, 4), ARRAY, 2 * ARRAY.spacing, view_aperture=0.5)
     card = lens_card(layout)
     corner = np.zeros((1, 2))
     starts = [card_rays(card, corner, corner, ARRAY.distance, value)[0][0, :2] for value in (0.0, 1.0)]
-    assert np.abs(starts[1] - starts[0]) == pytest.approx([0.2, 0.2])
+    assert np.abs(starts[1] - starts[0]) == pytest.approx([ARRAY.spacing / 2] * 2)
 
 
 def test_paper_has_no_view_aperture():

@@ -148,14 +148,14 @@ def test_where_views_differ_along_one_axis_rays_start_on_it(axis):
         flat = RayLayout.for_display(profile, ARRAY, scale)
         origin, _ = rays(flat, numbers, numbers[::-1], numbers, 1 - numbers)
         assert not origin[:, 1 - axis].any(), "no parallax and no aperture across"
-        assert np.ptp(origin[:, axis]) > flat.spacing
-        assert flat.cell[axis] == flat.spacing and flat.cell[1 - axis] == 0
+        assert np.ptp(origin[:, axis]) > flat.spacing / 2
+        assert flat.cell[axis] == ARRAY.spacing and flat.cell[1 - axis] == 0
 
 
-def test_the_coarsest_scale_of_a_display_with_both_keeps_its_aperture():
+def test_a_view_covers_its_own_cell_whatever_the_scale():
     coarse = layout(8)
     assert coarse.views == (1, 1)
-    assert coarse.cell == (coarse.spacing, coarse.spacing)
+    assert coarse.cell == (ARRAY.spacing, ARRAY.spacing)
 
 
 def test_paper_target_is_the_pixels_own_place_on_the_panel():

@@ -139,7 +139,7 @@ def test_frames_that_are_there_decide_the_scale_of_others(made):
 
 
 def test_frames_at_scale_1_are_denoised_alone(tmp_path):
-    options = {"finish": Finish("oidn+bilinear+epi"), "changes": {"scale": 1}}
+    options = {"finish": Finish("oidn+pool"), "changes": {"scale": 1}}
     assert states(film(tmp_path, (1,), blender=played_blender(tmp_path / "blender"), **options)) == [MADE]
     assert FrameFolder(tmp_path / "film" / "0001").report.method == "oidn"
     assert states(film(tmp_path, (1,), **options)) == [KEPT]

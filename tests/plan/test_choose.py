@@ -54,7 +54,7 @@ def test_what_is_chosen_meets_the_target_and_nothing_that_does_is_much_cheaper(f
 
 
 def test_of_equally_cheap_candidates_the_simplest_is_taken():
-    found = [rated(4, 16, "oidn+bilinear+epi", 10.0, 0.97), rated(4, 16, "oidn+bilinear", 10.2, 0.96),
+    found = [rated(4, 16, "denoise+oidn+bilinear", 10.0, 0.97), rated(4, 16, "oidn+bilinear", 10.2, 0.96),
              rated(4, 64, "bilinear", 10.4, 0.96), rated(2, 16, "bilinear", 11.0, 0.96)]
     assert choose(found, 0.95).chosen.candidate == Candidate(4, 64, "bilinear")
     assert choose(found[:2], 0.95).chosen.candidate == Candidate(4, 16, "oidn+bilinear")

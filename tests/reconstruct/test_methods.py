@@ -19,7 +19,6 @@ from lfsr_core.reconstruct.methods import (
     METHODS,
     MORE,
     PREFILTER,
-    RECOVERY,
     SUBPIXEL_METHODS,
     UPSCALER,
     MethodName,
@@ -29,20 +28,19 @@ from lfsr_core.reconstruct.methods import (
 from lfsr_core.reconstruct.upscaler import Upscaler
 
 
-@pytest.mark.parametrize(("text", "prefilters", "upscaler", "recovers"), [
-    ("bicubic", (), "bicubic", False), ("oidn+bicubic", ("oidn",), "bicubic", False),
-    ("oidn", ("oidn",), "none", False), ("denoise+bilinear+epi", ("denoise",), "bilinear", True)])
-def test_a_name_has_parts(text, prefilters, upscaler, recovers):
+@pytest.mark.parametrize(("text", "prefilters", "upscaler"), [
+    ("bicubic", (), "bicubic"), ("oidn+bicubic", ("oidn",), "bicubic"), ("oidn", ("oidn",), "none"),
+    ("denoise+pool", ("denoise",), "pool")])
+def test_a_name_has_parts(text, prefilters, upscaler):
     name = MethodName.parse(text)
-    assert (name.text, name.prefilters, name.upscaler, name.recovers) == (text, prefilters, upscaler, recovers)
+    assert (name.text, name.prefilters, name.upscaler) == (text, prefilters, upscaler)
     assert str(name) == text and MethodName.parse(name) is name
     assert MethodName.parse(f" {text.replace('+', ' + ')}") == name, "blanks do not count"
 
 
 @pytest.mark.parametrize(("text", "message"), [
     ("oidn+bicubik", "unknown method 'bicubik': did you mean 'bicubic'"), ("oidn+", "unknown method ''"),
-    ("bicubic+oidn", "put one upscaler last"), ("epi", "has no upscaler before 'epi': use 'bilinear"),
-    ("oidn+epi+bicubic", "has 'epi' before its last part")])
+    ("bicubic+oidn", "put one upscaler last"), ("oidn+pool+bicubic", "has 'pool' before its last part")])
 def test_names_that_are_refused(text, message):
     with pytest.raises(LfsrError, match=message):
         MethodName.parse(text)
@@ -50,8 +48,8 @@ def test_names_that_are_refused(text, message):
 
 def test_every_row_makes_what_it_says_and_every_name_that_is_offered_is_one():
     for name, part in METHODS.items():
-        assert part.text and part.kind in (PREFILTER, UPSCALER, RECOVERY)
-        made = part.make(*{PREFILTER: [None], UPSCALER: [], RECOVERY: [METHODS["bilinear"].make(), None]}[part.kind])
+        assert part.text and part.kind in (PREFILTER, UPSCALER)
+        made = part.make(None)
         assert callable(made) and isinstance(made, Upscaler) == (part.kind != PREFILTER), name
     for text in (DEFAULT_METHOD, *COMPARED, *SUBPIXEL_METHODS, *MENU, *MORE):
         assert MethodName.parse(text).text == text
@@ -62,22 +60,21 @@ def test_every_row_makes_what_it_says_and_every_name_that_is_offered_is_one():
 def test_what_follows_from_a_name():
     assert MethodName.parse("bicubic").versions == {}
     assert set(MethodName.parse("oidn+bilinear").versions) == {"denoiser"}
-    assert set(MethodName.parse(DEFAULT_METHOD).versions) == {"denoiser", "epi"}
-    assert MethodName.parse("oidn").needs_denoiser and not MethodName.parse("bilinear+epi").needs_denoiser
+    assert set(MethodName.parse(DEFAULT_METHOD).versions) == {"denoiser", "pool"}
+    assert MethodName.parse("oidn").needs_denoiser and not MethodName.parse("pool").needs_denoiser
     assert MethodName.parse("bicubic").works_at(7) and not MethodName.parse("oidn").works_at(4)
     assert MethodName.parse("oidn").scales_of((4, 1)) == (1,)
 
 
 @pytest.mark.parametrize(("text", "left", "steps"), [
     ("bilinear", "none", 1), ("none", "none", 0), ("oidn+bilinear", "oidn", 2), ("oidn", "oidn", 1),
-    ("denoise+bilinear+epi", "denoise", 3)])
+    ("denoise+pool", "denoise", 2)])
 def test_what_is_left_at_scale_1_and_how_many_steps_there_are(text, left, steps):
     name = MethodName.parse(text)
     assert (name.at_scale(1).text, name.at_scale(2), name.steps) == (left, name, steps)
 
 
-@pytest.mark.parametrize(("name", "other"), [("oidn+epi", "oidn+bilinear+epi"), ("oidn", "oidn+bilinear"),
-                                             ("none", "bilinear")])
+@pytest.mark.parametrize(("name", "other"), [("oidn", "oidn+bilinear"), ("none", "bilinear")])
 def test_method_that_upscales_nothing_is_told_with_one_that_does(name, other):
     MethodName.parse(name).check_scale(1)
     with pytest.raises(LfsrError, match=rf"method '{re.escape(name)}' upscales nothing.* as in '{re.escape(other)}'"):
@@ -93,16 +90,13 @@ def test_weights_are_for_the_denoiser_that_takes_them():
         load_method("oidn+bilinear", "no.tza")
 
 
-def test_another_upscaler_takes_the_place_of_that_in_the_name_but_epi_wants_interpolation():
+def test_another_upscaler_takes_the_place_of_that_in_the_name():
     class Other(Upscaler):
         def __call__(self, low, lenses):
             raise AssertionError
 
     other = Other()
     assert load_method("oidn+bilinear", upscaler=other).upscaler is other
-    for wrong in ({"name": "bilinear+epi", "upscaler": other}, {"name": "bicubic-eia+epi"}):
-        with pytest.raises(LfsrError, match="more than interpolate"):
-            load_method(**wrong)
 
 
 def test_larger_displays_and_denoisers_take_longer():

@@ -62,4 +62,4 @@ def test_every_verb_that_reads_a_folder_takes_it(tmp_path, capsys):
     assert main(["compare", str(frame), str(reference)]) == 0
     metrics = json.loads((frame / "report.json").read_text())["metrics"]
     assert 0.5 < metrics["ssim_eia"] <= 1
-    assert json.loads((frame / "report.json").read_text())["method"] == "denoise+bilinear+epi"
+    assert json.loads((frame / "report.json").read_text())["method"] == "denoise+pool"

@@ -24,7 +24,7 @@ def whole_world(folder):
     return read_world(folder, frame).elemental_images(lenses).reshape(*MINI.lenses[::-1], 8, 8, 3)
 
 
-@pytest.mark.parametrize("name", ["bilinear", "oidn+bicubic+epi"])
+@pytest.mark.parametrize("name", ["bilinear", "oidn+pool"])
 def test_lenses_without_subject_see_the_world_alone(tmp_path, name):
     write_apart(tmp_path)
     result = to_elemental_images(finished_linear(tmp_path, name), MINI.lenses)

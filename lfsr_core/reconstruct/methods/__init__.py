@@ -1,8 +1,7 @@
 """The methods of the second stage: one table for command line, panel, plan and laboratory.
 
-A name joins prefilters and one upscaler by "+", as ``denoise+bilinear``; "epi" after them adds detail that they lost,
-as in ``denoise+bilinear+epi``. Text is parsed where it enters the program; everything else passes a ``MethodName``.
-A new method is a module and one row of METHODS.
+A name joins prefilters and one upscaler by "+", as ``denoise+pool``. Text is parsed where it enters the program;
+everything else passes a ``MethodName``. A new method is a module and one row of METHODS.
 """
 
 from __future__ import annotations
@@ -20,20 +19,20 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.panel_rays import rendered_size
 from lfsr_core.reconstruct.denoiser import WEIGHTS
 from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution, denoised_opacity
-from lfsr_core.reconstruct.methods.epipolar import Recovering
 from lfsr_core.reconstruct.methods.interpolation import Interpolation, NoUpscaling
+from lfsr_core.reconstruct.methods.pooling import Pooling
 from lfsr_core.reconstruct.upscaler import Upscaler
 
-PREFILTER, UPSCALER, RECOVERY = "prefilter", "upscaler", "recovery"
+PREFILTER, UPSCALER = "prefilter", "upscaler"
 
 
 @dataclasses.dataclass(frozen=True)
 class Part:
     """A part of methods' names."""
 
-    kind: str  # PREFILTER changes the low-resolution EIA, UPSCALER makes EIs of it, RECOVERY does so instead of one
+    kind: str  # PREFILTER changes the low-resolution EIA, UPSCALER makes EIs of it
     text: str  # one line for menus
-    # A PREFILTER as function of a weights file or None; an UPSCALER; a RECOVERY of an upscaler and the side of blocks.
+    # A PREFILTER as function of a weights file or None; an UPSCALER of the side of blocks, see ``pooling.Pooling``.
     make: Callable[..., Any]
     needs_denoiser: bool = False  # Open Image Denoise
     needs_lenses: bool = True  # elemental images, which direct subpixel rendering does not have
@@ -44,21 +43,16 @@ class Part:
     per_finished: float = 0.0
 
 
-def _recovering(upscaler: Upscaler, block: int | None) -> Upscaler:
-    if not isinstance(upscaler, Interpolation) or upscaler.crosstalk:
-        raise LfsrError("'epi' cannot follow a method that does more than interpolate each elemental image: leave "
-                        "'epi' out")
-    return Recovering(upscaler.kernel, block)
-
-
 METHODS: dict[str, Part] = {
-    "nearest": Part(UPSCALER, "each view repeated", lambda: Interpolation("nearest")),
-    "bilinear": Part(UPSCALER, "linear inside each elemental image", lambda: Interpolation("linear")),
-    "bicubic": Part(UPSCALER, "cubic inside each elemental image", lambda: Interpolation("cubic")),
-    "lanczos": Part(UPSCALER, "8-tap Lanczos inside each elemental image", lambda: Interpolation("lanczos")),
+    "nearest": Part(UPSCALER, "each view repeated", lambda _: Interpolation("nearest")),
+    "bilinear": Part(UPSCALER, "linear inside each elemental image", lambda _: Interpolation("linear")),
+    "bicubic": Part(UPSCALER, "cubic inside each elemental image", lambda _: Interpolation("cubic")),
+    "lanczos": Part(UPSCALER, "8-tap Lanczos inside each elemental image", lambda _: Interpolation("lanczos")),
+    "pool": Part(UPSCALER, "linear along the depth of what is seen, from every lens that sees it", Pooling,
+                 versions={"pool": 1}, per_finished=0.1),
     "bicubic-eia": Part(UPSCALER, "cubic over the whole array: shows crosstalk",
-                        lambda: Interpolation("cubic", crosstalk=True)),
-    "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda: NoUpscaling("nearest"),
+                        lambda _: Interpolation("cubic", crosstalk=True)),
+    "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda _: NoUpscaling("nearest"),
                  needs_lenses=False),
     "denoise": Part(PREFILTER, "Open Image Denoise with weights trained on elemental images",
                     lambda weights: functools.partial(denoise_low_resolution, weights=weights or WEIGHTS),
@@ -66,8 +60,6 @@ METHODS: dict[str, Part] = {
     "oidn": Part(PREFILTER, "Open Image Denoise with its own weights",
                  lambda _: functools.partial(denoise_low_resolution, weights=None), needs_denoiser=True,
                  needs_lenses=False, versions={"denoiser": 10}, per_rendered=0.45),
-    "epi": Part(RECOVERY, "last: restores detail taken for noise, along epipolar lines", _recovering,
-                versions={"epi": 4}),
 }
 # Seconds of every method on two cores: its start, per million finished pixels, and per million rendered ones.
 START, PER_FINISHED, PER_RENDERED = 1.2, 0.07, 0.05
@@ -76,12 +68,12 @@ AS_RENDERED = "none"
 SUBPIXEL_METHODS = ("oidn", AS_RENDERED)
 PLAIN_METHOD = "bilinear"  # after a denoiser more accurate than bicubic, see docs/results/measurements.md
 FAST_METHOD = f"denoise+{PLAIN_METHOD}"
-DEFAULT_METHOD = f"{FAST_METHOD}+epi"  # see docs/results/networks.md
+DEFAULT_METHOD = "denoise+pool"  # see docs/results/pooling.md
 # What studies compare the default with.
-COMPARED = (f"oidn+{PLAIN_METHOD}", f"oidn+{PLAIN_METHOD}+epi", FAST_METHOD)
+COMPARED = (f"oidn+{PLAIN_METHOD}", "oidn+pool", FAST_METHOD)
 # Names in the panel's menu, with a title for a narrow sidebar and a line for the tooltip; and those under More.
 MENU = {
-    DEFAULT_METHOD: ("Default", "Denoise, interpolate; then detail lost as noise returns along epipolar lines"),
+    DEFAULT_METHOD: ("Default", "Denoise, then make the missing views from every lens that sees the same point"),
     FAST_METHOD: ("Fast", "Denoise the whole array, then make the missing views by linear interpolation"),
     "denoise": ("Every View", "Render every view, at scale 1×, and denoise"),
 }
@@ -106,10 +98,9 @@ def names(kind: str) -> list[str]:
 class MethodName:
     """The name of a method; make it with ``MethodName.parse``."""
 
-    text: str  # the name as written, such as "denoise+bilinear+epi"
+    text: str  # the name as written, such as "denoise+pool"
     prefilters: tuple[str, ...]  # applied to the whole low-resolution EIA, in this order
     upscaler: str  # "none" where every view is rendered
-    recovers: bool  # whether "epi" restores lost detail
 
     @classmethod
     def parse(cls, text: str | MethodName) -> MethodName:
@@ -124,17 +115,12 @@ class MethodName:
             if part not in METHODS:
                 hint = did_you_mean(part, METHODS, cutoff=0.4)
                 raise LfsrError(f"unknown method {part!r}: {hint}Choose from {', '.join(METHODS)}, joined by '+'")
-        recovers = len(parts) > 1 and METHODS[parts[-1]].kind == RECOVERY
-        chain = parts[:-1] if recovers else parts
-        *prefilters, upscaler = chain if METHODS[chain[-1]].kind != PREFILTER else [*chain, AS_RENDERED]
+        *prefilters, upscaler = parts if METHODS[parts[-1]].kind != PREFILTER else [*parts, AS_RENDERED]
         for part in prefilters:
             if METHODS[part].kind != PREFILTER:
                 raise LfsrError(f"method {text!r} has {part!r} before its last part, but only "
-                                f"{', '.join(names(PREFILTER))} can stand there: put one upscaler last, and 'epi' "
-                                "after it")
-        if METHODS[upscaler].kind == RECOVERY:
-            raise LfsrError(f"method {text!r} has no upscaler before {upscaler!r}: use '{PLAIN_METHOD}+{upscaler}'")
-        return cls("+".join(parts), tuple(prefilters), upscaler, recovers)
+                                f"{', '.join(names(PREFILTER))} can stand there: put one upscaler last")
+        return cls("+".join(parts), tuple(prefilters), upscaler)
 
     def __str__(self) -> str:
         return self.text
@@ -142,7 +128,7 @@ class MethodName:
     @property
     def parts(self) -> list[Part]:
         """Rows of the table that it is made of."""
-        return [METHODS[part] for part in (*self.prefilters, self.upscaler, *(["epi"] if self.recovers else []))]
+        return [METHODS[part] for part in (*self.prefilters, self.upscaler)]
 
     @property
     def needs_denoiser(self) -> bool:
@@ -162,7 +148,7 @@ class MethodName:
     @property
     def steps(self) -> int:
         """Number of steps, a measure of simplicity."""
-        return len(self.prefilters) + (self.upscaler != AS_RENDERED) + self.recovers
+        return len(self.prefilters) + (self.upscaler != AS_RENDERED)
 
     def works_at(self, scale: int) -> bool:
         """Whether it can finish a render at ``scale``."""
@@ -179,7 +165,7 @@ class MethodName:
     def check_scale(self, scale: int) -> None:
         """LfsrError where it upscales nothing, but ``scale`` is above 1."""
         if not self.works_at(scale):
-            other = "+".join((*self.prefilters, PLAIN_METHOD, *(["epi"] if self.recovers else [])))
+            other = "+".join((*self.prefilters, PLAIN_METHOD))
             raise LfsrError(f"method {self.text!r} upscales nothing, but scale {scale} needs an upscaler: add one, as "
                             f"in {other!r}, or render at scale 1")
 
@@ -215,16 +201,13 @@ def load_method(name: str | MethodName, weights: str | None = None, *, upscaler:
     """Load the method of a name such as "denoise+bicubic", see ``MethodName.parse``.
 
     ``weights``: file for its denoiser instead of the shipped one. ``upscaler``: instead of the one in the name.
-    ``block``: see ``epipolar.Recovering``. LfsrError for a wrong name, weights without a denoiser that takes them, or
-    "epi" after an upscaler that does more than interpolate.
+    ``block``: see ``pooling.Pooling``. LfsrError for a wrong name, or weights without a denoiser that takes them.
     """
     name = MethodName.parse(name)
     if weights and not any(part.takes_weights for part in name.parts):
         raise LfsrError(f"weights {weights} were given, but method {name.text!r} has none: choose one with "
                         "'denoise', or leave the weights out")
-    upscaler = upscaler or METHODS[name.upscaler].make()
-    if name.recovers:
-        upscaler = METHODS["epi"].make(upscaler, block)
+    upscaler = upscaler or METHODS[name.upscaler].make(block)
     assert upscaler is not None, "the table makes one"
     return Method(name, tuple(METHODS[part].make(weights) for part in name.prefilters), upscaler)
 

@@ -124,7 +124,7 @@ def test_papers_low_views_are_shifted_by_half_of_what_they_replace(scene, tmp_pa
     assert np.abs(difference - [shift, -shift, 0]).max() <= 1e-4 * ARRAY.distance
 
 
-@pytest.mark.parametrize(("scale", "aperture"), [(1, 1.0), (4, 0.5), (4, 0.0)])
+@pytest.mark.parametrize(("scale", "aperture"), [(1, 1.0), (4, 1.0), (4, 2.0), (4, 0.0)])
 def test_samples_fill_the_lens_and_the_cell_of_views(tmp_path, scale, aperture, way):
     """Second moments of the hit points at twice the distance: 2·target − origin, both uniform in their boxes."""
     layout = layout_of(scale, view_aperture=aperture)
@@ -138,7 +138,7 @@ def test_samples_fill_the_lens_and_the_cell_of_views(tmp_path, scale, aperture, 
     mean = moments[0] - POSITION_OFFSET
     variance = (moments[1] - mean**2).mean((0, 1))
     lens = np.array([2 * ARRAY.half_width / MINI.lenses[0], 2 * ARRAY.half_height / MINI.lenses[1]])
-    expected = (4 * lens**2 + (layout.spacing * aperture) ** 2) / 12
+    expected = (4 * lens**2 + (ARRAY.spacing * aperture) ** 2) / 12
     assert variance == pytest.approx(expected, rel=0.02)
     centres = view_offset(np.arange(layout.views[0]), layout.views[0], layout.spacing)
     views = eia.to_views(mean, layout.lenses)[..., 0].mean((0, 2, 3))

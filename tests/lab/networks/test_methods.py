@@ -23,7 +23,7 @@ def test_plain_interpolation_stands_for_a_network():
 
 
 @pytest.mark.parametrize(("text", "message"), [
-    ("fsrcn", "did you mean 'fsrcnn'"), ("fsrcnn+bicubic", "put it last"), ("paper+epi", "put it last"),
+    ("fsrcn", "did you mean 'fsrcnn'"), ("fsrcnn+bicubic", "put it last"), ("paper+pool", "put it last"),
     ("bicubic+oidn", "put one upscaler last")])
 def test_names_that_are_refused(text, message):
     with pytest.raises(LfsrError, match=message):

@@ -82,7 +82,7 @@ def markdown(record: Record) -> str:
                         *("\n".join(markdown_table(header, rows, "rlr")) for rows in tables)])
 
 
-BASELINES = ("oidn+bilinear", "oidn+bilinear+epi", DEFAULT_METHOD)
+BASELINES = ("oidn+bilinear", "oidn+pool", DEFAULT_METHOD)
 CELLS = "cells"
 
 

@@ -28,7 +28,7 @@ from lfsr_lab.experiments.rivals.matlab import to_ycbcr
 
 VERSION = 1  # of how figures are measured
 CUT = 22  # pixels
-OURS = ("bilinear", "bicubic", "lanczos", "bilinear+epi")
+OURS = ("bilinear", "bicubic", "lanczos")
 KERNEL_OF = {"bilinear": "linear", "bicubic": "cubic", "lanczos": "lanczos"}
 FOLDERS = {"antinous": "epinet/hci_dataset/additional/antinous",
            "translucent": "LightField_Denoising/data/clean/translucent",

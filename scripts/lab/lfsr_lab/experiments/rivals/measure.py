@@ -74,7 +74,7 @@ def folder_of(view: View) -> str:
 
 def job(place: Place, view: View) -> Request:
     return dataclasses.replace(place.job(_wide(view)), output=str(place.folder / folder_of(view)),
-                               view_aperture=1.0 if view.width == WIDE else 1 / view.scale)
+                               view_aperture=view.scale if view.width == WIDE else 1.0)
 
 
 def _wide(view: View) -> Render:
@@ -87,7 +87,7 @@ def fill(place: Place) -> None:
 
 VERSION = 1  # of how figures are measured
 MOST_SHEAR = 4  # pixels between two low-resolution views, as in the demo of Sheared-EPI
-OURS = ("bilinear", "bicubic", "bilinear+epi")
+OURS = ("bilinear", "bicubic", "pool")
 # What follows a denoiser, by the scale. Sheared-EPI at scale 3 has 169 cells of views: minutes for each image.
 FOLLOWERS = {7: (*OURS, "AngularSR-1", "AngularSR-2", "Sheared-EPI"), 3: (*OURS, "EPICNN")}
 AFTER_OTHERS = ("bilinear", "AngularSR-2")

@@ -22,7 +22,7 @@ from lfsr_core.base.files import read_json, write_json
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.metrics.intervals import student_95
-from lfsr_core.reconstruct.methods import PREFILTER, names
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PREFILTER, names
 from lfsr_lab.experiments.engine.records import Records, method_facts, to_stderr
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, digest, frame_digest
 from lfsr_lab.experiments.engine.report import UNKNOWN, markdown_table, write_text
@@ -50,8 +50,9 @@ Rows = dict[tuple[str, View, str], Row]  # by scene, render and denoiser
 Captured = dict[tuple[str, str], Likeness]  # by task and method
 Record = dict[str, Any]
 TEMPLATE = Path(__file__).parent / "page.txt"
-DEFAULT = "denoise+bilinear+epi"
-SHOWN = (*(f"denoise+{name}" for name in ("bilinear", "bilinear+epi", "AngularSR-2", "Sheared-EPI", "EPICNN")),
+UPSCALER = DEFAULT_METHOD.removeprefix("denoise+")
+# A record keeps the names of what it measured: "epi" was the end of the default before "pool".
+SHOWN = (*(f"denoise+{name}" for name in ("bilinear", "bilinear+epi", "pool", "AngularSR-2", "Sheared-EPI", "EPICNN")),
          "oidn+bilinear", "LFBM5D+bilinear", "LFBM5D+AngularSR-2", "LFDnPatch+bilinear")
 OF_CAPTURED = ("bilinear", "bicubic", "bilinear+epi", "AngularSR-2", "Sheared-EPI", "EPICNN")
 SSIM, PSNR, SECONDS = range(3)  # places in an entry
@@ -61,7 +62,7 @@ def record(rows: Rows, captured: Captured) -> Record:
     """Return everything measured as plain JSON: means over lenses, and differences from the default."""
     scenes: Record = {}
     for (scene, view, denoiser), row in rows.items():
-        default = rows[scene, View(view.scale, view.samples, view.width), "denoise"].followers["bilinear+epi"]
+        default = rows[scene, View(view.scale, view.samples, view.width), "denoise"].followers[UPSCALER]
         of_view = scenes.setdefault(scene, {}).setdefault(view.name, {})
         for follower, figures in row.followers.items():
             each = np.subtract(figures.ssim, default.ssim)
@@ -72,7 +73,8 @@ def record(rows: Rows, captured: Captured) -> Record:
     tasks: Record = {}
     for (task, method), found in captured.items():
         tasks.setdefault(task, {})[method] = [round(found.psnr, 2), round(found.ssim, 4)]
-    return {"columns": ["ssim_lens_fg", "psnr_fg", "cpu_seconds", "ssim_minus_default", "half_width_95"],
+    return {"default": DEFAULT_METHOD,
+            "columns": ["ssim_lens_fg", "psnr_fg", "cpu_seconds", "ssim_minus_default", "half_width_95"],
             "groups": {name: group for name, (_, group) in SCENES.items() if name in scenes}, "scenes": scenes,
             "captured_columns": ["psnr_y", "ssim_y"], "captured": tasks}
 
@@ -124,16 +126,17 @@ def _gaps(found: Record) -> dict[str, str]:
         entries = found["scenes"].get(scene, {}).get(narrow.name, {})
         return entries[method][place] - entries[other][place] if method in entries else math.nan
 
-    default, fine = mean(found, wide, DEFAULT, SSIM), View(SCALES[1], SAMPLES[-1])
-    return {"epicnn": _signed(mean(found, fine, "denoise+EPICNN", SSIM) - mean(found, fine, DEFAULT, SSIM)),
-            "narrow": _signed(mean(found, narrow, DEFAULT, SSIM) - default),
-            "deep_ssim": _signed(above("deep", "denoise+AngularSR-2", DEFAULT, SSIM)),
-            "deep_psnr": _decibels(above("deep", "denoise+AngularSR-2", DEFAULT, PSNR)),
-            "figures_ssim": _signed(above("figures", "LFBM5D+AngularSR-2", DEFAULT, SSIM)),
-            "figures_psnr": _decibels(above("figures", "LFBM5D+AngularSR-2", DEFAULT, PSNR)),
+    name, fine = found["default"], View(SCALES[1], SAMPLES[-1])
+    default = mean(found, wide, name, SSIM)
+    return {"epicnn": _signed(mean(found, fine, "denoise+EPICNN", SSIM) - mean(found, fine, name, SSIM)),
+            "narrow": _signed(mean(found, narrow, name, SSIM) - default),
+            "deep_ssim": _signed(above("deep", "denoise+AngularSR-2", name, SSIM)),
+            "deep_psnr": _decibels(above("deep", "denoise+AngularSR-2", name, PSNR)),
+            "figures_ssim": _signed(above("figures", "LFBM5D+AngularSR-2", name, SSIM)),
+            "figures_psnr": _decibels(above("figures", "LFBM5D+AngularSR-2", name, PSNR)),
             "filtered": _signed(above("truck", "LFBM5D+bilinear", "denoise+bilinear", SSIM)),
             "sheared": _decibels(_gain(found, "antinous 2→7", "Sheared-EPI", "bilinear")),
-            "row": _decibels(_gain(found, "Amethyst 6→16", "EPICNN", "bilinear+epi")),
+            "row": _decibels(_gain(found, "Amethyst 6→16", "EPICNN", "bilinear")),
             "known": ", ".join(name for name, group in found["groups"].items() if group == "known")}
 
 
@@ -192,7 +195,7 @@ def rendered_scenes(folders: Sequence[Path], clones: Path, store: Store, only: S
                 render = where.folder / folder_of(view)
                 for denoiser in denoisers(view) if FrameFolder(render).holds() else ():
                     to_stderr(f"{name} {view.name} {denoiser}")
-                    ours = method_facts(f"{denoiser}+bilinear+epi") if denoiser in names(PREFILTER) else {}
+                    ours = method_facts(f"{denoiser}+pool") if denoiser in names(PREFILTER) else {}
                     facts = {"version": VERSION, "render": frame_digest(render),
                              "reference": frame_digest(truth.folder), "denoiser": denoiser, **ours}
                     found[name, view, denoiser] = records.get(

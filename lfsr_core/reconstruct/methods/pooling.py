@@ -1,0 +1,225 @@
+"""Pooling along depth ("pool"): missing views are made from the rendered views of every lens that sees the same point.
+
+From one rendered view to the next, a surface point at distance z from the camera plane moves by m = (1 − D/z)·spacing /
+pitch lenses (D: distance of the display plane, spacing: between rendered views). So the ray of lens i and place A among
+the rendered views meets the point that view v sees through lens i + m·(v − A). Samples near that line, of about the
+same slope m, are averaged, along one axis and then along the other: sheared reconstruction, as in Lehtinen et al.,
+Temporal Light Field Reconstruction for Rendering Distribution Effects (2011). Where depth is unknown, interpolation
+inside the elemental image stays. docs/results/pooling.md has the figures.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from lfsr_core.base.arrays import Array
+from lfsr_core.base.cores import usable_cores
+from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.reconstruct.methods.interpolation import decode, encode, interpolated, kernel_matrix
+from lfsr_core.reconstruct.upscaler import Upscaler
+
+REACH = 3  # rendered views to each side of a place from which samples are taken, at most
+SIGMA, FALL = 1.5, -0.19  # rendered views: standard deviation of the weight by view at 1 sample; its power of samples
+COUNT = 4  # views from which samples are taken, in standard deviations of their weight
+NEAR = 0.8  # lenses: samples further from the line have no weight
+ALIKE = 0.5  # lenses per rendered view: samples whose slopes differ by more are of two surfaces
+STEEP = 1.0  # lenses per rendered view from which an edge is known better from other lenses than inside its own
+STEEPEST = 8.0  # lenses per rendered view: steeper points skip too many lenses to be found again
+LEAST = 0.05  # sum of weights below which nothing was found
+UNKNOWN, OUTSIDE = 1e6, 1e9  # slopes of samples without depth, and of places beyond the display or its views
+KERNEL, SHARP_KERNEL = "linear", "halfway"
+SHARP_SAMPLES, SHARP_SCALE = 16, 3  # samples per pixel and scale from which noise allows the sharper kernel
+LENSES_IN_CACHE, MAX_WORKERS = 8, 8
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PooledEIA(LowResEIA):
+    """A low-resolution EIA whose rows have all their views."""
+
+    wide: Array  # (4, sx·W, padded sy, padded h), encoded colour and vertical slope
+    rows: Array  # (sy,) places of the rows of lenses in it
+    seen: Array  # (sy, sx) bool, lenses that see a point of known depth
+
+
+class Pooling(Upscaler):
+    """Interpolation along the slopes of what is seen.
+
+    ``block``: side of the square blocks of lenses that are not neighbours on the display, as the samples of a plan;
+    None where all lenses are.
+    """
+
+    thread_safe = True
+
+    def __init__(self, block: int | None = None) -> None:
+        self._block = block
+
+    def prepare(self, low: LowResEIA) -> LowResEIA:
+        """Make all views of each row; ``low`` itself where no depth is known or every view is rendered."""
+        if low.slope is None or low.factors == (1, 1):
+            return low
+        known = np.isfinite(low.slope[..., 0]) & (np.abs(low.slope[..., 0]) < STEEPEST)
+        if not known.any():
+            return low
+        slope = np.where(known, low.slope[..., 0], np.float32(UNKNOWN))
+        (sy, sx, h, w), width = known.shape, known.shape[3] * low.factors[0]
+        steepest = float(np.abs(slope[known]).max())
+        columns, across = self._places(sx, steepest)
+        rows, down = self._places(sy, steepest * low.slope_ratio)
+        source = padded((sy, h, across, w + 2 * REACH))
+        source[:3, :, :, columns, REACH:-REACH] = encode(low.color).transpose(4, 0, 2, 1, 3)
+        source[3:, :, :, columns, REACH:-REACH] = slope.transpose(0, 2, 1, 3)
+        wide = padded((sx * width, down, h + 2 * REACH))
+        line = Line.of(low, w, low.factors[0])
+        starts = np.arange(sy * h) * across * (w + 2 * REACH) + REACH
+
+        def column(index: int) -> None:
+            rays = pooled(source, starts + columns[index] * (w + 2 * REACH), line)
+            np.multiply(rays[3], np.float32(low.slope_ratio), out=rays[3], where=rays[3] < UNKNOWN)
+            wide[:, index * width:(index + 1) * width, rows, REACH:-REACH] = rays.reshape(4, width, sy, h)
+
+        with ThreadPoolExecutor(min(usable_cores(), MAX_WORKERS)) as pool:
+            list(pool.map(column, range(sx)))
+        return PooledEIA(**vars(low) | {"wide": wide, "rows": rows, "seen": known.any((2, 3))})
+
+    def __call__(self, low: LowResEIA, lenses: Array) -> Array:
+        """Finished EIs of ``lenses``; ``low`` is the result of ``prepare``."""
+        lenses = np.asarray(lenses)
+        result = np.empty((len(lenses), *low.finished_views, 3), np.float32)
+        some = low.seen[tuple(lenses.T)] if isinstance(low, PooledEIA) else np.zeros(len(lenses), bool)
+        if not some.all():
+            row, column = lenses[~some].T
+            kernel = SHARP_KERNEL if is_sharp(low) else KERNEL
+            result[~some] = decode(interpolated(encode(low.color[row, column]), kernel, low.factors))
+        if isinstance(low, PooledEIA):
+            h, (_, width) = low.color.shape[2], low.finished_views
+            line, chosen = Line.of(low, h, low.factors[1]), np.flatnonzero(some)
+            for part in np.array_split(chosen, math.ceil(len(chosen) / LENSES_IN_CACHE)) if len(chosen) else ():
+                row, column = lenses[part].T
+                lines = (column[:, None] * width + np.arange(width)) * low.wide.shape[2] + low.rows[row][:, None]
+                rays = pooled(low.wide, lines.ravel() * (h + 2 * REACH) + REACH, line)
+                result[part] = decode(rays[:3].reshape(3, -1, len(part), width).transpose(2, 1, 3, 0))
+        return result
+
+    def _places(self, count: int, steepest: float) -> tuple[Array, int]:
+        """Places of ``count`` lenses in a padded row, and its length: what a line meets beyond a block is outside."""
+        guard, block = math.ceil(steepest * REACH) + 1, self._block or count
+        number = np.arange(count)
+        places = number + (2 * (number // block) + 1) * guard
+        return places, int(places[-1]) + guard + 1
+
+
+def is_sharp(low: LowResEIA) -> bool:
+    """Whether noise is low enough, and views far enough apart, for the sharper kernel."""
+    return low.samples >= SHARP_SAMPLES and low.scale >= SHARP_SCALE
+
+
+def padded(shape: tuple[int, ...]) -> Array:
+    """Empty samples (4, *shape), colour and slope, all of them outside."""
+    samples = np.zeros((4, *shape), np.float32)
+    samples[3] = OUTSIDE
+    return samples
+
+
+@dataclasses.dataclass(frozen=True)
+class Line:
+    """The finished views of one axis among its rendered views; arrays begin with the axis of finished views."""
+
+    corners: tuple[Array, Array]  # (views,), the rendered views to either side
+    share: Array  # (views, 1) of the second corner
+    taps: tuple[tuple[Array, ...], ...]  # rendered view, its distance, and weight by it; (views, 1) each
+    plain: Array  # (views, rendered views), weights of interpolation
+    sharper: Array  # what the sharper kernel adds to linear interpolation
+
+    @classmethod
+    def of(cls, low: LowResEIA, rendered: int, factor: int) -> Line:
+        """Line of an axis with ``rendered`` views; with more samples, less noise needs fewer views."""
+        sigma = SIGMA * low.samples ** FALL
+        places = ((np.arange(rendered * factor) + 0.5) / factor - 0.5)[:, None]
+        first = np.floor(places).astype(int)
+        steps = min(2 * REACH, round(COUNT * sigma)) if factor > 1 else 1
+        nearest = np.floor(places + 0.5 * (steps % 2)).astype(int) - (steps - 1) // 2
+        views = [nearest + step for step in range(steps)]
+        taps = tuple((view, (view - places).astype(np.float32),
+                      np.exp(-0.5 * ((view - places) / sigma) ** 2).astype(np.float32)) for view in views)
+        linear = kernel_matrix(KERNEL, rendered, factor)
+        plain = kernel_matrix(SHARP_KERNEL if is_sharp(low) else KERNEL, rendered, factor)
+        corners = np.clip(first[:, 0], 0, rendered - 1), np.clip(first[:, 0] + 1, 0, rendered - 1)
+        return cls(corners, (places - first).astype(np.float32), taps, plain, plain - linear)
+
+
+def pooled(samples: Array, starts: Array, line: Line) -> Array:
+    """Encoded colours and slopes (4, views, n) of the finished views of n lenses, along one axis.
+
+    ``samples`` (4, …, lenses, rendered views): see ``padded``. ``starts`` (n,): index of each lens's first view.
+    """
+    planes, stride = samples.reshape(4, -1), samples.shape[-1]
+    own = planes.take(starts + np.arange(line.plain.shape[1])[:, None], axis=1)
+    result = line.plain @ own
+    sharper = line.sharper @ own[:3] if line.sharper.any() else np.zeros((3, 1, 1), np.float32)
+    before, after = own[3][line.corners[0]], own[3][line.corners[1]]
+    near = np.minimum(before, after)  # UNKNOWN is farther than anything
+    alike = (np.abs(before - after) < ALIKE) & (near < UNKNOWN)
+    edge = ~alike & (near < UNKNOWN) & (np.abs(near) > STEEP)
+    slopes = np.where(alike, before + line.share * (after - before), near)
+    followed = alike | edge
+    if followed.any():
+        total, sums = _sums(planes, stride, line.taps, starts, slopes, edge)
+        sums /= np.maximum(total, LEAST)
+        sums += sharper
+        np.copyto(result[:3], sums, where=followed & (total > LEAST))
+    place, lens = np.nonzero(~followed & (near < UNKNOWN))
+    if len(place):
+        # Two surfaces of small slopes meet: each corner is followed along its own, then interpolated.
+        taps = [tuple(values[place, 0] for values in tap) for tap in line.taps]
+        mixed = np.broadcast_to(sharper, result[:3].shape)[:, place, lens]
+        for corner, share in zip(line.corners, (1 - line.share, line.share), strict=True):
+            values = own[:, corner[place], lens]
+            total, sums = _sums(planes, stride, taps, starts[lens], values[3], np.zeros(len(lens), bool))
+            good = (values[3] < UNKNOWN) & (total > LEAST)
+            mixed += share[place, 0] * np.where(good, sums / np.maximum(total, LEAST), values[:3])
+        result[:3, place, lens] = mixed
+    result[3] = np.where(followed, slopes, np.where(line.share < 0.5, before, after))
+    return result
+
+
+def _sums(planes: Array, stride: int, taps: Sequence[tuple[Array, ...]], starts: Array, slopes: Array,
+          edge: Array) -> tuple[Array, Array]:
+    """Sums (…) of the weights of samples along lines of ``slopes`` (…), and (3, …) of the samples' colours times them.
+
+    At an ``edge`` samples of all slopes count.
+    """
+    slopes = np.where(slopes < UNKNOWN, slopes, 0)
+    total, sums, same = np.zeros_like(slopes), np.zeros((3, *slopes.shape), np.float32), np.empty_like(slopes)
+    edges = edge if edge.any() else None
+    for view, away, by_view in taps:
+        place = slopes * away
+        lens = np.floor(place)
+        place -= lens
+        index = lens.astype(int)
+        index *= stride
+        index += starts + view
+        for _ in range(2):  # the lenses to either side of the line
+            weight = place * np.float32(1 / NEAR)
+            np.multiply(weight, weight, out=weight)
+            np.maximum(np.subtract(1, weight, out=weight), 0, out=weight)
+            weight *= weight
+            weight *= by_view
+            there = planes[3].take(index)
+            np.abs(np.subtract(there, slopes, out=same), out=same)
+            np.maximum(np.subtract(1, np.multiply(same, np.float32(1 / ALIKE), out=same), out=same), 0, out=same)
+            if edges is not None:
+                np.copyto(same, there < OUTSIDE, where=edges)
+            weight *= same
+            total += weight
+            for color, plane in zip(sums, planes, strict=False):
+                found = plane.take(index)
+                found *= weight
+                color += found
+            place -= 1
+            index += stride
+    return total, sums

@@ -1,0 +1,131 @@
+"""Pooling along depth: what it makes of surfaces whose light field is known."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from lfsr_core.frames.low_res import LowResEIA, low_resolution
+from lfsr_core.optics.rays import rays
+from lfsr_core.reconstruct.methods.interpolation import Interpolation
+from lfsr_core.reconstruct.methods.pooling import Pooling
+from tests.support.synthetic import frame_of
+
+LENSES, VIEWS, SCALE = (10, 14), (5, 6), 4  # (rows, columns) of lenses, and of rendered views
+
+
+def texture(across: np.ndarray, down: np.ndarray) -> np.ndarray:
+    """Colours of a printed plane at places counted in lenses."""
+    waves = (0.5 + 0.4 * np.sin(1.9 * across), 0.5 + 0.3 * np.cos(1.7 * down), 0.4 + 0.3 * np.sin(across + down))
+    return np.stack(waves, -1).astype(np.float32)
+
+
+def views_of(slope: float, ratio: float, factor: int) -> np.ndarray:
+    """EIs (sy, sx, h·factor, w·factor, 3) of a plane that moves by ``slope`` lenses per rendered view to the right."""
+    row, column, y, x = np.meshgrid(*map(np.arange, (*LENSES, VIEWS[0] * factor, VIEWS[1] * factor)), indexing="ij")
+    y, x = ((index + 0.5) / factor - 0.5 for index in (y, x))
+    return texture(column - slope * x, row - slope * ratio * y)
+
+
+def plane(slope: float | np.ndarray, ratio: float = 1.0, samples: int = 16,
+          color: np.ndarray | None = None) -> LowResEIA:
+    color = views_of(float(np.mean(slope)), ratio, 1) if color is None else color
+    slopes = np.broadcast_to(np.float32(slope), (*color.shape[:4], 1)).copy()
+    return LowResEIA(color, np.ones_like(color[..., :1]), samples, SCALE, slope=slopes, slope_ratio=ratio)
+
+
+def finished(low: LowResEIA, upscaler=None) -> np.ndarray:
+    upscaler = upscaler or Pooling()
+    lenses = np.argwhere(np.ones(LENSES, bool))
+    images = upscaler(upscaler.prepare(low), lenses)
+    return images.reshape(*LENSES, *images.shape[1:])
+
+
+INNER = np.s_[4:-4, 5:-5]  # lenses whose lines end inside the display
+
+
+@pytest.mark.parametrize(("slope", "ratio"), [(0.6, 1.0), (-0.9, 1.2), (1.5, 0.8), (-1.6, 1.0)])
+@pytest.mark.parametrize("samples", [1, 16, 64])
+def test_a_print_off_the_display_plane_is_nearer_the_truth_than_interpolated(slope, ratio, samples):
+    low, truth = plane(slope, ratio, samples), views_of(slope, ratio, SCALE)
+    error = {name: np.sqrt(np.mean((finished(low, upscaler)[INNER] - truth[INNER]) ** 2))
+             for name, upscaler in (("pool", Pooling()), ("linear", Interpolation("linear")))}
+    assert error["pool"] < (0.4 if abs(slope) > 1 else 1) * error["linear"], error
+
+
+def test_a_wrong_slope_is_no_better_than_interpolation():
+    low, truth = plane(0.9), views_of(0.9, 1.0, SCALE)
+    wrong = dataclasses.replace(low, slope=-low.slope)
+    right, mistaken = (np.mean((finished(each)[INNER] - truth[INNER]) ** 2) for each in (low, wrong))
+    assert right < 0.5 * mistaken
+
+
+@pytest.mark.parametrize("samples", [1, 16])
+def test_one_colour_stays_one_colour(samples):
+    slope = np.random.default_rng(3).uniform(-2, 2, (*LENSES, *VIEWS, 1))
+    slope[slope > 1.5] = np.nan
+    low = plane(slope, samples=samples, color=np.full((*LENSES, *VIEWS, 3), 0.3, np.float32))
+    np.testing.assert_allclose(finished(low), 0.3, rtol=1e-4)
+
+
+def test_without_depth_it_is_interpolation():
+    low = plane(0.7, samples=4)
+    linear = finished(low, Interpolation("linear"))
+    for slope in (None, np.full_like(low.slope, np.nan), np.full_like(low.slope, 50)):
+        np.testing.assert_allclose(finished(dataclasses.replace(low, slope=slope)), linear, atol=1e-5)
+
+
+def test_the_mirrored_light_field_is_mirrored():
+    rng = np.random.default_rng(5)
+    slope = rng.uniform(-1.8, 1.8, (*LENSES, *VIEWS, 1)).round(1)
+    low = plane(slope, color=rng.random((*LENSES, *VIEWS, 3), np.float32))
+    turned = low.each(lambda array: array[::-1, ::-1, ::-1, ::-1])
+    np.testing.assert_allclose(finished(turned)[::-1, ::-1, ::-1, ::-1], finished(low), atol=1e-4)
+
+
+def test_a_flat_display_pools_along_its_one_axis():
+    low = plane(0.8)
+    one = low.each(lambda array: array[:, :, :1])
+    one = dataclasses.replace(one, parallax=(True, False))
+    upscaler, lenses = Pooling(), np.argwhere(np.ones(LENSES, bool))
+    images = upscaler(upscaler.prepare(one), lenses)
+    assert images.shape == (len(lenses), 1, VIEWS[1] * SCALE, 3)
+    y = np.zeros(1)
+    truth = np.stack([texture(column - 0.8 * ((np.arange(VIEWS[1] * SCALE) + 0.5) / SCALE - 0.5), row + y)
+                      for row, column in lenses])[:, None]
+    inner = np.all((lenses >= 3) & (lenses < np.array(LENSES) - 3), 1)
+    linear = Interpolation("linear")(one, lenses)
+    assert np.mean((images - truth)[inner] ** 2) < np.mean((linear - truth)[inner] ** 2)
+
+
+def test_blocks_do_not_see_each_other():
+    """Of a plan's sample: the blocks stand side by side, but not on the display."""
+    low = plane(0.9)
+    changed = low.each(lambda array: np.concatenate([array[:, :7], array[:, 7:][:, ::-1]], 1))
+    lenses = np.argwhere(np.ones(LENSES, bool)[:, :7])
+    images = [upscaler(upscaler.prepare(each), lenses)
+              for each in (low, changed) for upscaler in (Pooling(7), Pooling())]
+    np.testing.assert_array_equal(images[0], images[2])
+    assert np.abs(images[1] - images[3]).max() > 1e-3
+
+
+def test_slopes_follow_from_the_rendered_positions():
+    """The ray of the next view through the lens that the slope names meets the same point."""
+    frame = frame_of(2)
+    layout = frame.rays
+    width, height = layout.size
+    x, y = np.meshgrid((np.arange(width) + 0.5) / width, 1 - (np.arange(height) + 0.5) / height)
+    origin, direction = rays(layout, x, y)
+    for depth in (0.7, 1.0, 1.9):
+        points = origin + direction * (depth * frame.array.distance / direction[..., 2:])
+        layers = {"color": np.ones((height, width, 4), np.float32), "position": points.astype(np.float32)}
+        low = low_resolution(layers, frame)
+        slope, (sx, sy) = low.slope[3, 3, 0, 0, 0], layout.tiles
+        for axis, (lenses, ratio) in enumerate([(sx, 1.0), (sy, low.slope_ratio)]):
+            pitch = 2 * frame.array.half_size[axis] / lenses
+            moved = layout.spacing * (1 - 1 / depth) / pitch
+            assert slope * ratio == pytest.approx(moved, abs=1e-5)
+        covered = dict(layers, color=np.zeros((height, width, 4), np.float32))
+        assert np.isnan(low_resolution(covered, frame).slope).all()
