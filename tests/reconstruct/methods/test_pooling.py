@@ -92,9 +92,8 @@ def test_a_flat_display_pools_along_its_one_axis():
     upscaler, lenses = Pooling(), np.argwhere(np.ones(LENSES, bool))
     images = upscaler(upscaler.prepare(one), lenses)
     assert images.shape == (len(lenses), 1, VIEWS[1] * SCALE, 3)
-    y = np.zeros(1)
-    truth = np.stack([texture(column - 0.8 * ((np.arange(VIEWS[1] * SCALE) + 0.5) / SCALE - 0.5), row + y)
-                      for row, column in lenses])[:, None]
+    moved = 0.8 * ((np.arange(VIEWS[1] * SCALE) + 0.5) / SCALE - 0.5)
+    truth = np.stack([texture(column - moved, np.full(moved.shape, row)) for row, column in lenses])[:, None]
     inner = np.all((lenses >= 3) & (lenses < np.array(LENSES) - 3), 1)
     linear = Interpolation("linear")(one, lenses)
     assert np.mean((images - truth)[inner] ** 2) < np.mean((linear - truth)[inner] ** 2)
