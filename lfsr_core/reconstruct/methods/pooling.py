@@ -14,8 +14,10 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.cores import usable_cores
@@ -34,7 +36,14 @@ LEAST = 0.05  # sum of weights below which nothing was found
 UNKNOWN, OUTSIDE = 1e6, 1e9  # slopes of samples without depth, and of places beyond the display or its views
 KERNEL, SHARP_KERNEL = "linear", "halfway"
 SHARP_SAMPLES, SHARP_SCALE = 16, 3  # samples per pixel and scale from which noise allows the sharper kernel
-LENSES_IN_CACHE, MAX_WORKERS = 8, 8
+LENSES_IN_CACHE, SAMPLES_IN_CACHE, MAX_WORKERS = 8, 20_000, 8
+LEAST_SAMPLES = 2  # per pixel from which detail is told from noise
+LEAST_STEEP = 0.1  # lenses per rendered view: below, no other lens is within reach
+LEAST_OTHERS = 0.3  # sum of the weights of other lenses' samples
+DETAIL_REACH, DETAIL_SIGMA = 2, 1.5  # rendered views: reach, and standard deviation of the weight, of residuals
+NEIGHBOURS = 1  # lenses to each side over which covariances are added
+LIMIT, DARK = 1.0, 1e-3  # of a residual, in encoded values; scene-linear value below which √x is taken for a line
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -71,7 +80,7 @@ class Pooling(Upscaler):
         columns, across = self._places(sx, steepest)
         rows, down = self._places(sy, steepest * low.slope_ratio)
         source = padded((sy, h, across, w + 2 * REACH))
-        source[:3, :, :, columns, REACH:-REACH] = encode(low.color).transpose(4, 0, 2, 1, 3)
+        source[:3, :, :, columns, REACH:-REACH] = self._restored(low, slope, steepest).transpose(4, 0, 2, 1, 3)
         source[3:, :, :, columns, REACH:-REACH] = slope.transpose(0, 2, 1, 3)
         wide = padded((sx * width, down, h + 2 * REACH))
         line = Line.of(low, w, low.factors[0])
@@ -105,6 +114,38 @@ class Pooling(Upscaler):
                 result[part] = decode(rays[:3].reshape(3, -1, len(part), width).transpose(2, 1, 3, 0))
         return result
 
+    def _restored(self, low: LowResEIA, slope: Array, steepest: float) -> Array:
+        """Encoded colours (sy, sx, h, w, 3), with the detail that a denoiser took for noise.
+
+        The residual, the render minus its denoised image, should be noise, which no two samples have in common. What
+        samples of other lenses along the line have in common with it is lost detail, of which their mean has little
+        noise; so it is added, weighted as Wiener's filter does by the covariance in NEIGHBOURS lenses around.
+        """
+        color = encode(low.color)
+        if low.noisy is None or low.samples < LEAST_SAMPLES or steepest < LEAST_STEEP:
+            return color
+        (sy, sx, h, w), known = slope.shape, slope < UNKNOWN
+        dark = np.maximum(low.color, DARK)
+        lost = np.clip((low.noisy - low.color) * (0.5 / np.where(dark < 1, np.sqrt(dark), dark)), -LIMIT, LIMIT)
+        values = np.concatenate([lost, np.ones_like(lost[..., :1])], -1) * known[..., None]
+        for axis, ratio in ((1, 1.0), (0, low.slope_ratio)):
+            # Lenses and views of one axis last, those of the other axis first.
+            order = (0, 2, 1, 3) if axis else (1, 3, 0, 2)
+            count, views = (sx, w) if axis else (sy, h)
+            slopes = np.where(known, slope * np.float32(ratio), slope).transpose(order).reshape(-1, count, views)
+            found = _residuals(values.transpose(4, *order).reshape(-1, *slopes.shape), slopes,
+                               *self._places(count, steepest * ratio), own=not axis)
+            values = found.reshape(-1, *(slope.shape[each] for each in order)).transpose(*(1 + np.argsort(order)), 0)
+        others, count = values[..., :3], values[..., 3:]
+        seen = (count[..., 0] > LEAST_OTHERS) & known
+        shared = np.einsum("yxvuc,yxvuc,c->yxvu", lost, others / np.maximum(count, LEAST_OTHERS), LUMINANCE) * seen
+        mean = (others + lost) / (count + 1) * seen[..., None]
+        power = np.einsum("yxvuc,yxvuc,c->yxvu", mean, mean, LUMINANCE)
+        shared, power = (_pooled_lenses(each.sum((2, 3))) for each in (shared, power))
+        weight = np.clip(np.divide(shared, power, out=np.zeros_like(power), where=power > 0), 0, 1)
+        color += weight[:, :, None, None, None].astype(np.float32) * mean
+        return color
+
     def _places(self, count: int, steepest: float) -> tuple[Array, int]:
         """Places of ``count`` lenses in a padded row, and its length: what a line meets beyond a block is outside."""
         guard, block = math.ceil(steepest * REACH) + 1, self._block or count
@@ -118,11 +159,19 @@ def is_sharp(low: LowResEIA) -> bool:
     return low.samples >= SHARP_SAMPLES and low.scale >= SHARP_SCALE
 
 
-def padded(shape: tuple[int, ...]) -> Array:
-    """Empty samples (4, *shape), colour and slope, all of them outside."""
-    samples = np.zeros((4, *shape), np.float32)
-    samples[3] = OUTSIDE
+def padded(shape: tuple[int, ...], channels: int = 3) -> Array:
+    """Empty samples (channels + 1, *shape), colour and slope, all of them outside."""
+    samples = np.zeros((channels + 1, *shape), np.float32)
+    samples[-1] = OUTSIDE
     return samples
+
+
+def _pooled_lenses(values: Array) -> Array:
+    """Sums over each lens and its neighbours up to NEIGHBOURS lenses away."""
+    for axis in (0, 1):
+        padding = [(NEIGHBOURS, NEIGHBOURS) if axis == n else (0, 0) for n in (0, 1)]
+        values = sliding_window_view(np.pad(values, padding), 2 * NEIGHBOURS + 1, axis).sum(-1)
+    return values
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,7 +208,7 @@ def pooled(samples: Array, starts: Array, line: Line) -> Array:
     """
     planes, stride = samples.reshape(4, -1), samples.shape[-1]
     own = planes.take(starts + np.arange(line.plain.shape[1])[:, None], axis=1)
-    result = line.plain @ own
+    result: Array = line.plain @ own
     sharper = line.sharper @ own[:3] if line.sharper.any() else np.zeros((3, 1, 1), np.float32)
     before, after = own[3][line.corners[0]], own[3][line.corners[1]]
     near = np.minimum(before, after)  # UNKNOWN is farther than anything
@@ -187,29 +236,55 @@ def pooled(samples: Array, starts: Array, line: Line) -> Array:
     return result
 
 
-def _sums(planes: Array, stride: int, taps: Sequence[tuple[Array, ...]], starts: Array, slopes: Array,
-          edge: Array) -> tuple[Array, Array]:
-    """Sums (…) of the weights of samples along lines of ``slopes`` (…), and (3, …) of the samples' colours times them.
+def _residuals(values: Array, slopes: Array, places: Array, length: int, own: bool) -> Array:
+    """Sums (C, n, lenses, views) of residuals along the line of every sample, along one axis.
 
-    At an ``edge`` samples of all slopes count.
+    ``places``, ``length``: of lenses in a padded row. ``own``: whether samples of the same lens count.
+    """
+    (n, _, views), stride = slopes.shape, slopes.shape[-1] + 2 * REACH
+    planes, found = padded((n, length, stride), len(values)), np.empty_like(values)
+    planes[:-1, :, places, REACH:-REACH] = values
+    planes[-1, :, places, REACH:-REACH] = slopes.transpose(1, 0, 2)
+    taps = [(step, np.float32(step), np.float32(math.exp(-0.5 * (step / DETAIL_SIGMA) ** 2)))
+            for step in range(-DETAIL_REACH, DETAIL_REACH + 1) if own or step]
+    starts = places[:, None] * stride + REACH + np.arange(views)
+
+    def rows(part: Array) -> None:
+        of_rows = part[:, None, None] * (length * stride) + starts
+        found[:, part] = _sums(planes, stride, taps, of_rows, slopes[part], np.zeros(of_rows.shape, bool), own)[1]
+
+    with ThreadPoolExecutor(min(usable_cores(), MAX_WORKERS)) as pool:
+        list(pool.map(rows, np.array_split(np.arange(n), math.ceil(slopes.size / SAMPLES_IN_CACHE))))
+    return found
+
+
+def _sums(planes: Array, stride: int, taps: Sequence[tuple[Any, ...]], starts: Array, slopes: Array, edge: Array,
+          own: bool = True) -> tuple[Array, Array]:
+    """Sums (…) of the weights of samples along lines of ``slopes`` (…), and (C, …) of the samples times them.
+
+    ``planes`` (C + 1, n): samples and their slopes. At an ``edge`` samples of all slopes count. ``own``: whether those
+    of the ray's own lens do.
     """
     slopes = np.where(slopes < UNKNOWN, slopes, 0)
-    total, sums, same = np.zeros_like(slopes), np.zeros((3, *slopes.shape), np.float32), np.empty_like(slopes)
+    total, same = np.zeros_like(slopes), np.empty_like(slopes)
+    sums = np.zeros((len(planes) - 1, *slopes.shape), np.float32)
     edges = edge if edge.any() else None
     for view, away, by_view in taps:
         place = slopes * away
         lens = np.floor(place)
-        place -= lens
+        np.subtract(place, lens, out=place)
         index = lens.astype(int)
         index *= stride
         index += starts + view
-        for _ in range(2):  # the lenses to either side of the line
+        for step in range(2):  # the lenses to either side of the line
             weight = place * np.float32(1 / NEAR)
             np.multiply(weight, weight, out=weight)
             np.maximum(np.subtract(1, weight, out=weight), 0, out=weight)
             weight *= weight
             weight *= by_view
-            there = planes[3].take(index)
+            if not own:
+                weight *= lens != -step
+            there = planes[-1].take(index)
             np.abs(np.subtract(there, slopes, out=same), out=same)
             np.maximum(np.subtract(1, np.multiply(same, np.float32(1 / ALIKE), out=same), out=same), 0, out=same)
             if edges is not None:
@@ -220,6 +295,6 @@ def _sums(planes: Array, stride: int, taps: Sequence[tuple[Array, ...]], starts:
                 found = plane.take(index)
                 found *= weight
                 color += found
-            place -= 1
+            np.subtract(place, 1, out=place)
             index += stride
     return total, sums
