@@ -214,7 +214,7 @@ def test_render_at_scale_1_needs_no_upscaler(scene, blender, tmp_path):
     (["--scale-frames", "9-1"], "frames are 9-1, but the first number must be the smaller one"),
     (["--layers", "albdo"], "layer is 'albdo': did you mean 'albedo'"),
     (["--display", "mimi"], "unknown display 'mimi': did you mean 'mini'"),
-    (["--view-aperture", "2"], "view aperture is 2"),
+    (["--view-aperture", "9"], "view aperture is 9"),
     (["--view-aperture", "nan"], "view aperture is nan"),
     (["--dilate", str(2**32)], "dilation of the foreground mask is 4294967296"),
     (["--seed", str(10**400)], "seed is 1000"),

@@ -23,7 +23,7 @@ const JOB_TYPE = {
         { key: "light", type: "string", default: "auto",
           description: "auto, own, even, one of Blender's world images, or a .hdr or .exr file that every worker sees" },
         { key: "device", type: "string", default: "auto", description: "auto, CPU, OPTIX, CUDA, HIP, ONEAPI or METAL" },
-        { key: "method", type: "string", default: "denoise+bilinear+epi", description: "Method that makes the other views" },
+        { key: "method", type: "string", default: "denoise+pool", description: "Method that makes the other views" },
         { key: "linear", type: "string", default: "--no-linear-exr", choices: ["--no-linear-exr", "--linear-exr"],
           description: "Whether the image before the view transform is written too" },
         { key: "temporalaveraging", type: "int32", default: 0, propargs: { min: 0, max: 8 },

@@ -78,9 +78,9 @@ MENU = {
     "denoise": ("Every View", "Render every view, at scale 1×, and denoise"),
 }
 MORE = {
-    "denoise+lanczos": ("Denoise + Lanczos", "Denoise, then the sharpest interpolation"),
     "oidn+bilinear": ("Stock + Bilinear", "Open Image Denoise with its own weights, then linear interpolation"),
     "oidn": ("Stock Only", "Open Image Denoise with its own weights, for scale 1×, where every view is rendered"),
+    "pool": ("Pool", "Missing views from every lens that sees the same point; the noise stays"),
     "bilinear": ("Bilinear", "Linear interpolation; the noise stays: fastest"),
     "bicubic": ("Bicubic", "Bicubic interpolation; the noise stays"),
     "lanczos": ("Lanczos", "Lanczos interpolation; the noise stays"),

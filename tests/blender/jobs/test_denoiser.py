@@ -62,9 +62,9 @@ def test_the_answer_is_remembered_for_scenes_without_a_chosen_method(scene, with
     scene.lfsr.property_unset("method")
     (question,) = render._denoising(scene)
     question.accept()
-    assert addon.without_denoiser and scene.lfsr.method == "bilinear"
+    assert addon.without_denoiser and scene.lfsr.method == "pool"
     scene.lfsr.property_unset("method")
-    assert render._denoising(scene) == [] and scene.lfsr.method == "bilinear"
+    assert render._denoising(scene) == [] and scene.lfsr.method == "pool"
     scene.lfsr.method = DEFAULT_METHOD
     assert len(render._denoising(scene)) == 1, "a method that was chosen is asked about"
 
@@ -79,11 +79,11 @@ def test_the_check_offers_what_this_blender_has(scene, without_library):
     last.check(scene)
     assert found(scene)[0] == "denoise"
     assert bpy.ops.lfsr.check_fix(code="denoise", target="Open Image Denoise") == {"FINISHED"}
-    assert scene.lfsr.method == "bilinear" and "denoise" not in found(scene)
+    assert scene.lfsr.method == "pool" and "denoise" not in found(scene)
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
 
 
-@pytest.mark.parametrize(("method", "other"), [("denoise", "none"), ("denoise+lanczos", "lanczos"), ("oidn", "none")])
+@pytest.mark.parametrize(("method", "other"), [("denoise", "none"), ("denoise+pool", "pool"), ("oidn", "none")])
 def test_the_replacement_is_the_method_without_its_denoiser(scene, method, other):
     scene.lfsr.scale, scene.lfsr.method = "1" if other == "none" else "2", method
     assert denoiser.replacement(scene_settings.resolve(scene)).text == other
@@ -110,18 +110,18 @@ def failed_second_stage(scene) -> Path:
 
 def test_a_render_whose_second_stage_failed_is_kept_and_finished_by_another_method(scene, without_library):
     folder = failed_second_stage(scene)
-    assert finish.methods(scene) == ["bilinear", "bicubic", "lanczos", "nearest"]
+    assert finish.methods(scene) == ["pool", "bilinear", "bicubic", "lanczos", "nearest"]
     rendered = (folder / "lr_eia.exr").stat().st_mtime_ns
-    assert bpy.ops.lfsr.finish_frame(method="bilinear") == {"FINISHED"}
+    assert bpy.ops.lfsr.finish_frame(method="pool") == {"FINISHED"}
     assert (folder / "lr_eia.exr").stat().st_mtime_ns == rendered
-    assert read_report(folder).method == "bilinear" and asked.is_decoded(folder)
+    assert read_report(folder).method == "pool" and asked.is_decoded(folder)
     assert asked.is_made(*asked.asked(scene)) and not folders.is_unfinished(folder)
     with pytest.raises(RuntimeError, match="There is no unfinished render in .*: render the EIA"):
-        bpy.ops.lfsr.finish_frame(method="bilinear")
+        bpy.ops.lfsr.finish_frame(method="pool")
 
 
 def test_a_failed_second_stage_leaves_no_image_of_an_older_render(scene, monkeypatch, tmp_path):
-    scene.lfsr.method = "bilinear"
+    scene.lfsr.method = "pool"
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
     scene.lfsr.method, scene.lfsr.seed = DEFAULT_METHOD, 5
     (tmp_path / "broken.so").write_bytes(b"no library")

@@ -56,10 +56,10 @@ def test_halves_and_candidates_have_independent_noise(noisy, tmp_path):
 
 
 @pytest.mark.parametrize(("options", "expected"), [
-    ({"scale": 4}, ("albedo", "normal")),
+    ({"scale": 4}, ("albedo", "normal", "position")),
     ({"scale": 4, "layers": ("normal", "position")}, ("normal", "position", "albedo")),
     ({"scale": 1}, ()), ({"scale": 1, "kind": "reference"}, ())])
-def test_the_denoiser_gets_albedo_and_normal_where_views_are_left_out(noisy, tmp_path, options, expected):
+def test_the_second_stage_gets_albedo_normal_and_position_where_views_are_left_out(noisy, tmp_path, options, expected):
     rendered(noisy, tmp_path, **options)
     assert read_frame(tmp_path).layers == expected
     files = [exr.read_layers(path) for path in tmp_path.glob("*.exr")]

@@ -33,13 +33,18 @@ COLUMNS = ("sweep", "from – to", "default, scores", "target", "plan at", "chos
 
 
 def value_of(sweep: SweepReport) -> float:
-    found = (sweep.breaks.get(name) for name in (DEFAULT_METHOD, FAST_METHOD))
+    found = (sweep.breaks.get(name) for name in (_default(sweep), FAST_METHOD))
     return next((each.value for each in found if each), sweep.values[-1])
+
+
+def _default(sweep: SweepReport) -> str:
+    """Return the method that was the default when the sweep was measured: the last one."""
+    return sweep.cells[-1].method
 
 
 def target_of(sweep: SweepReport) -> float:
     """Return the target of the plans: the default's accuracy at the first value less DROP, two digits, rounded down."""
-    first = sweep.series(DEFAULT_METHOD, JUDGED)[0] or 0.0
+    first = sweep.series(_default(sweep), JUDGED)[0] or 0.0
     return math.floor(100 * (first - DROP) + 1e-6) / 100
 
 
@@ -74,7 +79,7 @@ def table(report: Report, plans: Iterable[Verdict]) -> list[str]:
 def _row(sweep: SweepReport, methods: Sequence[str], rows: Sequence[Verdict]) -> list[str]:
     value = value_of(sweep)
     made = [row for row in rows if row.scene == choose_sweeps([sweep.name])[0].scene_name(value)]
-    scores = sweep.series(DEFAULT_METHOD, sweep.judged)
+    scores = sweep.series(_default(sweep), sweep.judged)
     shown = " ".join(number(scores[place]).lstrip("0") for place in (0, len(scores) // 2, -1))
     judged = "" if sweep.judged == MAIN_METRICS[0] else f" (`{sweep.judged}`)"
     breaks = [f"{sweep.name}{judged}", sweep.span.replace(" ", ""), *map(sweep.break_text, methods), shown]
