@@ -17,7 +17,7 @@ from pathlib import Path
 from lfsr_core.base.records import read_record, write_record
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.plan.options import PlanOptions
-from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD
+from lfsr_core.reconstruct.methods import FAST_METHOD
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.report import UNKNOWN, markdown_table, number
 from lfsr_lab.experiments.engine.truth import MAIN_METRICS
