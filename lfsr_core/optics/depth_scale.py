@@ -47,7 +47,7 @@ class LossModel:
 
 
 # Fitted by `lfsr study scales docs/results/measured/scales.json`, see docs/results/stress.md.
-MODEL = LossModel(detail=0.885, lenses=2.83, noise=0.158, power=0.65)
+MODEL = LossModel(detail=0.152, lenses=0.297, noise=0.192, power=0.5)
 
 
 @dataclasses.dataclass(frozen=True)
