@@ -36,7 +36,7 @@ LEAST = 0.05  # sum of weights below which nothing was found
 UNKNOWN, OUTSIDE = 1e6, 1e9  # slopes of samples without depth, and of places beyond the display or its views
 KERNEL, SHARP_KERNEL = "linear", "halfway"
 SHARP_SAMPLES, SHARP_SCALE = 16, 3  # samples per pixel and scale from which noise allows the sharper kernel
-LENSES_IN_CACHE, SAMPLES_IN_CACHE, MAX_WORKERS = 8, 20_000, 8
+LENSES_IN_CACHE, SAMPLES_IN_CACHE, MAX_WORKERS = 24, 40_000, 8
 LEAST_SAMPLES = 2  # per pixel from which detail is told from noise
 LEAST_STEEP = 0.1  # lenses per rendered view: below, no other lens is within reach
 LEAST_OTHERS = 0.3  # sum of the weights of other lenses' samples
@@ -209,6 +209,12 @@ def pooled(samples: Array, starts: Array, line: Line) -> Array:
     planes, stride = samples.reshape(4, -1), samples.shape[-1]
     own = planes.take(starts + np.arange(line.plain.shape[1])[:, None], axis=1)
     result: Array = line.plain @ own
+    seen = own[3].min(0) < UNKNOWN  # lenses that see a known depth
+    if not seen.all():
+        result[3] = UNKNOWN
+        if seen.any():
+            result[:, :, seen] = pooled(samples, starts[seen], line)
+        return result
     sharper = line.sharper @ own[:3] if line.sharper.any() else np.zeros((3, 1, 1), np.float32)
     before, after = own[3][line.corners[0]], own[3][line.corners[1]]
     near = np.minimum(before, after)  # UNKNOWN is farther than anything
@@ -242,19 +248,21 @@ def _residuals(values: Array, slopes: Array, places: Array, length: int, own: bo
     ``places``, ``length``: of lenses in a padded row. ``own``: whether samples of the same lens count.
     """
     (n, _, views), stride = slopes.shape, slopes.shape[-1] + 2 * REACH
-    planes, found = padded((n, length, stride), len(values)), np.empty_like(values)
+    planes, found = padded((n, length, stride), len(values)), np.zeros_like(values)
     planes[:-1, :, places, REACH:-REACH] = values
     planes[-1, :, places, REACH:-REACH] = slopes.transpose(1, 0, 2)
     taps = [(step, np.float32(step), np.float32(math.exp(-0.5 * (step / DETAIL_SIGMA) ** 2)))
             for step in range(-DETAIL_REACH, DETAIL_REACH + 1) if own or step]
-    starts = places[:, None] * stride + REACH + np.arange(views)
+    row, lens = np.nonzero((slopes < UNKNOWN).any(-1))  # the others have no residual
+    starts = (row * length + places[lens])[:, None] * stride + REACH + np.arange(views)
 
-    def rows(part: Array) -> None:
-        of_rows = part[:, None, None] * (length * stride) + starts
-        found[:, part] = _sums(planes, stride, taps, of_rows, slopes[part], np.zeros(of_rows.shape, bool), own)[1]
+    def lenses(part: Array) -> None:
+        along = slopes[row[part], lens[part]]
+        found[:, row[part], lens[part]] = _sums(planes, stride, taps, starts[part], along,
+                                                np.zeros(along.shape, bool), own)[1]
 
     with ThreadPoolExecutor(min(usable_cores(), MAX_WORKERS)) as pool:
-        list(pool.map(rows, np.array_split(np.arange(n), math.ceil(slopes.size / SAMPLES_IN_CACHE))))
+        list(pool.map(lenses, np.array_split(np.arange(len(row)), math.ceil(len(row) * views / SAMPLES_IN_CACHE))))
     return found
 
 
