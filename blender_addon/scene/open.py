@@ -7,14 +7,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.notices import Notice
 from lfsr_core.frames.request import FIT, check_scene
+from lfsr_core.frames.scene_files import check_named_files, check_regular
 
 from .array import rig
 
 MOST_REASON = 100  # characters
+MOST_PLACE = 1e15  # scene units: single precision squares what is farther to infinity
 # Compressions of glTF by what the importer says where it cannot read them, and the command that decodes them. Blender
 # 5.2 reads Meshopt where it has the library.
 COMPRESSIONS = {r"meshopt_compression|Meshopt decoder": ("Meshopt", "copy"),
@@ -25,6 +28,7 @@ COMPRESSIONS = {r"meshopt_compression|Meshopt decoder": ("Meshopt", "copy"),
 def open_scene(path: str | Path) -> bpy.types.Scene:
     """Open a .blend, or import .glb, .gltf or .obj into an empty file; LfsrError if that fails."""
     path = check_scene(path)
+    check_named_files(path)
     try:
         READERS[Path(path).suffix.lower()](path)
     except (RuntimeError, ValueError, KeyError, OSError) as error:
@@ -36,6 +40,14 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
         lines = [line.strip() for line in str(error).splitlines() if line.strip() and not line.startswith("Location: ")]
         reason = lines[-1][:MOST_REASON] if lines else type(error).__name__
         raise LfsrError(f"scene {path} cannot be read ({reason}): check that the file is complete") from None
+    for named in bpy.utils.blend_paths(absolute=True, packed=False, local=False):
+        check_regular(path, named)
+    for mesh in bpy.data.meshes:
+        places = np.empty(3 * len(mesh.vertices), np.float32)
+        mesh.vertices.foreach_get("co", places)
+        if not (np.abs(places) < MOST_PLACE).all():
+            raise LfsrError(f"scene {path} has a mesh {mesh.name!r} whose vertices are not finite, or farther than "
+                            f"{MOST_PLACE:g} away: correct the mesh")
     return bpy.context.scene
 
 

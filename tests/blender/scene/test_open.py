@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -132,3 +133,24 @@ def test_camera_by_name_comes_before_an_array(scene):
     assert rig.find(scene) == array
     choose_camera(scene, camera.name)
     assert rig.find(scene) is None and scene.camera == camera
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs a device among files")
+def test_a_device_that_a_blend_names_is_refused(tmp_path):
+    scene = fresh_scene()
+    add_box(scene, tuple(CENTRE), tuple(HALF))
+    image = bpy.data.images.new("endless", 4, 4)
+    image.source, image.filepath = "FILE", "/dev/zero"
+    image.use_fake_user = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    with pytest.raises(LfsrError, match="/dev/zero, which is no regular file"):
+        open_scene(tmp_path / "scene.blend")
+
+
+@pytest.mark.parametrize("far", [3e38, float("nan"), float("inf")])
+def test_vertices_beyond_numbers_are_refused(tmp_path, far):
+    mesh = add_box(fresh_scene(), tuple(CENTRE), tuple(HALF)).data
+    mesh.vertices[0].co.x = far
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "far.blend"))
+    with pytest.raises(LfsrError, match="vertices are not finite"):
+        open_scene(tmp_path / "far.blend")

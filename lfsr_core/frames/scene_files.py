@@ -1,0 +1,107 @@
+"""The files that a glTF or OBJ scene names, looked at before Blender opens them.
+
+A scene of somebody else may name anything: a device that never ends, a pipe, a file that has nothing to do with it.
+glTF 2.0, section 3.6.1.1: names are relative to the scene; OBJ names material libraries, which name images.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import struct
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from lfsr_core.base.errors import LfsrError
+
+MOST_TEXT = 2**28  # bytes of a glTF's JSON, or of a material library
+SPARE = 2**20  # bytes by which a buffer may be larger than its scene says
+GLB, JSON_CHUNK = 0x46546C67, 0x4E4F534A
+MAPS = re.compile(rb"\s*(?:map_\w+|bump|disp|decal|refl|norm)\s+(.+)", re.IGNORECASE)
+ABSOLUTE = re.compile(r"[\\/]|[A-Za-z][A-Za-z0-9+.-]*:")  # a path from the root, or a scheme or drive
+ESCAPED = re.compile(rb"%([0-9A-Fa-f]{2})")  # a byte of a URI
+LIBRARY = re.compile(rb"\s*mtllib\s+(.+)", re.IGNORECASE)
+
+
+def check_named_files(scene: str | Path) -> None:
+    """LfsrError unless what a .gltf, .glb or .obj names are regular files of fitting size; others pass.
+
+    What is missing, or no glTF at all, is left to Blender, which says so.
+    """
+    path = Path(scene)
+    if path.suffix.lower() in (".gltf", ".glb"):
+        _check_gltf(path)
+    elif path.suffix.lower() == ".obj":
+        for library in _named(path, LIBRARY):
+            check_regular(path, path.parent / library)
+            if (path.parent / library).is_file():
+                for name in _named(path.parent / library, MAPS):
+                    # Options such as "-s 1 1 1" stand before the name, which may have blanks.
+                    for image in {name, name.split()[-1]}:
+                        check_regular(path, path.parent / image)
+
+
+def check_regular(scene: str | Path, named: str | Path) -> None:
+    """LfsrError where ``named`` is there, but neither a regular file nor a folder: a device or a pipe."""
+    if os.path.exists(named) and not (os.path.isfile(named) or os.path.isdir(named)):
+        raise LfsrError(f"scene {scene} names {named}, which is no regular file: correct the name in the scene")
+
+
+def _check_gltf(path: Path) -> None:
+    content = _gltf(path)
+    for kind in ("buffers", "images"):
+        for entry in _records(content.get(kind)):
+            name = entry.get("uri")
+            if not isinstance(name, str) or name.startswith("data:"):
+                continue
+            if ABSOLUTE.match(name):
+                raise LfsrError(f"scene {path} names {name[:200]}, but a glTF may name only files relative to itself: "
+                                "put the file beside the scene and correct the name")
+            plain = ESCAPED.sub(lambda found: bytes([int(found[1], 16)]), os.fsencode(name))
+            file = path.parent / os.fsdecode(plain)
+            check_regular(path, file)
+            told = entry.get("byteLength")
+            if kind == "buffers" and isinstance(told, int) and file.is_file():
+                size = file.stat().st_size
+                if not told <= size <= 2 * told + SPARE:
+                    raise LfsrError(f"scene {path} says that {name[:200]} has {told} bytes, but it has {size}: "
+                                    "export the scene again")
+    for camera in _records(content.get("cameras")):
+        lens = camera.get("perspective")
+        angle = lens.get("yfov") if isinstance(lens, dict) else None
+        if angle is not None and not (isinstance(angle, int | float) and 0 < angle < math.pi):
+            raise LfsrError(f"scene {path} has a camera whose angle of view is {angle!r:.40} radians, but it must be "
+                            "between 0 and π: correct the camera")
+
+
+def _gltf(path: Path) -> dict[str, Any]:
+    """Return the JSON of a .gltf or .glb; empty where there is none."""
+    with path.open("rb") as file:
+        head = file.read(20)
+        size = MOST_TEXT
+        if len(head) == 20 and struct.unpack_from("<I", head)[0] == GLB:
+            size, kind = struct.unpack_from("<II", head, 12)
+            if kind != JSON_CHUNK:
+                return {}
+        else:
+            file.seek(0)
+        try:
+            found = json.loads(file.read(min(size, MOST_TEXT)))
+        except (ValueError, RecursionError):
+            return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _records(value: Any) -> Iterable[dict[str, Any]]:
+    return [each for each in value if isinstance(each, dict)] if isinstance(value, list) else []
+
+
+def _named(path: Path, pattern: re.Pattern[bytes]) -> Iterator[str]:
+    """Yield the names that lines of a regular file give."""
+    with path.open("rb") as file:
+        for line in file:
+            if found := pattern.match(line[:2**16]):
+                yield os.fsdecode(found[1].strip().replace(b"\\", b"/"))

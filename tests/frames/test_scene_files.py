@@ -1,0 +1,98 @@
+"""What scenes of others may name: regular files beside them, and nothing that never ends."""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+
+import pytest
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.frames.scene_files import check_named_files
+
+BUFFER = {"uri": "data.bin", "byteLength": 8}
+
+
+def written(folder, content, name="scene.gltf"):
+    (folder / "data.bin").write_bytes(bytes(8))
+    text = json.dumps(content).encode()
+    path = folder / name
+    if path.suffix == ".glb":
+        text = struct.pack("<IIIII", 0x46546C67, 2, 20 + len(text), len(text), 0x4E4F534A) + text
+    path.write_bytes(text)
+    return path
+
+
+def material(folder, *lines):
+    (folder / "scene.mtl").write_text("\n".join(["newmtl one", *lines]))
+    (folder / "scene.obj").write_text("# made\nmtllib scene.mtl\nv 0 0 0\n")
+    return folder / "scene.obj"
+
+
+@pytest.fixture
+def special(tmp_path):
+    """Names beside the scene of what is no regular file, each of another kind."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to("/dev/zero")
+    return ["pipe", "link"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no pipes and devices among files")
+@pytest.mark.parametrize("suffix", [".gltf", ".glb"])
+def test_only_regular_files_may_be_named(tmp_path, special, suffix):
+    for name in special:
+        for content in ({"buffers": [BUFFER | {"uri": name}]}, {"images": [{"uri": name}]}):
+            with pytest.raises(LfsrError, match=f"{name}, which is no regular file"):
+                check_named_files(written(tmp_path, content, f"scene{suffix}"))
+        for line in (f"map_Kd {name}", f"bump -bm 2.0 {name}", f"  MAP_ks -s 1 1 1 {name}"):
+            with pytest.raises(LfsrError, match="no regular file"):
+                check_named_files(material(tmp_path, line))
+    (tmp_path / "scene.obj").write_text("mtllib pipe\n")
+    with pytest.raises(LfsrError, match="no regular file"):
+        check_named_files(tmp_path / "scene.obj")
+
+
+@pytest.mark.parametrize("name", ["/dev/zero", "/etc/passwd", "file:///etc/passwd", "https://example.org/a.bin",
+                                  "\\\\host\\a"])
+def test_a_gltf_names_files_relative_to_itself(tmp_path, name):
+    with pytest.raises(LfsrError, match="relative to itself"):
+        check_named_files(written(tmp_path, {"images": [{"uri": name}]}))
+
+
+@pytest.mark.parametrize(("content", "told"), [
+    ({"buffers": [BUFFER | {"byteLength": 9}]}, "9 bytes, but it has 8"),
+    ({"cameras": [{"perspective": {"yfov": 0}}]}, "angle of view is 0"),
+    ({"cameras": [{"perspective": {"yfov": float("nan")}}]}, "angle of view is nan"),
+    ({"cameras": [{"perspective": {"yfov": "wide"}}]}, "angle of view is 'wide'"),
+    ({"cameras": [{"perspective": {"yfov": 9}}]}, "angle of view is 9")])
+def test_numbers_must_fit(tmp_path, content, told):
+    with pytest.raises(LfsrError, match=told):
+        check_named_files(written(tmp_path, content))
+
+
+def test_a_buffer_much_larger_than_said_is_refused(tmp_path):
+    path = written(tmp_path, {"buffers": [BUFFER]})
+    with (tmp_path / "data.bin").open("wb") as file:
+        file.truncate(2**24)
+    with pytest.raises(LfsrError, match="has 8 bytes, but it has 16777216"):
+        check_named_files(path)
+
+
+@pytest.mark.parametrize("suffix", [".gltf", ".glb"])
+def test_what_is_usual_passes(tmp_path, suffix):
+    (tmp_path / "a b.png").write_bytes(b"x")
+    content = {"buffers": [BUFFER, {"byteLength": 3, "uri": "data:;base64,AAAA"}, {"byteLength": 3}],
+               "images": [{"uri": "a%20b.png"}, {"uri": "missing.png"}, {"bufferView": 0}],
+               "cameras": [{"perspective": {"yfov": 0.7}}, {"orthographic": {"xmag": 1}}]}
+    check_named_files(written(tmp_path, content, f"scene{suffix}"))
+    check_named_files(material(tmp_path, "map_Kd a b.png", "map_Bump -bm 1 missing.png", "Kd 1 1 1"))
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"[" * 100_000, b"glTF" + bytes(3),
+                                     b'{"buffers": 3, "images": [4]}',
+                                     struct.pack("<IIIII", 0x46546C67, 2, 0, 2**31, 0x4E4F534A), b"\xff\xfe\0"])
+def test_what_is_no_gltf_is_left_to_blender(tmp_path, content):
+    for name in ("scene.gltf", "scene.glb", "scene.obj"):
+        (tmp_path / name).write_bytes(content)
+        check_named_files(tmp_path / name)
