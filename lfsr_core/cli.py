@@ -31,7 +31,10 @@ from lfsr_core.commands import (
     view,
     views,
 )
+from lfsr_core.commands.sentences import cleaned
 from lfsr_core.version import __version__
+
+MOST_LETTERS = 2000  # of an error, which may quote files and devices of others
 
 VERBS: tuple[laboratory.Verb, ...] = (
     displays, render, merge, upscale, view, show, export, import_views, views, farm, plan, reference, compare)
@@ -55,8 +58,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             arguments.run(arguments)
             sys.stdout.flush()
     except LfsrError as error:
-        print(f"lfsr {arguments.verb}: {error}", file=sys.stderr)
-        _tell_farm(f"lfsr {arguments.verb}: {error}")
+        said = f"lfsr {arguments.verb}: {cleaned(str(error), MOST_LETTERS)}"
+        print(said, file=sys.stderr)
+        _tell_farm(said)
         _drop_output()
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:

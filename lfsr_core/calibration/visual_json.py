@@ -29,6 +29,10 @@ MOST_NUMBER = 1e9
 RULES = {0: "0", 1: "(x+y)%2", 2: "x%2", 3: "(y+2(x%2))%4", 4: "y%2"}
 OFFSETS = tuple(f"{channel}Offset{axis}" for channel in "RGB" for axis in "XY")
 CONE, DISTANCE_BY_HEIGHT = 40.0, 2.5  # if the calibration does not state them
+# Least and most of each number; those that are not named may be anything up to MOST_NUMBER.
+RANGES = {"pitch": (0.1, 1e4), "slope": (-1e4, 1e4), "center": (-1e4, 1e4), "DPI": (1.0, 1e5), "screenW": (1, 1e5),
+          "screenH": (1, 1e5), "viewCone": (0.0, 180.0)}
+LEAST_SLOPE = 1e-3
 REQUIRED = ("pitch", "slope", "center", "DPI", "screenW", "screenH")
 OPTIONAL = {"viewCone": CONE, "invView": 1.0, "verticalAngle": 0.0, "flipImageX": 0.0, "flipImageY": 0.0,
             "flipSubp": 0.0, "fringe": 0.0}
@@ -64,14 +68,14 @@ def calibration_of(data: Any, path: str | Path) -> Calibration:
         raise LfsrError(f"{path} holds the calibrations of {len(found)} displays, expected one: keep one of them")
     data = found[0] if found else data
     if not isinstance(data, dict):
-        raise LfsrError(f"{path} holds a {type(data).__name__}, but a calibration is a JSON object: check the path")
+        raise LfsrError(f"{path} holds no JSON object with the numbers of a display: copy the calibration again")
     numbers = {name: _number(path, data, name, None) for name in REQUIRED}
     numbers |= {name: _number(path, data, name, value) for name, value in OPTIONAL.items()}
-    for name in ("pitch", "DPI", "screenW", "screenH"):
-        _check(path, name, numbers[name], numbers[name] > 0, "a number above 0")
+    for name, (least, most) in RANGES.items():
+        _check(path, name, numbers[name], least <= numbers[name] <= most, f"a number from {least:g} to {most:g}")
     for name in ("screenW", "screenH"):
         _check(path, name, numbers[name], numbers[name] == int(numbers[name]), "a whole number of pixels")
-    _check(path, "slope", numbers["slope"], numbers["slope"] != 0, "a number other than 0")
+    _check(path, "slope", numbers["slope"], abs(numbers["slope"]) >= LEAST_SLOPE, "a number other than 0")
     mode = _unwrapped(data.get("CellPatternMode", data.get("cellPatternMode", 0)))
     _check(path, "CellPatternMode", mode, isinstance(mode, (int, float)) and mode in RULES, "one of 0, 1, 2, 3, 4")
     cells = _unwrapped(data.get("subpixelCells")) or []

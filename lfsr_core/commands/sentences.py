@@ -195,11 +195,11 @@ def sentence(notice: Notice, table: Mapping[str, Wording] | None = None) -> str:
     return wording.format(**values) if isinstance(wording, str) else wording(values)
 
 
-def cleaned(value: Any) -> Any:
-    """Return a notice's value for its sentence: text from elsewhere without control characters, cut to a length."""
+def cleaned(value: Any, most: int = MOST_LETTERS) -> Any:
+    """Return a value for a sentence: text from elsewhere without control characters, cut to ``most`` letters."""
     if isinstance(value, (list, tuple)):
-        return [cleaned(item) for item in value]
+        return [cleaned(item, most) for item in value]
     if not isinstance(value, str):
         return value
     text = " ".join("".join(letter if letter.isprintable() else " " for letter in value).split())
-    return text if len(text) <= MOST_LETTERS else f"{text[:MOST_LETTERS - 1]}…"
+    return text if len(text) <= most else f"{text[:most - 1]}…"

@@ -105,6 +105,10 @@ def chosen(devices: Sequence[Device], wanted: str | None, aspect: float | None =
     found = [device for device in devices if wanted is None or wanted.lower() in (str(device.index),
                                                                                    device.name.lower())]
     known = ", ".join(f"{device.index} ({device.name})" for device in devices)
+    if wanted is not None and len(found) > 1:
+        found = [device for device in found if wanted == str(device.index)]
+        if len(found) != 1:
+            raise LfsrError(f"{PROGRAM} has several displays called {wanted!r}: choose one of {known} by its number")
     if not found:
         raise LfsrError(f"display {wanted!r} is not among those of {PROGRAM}: choose one of {known}")
     fitting = [device for device in found if aspect is None or abs(_aspect(device, aspect) / aspect - 1) <= SAME_ASPECT]

@@ -34,7 +34,7 @@ def put(endpoint: str, body: dict[str, Any], seconds: float = SECONDS) -> Any:
     except TimeoutError:
         raise LfsrError(f"{PROGRAM} did not answer {endpoint} within {seconds:g} s: end it and start it "
                         "again") from None
-    except (OSError, http.client.HTTPException) as error:
+    except (OSError, ValueError, http.client.HTTPException) as error:  # ValueError: a chunk whose size is no size
         raise LfsrError(f"{PROGRAM} broke the connection at {endpoint} ({str(error) or type(error).__name__}): end it "
                         "and start it again") from None
     if status != http.client.OK:
@@ -79,7 +79,7 @@ def _exchange(endpoint: str, content: bytes, seconds: float) -> tuple[int, bytes
             found = answer.status, answer.read(MOST_JSON_BYTES + 1)
             if answer.length and len(found[1]) <= MOST_JSON_BYTES:
                 raise http.client.IncompleteRead(found[1], answer.length)
-    except (OSError, http.client.HTTPException):
+    except (OSError, ValueError, http.client.HTTPException):
         if late.is_set():
             raise TimeoutError from None
         raise

@@ -8,6 +8,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from lfsr_core.base.cache import cache_folder
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path
 from lfsr_core.base.notices import Tell, silent
@@ -17,6 +18,7 @@ from lfsr_core.exports.options import ExportOptions
 from lfsr_core.exports.quilt_names import read_quilt_name
 from lfsr_core.frames.folder import frame_folders
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
+from lfsr_core.images.source import opened
 
 SCREEN = "screen"  # instead of a display's name: full screen, without Bridge
 PAGE, TEMPLATE = "show.html", Path(__file__).with_name("screen.html")
@@ -90,7 +92,13 @@ def _show_file(path: Path, display: str | None) -> Shown:
     if display not in (None, SCREEN) or path.suffix.lower() in FILMS:
         raise LfsrError(f"{path.name} is no quilt by its name, expected an ending as in name_qs8x6a0.75.png: rename it "
                         f"if it is one, or show the panel's image on display {SCREEN}")
-    return _full_screen(path.with_name(f"{path.stem}.{PAGE}"), [path], 1.0)
+    with opened(path) as image:
+        if image is None:
+            raise LfsrError(f"{path} holds no image, expected a frame folder, a quilt or another image: check the path")
+    # The page of somebody else's file lies in our own folder, not beside it.
+    page = cache_folder() / PAGE
+    page.parent.mkdir(parents=True, exist_ok=True)
+    return _full_screen(page, [path], 1.0)
 
 
 def _quilt(path: Path) -> Quilt | None:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.calibration.visual_json import RULES, profile_from_calibration, read_calibration
+from lfsr_core.calibration.visual_json import OPTIONAL, REQUIRED, RULES, profile_from_calibration, read_calibration
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
 from lfsr_core.optics.profile_file import write_profile
@@ -152,7 +152,7 @@ def test_every_built_in_profile_survives_writing(tmp_path, name):
 
 @pytest.mark.parametrize(("change", "told"), [
     ({"pitch": "wide"}, "pitch is 'wide', but it must be a number"),
-    ({"pitch": -3}, "pitch is -3.0, but it must be a number above 0"),
+    ({"pitch": -3}, "pitch is -3.0, but it must be a number from 0.1 to 10000"),
     ({"screenW": 12.5}, "screenW is 12.5.*whole number"),
     ({"slope": 0}, "slope is 0.0"),
     ({"DPI": True}, "DPI is True"),
@@ -160,6 +160,21 @@ def test_every_built_in_profile_survives_writing(tmp_path, name):
 def test_wrong_numbers_are_named(tmp_path, change, told):
     with pytest.raises(LfsrError, match=told):
         read_calibration(written(tmp_path, OLD | change))
+
+
+@given(st.sampled_from(sorted({*OLD} & {*REQUIRED, *OPTIONAL})), st.floats() | st.sampled_from([1e-308, 5e-324, 1e9]))
+def test_a_number_of_any_size_is_a_profile_or_a_sentence(tmp_path_factory, name, value):
+    """Whatever passes the ranges makes a display; nothing divides by what is nearly 0."""
+    path = tmp_path_factory.mktemp("visual") / "visual.json"
+    try:
+        calibration = read_calibration(written(path.parent, OLD | {name: value}))
+    except LfsrError as error:
+        assert name in str(error) or "cannot be read" in str(error)
+        return
+    try:
+        assert profile_from_calibration(calibration, "any").lenses[0] > 0
+    except LfsrError as error:
+        assert str(error)
 
 
 @pytest.mark.parametrize(("plain", "told"), [
@@ -174,7 +189,7 @@ def test_missing_fields_and_other_files_are_named(tmp_path):
     with pytest.raises(LfsrError, match="'center' is missing"):
         read_calibration(written(tmp_path, {key: value for key, value in OLD.items() if key != "center"}))
     (tmp_path / "list.json").write_text("[]")
-    with pytest.raises(LfsrError, match="holds a list"):
+    with pytest.raises(LfsrError, match="holds no JSON object"):
         read_calibration(tmp_path / "list.json")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import http.client
 from pathlib import Path
 
@@ -66,7 +67,8 @@ def test_bridge_is_told_all_of_a_quilt(bridge):
 
 @pytest.mark.parametrize("endpoint", CALLS)
 @pytest.mark.parametrize(("fault", "message"), [
-    ("hang", "did not answer {}"), ("drop", "broke the connection at {}"), ("nonsense", "answers {} with what is not"),
+    ("hang", "did not answer {}"), ("drop", "broke the connection at {}"), ("chunk", "broke the connection at {}"),
+    ("nonsense", "answers {} with what is not"),
     ("refuse", r"refuses {} \(Failure: display is in use\)"), ("empty", "answers {} with nothing: update it")])
 def test_each_call_can_fail_in_each_way(bridge, endpoint, fault, message):
     stand_in = bridge(f"{fault}:{endpoint}")
@@ -128,6 +130,10 @@ def test_a_display_is_chosen_by_index_name_or_proportions(bridge):
     assert chosen(devices, "lkg-j2").index == 2 and chosen(devices, None, 16 / 9).name == "LKG-J2"
     with pytest.raises(LfsrError, match=r"display 'LKG-9' is not among .* choose one of 1 \(LKG-P1\), 2 \(LKG-J2\)"):
         chosen(devices, "LKG-9")
+    twins = [dataclasses.replace(devices[1], index=7), *devices]
+    assert chosen(twins, "7").index == 7
+    with pytest.raises(LfsrError, match=r"several displays called 'LKG-J2': choose one of 7 \(LKG-J2\), .* number"):
+        chosen(twins, "LKG-J2")
     with pytest.raises(LfsrError, match=r"for a panel of width / height 1.778, but display 'LKG-P1' has 0.750: render"):
         chosen(devices, "1", 16 / 9)
 

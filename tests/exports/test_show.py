@@ -6,6 +6,8 @@ import json
 import re
 import sys
 from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import av
 import numpy as np
@@ -112,7 +114,16 @@ def test_a_panels_own_image_is_opened_in_the_browser(browser, tmp_path, capsys, 
 def test_any_image_is_shown_full_screen(browser, tmp_path):
     write_png(tmp_path / "phase.png", np.zeros((60, 80, 3), np.uint8))
     assert main(["show", str(tmp_path / "phase.png")]) == 0
-    assert browser() == [(tmp_path / "phase.show.html").resolve().as_uri()]
+    (page,) = browser()
+    assert images(Path(url2pathname(urlsplit(page).path)))["images"] == [(tmp_path / "phase.png").resolve().as_uri()]
+    assert [path.name for path in tmp_path.glob("*.html")] == [], "nothing lies beside the file"
+
+
+@pytest.mark.parametrize("content", [b"root:x:0:0", b"", b"\x89PNG\r\n", b"<html></html>"])
+def test_a_file_that_is_no_image_is_not_shown(browser, tmp_path, capsys, content):
+    (tmp_path / "secret.png").write_bytes(content)
+    assert "secret.png holds no image" in fails(["show", str(tmp_path / "secret.png")], capsys)
+    assert not list(tmp_path.glob("*.html"))
 
 
 @pytest.mark.parametrize("make", [lambda folder, **changes: frame(folder, MINI, **changes), direct])

@@ -23,7 +23,7 @@ from pathlib import Path
 
 TOKEN = "3ab41b3c-70a1"
 # hang: no answer; drip: a letter a second; the others as they are called
-FAULTS = ("hang", "drip", "refuse", "nonsense", "empty", "drop", "half", "error", "redirect", "huge")
+FAULTS = ("hang", "drip", "refuse", "nonsense", "empty", "drop", "half", "error", "redirect", "huge", "chunk")
 HUGE = 17_000_000
 
 
@@ -89,6 +89,12 @@ class Handler(BaseHTTPRequestHandler):
 
     def _drop(self) -> None:
         self.connection.shutdown(socket.SHUT_RDWR)
+
+    def _chunk(self) -> None:
+        self.send_response(200)
+        self.send_header("Transfer-Encoding", "chunked")
+        self.end_headers()
+        self.wfile.write(b"-5\r\nhello\r\n0\r\n\r\n")
 
     def _half(self) -> None:
         self._send(b'{"status"', length=500)
