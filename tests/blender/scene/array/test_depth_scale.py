@@ -31,7 +31,7 @@ def boxes(scene, depths):
         add_box(scene, ((number - (len(depths) - 1) / 2) * 0.2 * depth, depth, 0), (0.09 * depth, 0.01, 0.15 * depth))
 
 
-@pytest.mark.parametrize(("depths", "scale"), [((5.0, 5.1), 4), ((1.0, 20.0), 1)])
+@pytest.mark.parametrize(("depths", "scale"), [((5.0, 5.1), 4), ((1.0, 20.0), 2)])
 def test_deep_scenes_get_a_smaller_scale(scene, depths, scale):
     boxes(scene, depths)
     frame = frame_of(scene)
@@ -59,10 +59,10 @@ def test_a_few_frames_of_an_animation_decide_together(scene):
         moved.scale = (factor,) * 3
         moved.keyframe_insert("scale", frame=number)
     scene.frame_set(1)
-    alone, together = frame_of(scene), frame_of(scene, frames=(1, 9))
+    alone, together = frame_of(scene, rays=4.0), frame_of(scene, rays=4.0, frames=(1, 9))
     assert together.scale < alone.scale
     assert (scene.frame_current, together.frame) == (1, 1)
-    assert frame_of(scene, frame=9, frames=(1, 9)).scale == together.scale
+    assert frame_of(scene, rays=4.0, frame=9, frames=(1, 9)).scale == together.scale
 
 
 def test_a_frame_without_an_array_does_not_count(scene):
