@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +20,7 @@ from lfsr_core.optics.rays import CameraArray, RayLayout
 
 ROOT = Path(__file__).resolve().parents[2]
 MINI = load_display("mini")
+FLAT = dataclasses.replace(MINI, lenses=(16, 96), views=(8, 1))  # no vertical parallax, and views of oblong pixels
 ARRAY = CameraArray.for_display(MINI, 2.0)
 # Turned and moved, so that no axis and no origin can be mistaken for another.
 TURNED = mathutils.Matrix.Translation((0.3, -4.0, 0.7)) @ mathutils.Euler((1.3, 0.2, -0.4)).to_matrix().to_4x4()
@@ -76,6 +78,15 @@ def add_camera(scene: bpy.types.Scene, place: tuple[float, ...] = (1.0, -5.0, 3.
     scene.camera = camera
     bpy.context.view_layer.update()
     return camera
+
+
+def add_lamp(scene: bpy.types.Scene, energy: float = 200.0, size: float = 2.0, place: tuple[float, ...] = (1, -4, 2),
+             turn: tuple[float, ...] = (1.1, 0, 0.2)) -> bpy.types.Object:
+    """Square lamp before the display plane, a little above it."""
+    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "AREA"))
+    lamp.data.energy, lamp.data.size, lamp.location, lamp.rotation_euler = energy, size, place, turn
+    scene.collection.objects.link(lamp)
+    return lamp
 
 
 def emission(color: tuple[float, float, float]) -> bpy.types.Material:

@@ -9,20 +9,7 @@ import pytest
 from blender_addon.render.frame_folder import render_job
 from lfsr_core.images import exr
 from tests.support.requests import make_request
-from tests.support.scenes import MINI, add_box, add_camera, emission
-
-
-@pytest.fixture
-def lit(scene):
-    """Two boxes of which one is background, lit by a lamp; noisy."""
-    add_box(scene, (0, 1, 0), (5, 0.1, 5))
-    box = add_box(scene, (0, 0, 0.2), (0.4, 0.3, 0.3), emission((0.9, 0.4, 0.1)))
-    box.name = "box"
-    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "AREA"))
-    lamp.data.energy, lamp.location, lamp.rotation_euler = 200, (1, -4, 2), (1.1, 0, 0.2)
-    scene.collection.objects.link(lamp)
-    add_camera(scene, (0, -3, 0), 0.7)
-    return scene
+from tests.support.scenes import MINI, add_camera
 
 
 def layers(scene, folder, **options):
@@ -69,11 +56,12 @@ def animated_index(scene):
 
 
 @pytest.mark.parametrize(("animate", "layout"), [
-    (marker_of_the_camera_itself, "one-pass"), (keyed_samples, "one-pass"), (keyed_samples, "view-by-view"),
-    (driven_seed, "one-pass"), (keyed_in_a_strip, "one-pass"), (animated_index, "one-pass")])
+    ((marker_of_the_camera_itself, keyed_samples, driven_seed, animated_index), "one-pass"),
+    ((keyed_samples, animated_index), "view-by-view"), ((keyed_in_a_strip,), "one-pass")])
 def test_animated_settings_change_nothing(lit, tmp_path, animate, layout):
     expected = layers(lit, tmp_path / "plain", layout=layout, seed=3)
-    animate(lit)
+    for each in animate:
+        each(lit)
     found = layers(lit, tmp_path / "animated", layout=layout, seed=3)
     assert found.keys() == expected.keys()
     for name, pixels in expected.items():
@@ -90,16 +78,11 @@ def test_the_array_stands_where_a_marker_puts_the_camera_and_stays_an_array(lit,
     assert lit.timeline_markers["cut"].camera == other
 
 
-def test_a_driven_seed_leaves_the_halves_of_a_reference_apart(lit, tmp_path):
-    driven_seed(lit)
-    halves = layers(lit, tmp_path / "reference", kind="reference", scale=1, layers=())
-    assert not np.array_equal(halves["reference_a color"], halves["reference_b color"])
-
-
-def test_everything_moves_again_afterwards(lit, tmp_path):
+def test_a_driven_seed_leaves_the_halves_of_a_reference_apart_and_all_moves_again(lit, tmp_path):
     driven_seed(lit)
     keyed_samples(lit)
-    layers(lit, tmp_path / "frame")
+    halves = layers(lit, tmp_path / "reference", kind="reference", scale=1, layers=())
+    assert not np.array_equal(halves["reference_a color"], halves["reference_b color"])
     assert not any(curve.mute for curve in lit.animation_data.drivers)
     lit.frame_set(9)
     assert (lit.cycles.seed, lit.cycles.samples) == (9, 7)

@@ -8,29 +8,16 @@ import pytest
 
 from blender_addon.render import bands, frame_folder
 from blender_addon.render.frame_folder import Opened
-from lfsr_core.commands.sentences import sentence
+from lfsr_core.base.notices import Notice
 from lfsr_core.frames.request import LAYERS
 from lfsr_core.images import exr
 from lfsr_core.pipeline.merge import merge
 from lfsr_core.pipeline.parts import Pace, Part
 from tests.support.requests import make_request
-from tests.support.scenes import MINI, add_box, add_camera, emission
+from tests.support.scenes import MINI
 from tests.support.told import Told
 
 LENSES = ((0, 0), (3, 4), (5, 8), (6, 9), (11, 15))
-
-
-@pytest.fixture
-def noisy(scene):
-    """Boxes with light, shadow and a world, so that every layer has something."""
-    add_box(scene, (0, 1, 0), (5, 0.1, 5))
-    add_box(scene, (0, 0, 0.2), (0.4, 0.3, 0.3), emission((0.2, 0.6, 0.1)))
-    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "AREA"))
-    lamp.data.energy, lamp.data.size, lamp.location, lamp.rotation_euler = 200, 2.0, (1, -4, 2), (1.1, 0, 0.2)
-    scene.collection.objects.link(lamp)
-    scene.world = bpy.data.worlds.new("world")
-    add_camera(scene, (0, -3, 0), 0.9)
-    return scene
 
 
 def rendered(scene, folder, **options):
@@ -40,7 +27,7 @@ def rendered(scene, folder, **options):
                             Opened(0.1, "the same file"), told)
     images = {path.name: exr.read_layers(path) for path in folder.glob("*.exr")}
     assert not set(images) - {"lr_eia.exr", "world.exr", "reference_a.exr", "reference_b.exr"}
-    return images, [sentence(notice) for notice in told.notices]
+    return images, told.notices
 
 
 def assert_same(images, others):
@@ -52,62 +39,55 @@ def assert_same(images, others):
 
 
 @pytest.mark.parametrize("options", [{}, {"lens_list": LENSES, "scale": 1}, {"layout": "lens-card"}])
-def test_parts_are_the_whole_image(noisy, tmp_path, monkeypatch, options):
+def test_parts_are_the_whole_image(lit, tmp_path, monkeypatch, options):
     options |= {"layers": LAYERS, "world_visible": True}
-    whole, _ = rendered(noisy, tmp_path / "whole", **options)
+    whole, _ = rendered(lit, tmp_path / "whole", **options)
     assert set(whole["lr_eia.exr"]) == {"color", *LAYERS, "environment"}
     # So short that bands also run out of time and are given up.
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", "0.01")
     kept = tmp_path / "kept"
-    assert_same(rendered(noisy, tmp_path / "parts", parts=str(kept), **options)[0], whole)
+    assert_same(rendered(lit, tmp_path / "parts", parts=str(kept), **options)[0], whole)
     names = sorted(path.name for path in kept.glob("*.exr"))
     assert len(names) >= 3
     for gone in names[1:-1:2]:
         (kept / gone).unlink()
     times = {name: (kept / name).stat().st_mtime_ns for name in names[::2]}
-    assert_same(rendered(noisy, tmp_path / "again", parts=str(kept), **options)[0], whole)
+    assert_same(rendered(lit, tmp_path / "again", parts=str(kept), **options)[0], whole)
     assert all((kept / name).stat().st_mtime_ns == time for name, time in times.items())
 
 
-def test_a_finished_half_is_kept_while_the_other_is_rendered(noisy, tmp_path, monkeypatch):
+def test_a_finished_half_is_kept_while_the_other_is_rendered(lit, tmp_path, monkeypatch):
     options = {"kind": "reference", "scale": 1, "samples": 8}
-    whole, _ = rendered(noisy, tmp_path / "whole", **options)
+    whole, _ = rendered(lit, tmp_path / "whole", **options)
     monkeypatch.setattr(bands, "is_worth_storing", lambda seconds: True)
     kept = tmp_path / "kept"
-    assert_same(rendered(noisy, tmp_path / "parts", parts=str(kept), **options)[0], whole)
+    assert_same(rendered(lit, tmp_path / "parts", parts=str(kept), **options)[0], whole)
     (half,) = kept.glob("*.exr")
     assert half.name.startswith("reference_a-")
-    assert_same(rendered(noisy, tmp_path / "again", parts=str(kept), **options)[0], whole)
+    assert_same(rendered(lit, tmp_path / "again", parts=str(kept), **options)[0], whole)
 
 
-def test_a_short_render_stays_one_and_keeps_nothing(noisy, tmp_path, monkeypatch):
+def test_a_short_render_stays_one_and_keeps_nothing(lit, tmp_path, monkeypatch):
     calls = []
     monkeypatch.setattr(bands, "gaps", lambda *arguments: calls.append(arguments) or [])
-    _, warnings = rendered(noisy, tmp_path / "frame", parts=str(tmp_path / "kept"))
+    _, warnings = rendered(lit, tmp_path / "frame", parts=str(tmp_path / "kept"))
     assert not (tmp_path / "kept").exists() and not calls and not warnings
 
 
-@pytest.mark.parametrize("change", [{"seed": 3}, {"layers": ("albedo",)}])
-def test_parts_of_another_job_are_removed_with_a_sentence(noisy, tmp_path, monkeypatch, change):
+def test_parts_of_other_inputs_are_removed(lit, tmp_path, monkeypatch):
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", "0.02")
-    kept = str(tmp_path / "kept")
-    _, warnings = rendered(noisy, tmp_path / "first", parts=kept)
-    assert not warnings
-    images, warnings = rendered(noisy, tmp_path / "second", parts=kept, **change)
-    assert len(warnings) == 1 and "other settings: they are removed" in warnings[0]
-    assert_same(images, rendered(noisy, tmp_path / "alone", **change)[0])
-
-
-def test_another_image_file_is_another_input(noisy, tmp_path, monkeypatch):
-    monkeypatch.setenv("LFSR_SECONDS_PER_PART", "0.02")
-    image = tmp_path / "wood.png"
+    image, options = tmp_path / "wood.png", {}
     image.write_bytes(b"1")
     bpy.data.images.new("wood", 4, 4).filepath = str(image)
     bpy.data.images["wood"].source = "FILE"
-    rendered(noisy, tmp_path / "first", parts=str(tmp_path / "kept"))
-    image.write_bytes(b"22")
-    _, warnings = rendered(noisy, tmp_path / "second", parts=str(tmp_path / "kept"))
-    assert len(warnings) == 1 and "other images or linked files:" in warnings[0]
+    for number, (change, other) in enumerate([({}, None), ({"seed": 3}, "settings"), ({"layers": ("albedo",)},
+                                              "settings"), ({}, "images or linked files")]):
+        if number == 3:
+            image.write_bytes(b"22")
+        options |= change
+        images, warnings = rendered(lit, tmp_path / str(number), parts=str(tmp_path / "kept"), **options)
+        assert warnings == ([Notice("parts-removed", {"input": other})] if other else [])
+    assert_same(images, rendered(lit, tmp_path / "alone", **options)[0])
 
 
 @pytest.mark.parametrize("rows", [7, 270, 1080, 4320])
@@ -126,18 +106,18 @@ def test_time_limit_is_only_reached_by_long_renders():
 
 @pytest.mark.parametrize("options", [{}, {"layout": "lens-card"}, {"kind": "reference", "scale": 1, "samples": 8},
                                      {"short": "0.02"}])
-def test_rows_of_lenses_are_the_whole_image(noisy, tmp_path, monkeypatch, options):
+def test_rows_of_lenses_are_the_whole_image(lit, tmp_path, monkeypatch, options):
     """Rendered one by one and merged; also where each of them is made of bands."""
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", short := options.get("short", "60"))
     options = {name: value for name, value in options.items() if name != "short"}
     if options.get("kind") != "reference":
         options |= {"layers": LAYERS, "world_visible": True}
-    whole, _ = rendered(noisy, tmp_path / "whole", **options)
+    whole, _ = rendered(lit, tmp_path / "whole", **options)
     rows = [(1, 3), (4, 4), (5, 12)]
     for number, part in enumerate(rows):
         # One part at once, the others in bands: Blender's file beside ours.
         monkeypatch.setenv("LFSR_SECONDS_PER_PART", "60" if number == 1 else short)
-        rendered(noisy, tmp_path / f"part{number}", rows=part, parts=str(tmp_path / f"kept{number}"), **options)
+        rendered(lit, tmp_path / f"part{number}", rows=part, parts=str(tmp_path / f"kept{number}"), **options)
     if not options.get("kind"):
         assert exr.size(tmp_path / "part0" / "lr_eia.exr") == (64, 12)
     merge([tmp_path / f"part{number}" for number in (2, 0, 1)], tmp_path / "merged")

@@ -10,25 +10,14 @@ from blender_addon.render import frame_folder, light_measurement
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images import exr
 from tests.support.requests import make_request
-from tests.support.scenes import MINI, add_box, add_camera
+from tests.support.scenes import MINI
 
 LENSES = ((0, 0), (3, 4), (5, 8), (6, 9), (11, 15))
 
 
-@pytest.fixture
-def noisy(scene):
-    """A box lit by a small lamp through its own shadow, which fills the view."""
-    add_box(scene, (0, 1, 0), (5, 0.1, 5))
-    add_box(scene, (0, 0, 0.2), (0.4, 0.3, 0.3))
-    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "AREA"))
-    lamp.data.energy, lamp.data.size, lamp.location, lamp.rotation_euler = 200, 2.0, (1, -4, 2), (1.1, 0, 0.2)
-    scene.collection.objects.link(lamp)
-    add_camera(scene, (0, -3, 0), 0.7)
-    return scene
-
-
 def rendered(scene, folder, **options):
-    frame_folder.render_job(scene, make_request(str(folder), MINI, **{"samples": 4, "scale": 1} | options))
+    options = {"samples": 4, "scale": 1, "world_visible": False} | options
+    frame_folder.render_job(scene, make_request(str(folder), MINI, **options))
     return {path.stem: exr.read_layers(path)["color"][..., :3] for path in folder.glob("*.exr")}
 
 
@@ -41,11 +30,11 @@ def correlation(first, second):
     return np.corrcoef(noise(first).ravel(), noise(second).ravel())[0, 1]
 
 
-def test_halves_and_candidates_have_independent_noise(noisy, tmp_path):
-    halves = rendered(noisy, tmp_path / "reference", kind="reference")
+def test_halves_and_candidates_have_independent_noise(lit, tmp_path):
+    halves = rendered(lit, tmp_path / "reference", kind="reference")
     assert set(halves) == {"reference_a", "reference_b"}
-    low = rendered(noisy, tmp_path / "low", samples=2)["lr_eia"]
-    same, other = (rendered(noisy, tmp_path / str(seed), samples=2, seed=seed)["lr_eia"] for seed in (0, 1))
+    low = rendered(lit, tmp_path / "low", samples=2)["lr_eia"]
+    same, other = (rendered(lit, tmp_path / str(seed), samples=2, seed=seed)["lr_eia"] for seed in (0, 1))
     first, second = halves.values()
     assert first.mean() == pytest.approx(second.mean(), rel=0.02)
     np.testing.assert_array_equal(low, same)
@@ -59,55 +48,42 @@ def test_halves_and_candidates_have_independent_noise(noisy, tmp_path):
     ({"scale": 4}, ("albedo", "normal", "position")),
     ({"scale": 4, "layers": ("normal", "position")}, ("normal", "position", "albedo")),
     ({"scale": 1}, ()), ({"scale": 1, "kind": "reference"}, ())])
-def test_the_second_stage_gets_albedo_normal_and_position_where_views_are_left_out(noisy, tmp_path, options, expected):
-    rendered(noisy, tmp_path, **options)
+def test_the_second_stage_gets_albedo_normal_and_position_where_views_are_left_out(lit, tmp_path, options, expected):
+    rendered(lit, tmp_path, **options)
     assert read_frame(tmp_path).layers == expected
     files = [exr.read_layers(path) for path in tmp_path.glob("*.exr")]
     assert all({"albedo", "normal"} & set(layers) == {"albedo", "normal"} & set(expected) for layers in files)
 
 
-def test_samples_are_split_evenly(noisy, tmp_path, monkeypatch):
-    settings = []
-    render = frame_folder.render_encoded
-
-    def remember(*arguments):
-        settings.append(arguments[2])
-        return render(*arguments)
-
-    monkeypatch.setattr(frame_folder, "render_encoded", remember)
-    rendered(noisy, tmp_path, kind="reference", samples=7)
-    assert [one.samples for one in settings] == [4, 3]
-    assert [one.clamp_indirect for one in settings] == [0, 0], "unclamped: a reference must not be biased"
-    assert len({one.seed for one in settings} | {0}) == 3
-
-
-def test_reference_of_listed_lenses(noisy, tmp_path):
-    halves = rendered(noisy, tmp_path, kind="reference", lens_list=LENSES, scale=4)
+def test_reference_of_listed_lenses(lit, tmp_path):
+    halves = rendered(lit, tmp_path, kind="reference", lens_list=LENSES, scale=4)
     frame = read_frame(tmp_path)
     assert (frame.scale, frame.lens_list, frame.rays.size) == (1, LENSES, (2 * 8, 3 * 8))
     assert all(half.shape == (3 * 8, 2 * 8, 3) for half in halves.values())
 
 
-def test_clamping_is_off_in_references_and_cycles_own_in_low_renders(noisy, tmp_path):
+def test_halves_share_the_samples_and_are_not_clamped(lit, tmp_path):
     seen = []
 
     def look(*_):
-        seen.append((noisy.cycles.samples, noisy.cycles.sample_clamp_indirect))
+        seen.append((lit.cycles.samples, lit.cycles.sample_clamp_indirect, lit.cycles.seed))
 
     bpy.app.handlers.render_pre.append(look)
     try:
-        rendered(noisy, tmp_path / "low", samples=1)
-        rendered(noisy, tmp_path / "reference", samples=2, kind="reference")
-        rendered(noisy, tmp_path / "own", samples=1, clamp_indirect=3.0)
+        rendered(lit, tmp_path / "low", samples=1)
+        rendered(lit, tmp_path / "reference", samples=5, kind="reference")
+        rendered(lit, tmp_path / "own", samples=1, clamp_indirect=3.0)
     finally:
         bpy.app.handlers.render_pre.remove(look)
     # Before each, a tiny one has looked for light.
-    assert [value for samples, value in seen if samples != light_measurement.SAMPLES] == [10.0, 0.0, 0.0, 3.0]
+    seen = [each for each in seen if each[0] != light_measurement.SAMPLES]
+    assert [each[:2] for each in seen] == [(1, 10.0), (3, 0.0), (2, 0.0), (1, 3.0)]
+    assert len({seed for _, _, seed in seen[:3]}) == 3
 
 
 @pytest.mark.parametrize("layout", ["one-pass", "view-by-view"])
-def test_braces_in_a_path_are_no_template(noisy, tmp_path, layout):
+def test_braces_in_a_path_are_no_template(lit, tmp_path, layout):
     folder = tmp_path / "{scene} {x" / "{blend_name}}"
     folder.mkdir(parents=True)
-    assert set(rendered(noisy, folder, samples=1, scale=4, layout=layout)) == {"lr_eia"}
+    assert set(rendered(lit, folder, samples=1, scale=4, layout=layout)) == {"lr_eia"}
     assert [path.name for path in tmp_path.iterdir()] == ["{scene} {x"]

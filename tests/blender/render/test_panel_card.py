@@ -17,7 +17,7 @@ from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.images import exr
 from lfsr_core.optics.panel.panel_rays import PanelLayout, panel_rays
 from lfsr_core.optics.rays import CameraArray
-from tests.blender.render.test_ray_layout import ARRAY_TO_WORLD, CENTRE, plane_in_array
+from tests.blender.render.test_ray_layout import ARRAY_TO_WORLD, CENTRE, plane_in_array, where_they_meet
 from tests.support.panels import SHEETS, large, lenticular
 from tests.support.scenes import POSITION_OFFSET, add_plane, position_emission
 
@@ -41,15 +41,6 @@ def shown_hits(scene, layout, folder, matrix_world, **settings):
     return color[..., :3] - POSITION_OFFSET
 
 
-def hit_points(layout, plane, across, up):
-    """World points (H, W, 3) where panel_rays.py's rays of an array at ARRAY_TO_WORLD meet the plane."""
-    origin, direction = panel_rays(layout, across, up)
-    origin = origin @ ARRAY_TO_WORLD[:3, :3].T + ARRAY_TO_WORLD[:3, 3]
-    direction = direction @ ARRAY_TO_WORLD[:3, :3].T
-    normal, point = np.array(plane.col[2].to_3d()), np.array(plane.translation)
-    return origin + direction * (((point - origin) @ normal) / (direction @ normal))[..., None]
-
-
 @pytest.mark.parametrize("name", DISPLAYS)
 def test_every_subpixel_hits_where_panel_rays_says(scene, tmp_path, name):
     display = small(DISPLAYS[name])
@@ -58,7 +49,7 @@ def test_every_subpixel_hits_where_panel_rays_says(scene, tmp_path, name):
     add_plane(scene, plane, position_emission())
     (width, height), (right, down) = layout.size, CENTRE
     across, up = np.meshgrid((np.arange(width) + right) / width, 1 - (np.arange(height) + down) / height)
-    expected = hit_points(layout, plane, across, up)
+    expected = where_they_meet(plane, *panel_rays(layout, across, up))
     error = np.linalg.norm(shown_hits(scene, layout, tmp_path, ARRAY_TO_WORLD.tolist()) - expected, axis=-1)
     assert error.max() <= 2e-5 * array.distance, f"{error.max() / array.distance:.1e} of the distance"
 
@@ -107,7 +98,7 @@ def test_at_the_corner_of_an_8k_panel_the_phase_is_right_to_a_thousandth_of_a_cy
         output.render_to(scene, path)
     hits = exr.read_layers(path)["color"][..., :3] - POSITION_OFFSET
     rows, columns = np.indices(hits.shape[:2])
-    error = hits - hit_points(layout, plane, (first[0] + columns + CENTRE[0]) / layout.size[0],
-                              (first[1] + len(hits) - rows - CENTRE[1]) / layout.size[1])
+    error = hits - where_they_meet(plane, *panel_rays(layout, (first[0] + columns + CENTRE[0]) / layout.size[0],
+                                                      (first[1] + len(hits) - rows - CENTRE[1]) / layout.size[1]))
     phase = error @ ARRAY_TO_WORLD[:3, 0] / (display.views[0] * layout.array.spacing)
     assert hits.shape[:2] == (24, 96) and np.abs(phase).max() < 1e-3, "of one cylinder"

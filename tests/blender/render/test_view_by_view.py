@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
-import bpy
 import numpy as np
 import pytest
 
@@ -13,10 +10,20 @@ from blender_addon.render import view_by_view as views
 from lfsr_core.images import exr
 from lfsr_core.optics import eia
 from lfsr_core.optics.rays import RayLayout
-from tests.support.scenes import ARRAY, MINI, add_box, emission, encoded, fresh_scene, front, position_emission
+from tests.support.scenes import (
+    ARRAY,
+    FLAT,
+    MINI,
+    add_box,
+    add_lamp,
+    emission,
+    encoded,
+    fresh_scene,
+    front,
+    position_emission,
+)
 
 SEEDS, SAMPLES, SCALE = 10, 4, 4
-FLAT = dataclasses.replace(MINI, lenses=(16, 96), views=(8, 1))  # pixels of a view are not square
 # A two-sided t of 18 degrees of freedom is above this for one pixel in a thousand.
 T_ONE_IN_1000 = 3.92
 
@@ -24,26 +31,11 @@ T_ONE_IN_1000 = 3.92
 def lit_scene():
     """Boxes before, on and behind the display plane, with light, shadow and gloss."""
     scene = fresh_scene()
-    red = bpy.data.materials.new("red")
-    red.diffuse_color = (1, 0, 0, 1)
     add_box(scene, (0, 1.2, 0), (2.5, 0.1, 2.5))
     add_box(scene, (-0.4, 0, 0.1), (0.2, 0.3, 0.4))
     add_box(scene, (0.4, -0.7, -0.2), (0.2, 0.2, 0.2), emission((0.2, 0.6, 0.1)))
-    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "AREA"))
-    lamp.data.energy, lamp.data.size = 120, 1.0
-    lamp.location, lamp.rotation_euler = (0.5, -3, 2), (0.9, 0, 0)
-    scene.collection.objects.link(lamp)
+    add_lamp(scene, 120, 1.0, (0.5, -3, 2), (0.9, 0, 0))
     return scene
-
-
-def one_pass(scene, layout, path, seed):
-    cycles.render_encoded(scene, cycles.Shot(layout, front()), cycles.RenderSettings(SAMPLES, seed), path)
-    return exr.read_layers(path)["color"]
-
-
-def view_by_view(scene, layout, path, seed):
-    views.render_views(scene, cycles.Shot(layout, front()), cycles.RenderSettings(SAMPLES, seed), path)
-    return exr.read_layers(path)["color"]
 
 
 def t_values(first, second):
@@ -61,27 +53,23 @@ def same_image(first, second):
     return np.mean(np.abs(t) > T_ONE_IN_1000) < 0.005 and abs(finite.mean()) < 0.2 and finite.std() < 1.25
 
 
-@pytest.fixture(scope="module")
-def renders(tmp_path_factory):
-    """SEEDS renders each way, (SEEDS, H, W, 4), of the same layout."""
-    scene, folder = lit_scene(), tmp_path_factory.mktemp("views")
-    layout = RayLayout.for_display(MINI, ARRAY, SCALE)
-    return layout, *(np.stack([way(scene, layout, folder / "image.exr", seed) for seed in range(SEEDS)])
-                     for way in (one_pass, view_by_view))
-
-
-def test_views_are_the_one_pass_image(renders):
-    _, encoded_images, view_images = renders
-    assert encoded_images.std(0).max() > 0.05, "without noise the test would prove little"
-    assert same_image(encoded_images, view_images)
-
-
-def test_one_view_shifted_by_one_is_noticed(renders):
-    layout, encoded_images, view_images = renders
-    shifted = [eia.to_views(image, layout.lenses).copy() for image in view_images]
+@pytest.mark.parametrize(("display", "scale"), [(MINI, SCALE), (FLAT, 2)])
+def test_views_are_the_one_pass_image(tmp_path, display, scale):
+    """SEEDS renders each way of the same layout; one view that is shifted by one is noticed."""
+    layout, scene = RayLayout.for_display(display, ARRAY, scale), lit_scene()
+    found = []
+    for render in (cycles.render_encoded, views.render_views):
+        images = []
+        for seed in range(SEEDS):
+            render(scene, cycles.Shot(layout, front()), cycles.RenderSettings(SAMPLES, seed), tmp_path / "image.exr")
+            images.append(exr.read_layers(tmp_path / "image.exr")["color"])
+        found.append(np.stack(images))
+    assert found[0].std(0).max() > 0.05, "without noise the test would prove little"
+    assert same_image(*found)
+    shifted = [eia.to_views(image, layout.lenses).copy() for image in found[1]]
     for image in shifted:
         image[0, 0] = image[0, 1]
-    assert not same_image(encoded_images, np.stack([eia.from_views(image) for image in shifted]))
+    assert not same_image(found[0], np.stack([eia.from_views(image) for image in shifted]))
 
 
 @pytest.mark.parametrize("lens_list", [None, ((0, 0), (3, 15), (11, 2), (5, 9), (6, 6))])
@@ -142,11 +130,3 @@ def test_osl_perspective_is_blenders_own(tmp_path):
     assert images[0].mean() > 0.1
     assert difference.mean() <= 1e-4 * images[0].mean()
     assert np.mean(difference.max(-1) > 0.01 * images[0].mean()) <= 0.01
-
-
-def test_horizontal_parallax_is_the_same_both_ways(tmp_path):
-    layout, scene = RayLayout.for_display(FLAT, ARRAY, 2), lit_scene()
-    first, second = (np.stack([render(scene, layout, tmp_path / "image.exr", seed) for seed in range(SEEDS)])
-                     for render in (one_pass, view_by_view))
-    assert first.shape[1:3] == (96, 16 * 4)
-    assert same_image(first, second)

@@ -27,6 +27,7 @@ def lit_box(scene, monkeypatch):
     camera.rotation_euler = (1.4, 0.1, 0.2)
     bpy.context.view_layer.update()
     scene.world = bpy.data.worlds.new("world")
+    scene.world.cycles.sampling_method, scene.world.cycles.sample_map_resolution = "MANUAL", 64  # or seconds are spent
     tree = scene.world.node_tree or setattr(scene.world, "use_nodes", True) or scene.world.node_tree
     background = next(node for node in tree.nodes if node.type == "BACKGROUND")
     place, wave = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeVectorMath")
