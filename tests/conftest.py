@@ -1,7 +1,5 @@
 """Settings of every test."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

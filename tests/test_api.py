@@ -1,7 +1,5 @@
 """The notebook's face, on a played Blender and in memory."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

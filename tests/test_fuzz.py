@@ -3,8 +3,6 @@
 200 cases of every kind; the 5000 of each marked ``long`` run with ``pytest -m long``.
 """
 
-from __future__ import annotations
-
 import copy
 import functools
 import io

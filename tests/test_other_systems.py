@@ -1,7 +1,5 @@
 """The command as on Windows and macOS, whose functions, locks and open files stand-ins play on Linux."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

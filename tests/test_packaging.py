@@ -1,7 +1,5 @@
 """The package as ``pip install .`` leaves it: every file is there, and the command works far from the clone."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

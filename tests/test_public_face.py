@@ -1,7 +1,5 @@
 """What ``import lfsr_core`` offers, and what it does not load."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

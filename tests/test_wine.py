@@ -3,8 +3,6 @@
     LFSR_WINDOWS_PYTHON=DIR python -m pytest tests/test_wine.py
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Files appear whole or not at all, also on a disk that is really full."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal
@@ -15,6 +13,7 @@ import pytest
 from lfsr_core.base import files
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path, check_name, is_forbidden, read_bytes, read_json, write_json
+from tests.support.told import refuses
 
 AS_ROOT = not hasattr(os, "geteuid") or os.geteuid() == 0
 
@@ -80,8 +79,7 @@ def test_folder_that_is_a_file_is_named(tmp_path):
 @pytest.mark.skipif(AS_ROOT, reason="root may write everywhere")
 def test_read_only_folder_is_named(tmp_path):
     tmp_path.chmod(0o555)
-    with pytest.raises(LfsrError, match="choose a folder you may write to"):
-        write_json(tmp_path / "data.json", {})
+    refuses("choose a folder you may write to", write_json, tmp_path / "data.json", {})
 
 
 def test_a_file_that_is_held_for_a_moment_is_replaced_and_one_that_stays_held_is_told(tmp_path, monkeypatch):
@@ -113,8 +111,7 @@ def test_names_that_windows_forbids(tmp_path, monkeypatch, name, forbidden):
     check_name(tmp_path / name / "frame")
     monkeypatch.setattr(sys, "platform", "win32")
     if forbidden:
-        with pytest.raises(LfsrError, match="which forbids the name"):
-            check_name(tmp_path / name / "frame")
+        refuses("which forbids the name", check_name, tmp_path / name / "frame")
     else:
         check_name(tmp_path / name / "frame")
 
@@ -183,8 +180,7 @@ def test_json_refuses_nan_and_leaves_no_file(tmp_path):
 def test_unreadable_json_says_what_was_expected(tmp_path, content, told):
     if content is not None:
         (tmp_path / "data.json").write_bytes(content)
-    with pytest.raises(LfsrError, match=told):
-        read_json(tmp_path / "data.json", "the report")
+    refuses(told, read_json, tmp_path / "data.json", "the report")
 
 
 def test_new_file_has_the_permissions_of_the_users_umask(tmp_path):
@@ -209,8 +205,6 @@ def test_only_regular_files_up_to_a_size_are_read(tmp_path):
     os.mkfifo(tmp_path / "fifo")
     (tmp_path / "large").write_bytes(bytes(101))
     for path in (tmp_path, tmp_path / "fifo", Path("/dev/zero")):
-        with pytest.raises(LfsrError, match="is not a regular file"):
-            read_bytes(path, "a test", 100)
-    with pytest.raises(LfsrError, match="more than 100 bytes"):
-        read_bytes(tmp_path / "large", "a test", 100)
+        refuses("is not a regular file", read_bytes, path, "a test", 100)
+    refuses("more than 100 bytes", read_bytes, tmp_path / "large", "a test", 100)
     assert read_bytes(tmp_path / "large", "a test", 101) == bytes(101)

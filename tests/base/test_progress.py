@@ -1,7 +1,5 @@
 """One moving bar on a terminal, plain lines elsewhere."""
 
-from __future__ import annotations
-
 import io
 import itertools
 import time

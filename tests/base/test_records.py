@@ -1,7 +1,5 @@
 """Records: what comes back is what went in, and what is wrong is said in one sentence that names the place."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math
@@ -13,6 +11,7 @@ from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import from_data, read_record, to_data, write_record
+from tests.support.told import refuses
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,8 +59,7 @@ def test_a_file_holds_a_record(tmp_path) -> None:
     sheet = from_data(Sheet, GOOD, "sheet")
     write_record(tmp_path / "sheet.json", sheet)
     assert read_record(tmp_path / "sheet.json", Sheet, "a sheet") == sheet
-    with pytest.raises(LfsrError, match=r"other\.json does not exist, expected a sheet"):
-        read_record(tmp_path / "other.json", Sheet, "a sheet")
+    refuses(r"other\.json does not exist, expected a sheet", read_record, tmp_path / "other.json", Sheet, "a sheet")
 
 
 @pytest.mark.parametrize(("change", "parts"), [
@@ -103,8 +101,7 @@ def test_what_is_wrong_is_one_sentence_with_its_place(change: dict[str, Any], pa
 
 @pytest.mark.parametrize("data", [None, [], "text", 3])
 def test_what_is_no_object_at_all(data: Any) -> None:
-    with pytest.raises(LfsrError, match="sheet: it is .*, but it must be an object"):
-        from_data(Sheet, data, "sheet")
+    refuses("sheet: it is .*, but it must be an object", from_data, Sheet, data, "sheet")
 
 
 def test_a_missing_field_is_named() -> None:
@@ -113,8 +110,7 @@ def test_a_missing_field_is_named() -> None:
 
 
 def test_a_misspelt_field_gets_a_hint() -> None:
-    with pytest.raises(LfsrError, match="sheet: unknown field 'cuont'; did you mean 'count'"):
-        from_data(Sheet, GOOD | {"cuont": 3}, "sheet")
+    refuses("sheet: unknown field 'cuont'; did you mean 'count'", from_data, Sheet, GOOD | {"cuont": 3}, "sheet")
 
 
 def test_what_could_not_be_read_back_is_not_written(tmp_path) -> None:

@@ -1,16 +1,14 @@
 """CubeVi C1: its shader's formula, subpixel by subpixel, and the numbers that are typed in."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.calibration.cubevi import profile_of_c1
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
+from tests.support.told import refuses
 
 TYPICAL = (0.1057, 19.625, 8.89)
 
@@ -44,8 +42,7 @@ def test_the_built_in_profile_has_typical_numbers():
 
 @pytest.mark.parametrize("numbers", [(3, 19.6, 8.9), (0.1, 0, 8.9), (0.1, 19.6, float("nan")), (float("inf"), 19, 1)])
 def test_numbers_that_cannot_be(numbers):
-    with pytest.raises(LfsrError, match="must be between"):
-        profile_of_c1(*numbers)
+    refuses("must be between", profile_of_c1, *numbers)
 
 
 def test_the_views_of_a_hologram_printer():

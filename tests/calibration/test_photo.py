@@ -1,14 +1,12 @@
 """Photographs as telephones and programs store them."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest
 from PIL import Image, ImageOps
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.calibration.photo import LONGER_SIDE, read_photograph
+from tests.support.told import refuses
 
 QUARTERS = np.zeros((40, 60, 3), np.uint8)
 QUARTERS[:20, :30, 0] = QUARTERS[:20, 30:, 1] = QUARTERS[20:, :30, 2] = 255
@@ -47,12 +45,10 @@ def test_large_pictures_are_averaged(tmp_path):
 ])
 def test_what_is_no_photograph_in_colour_is_refused(tmp_path, picture, told):
     picture.save(tmp_path / "photo.png")
-    with pytest.raises(LfsrError, match=told):
-        read_photograph(tmp_path / "photo.png")
+    refuses(told, read_photograph, tmp_path / "photo.png")
 
 
 @pytest.mark.parametrize("content", [b"", b"\xff\xd8\xff\xe0", b"text" * 100])
 def test_what_is_no_picture_is_refused(tmp_path, content):
     (tmp_path / "photo.jpg").write_bytes(content)
-    with pytest.raises(LfsrError, match="photo.jpg cannot be read as a photograph"):
-        read_photograph(tmp_path / "photo.jpg")
+    refuses("photo.jpg cannot be read as a photograph", read_photograph, tmp_path / "photo.jpg")

@@ -1,7 +1,5 @@
 """Calibrations of real devices: the figures that other programs get from them, and profiles that weave the same."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -15,6 +13,7 @@ from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
 from lfsr_core.optics.profile_file import write_profile
 from lfsr_core.optics.sheet import cell_of
+from tests.support.told import refuses
 
 OLD = {"pitch": 52.59267044067383, "slope": -7.083540916442871, "center": 0.8167931437492371, "DPI": 324,
        "screenW": 1536, "screenH": 2048, "viewCone": 40, "invView": 1, "verticalAngle": 0, "flipImageX": 0,
@@ -140,8 +139,7 @@ def test_an_imported_profile_is_read_back(tmp_path):
 
 
 def test_a_profile_needs_the_name_of_one(tmp_path):
-    with pytest.raises(LfsrError, match=r"does not end in \.toml"):
-        write_profile(tmp_path / "my.txt", load_display("mini"))
+    refuses(r"does not end in \.toml", write_profile, tmp_path / "my.txt", load_display("mini"))
 
 
 @pytest.mark.parametrize("name", builtin_names())
@@ -158,8 +156,7 @@ def test_every_built_in_profile_survives_writing(tmp_path, name):
     ({"DPI": True}, "DPI is True"),
 ])
 def test_wrong_numbers_are_named(tmp_path, change, told):
-    with pytest.raises(LfsrError, match=told):
-        read_calibration(written(tmp_path, OLD | change))
+    refuses(told, read_calibration, written(tmp_path, OLD | change))
 
 
 @given(st.sampled_from(sorted({*OLD} & {*REQUIRED, *OPTIONAL})), st.floats() | st.sampled_from([1e-308, 5e-324, 1e9]))
@@ -181,16 +178,14 @@ def test_a_number_of_any_size_is_a_profile_or_a_sentence(tmp_path_factory, name,
     ({"CellPatternMode": 9}, "CellPatternMode is 9"), ({"subpixelCells": [3]}, "subpixelCells is"),
     ({"subpixelCells": [{"ROffsetX": 1}]}, "'ROffsetY' is missing"), ({"CellPatternMode": []}, "CellPatternMode")])
 def test_wrong_cells_are_named(tmp_path, plain, told):
-    with pytest.raises(LfsrError, match=told):
-        read_calibration(written(tmp_path, NEW, **plain))
+    refuses(told, read_calibration, written(tmp_path, NEW, **plain))
 
 
 def test_missing_fields_and_other_files_are_named(tmp_path):
     with pytest.raises(LfsrError, match="'center' is missing"):
         read_calibration(written(tmp_path, {key: value for key, value in OLD.items() if key != "center"}))
     (tmp_path / "list.json").write_text("[]")
-    with pytest.raises(LfsrError, match="holds no JSON object"):
-        read_calibration(tmp_path / "list.json")
+    refuses("holds no JSON object", read_calibration, tmp_path / "list.json")
 
 
 def test_a_file_that_is_none_is_said_once(tmp_path):

@@ -1,7 +1,5 @@
 """Every verb from its arguments to its files, with Blender played by a script that copies a folder."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

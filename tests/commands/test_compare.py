@@ -1,7 +1,5 @@
 """``lfsr compare`` from its arguments to its table."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """``lfsr displays``: importing, patterns, fitting."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import pytest

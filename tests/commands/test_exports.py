@@ -1,7 +1,5 @@
 """``lfsr view``, ``lfsr export`` and ``lfsr import`` from their arguments to their files."""
 
-from __future__ import annotations
-
 import pytest
 
 from lfsr_core.cli import main

@@ -1,7 +1,5 @@
 """The laboratory's verbs: found where it is installed, one clear sentence where it is not."""
 
-from __future__ import annotations
-
 import importlib.metadata
 
 import pytest

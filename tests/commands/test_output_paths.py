@@ -1,7 +1,5 @@
 """Where nothing can be written to, a run ends with one sentence before any time is spent."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """`lfsr plan` from its arguments to its table, with Blender played by a script."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Every notice has a sentence, and every sentence a notice."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

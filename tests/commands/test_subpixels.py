@@ -1,7 +1,5 @@
 """``--layout subpixels`` on the command line, with a played Blender: images, an animation, and what is refused."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """docs/reference/frame-folder.md says what the JSON files hold: no key more, none less, of the types it names."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

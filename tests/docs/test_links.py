@@ -1,7 +1,5 @@
 """Documents, files and keys that documents and code point to are there."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from pathlib import Path

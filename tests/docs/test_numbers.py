@@ -1,7 +1,5 @@
 """Every measured number in README, index, guide and results is that of a record, or is listed as having none."""
 
-from __future__ import annotations
-
 import functools
 import re
 import statistics

@@ -1,7 +1,5 @@
 """The programs of docs/reference/python.md: each runs as it stands, and passes a type checker."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

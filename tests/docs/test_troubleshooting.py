@@ -1,7 +1,5 @@
 """docs/guide/troubleshooting.md quotes messages that the program really has."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A finished frame that stands turned in the world, and its light field."""
 
-from __future__ import annotations
-
 import pytest
 
 from lfsr_core.exports.light_field import read_light_field

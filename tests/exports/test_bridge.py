@@ -1,7 +1,5 @@
 """The session with Bridge: its displays, quilts that replace one another, and refusals."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import http.client
@@ -16,6 +14,7 @@ from lfsr_core.exports import loopback
 from lfsr_core.exports.bridge import Bridge, Quilt, chosen
 from tests.support.bridge import TOKEN
 from tests.support.bridge_displays import MONITOR, PORTRAIT
+from tests.support.told import refuses
 
 CALLS = ("enter_orchestration", "available_output_devices", "instance_playlist", "insert_playlist_entry", "show_window",
          "play_playlist")
@@ -112,15 +111,13 @@ def test_whatever_is_answered_is_a_display_or_a_sentence(answer, entry):
 def test_a_session_that_bridge_has_forgotten(bridge):
     bridge()
     session = Bridge(lambda endpoint, body: loopback.put(endpoint, body | {"orchestration": "older"}))
-    with pytest.raises(LfsrError, match=r"refuses available_output_devices \(UnknownOrchestration\)"):
-        session.devices()
+    refuses(r"refuses available_output_devices \(UnknownOrchestration\)", session.devices)
 
 
 @pytest.mark.parametrize("devices", [[], [MONITOR]])
 def test_no_display_is_a_sentence(bridge, devices):
     bridge(devices=devices)
-    with pytest.raises(LfsrError, match="sees no Looking Glass: connect the display and switch it on"):
-        Bridge().devices()
+    refuses("sees no Looking Glass: connect the display and switch it on", Bridge().devices)
 
 
 def test_a_display_is_chosen_by_index_name_or_proportions(bridge):
@@ -128,12 +125,10 @@ def test_a_display_is_chosen_by_index_name_or_proportions(bridge):
     devices = Bridge().devices()
     assert chosen(devices, None).name == "LKG-P1" and chosen(devices, "2").name == "LKG-J2"
     assert chosen(devices, "lkg-j2").index == 2 and chosen(devices, None, 16 / 9).name == "LKG-J2"
-    with pytest.raises(LfsrError, match=r"display 'LKG-9' is not among .* choose one of 1 \(LKG-P1\), 2 \(LKG-J2\)"):
-        chosen(devices, "LKG-9")
+    refuses(r"display 'LKG-9' is not among .* choose one of 1 \(LKG-P1\), 2 \(LKG-J2\)", chosen, devices, "LKG-9")
     twins = [dataclasses.replace(devices[1], index=7), *devices]
     assert chosen(twins, "7").index == 7
-    with pytest.raises(LfsrError, match=r"several displays called 'LKG-J2': choose one of 7 \(LKG-J2\), .* number"):
-        chosen(twins, "LKG-J2")
+    refuses(r"several displays called 'LKG-J2': choose one of 7 \(LKG-J2\), .* number", chosen, twins, "LKG-J2")
     with pytest.raises(LfsrError, match=r"for a panel of width / height 1.778, but display 'LKG-P1' has 0.750: render"):
         chosen(devices, "1", 16 / 9)
 

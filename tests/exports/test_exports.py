@@ -1,7 +1,5 @@
 """Every export read back by a program that is not ours, or by the rules of its readers."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re
@@ -28,7 +26,7 @@ from lfsr_core.images.png import write_png
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_core.optics.eia import flip_order, to_views
 from tests.support.finished import DIRECT, MINI, finished, picture
-from tests.support.told import Told
+from tests.support.told import Told, refuses
 
 
 def column_of_square(view) -> float:
@@ -232,8 +230,7 @@ def test_depth_where_nothing_was_hit(tmp_path):
 
 def test_depth_needs_the_position_layer(tmp_path):
     folder = finished(tmp_path / "frame", layers=())
-    with pytest.raises(LfsrError, match="has no position layer, .* render it with the layer position"):
-        export(folder, "rgbd", tmp_path / "out")
+    refuses("has no position layer, .* render it with the layer position", export, folder, "rgbd", tmp_path / "out")
 
 
 def test_enlarged_images_are_as_opencv_makes_them(field):
@@ -320,32 +317,26 @@ def test_refused(folder, tmp_path, name, options, message):
 
 @pytest.mark.parametrize("options", [{"views": (0, 1)}, {"eyes_mm": -1.0}, {"eyes_mm": math.nan}, {"seconds": 1e9}])
 def test_options_that_cannot_be(options):
-    with pytest.raises(LfsrError, match="must be"):
-        ExportOptions(**options)
+    refuses("must be", ExportOptions, **options)
 
 
 def test_refused_for_what_the_folder_lacks(tmp_path):
     folder = finished(tmp_path / "frame")
     (folder / "eia.exr").unlink()
-    with pytest.raises(LfsrError, match="has no eia.exr"):
-        export(folder, "views", options=ExportOptions(type="exr"))
+    refuses("has no eia.exr", export, folder, "views", options=ExportOptions(type="exr"))
     write_png(folder / "eia.png", np.zeros((96, 64, 3), np.uint8))
-    with pytest.raises(LfsrError, match="has 64×96 pixels"):
-        export(folder, "quilt")
+    refuses("has 64×96 pixels", export, folder, "quilt")
     (folder / "eia.png").unlink()
-    with pytest.raises(LfsrError, match="does not exist"):
-        export(folder, "quilt")
+    refuses("does not exist", export, folder, "quilt")
     assert not (folder / "export").exists()
     (folder / "export").write_text("a file")
-    with pytest.raises(LfsrError, match="choose another folder"):
-        export(finished(folder), "quilt")
+    refuses("choose another folder", export, finished(folder), "quilt")
 
 
 def test_a_missing_encoder_is_named(folder, tmp_path, monkeypatch):
     for kind, package in (("mp4", "av"), ("gif", "PIL")):
         monkeypatch.setitem(__import__("sys").modules, package, None)
-        with pytest.raises(LfsrError, match="pip install"):
-            export(folder, "sway", tmp_path / "out", ExportOptions(type=kind, seconds=0.1))
+        refuses("pip install", export, folder, "sway", tmp_path / "out", ExportOptions(type=kind, seconds=0.1))
     assert list(tmp_path.iterdir()) == []
 
 

@@ -1,7 +1,5 @@
 """Folders of views of others: what goes in comes out of the second stage, and what is wrong is one sentence."""
 
-from __future__ import annotations
-
 import os
 import re
 
@@ -19,7 +17,7 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers
 from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.finished import MINI, finished
-from tests.support.told import Told
+from tests.support.told import Told, refuses
 
 
 @pytest.fixture(scope="module")
@@ -154,8 +152,7 @@ def test_any_digits_separators_and_endings(images, field, tmp_path, pattern):
 @pytest.mark.parametrize("kept", ["view.html", "mask.png", "eia.png"])
 def test_files_beside_views_are_kept(images, tmp_path, kept):
     (images / kept).write_text("my own")
-    with pytest.raises(LfsrError, match="views holds the views themselves, expected another folder for the frame"):
-        import_views(images, images)
+    refuses("views holds the views themselves, expected another folder for the frame", import_views, images, images)
     import_views(images, tmp_path / "frame")
     assert (images / kept).read_text() == "my own"
 
@@ -254,13 +251,10 @@ def test_refused_in_one_sentence(images, tmp_path, spoil, message):
     ({"geometry": ImportGeometry(width_mm=-1.0)}, "lengths above 0"),
 ])
 def test_geometry_that_cannot_be(images, tmp_path, options, message):
-    with pytest.raises(LfsrError, match=message):
-        import_views(images, tmp_path / "frame", **options)
+    refuses(message, import_views, images, tmp_path / "frame", **options)
     assert not (tmp_path / "frame").exists()
 
 
 def test_an_empty_or_missing_folder(tmp_path):
-    with pytest.raises(LfsrError, match="no views with known names"):
-        import_views(tmp_path, tmp_path / "frame")
-    with pytest.raises(LfsrError, match=re.escape("nowhere is no folder")):
-        import_views(tmp_path / "nowhere", tmp_path / "frame")
+    refuses("no views with known names", import_views, tmp_path, tmp_path / "frame")
+    refuses(re.escape("nowhere is no folder"), import_views, tmp_path / "nowhere", tmp_path / "frame")

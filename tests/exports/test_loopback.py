@@ -1,7 +1,5 @@
 """Calls to a program on this computer: every way in which it can fail, and that there is no other address."""
 
-from __future__ import annotations
-
 import errno
 import re
 import socket
@@ -14,6 +12,7 @@ import pytest
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports import loopback
 from tests.support.bridge import TOKEN
+from tests.support.told import refuses
 
 
 def test_a_call_returns_the_answers_data(bridge):
@@ -48,8 +47,7 @@ def test_nobody_listens(monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     monkeypatch.setenv(loopback.PORT_VARIABLE, str(port))
-    with pytest.raises(LfsrError, match=f"is not running: nothing listens on port {port} of this computer. Start it"):
-        loopback.put("x", {})
+    refuses(f"is not running: nothing listens on port {port} of this computer. Start it", loopback.put, "x", {})
 
 
 def test_a_computer_without_the_other_protocol(monkeypatch):
@@ -60,8 +58,7 @@ def test_a_computer_without_the_other_protocol(monkeypatch):
 
     monkeypatch.setattr(socket, "create_connection", connect)
     monkeypatch.setenv(loopback.PORT_VARIABLE, "1")
-    with pytest.raises(LfsrError, match="is not running: nothing listens on port 1"):
-        loopback.put("x", {})
+    refuses("is not running: nothing listens on port 1", loopback.put, "x", {})
 
 
 def test_a_server_of_the_other_protocol_is_found(monkeypatch):
@@ -71,16 +68,14 @@ def test_a_server_of_the_other_protocol_is_found(monkeypatch):
         pytest.skip("this computer has no IPv6")
     with server:
         monkeypatch.setenv(loopback.PORT_VARIABLE, str(server.getsockname()[1]))
-        with pytest.raises(LfsrError, match="did not answer"):
-            loopback.put("x", {}, 0.2)
+        refuses("did not answer", loopback.put, "x", {}, 0.2)
         server.accept()[0].close()
 
 
 @pytest.mark.parametrize("port", ["", "0", "65536", "-1", "80 ", "example.org:80", "٣", "1e3", "999999999999"])
 def test_only_a_port_can_be_chosen(monkeypatch, port):
     monkeypatch.setenv(loopback.PORT_VARIABLE, port)
-    with pytest.raises(LfsrError, match="LFSR_BRIDGE_PORT is .* must be a port from 1 to 65535"):
-        loopback.put("x", {})
+    refuses("LFSR_BRIDGE_PORT is .* must be a port from 1 to 65535", loopback.put, "x", {})
 
 
 def test_addresses_are_those_of_this_computer():

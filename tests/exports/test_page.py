@@ -1,7 +1,5 @@
 """The viewer's file: its size, its image, what it is made of, and what is refused."""
 
-from __future__ import annotations
-
 import base64
 import io
 import re
@@ -21,7 +19,7 @@ from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import to_elemental_images
 from tests.support.finished import DIRECT, MINI, TALL, finished
-from tests.support.told import Told
+from tests.support.told import Told, refuses
 
 OVERHEAD = 100_000  # bytes
 
@@ -110,28 +108,23 @@ def test_fewer_views_keep_every_lens():
 
 @pytest.mark.parametrize("quality", [0, 101, -5])
 def test_quality_that_cannot_be(folder, tmp_path, quality):
-    with pytest.raises(LfsrError, match=f"quality is {quality}"):
-        write_page([folder], tmp_path / "page.html", quality)
+    refuses(f"quality is {quality}", write_page, [folder], tmp_path / "page.html", quality)
 
 
 def test_refused(folder, tmp_path):
     with pytest.raises(LfsrError, match="shown together: give frames of one display"):
         write_page([folder, finished(tmp_path / "direct", DIRECT)], tmp_path / "page.html")
     (tmp_path / "empty").mkdir()
-    with pytest.raises(LfsrError, match="is no frame folder and holds none"):
-        write_page([tmp_path / "empty"])
-    with pytest.raises(LfsrError, match="does not exist"):
-        write_page([tmp_path / "nowhere"])
+    refuses("is no frame folder and holds none", write_page, [tmp_path / "empty"])
+    refuses("does not exist", write_page, [tmp_path / "nowhere"])
     write_png(tmp_path / "direct" / "eia.png", np.zeros((96, 64, 3), np.uint8))
-    with pytest.raises(LfsrError, match="has 64×96 pixels"):
-        write_page([tmp_path / "direct"])
+    refuses("has 64×96 pixels", write_page, [tmp_path / "direct"])
     assert not list(tmp_path.glob("**/*.html"))
 
 
 def test_too_many_frames_for_one_page(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(page, "MOST_PAGE_BYTES", 1000)
-    with pytest.raises(LfsrError, match="would be over"):
-        write_page([folder], tmp_path / "page.html")
+    refuses("would be over", write_page, [folder], tmp_path / "page.html")
 
 
 def test_a_large_page_is_noted(folder, tmp_path, monkeypatch):

@@ -1,7 +1,5 @@
 """Quilts of others: right way round, for another display as if made for it, and films frame by frame."""
 
-from __future__ import annotations
-
 import dataclasses
 import shutil
 
@@ -26,7 +24,7 @@ from lfsr_core.optics.rays import CameraArray
 from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.finished import MINI, finished, picture
 from tests.support.synthetic import fails
-from tests.support.told import Told
+from tests.support.told import Told, refuses
 
 PORTRAIT = dataclasses.replace(load_display("looking-glass-portrait"), lenses=(105, 140))
 
@@ -103,8 +101,7 @@ def test_grid_and_aspect(tmp_path, name, shape, expected, noted):
     ("plain", "3x3", "aspect ratio of a quilt of 3x3 tiles is not known"), ("q_qs1x1a1", None, "has no two views"),
     ("plain", "0x6a1", "has no two views"), ("plain", "_qs8x6", "must be tiles")])
 def test_grids_that_cannot_be(tmp_path, name, shape, message):
-    with pytest.raises(LfsrError, match=message):
-        quilt_of(tmp_path / f"{name}.png", shape)
+    refuses(message, quilt_of, tmp_path / f"{name}.png", shape)
 
 
 def direct(folder, display, width):
@@ -160,9 +157,8 @@ def test_what_a_display_decides(tmp_path, options):
     path = coordinates(tmp_path)
     with pytest.raises(LfsrError, match="have no use with --display"):
         import_quilt(path, tmp_path / "frame", quilt_of(path), geometry=ImportGeometry(display=MINI, **options))
-    with pytest.raises(LfsrError, match="between 1 and 120"):
-        import_quilt(path, tmp_path / "frame", quilt_of(path),
-                     geometry=ImportGeometry(display=MINI, angle_deg=500.0))
+    refuses("between 1 and 120", import_quilt, path, tmp_path / "frame", quilt_of(path),
+            geometry=ImportGeometry(display=MINI, angle_deg=500.0))
     assert not (tmp_path / "frame").exists()
 
 
@@ -255,18 +251,14 @@ def test_quilts_and_films_that_cannot_be_read(tmp_path, monkeypatch):
         frame.sample_rate = 48000
         made.mux(stream.encode(frame))
         made.mux(stream.encode())
-    with pytest.raises(LfsrError, match="has no images"):
-        import_film(sound, tmp_path / "frame", quilt_of(sound))
+    refuses("has no images", import_film, sound, tmp_path / "frame", quilt_of(sound))
     small = tmp_path / "small_qs8x6a1.png"
     write_png(small, np.zeros((8, 90, 3), np.uint8))
-    with pytest.raises(LfsrError, match="90×8 pixels, too few for 8x6 tiles"):
-        import_quilt(small, tmp_path / "frame", quilt_of(small))
+    refuses("90×8 pixels, too few for 8x6 tiles", import_quilt, small, tmp_path / "frame", quilt_of(small))
     monkeypatch.setattr(quilts, "MOST_SIDE", 80)
-    with pytest.raises(LfsrError, match="at most 80 a side"):
-        import_quilt(small, tmp_path / "frame", quilt_of(small))
+    refuses("at most 80 a side", import_quilt, small, tmp_path / "frame", quilt_of(small))
     monkeypatch.setitem(__import__("sys").modules, "av", None)
-    with pytest.raises(LfsrError, match="pip install"):
-        import_film(sound, tmp_path / "frame", quilt_of(sound))
+    refuses("pip install", import_film, sound, tmp_path / "frame", quilt_of(sound))
     assert not (tmp_path / "frame").exists()
 
 

@@ -1,7 +1,5 @@
 """The page that shows a panel's image full screen, in a real browser."""
 
-from __future__ import annotations
-
 import itertools
 
 import cv2

@@ -1,7 +1,5 @@
 """``lfsr show``: what goes where, and the sentences where it cannot."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

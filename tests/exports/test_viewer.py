@@ -1,7 +1,5 @@
 """The viewer page in a real browser: what it shows, against the simulated eye, and what a person can do with it."""
 
-from __future__ import annotations
-
 import base64
 import dataclasses
 import math

@@ -1,7 +1,5 @@
 """Contact sheets show the views where their cameras are."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfsr_core.frames.views import contact_sheet, epi_pair

@@ -2,9 +2,9 @@
 
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import from_data, to_data
 from lfsr_core.frames.finish import MOST_AVERAGED, Finish
+from tests.support.told import refuses
 
 
 def test_a_finish_is_read_as_it_was_written():
@@ -15,8 +15,7 @@ def test_a_finish_is_read_as_it_was_written():
 @pytest.mark.parametrize("options", [{"dilate": -1}, {"temporal_averaging": -1},
                                      {"temporal_averaging": MOST_AVERAGED + 1}, {"temporal_averaging": 10**400}])
 def test_what_no_frame_can_be_finished_with_is_refused(options):
-    with pytest.raises(LfsrError):
-        Finish("bicubic", **options)
+    refuses("", Finish, "bicubic", **options)
 
 
 @pytest.mark.parametrize("count", range(MOST_AVERAGED + 1))

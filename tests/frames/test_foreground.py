@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.frames.foreground import foreground_mask, recall, unseen_notices
+from tests.support.told import refuses
 
 LENSES = (5, 4)  # across, down, of 3 × 2 pixels
 
@@ -75,5 +75,4 @@ def test_recall():
     assert recall(np.array([[True, True, True, True]]), reference) == 1
     assert recall(reference, reference) == 1
     assert recall(reference, np.zeros_like(reference)) == 1
-    with pytest.raises(LfsrError, match="shapes"):
-        recall(reference, reference[:, :2])
+    refuses("shapes", recall, reference, reference[:, :2])

@@ -1,7 +1,5 @@
 """frame.json keeps everything that decides a render."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 
@@ -10,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.frames.frame import FRAME_FILE, Frame, read_frame, read_part, write_frame
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray
+from tests.support.told import refuses
 
 MINI = load_display("mini")
 IDENTITY = tuple(tuple(float(row == column) for column in range(4)) for row in range(4))
@@ -83,8 +81,7 @@ def damage(folder, change) -> None:
 ])
 def test_damaged_frame_is_refused(tmp_path, change, message):
     damage(tmp_path, change)
-    with pytest.raises(LfsrError, match=message):
-        read_frame(tmp_path)
+    refuses(message, read_frame, tmp_path)
 
 
 @settings(max_examples=30)
@@ -100,11 +97,9 @@ def test_every_rotation_mirrored_or_not_is_taken_to_single_precision(numbers, ha
 
 
 def test_folder_without_frame_is_named(tmp_path):
-    with pytest.raises(LfsrError, match=r"frame.json does not exist, expected the frame.json of a rendered"):
-        read_frame(tmp_path / "nowhere")
+    refuses(r"frame.json does not exist, expected the frame.json of a rendered", read_frame, tmp_path / "nowhere")
 
 
 @pytest.mark.parametrize("clip", [(-1.0, 2.0), (2.0, 1.0), (0.0, float("inf"))])
 def test_depths_that_nothing_lies_between_are_refused(clip):
-    with pytest.raises(LfsrError, match="two depths"):
-        dataclasses.replace(FRAME, clip=clip)
+    refuses("two depths", dataclasses.replace, FRAME, clip=clip)

@@ -1,15 +1,13 @@
 """Numbers of frames: as people write them, and a few that are spread over many."""
 
-from __future__ import annotations
-
 import itertools
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.request import parse_frames, spread
+from tests.support.told import refuses
 
 
 @pytest.mark.parametrize(("text", "frames"), [
@@ -27,8 +25,7 @@ def test_lists_keep_their_order(frames):
 
 @pytest.mark.parametrize("text", ["", "a", "4-1", "1-4x0", "1-", "1-2-3", "1,,2", "1-99999999", "0-1000000", "9" * 99])
 def test_what_is_no_frames_is_refused(text):
-    with pytest.raises(LfsrError, match="frames "):
-        parse_frames(text)
+    refuses("frames ", parse_frames, text)
 
 
 @given(st.lists(st.integers(), unique=True, max_size=30), st.integers(1, 9))

@@ -1,7 +1,5 @@
 """report.json, by the names of its fields."""
 
-from __future__ import annotations
-
 import json
 
 from lfsr_core.base.notices import Notice

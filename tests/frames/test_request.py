@@ -1,21 +1,20 @@
 """A job is refused before Blender is started, or says everything Blender needs."""
 
-from __future__ import annotations
-
 import json
 import os
 
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import to_data, write_record
 from lfsr_core.frames.request import check_light, check_scene, read_request
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import load_display
 from tests.support.requests import make_request
+from tests.support.told import refuses
 
 MINI, DEEP = load_display("mini"), Notice("scale-unseen", {"scale": 2})
+
 JOB = make_request("out", MINI, scene="s.blend", kind="reference", scale=2, samples=9, layers=("albedo",),
                    layout="view-by-view",
           convention="paper", view_aperture=0.5, seed=5, frame=3, subject="Things", lens_list=((1, 2), (3, 4)),
@@ -28,8 +27,7 @@ JOB = make_request("out", MINI, scene="s.blend", kind="reference", scale=2, samp
 @pytest.mark.skipif(os.sep == "\\", reason="it separates folders there")
 @pytest.mark.parametrize("output", ["a\\b", "/tmp/back\\slash/frame"])
 def test_a_backslash_is_refused_because_blender_takes_it_for_a_slash(output):
-    with pytest.raises(LfsrError, match="output .* has a backslash, which Blender takes for a slash: choose another"):
-        make_request(output, MINI)
+    refuses("output .* has a backslash, which Blender takes for a slash: choose another", make_request, output, MINI)
 
 
 def test_json_round_trip_keeps_every_field(tmp_path):
@@ -66,8 +64,7 @@ def test_json_round_trip_keeps_every_field(tmp_path):
     ({"rows": (1, 5), "lens_list": ((1, 2),)}, "but a list of lenses is not"),
 ])
 def test_bad_value_is_named(options, message):
-    with pytest.raises(LfsrError, match=message):
-        make_request("out", MINI, **options)
+    refuses(message, make_request, "out", MINI, **options)
 
 
 @pytest.mark.parametrize(("change", "message"), [
@@ -78,14 +75,12 @@ def test_bad_value_is_named(options, message):
 def test_bad_job_file_is_named(tmp_path, change, message):
     data = {key: value for key, value in (to_data(JOB) | change).items() if value is not None}
     (tmp_path / "job.json").write_text(json.dumps(data))
-    with pytest.raises(LfsrError, match=message):
-        read_request(tmp_path / "job.json")
+    refuses(message, read_request, tmp_path / "job.json")
 
 
 def test_job_file_of_another_type_is_named(tmp_path):
     (tmp_path / "job.json").write_text("[]")
-    with pytest.raises(LfsrError, match="holds a list, but a render request"):
-        read_request(tmp_path / "job.json")
+    refuses("holds a list, but a render request", read_request, tmp_path / "job.json")
 
 
 def test_samples_follow_from_the_rays_at_the_chosen_scale():
@@ -101,13 +96,10 @@ def test_samples_follow_from_the_rays_at_the_chosen_scale():
 def test_scene_is_checked_before_blender_starts(tmp_path):
     (tmp_path / "scene.GLB").touch()
     assert check_scene(tmp_path / "scene.GLB") == str(tmp_path / "scene.GLB")
-    with pytest.raises(LfsrError, match=r"absent.blend does not exist"):
-        check_scene(tmp_path / "absent.blend")
-    with pytest.raises(LfsrError, match=r"scene \S+ is no file: check the path"):
-        check_scene(tmp_path)
+    refuses(r"absent.blend does not exist", check_scene, tmp_path / "absent.blend")
+    refuses(r"scene \S+ is no file: check the path", check_scene, tmp_path)
     (tmp_path / "scene.fbx").touch()
-    with pytest.raises(LfsrError, match=r"scene.fbx is not a scene file.*\.blend, \.glb"):
-        check_scene(tmp_path / "scene.fbx")
+    refuses(r"scene.fbx is not a scene file.*\.blend, \.glb", check_scene, tmp_path / "scene.fbx")
 
 
 def test_a_light_is_a_name_or_a_file_that_is_there(tmp_path, monkeypatch):
@@ -117,5 +109,4 @@ def test_a_light_is_a_name_or_a_file_that_is_there(tmp_path, monkeypatch):
     assert check_light("even") == "even" and check_light("Sky.HDR") == str(tmp_path / "Sky.HDR")
     for light, sentence in (("sky.exr", "sky.exr does not exist"), ("a.hdr", "a.hdr is no file"),
                             ("sky", "light is 'sky'"), ("", "light is ''")):
-        with pytest.raises(LfsrError, match=sentence):
-            check_light(light)
+        refuses(sentence, check_light, light)

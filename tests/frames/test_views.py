@@ -1,7 +1,5 @@
 """Views of a finished frame and EIAs, both ways."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -12,6 +10,7 @@ from lfsr_core.frames.views import eia_to_views, read_views, views_to_eia
 from lfsr_core.images.png import read_png
 from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.synthetic import FLAT, MINI, write_render
+from tests.support.told import refuses
 
 DIRECT = dataclasses.replace(MINI, ei_order="direct")
 
@@ -43,7 +42,6 @@ def test_views_of_a_finished_folder(tmp_path):
 
 
 def test_arrays_of_another_shape_are_refused():
-    with pytest.raises(LfsrError, match="has 64×96 pixels, but display 'mini' has 128×96"):
-        eia_to_views(np.zeros((96, 64, 3), np.uint8), MINI)
+    refuses("has 64×96 pixels, but display 'mini' has 128×96", eia_to_views, np.zeros((96, 64, 3), np.uint8), MINI)
     with pytest.raises(LfsrError, match="views have shape .* but display 'mini' needs .8, 8, 12, 16. and channels"):
         views_to_eia(np.zeros((8, 8, 16, 12, 3)), MINI)

@@ -1,7 +1,5 @@
 """What counts as an almost black and an almost white image."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.images import png
+from tests.support.told import refuses
 
 RANDOM = np.random.default_rng(0)
 
@@ -40,13 +40,10 @@ def test_mask_round_trip(tmp_path):
     mask = RANDOM.random((54, 96)) > 0.5
     png.write_mask(tmp_path / "m.png", mask)
     np.testing.assert_array_equal(png.read_mask(tmp_path / "m.png", (96, 54)), mask)
-    with pytest.raises(LfsrError, match="has 96×54 pixels, but the display has 54×96 lenses"):
-        png.read_mask(tmp_path / "m.png", (54, 96))
+    refuses("has 96×54 pixels, but the display has 54×96 lenses", png.read_mask, tmp_path / "m.png", (54, 96))
 
 
 def test_unreadable_png(tmp_path):
     (tmp_path / "a.png").write_bytes(b"not an image")
-    with pytest.raises(LfsrError, match="not a readable"):
-        png.read_png(tmp_path / "a.png")
-    with pytest.raises(LfsrError, match="does not exist, expected a PNG image"):
-        png.read_mask(tmp_path / "b.png")
+    refuses("not a readable", png.read_png, tmp_path / "a.png")
+    refuses("does not exist, expected a PNG image", png.read_mask, tmp_path / "b.png")

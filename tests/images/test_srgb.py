@@ -1,7 +1,5 @@
 """The sRGB curve at known points."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfsr_core.images.srgb import srgb_decode, srgb_encode

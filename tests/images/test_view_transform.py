@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.images import baked_color
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.images.png import read_png
 from lfsr_core.images.view_transform import ViewTransform, find_config
 from tests.support.prerequisites import needs_bpy
+from tests.support.told import refuses
 
 SAVER = Path(__file__).parents[1] / "support" / "blender_saves_png.py"
 CASES = [
@@ -79,8 +79,7 @@ def test_look_without_its_views_name_is_found():
     (ColorSettings(look="Punchi"), "look 'Punchi' is not"),
 ])
 def test_unknown_names_are_one_clear_sentence(settings, message):
-    with pytest.raises(LfsrError, match=message):
-        ViewTransform(settings)
+    refuses(message, ViewTransform, settings)
 
 
 def test_configuration_named_by_the_frame_or_the_environment_comes_first(tmp_path, monkeypatch):
@@ -94,8 +93,7 @@ def test_configuration_named_by_the_frame_or_the_environment_comes_first(tmp_pat
 def test_no_configuration_says_how_to_get_one(monkeypatch):
     monkeypatch.delenv("OCIO", raising=False)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(LfsrError, match="install the package bpy"):
-        find_config(ColorSettings())
+    refuses("install the package bpy", find_config, ColorSettings())
 
 
 @needs_bpy
@@ -105,8 +103,7 @@ def test_the_plain_view_needs_no_blender(monkeypatch):
     monkeypatch.delenv("OCIO", raising=False)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     np.testing.assert_array_equal(ViewTransform(ColorSettings()).to_uint8(linear), from_blender)
-    with pytest.raises(LfsrError, match="install the package bpy"):
-        ViewTransform(ColorSettings(view_transform="AgX"))
+    refuses("install the package bpy", ViewTransform, ColorSettings(view_transform="AgX"))
 
 
 @needs_bpy
@@ -120,14 +117,12 @@ def test_finding_the_configuration_does_not_import_blender():
 def test_damaged_configuration_is_one_sentence(tmp_path):
     config = tmp_path / "config.ocio"
     config.write_text("ocio_profile_version: 2\nroles: [" + "x" * 1000)
-    with pytest.raises(LfsrError, match=r"config\.ocio cannot be used as a colour configuration"):
-        ViewTransform(ColorSettings(config=str(config)))
+    refuses(r"config\.ocio cannot be used as a colour configuration", ViewTransform, ColorSettings(config=str(config)))
 
 
 @pytest.mark.parametrize("numbers", [{"exposure": float("nan")}, {"exposure": 1e4}, {"gamma": -1.0}])
 def test_numbers_that_show_nothing_are_refused(numbers):
-    with pytest.raises(LfsrError, match="exposure is .* and gamma .*, but they must be between"):
-        ColorSettings(**numbers)
+    refuses("exposure is .* and gamma .*, but they must be between", ColorSettings, **numbers)
 
 
 MANY = 1 << 25

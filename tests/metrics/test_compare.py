@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE
@@ -14,6 +13,7 @@ from lfsr_core.metrics.compare import compare_folders, sampled_recall
 from lfsr_core.optics.display import load_display
 from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.synthetic import write_reference, write_render
+from tests.support.told import refuses
 
 
 def test_a_lens_lost_by_the_mask_lowers_recall_and_still_counts_as_foreground(tmp_path):
@@ -39,8 +39,7 @@ def test_a_frame_that_is_finished_anew_meanwhile_keeps_its_own_report(tmp_path, 
         finish_frame(folder, "nearest")
         return real(*arguments, **options)
     monkeypatch.setattr(compare_module, "compare", slow)
-    with pytest.raises(LfsrError, match="was finished again while it was compared"):
-        compare_folders(folder, reference)
+    refuses("was finished again while it was compared", compare_folders, folder, reference)
     report = read_json(folder / REPORT_FILE, "a report")
     assert (report["method"], report["metrics"]) == ("nearest", {})
 
@@ -84,5 +83,4 @@ def test_kept_linear_world_image_another_size_is_refused(tmp_path):
     folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
     finish_frame(folder, "bicubic")
     write_layers(folder / "eia.exr", {"color": np.zeros((8, 8, 3), np.float16)}, half=True)
-    with pytest.raises(LfsrError, match="finish the frame again with a linear EXR"):
-        compare_folders(folder, reference)
+    refuses("finish the frame again with a linear EXR", compare_folders, folder, reference)

@@ -1,18 +1,16 @@
 """The figures of an EIA against its reference, each against a plain computation of the same."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from skimage.metrics import structural_similarity
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.images.srgb import srgb_decode, srgb_encode
 from lfsr_core.metrics import eia_metrics
 from lfsr_core.metrics.split_ssim import psnr, split_ssim, split_ssim_map
 from lfsr_core.optics.eia import to_views
 from tests.support.synthetic import frame_of, tiles
 from tests.support.textures import GAUSSIAN, blurred, noisy, textured_image
+from tests.support.told import refuses
 
 
 def test_flip_is_zero_for_the_same_image_and_grows_with_the_error():
@@ -155,11 +153,7 @@ def test_each_tile_is_compared_with_its_own_lens():
 
 def test_shapes_that_do_not_fit_are_errors():
     x, a, b = eia_case()
-    with pytest.raises(LfsrError, match=r"reference has shape \(96, 120, 3\)"):
-        compared(x, a[:, :120], b, LENSES, MASK)
-    with pytest.raises(LfsrError, match="foreground mask has shape"):
-        compared(x, a, b, LENSES, MASK[:, :8])
-    with pytest.raises(LfsrError, match="equal elemental images"):
-        compared(x, a, b, (15, 12), MASK)
-    with pytest.raises(LfsrError, match="3 tiles of"):
-        compared(x, a[:8, :16], b[:8, :16], LENSES, MASK, lens_list=((0, 0), (1, 1), (2, 2)))
+    refuses(r"reference has shape \(96, 120, 3\)", compared, x, a[:, :120], b, LENSES, MASK)
+    refuses("foreground mask has shape", compared, x, a, b, LENSES, MASK[:, :8])
+    refuses("equal elemental images", compared, x, a, b, (15, 12), MASK)
+    refuses("3 tiles of", compared, x, a[:8, :16], b[:8, :16], LENSES, MASK, lens_list=((0, 0), (1, 1), (2, 2)))

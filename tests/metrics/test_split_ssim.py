@@ -1,7 +1,5 @@
 """Errors against two noisy halves: they equal scikit-image's without noise, and the reference's noise cancels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity

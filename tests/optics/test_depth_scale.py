@@ -9,7 +9,6 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.depth_scale import (
     LEAST_SAMPLES,
     MIN_VIEWS,
@@ -24,8 +23,10 @@ from lfsr_core.optics.depth_scale import (
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray
 from tests.support.synthetic import FLAT, MINI
+from tests.support.told import refuses
 
 SMALL, LENTICULAR = load_display("small"), load_display("looking-glass-go")
+
 DISPLAYS = st.sampled_from([SMALL, MINI, FLAT, LENTICULAR, load_display("looking-glass-16")])
 MOVES = st.lists(st.floats(0, 1e6), min_size=1, max_size=20).map(np.array)
 RAYS = st.floats(1 / 64, 256)
@@ -103,8 +104,7 @@ def test_usual_rays_are_sixteen_samples_at_scale_4():
 
 @pytest.mark.parametrize("rays", [0.0, -1.0, math.nan, math.inf, 2**22])
 def test_impossible_rays_are_refused(rays):
-    with pytest.raises(LfsrError, match=r"rays per finished pixel are .*, but they must be above 0, and at most 1048"):
-        samples_at(SMALL, 4, rays)
+    refuses(r"rays per finished pixel are .*, but they must be above 0, and at most 1048", samples_at, SMALL, 4, rays)
 
 
 def test_nothing_seen_or_nothing_to_choose_from():

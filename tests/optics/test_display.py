@@ -1,13 +1,12 @@
 """Display profiles: what they state, what follows, what they refuse."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
+from tests.support.told import refuses
 
 GOOD = {"name": "test", "panel_pixels": [40, 20], "panel_mm": [80.0, 40.0], "lenses": [10, 5], "views": [4, 4],
         "viewing_distance_mm": 200.0, "viewing_angle_deg": 40.0}
@@ -64,16 +63,14 @@ def test_low_views_and_scales():
 
 @pytest.mark.parametrize("scale", [3, 0, -2, 81])
 def test_scale_that_does_not_divide_is_refused_with_the_ones_that_do(scale):
-    with pytest.raises(LfsrError, match=rf"scale is {scale}, .* divides both: 1, 2, 4, 5, 8 or 10"):
-        load_display("bupt-32in-8k").low_views(scale)
+    refuses(rf"scale is {scale}, .* divides both: 1, 2, 4, 5, 8 or 10", load_display("bupt-32in-8k").low_views, scale)
 
 
 def test_a_scale_divides_only_axes_with_several_views():
     flat = DisplayProfile.from_dict(GOOD | {"views": [4, 1], "lenses": [10, 20]})
     assert (flat.parallax, flat.low_views(2), flat.scales()) == ((True, False), (2, 1), [2, 4])
     assert flat.eia_pixels == (40, 20)
-    with pytest.raises(LfsrError, match="scale is 3.*divides them"):
-        flat.low_views(3)
+    refuses("scale is 3.*divides them", flat.low_views, 3)
     single = DisplayProfile.from_dict(GOOD | {"views": [1, 1], "lenses": [40, 20]})
     assert (single.low_views(2), single.scales()) == ((1, 1), [])
 
@@ -130,8 +127,7 @@ def test_missing_field_is_named(field):
 
 
 def test_unknown_name_suggests_the_nearest():
-    with pytest.raises(LfsrError, match="unknown display 'smal': did you mean 'small'"):
-        load_display("smal")
+    refuses("unknown display 'smal': did you mean 'small'", load_display, "smal")
 
 
 def test_own_file(tmp_path):
@@ -150,5 +146,4 @@ def test_broken_file_names_itself(tmp_path, content):
 
 
 def test_absent_file_names_itself(tmp_path):
-    with pytest.raises(LfsrError, match=r"absent.toml does not exist, expected a display profile"):
-        load_display(tmp_path / "absent.toml")
+    refuses(r"absent.toml does not exist, expected a display profile", load_display, tmp_path / "absent.toml")

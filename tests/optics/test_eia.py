@@ -1,14 +1,12 @@
 """EIA, elemental images, views and EPIs are the same pixels in another order."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics import eia
+from tests.support.told import refuses
 
 SIZES = st.tuples(*[st.integers(1, 6)] * 4, st.integers(1, 4))
 
@@ -70,5 +68,4 @@ def test_to_elemental_images_copies_nothing():
 
 @pytest.mark.parametrize("image", [np.zeros((10, 10)), np.zeros((10, 11, 3)), np.zeros((11, 10, 3))])
 def test_image_that_lenses_do_not_divide_is_refused(image):
-    with pytest.raises(LfsrError, match=r"image has shape \(1[01], 1[01].*5 rows and 2 columns"):
-        eia.views_per_lens(image, (2, 5))
+    refuses(r"image has shape \(1[01], 1[01].*5 rows and 2 columns", eia.views_per_lens, image, (2, 5))

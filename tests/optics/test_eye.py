@@ -3,12 +3,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics import eia
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eye import eye_view, gap_mm
 from lfsr_core.optics.rays import CameraArray, RayLayout, view_offset
 from tests.support.rays import pixel_rays
+from tests.support.told import refuses
 
 MINI = load_display("mini")
 ARRAY = CameraArray.for_display(MINI, width=MINI.panel_mm[0])  # scene units are millimetres here
@@ -108,7 +108,5 @@ def test_gap_gives_the_viewing_angle():
 
 
 def test_bad_eye_and_bad_image_are_errors():
-    with pytest.raises(LfsrError, match="z = 0"):
-        eye_view(np.zeros((96, 128, 3)), MINI, (0, 0, 0))
-    with pytest.raises(LfsrError, match="128×90"):
-        eye_view(np.zeros((90, 128, 3)), MINI, (0, 0, 180))
+    refuses("z = 0", eye_view, np.zeros((96, 128, 3)), MINI, (0, 0, 0))
+    refuses("128×90", eye_view, np.zeros((90, 128, 3)), MINI, (0, 0, 180))

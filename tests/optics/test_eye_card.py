@@ -1,13 +1,10 @@
 """An eye's card against the simulated eye: the same light field, seen from the same place."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.eye import eye_view
@@ -15,6 +12,7 @@ from lfsr_core.optics.eye_card import eye_card, eye_place, eye_region
 from lfsr_core.optics.lens_card import card_rays
 from lfsr_core.optics.rays import CameraArray, RayLayout
 from tests.support.rays import pixel_rays
+from tests.support.told import refuses
 
 PLACES = [(0, 0, 1), (0.6, -0.4, 1), (-0.9, 0.9, 1), (1.7, 0, 1), (0.2, 0.3, 0.5), (-0.5, 0.1, 2.5)]
 
@@ -51,5 +49,4 @@ def test_scale_shows_the_rendered_view_and_a_lens_is_of_many_pixels():
 def test_smaller_pixels_where_large_ones_leave_too_much_empty():
     region = eye_region(load_display("mini"), (16 * 23, 500))
     assert (region.scale, region.profile.views) == (4, (20, 20))
-    with pytest.raises(LfsrError, match="make the window larger"):
-        eye_region(load_display("mini"), (15, 500))
+    refuses("make the window larger", eye_region, load_display("mini"), (15, 500))

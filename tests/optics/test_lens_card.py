@@ -1,7 +1,5 @@
 """The lens card's quads and sums give the rays of rays.py, whatever the layout."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,13 +1,11 @@
 """Rows of lenses: parts that cover the display, and errors for those that do not."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.lens_rows import check_cover, parse_rows, pixel_rows
+from tests.support.told import refuses
 
 
 @given(st.integers(1, 200), st.data())
@@ -26,16 +24,14 @@ def test_rows_are_read(text, rows):
 
 @pytest.mark.parametrize("text", ["", "0-3", "5-4", "9-13", "a-b", "1/13", "0/2", "3/2", "-3", "1-2-3", "1-", "1" * 99])
 def test_rows_that_are_none_are_refused(text):
-    with pytest.raises(LfsrError, match="rows are "):
-        parse_rows(text, 12)
+    refuses("rows are ", parse_rows, text, 12)
 
 
 @pytest.mark.parametrize(("parts", "sentence"), [
     ([(1, 4), (6, 12)], "rows 5 are in none"), ([(2, 12)], "rows 1 are in none"), ([(1, 9)], "rows 10-12 are in none"),
     ([(1, 6), (5, 12)], "rows 5-6 are in more than one"), ([(1, 12), (3, 4)], "rows 3-4 are in more than one")])
 def test_parts_that_are_not_the_whole_are_refused(parts, sentence):
-    with pytest.raises(LfsrError, match=sentence):
-        check_cover(parts, 12)
+    refuses(sentence, check_cover, parts, 12)
 
 
 def test_pixel_rows_of_neighbours_meet():

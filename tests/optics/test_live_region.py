@@ -1,7 +1,5 @@
 """A rendered pixel of a live window is one view of one lens, whatever the window's size."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,16 +1,14 @@
 """The ray layout by its properties: symmetry, nesting, conventions, lists of lenses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.rays import CameraArray, RayLayout, rays, view_offset
 from tests.support.rays import pixel_rays
+from tests.support.told import refuses
 
 PROFILE = load_display("mini")
 ARRAY = CameraArray.for_display(PROFILE, width=3.0)
@@ -184,8 +182,7 @@ def test_lens_list_places_the_same_rays_in_tiles():
     ({"lens_list": ((0, -1),)}, r"lens \(0, -1\) is outside"),
 ])
 def test_bad_layout_is_refused(options, told):
-    with pytest.raises(LfsrError, match=told):
-        layout(**options)
+    refuses(told, layout, **options)
 
 
 def test_the_lower_edge_of_a_pixel_belongs_to_it():

@@ -1,7 +1,5 @@
 """The command that farms' tasks start."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.support.warm_lfsr import warm_lfsr

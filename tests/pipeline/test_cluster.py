@@ -1,7 +1,5 @@
 """An animation on real worker processes: the same images, whoever dies, and a sentence where a worker sees nothing."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os
@@ -17,7 +15,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import silent
 from lfsr_core.cli import main
 from lfsr_core.frames.frame import REFERENCE_FILES, read_part
@@ -29,6 +26,7 @@ from lfsr_core.pipeline.make import KEPT, MADE, make
 from tests.support.animations import FINISH, film, film_request, images, states
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import fails
+from tests.support.told import refuses
 
 distributed = pytest.importorskip("distributed") if not os.environ.get("CI") else __import__("distributed")
 FRAMES = range(1, 4)
@@ -143,8 +141,7 @@ def test_the_end_of_all_workers_or_of_the_scheduler_is_told(processes, alone, tm
     thread.start()
     started = time.monotonic()
     blender = slow(tmp_path / "blender")
-    with pytest.raises(LfsrError, match=sentence):
-        film_on(address, tmp_path, blender)
+    refuses(sentence, film_on, address, tmp_path, blender)
     assert time.monotonic() - started < 30
     assert "Traceback" not in capfd.readouterr().err
     worker.kill()
@@ -160,16 +157,14 @@ def test_a_worker_that_does_not_see_the_folder(scheduler, tmp_path):
     """What lies behind a descriptor of this process nobody else sees under that name."""
     shown = os.open(tmp_path, os.O_RDONLY)
     try:
-        with pytest.raises(LfsrError, match="does not see the folder /proc/"):
-            film_on(scheduler.scheduler_address, Path(f"/proc/self/fd/{shown}"))
+        refuses("does not see the folder /proc/", film_on, scheduler.scheduler_address, Path(f"/proc/self/fd/{shown}"))
     finally:
         os.close(shown)
     assert list((tmp_path / "film").iterdir()) == [], "no mark is left"
 
 
 def test_blenders_own_sentence_arrives(scheduler, tmp_path):
-    with pytest.raises(LfsrError, match="'/must/not/run' was not found"):
-        film_on(scheduler.scheduler_address, tmp_path, frames=(1,))
+    refuses("'/must/not/run' was not found", film_on, scheduler.scheduler_address, tmp_path, frames=(1,))
 
 
 def test_the_command(scheduler, tmp_path, alone, monkeypatch, capsys):

@@ -1,7 +1,5 @@
 """The Flamenco job type, compiled in Node by a stub that follows the documented interface, and its tasks run."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

@@ -1,7 +1,5 @@
 """Frames of an animation: each is made once, a broken one again, whatever ended the run before."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os
@@ -15,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.cli import main
 from lfsr_core.frames.finish import Finish
@@ -25,6 +22,7 @@ from lfsr_core.pipeline.make import FAILED, KEPT, MADE, make, requests_of
 from tests.support.animations import FINISH, film, film_request, images, states
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import fails
+from tests.support.told import refuses
 
 FRAMES = range(1, 4)
 
@@ -60,8 +58,7 @@ def test_an_image_is_an_animation_of_one_frame(made):
     assert (made / "one" / "eia.png").read_bytes() == images(made / "film")["0002"]
     assert states(make(request, FINISH)) == [KEPT] and states(make(request)) == [KEPT]
     assert states(make(request, FINISH, blender=blender, overwrite=True)) == [MADE]
-    with pytest.raises(LfsrError, match="scale 4"):
-        make(request.sampled(scale=4), FINISH)
+    refuses("scale 4", make, request.sampled(scale=4), FINISH)
     assert states(make(request.sampled(scale=4), FINISH, blender=blender, lenient=True)) == [MADE]
 
 
@@ -154,8 +151,7 @@ def test_overwrite_makes_all_again(made):
 
 
 def test_frames_of_another_render_are_refused_or_replaced(made):
-    with pytest.raises(LfsrError, match="seed 5.*overwrite"):
-        film(made, FRAMES, changes={"seed": 9})
+    refuses("seed 5.*overwrite", film, made, FRAMES, changes={"seed": 9})
     assert states(film(made, FRAMES, changes={"seed": 9}, blender=played_blender(made / "blender"),
                        lenient=True)) == [MADE] * 3
 
@@ -163,15 +159,13 @@ def test_frames_of_another_render_are_refused_or_replaced(made):
 def test_frames_of_a_scene_that_has_changed_are_refused_or_told(made):
     folder, told = FrameFolder(made / "film" / "0002"), []
     write_frame(folder.path, dataclasses.replace(folder.frame, content="of yesterday"))
-    with pytest.raises(LfsrError, match="0002.*changed"):
-        film(made, FRAMES)
+    refuses("0002.*changed", film, made, FRAMES)
     assert states(film(made, FRAMES, lenient=True, tell=told.append)) == [KEPT] * 3
     assert [message.values for message in told if isinstance(message, Notice)] == [{"count": 1, "first": 2}]
 
 
 def test_a_folder_that_is_a_frame_is_no_place_for_frames(made):
-    with pytest.raises(LfsrError, match="0001 is a frame folder itself"):
-        film(made, (1,), changes={"output": str(made / "film" / "0001")})
+    refuses("0001 is a frame folder itself", film, made, (1,), changes={"output": str(made / "film" / "0001")})
 
 
 def crashing(path: Path, frames: tuple[int, ...], times: int) -> str:

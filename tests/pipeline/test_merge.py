@@ -1,7 +1,5 @@
 """Parts of several machines: together the whole render, and never one of parts that do not belong together."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from pathlib import Path
@@ -9,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.cli import main
 from lfsr_core.frames.frame import REFERENCE_FILES, read_frame, read_part, write_frame
 from lfsr_core.images.exr import read_layers, write_layers
@@ -19,6 +16,7 @@ from lfsr_core.pipeline.merge import merge
 from tests.support.noisy_renders import JOB, render
 from tests.support.requests import changed
 from tests.support.synthetic import MINI, fails
+from tests.support.told import refuses
 
 
 def made(folder: Path, **changes) -> Path:
@@ -98,8 +96,7 @@ def test_parts_that_do_not_belong_together(tmp_path, capsys, damage, sentence):
 def test_a_part_that_was_cut_short(tmp_path):
     folders = parts(tmp_path, 2)
     cut_image(folders[1])
-    with pytest.raises(LfsrError, match="part1/lr_eia.exr cannot be read"):
-        merge(folders, tmp_path / "merged")
+    refuses("part1/lr_eia.exr cannot be read", merge, folders, tmp_path / "merged")
     assert not list(tmp_path.glob("*merged*"))
 
 
@@ -111,8 +108,7 @@ def test_parts_of_other_devices_are_one_frame(tmp_path):
 
 def test_a_part_is_no_frame(tmp_path, capsys):
     part, _ = parts(tmp_path, 2)
-    with pytest.raises(LfsrError, match="holds rows 7-12 of 12 alone: join it"):
-        read_frame(part)
+    refuses("holds rows 7-12 of 12 alone: join it", read_frame, part)
     for verb in ("upscale", "view", "views"):
         assert "lfsr merge" in fails([verb, str(part)], capsys)
 

@@ -1,7 +1,5 @@
 """The OpenJD template, checked and run by the tool of its standard, with a Blender that is played."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Parts of long renders: of about a minute, whatever a row costs; used when they are whole and of the same inputs."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Blender as a child process, played by small scripts that behave well, badly, or not at all."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os
@@ -27,6 +25,7 @@ from lfsr_core.process import blender as blender_places
 from lfsr_core.process.blender import Blender, find_blender
 from lfsr_core.process.protocol import parse_progress
 from tests.support.requests import changed, make_request
+from tests.support.told import refuses
 
 READ_JOB = "import json, os, sys, time\nfrom pathlib import Path\njob = json.loads(Path(sys.argv[-1]).read_text())\n"
 GOOD = """
@@ -97,8 +96,7 @@ def test_executable_asked_for_wins_over_the_wheel(monkeypatch, blender):
     ("GNU bash 5.2", "does not say that it is Blender"),
 ])
 def test_unsuitable_executable_is_refused(blender, version, message):
-    with pytest.raises(LfsrError, match=message):
-        find_blender(blender(GOOD, version))
+    refuses(message, find_blender, blender(GOOD, version))
 
 
 @pytest.mark.parametrize("version", ["Blender 4.5.0", "Blender 5.0.1", "Blender 10.1.0 Alpha"])
@@ -123,10 +121,8 @@ def test_missing_blender_says_how_to_get_one(monkeypatch, tmp_path):
     without_wheel(monkeypatch)
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(blender_places, "PLACES", {})
-    with pytest.raises(LfsrError, match="neither the bpy package nor an installed Blender"):
-        find_blender()
-    with pytest.raises(LfsrError, match="'/no/blender' was not found"):
-        find_blender("/no/blender")
+    refuses("neither the bpy package nor an installed Blender", find_blender)
+    refuses("'/no/blender' was not found", find_blender, "/no/blender")
 
 
 @pytest.mark.parametrize(("line", "record"), [
@@ -182,8 +178,7 @@ sys.exit(2)
 
 
 def test_bad_input_is_told_in_blenders_sentence_and_leaves_nothing(blender, job):
-    with pytest.raises(LfsrError, match=r"^scene x.blend has no visible subject: show one$"):
-        render_all([job], Blender(blender(BAD_INPUT)))
+    refuses(r"^scene x.blend has no visible subject: show one$", render_all, [job], Blender(blender(BAD_INPUT)))
     assert leftovers(job) == []
 
 
@@ -206,8 +201,7 @@ def test_an_importers_error_reaches_the_user_as_one_sentence(job, tmp_path):
     scene = tmp_path / "scene.gltf"
     scene.write_text('{"asset": {"version": "2.0"}, "meshes": [{"primitives": [{"attributes": {"POSITION": 99}}]}], '
                      '"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}], "scene": 0}')
-    with pytest.raises(LfsrError, match=r"scene\.gltf cannot be read \(TypeError"):
-        render_all([changed(job, scene=str(scene))], Blender())
+    refuses(r"scene\.gltf cannot be read \(TypeError", render_all, [changed(job, scene=str(scene))], Blender())
     assert leftovers(job) == []
 
 
@@ -215,8 +209,7 @@ def test_log_of_a_crash_is_not_written_through_a_link(blender, job, tmp_path):
     (tmp_path / "precious").write_text("mine")
     Path(job.output).mkdir(parents=True)
     Path(job.output, LOG_FILE).symlink_to(tmp_path / "precious")
-    with pytest.raises(LfsrError, match="exit code 3"):
-        render_all([job], find_blender(blender("sys.exit(3)")))
+    refuses("exit code 3", render_all, [job], find_blender(blender("sys.exit(3)")))
     assert (tmp_path / "precious").read_text() == "mine"
     assert not Path(job.output, LOG_FILE).is_symlink()
 
@@ -249,8 +242,7 @@ def test_log_that_fills_the_disk_is_one_sentence_and_leaves_nothing(blender, job
 
 def test_crash_keeps_the_older_render(blender, job):
     render_all([job], Blender(blender(GOOD)))
-    with pytest.raises(LfsrError, match="exit code 1"):
-        render_all([job], Blender(blender("sys.exit(1)")))
+    refuses("exit code 1", render_all, [job], Blender(blender("sys.exit(1)")))
     assert (Path(job.output) / LOW_RES_FILE).read_text() == "new"
 
 

@@ -1,12 +1,9 @@
 """Temporal averaging: a frame is finished when its neighbours are rendered, and again when more are there."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.finish import Finish, read_report
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.pipeline.finishing import finish_frame
@@ -14,6 +11,7 @@ from lfsr_core.pipeline.make import KEPT, MADE, requests_of
 from tests.support.animations import FINISH, film, film_request, images, states
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import fails
+from tests.support.told import refuses
 
 AVERAGED = Finish("bicubic", temporal_averaging=1)
 
@@ -61,8 +59,7 @@ def test_a_frame_is_finished_again_when_more_lie_beside_it(made):
 
 
 def test_frames_of_other_seeds_are_refused(made):
-    with pytest.raises(LfsrError, match="seed 6.*seed 5"):
-        film(made, (2,))
+    refuses("seed 6.*seed 5", film, made, (2,))
 
 
 @pytest.mark.parametrize("words, sentence", [

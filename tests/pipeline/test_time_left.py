@@ -1,7 +1,5 @@
 """How much time is left: right on recorded renders, exact where work is even, and never a surprise where it is not."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

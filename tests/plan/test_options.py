@@ -1,19 +1,17 @@
 """Options of a plan and its candidates."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.display import load_display
 from lfsr_core.plan.options import FREE_PATHS, Candidate, PlanOptions, default_methods, methods_at
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PLAIN_METHOD
 from tests.support.synthetic import MINI
+from tests.support.told import refuses
 
 
 def test_a_frame_may_take_any_time_unless_it_is_limited():
@@ -23,15 +21,13 @@ def test_a_frame_may_take_any_time_unless_it_is_limited():
 @pytest.mark.parametrize("wrong", [{"target": 1.0}, {"target": 0.0}, {"metric": "psnr"}, {"budget": 0.0}, {"lenses": 3},
                                    {"reference_samples": 3}, {"samples": (0,)}, {"most_seconds": 0.0}])
 def test_impossible_options_are_refused(wrong):
-    with pytest.raises(LfsrError, match="but"):
-        PlanOptions(**wrong)
+    refuses("but", PlanOptions, **wrong)
 
 
 @pytest.mark.parametrize("wrong", [{"scales": (3,)}, {"methods": ("bilinar",)}, {"rays": (0.0,)},
                                    {"scales": (2,), "methods": ("none",)}])
 def test_impossible_candidates_are_refused(wrong):
-    with pytest.raises(LfsrError):
-        PlanOptions(**wrong).candidates(MINI)
+    refuses("", PlanOptions(**wrong).candidates, MINI)
 
 
 def test_candidates_are_all_combinations_the_display_and_methods_allow():

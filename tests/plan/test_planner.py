@@ -1,7 +1,5 @@
 """A whole plan on a synthetic light field with noise, its renders played by NumPy: estimates against whole frames."""
 
-from __future__ import annotations
-
 import dataclasses
 import shutil
 from collections.abc import Callable
@@ -28,6 +26,7 @@ from lfsr_core.reconstruct.second_stage import finished_linear
 from tests.support import noisy_renders
 from tests.support.noisy_renders import JOB, render
 from tests.support.synthetic import MINI, frame_of, light_field
+from tests.support.told import refuses
 
 OPTIONS = PlanOptions(target=0.9, scales=(2, 4), samples=(4, 16, 64), methods=("nearest", "bilinear"), lenses=40,
                   reference_samples=1024)
@@ -137,8 +136,7 @@ def test_a_damaged_render_of_the_sample_is_said_and_no_fault_of_the_methods(tmp_
     folder, options = tmp_path / "sample", dataclasses.replace(OPTIONS, scales=(4,), target=0.3)
     plan(JOB, options, render, folder)
     (folder / "s4-spp4" / LOW_RES_FILE).write_bytes(b"damaged")
-    with pytest.raises(LfsrError, match=rf"s4-spp4/{LOW_RES_FILE} cannot be read"):
-        plan(JOB, options, render, folder)
+    refuses(rf"s4-spp4/{LOW_RES_FILE} cannot be read", plan, JOB, options, render, folder)
 
 
 def test_a_small_budget_leaves_costly_candidates_out(tmp_path, monkeypatch):
@@ -205,8 +203,7 @@ def test_an_empty_scene_is_refused(tmp_path):
         render(job)
         path = Path(job.output, LOW_RES_FILE)
         write_layers(path, {"color": np.zeros((*reversed(frame_of(job.sampling.scale).rays.size), 4), np.float32)})
-    with pytest.raises(LfsrError, match="no lens shows any foreground"):
-        plan(JOB, OPTIONS, empty, tmp_path)
+    refuses("no lens shows any foreground", plan, JOB, OPTIONS, empty, tmp_path)
 
 
 def test_pooling_is_judged_and_timed_like_any_method(tmp_path):
@@ -226,8 +223,7 @@ def test_a_black_image_is_no_perfect_one(tmp_path):
             layers["color"][..., :3] *= 1e-5
             write_layers(path, layers)
 
-    with pytest.raises(LfsrError, match="almost black, so that every setting would seem perfect"):
-        plan(JOB, OPTIONS, black, tmp_path)
+    refuses("almost black, so that every setting would seem perfect", plan, JOB, OPTIONS, black, tmp_path)
 
 
 def test_a_plan_is_a_record(tmp_path):

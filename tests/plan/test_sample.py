@@ -1,7 +1,5 @@
 """Blocks and mosaics of sampled lenses, and how many are sampled."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """Scores of sampled lenses: the correction for a noisy reference."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfsr_core.metrics.split_ssim import stacked_ssim

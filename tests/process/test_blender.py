@@ -1,7 +1,5 @@
 """The command lines that start Blender."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from lfsr_core.process.blender import Blender

@@ -1,7 +1,5 @@
 """Child processes: what they write arrives, and none outlives its use."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -11,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.process.child import Child, output_of
+from tests.support.told import refuses
 
 SPEAKER = """import sys
 print("Fra:1", flush=True)
@@ -81,8 +79,7 @@ def test_how_a_child_ended_is_one_sentence():
         assert str(child.crash("the render stopped with", "try again")) == sentence
     with Child([sys.executable, "-c", REFUSAL]) as child:
         assert len(list(child.records())) == 1
-        with pytest.raises(LfsrError, match="^bad$"):
-            child.is_done()
+        refuses("^bad$", child.is_done)
 
 
 def test_the_output_of_a_command():

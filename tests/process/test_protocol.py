@@ -1,7 +1,5 @@
 """What a process says while it has nothing new to say."""
 
-from __future__ import annotations
-
 import threading
 import time
 

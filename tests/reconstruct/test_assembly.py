@@ -1,7 +1,5 @@
 """Seconds per stage, and threads of BLAS with and without the package that limits them."""
 
-from __future__ import annotations
-
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Frames of an animation are averaged where they differ by their noise alone, and nowhere else."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -19,6 +19,7 @@ from lfsr_core.reconstruct.methods import load_method, oidn
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_low_resolution, mirrored
 from lfsr_core.reconstruct.tza import write_tza
 from tests.support.prerequisites import needs_bpy
+from tests.support.told import refuses
 
 SMALLEST = (8,) * 15 + (3,)
 
@@ -55,8 +56,7 @@ def test_tensors_that_make_no_network_are_one_sentence(name, shape, message):
     changed = tensors() | ({name: np.zeros(shape)} if shape else {})
     if shape is None:
         del changed[name]
-    with pytest.raises(LfsrError, match=rf"^x.tza has tensor .*{message}"):
-        denoiser.check_network(changed, "x.tza")
+    refuses(rf"^x.tza has tensor .*{message}", denoiser.check_network, changed, "x.tza")
 
 
 def test_a_file_is_read_again_when_it_has_changed(weights):
@@ -69,8 +69,7 @@ def test_a_file_is_read_again_when_it_has_changed(weights):
 
 def test_single_floats_are_refused_before_the_library_sees_them(tmp_path):
     write_tza(tmp_path / "x.tza", tensors(), half=False)
-    with pytest.raises(LfsrError, match="x.tza holds single floats.*takes half floats"):
-        denoiser.load(tmp_path / "x.tza")
+    refuses("x.tza holds single floats.*takes half floats", denoiser.load, tmp_path / "x.tza")
 
 
 def test_weights_that_changed_since_their_training_are_refused(weights):
@@ -79,8 +78,7 @@ def test_weights_that_changed_since_their_training_are_refused(weights):
     assert denoiser.load(weights).content == content
     weights.write_bytes(content[:100] + bytes([content[100] ^ 1]) + content[101:])
     os.utime(weights, ns=(1, 1))
-    with pytest.raises(LfsrError, match=r"some.tza does not have the SHA-256 in some.json: .*get both again"):
-        denoiser.load(weights)
+    refuses(r"some.tza does not have the SHA-256 in some.json: .*get both again", denoiser.load, weights)
     weights.with_suffix(".json").unlink()
     assert len(denoiser.load(weights).content) == len(content)
 

@@ -1,7 +1,5 @@
 """The table of methods: names and their parts, what runs, and what follows from a name."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
@@ -26,6 +24,7 @@ from lfsr_core.reconstruct.methods import (
     seconds,
 )
 from lfsr_core.reconstruct.upscaler import Upscaler
+from tests.support.told import refuses
 
 
 @pytest.mark.parametrize(("text", "prefilters", "upscaler"), [
@@ -42,8 +41,7 @@ def test_a_name_has_parts(text, prefilters, upscaler):
     ("oidn+bicubik", "unknown method 'bicubik': did you mean 'bicubic'"), ("oidn+", "unknown method ''"),
     ("bicubic+oidn", "put one upscaler last"), ("oidn+pool+bicubic", "has 'pool' before its last part")])
 def test_names_that_are_refused(text, message):
-    with pytest.raises(LfsrError, match=message):
-        MethodName.parse(text)
+    refuses(message, MethodName.parse, text)
 
 
 def test_every_row_makes_what_it_says_and_every_name_that_is_offered_is_one():
@@ -84,10 +82,8 @@ def test_method_that_upscales_nothing_is_told_with_one_that_does(name, other):
 
 def test_weights_are_for_the_denoiser_that_takes_them():
     low = LowResEIA(np.ones((1, 1, 2, 2, 3), np.float32), np.ones((1, 1, 2, 2, 1), np.float32), 16, 4)
-    with pytest.raises(LfsrError, match="no.tza does not exist"):
-        load_method("denoise+bilinear", "no.tza").prepare(low)
-    with pytest.raises(LfsrError, match=r"weights no.tza were given, but method 'oidn\+bilinear' has none"):
-        load_method("oidn+bilinear", "no.tza")
+    refuses("no.tza does not exist", load_method("denoise+bilinear", "no.tza").prepare, low)
+    refuses(r"weights no.tza were given, but method 'oidn\+bilinear' has none", load_method, "oidn+bilinear", "no.tza")
 
 
 def test_another_upscaler_takes_the_place_of_that_in_the_name():

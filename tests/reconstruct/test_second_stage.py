@@ -26,6 +26,7 @@ from lfsr_core.reconstruct.upscaler import Upscaler
 from tests.support.prerequisites import needs_bpy
 from tests.support.slow_way import expected_linear
 from tests.support.synthetic import FLAT, MINI, light_field, write_render
+from tests.support.told import refuses
 
 pytestmark = needs_bpy  # for Blender's colour configuration
 
@@ -115,8 +116,7 @@ def test_a_picture_with_many_broken_pixels_is_said_and_one_of_nothing_else_refus
     (tmp_path / "eia.png").unlink()
     layers["color"][:] = np.inf
     write_layers(tmp_path / LOW_RES_FILE, layers)
-    with pytest.raises(LfsrError, match="pixels that are not finite"):
-        finish_frame(tmp_path, "nearest")
+    refuses("pixels that are not finite", finish_frame, tmp_path, "nearest")
     assert not (tmp_path / "eia.png").exists()
 
 
@@ -168,18 +168,15 @@ def test_progress_rises_to_the_end(tmp_path):
 def test_bad_method_leaves_the_folder_as_it_was(tmp_path, scale, name, message):
     write_render(tmp_path, scale)
     before = {path.name for path in tmp_path.iterdir()}
-    with pytest.raises(LfsrError, match=message):
-        finish_frame(tmp_path, name)
+    refuses(message, finish_frame, tmp_path, name)
     assert {path.name for path in tmp_path.iterdir()} == before
 
 
 def test_bad_step_and_wrong_size_are_errors(tmp_path):
     write_render(tmp_path)
-    with pytest.raises(LfsrError, match="step is 0"):
-        finish_frame(tmp_path, "bicubic", step=0)
+    refuses("step is 0", finish_frame, tmp_path, "bicubic", step=0)
     write_layers(tmp_path / LOW_RES_FILE, {"color": np.zeros((48, 60, 4), np.float32)})
-    with pytest.raises(LfsrError, match="60×48 pixels, but frame.json says 64×48"):
-        finish_frame(tmp_path, "bicubic")
+    refuses("60×48 pixels, but frame.json says 64×48", finish_frame, tmp_path, "bicubic")
 
 
 def test_lens_list_is_finished_as_tiles(tmp_path):

@@ -1,13 +1,10 @@
 """Which lenses the method makes, and what stands in the others: background, world, meshes of the background."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames import low_res
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
@@ -19,6 +16,7 @@ from lfsr_core.reconstruct import second_stage
 from tests.support.prerequisites import needs_bpy
 from tests.support.slow_way import expected_linear
 from tests.support.synthetic import MINI, light_field, write_render
+from tests.support.told import refuses
 
 pytestmark = needs_bpy  # for Blender's colour configuration
 
@@ -51,8 +49,7 @@ def test_visible_world_fills_the_background_lenses(tmp_path):
 
 def test_visible_world_without_its_layer_is_an_error(tmp_path):
     write_render(tmp_path, world_visible=True)
-    with pytest.raises(LfsrError, match="no environment layer"):
-        finish_frame(tmp_path, "bicubic")
+    refuses("no environment layer", finish_frame, tmp_path, "bicubic")
     assert not (tmp_path / "eia.png").exists()
 
 

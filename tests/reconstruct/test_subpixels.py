@@ -1,11 +1,8 @@
 """The second stage after direct subpixel rendering."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.cli import main
 from lfsr_core.frames.finish import Finish, read_report
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame, read_rendered
@@ -15,6 +12,7 @@ from lfsr_core.pipeline.finishing import finish_frame
 from tests.support.panels import SHEETS, cells, hexagonal
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import fails, write_reference, write_render, write_traced
+from tests.support.told import refuses
 
 pytestmark = needs_bpy  # for Blender's colour configuration
 
@@ -66,16 +64,14 @@ def test_noise_goes_from_what_was_traced(tmp_path):
 ])
 def test_what_needs_elemental_images_is_refused(tmp_path, method, options, message):
     folder = write_traced(tmp_path, cells())
-    with pytest.raises(LfsrError, match=message):
-        finish_frame(folder, Finish(method, **options))
+    refuses(message, finish_frame, folder, Finish(method, **options))
     assert not (folder / PANEL_FILE).exists()
 
 
 def test_a_render_of_another_size_is_refused(tmp_path):
     folder = write_traced(tmp_path, cells())
     write_layers(folder / "lr_eia.exr", {"color": np.zeros((4, 4, 4), np.float32)})
-    with pytest.raises(LfsrError, match="4×4 pixels, but frame.json says 720×160"):
-        finish_frame(folder, "none")
+    refuses("4×4 pixels, but frame.json says 720×160", finish_frame, folder, "none")
 
 
 def test_verbs_finish_it_show_it_to_an_eye_or_say_why_not(tmp_path, capsys):
@@ -91,5 +87,4 @@ def test_verbs_finish_it_show_it_to_an_eye_or_say_why_not(tmp_path, capsys):
                     ["export", "-o", str(tmp_path / "out"), "--format", "quilt"]):
         told = fails([command[0], str(folder), *command[1:]], capsys)
         assert "holds the panel image alone" in told or "no frame folder" in told
-    with pytest.raises(LfsrError, match="need a render with another layout"):
-        read_frame(folder)
+    refuses("need a render with another layout", read_frame, folder)

@@ -1,7 +1,5 @@
 """The last step of the second stage, where a display has a lens sheet."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

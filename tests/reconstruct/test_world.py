@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame
 from lfsr_core.frames.low_res import low_resolution, read_world
 from lfsr_core.images.exr import read_layers, write_layers
@@ -14,6 +13,7 @@ from lfsr_core.reconstruct.methods import load_method
 from lfsr_core.reconstruct.second_stage import finished_lenses, finished_linear
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import MINI, write_apart
+from tests.support.told import refuses
 
 pytestmark = needs_bpy  # for Blender's colour configuration
 
@@ -80,9 +80,7 @@ def test_a_world_that_is_gone_or_of_another_size_is_refused(tmp_path):
     write_apart(tmp_path)
     frame = read_frame(tmp_path)
     write_layers(tmp_path / WORLD_FILE, {"color": np.ones((9, 7, 3), np.float32)})
-    with pytest.raises(LfsrError, match="7×9 pixels, but its frame.json asks for"):
-        finished_linear(tmp_path, "bilinear")
+    refuses("7×9 pixels, but its frame.json asks for", finished_linear, tmp_path, "bilinear")
     (tmp_path / WORLD_FILE).unlink()
-    with pytest.raises(LfsrError, match=r"world\.exr"):
-        finished_linear(tmp_path, "bilinear")
+    refuses(r"world\.exr", finished_linear, tmp_path, "bilinear")
     assert read_world(tmp_path, dataclasses.replace(frame, world_apart=False)) is None

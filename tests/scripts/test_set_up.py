@@ -1,7 +1,5 @@
 """The scripts that need nothing but Python: set-up, demo and tests, as the README names them."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import subprocess

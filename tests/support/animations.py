@@ -1,7 +1,5 @@
 """Animations of a synthetic light field, made with a Blender that is played by a script."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

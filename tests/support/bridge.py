@@ -7,8 +7,6 @@ counts: POST and unknown endpoints are answered with 200 and nothing. ``instance
 entries, and playing what is playing already changes nothing. After ``delete_playlist`` it answers nothing any more.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

@@ -1,7 +1,5 @@
 """Displays as Bridge reports them: a plain monitor and units whose calibrations are known."""
 
-from __future__ import annotations
-
 from tests.calibration.test_visual_json import CELLS, NEW, OLD
 from tests.support.bridge import device
 

@@ -1,7 +1,5 @@
 """A real headless Chromium for tests of pages."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import shutil

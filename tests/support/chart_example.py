@@ -1,7 +1,5 @@
 """A chart made by formulas, for tests of what is drawn from it: nothing in it was measured."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfsr_lab.experiments.chart.analysis import (

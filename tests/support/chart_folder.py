@@ -1,7 +1,5 @@
 """Experiment folders of renders that are there already, and `lfsr chart` on them."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Numbers that documents quote, held against the records that they were read from."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import json

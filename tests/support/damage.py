@@ -1,7 +1,5 @@
 """Damage a file that a command reads, run the command, and judge the outcome; all of it decided by a seed."""
 
-from __future__ import annotations
-
 import contextlib
 import faulthandler
 import io

@@ -4,8 +4,6 @@ tests/blender/test_extension.py runs it with a Python that has Blender and nothi
 else. What it finds goes to FOLDER/found.json.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import json

@@ -1,7 +1,5 @@
 """Finished frame folders of things at known depths, without Blender."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What Blender would write for a job of a synthetic light field: its light with noise that shrinks with the samples."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path

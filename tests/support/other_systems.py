@@ -1,7 +1,5 @@
 """Run the command as Windows and macOS would, on Linux: see ``stand_in/sitecustomize.py``."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import subprocess

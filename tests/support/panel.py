@@ -1,7 +1,5 @@
 """What the tests of the panel share: the registered add-on, a small saved scene, and a picture of its settings."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

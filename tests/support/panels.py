@@ -1,7 +1,5 @@
 """Small panels with lens sheets of every kind."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

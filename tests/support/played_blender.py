@@ -1,7 +1,5 @@
 """An executable that plays Blender: it writes what Blender would for a job of a synthetic light field."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Marks of tests that need more than the package: they skip on a developer's machine and fail where CI is set."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 

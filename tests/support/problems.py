@@ -1,7 +1,5 @@
 """The scene check as an artist uses it: find a problem by its code, press its button."""
 
-from __future__ import annotations
-
 import bpy
 
 from blender_addon.check import problems

@@ -1,7 +1,5 @@
 """One ray per pixel."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfsr_core.base.arrays import Array

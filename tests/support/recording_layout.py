@@ -4,8 +4,6 @@ Every call is checked against UILayout's own RNA: function and argument names,
 icons, the properties and operators it names.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import bpy

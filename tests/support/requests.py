@@ -1,7 +1,5 @@
 """Render requests for tests, with the fields of their sampling given as options."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Small scenes for the tests that need Blender, and what they share."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Callable

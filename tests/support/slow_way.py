@@ -1,7 +1,5 @@
 """The second stage done the slow and plain way."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lfsr_core.frames import low_res

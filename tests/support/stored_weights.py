@@ -1,7 +1,5 @@
 """Weights made by hand, stored as the authors store theirs, so that the result of a network is known."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.io import savemat
 

@@ -1,7 +1,5 @@
 """Frame folders without Blender: a smooth light field, box-sampled at any scale."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path

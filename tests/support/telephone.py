@@ -5,8 +5,6 @@ the panel and each subpixel in it lights its own channel, so that colour moiré 
 linear until the camera encodes it; the sensor's distortion is another polynomial than the one that the fit solves for.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import math

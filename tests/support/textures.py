@@ -1,7 +1,5 @@
 """Images to measure errors on: texture beside an almost flat half, blurred or noisy, and scikit-image's SSIM."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -1,7 +1,12 @@
-"""What long work has told."""
+"""What long work has told, and the sentences with which bad input is refused."""
 
-from __future__ import annotations
+import re
+from collections.abc import Callable
+from typing import Any
 
+import pytest
+
+from lfsr_core.base.errors import MOST_CHARACTERS, LfsrError
 from lfsr_core.base.notices import Notice, Progress
 
 
@@ -18,3 +23,12 @@ class Told:
             self.notices.append(told)
         else:
             self.progress.append(told)
+
+
+def refuses(pattern: str, function: Callable[..., Any], *arguments: Any, **options: Any) -> str:
+    """Check that a call is refused in one short sentence in which ``pattern`` is found, and return the sentence."""
+    with pytest.raises(LfsrError) as caught:
+        function(*arguments, **options)
+    said = str(caught.value)
+    assert re.search(pattern, said) and 0 < len(said) <= MOST_CHARACTERS and "\n" not in said, said
+    return said

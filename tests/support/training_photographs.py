@@ -1,7 +1,5 @@
 """Small photographs to train on."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -3,8 +3,6 @@
 What is started is a process of its own, with its arguments, environment, folder, streams and exit code.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

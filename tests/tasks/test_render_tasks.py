@@ -1,7 +1,5 @@
 """Making as the panel asks for it: what differs from the command's."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Tasks of the add-on in a process of their own: results, errors, and how they end."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Every built-in display with a lens sheet: the right view from the right place."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import pytest

@@ -1,7 +1,5 @@
 """The cache of gather maps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The panel card's quad and sums give the rays of panel_rays.py, in single precision too."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

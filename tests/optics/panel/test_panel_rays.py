@@ -1,19 +1,17 @@
 """Rays of subpixels: those of the light field where the weave takes a value, and an eye's, backwards."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.panel.panel_rays import PanelLayout, lens_points, panel_image, panel_rays
 from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_rays
 from lfsr_core.optics.panel.trace import trace
 from lfsr_core.optics.rays import CameraArray
 from tests.support.panels import SHEETS, lenticular
 from tests.support.synthetic import MINI
+from tests.support.told import refuses
 
 LENTICULAR = lenticular(subpixels={"stripes": "bgr"})
 MIRRORED = dataclasses.replace(LENTICULAR, lenticular=dataclasses.replace(LENTICULAR.lenticular, flip=(True, True)))
@@ -81,5 +79,4 @@ def test_points_on_a_lens_are_even_around_its_middle_and_its_own(name):
 
 
 def test_a_display_without_a_sheet_has_no_rays_of_its_own():
-    with pytest.raises(LfsrError, match="'mini' has no lens sheet"):
-        PanelLayout(MINI, CameraArray.for_display(MINI, 2.0))
+    refuses("'mini' has no lens sheet", PanelLayout, MINI, CameraArray.for_display(MINI, 2.0))

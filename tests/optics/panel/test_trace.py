@@ -1,17 +1,15 @@
 """The simulated eye before a panel with a lens sheet sees the right view from the right place."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.panel.gather import gather_map
 from lfsr_core.optics.panel.subpixel_rays import Geometry
 from lfsr_core.optics.panel.weave import weave
 from tests.support.panels import SHEETS, lenticular, whole
 from tests.support.synthetic import MINI
+from tests.support.told import refuses
 
 
 def numbered(display, axis):
@@ -65,10 +63,8 @@ def test_an_eye_that_moves_on_by_the_zone_sees_the_views_again():
 
 @pytest.mark.parametrize(("eye", "told"), [((0, 0, 0), "z = 0 mm"), ((0, 0, -5), "z = -5 mm")])
 def test_an_eye_behind_the_panel_is_refused(eye, told):
-    with pytest.raises(LfsrError, match=told):
-        eye_view(np.zeros((160, 240, 3), np.uint8), lenticular(), eye)
+    refuses(told, eye_view, np.zeros((160, 240, 3), np.uint8), lenticular(), eye)
 
 
 def test_another_image_is_refused():
-    with pytest.raises(LfsrError, match="240×159 pixels.*240×160"):
-        eye_view(np.zeros((159, 240, 3), np.uint8), lenticular(), (0, 0, 300))
+    refuses("240×159 pixels.*240×160", eye_view, np.zeros((159, 240, 3), np.uint8), lenticular(), (0, 0, 300))

@@ -1,7 +1,5 @@
 """The weave: whole numbers change nothing, and light goes back the way it came."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -9,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import WEAVES
 from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.panel.gather import ONE, gather_map
@@ -17,6 +14,7 @@ from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_rays
 from lfsr_core.optics.panel.trace import trace
 from lfsr_core.optics.panel.weave import weave
 from tests.support.panels import SHEETS, hexagonal, lenticular, profile, square, whole
+from tests.support.told import refuses
 
 
 def noise(display, seed=0):
@@ -130,8 +128,7 @@ def test_bgr_stripes_are_rgb_stripes_of_a_mirrored_pixel():
 @pytest.mark.parametrize("change", [lambda eia: eia[1:], lambda eia: eia.astype(float), lambda eia: eia[..., :1]])
 def test_another_eia_is_refused(change):
     display = hexagonal()
-    with pytest.raises(LfsrError, match="EIA has shape"):
-        weave(change(noise(display)), gather_map(display, "nearest"))
+    refuses("EIA has shape", weave, change(noise(display)), gather_map(display, "nearest"))
 
 
 def test_square_lenses_with_a_gap_of_their_own_keep_it():

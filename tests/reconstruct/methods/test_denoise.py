@@ -5,7 +5,6 @@ import sys
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.denoiser import WEIGHTS, load
 from lfsr_core.reconstruct.methods import denoise, oidn
@@ -17,6 +16,7 @@ from lfsr_core.reconstruct.methods.denoise import (
     span,
 )
 from tests.support.prerequisites import needs_bpy
+from tests.support.told import refuses
 
 RANDOM = np.random.default_rng(0)
 
@@ -141,8 +141,7 @@ def test_library_of_blender_gives_the_same_image(monkeypatch):
 def test_missing_library_is_one_clear_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     monkeypatch.setattr(oidn, "find_libraries", lambda: iter(()))
-    with pytest.raises(LfsrError, match="install the package pyoidn"):
-        denoise_eia(np.zeros((4, 4, 3), np.float32))
+    refuses("install the package pyoidn", denoise_eia, np.zeros((4, 4, 3), np.float32))
 
 
 def test_denoising_does_not_load_pytorch():

@@ -1,18 +1,16 @@
 """Classical upscalers against OpenCV and PyTorch: each elemental image on its own, in the order asked for."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest
 import torch
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.metrics.split_ssim import blur
 from lfsr_core.optics import eia
 from lfsr_core.reconstruct.methods import load_method
 from lfsr_core.reconstruct.methods.interpolation import decode, encode, kernel_matrix
+from tests.support.told import refuses
 
 FLAGS = {"nearest": cv2.INTER_NEAREST, "linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC,
          "lanczos": cv2.INTER_LANCZOS4}
@@ -143,8 +141,7 @@ def test_highlight_leaves_no_dark_ring_in_its_neighbourhood():
 
 
 def test_none_refuses_to_upscale_and_passes_full_resolution():
-    with pytest.raises(LfsrError, match="rendered at scale 4"):
-        upscaled("none", low_eia())
+    refuses("rendered at scale 4", upscaled, "none", low_eia())
     low = low_eia(scale=1)
     np.testing.assert_array_equal(upscaled("none", low).reshape(low.color.shape), low.color)
 

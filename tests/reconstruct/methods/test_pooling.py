@@ -1,7 +1,5 @@
 """Pooling along depth: what it makes of surfaces whose light field is known."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

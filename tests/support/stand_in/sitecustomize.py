@@ -4,8 +4,6 @@ Every Python that has this folder in PYTHONPATH runs it as it starts. What the o
 refuses is refused: Windows neither replaces nor removes a file that any process has open or mapped.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import fcntl
