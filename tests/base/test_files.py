@@ -173,10 +173,8 @@ def test_json_refuses_nan_and_leaves_no_file(tmp_path):
 
 
 @pytest.mark.parametrize(("content", "told"), [
-    (None, "does not exist, expected the report"),
-    (b'{"a": 1', "cannot be read as the report"),
-    (b"\xff\xff", "cannot be read as the report"),
-])
+    (None, "does not exist, expected the report"), (b'{"a": 1', "cannot be read as the report"),
+    (b"\xff\xff", "cannot be read as the report")])
 def test_unreadable_json_says_what_was_expected(tmp_path, content, told):
     if content is not None:
         (tmp_path / "data.json").write_bytes(content)

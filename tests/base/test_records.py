@@ -63,16 +63,13 @@ def test_a_file_holds_a_record(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(("change", "parts"), [
-    ({"count": 1.0}, ("count is 1.0", "a whole number")),
-    ({"count": True}, ("count is True", "a whole number")),
-    ({"share": True}, ("share is True", "a finite number")),
-    ({"share": "0.5"}, ("share is '0.5'", "a finite number")),
+    ({"count": 1.0}, ("count is 1.0", "a whole number")), ({"count": True}, ("count is True", "a whole number")),
+    ({"share": True}, ("share is True", "a finite number")), ({"share": "0.5"}, ("share is '0.5'", "a finite number")),
     ({"share": math.nan}, ("share is nan", "a finite number")),
     ({"share": 10**400}, ("share is 1000", "a finite number")),
     ({"share": 2**64}, ("share is 18446744073709551616", "a number below 2⁶³, or with a point")),
     ({"points": [{"place": [1, -2**64]}]}, ("points[0].place[1] is -18446744073709551616", "below 2⁶³, or with")),
-    ({"flag": 1}, ("flag is 1", "true or false")),
-    ({"name": None}, ("name is None", "text")),
+    ({"flag": 1}, ("flag is 1", "true or false")), ({"name": None}, ("name is None", "text")),
     ({"points": "ab"}, ("points is 'ab'", "a list")),
     ({"points": [*GOOD["points"], {"place": [1, 2, 3]}]}, ("points[2].place is [1, 2, 3]", "a list of 2 entries")),
     ({"points": [{"place": [1, "x"]}]}, ("points[0].place[1] is 'x'", "a finite number")),
@@ -83,14 +80,11 @@ def test_a_file_holds_a_record(tmp_path) -> None:
     ({"seconds": {"load": None}}, ("seconds.load is None", "a finite number")),
     ({"seconds": [1]}, ("seconds is [1]", "an object")),
     ({"pairs": [[1, 2.5]]}, ("pairs[0][1] is 2.5", "a whole number")),
-    ({"count": -1}, ("count is -1, but it must be 0 or more",)),
-    ({"name": 7, "share": 1}, ("name is 7", "text")),
-    ({"points": [0] * 10000}, ("points[0] is 0", "an object")),
-    ({"count": 10**400}, ("count is 1000", "below 2⁶³")),
+    ({"count": -1}, ("count is -1, but it must be 0 or more",)), ({"name": 7, "share": 1}, ("name is 7", "text")),
+    ({"points": [0] * 10000}, ("points[0] is 0", "an object")), ({"count": 10**400}, ("count is 1000", "below 2⁶³")),
     ({"name": "\ud800"}, ("name is '\\ud800'", "UTF-8")),
     ({"name": "long " * 1000}, ("name is 'long", "at most 4096 characters")),
-    ({"flag": "long " * 1000}, ("flag is 'long", "true or false")),
-])
+    ({"flag": "long " * 1000}, ("flag is 'long", "true or false"))])
 def test_what_is_wrong_is_one_sentence_with_its_place(change: dict[str, Any], parts: tuple[str, ...]) -> None:
     with pytest.raises(LfsrError) as caught:
         from_data(Sheet, GOOD | change, "/a/folder/" * 30 + "sheet.json")

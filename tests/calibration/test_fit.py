@@ -125,13 +125,10 @@ def covered(image):
     (lambda image: np.pad(image[::12, ::12], ((300, 300), (400, 400), (0, 0))), "lit panel|shortest side"),
     (lambda image: image[::8, ::8], "needs at least 200"),
     (lambda image: image * 0 + np.pad(np.full((400, 600, 1), 0.6), ((120, 120), (150, 150), (0, 0))), "no colours"),
-    (lambda image: np.clip(image * 1.8, 0, 1), "overexposed"),
-    (lambda image: image * 0.1, "too dark"),
+    (lambda image: np.clip(image * 1.8, 0, 1), "overexposed"), (lambda image: image * 0.1, "too dark"),
     (lambda image: image.mean(-1, keepdims=True).repeat(3, -1), "no colours"),
-    (lambda image: image[:, :560], "dots are not"),
-    (covered, "upper right of the panel shows no fringes|dots are not"),
-    (lambda image: np.stack([image[..., 1], image[..., 0], image[..., 2]], -1), "dots are not"),
-])
+    (lambda image: image[:, :560], "dots are not"), (covered, "upper right of the panel shows no fringes|dots are not"),
+    (lambda image: np.stack([image[..., 1], image[..., 0], image[..., 2]], -1), "dots are not")])
 def test_what_cannot_be_measured_is_refused(image, told):
     refuses(told, fit_profile, CYLINDERS, [changed(image=image(taken().image))])
 

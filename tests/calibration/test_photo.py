@@ -41,8 +41,7 @@ def test_large_pictures_are_averaged(tmp_path):
 
 @pytest.mark.parametrize(("picture", "told"), [
     (Image.new("L", (300, 300)), "has no colours"), (Image.new("1", (300, 300)), "has no colours"),
-    (Image.new("RGB", (11000, 11000)), "may have 120 million"),
-])
+    (Image.new("RGB", (11000, 11000)), "may have 120 million")])
 def test_what_is_no_photograph_in_colour_is_refused(tmp_path, picture, told):
     picture.save(tmp_path / "photo.png")
     refuses(told, read_photograph, tmp_path / "photo.png")

@@ -29,8 +29,7 @@ def test_view_of_nothing(tmp_path, capsys):
     (["quilt"], ["two_depths_qs2x4a1.333.png"]),
     (["quilt", "--views", "6", "--grid", "6x1"], ["two_depths_qs6x1a1.333.png"]),
     (["views", "--views", "2"], ["view_000_000.png", "view_000_001.png", "view_001_000.png", "view_001_001.png"]),
-    (["stereo", "--eyes-mm", "30", "--width", "64"], ["two_depths_stereo_30mm.png"]),
-])
+    (["stereo", "--eyes-mm", "30", "--width", "64"], ["two_depths_stereo_30mm.png"])])
 def test_export(folder, capsys, options, names):
     assert main(["export", str(folder), "--format", *options]) == 0
     target = folder / "export" / options[0]

@@ -13,10 +13,9 @@ LFSR = [sys.executable, "-m", "lfsr_core.cli"]
 
 
 @pytest.mark.parametrize(("name", "message"), [
-    ("link", "is a link to .*nowhere, which does not exist"), ("link/frame", "link is a link to .*nowhere"),
-    ("x" * 256, "too long"), ("ä" * 128, "too long"),
-    (os.fsdecode(b"r\xff"), "not UTF-8"), ("/".join(["y" * 99] * 41), "too long"),
-])
+    ("link", "is a link to .*nowhere, which does not exist"), ("link/frame", "link is a link to"),
+    ("x" * 256, "too long"), ("ä" * 128, "too long"), (os.fsdecode(b"r\xff"), "not UTF-8"),
+    ("/".join(["y" * 99] * 41), "too long")])
 @pytest.mark.parametrize("verb", ["render", "reference", "plan"])
 def test_output_that_cannot_be(tmp_path, capsys, verb, name, message):
     scene = tmp_path / "scene.glb"

@@ -94,9 +94,8 @@ def test_plan_that_finds_nothing_says_why_and_names_no_command(scene, blender, c
 
 @pytest.mark.parametrize(("options", "message"), [
     (["--target", "1.5"], "target is 1.5"), (["--metric", "psnr"], "metric is 'psnr'"),
-    (["--rays", "1"], "--rays and --spps were both given"),
-    (["--methods", "bilinaer"], "did you mean 'bilinear'"), (["--scales", "3"], "scale is 3"),
-    (["--budget", "0"], "budget is 0"), (["--lenses", "2"], "number of lenses is 2"),
+    (["--rays", "1"], "--rays and --spps were both given"), (["--methods", "bilinaer"], "did you mean 'bilinear'"),
+    (["--scales", "3"], "scale is 3"), (["--budget", "0"], "budget is 0"), (["--lenses", "2"], "number of lenses is 2"),
     (["--blender", "/no/blender"], "'/no/blender' was not found")])
 def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, capsys, options, message):
     work = tmp_path / "work"

@@ -228,15 +228,12 @@ def huge_numbers(source):
     (another_size, r"input_Cam005.png has 20×12 pixels, but input_Cam000.png has 16×12"),
     (wrong_names, r"no views with known names, such as input_Cam000.png"),
     (damaged, r"input_Cam002.png is damaged: replace it|is no readable image"),
-    (jpeg_cut_short, r"input_Cam002.jpg is damaged: replace it"),
-    (a_pipe, r"input_Cam000.png is no readable image"),
+    (jpeg_cut_short, r"input_Cam002.jpg is damaged: replace it"), (a_pipe, r"input_Cam000.png is no readable image"),
     (no_image, r"input_Cam000.png is no readable image"),
     (no_parameters, r"cannot be read as the parameters of an HCI light field"),
     (one_column, r"has 1×9 cameras, but a display needs at least two beside each other"),
     (one_view, r"has 1×1 cameras, but a display needs at least two beside each other"),
-    (same_camera, r"input_Cam004.png and input_Cam4.png belong to the same camera: remove one"),
-    (huge_numbers, r"more than 65536: check the names"),
-])
+    (same_camera, "input_Cam004.png and input_Cam4.png belong to the same camera"), (huge_numbers, "more than 65536")])
 def test_refused_in_one_sentence(images, tmp_path, spoil, message):
     spoil(images)
     with pytest.raises(LfsrError, match=message) as caught:
@@ -248,8 +245,7 @@ def test_refused_in_one_sentence(images, tmp_path, spoil, message):
 @pytest.mark.parametrize(("options", "message"), [
     ({"scale": 0}, "scale is 0"), ({"scale": 99}, "scale is 99"),
     ({"geometry": ImportGeometry(angle_deg=200.0)}, "between 1 and 120"),
-    ({"geometry": ImportGeometry(width_mm=-1.0)}, "lengths above 0"),
-])
+    ({"geometry": ImportGeometry(width_mm=-1.0)}, "lengths above 0")])
 def test_geometry_that_cannot_be(images, tmp_path, options, message):
     refuses(message, import_views, images, tmp_path / "frame", **options)
     assert not (tmp_path / "frame").exists()

@@ -58,10 +58,8 @@ def damage(folder, change) -> None:
 
 @pytest.mark.parametrize(("change", "message"), [
     (lambda data: data.update(format=99), "is not of format 1"),
-    (lambda data: data.pop("format"), "is not of format 1"),
-    (lambda data: data.pop("scale"), "incomplete.*scale"),
-    (lambda data: data.pop("array"), "incomplete.*array"),
-    (lambda data: data.update(surplus=1), "surplus"),
+    (lambda data: data.pop("format"), "is not of format 1"), (lambda data: data.pop("scale"), "incomplete.*scale"),
+    (lambda data: data.pop("array"), "incomplete.*array"), (lambda data: data.update(surplus=1), "surplus"),
     (lambda data: data.update(matrix_world=[[1.0] * 4] * 3), "four rows of four"),
     (lambda data: data.update(matrix_world=[[0.0] * 4] * 4), "matrix_world is .*expected a rotation and a place"),
     (lambda data: data["matrix_world"].__setitem__(0, [2.0, 0.0, 0.0, 0.0]), "expected a rotation and a place"),
@@ -74,11 +72,9 @@ def damage(folder, change) -> None:
     (lambda data: data["array"].update(distance=0.0), "array.distance is 0.0"),
     (lambda data: data["color"].update(exposure=1e9), "exposure is 1000000000.0"),
     (lambda data: data.update(lens_list=[[0, 0]] * 100_000), "lens_list names 100000 lenses"),
-    (lambda data: data.update(lens_list=[[0, 99]]), "outside the"),
-    (lambda data: data.update(scale=3), "scale is 3"),
+    (lambda data: data.update(lens_list=[[0, 99]]), "outside the"), (lambda data: data.update(scale=3), "scale is 3"),
     (lambda data: data.update(seconds={"render": 10**400}), "seconds.render is 1000"),
-    (lambda data: data["display"].update(lenses=[3, 3]), "frame.json: panel_pixels"),
-])
+    (lambda data: data["display"].update(lenses=[3, 3]), "frame.json: panel_pixels")])
 def test_damaged_frame_is_refused(tmp_path, change, message):
     damage(tmp_path, change)
     refuses(message, read_frame, tmp_path)

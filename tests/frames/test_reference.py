@@ -76,8 +76,7 @@ SHIFTED = tuple(tuple(value + 0.3 * (column == 3) for column, value in enumerate
     ({"world_visible": True}, "with visible world, but the frame with no visible world"),
     ({"array": dataclasses.replace(REFERENCE.array, distance=9.0)}, "cameras"),
     ({"array": dataclasses.replace(REFERENCE.array, spacing=REFERENCE.array.spacing * 1.01)}, "cameras"),
-    ({"matrix_world": SHIFTED}, "cameras"),
-])
+    ({"matrix_world": SHIFTED}, "cameras")])
 def test_mismatched_reference_is_refused(changes, message):
     refuses(message, check_reference, frame_of(4), dataclasses.replace(REFERENCE, **changes))
 

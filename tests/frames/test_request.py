@@ -40,29 +40,21 @@ def test_json_round_trip_keeps_every_field(tmp_path):
 
 
 @pytest.mark.parametrize(("options", "message"), [
-    ({"scale": 3}, "scale is 3"),
-    ({"scale": 2.0}, "scale is 2.0, but it must be a whole number"),
-    ({"samples": 2**24 + 1}, "samples per pixel is 16777217.*at most 16777216"),
-    ({"seed": 2**31}, "seed is 2147483648.*between 0 and 2147483647"),
-    ({"seed": -(10**400)}, "seed is -1000"),
-    ({"frame": 10**9}, "frame is 1000000000.*1048574"),
-    ({"frames": (1, 10**9)}, "frame is 1000000000.*1048574"),
-    ({"rays": -2.0}, "rays per finished pixel are -2, but they must be above 0"),
-    ({"clamp_indirect": -1.0}, "clamp indirect is -1.0"),
-    ({"samples": 0}, "samples per pixel is 0, but a render.*at least 1"),
+    ({"scale": 3}, "scale is 3"), ({"scale": 2.0}, "scale is 2.0"),
+    ({"samples": 2**24 + 1}, "samples per pixel is 16777217"), ({"seed": 2**31}, "seed is 2147483648"),
+    ({"seed": -(10**400)}, "seed is -1000"), ({"frame": 10**9}, "frame is 1000000000"),
+    ({"frames": (1, 10**9)}, "frame is 1000000000"), ({"rays": -2.0}, "rays per finished pixel are -2"),
+    ({"clamp_indirect": -1.0}, "clamp indirect is -1.0"), ({"samples": 0}, "samples per pixel is 0"),
     ({"samples": 1.5}, "samples per pixel is 1.5"),
-    ({"samples": 1, "kind": "reference", "scale": 1}, "samples per pixel is 1, but a reference.*at least 2"),
-    ({"layout": "viewbyview"}, "layout is 'viewbyview': did you mean 'view-by-view'"),
+    ({"samples": 1, "kind": "reference", "scale": 1}, "samples per pixel is 1"),
+    ({"layout": "viewbyview"}, "'view-by-view'"),
     ({"convention": "old"}, "convention is 'old': It must be one of centred, paper"),
-    ({"kind": "film"}, "kind is 'film'"),
-    ({"layers": ("albedo", "norma")}, "layer is 'norma': did you mean 'normal'"),
-    ({"light": "nihgt"}, "light is 'nihgt': did you mean 'night'.*or a .hdr or .exr file"),
+    ({"kind": "film"}, "kind is 'film'"), ({"layers": ("albedo", "norma")}, "'normal'"),
+    ({"light": "nihgt"}, "'night'"),
     ({"layers": ("denoised",)}, "layer is 'denoised': It must be one of albedo, normal, position, index"),
-    ({"view_aperture": -0.1}, "view aperture is -0.1"),
-    ({"rows": (0, 3)}, "rows are 0-3, but the display has rows of lenses 1-12"),
+    ({"view_aperture": -0.1}, "view aperture is -0.1"), ({"rows": (0, 3)}, "rows are 0-3"),
     ({"rows": (2, 2), "layout": "view-by-view"}, "rows 2 were asked for, but the layout view-by-view is not"),
-    ({"rows": (1, 5), "lens_list": ((1, 2),)}, "but a list of lenses is not"),
-])
+    ({"rows": (1, 5), "lens_list": ((1, 2),)}, "but a list of lenses is not")])
 def test_bad_value_is_named(options, message):
     refuses(message, make_request, "out", MINI, **options)
 
@@ -70,8 +62,7 @@ def test_bad_value_is_named(options, message):
 @pytest.mark.parametrize(("change", "message"), [
     ({"sed": 3}, "unknown field 'sed'; did you mean 'seed'"),
     ({"zzzz": 3}, "request: unknown field 'zzzz'; the fields are"),
-    ({"display": None}, "request: field 'display' is missing"),
-])
+    ({"display": None}, "request: field 'display' is missing")])
 def test_bad_job_file_is_named(tmp_path, change, message):
     data = {key: value for key, value in (to_data(JOB) | change).items() if value is not None}
     (tmp_path / "job.json").write_text(json.dumps(data))

@@ -74,10 +74,9 @@ def test_look_without_its_views_name_is_found():
 
 @needs_bpy
 @pytest.mark.parametrize(("settings", "message"), [
-    (ColorSettings(view_transform="Filmik"), "view transform 'Filmik' is not .*: did you mean 'Filmic'"),
+    (ColorSettings(view_transform="Filmik"), "view transform 'Filmik' is not"),
     (ColorSettings(display_device="TV"), "display device 'TV' is not"),
-    (ColorSettings(look="Punchi"), "look 'Punchi' is not"),
-])
+    (ColorSettings(look="Punchi"), "look 'Punchi' is not")])
 def test_unknown_names_are_one_clear_sentence(settings, message):
     refuses(message, ViewTransform, settings)
 

@@ -175,12 +175,10 @@ def test_lens_list_places_the_same_rays_in_tiles():
 
 
 @pytest.mark.parametrize(("options", "told"), [
-    ({"convention": "centered"}, "convention is 'centered'.*centred, paper"),
-    ({"view_aperture": 1.5}, "view aperture is 1.5"),
-    ({"lens_list": ()}, "list of lenses is empty"),
+    ({"convention": "centered"}, "convention is 'centered'"),
+    ({"view_aperture": 1.5}, "view aperture is 1.5"), ({"lens_list": ()}, "list of lenses is empty"),
     ({"lens_list": ((12, 0),)}, r"lens \(12, 0\) is outside the 12 rows and 16 columns"),
-    ({"lens_list": ((0, -1),)}, r"lens \(0, -1\) is outside"),
-])
+    ({"lens_list": ((0, -1),)}, r"lens \(0, -1\) is outside")])
 def test_bad_layout_is_refused(options, told):
     refuses(told, layout, **options)
 

@@ -101,10 +101,9 @@ def test_a_broken_frame_is_made_again(made, damage):
     assert images(made / "film") == before and len(before) == 3
 
 
-@pytest.mark.parametrize("damage", [lambda folder: (folder / "eia.png").unlink(),
-                                    lambda folder: cut(folder / "eia.png"),
-                                    lambda folder: pipe(folder / "eia.png"),
-                                    lambda folder: (folder / "report.json").write_text("{}")])
+@pytest.mark.parametrize("damage", [
+    lambda folder: (folder / "eia.png").unlink(), lambda folder: cut(folder / "eia.png"),
+    lambda folder: pipe(folder / "eia.png"), lambda folder: (folder / "report.json").write_text("{}")])
 def test_a_frame_that_lacks_its_picture_is_not_rendered_again(made, damage):
     before = images(made / "film")
     damage(made / "film" / "0002")

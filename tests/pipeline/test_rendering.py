@@ -91,10 +91,8 @@ def test_executable_asked_for_wins_over_the_wheel(monkeypatch, blender):
 
 
 @pytest.mark.parametrize(("version", "message"), [
-    ("Blender 4.4.3", r"is Blender 4\.4, but 4\.5 or newer is needed"),
-    ("Blender 3.6.0", r"is Blender 3\.6"),
-    ("GNU bash 5.2", "does not say that it is Blender"),
-])
+    ("Blender 4.4.3", r"is Blender 4\.4, but 4\.5 or newer is needed"), ("Blender 3.6.0", r"is Blender 3\.6"),
+    ("GNU bash 5.2", "does not say that it is Blender")])
 def test_unsuitable_executable_is_refused(blender, version, message):
     refuses(message, find_blender, blender(GOOD, version))
 
@@ -126,12 +124,11 @@ def test_missing_blender_says_how_to_get_one(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize(("line", "record"), [
-    ('LFSR {"stage": "render", "fraction": 0.25}', {"stage": "render", "fraction": 0.25}),
-    ("LFSR {half", None), ("LFSR [1]", None), ('LFSR {"fraction": 1}', None),
+    ('LFSR {"stage": "render", "fraction": 0.25}', {"stage": "render", "fraction": 0.25}), ("LFSR {half", None),
+    ("LFSR [1]", None), ('LFSR {"fraction": 1}', None),
     ('Error: ... truncatedLFSR {"stage": "error"}\n', {"stage": "error"}),
-    ('LFSR {"stage": "render"} x', {"stage": "render"}),
-    ("x LFSR " + '{"stage": ' * 9999, None), ("Fra:1 Mem:20M", None), ("", None),
-])
+    ('LFSR {"stage": "render"} x', {"stage": "render"}), ("x LFSR " + '{"stage": ' * 9999, None),
+    ("Fra:1 Mem:20M", None), ("", None)])
 def test_progress_lines(line, record):
     assert parse_progress(line) == record
 

@@ -63,11 +63,9 @@ def test_frames_of_other_seeds_are_refused(made):
 
 
 @pytest.mark.parametrize("words, sentence", [
-    (["--temporal-averaging", "1"], "without --frames"),
-    (["--frames", "1-3", "--temporal-averaging", "9"], "0 to 8"),
+    (["--temporal-averaging", "1"], "without --frames"), (["--frames", "1-3", "--temporal-averaging", "9"], "0 to 8"),
     (["--frame", "2", "--temporal-averaging", "9"], "0 to 8"),
-    (["--frames", "1-3", "--temporal-averaging", "1", "--cluster", "tcp://x"], "cluster"),
-])
+    (["--frames", "1-3", "--temporal-averaging", "1", "--cluster", "tcp://x"], "cluster")])
 def test_what_does_not_go_together_is_refused(tmp_path, capsys, words, sentence):
     (tmp_path / "scene.glb").write_text("a scene")
     arguments = ["render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "film"), "--display", "mini", *words]

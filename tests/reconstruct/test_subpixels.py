@@ -58,10 +58,8 @@ def test_noise_goes_from_what_was_traced(tmp_path):
 
 @pytest.mark.parametrize(("method", "options", "message"), [
     ("oidn+bicubic", {}, "'oidn.bicubic' needs elemental images.*choose one of oidn, none"),
-    ("none", {"linear_exr": True}, "--linear-exr is for elemental images"),
-    ("none", {"dilate": 1}, "--dilate is for"),
-    ("none", {"temporal_averaging": 2}, "--temporal-averaging is for"),
-])
+    ("none", {"linear_exr": True}, "--linear-exr is for elemental images"), ("none", {"dilate": 1}, "--dilate is for"),
+    ("none", {"temporal_averaging": 2}, "--temporal-averaging is for")])
 def test_what_needs_elemental_images_is_refused(tmp_path, method, options, message):
     folder = write_traced(tmp_path, cells())
     refuses(message, finish_frame, folder, Finish(method, **options))
