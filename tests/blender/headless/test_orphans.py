@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
 import sys
 import time
-from pathlib import Path
 
 import bpy
 import pytest
@@ -16,9 +14,11 @@ from lfsr_core.frames.finish import read_report
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_png
-from tests.support.scenes import ROOT, add_box, emission
+from tests.support.processes import children, lives, start_lfsr, wait_for
+from tests.support.scenes import add_box, emission
 
-SECONDS_TO_END = 2.0
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+SECONDS_TO_END = 10.0
 FEW, ENDLESS = "1", "400000"
 
 
@@ -30,60 +30,38 @@ def blend(scene, tmp_path):
 
 
 def lfsr(blend, samples):
-    command = [sys.executable, "-m", "lfsr_core.cli", "render", blend, "-o", blend.parent / "frame", "--display",
-               "mini", "--method", "bicubic", "--spp", samples]
     temporary = blend.parent / "tmp"
     temporary.mkdir(exist_ok=True)
-    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                            env=os.environ | {"TMPDIR": str(temporary)})
+    return start_lfsr("render", blend, "-o", blend.parent / "frame", "--display", "mini", "--method", "bicubic",
+                      "--spp", samples, TMPDIR=temporary)
 
 
-def children(pid):
-    """Process ids of the living children of ``pid``."""
-    return [int(line) for line in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+def rendering(blend):
+    """The command in the middle of an endless render, and its Blender."""
+    program = lfsr(blend, ENDLESS)
+    next(line for line in program.stdout if "render" in line)
+    return program, *children(program.pid)
 
 
-def lives(pid):
-    stat = Path(f"/proc/{pid}/stat")
-    return stat.exists() and stat.read_text().rsplit(")", 1)[1].split()[0] not in "ZX"
-
-
-def wait_for(condition, seconds, what):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, what
-        time.sleep(0.02)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 @pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGHUP, pytest.param(signal.SIGQUIT, marks=pytest.mark.long)])
 def test_blender_ends_with_the_command(blend, sent):
-    program = lfsr(blend, ENDLESS)
+    program, blender = rendering(blend)
     try:
-        for line in program.stdout:
-            if "render" in line:
-                break
-        (blender,) = children(program.pid)
         program.send_signal(sent)
         program.wait(20)
-        wait_for(lambda: not lives(blender), SECONDS_TO_END * 5, "Blender lives on")
+        wait_for(lambda: not lives(blender), SECONDS_TO_END)
     finally:
         program.kill()
     assert not list((blend.parent / "tmp").glob("blender_*"))
-    left = list(blend.parent.glob(".frame-*"))
-    assert len(left) == (1 if sent == signal.SIGKILL else 0)
-    assert lfsr(blend, FEW).wait(120) == 0
-    assert sorted(path.name for path in blend.parent.iterdir()) == ["frame", "scene.blend", "tmp"]
+    assert len(list(blend.parent.glob(".frame-*"))) == (1 if sent == signal.SIGKILL else 0)
+    if sent == signal.SIGKILL:
+        assert lfsr(blend, FEW).wait(120) == 0
+        assert sorted(path.name for path in blend.parent.iterdir()) == ["frame", "scene.blend", "tmp"]
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 def test_a_blender_that_is_killed_leaves_nothing_in_the_temporary_folder(blend):
-    program = lfsr(blend, ENDLESS)
+    program, blender = rendering(blend)
     try:
-        for line in program.stdout:
-            if "render" in line:
-                break
-        (blender,) = children(program.pid)
         os.kill(blender, signal.SIGKILL)
         assert "Blender stopped with signal 9" in program.stdout.read() and program.wait(20) == 2
     finally:
@@ -103,7 +81,6 @@ def whole(folder):
         read_report(folder)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 @pytest.mark.parametrize("moments", [5, pytest.param(100, marks=pytest.mark.long)])
 def test_kills_at_any_moment_leave_nothing_half_written(blend, moments):
     started = time.monotonic()
@@ -115,7 +92,7 @@ def test_kills_at_any_moment_leave_nothing_half_written(blend, moments):
         found = children(program.pid) if lives(program.pid) else []
         program.kill()
         program.wait(20)
-        wait_for(lambda: not any(map(lives, found)), SECONDS_TO_END * 5, f"{found} live on")  # noqa: B023
+        wait_for(lambda: not any(map(lives, found)), SECONDS_TO_END)  # noqa: B023
         whole(folder)
     assert lfsr(blend, FEW).wait(120) == 0
     assert sorted(path.name for path in folder.iterdir()) == ["eia.png", "frame.json", "lr_eia.exr", "mask.png",

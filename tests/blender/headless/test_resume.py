@@ -5,11 +5,9 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
 import sys
 import time
 from contextlib import suppress
-from pathlib import Path
 
 import bpy
 import numpy as np
@@ -22,12 +20,11 @@ from lfsr_core.base.notices import Notice
 from lfsr_core.images.exr import read_layers
 from lfsr_core.pipeline.make import RENDER_FRACTION
 from tests.support import panel
-from tests.support.scenes import ROOT, add_box
+from tests.support.processes import children, lives, start_lfsr
+from tests.support.scenes import add_box, add_lamp
 
-WAYS = {
-    "one pass": ("render", "--method", "bicubic", "--scale", "2", "--spp", "500"),
-    "reference": ("reference", "--spp", "200", "--lenses", "24"),
-}
+ONE_PASS = ("render", "--method", "bicubic", "--scale", "2", "--spp", "400")
+REFERENCE = ("reference", "--spp", "100", "--lenses", "24")
 SECONDS_PER_PART = "0.05"
 
 
@@ -36,17 +33,13 @@ def blend(scene, tmp_path):
     """A box with light and shadow: noise, so that equal pixels are no accident."""
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     add_box(scene, (0, 1, 0), (2, 0.1, 2))
-    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "AREA"))
-    lamp.data.energy, lamp.data.size, lamp.location, lamp.rotation_euler = 200, 2.0, (1, -4, 2), (1.1, 0, 0.2)
-    scene.collection.objects.link(lamp)
+    add_lamp(scene)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     return tmp_path / "scene.blend"
 
 
 def start(blend, folder, verb, *options, seconds_per_part=SECONDS_PER_PART):
-    command = [sys.executable, "-m", "lfsr_core.cli", verb, blend, "-o", folder, "--display", "mini", *options]
-    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                            start_new_session=True, env=os.environ | {"LFSR_SECONDS_PER_PART": seconds_per_part})
+    return start_lfsr(verb, blend, "-o", folder, "--display", "mini", *options, LFSR_SECONDS_PER_PART=seconds_per_part)
 
 
 def parts(folder):
@@ -68,67 +61,62 @@ def wait_for_parts(folder, count, program):
         time.sleep(0.02)
 
 
-def end_group(program, number):
-    """Send to the command and to its Blender, which has a group of its own."""
-    blenders = Path(f"/proc/{program.pid}/task/{program.pid}/children").read_text().split()
-    for pid in (program.pid, *map(int, blenders)):
-        os.killpg(pid, number)
+def kill(program):
+    """The command and its Blender, which has a group of its own."""
+    for pid in (program.pid, *children(program.pid)):
+        os.kill(pid, signal.SIGKILL)
     program.communicate()
 
 
-def layers(folder):
-    return {path.name: read_layers(path) for path in folder.glob("*.exr")}
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
-@pytest.mark.parametrize("way", WAYS)
-def test_a_killed_render_goes_on_where_it_was(blend, tmp_path, way):
+def test_an_interrupted_and_killed_render_goes_on_where_it_was(blend, tmp_path):
     folder = tmp_path / "frame"
-    program = start(blend, folder, *WAYS[way])
-    wait_for_parts(folder, 2, program)
-    end_group(program, signal.SIGKILL)
-    assert not folder.exists()
+    program = start(blend, folder, *ONE_PASS)
+    wait_for_parts(folder, 1, program)
+    (blender,) = children(program.pid)
+    program.send_signal(signal.SIGINT)
+    said, _ = program.communicate(timeout=30)
+    assert program.returncode == 130 and not lives(blender)
+    assert f"delete {tmp_path / '.frame-parts'} to start over" in said
+    assert not list(tmp_path.glob(".frame-????????")), "staging is gone"
     done = written(folder)
-    program = start(blend, folder, *WAYS[way])
-    again = {}
+    program = start(blend, folder, *ONE_PASS)
+    wait_for_parts(folder, len(done) + 1, program)
+    kill(program)
+    assert not folder.exists() and written(folder).items() >= done.items()
+    done = written(folder)
+    program, again = start(blend, folder, *ONE_PASS), {}
     while program.poll() is None:
         again |= written(folder)
         time.sleep(0.05)
     assert program.returncode == 0, program.stdout.read()
-    assert {name: again.get(name) for name in done} == done, "what was whole is not rendered again"
-    assert start(blend, tmp_path / "whole", *WAYS[way], seconds_per_part="60").wait(120) == 0
-    found, wanted = layers(folder), layers(tmp_path / "whole")
-    assert set(found) == set(wanted) and len(wanted) == (2 if way == "reference" else 1)
-    for name, images in wanted.items():
-        assert set(found[name]) == set(images)
-        for layer, pixels in images.items():
-            np.testing.assert_array_equal(found[name][layer], pixels, f"{name} {layer}", strict=True)
+    assert again.items() >= done.items(), "what was whole is not rendered again"
+    assert start(blend, tmp_path / "whole", *ONE_PASS, seconds_per_part="60").wait(120) == 0
+    found, wanted = (read_layers(tmp_path / name / "lr_eia.exr") for name in ("frame", "whole"))
+    assert set(found) == set(wanted)
+    for layer, pixels in wanted.items():
+        np.testing.assert_array_equal(found[layer], pixels, layer, strict=True)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["frame", "scene.blend", "whole"]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
-def test_an_interrupted_render_says_what_is_kept_and_a_changed_scene_starts_anew(blend, tmp_path):
-    folder = tmp_path / "frame"
-    program = start(blend, folder, *WAYS["one pass"])
-    wait_for_parts(folder, 1, program)
-    program.send_signal(signal.SIGINT)
-    said, _ = program.communicate(timeout=30)
-    assert program.returncode == 130
-    assert f"delete {tmp_path / '.frame-parts'} to start over" in said
-    assert not list(tmp_path.glob(".frame-????????")), "staging is gone"
+def test_a_changed_scene_starts_anew(blend, tmp_path):
+    program = start(blend, tmp_path / "frame", *REFERENCE)
+    wait_for_parts(tmp_path / "frame", 1, program)
+    kill(program)
     bpy.data.lights["lamp"].energy *= 2
     bpy.ops.wm.save_as_mainfile(filepath=str(blend))
-    said, _ = start(blend, folder, *WAYS["one pass"], seconds_per_part="60").communicate(timeout=120)
+    said, _ = start(blend, tmp_path / "frame", *REFERENCE, seconds_per_part="60").communicate(timeout=120)
     assert "other scene file: they are removed, and the render starts from the beginning" in said
     assert sorted(path.name for path in tmp_path.iterdir() if path.suffix != ".blend1") == ["frame", "scene.blend"]
 
 
 def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, monkeypatch):
-    """Saved or not; with an edit it starts over."""
+    """With an edit it starts over; then it goes on, saved or not."""
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", SECONDS_PER_PART)
     with panel.registered():
         scene = panel.artist_scene(tmp_path)
-        scene.lfsr.samples = 800
+        scene.lfsr.samples = 500
         bpy.data.lights["Sun"].energy += 1  # not saved
         folder = folders.frame_folder(scene)
 
@@ -144,16 +132,20 @@ def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, m
             return {name: written(folder).get(name) for name in before} == before
 
         press()
-        panel.wait_for(lambda: len(parts(folder)) >= 2)
-        for save in (False, True):
-            done = cancel()
-            if save:
-                bpy.ops.wm.save_mainfile()
-            task = press()
-            count = len(done)
-            panel.wait_for(lambda count=count: len(parts(folder)) > count)
-            assert same(done) and not task.notices
-        rows = sum(int(last) - int(first) for first, last in (name.split("-")[-3:-1] for name in cancel()))
+        panel.wait_for(lambda: len(parts(folder)) >= 1)
+        done = cancel()
+        bpy.data.objects["Box"].location.z += 0.1
+        task = press()
+        panel.wait_for(lambda: task.notices and len(parts(folder)) >= 2)
+        assert task.notices == [Notice("parts-removed", {"input": "scene file"})]
+        assert not set(done) & set(written(folder))
+        done = cancel()
+        task = press()
+        panel.wait_for(lambda: len(parts(folder)) > len(done))
+        assert same(done) and not task.notices
+        done = cancel()
+        bpy.ops.wm.save_mainfile()
+        rows = sum(int(last) - int(first) for first, last in (name.split("-")[-3:-1] for name in done))
         task, fractions = press(), []
 
         def ended():
@@ -164,11 +156,3 @@ def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, m
         assert min(filter(None, fractions)) >= 0.99 * fraction > 0, "progress begins at what was kept"
         assert json.loads((folder / "report.json").read_text())["method"] == "bicubic"
         assert [path.name for path in folder.parent.iterdir()] == [folder.name]
-        press()
-        panel.wait_for(lambda: len(parts(folder)) >= 1)
-        done = cancel()
-        bpy.data.objects["Box"].location.z += 0.1
-        task = press()
-        panel.wait_for(lambda: task.notices)
-        assert task.notices[0] == Notice("parts-removed", {"input": "scene file"})
-        assert not set(done) & set(written(folder))

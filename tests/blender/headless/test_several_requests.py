@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import bpy
 import numpy as np
 import pytest
@@ -13,8 +10,9 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers
 from lfsr_core.pipeline.rendering import render_all
 from lfsr_core.process.blender import find_blender
+from tests.support.processes import run_lfsr
 from tests.support.requests import make_request
-from tests.support.scenes import MINI, ROOT, add_box
+from tests.support.scenes import MINI, add_box, add_lamp
 
 
 @pytest.fixture
@@ -22,9 +20,7 @@ def blend(scene, tmp_path):
     """A box that moves, turns and changes its colour, and a lamp that grows brighter."""
     item = add_box(scene, (0, 0, 0), (0.5, 0.4, 0.3), bpy.data.materials.new("paint"))
     add_box(scene, (0, 1, 0), (2, 0.1, 2))
-    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "AREA"))
-    lamp.data.size, lamp.location, lamp.rotation_euler = 2.0, (1, -4, 2), (1.1, 0, 0.2)
-    scene.collection.objects.link(lamp)
+    lamp = add_lamp(scene)
     for frame, amount in ((1, 0.0), (9, 1.0)):
         item.location.x, item.rotation_euler.z, lamp.data.energy = amount - 0.5, amount, 100 + 200 * amount
         for owner, path in ((item, "location"), (item, "rotation_euler"), (lamp.data, "energy")):
@@ -54,11 +50,10 @@ def test_frames_of_one_blender_are_those_of_several(blend, tmp_path, layout):
 
 
 def test_an_animation_from_the_command(blend, tmp_path):
-    command = [sys.executable, "-m", "lfsr_core.cli", "render", blend, "-o", tmp_path / "film", "--frames", "1-9x4",
-               "--display", "mini", "--scale", "4", "--spp", "2", "--method", "bicubic"]
     for made, kept in ((3, 0), (0, 3)):
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-        assert f"3 frames: {made} made, {kept} kept, 0 failed" in done.stdout
+        said = run_lfsr("render", blend, "-o", tmp_path / "film", "--frames", "1-9x4", "--display", "mini",
+                        "--scale", 4, "--spp", 2, "--method", "bicubic")
+        assert f"3 frames: {made} made, {kept} kept, 0 failed" in said
     assert sorted(path.name for path in (tmp_path / "film").iterdir()) == ["0001", "0005", "0009"]
     images = {path.read_bytes() for path in (tmp_path / "film").glob("*/eia.png")}
     assert len(images) == 3

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from blender_addon.scene import devices
+from lfsr_core.base.errors import LfsrError
 
 
 @pytest.mark.parametrize(("ids", "addresses"), [
@@ -21,3 +22,11 @@ def test_addresses_are_in_the_ids_of_cycles_devices(monkeypatch, ids, addresses)
     monkeypatch.setattr(devices, "cycles_preferences", lambda: preferences)
     assert devices.gpu_addresses("OPTIX") == addresses
     assert devices.gpu_addresses("CPU") == devices.gpu_addresses("VULKAN") == ()
+
+
+def test_what_blender_does_not_know_and_this_machine_does_not_have_is_refused():
+    with pytest.raises(LfsrError, match="device is 'VULKAN', but this Blender knows"), devices.enabled("VULKAN"):
+        pass
+    absent = [kind for kind in ("CUDA", "HIP") if devices.resolved("auto") != kind]
+    with pytest.raises(LfsrError, match="device is '.*', but this machine has none"), devices.enabled(absent[0]):
+        pass
