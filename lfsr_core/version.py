@@ -1,3 +1,3 @@
 """Version of LFSR, as blender_manifest.toml has it."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -1,12 +1,12 @@
 """Build the Blender extension.
 
-    python scripts/build_extension.py --output DIR
-    python scripts/build_extension.py --release --website URL --maintainer "NAME <ADDRESS>" --output DIR
+    python scripts/build_extension.py              # dist/lfsr-VERSION.zip; makes the environment if it is not there
+    python scripts/build_extension.py --release    # with its checksum and notes, see docs/releasing.md
 
 The zip is the add-on with lfsr_core as a package inside it: the same files with relative imports, so that an
 extension changes nothing in Blender's Python. It contains no other packages, so one zip serves every platform and every
 Python from 3.11. The same sources give the same bytes. It is reviewed (review_extension.py) and validated by Blender's
-own tool; DIR gets a finished, valid zip or nothing. A release adds checksums and notes.
+own tool; DIR gets a finished, valid zip or nothing.
 """
 
 from __future__ import annotations
@@ -29,15 +29,16 @@ from pathlib import Path, PurePosixPath
 
 sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (0, 1))
 
+import setup
 from review_extension import OF_COMMANDS, review
 
-from lfsr_core import __version__
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path
+from lfsr_core.version import __version__
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = setup.ROOT
 EXTENSION_TOOL = "*/scripts/addons_core/bl_pkg/cli/blender_ext.py"
-MANIFEST, CHANGELOG = "blender_manifest.toml", "docs/CHANGELOG.md"
+MANIFEST, CHANGELOG, PROJECT = "blender_manifest.toml", "docs/CHANGELOG.md", "pyproject.toml"
 CORE, PACKAGES = "lfsr_core", "packages"  # the second stage's Python finds the first in the second
 # The command line, what only it and notebooks reach, and what starts Blender from a clone.
 NOT_IN_ZIP = shutil.ignore_patterns("__pycache__", ".*", "py.typed", "cli.py", "api.py", "cluster*.py",
@@ -53,27 +54,30 @@ class Publisher:
     website: str  # address of the documentation
     maintainer: str  # as "NAME <ADDRESS>"
 
-    def check(self) -> None:
-        """LfsrError where the website or the address could not be one."""
-        if not re.fullmatch(r"https://\S+\.\S+", self.website):
-            raise LfsrError(f"website is {self.website!r}, but a release needs the documentation's: "
-                            "give --website https://…")
-        if not re.fullmatch(r"[^<>]*[^<>\s] <[^<>@\s]+@[^<>@\s]+\.[^<>@\s]+>", self.maintainer):
-            raise LfsrError(f"maintainer is {self.maintainer!r}, but a release needs a name and an address: "
-                            "give --maintainer 'NAME <ADDRESS>'")
+    @classmethod
+    def read(cls, path: Path) -> Publisher:
+        """Read the addresses of a pyproject.toml, their one place; LfsrError where one is missing."""
+        project = tomllib.loads(path.read_text(encoding="utf-8"))["project"]
+        website = project.get("urls", {}).get("Documentation", "")
+        if not re.fullmatch(r"https://\S+\.\S+", website):
+            raise LfsrError(f"the documentation's address in {PROJECT} is {website!r}, but a release needs one: write "
+                            "Documentation = \"https://…\" below [project.urls]")
+        who = {"name": "", "email": ""} | project.get("maintainers", [{}])[0]
+        if not who["name"].strip() or not re.fullmatch(r"[^<>@\s]+@[^<>@\s]+\.[^<>@\s]+", who["email"]):
+            raise LfsrError(f"the maintainer in {PROJECT} is {who['name']!r} with the address {who['email']!r}, but a "
+                            "release needs both: write maintainers = [{name = \"…\", email = \"…\"}] below [project]")
+        return cls(website, f"{who['name']} <{who['email']}>")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Build as the command line asks; the exit code."""
     parser = argparse.ArgumentParser(description="Build the Blender extension.")
-    parser.add_argument("--output", type=Path, required=True, metavar="DIR", help="where the zip goes")
-    parser.add_argument("--release", action="store_true", help="write checksums and notes too")
-    parser.add_argument("--website", default="", help="address of the documentation, for a release")
-    parser.add_argument("--maintainer", default="", metavar="'NAME <ADDRESS>'", help="who answers, for a release")
+    parser.add_argument("--output", type=Path, default=ROOT / "dist", metavar="DIR",
+                        help="where the zip goes, default: dist in the clone")
+    parser.add_argument("--release", action="store_true", help="write checksum and notes too")
     words = parser.parse_args(arguments)
-    publisher = Publisher(words.website, words.maintainer)
     try:
-        paths = release(words.output, publisher) if words.release else [build(words.output)]
+        paths = release(words.output) if words.release else [build(words.output)]
     except LfsrError as error:
         print(f"build_extension: {error}", file=sys.stderr)
         return 2
@@ -82,13 +86,39 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def release(output: Path, publisher: Publisher) -> list[Path]:
-    """Build a release; paths of its zip, checksum and notes. LfsrError where a step fails."""
-    publisher.check()
-    archive = build(output, publisher)
-    digest = hashlib.sha256(archive.read_bytes()).hexdigest()
-    texts = {".sha256": f"{digest}  {archive.name}\n", ".md": _notes(archive.name, digest, publisher.website)}
-    return [archive, *(_write(archive.with_name(archive.stem + ending), text) for ending, text in texts.items())]
+def release(output: Path, project: Path = ROOT / PROJECT, changelog: Path = ROOT / CHANGELOG) -> list[Path]:
+    """Build a release; paths of its zip, checksum and notes.
+
+    LfsrError where a step fails, where the changelog has no section of this version or more than one, and where
+    another zip was published under it: the section's own SHA-256, or the checksum in ``output``, is another.
+    """
+    publisher, changes = Publisher.read(project), _section(changelog.read_text(encoding="utf-8"))
+    with tempfile.TemporaryDirectory(prefix="lfsr-release-") as name:
+        archive = build(Path(name), publisher)
+        digest, checksum = hashlib.sha256(archive.read_bytes()).hexdigest(), output / f"{archive.stem}.sha256"
+        published = re.findall(r"\b[0-9a-f]{64}\b", changes + (checksum.read_text() if checksum.is_file() else ""))
+        if other := [one for one in published if one != digest]:
+            raise LfsrError(f"another zip was published as {__version__} (SHA-256 {other[0][:12]}…, this one is "
+                            f"{digest[:12]}…): raise the version in lfsr_core/version.py and {MANIFEST}")
+        # Links of the changelog lead to files beside it, which the notes do not have.
+        changes = re.sub(r"\[([^]]*)\]\((?!https?://)[^)]*\)", r"\1", changes)
+        notes = (f"# LFSR {__version__}\n\n{changes}\n\nInstall: drag {archive.name} onto Blender 4.5 or newer.\n"
+                 f"Documentation: {publisher.website}\nSHA-256: `{digest}`\n")
+        paths = [output / archive.name, checksum, output / f"{archive.stem}.md"]
+        contents = (archive.read_bytes(), f"{digest}  {archive.name}\n".encode(), notes.encode())
+        for path, content in zip(paths, contents, strict=True):
+            with atomic_path(path) as temporary:
+                temporary.write_bytes(content)
+    return paths
+
+
+def _section(text: str) -> str:
+    """The changelog's section of this version; LfsrError where there is none, or more than one."""
+    sections = re.findall(rf"^## {re.escape(__version__)}(?: .*)?\n((?:(?!## ).*\n?)*)", text, re.MULTILINE)
+    if len(sections) != 1:
+        raise LfsrError(f"{CHANGELOG} has {len(sections)} sections '## {__version__}', but a release needs one: write "
+                        "what it changes below that heading")
+    return str(sections[0]).strip()
 
 
 def build(output: Path, publisher: Publisher | None = None) -> Path:
@@ -179,18 +209,8 @@ def find_tool() -> Path:
     raise LfsrError("Blender's extension tool was not found, it comes with the package bpy: install lfsr[blender]")
 
 
-def _notes(name: str, digest: str, website: str) -> str:
-    """What a release says: the changelog's newest heading, how to install it, its checksum."""
-    changes = (ROOT / CHANGELOG).read_text(encoding="utf-8").split("\n## ")[1].partition("\n")[2].strip()
-    return (f"# LFSR {__version__}\n\n{changes}\n\nInstall: drag {name} onto Blender 4.5 or newer.\n"
-            f"Documentation: {website}\nSHA-256: `{digest}`\n")
-
-
-def _write(path: Path, text: str) -> Path:
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
-    return path
-
-
 if __name__ == "__main__":
+    if importlib.util.find_spec("bpy") is None:  # of the environment: Blender's own tool comes with it
+        setup.run([setup.program(setup.ready(setup.USUAL), "python"), *sys.argv])
+        sys.exit()
     sys.exit(main())

@@ -10,7 +10,7 @@ import sys
 import time
 from pathlib import Path
 
-from setup import ROOT, program, ready, run
+from setup import ROOT, USUAL, program, ready, run
 
 DISPLAY, LENSES = "bupt-32in-8k", 4  # lenses of the reference, which takes longer than all else
 STARTED = time.monotonic()
@@ -34,7 +34,7 @@ wait for ten minutes on two cores."""
 def main(output: Path) -> None:
     """Run every step into the folder ``output``; the first failure ends the program with its exit code."""
     report("Environment")
-    folder = ready("blender")
+    folder = ready(USUAL)
     lfsr = program(folder, "lfsr")
     scene, frame, reference = (output / name for name in ("scene.blend", "frame", "reference"))
     (ROOT / output).mkdir(parents=True, exist_ok=True)

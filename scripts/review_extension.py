@@ -1,6 +1,6 @@
 """Review the extension's zip by the rules of extensions.blender.org, as far as a program can.
 
-    python scripts/review_extension.py lfsr-0.1.0.zip [--release]
+    python scripts/review_extension.py lfsr-VERSION.zip [--release]
 
 docs/guide/extension.md quotes the rules. Each check yields a sentence for what breaks its rule.
 """
@@ -42,18 +42,25 @@ KINDS = {".css", ".glsl", ".html", ".js", ".json", ".osl", ".py", ".toml", ".txt
 OF_COMMANDS = ("__init__.py", "sentences.py")  # of the command line, which the panel words notices with too
 DEVELOPERS = {"docs", "lfsr_lab", "scripts", "tests"}
 PERMISSIONS = {"files", "clipboard"}
+# Of our own code, and of the weights that ours began from; where the text of each is, and words of it.
+LICENCES = {"GPL-3.0-or-later": ("LICENSE", "TERMS AND CONDITIONS"),
+            "Apache-2.0": ("packages/lfsr_core/reconstruct/weights/LICENSE-Apache-2.0.txt",
+                           "TERMS AND CONDITIONS FOR USE, REPRODUCTION, AND DISTRIBUTION")}
 LONGEST_LINE = 300  # of a reviewable file
 
 
 def check_manifest(files: Files) -> Iterator[str]:
-    """Permissions with reasons, copyright, licence, and a name without Blender's."""
+    """Permissions with reasons, copyright, licences with their texts, and a name without Blender's."""
     manifest = tomllib.loads(files[MANIFEST].decode())
     if manifest.get("permissions", {}).keys() != PERMISSIONS:
         yield f"{MANIFEST}: permissions are not {' and '.join(sorted(PERMISSIONS))}"
     if not manifest.get("copyright"):
         yield f"{MANIFEST}: copyright is missing"
-    if manifest.get("license") != ["SPDX:GPL-3.0-or-later"]:
-        yield f"{MANIFEST}: the licence is not GPL-3.0-or-later"
+    if manifest.get("license") != [f"SPDX:{name}" for name in LICENCES]:
+        yield f"{MANIFEST}: the licences are not {' and '.join(LICENCES)}"
+    for name, (path, words) in LICENCES.items():
+        if words not in files.get(path, b"").decode(errors="replace"):
+            yield f"{path}: the text of {name} is missing"
     if "blender" in manifest["name"].lower():
         yield f"{MANIFEST}: the name must not contain Blender's"
 

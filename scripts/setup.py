@@ -17,6 +17,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 INPUTS = ("pyproject.toml", "scripts/lab/pyproject.toml", "scripts/constraints.txt")
 VERSION = (3, 11)
+USUAL = "blender,flip"  # extras of someone who makes images
 # Asked of each candidate: can it make environments, and is it of that version?
 SUITS = f"import sys, venv, ensurepip; ensurepip.version(); sys.exit(sys.version_info[:2] != {VERSION})"
 LOADS = "import ctypes, sys; ctypes.CDLL(sys.argv[1])"
@@ -124,4 +125,4 @@ def _run(command: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    print(ready(sys.argv[1] if len(sys.argv) > 1 else "blender"))
+    print(ready(sys.argv[1] if len(sys.argv) > 1 else USUAL))

@@ -124,7 +124,7 @@ def test_two_builds_are_the_same_bytes(archive, tmp_path):
     copied = tmp_path / "elsewhere"
     for name in ("blender_addon", "lfsr_core", "scripts", "docs"):
         shutil.copytree(ROOT / name, copied / name, copy_function=shutil.copyfile)
-    for name in ("LICENSE", "blender_manifest.toml"):
+    for name in ("LICENSE", "blender_manifest.toml", "pyproject.toml"):
         shutil.copyfile(ROOT / name, copied / name)
     (copied / "blender_addon" / "__pycache__").mkdir(exist_ok=True)
     (copied / "blender_addon" / "__pycache__" / "junk.pyc").touch()
@@ -262,30 +262,56 @@ def test_version_that_differs_is_an_error(tmp_path, monkeypatch):
         builder.write_manifest(tmp_path / "blender_manifest.toml", None)
 
 
-PUBLISHER = builder.Publisher("https://example.org/lfsr", 'Zoë "Z" Q <z@example.org>')
+@pytest.fixture
+def project(tmp_path):
+    """Write a pyproject.toml and a changelog; project(website, name, email, sections) -> arguments of a release."""
+    def make(website="https://example.org/lfsr", name='Zoë "Z" Q', email="z@example.org", sections=(__version__,),
+             line=""):
+        who = f"maintainers = [{{ name = {json.dumps(name)}, email = {json.dumps(email)} }}]"
+        urls = f"[project.urls]\nDocumentation = {json.dumps(website)}" if website else ""
+        (tmp_path / "pyproject.toml").write_text(f'[project]\nname = "x"\n{who}\n{urls}\n', encoding="utf-8")
+        text = "# Changelog\n\n" + "".join(f"## {section}\n\n- New: [page](a/b.md#c), [web](https://a.org/b).\n{line}\n\n"
+                                          for section in (*sections, "0.0.1"))
+        (tmp_path / "changes.md").write_text(text, encoding="utf-8")
+        return {"project": tmp_path / "pyproject.toml", "changelog": tmp_path / "changes.md"}
+    return make
 
 
-def test_a_release_is_a_zip_with_checksum_and_notes(tmp_path):
-    archive, checksum, notes = builder.release(tmp_path, PUBLISHER)
-    assert hashlib.sha256(archive.read_bytes()).hexdigest() in checksum.read_text().split()
-    assert checksum.read_text().split()[1] == archive.name
-    assert f"LFSR {__version__}" in notes.read_text() and PUBLISHER.website in notes.read_text()
+def test_a_release_is_a_zip_with_checksum_and_notes(tmp_path, project):
+    archive, checksum, notes = paths = builder.release(tmp_path / "dist", **project())
+    digest = hashlib.sha256(archive.read_bytes()).hexdigest()
+    assert checksum.read_text().split() == [digest, archive.name]
+    text = notes.read_text(encoding="utf-8")
+    assert f"LFSR {__version__}" in text and "https://example.org/lfsr" in text and digest in text
+    assert "- New: page, [web](https://a.org/b)." in text and "0.0.1" not in text
     with zipfile.ZipFile(archive) as content:
         manifest = tomllib.loads(content.read("blender_manifest.toml").decode())
-    assert (manifest["website"], manifest["maintainer"]) == (PUBLISHER.website, PUBLISHER.maintainer)
-    again = builder.release(tmp_path / "again", PUBLISHER)
-    assert [path.read_bytes() for path in again] == [path.read_bytes() for path in (archive, checksum, notes)]
+    assert (manifest["website"], manifest["maintainer"]) == ("https://example.org/lfsr", 'Zoë "Z" Q <z@example.org>')
+    contents = [path.read_bytes() for path in paths]
+    assert [path.read_bytes() for path in builder.release(tmp_path / "dist", **project())] == contents
+    # What was published under a version is known by its checksum, beside it or in the changelog.
+    for other in (project(line=f"SHA-256: {'0' * 64}"), project(email="y@example.org")):
+        with pytest.raises(LfsrError, match=f"another zip was published as {__version__}"):
+            builder.release(tmp_path / "dist", **other)
+    assert [path.read_bytes() for path in paths] == contents
 
 
-@pytest.mark.parametrize(("website", "maintainer", "message"), [
-    ("", "A <a@b.org>", "website is ''"), ("http://b.org", "A <a@b.org>", "website is 'http://b.org'"),
-    ("https://b.org", "", "maintainer is ''"), ("https://b.org", "The LFSR authors", "maintainer is 'The LFSR"),
-    ("https://b.org", "<a@b.org>", "maintainer is '<a@b.org>'"),
+@pytest.mark.parametrize(("values", "said"), [
+    ({"website": ""}, "address in pyproject.toml is ''"), ({"website": "http://b.org"}, "'http://b.org'"),
+    ({"name": " "}, "maintainer"), ({"email": ""}, "maintainer"), ({"email": "z example.org"}, "maintainer"),
+    ({"sections": ()}, "has 0 sections"), ({"sections": (__version__, __version__)}, "has 2 sections"),
+    ({"sections": (f"{__version__}0",)}, "has 0 sections"),
 ])
-def test_a_release_without_its_publisher_is_refused(tmp_path, capsys, website, maintainer, message):
-    words = ["--release", "--website", website, "--maintainer", maintainer, "--output", str(tmp_path / "out")]
-    assert builder.main(words) == 2
-    assert message in capsys.readouterr().err and not (tmp_path / "out").exists()
+def test_a_release_that_is_not_ready_is_refused(tmp_path, project, values, said):
+    with pytest.raises(LfsrError, match=said):
+        builder.release(tmp_path / "dist", **project(**values))
+    assert not (tmp_path / "dist").exists()
+
+
+def test_the_changelog_has_a_section_of_this_version():
+    assert "- " in builder._section((ROOT / "docs" / "CHANGELOG.md").read_text(encoding="utf-8"))
+    laboratory = tomllib.loads((ROOT / "scripts" / "lab" / "pyproject.toml").read_text(encoding="utf-8"))
+    assert laboratory["project"]["version"] == __version__
 
 
 # What breaks each rule: the check, a file of the zip, and what is put into it.
@@ -293,6 +319,8 @@ BROKEN = [
     ("check_manifest", "blender_manifest.toml", lambda text: text.replace("clipboard = ", "network = ")),
     ("check_manifest", "blender_manifest.toml", lambda text: text.replace("copyright = ", "x = ")),
     ("check_manifest", "blender_manifest.toml", lambda text: text.replace("GPL-3.0-or-later", "MIT")),
+    ("check_manifest", "blender_manifest.toml", lambda text: text.replace(', "SPDX:Apache-2.0"', "")),
+    ("check_manifest", "packages/lfsr_core/reconstruct/weights/LICENSE-Apache-2.0.txt", lambda _: ""),
     ("check_manifest", "blender_manifest.toml", lambda text: text.replace("LFSR Light", "Blender Light")),
     ("check_search_path", "__init__.py", "import sys\nsys.path.append('x')"),
     ("check_search_path", "__init__.py", "import sys\ndef f():\n    sys.modules['x'] = None"),
@@ -323,7 +351,9 @@ BROKEN = [
 @pytest.mark.parametrize(("check", "name", "change"), BROKEN)
 def test_review_sees_what_breaks_a_rule(files, check, name, change):
     text, manifest = files.get(name, b"").decode(), "blender_manifest.toml"
-    changed = {manifest: files[manifest], name: (change(text) if callable(change) else f"{text}\n{change}\n").encode()}
+    licences = {path: files[path] for path, _ in reviewer.LICENCES.values()}
+    new = change(text) if callable(change) else f"{text}\n{change}\n"
+    changed = licences | {manifest: files[manifest], name: new.encode()}
     found = {function.__name__ for function in reviewer.CHECKS if list(function(changed))}
     assert check in found
 

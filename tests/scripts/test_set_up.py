@@ -37,7 +37,7 @@ def played(tmp_path):
     """An environment that is there already, whose programs write down how they are called; played(fails)."""
     folder, log = tmp_path / "environment", tmp_path / "log"
     (folder / "bin").mkdir(parents=True)
-    for extras in ("blender", "blender,dev,lab"):
+    for extras in ("blender,flip", "blender,dev,lab"):
         (folder / f".lfsr-{setup._state(extras)}").touch()
 
     def make(fails=""):
