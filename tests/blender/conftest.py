@@ -3,8 +3,6 @@
 Without the bpy module they are left out, but on CI they fail.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import shutil
@@ -29,6 +27,7 @@ else:
 
     import blender_addon
     from blender_addon.jobs import runtime
+    from tests.support import panel
 
 
 def pytest_report_header() -> str:
@@ -45,6 +44,13 @@ def scene():
     """An empty scene in an empty file."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     return bpy.context.scene
+
+
+@pytest.fixture
+def artist(tmp_path):
+    """An artist's scene, saved in a file, with the add-on on."""
+    with panel.registered():
+        yield panel.artist_scene(tmp_path)
 
 
 @pytest.fixture

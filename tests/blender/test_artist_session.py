@@ -1,7 +1,5 @@
 """An artist's session: our buttons and Blender's own in any order, with undo and redo, leave nothing of ours behind."""
 
-from __future__ import annotations
-
 import random
 
 import bpy

@@ -1,7 +1,5 @@
 """The command with real Blender: the demo scene to images and numbers, bad scenes, Ctrl-C."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os

@@ -1,7 +1,5 @@
 """The extension as an artist gets it: built, validated, installed, used, removed, with nothing but Blender around."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import json

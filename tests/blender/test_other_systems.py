@@ -1,7 +1,5 @@
 """A real render as on Windows and macOS, whose functions, locks and open files stand-ins play on Linux."""
 
-from __future__ import annotations
-
 import sys
 
 import bpy

@@ -1,7 +1,5 @@
 """The command as a process of its own, and the processes that it starts."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Linked data: whatever of a scene is linked from a library, it renders as if it were not."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

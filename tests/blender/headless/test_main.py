@@ -1,7 +1,5 @@
 """The entry point as a process of its own: its lines, its exit codes, and what it leaves behind."""
 
-from __future__ import annotations
-
 import os
 import resource
 import signal

@@ -1,7 +1,5 @@
 """However the command ends, Blender ends with it, and the next run clears away what was left."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """Long work that is killed: the same command again takes up what was whole, and ends with the same bytes."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Several jobs in one Blender: each renders the same image as alone."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """What buttons ask for, and what is refused before anything is rendered."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 
@@ -13,14 +11,7 @@ from blender_addon.ui.operators import render
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.finish import Report, write_report
 from lfsr_core.frames.frame import EIA_FILE, write_frame
-from tests.support import panel
 from tests.support.synthetic import frame_of
-
-
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
 
 
 def test_a_missing_interpreter_is_an_error_before_the_render(scene, monkeypatch):

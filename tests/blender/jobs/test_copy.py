@@ -1,7 +1,5 @@
 """The copy of the open file that a render uses: kept beside parts, and used again while nothing was edited."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 import pytest
@@ -9,17 +7,10 @@ import pytest
 from blender_addon.jobs.copy import file_copy
 from lfsr_core.frames.folder import FrameFolder, scene_stamp
 from lfsr_core.images.exr import write_layers
-from tests.support import panel
 
 
 class _StopError(Exception):
     pass
-
-
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
 
 
 @pytest.fixture

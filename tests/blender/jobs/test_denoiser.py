@@ -1,7 +1,5 @@
 """A Blender without Open Image Denoise: asked before the render, and a render whose second stage failed is kept."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,19 +14,16 @@ from blender_addon.jobs.task import Task
 from blender_addon.scene import folders
 from blender_addon.scene import settings as scene_settings
 from blender_addon.ui.operators import finish, render
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.finish import read_report
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
-from tests.support import panel
+from tests.support.told import refuses
 
 
 @pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        scene = panel.artist_scene(tmp_path)
-        scene.lfsr.method = DEFAULT_METHOD
-        yield scene
+def scene(scene):
+    scene.lfsr.method = DEFAULT_METHOD
+    return scene
 
 
 @pytest.fixture
@@ -44,8 +39,10 @@ def found(scene: bpy.types.Scene) -> list[str]:
     return [problem.code for problem in check_scene(scene)]
 
 
-def test_with_the_library_nothing_is_asked(scene):
+def test_with_the_library_nothing_is_asked_and_every_method_finishes(scene):
     assert not denoiser.why_missing() and "denoise" not in found(scene)
+    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
+    assert finish.methods(scene)[0] == DEFAULT_METHOD and "none" not in finish.methods(scene)
 
 
 def test_the_render_is_refused_before_it_starts(scene, without_library):
@@ -80,7 +77,6 @@ def test_the_check_offers_what_this_blender_has(scene, without_library):
     assert found(scene)[0] == "denoise"
     assert bpy.ops.lfsr.check_fix(code="denoise", target="Open Image Denoise") == {"FINISHED"}
     assert scene.lfsr.method == "pool" and "denoise" not in found(scene)
-    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
 
 
 @pytest.mark.parametrize(("method", "other"), [("denoise", "none"), ("denoise+pool", "pool"), ("oidn", "none")])
@@ -97,19 +93,16 @@ def test_direct_rendering_can_leave_the_noise(scene):
     assert scene_settings.resolve(scene).method.text == "none"
 
 
-def failed_second_stage(scene) -> Path:
-    """Frame folder of a render whose second stage has no library, as when it was found before."""
-    with pytest.raises(LfsrError, match="not available"):
-        Task("Render EIA", render.image_job(scene)).run()
+def test_a_render_whose_second_stage_failed_is_kept_without_an_older_image_and_finished_by_another_method(
+        scene, without_library):
+    scene.lfsr.method = "pool"
+    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
+    scene.lfsr.method, scene.lfsr.seed = DEFAULT_METHOD, 5
+    refuses("not available", Task("Render EIA", render.image_job(scene)).run)
     folder = folders.frame_folder(scene)
     assert {path.name for path in folder.iterdir()} == {"frame.json", "lr_eia.exr"}
     assert [path.name for path in folder.parent.iterdir()] == ["0001"]
     assert folders.is_unfinished(folder) and "The render is kept" in asked.kept(folder)
-    return folder
-
-
-def test_a_render_whose_second_stage_failed_is_kept_and_finished_by_another_method(scene, without_library):
-    folder = failed_second_stage(scene)
     assert finish.methods(scene) == ["pool", "bilinear", "bicubic", "lanczos", "nearest"]
     rendered = (folder / "lr_eia.exr").stat().st_mtime_ns
     assert bpy.ops.lfsr.finish_frame(method="pool") == {"FINISHED"}
@@ -120,24 +113,9 @@ def test_a_render_whose_second_stage_failed_is_kept_and_finished_by_another_meth
         bpy.ops.lfsr.finish_frame(method="pool")
 
 
-def test_a_failed_second_stage_leaves_no_image_of_an_older_render(scene, monkeypatch, tmp_path):
-    scene.lfsr.method = "pool"
-    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
-    scene.lfsr.method, scene.lfsr.seed = DEFAULT_METHOD, 5
-    (tmp_path / "broken.so").write_bytes(b"no library")
-    monkeypatch.setenv(LIBRARY_VARIABLE, str(tmp_path / "broken.so"))
-    failed_second_stage(scene)
-
-
-def test_with_the_library_every_method_finishes(scene):
-    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
-    assert finish.methods(scene)[0] == DEFAULT_METHOD and "none" not in finish.methods(scene)
-
-
 def test_the_preference_names_the_library(addon, tmp_path):
     addon.oidn_path = str(tmp_path / "gone.so")
-    with pytest.raises(LfsrError, match=r"the library .*gone.so' of Open Image Denoise does not exist: choose another"):
-        runtime.environment()
+    refuses(r"the library .*gone.so' of Open Image Denoise does not exist: choose another", runtime.environment)
     (tmp_path / "gone.so").write_bytes(b"")
     assert runtime.environment()[LIBRARY_VARIABLE] == str(tmp_path / "gone.so") and denoiser.why_missing()
     addon.oidn_path = ""

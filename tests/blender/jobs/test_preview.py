@@ -1,23 +1,13 @@
 """The preview's speed at full size."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 
 import bpy
 import numpy as np
-import pytest
 
 from blender_addon.jobs import asked, preview
 from blender_addon.scene.notices import missing_images
-from tests.support import panel
-
-
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
 
 
 def test_preview_is_fast_for_an_8k_image(scene):

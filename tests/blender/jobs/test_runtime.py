@@ -1,7 +1,5 @@
 """Which Python runs the second stage, and what the Test button says about it."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,13 +1,10 @@
 """The task under way: one process, its progress, cancel, and a process that dies."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import os
 import re
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -24,15 +21,10 @@ from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.tasks.runner import TASKS
 from tests.support import panel
+from tests.support.processes import children
 
 ROOT = Path(__file__).resolve().parents[3]
 LONG = 100_000  # samples per pixel, so that a render is under way when it is stopped
-
-
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
 
 
 def start(scene: bpy.types.Scene, finish=print) -> Task:
@@ -43,12 +35,6 @@ def start(scene: bpy.types.Scene, finish=print) -> Task:
 def message() -> tuple[str, bool]:
     state = bpy.context.window_manager.lfsr
     return state.message, state.message_is_error
-
-
-def children(pid: int) -> list[int]:
-    """Processes that the process ``pid`` has started."""
-    found = subprocess.run(["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False)
-    return [int(word) for word in found.stdout.split()]
 
 
 def test_cancel_while_rendering_is_quick_and_leaves_nothing(scene):
@@ -64,6 +50,7 @@ def test_cancel_while_rendering_is_quick_and_leaves_nothing(scene):
     assert panel.snapshot(scene) == before
     assert list(folders.scene_folder(scene).iterdir()) == []
     assert not list(Path(bpy.app.tempdir).glob("lfsr-*/*"))
+    assert bpy.ops.lfsr.cancel() == {"CANCELLED"}, "there is nothing to cancel any more"
 
 
 def test_a_render_that_is_cancelled_in_its_second_stage_is_kept(scene):
@@ -205,7 +192,3 @@ def test_notices_are_told_once_and_those_of_a_job_are_its_own():
     for code in ("own", "other", "other"):
         running._take(0.0, {"stage": "notice", "notice": code, "values": {}})
     assert [told.code for told in heard] == ["own"] and running.notices == [Notice("other")]
-
-
-def test_no_task_to_cancel(scene):
-    assert bpy.ops.lfsr.cancel() == {"CANCELLED"}

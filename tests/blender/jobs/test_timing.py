@@ -1,7 +1,5 @@
 """How long an image will take, before it is rendered."""
 
-from __future__ import annotations
-
 import time
 
 import bpy
@@ -12,14 +10,7 @@ from blender_addon.ui.operators import check
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.profile_file import write_profile
 from lfsr_core.tasks import estimate
-from tests.support import panel
 from tests.support.panels import lenticular, small
-
-
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
 
 
 def remembered(scene, **values) -> None:
@@ -39,7 +30,7 @@ def test_lenses_are_spread_over_the_display(scene):
 
 
 def test_the_button_measures_and_the_image_takes_about_that_long(scene):
-    scene.lfsr.display, scene.lfsr.samples = "small", 24
+    scene.lfsr.display, scene.lfsr.samples = "small", 8
     assert timing.expected_seconds(scene) is None
     assert bpy.ops.lfsr.estimate_time() == {"FINISHED"}
     expected, started = timing.expected_seconds(scene), time.monotonic()
@@ -59,9 +50,6 @@ def test_direct_subpixel_rendering_is_measured_too(scene, tmp_path):
     paths = 8 * 120 * 3 * 80
     assert timing.expected_seconds(scene) - expected == pytest.approx(
         paths * bpy.context.window_manager.lfsr.probe_per_path, rel=1e-3)
-    started = time.monotonic()
-    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
-    assert 0.2 < expected / (time.monotonic() - started) < 5  # tests run on busy machines
 
 
 def test_other_settings_need_no_other_probe(scene):

@@ -1,7 +1,5 @@
 """The live scene: the artist's through the lens card, following it, and nothing left of it."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 import pytest

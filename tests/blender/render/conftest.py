@@ -1,7 +1,5 @@
 """A scene whose every layer has something."""
 
-from __future__ import annotations
-
 import bpy
 import pytest
 

@@ -1,7 +1,5 @@
 """What the scene animates does not change how it is rendered."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Long renders in parts: every layer equals that of one render byte for byte, with any cuts and any cached parts."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 import pytest

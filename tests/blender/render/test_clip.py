@@ -1,7 +1,5 @@
 """What the scene's camera clips is not in the image, with every kind of camera."""
 
-from __future__ import annotations
-
 import mathutils
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Direct subpixel rendering with Cycles, against the panel image that is woven from every view."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 import pytest

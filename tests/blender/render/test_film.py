@@ -1,7 +1,5 @@
 """A transparent film shows what Blender's own camera shows."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """A reference is two halves with independent noise."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """The lens card against the OSL camera, in scenes with all that a path can meet; and nothing of it left behind."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import bpy

@@ -1,7 +1,5 @@
 """A shader that does not compile is an error, never the shader before it."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

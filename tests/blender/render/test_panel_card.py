@@ -1,7 +1,5 @@
 """Every subpixel's ray, decoded from a scene that shows its own world position, against panel_rays.py."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import bpy

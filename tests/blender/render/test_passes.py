@@ -1,7 +1,5 @@
 """The passes of a render against Blender's own image."""
 
-from __future__ import annotations
-
 import bpy
 import pytest
 

@@ -1,7 +1,5 @@
 """Every pixel's ray, decoded from a scene that shows its own world position, against rays.py."""
 
-from __future__ import annotations
-
 import bpy
 import mathutils
 import numpy as np

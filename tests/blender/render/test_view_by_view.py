@@ -1,7 +1,5 @@
 """The one-pass render against ordinary cameras, one per view: two ways to the same image."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

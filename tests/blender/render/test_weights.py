@@ -1,7 +1,5 @@
 """Weights on a real render: the PyTorch twin, pyoidn's library and Blender's own make the same image."""
 
-from __future__ import annotations
-
 import sys
 
 import bpy

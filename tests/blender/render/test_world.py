@@ -1,7 +1,5 @@
 """A visible world rendered apart from the subject, against one that is rendered with it."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """An image has Blender's colours, or is refused with a sentence."""
 
-from __future__ import annotations
-
 import bpy
 import mathutils
 import numpy as np

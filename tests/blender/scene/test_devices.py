@@ -1,7 +1,5 @@
 """GPUs that Cycles finds; this machine has none, so their ids are played."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import pytest

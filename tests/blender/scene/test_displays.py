@@ -1,7 +1,5 @@
 """The menu of displays comes from the profiles alone."""
 
-from __future__ import annotations
-
 import shutil
 
 from blender_addon.scene import displays

@@ -1,7 +1,5 @@
 """Whose images a folder holds: of this file and this scene, or of others."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The test image shows the same as the image, and is small."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Light for scenes that bring none, and what counts as light."""
 
-from __future__ import annotations
-
 import os
 
 import bpy

@@ -1,7 +1,5 @@
 """The user is told of everything that changes the image."""
 
-from __future__ import annotations
-
 import bpy
 import pytest
 

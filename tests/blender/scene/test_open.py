@@ -1,7 +1,5 @@
 """Files into scenes: every format, and what is refused."""
 
-from __future__ import annotations
-
 import importlib
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A render borrows the scene: every setting is as before, after success, an error, and a cancel."""
 
-from __future__ import annotations
-
 import os
 
 import bpy

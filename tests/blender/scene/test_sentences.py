@@ -1,7 +1,5 @@
 """The panel's sentences name no options of the command line."""
 
-from __future__ import annotations
-
 import pytest
 
 from blender_addon.scene.sentences import PANEL, sentence

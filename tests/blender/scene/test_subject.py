@@ -1,7 +1,5 @@
 """Which objects are the subject, and how renders mark them."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Scenes of the animations: what moves is what their names say."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy

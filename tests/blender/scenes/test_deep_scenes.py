@@ -1,7 +1,5 @@
 """Models one behind another: each where it should stand, as large as it should be, whatever its file says."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """A scene's camera array, moved nearer and farther by the script behind the paper's Fig. 10(b)."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """The depths of a scene as a script in Blender writes them, which are those that a choice of a scale sees."""
 
-from __future__ import annotations
-
 import json
 
 import bpy

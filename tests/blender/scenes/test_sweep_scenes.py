@@ -1,7 +1,5 @@
 """Scenes of the parameter sweeps: the value is in them, as large as it says, and nothing else changes."""
 
-from __future__ import annotations
-
 import json
 import math
 import subprocess

@@ -1,7 +1,5 @@
 """The scenes by which pooling was judged: each builds before the camera, with light and photographs."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

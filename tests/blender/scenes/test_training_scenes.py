@@ -1,7 +1,5 @@
 """Training scenes at tiny size: complete, repeatable, resumable files that agree with each other."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

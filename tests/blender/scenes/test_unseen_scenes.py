@@ -1,7 +1,5 @@
 """The scenes kept out of all tuning: each builds, again the same, around the display plane of its camera."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy

@@ -6,8 +6,6 @@ Each line is JSON text of a Python source; the answer is one JSON line with
 "value" (of the variable ``value``, if set) or "error".
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import queue

@@ -4,8 +4,6 @@ LFSR_WINDOW_BLENDER names the folder that scripts/window_blender.sh made: Blende
 Xvfb, xdotool and ImageMagick run inside it. LFSR_SCREENSHOTS names a folder where the screenshots are kept.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -8,8 +8,6 @@ this Blender has no denoiser. On an idle machine of 2 cores about 40 minutes for
 references; run nothing else beside it.
 """
 
-from __future__ import annotations
-
 import argparse
 import concurrent.futures
 import dataclasses

@@ -1,16 +1,12 @@
 """The chart of latency.py: accuracy against time since the edit."""
 
-from __future__ import annotations
-
 import dataclasses
 import statistics
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
 
 from lfsr_lab.experiments.engine import plots
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TIMES = (1 / 30, 1 / 10, 1 / 3, 1.0, 3.0, 10.0, 30.0)
 FOOTER = ("Median of the edits, thin lines from the worst to the best. Split SSIM against a reference of the edited "

@@ -1,7 +1,5 @@
 """Scenes of the live view's tests, as Python that runs in the window's Blender (see agent.py)."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -3,8 +3,6 @@
     python tests/support/window/pictures.py docs/images
 """
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

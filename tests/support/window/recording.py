@@ -3,8 +3,6 @@
 A look costs less than a millisecond, so that what is measured is Blender and not the looking.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from collections.abc import Sequence

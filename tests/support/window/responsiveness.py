@@ -6,8 +6,6 @@ For each number of objects: what panels and 3D view cost per redraw, in CPU time
 Animation* hold the window before they return. Then the same buttons with 2 million triangles, beside saving alone.
 """
 
-from __future__ import annotations
-
 import statistics
 import sys
 import tempfile
