@@ -1,4 +1,4 @@
-"""Show the view that an eye in the viewing zone sees, in the Image Editor.
+"""Show the view that an eye in the viewing zone sees: in the panel, and in an Image Editor that is open.
 
 The second stage writes all decoded views of a finished image to one file. The file
 is mapped while a view is read, so that showing one reads a few kB and follows a slider;
@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
+import bpy.utils.previews
 import numpy as np
 
 from lfsr_core.base.arrays import Array
@@ -21,6 +22,7 @@ from . import show_image
 IMAGE_NAME = "Light Field View"
 LEAST_WIDTH = 480  # in pixels; smaller views are enlarged by repeating pixels
 _files: dict[str, Path] = {}  # of the views (py, px, sy, sx, 3) of each scene
+_icons: bpy.utils.previews.ImagePreviewCollection | None = None  # what the panel draws, by scene
 
 
 def load(scene: bpy.types.Scene, path: Path) -> None:
@@ -35,6 +37,8 @@ def load(scene: bpy.types.Scene, path: Path) -> None:
 def unload(scene: bpy.types.Scene) -> None:
     """Forget the views of ``scene``."""
     _files.pop(scene.name_full, None)
+    if _icons is not None:
+        _icons.pop(scene.name_full, None)
 
 
 def is_loaded(scene: bpy.types.Scene) -> bool:
@@ -42,23 +46,34 @@ def is_loaded(scene: bpy.types.Scene) -> bool:
     return scene.name_full in _files
 
 
+def icon(scene: bpy.types.Scene) -> int:
+    """Return the number of the icon that shows the view of ``scene``, 0 where there is none."""
+    return _icons[scene.name_full].icon_id if _icons is not None and scene.name_full in _icons else 0
+
+
 @bpy.app.handlers.persistent
 def forget(*_: object) -> None:
     """Forget all views, as when another file is opened."""
     _files.clear()
+    if _icons is not None:
+        _icons.clear()
 
 
 def show(scene: bpy.types.Scene, eye: tuple[float, float]) -> bpy.types.Image | None:
-    """Put the view from ``eye`` (right, up), in [-1, 1], into the preview image; None if no views are loaded."""
+    """Show the view from ``eye`` (right, up), in [-1, 1], and return its image; None if no views are loaded."""
     if scene.name_full not in _files:
         return None
     views = _mapped(_files[scene.name_full])
     pixels = to_pixels(views[view_index(views.shape[:2], eye)])
+    if _icons is not None:
+        shown = _icons.get(scene.name_full) or _icons.new(scene.name_full)
+        shown.image_size = pixels.shape[1::-1]
+        shown.image_pixels_float.foreach_set(pixels.ravel())
     image = _image(pixels.shape[1], pixels.shape[0])
     image.pixels.foreach_set(pixels.ravel())
     image.update()
     image.pack()  # an image that is modified keeps Blender from quitting without a question
-    for area in show_image.areas("IMAGE_EDITOR"):
+    for area in (*show_image.areas("IMAGE_EDITOR"), *show_image.areas("VIEW_3D")):
         area.tag_redraw()  # an editor does not notice that its image has changed
     return image
 
@@ -83,12 +98,35 @@ def _mapped(path: Path) -> Array:
 
 def _image(width: int, height: int) -> bpy.types.Image:
     image = bpy.data.images.get(IMAGE_NAME)
-    if image is None or image.source not in {"GENERATED", "FILE"} or image.filepath:  # not ours
-        return bpy.data.images.new(IMAGE_NAME, width, height)
+    if image is None or show_image.OWN not in image:
+        image = bpy.data.images.new(IMAGE_NAME, width, height)
+        image[show_image.OWN] = True
     if tuple(image.size) != (width, height):
         image.scale(width, height)
     return image
 
 
-unregister = forget
-HANDLERS = (("load_post", forget),)
+@bpy.app.handlers.persistent
+def _before_save(*_: object) -> None:
+    """Keep our images out of the file, which keeps no image without users: they lie beside it, or are made anew."""
+    for image in bpy.data.images:
+        if show_image.OWN in image:
+            image.user_clear()
+
+
+def register() -> None:
+    """Keep icons for the panel."""
+    global _icons
+    _icons = bpy.utils.previews.new()
+
+
+def unregister() -> None:
+    """Forget all views, with their icons."""
+    global _icons
+    forget()
+    if _icons is not None:
+        bpy.utils.previews.remove(_icons)
+        _icons = None
+
+
+HANDLERS = (("load_post", forget), ("save_pre", _before_save))

@@ -1,4 +1,4 @@
-"""Show results in an Image Editor: an open one, else one in a new window, as Blender shows its renders."""
+"""Show images in an Image Editor that is open; none is opened over the artist's work unasked."""
 
 from __future__ import annotations
 
@@ -8,24 +8,30 @@ from pathlib import Path
 
 import bpy
 
+OWN = "lfsr_image"  # property of images that we have loaded: the file need not keep them
 
-def open_file(path: Path) -> bpy.types.Image:
+
+def open_file(path: Path, opens_window: bool = False) -> bpy.types.Image:
     """Load ``path``, or reload it, and show it."""
-    loaded = next((image for image in bpy.data.images if bpy.path.abspath(image.filepath) == str(path)), None)
-    if loaded is not None:
-        loaded.reload()
-    image = loaded or bpy.data.images.load(str(path))
+    image = next((image for image in bpy.data.images if bpy.path.abspath(image.filepath) == str(path)), None)
+    if image is not None:
+        image.reload()
+    else:
+        image = bpy.data.images.load(str(path))
+        image[OWN] = True
     image.name = f"{path.parent.parent.name} {path.parent.name} {path.stem}"
-    in_editor(image)
+    in_editor(image, opens_window)
     return image
 
 
-def in_editor(image: bpy.types.Image | None) -> None:
-    """Show ``image`` in an Image Editor; background mode has none."""
+def in_editor(image: bpy.types.Image | None, opens_window: bool = False) -> None:
+    """Show ``image`` in an Image Editor that is open, else in a new one if ``opens_window``; background has none."""
     if image is None or bpy.app.background:
         return
     # The UV Editor is of the same type.
-    area = next((area for area in areas("IMAGE_EDITOR") if area.ui_type == "IMAGE_EDITOR"), None) or _new_window()
+    area = next((area for area in areas("IMAGE_EDITOR") if area.ui_type == "IMAGE_EDITOR"), None)
+    if area is None and opens_window:
+        area = _new_window()
     if area is not None:
         area.spaces.active.image = image
         area.tag_redraw()

@@ -8,7 +8,7 @@ import zlib
 from lfsr_core.optics.display import builtin_names, load_display
 
 PROFILE_FILE = "FILE"
-DEFAULT_DISPLAY = "bupt-32in-8k"
+DEFAULT_DISPLAY = "first-look"  # a new file's: its images take seconds on two cores
 DIRECT = "Direct Subpixel Rendering"  # of a display with a lens sheet
 
 

@@ -60,8 +60,9 @@ def missing_images() -> list[str]:
 
 
 def image_files() -> set[Path]:
-    """Return the files that images are read from, with each tile of a UDIM image."""
-    images = [image for image in bpy.data.images if image.filepath and not image.packed_file]
+    """Return the files that images of the scene are read from, with each tile of a UDIM image."""
+    images = [image for image in bpy.data.images
+              if image.filepath and not image.packed_file and "lfsr_image" not in image]
     return {path for image in images for path in _paths(image)}
 
 

@@ -38,6 +38,10 @@ class LfsrPreferences(bpy.types.AddonPreferences):
         description="Give new scenes a method that a Blender without Open Image Denoise can run, instead of asking; "
                     "the answer to that question sets it")
 
+    seconds_per_path: bpy.props.FloatProperty(
+        name="Time per Path", default=0.0, min=0.0, precision=8, options={"HIDDEN"},
+        description="Seconds of a path sample on this machine, measured with the last image; 0 before the first")
+
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw the cores, the library and what is done without it, and the path with its button."""
         column = columns(self.layout)

@@ -40,7 +40,14 @@ def _display_changed(settings: SceneSettings, context: bpy.types.Context) -> Non
     _apply_quality(settings, context)
     if settings.scale not in offered_scales(settings.id_data):
         settings.scale = AUTO_SCALE
+    forget_message()
     _draws(settings, context)
+
+
+def forget_message() -> None:
+    """Remove what was said of the last image: the display or its place has changed since."""
+    state = bpy.context.window_manager.lfsr
+    state.message = state.outcome = state.outcome_folder = state.plan_scene = ""
 
 
 def _apply_quality(settings: SceneSettings, _context: bpy.types.Context) -> None:
@@ -80,6 +87,7 @@ def _get_distance(settings: SceneSettings) -> float:
 
 def _set_distance(settings: SceneSettings, distance: float) -> None:
     rig.set_distance(settings.id_data, distance)
+    forget_message()
 
 
 def _get_spacing(settings: SceneSettings) -> float:
@@ -88,6 +96,7 @@ def _get_spacing(settings: SceneSettings) -> float:
 
 def _set_spacing(settings: SceneSettings, spacing: float) -> None:
     rig.set_spacing(settings.id_data, spacing)
+    forget_message()
 
 
 def method_items() -> list[tuple[str, str, str, str, int]]:
@@ -219,8 +228,6 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Applying", description="A preset is being applied", default=False, options={"HIDDEN", "SKIP_SAVE"})
 
 
-
-
 def register() -> None:
     """Attach the settings to scenes and the state to the window manager."""
     bpy.types.Scene.lfsr = PointerProperty(
@@ -258,6 +265,8 @@ class SessionState(bpy.types.PropertyGroup):
 
     problems: CollectionProperty(
         name="Problems", description="What the last scene check found", type=FoundProblem)
+    show_problems: BoolProperty(
+        name="Show Checks", description="Show what the last scene check found", default=False)
     all_problems: BoolProperty(
         name="Show All", description="Also show the problems after the first five", default=False)
     checked_scene: StringProperty(name="Checked Scene", description="Scene that was checked last")

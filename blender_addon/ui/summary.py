@@ -17,7 +17,8 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.panel_rays import rendered_size
 from lfsr_core.plan.options import PlanOptions
 
-from ..scene import devices, folders, image_before
+from ..jobs import timing
+from ..scene import folders, image_before
 from ..scene import settings as scene_settings
 from ..scene.array import cached, rig
 from ..scene.settings import Resolved, length
@@ -30,32 +31,38 @@ METRICS = {"ssim_eia_fg": "SSIM Foreground", "ssim_lens_fg": "SSIM per Lens", "s
 CAMERAS = {"one-pass": "OSL camera", "lens-card": "lens card", SUBPIXELS: "panel card"}
 
 
+def image_text(scene: bpy.types.Scene) -> str:
+    """What an eye will see of the image, and how long it takes; LfsrError where the settings are wrong."""
+    settings = scene_settings.check(scene)
+    width, height = settings.display.panel_pixels if settings.subpixels else settings.display.lenses
+    text, expected = f"{width} × {height} points", timing.expected_seconds(scene)
+    return text if expected is None else f"{text}, about {duration(expected)}"
+
+
 def display_facts(settings: Resolved) -> Facts:
-    """Lenses, views and resolutions; LfsrError if the scale does not divide the views."""
-    display = settings.display
-    if settings.subpixels:
-        (width, height), panel = rendered_size(display), display.panel_pixels
-        return [("Rendered", f"{width} × {height} px"), ("Image", f"{panel[0]} × {panel[1]} px")]
-    low, lenses, views = display.low_views(settings.sampling.scale), display.lenses, display.views
-    more = " or more" if settings.sampling.scales else ""
-    return [("Lenses", f"{lenses[0]} × {lenses[1]}"),
-            ("Views", f"{views[0]} × {views[1]}"),
-            ("Rendered", f"{low[0]} × {low[1]}{more}"),
-            ("", f"{lenses[0] * low[0]} × {lenses[1] * low[1]} px{more}"),
-            ("Image", f"{display.eia_pixels[0]} × {display.eia_pixels[1]} px")]
+    """Lenses, views, resolutions and samples, of the scale Auto those of its smallest and largest; the device.
 
-
-def sample_facts(settings: Resolved) -> Facts:
-    """Samples that follow from the rays, or rays from fixed samples; of Auto those at its smallest and largest scale.
-
-    LfsrError if the rays are too many.
+    LfsrError if the scale does not divide the views, or the rays are too many.
     """
-    display, scales = settings.display, settings.sampling.scales or (settings.sampling.scale,)
+    display, sampling, way = settings.display, settings.sampling, settings.request.layout
+    scales, panel = sampling.scales or (sampling.scale,), display.panel_pixels
+    if settings.subpixels:
+        width, height = rendered_size(display)
+        found = [("Rendered", f"{width} × {height} px")]
+    else:
+        low, lenses, views = display.low_views(sampling.scale), display.lenses, display.views
+        more = " or more" if sampling.scales else ""
+        found = [("Lenses", f"{lenses[0]} × {lenses[1]}"), ("Views", f"{views[0]} × {views[1]}"),
+                 ("Rendered", f"{low[0]} × {low[1]}{more}"),
+                 ("", f"{lenses[0] * low[0]} × {lenses[1] * low[1]} px{more}")]
     if settings.rays is None:
-        rays = [f"{settings.sampling.samples / display.finished_pixels(scale):.3g}" for scale in scales]
-        return [("", _up_to(rays[0], rays[-1], "ray") + " per pixel")]
-    samples = [f"{samples_at(display, scale, settings.rays)}" for scale in scales]
-    return [("", _up_to(samples[-1], samples[0], "sample"))]
+        counts = [f"{sampling.samples / display.finished_pixels(scale):.3g}" for scale in scales]
+        rays = _up_to(counts[0], counts[-1], "ray") + " per pixel"
+    else:
+        counts = [f"{samples_at(display, scale, settings.rays)}" for scale in scales]
+        rays = _up_to(counts[-1], counts[0], "sample")
+    return [*found, ("", rays), ("Panel", f"{panel[0]} × {panel[1]} px"),
+            ("Renders On", f"{settings.request.device}, {CAMERAS[way]}")]
 
 
 def _up_to(least: str, most: str, noun: str) -> str:
@@ -93,13 +100,6 @@ def depth_facts(scene: bpy.types.Scene) -> Facts:
     return [("Width", length(scene, 2 * array.half_width)),
             ("In Front", length(scene, array.distance - near)),
             ("Behind", "unlimited" if math.isinf(far) else length(scene, far - array.distance))]
-
-
-def device_facts(scene: bpy.types.Scene) -> Facts:
-    """Device that renders the scene, and the camera that it uses."""
-    device = scene_settings.device_of(scene)
-    way = SUBPIXELS if scene_settings.renders_subpixels(scene) else devices.way_of(device)
-    return [("Renders On", f"{device}, {CAMERAS[way]}")]
 
 
 def lacks_gpu(scene: bpy.types.Scene) -> bool:

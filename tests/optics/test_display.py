@@ -14,7 +14,8 @@ GOOD = {"name": "test", "panel_pixels": [40, 20], "panel_mm": [80.0, 40.0], "len
 
 def test_built_in_profiles_are_the_promised_ones():
     plain = {name for name in builtin_names() if not name.startswith("looking-glass-")}
-    assert plain == {"bupt-32in-8k", "dense-8k", "fhd", "small", "mini", "cubevi-c1", "litiholo"}
+    assert plain == {"bupt-32in-8k", "dense-8k", "fhd", "small", "mini", "cubevi-c1", "litiholo",
+                     "first-look"}
     paper = load_display("bupt-32in-8k")
     assert (paper.panel_pixels, paper.lenses, paper.views) == ((7680, 4320), (96, 54), (80, 80))
     assert "assumption" in paper.description

@@ -79,7 +79,7 @@ class LFSR_OT_calibrate(bpy.types.Operator):
             _, notices = calibrate(profile, photos, [tuple(self.place)] * len(photos), output)
         lfsr = context.scene.lfsr
         lfsr.display, lfsr.profile_file = PROFILE_FILE, str(output)
-        show_image.open_file(output.with_suffix(".png"))
+        show_image.open_file(output.with_suffix(".png"), opens_window=True)
         lines = [sentence(notice) for notice in notices]
         print("\n".join(f"Light Field: {line}" for line in lines))
         session.tell(f"The display is now {output.name}: {lines[0]}. Photographs as taken are on the left, as "

@@ -142,10 +142,14 @@ def image_job(scene: bpy.types.Scene, wants_test: bool = False) -> Job:
             session.say(TEST_IMAGE)
         return told.code == "test-made"
 
+    def ended(_result: dict[str, Any]) -> None:
+        show_image_of(name, folder)
+        timing.learn(name, FrameFolder(folder).rendered)
+
     test = {"test": small, "test_views": str(asked.views_file(Path(small.output)))} if small else {}
     return Job("make", {"request": request, "finish": finish, "overwrite": True,
                         "views": str(asked.views_file(folder))} | test,
-               lambda _: show_image_of(name, folder), notice, folder, kept=functools.partial(asked.kept, folder))
+               ended, notice, folder, kept=functools.partial(asked.kept, folder))
 
 
 def animation_job(scene: bpy.types.Scene) -> Job:
@@ -190,13 +194,15 @@ def _overwriting(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question
 
 
 def show_image_of(scene_name: str, folder: Path) -> None:
-    """Show the finished image in ``folder``, and preview its views where the scene is still open."""
+    """Show what the eye sees of the image in ``folder``, or the image of a panel with a lens sheet itself."""
     scene, views, panel = _scene(scene_name), asked.views_file(folder), folder / PANEL_FILE
     if scene is not None and not (folder / EIA_FILE).is_file():
         preview.unload(scene)  # the views of an earlier render do not belong to this image
     elif scene is not None and views.is_file():
         preview.load(scene, views)
-    show_image.open_file(panel if panel.is_file() else folder / EIA_FILE)
+        show_image.in_editor(preview.show(scene, (scene.lfsr.eye_right, scene.lfsr.eye_up)))
+    if panel.is_file():
+        show_image.open_file(panel)
     bpy.context.window_manager.lfsr.outcome_folder = str(folder)
 
 

@@ -6,8 +6,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from blender_addon.jobs import asked, preview
+from blender_addon.jobs import asked, preview, show_image
 from blender_addon.scene.notices import missing_images
+from lfsr_core.images.png import write_png
 
 
 def test_preview_is_fast_for_an_8k_image(scene):
@@ -33,17 +34,19 @@ def test_preview_is_fast_for_an_8k_image(scene):
     assert np.median(seconds) < 0.1
 
 
-def test_the_view_is_shown_again_in_a_file_that_has_it(scene, tmp_path):
-    views = np.full((2, 2, 3, 4, 3), 255, np.uint8)
-    for name in ("one", "two"):
-        np.save(tmp_path / f"{name}.npy", views)
-        preview.load(scene, tmp_path / f"{name}.npy")
-        preview.show(scene, (0, 0)).use_fake_user = True
-        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
-        scene = bpy.context.scene
-    [image] = bpy.data.images
-    assert image.name == preview.IMAGE_NAME and not missing_images()
+def test_our_images_stay_out_of_the_file(scene, tmp_path):
+    np.save(tmp_path / "views.npy", np.full((2, 2, 3, 4, 3), 255, np.uint8))
+    write_png(tmp_path / "panel.png", np.zeros((4, 4, 3), np.uint8))
+    preview.load(scene, tmp_path / "views.npy")
+    own = [preview.show(scene, (0, 0)), show_image.open_file(tmp_path / "panel.png")]
+    for image in own:
+        image.use_fake_user = True  # as if an editor showed it
+    (tmp_path / "panel.png").unlink()
+    assert not missing_images()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert len(bpy.data.images) == 2, "they stay in this session"
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert not bpy.data.images
 
 
 def test_an_image_of_the_same_name_is_the_artists(scene, tmp_path):

@@ -15,13 +15,14 @@ def test_off(scene):
     drawn = draw(panels.LFSR_PT_live)
     assert not bpy.ops.lfsr.live_full_screen.poll()
     assert operators(drawn) == {"lfsr.live_start", "lfsr.live_eye_start"}
-    assert {"live_scale", "live_rays", "live_samples", "live_smooth", "live_denoise", "live_denoise_start",
-            "live_eye_right", "live_eye_up", "live_eye_near"} <= properties(drawn)
+    assert {"live_eye_right", "live_eye_up", "live_eye_near"} == properties(drawn)
+    advanced = {"live_scale", "live_rays", "live_samples", "live_smooth", "live_denoise", "live_denoise_start"}
+    assert properties(draw(panels.LFSR_PT_live_advanced)) == advanced
 
 
 def test_a_lens_sheet_has_no_pixel_size(scene):
     scene.lfsr.display = "looking-glass-go"
-    assert {"live_scale", "live_smooth"} <= greyed(draw(panels.LFSR_PT_live))
+    assert {"live_scale", "live_smooth"} <= greyed(draw(panels.LFSR_PT_live_advanced))
 
 
 def test_on(scene, monkeypatch):

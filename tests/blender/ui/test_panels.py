@@ -13,7 +13,7 @@ from blender_addon.jobs import session
 from blender_addon.scene import folders
 from blender_addon.scene import settings as scene_settings
 from blender_addon.ui import panels
-from blender_addon.ui.panels import LFSR_MT_scale, LFSR_PT_display
+from blender_addon.ui.panels import LFSR_MT_scale
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Progress
 from lfsr_core.frames.request import LIGHTS
@@ -33,9 +33,9 @@ def draw(cls) -> list:
 
 
 def draw_all() -> dict[str, list]:
-    """Every panel but Live, which ``test_live_panel`` draws."""
-    return {cls.bl_label: draw(cls) for cls in panels.CLASSES
-            if issubclass(cls, bpy.types.Panel) and cls is not panels.LFSR_PT_live}
+    """Every panel but those of Live, which ``test_live_panel`` draws."""
+    live = (panels.LFSR_PT_live, panels.LFSR_PT_live_advanced)
+    return {cls.bl_label: draw(cls) for cls in panels.CLASSES if issubclass(cls, bpy.types.Panel) and cls not in live}
 
 
 def labels(drawn: list) -> str:
@@ -61,33 +61,56 @@ def all_greyed(drawn: dict[str, list]) -> set[str]:
     return set().union(*map(greyed, drawn.values()))
 
 
+CONTROLS = {"prop", "operator", "menu", "prop_enum", "operator_menu_enum", "popover"}
+MOST_CONTROLS = 12  # that are open at first
+
+
 def test_with_an_array(scene):
     drawn = draw_all()
-    assert list(drawn) == ["Display", "Camera Array", "Scene Check", "Quality", "Find Cheapest Settings", "Render",
-                           "Preview", "View and Export", "Reference"]
-    assert "16 × 12" in labels(drawn["Display"]) and "64 × 48 px" in labels(drawn["Display"])
+    assert set(drawn) == {"Light Field", "Camera Array", "Quality", "Find Cheapest Settings", "Advanced", "Animation",
+                          "View and Export", "Reference"}
+    assert "16 × 12 points" in labels(drawn["Light Field"]) and operators(drawn["Light Field"]) >= {"lfsr.render_eia"}
     assert {"lfsr.array_fit", "lfsr.array_remove"} <= operators(drawn["Camera Array"])
     assert {"distance", "spacing", "show_frustum"} <= properties(drawn["Camera Array"])
-    assert {"quality", "rays", "samples", "method", "output"} <= properties(drawn["Quality"])
-    assert {"lfsr.render_eia", "lfsr.render_animation"} <= operators(drawn["Render"])
-    assert ("menu", {"menu": "LFSR_MT_submit"}) in drawn["Render"]
-    assert properties(drawn["Render"]) == {"temporal_averaging", "use_overwrite"}
-    assert {"eye_right", "eye_up"} <= properties(drawn["Preview"])
-    assert operators(drawn["View and Export"]) == {"lfsr.open_viewer", "lfsr.show"}
+    assert {"quality", "rays", "method", "output"} <= properties(drawn["Quality"])
+    assert operators(drawn["Animation"]) == {"lfsr.render_animation"}
+    assert ("menu", {"menu": "LFSR_MT_submit"}) in drawn["Animation"]
+    assert properties(drawn["Animation"]) == {"temporal_averaging", "use_overwrite"}
+    assert operators(drawn["View and Export"]) == {"lfsr.preview_view", "lfsr.open_viewer", "lfsr.show"}
     assert operators(drawn["Reference"]) == {"lfsr.render_reference"}
+
+
+def test_few_controls_are_open_at_first(scene):
+    """The image's own panel is open; of the others only the headers."""
+    closed = [cls for cls in panels.CLASSES if "DEFAULT_CLOSED" in getattr(cls, "bl_options", ())]
+    opened = [cls for cls in panels.CLASSES if issubclass(cls, bpy.types.Panel) and cls not in closed]
+    assert opened == [panels.LFSR_PT_image]
+    headers = [cls for cls in closed if not hasattr(cls, "bl_parent_id")]
+    assert [cls.bl_label for cls in sorted(headers, key=lambda cls: cls.bl_order)] == [
+        "Camera Array", "Quality", "Animation", "View and Export", "Live", "Reference"]
+    controls = [name for name, _ in draw(panels.LFSR_PT_image) if name in CONTROLS]
+    assert len(controls) + len(opened) + len(headers) <= MOST_CONTROLS
+
+
+def test_words_of_the_laboratory_are_advanced(scene):
+    plain = [draw(cls) for cls in panels.CLASSES if issubclass(cls, bpy.types.Panel) and cls.bl_label != "Advanced"]
+    assert not {"samples", "seed", "scale", "live_samples", "device"} & set().union(*map(properties, plain))
+    assert "Renders On" not in " ".join(map(labels, plain))
+    assert {"samples", "seed"} <= properties(draw(panels.LFSR_PT_advanced))
+    assert "Renders On CPU, OSL camera" in labels(draw(panels.LFSR_PT_advanced))
 
 
 def test_what_follows_from_rays_and_from_fixed_samples(scene):
     scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.rays = "small", "AUTO", 0, 1
     drawn = draw_all()
-    assert "1 to 25 samples" in labels(drawn["Quality"]) and "rays" not in greyed(drawn["Quality"])
-    assert "8 × 8 or more" in labels(drawn["Display"])
+    assert "1 to 25 samples" in labels(drawn["Advanced"]) and "rays" not in greyed(drawn["Quality"])
+    assert "8 × 8 or more" in labels(drawn["Advanced"])
     scene.lfsr.scale = "4"
     drawn = draw_all()
-    assert "16 samples" in labels(drawn["Quality"]) and "or more" not in labels(drawn["Display"])
+    assert "16 samples" in labels(drawn["Advanced"]) and "or more" not in labels(drawn["Advanced"])
     scene.lfsr.samples = 4
-    drawn = draw(panels.LFSR_PT_quality)
-    assert "0.25 rays per pixel" in labels(drawn) and greyed(drawn) == {"rays"}
+    assert "0.25 rays per pixel" in labels(draw(panels.LFSR_PT_advanced))
+    assert greyed(draw(panels.LFSR_PT_quality)) == {"rays"}
 
 
 def test_the_light_of_the_menu_is_the_jobs(scene, tmp_path):
@@ -127,49 +150,64 @@ def test_the_menu_of_scales_has_those_of_the_display(scene):
     assert offered() == ["AUTO", "1", "2", "4", "8"]
     scene.lfsr.display = "bupt-32in-8k"
     assert offered() == ["AUTO", "1", "2", "4", "5", "8"]
-    assert ("menu", {"menu": "LFSR_MT_scale", "text": "2×"}) in draw(LFSR_PT_display)
+    assert ("menu", {"menu": "LFSR_MT_scale", "text": "2×"}) in draw(panels.LFSR_PT_advanced)
     scene.lfsr.display = "FILE"
     assert offered() == ["AUTO"]
 
 
 def test_with_a_missing_profile(scene):
     scene.lfsr.display, scene.lfsr.profile_file = "FILE", "//gone.toml"
-    drawn = draw_all()
-    assert "profile_file" in properties(drawn["Display"])
+    drawn = draw_all()["Light Field"]
+    assert "profile_file" in properties(drawn)
     # A long path is broken over lines.
-    assert "gone.tomlcannotberead" in labels(drawn["Display"]).replace(" ", "")
+    assert "gone.tomlcannotberead" in labels(drawn).replace(" ", "")
 
 
 def test_direct_rendering_is_offered_for_a_lens_sheet_only(scene):
     scene.lfsr.subpixels, scene.lfsr.samples = True, 0
     drawn = draw_all()
-    assert "subpixels" not in properties(drawn["Display"]) and "64 × 48 px" in labels(drawn["Display"])
-    assert all_greyed(drawn) == {"eye_right"}, "there are no views yet"
-    scene.lfsr.display, scene.lfsr.subpixels = "looking-glass-16", False
+    assert "subpixels" not in properties(drawn["Advanced"]) and "Panel 64 × 48 px" not in labels(drawn["Advanced"])
+    assert all_greyed(drawn) == set()
+    scene.lfsr.display, scene.lfsr.subpixels = "looking-glass-portrait", False
     drawn = draw_all()
-    assert "subpixels" in properties(drawn["Display"]) and "Lenses" in labels(drawn["Display"])
-    assert all_greyed(drawn) == {"eye_right"}, "there are no views yet"
+    assert "subpixels" in properties(drawn["Advanced"]) and "Lenses" in labels(drawn["Advanced"])
+    assert "Panel 1536 × 2048 px" in labels(drawn["Advanced"])
+    assert {"lfsr.test_picture", "lfsr.calibrate"} <= operators(drawn["View and Export"])
+    assert all_greyed(drawn) == set()
     scene.lfsr.subpixels = True
     drawn = draw_all()
-    assert "Rendered 11520 × 2160 px Image 3840 × 2160 px" in labels(drawn["Display"])
-    assert "Lenses" not in labels(drawn["Display"])
-    assert all_greyed(drawn) == {"eye_right", "LFSR_MT_scale", "method", "linear_exr", "temporal_averaging"}
+    assert "Rendered 4608 × 2048 px" in labels(drawn["Advanced"]) and "Lenses" not in labels(drawn["Advanced"])
+    assert all_greyed(drawn) == {"LFSR_MT_scale", "method", "linear_exr", "temporal_averaging"}
 
 
-def test_with_problems_of_every_kind(scene):
+def test_checks_are_one_line_that_opens(scene):
+    state = bpy.context.window_manager.lfsr
+    state.show_problems = False
+    assert "lfsr.check_scene" in operators(draw(panels.LFSR_PT_image))
+    last.check(scene)
+    assert "No problems found" in labels(draw(panels.LFSR_PT_image))
     scene.cycles.pixel_filter_type = "GAUSSIAN"
+    last.check(scene)
+    drawn = draw(panels.LFSR_PT_image)
+    assert "1 Note" in texts(drawn) and "lfsr.check_fix" not in operators(drawn)
     scene.collection.objects.unlink(bpy.data.objects["Sun"])
     last.check(scene)
-    drawn = draw_all()["Scene Check"]
+    assert "1 Problem" in texts(draw(panels.LFSR_PT_image))
+    state.show_problems = True
+    drawn = draw(panels.LFSR_PT_image)
     assert {"lfsr.check_scene", "lfsr.check_fix"} <= operators(drawn)
     assert "Pixel Filter" in labels(drawn) and "The scene has no light" in labels(drawn)
+
+
+def texts(drawn: list) -> set[str]:
+    return {named["text"] for name, named in drawn if name == "prop" and "text" in named}
 
 
 def test_while_a_task_runs(scene, monkeypatch):
     task = SimpleNamespace(progress=Progress("frames", 0.42, "frame 3, 2 of 5"), fraction=0.42, seconds_left=31.4)
     monkeypatch.setattr(session, "_current", task)
-    drawn = draw_all()["Render"]
-    assert "lfsr.cancel" in operators(drawn)
+    drawn = draw_all()["Light Field"]
+    assert "lfsr.cancel" in operators(drawn) and "lfsr.render_eia" not in operators(drawn)
     texts = [named.get("text") for name, named in drawn if name in {"progress", "label"}]
     assert {"Rendering 42%, 0:31 left", "Frame 3, 2 of 5"} <= set(texts)
     header = SimpleNamespace(layout=RecordingLayout())
@@ -180,7 +218,7 @@ def test_while_a_task_runs(scene, monkeypatch):
 
 def test_with_a_message(scene):
     bpy.context.window_manager.lfsr.message = "The render stopped with signal 9"
-    assert "signal 9" in labels(draw_all()["Render"])
+    assert "signal 9" in labels(draw_all()["Light Field"])
 
 
 def icons(drawn: list, text: str) -> set[str]:
@@ -191,19 +229,18 @@ def icons(drawn: list, text: str) -> set[str]:
 def test_what_informs_is_not_drawn_as_an_error(scene):
     for say, icon in ((session.say, "INFO"), (lambda text: session.notify(text, "ERROR"), "ERROR")):
         say("a kept frame is older")
-        assert icons(draw_all()["Render"], "A kept frame") == {icon}
+        assert icons(draw_all()["Light Field"], "A kept frame") == {icon}
     bpy.context.window_manager.lfsr.message = ""
 
 
 def test_what_was_done_is_one_line_with_its_buttons(scene):
     state = bpy.context.window_manager.lfsr
     state.outcome, state.outcome_folder = "Done in 0:42", str(folders.frame_folder(scene))
-    drawn = draw(panels.LFSR_PT_render)
+    drawn = draw(panels.LFSR_PT_image)
     assert icons(drawn, "Done in 0:42") == {"CHECKMARK"}
-    assert {"wm.path_open", "lfsr.preview_view", "lfsr.render_reference"} <= operators(drawn)
-    scene.frame_set(2)  # another frame than the one that was rendered
-    drawn = draw(panels.LFSR_PT_render)
-    assert "wm.path_open" in operators(drawn) and "lfsr.preview_view" not in operators(drawn)
+    assert "wm.path_open" in operators(drawn)
+    scene.lfsr.display = "small"  # which that image is not for
+    assert "wm.path_open" not in operators(draw(panels.LFSR_PT_image))
     state.outcome = state.outcome_folder = ""
 
 
@@ -211,7 +248,8 @@ def test_with_cycles_disabled(scene):
     bpy.ops.preferences.addon_disable(module="cycles")
     try:
         last.check(scene)
-        assert "Cycles" in labels(draw_all()["Scene Check"])
+        bpy.context.window_manager.lfsr.show_problems = True
+        assert "Cycles" in labels(draw(panels.LFSR_PT_image))
     finally:
         bpy.ops.preferences.addon_enable(module="cycles")
 

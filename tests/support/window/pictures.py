@@ -85,7 +85,6 @@ def take(window: Window, folder: Path) -> None:
     window.until("addon.jobs.session.current() is None", SECONDS_TO_RENDER)
     keep(window, folder, "panel-rendered")
     window.run("bpy.context.scene.lfsr.eye_right = -0.8; bpy.ops.lfsr.preview_view('INVOKE_DEFAULT', True)")
-    keep(window, folder, "panel-preview")
 
 
 def live(window: Window, folder: Path) -> None:
