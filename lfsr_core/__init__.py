@@ -35,8 +35,7 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.optics.display import DisplayProfile, load_display
     from lfsr_core.optics.eye import eye_view
     from lfsr_core.optics.rays import CameraArray, RayLayout
-    from lfsr_core.pipeline.finishing import finish_frame
-    from lfsr_core.pipeline.make import Made, make
+    from lfsr_core.pipeline.make import Made, finish_frame, make
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import Planned, make_plan
     from lfsr_core.process.blender import Blender, find_blender
@@ -70,8 +69,7 @@ _MODULES = {
     "optics.display": "DisplayProfile load_display",
     "optics.eye": "eye_view",
     "optics.rays": "CameraArray RayLayout",
-    "pipeline.finishing": "finish_frame",
-    "pipeline.make": "Made make",
+    "pipeline.make": "Made finish_frame make",
     "plan.options": "PlanOptions",
     "plan.planner": "Planned make_plan",
     "process.blender": "Blender find_blender",

@@ -79,7 +79,7 @@ class RenderedFrame:
 
     def finish(self, method: str | None = None, **options: Any) -> RenderedFrame:
         """Finish it with another method, by default the best; ``options`` as of ``Finish``. Returns itself."""
-        from lfsr_core.pipeline.finishing import finish_frame
+        from lfsr_core.pipeline.make import finish_frame
 
         finish_frame(self.folder.path, _finish(method, bool(self.folder.rendered.subpixels), options), self._tell)
         return self
@@ -192,7 +192,7 @@ def _teller(progress: Tell | bool | None) -> tuple[Tell, Callable[[], None]]:
         progress = sys.stderr.isatty() or hasattr(builtins, "__IPYTHON__")  # a notebook
     if not progress:
         return silent, lambda: None
-    from lfsr_core.base.progress import ProgressBar
+    from lfsr_core.base.notices import ProgressBar
     from lfsr_core.commands.sentences import sentence
 
     bar = ProgressBar(words=sentence)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import check_name, system_errors
-from lfsr_core.base.progress import accept_all_letters, is_openjd, tell_openjd
+from lfsr_core.base.notices import accept_all_letters, is_openjd, tell_openjd
 from lfsr_core.commands import (
     compare,
     displays,

@@ -27,14 +27,13 @@ from lfsr_core.calibration.visual_json import profile_from_calibration, read_cal
 from lfsr_core.exports import films
 from lfsr_core.exports.quilt import quilt_of, read_film, read_quilt
 from lfsr_core.frames.finish import Finish, Report, read_report, write_report
-from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import FRAME_FILE, REPORT_FILE, read_frame
-from lfsr_core.frames.low_res import low_resolution
+from lfsr_core.frames.low_res import foreground_mask, low_resolution
 from lfsr_core.frames.request import read_request
 from lfsr_core.images.exr import read_finite, read_layers
 from lfsr_core.images.png import read_mask, read_png, write_mask
 from lfsr_core.optics.display import load_display
-from lfsr_core.reconstruct import denoiser, tza
+from lfsr_core.reconstruct import denoiser
 from tests.support.requests import make_request
 from tests.support.synthetic import MINI, frame_of, write_render
 
@@ -118,7 +117,7 @@ def read_denoiser(path: Path) -> None:
 def denoiser_weights(path: Path) -> bytes:
     """The smallest network, of whose bytes a third are the table."""
     shapes = denoiser.network_shapes((1,) * 15 + (3,))
-    tza.write_tza(path, {name: np.full(shape, 0.1) for name, shape in shapes.items()})
+    denoiser.write_tza(path, {name: np.full(shape, 0.1) for name, shape in shapes.items()})
     return path.read_bytes()
 
 

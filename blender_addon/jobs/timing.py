@@ -9,7 +9,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import Frame
 from lfsr_core.optics.depth_scale import samples_at
-from lfsr_core.optics.panel.panel_rays import rendered_size
+from lfsr_core.optics.panel.subpixel_rays import rendered_size
 from lfsr_core.reconstruct.methods import seconds
 from lfsr_core.tasks.estimate import Measured
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import bpy
 
-from lfsr_core.optics.live_region import LiveRegion
+from lfsr_core.optics.eye_card import LiveRegion
 
 from ..render.card_parts import Wiring
 

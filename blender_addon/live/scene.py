@@ -18,11 +18,10 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.request import CLAMP_INDIRECT
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eye import Point
-from lfsr_core.optics.eye_card import eye_card, eye_place, eye_region
+from lfsr_core.optics.eye_card import LiveRegion, eye_card, eye_place, eye_region
 from lfsr_core.optics.lens_card import LensCard, lens_card
-from lfsr_core.optics.live_region import LiveRegion
 from lfsr_core.optics.panel.panel_card import PanelCard, panel_card
-from lfsr_core.optics.panel.panel_rays import PanelLayout
+from lfsr_core.optics.panel.subpixel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
 
 from .. import compat

@@ -14,7 +14,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.images import exr
-from lfsr_core.pipeline.parts import ImageParts, Pace, Part, gaps, is_worth_storing
+from lfsr_core.pipeline.staging import ImageParts, Pace, Part, gaps, is_worth_storing
 
 from ..scene.overrides import overridden
 from .output import Follow, heard, part_of, render_to, sample_fraction

@@ -10,7 +10,7 @@ import mathutils
 
 from lfsr_core.optics.lens_card import LensCard, lens_card
 from lfsr_core.optics.panel.panel_card import panel_card
-from lfsr_core.optics.panel.panel_rays import PanelLayout
+from lfsr_core.optics.panel.subpixel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
 
 from ..scene.array.rig import Matrix, to_blender

@@ -27,9 +27,9 @@ from lfsr_core.frames.frame import (
 )
 from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.frames.request import AUTO, GUIDES, OWN, POSITION, Request
-from lfsr_core.optics.lens_rows import pixel_rows
+from lfsr_core.optics.lenses import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
-from lfsr_core.pipeline.parts import ImageParts, Part, remove_others
+from lfsr_core.pipeline.staging import ImageParts, Part, remove_others
 from lfsr_core.version import __version__
 
 from ..scene import devices

@@ -261,3 +261,14 @@ def file_digest(path: Path) -> str:
     """Return a digest of a file's bytes."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
+
+
+def cache_folder() -> Path:
+    """Folder in which this user's programs store data that they can compute again."""
+    if "LFSR_CACHE" in os.environ:
+        return Path(os.environ["LFSR_CACHE"])
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "lfsr"
+    if sys.platform == "darwin":
+        return Path.home() / "Library/Caches/lfsr"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lfsr"

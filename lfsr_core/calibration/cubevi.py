@@ -10,8 +10,7 @@ from __future__ import annotations
 import math
 
 from lfsr_core.calibration.visual_json import DISTANCE_BY_HEIGHT
-from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.proposal import PanelShape, proposed_light_field
+from lfsr_core.optics.display import DisplayProfile, PanelShape, proposed_light_field
 from lfsr_core.optics.sheet import MAX_SLANT, Lenticular, Subpixels, check_within
 
 PIXELS, PIXEL_MM = (1440, 2560), 0.0493  # of a panel of 5.7 inches

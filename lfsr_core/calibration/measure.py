@@ -11,8 +11,7 @@ from lfsr_core.calibration.fit import Calibration, Photograph, combine, see
 from lfsr_core.calibration.photo import read_photograph
 from lfsr_core.calibration.prediction import comparison
 from lfsr_core.images.png import write_png
-from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.optics.display import DisplayProfile, write_profile
 
 Place = tuple[float, float, float]
 WORTH_SAYING = 0.005  # distortion of the lens at the photograph's corner

@@ -19,8 +19,7 @@ from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import MOST_JSON_BYTES, parse_json, read_bytes
-from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.proposal import PanelShape, proposed_light_field
+from lfsr_core.optics.display import DisplayProfile, PanelShape, proposed_light_field
 from lfsr_core.optics.sheet import Lenticular, Subpixels
 
 INCH = 25.4

@@ -11,7 +11,7 @@ from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import LAYOUTS, VIEW_BY_VIEW
 from lfsr_core.frames.request import AUTO, DEVICES, EVEN, OWN, WORLD_IMAGES, Request, check_light, check_scene
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.lens_rows import parse_rows
+from lfsr_core.optics.lenses import parse_rows
 from lfsr_core.reconstruct.methods import METHODS
 
 FARTHEST_MM = 1e6
@@ -104,7 +104,7 @@ def method_of(name: str | None, subpixels: bool) -> str:
 def finish_of(arguments: argparse.Namespace, subpixels: bool, scale: int) -> Finish:
     """Return the finish that the arguments ask for; LfsrError for a method that cannot finish a render at ``scale``."""
     from lfsr_core.reconstruct.methods import load_method
-    from lfsr_core.reconstruct.subpixels import check_subpixels_finish
+    from lfsr_core.reconstruct.second_stage import check_subpixels_finish
 
     name = method_of(arguments.method, subpixels)
     finish = Finish(name, arguments.dilate, os.path.abspath(arguments.weights) if arguments.weights else None,

@@ -10,8 +10,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.commands.arguments import position
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
-from lfsr_core.optics.proposal import PanelShape, proposed_light_field
+from lfsr_core.optics.display import DisplayProfile, PanelShape, builtin_names, load_display, proposed_light_field
 
 NAME = "displays"
 HELP = "list the display profiles, show one with its derived numbers, import or calibrate one"
@@ -42,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """List the profiles, show one, or make a profile or a pattern."""
-    from lfsr_core.optics.profile_file import write_profile
+    from lfsr_core.optics.display import write_profile
 
     output = arguments.output
     if arguments.bridge and not output:
@@ -169,8 +168,8 @@ def describe(profile: DisplayProfile) -> list[str]:
 
 def _sheet(profile: DisplayProfile) -> list[tuple[str, str]]:
     """Lens sheet, subpixels and weave of the panel, and how much of each view an eye sees."""
-    from lfsr_core.optics.panel.crosstalk import view_spread
     from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice
+    from lfsr_core.optics.panel.trace import view_spread
 
     spread, geometry, rows = view_spread(profile), Geometry.of(profile), list[tuple[str, str]]()
     (width, height), subpixels = profile.panel_mm, profile.pixel_layout

@@ -7,7 +7,7 @@ import os
 from contextlib import closing
 from pathlib import Path
 
-from lfsr_core.base.progress import ProgressBar
+from lfsr_core.base.notices import ProgressBar
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.exports.options import DESCRIPTIONS, FILM_TYPES, VIEW_TYPES
 from lfsr_core.exports.quilt_names import PRESETS

@@ -7,7 +7,7 @@ from contextlib import closing
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.progress import ProgressBar
+from lfsr_core.base.notices import ProgressBar
 from lfsr_core.commands.sentences import sentence
 
 NAME = "import"
@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> None:
     from lfsr_core.exports.importing import ImportGeometry, import_film, import_quilt, import_views
     from lfsr_core.exports.quilt import is_film, quilt_of
     from lfsr_core.optics.display import load_display
-    from lfsr_core.pipeline.finishing import finish_frame
+    from lfsr_core.pipeline.make import finish_frame
 
     source, folder, scale = arguments.source, arguments.output, arguments.scale
     target = load_display(arguments.display) if arguments.display else None

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.progress import ProgressBar
+from lfsr_core.base.notices import ProgressBar
 from lfsr_core.commands.arguments import add_geometry_arguments, make_request, names, numbers, reals
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.request import Sampling

@@ -12,12 +12,12 @@ from contextlib import closing
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.progress import ProgressBar
+from lfsr_core.base.notices import ProgressBar
 from lfsr_core.commands import arguments as common
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
 from lfsr_core.frames.request import Sampling
-from lfsr_core.optics.lens_sampling import check_count, choose_lenses
+from lfsr_core.optics.lenses import check_count, choose_lenses
 
 NAME = "reference"
 HELP = "render the full-resolution reference as two independent halves"
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Choose lenses if asked to; render them at full resolution, unclamped."""
-    from lfsr_core.frames.foreground import foreground_mask
+    from lfsr_core.frames.low_res import foreground_mask
     from lfsr_core.images.exr import read_layers
     from lfsr_core.pipeline.make import make
 

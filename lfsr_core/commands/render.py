@@ -9,7 +9,7 @@ import time
 from contextlib import closing
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.progress import ProgressBar, duration
+from lfsr_core.base.notices import ProgressBar, duration
 from lfsr_core.commands import arguments as common
 from lfsr_core.commands import upscale
 from lfsr_core.commands.sentences import sentence
@@ -18,7 +18,7 @@ from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.request import LAYERS, Request, Sampling, parse_frames, spread
 from lfsr_core.optics.depth_scale import USUAL_SAMPLES, USUAL_SCALE, samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.lens_rows import rows_text
+from lfsr_core.optics.lenses import rows_text
 
 NAME = "render"
 HELP = "render a scene's low-resolution EIA with Blender and upscale it to eia.png"

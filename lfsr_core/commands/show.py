@@ -7,8 +7,7 @@ import webbrowser
 from contextlib import closing
 from pathlib import Path
 
-from lfsr_core.base.notices import Notice
-from lfsr_core.base.progress import ProgressBar
+from lfsr_core.base.notices import Notice, ProgressBar
 from lfsr_core.commands.sentences import sentence
 
 NAME = "show"

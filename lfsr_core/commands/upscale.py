@@ -6,7 +6,7 @@ import argparse
 from contextlib import closing
 from pathlib import Path
 
-from lfsr_core.base.progress import ProgressBar
+from lfsr_core.base.notices import ProgressBar
 from lfsr_core.commands import arguments as common
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.folder import FrameFolder
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Upscale the folder and print the path of the image."""
-    from lfsr_core.pipeline.finishing import finish_frame
+    from lfsr_core.pipeline.make import finish_frame
 
     number, path = arguments.frame, arguments.folder
     folder = FrameFolder(path) if number is None else FrameFolder.of_frame(path, number)

@@ -7,7 +7,7 @@ import webbrowser
 from contextlib import closing
 from pathlib import Path
 
-from lfsr_core.base.progress import ProgressBar
+from lfsr_core.base.notices import ProgressBar
 from lfsr_core.commands.sentences import sentence
 
 NAME = "view"

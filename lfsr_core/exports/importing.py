@@ -35,7 +35,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import from_views
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.optics.sheet import check_within
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.pipeline.staging import staging_folder
 
 NAME = "imported"

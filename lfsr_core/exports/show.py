@@ -8,9 +8,8 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from lfsr_core.base.cache import cache_folder
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path
+from lfsr_core.base.files import atomic_path, cache_folder
 from lfsr_core.base.notices import Tell, silent
 from lfsr_core.exports.bridge import Bridge, Device, Quilt, chosen
 from lfsr_core.exports.formats import export

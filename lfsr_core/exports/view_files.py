@@ -16,7 +16,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.images.source import opened
-from lfsr_core.optics.proposal import MAX_PIXELS
+from lfsr_core.optics.display import MAX_PIXELS
 
 MOST_CAMERAS = 65536
 MOST_BYTES = 2**35  # of all views together

@@ -23,7 +23,7 @@ from lfsr_core.frames.finish import Finish, Report, read_report
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, Frame, read_frame, read_part, read_rendered
 from lfsr_core.frames.request import AUTO, Request
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.lens_rows import rows_text
+from lfsr_core.optics.lenses import rows_text
 
 RENDERED_FILES = {"render": (files.LOW_RES_FILE,), "reference": files.REFERENCE_FILES}
 # Made from an older render of the same folder, so they would no longer match it.

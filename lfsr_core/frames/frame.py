@@ -15,8 +15,8 @@ from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import from_data, to_data
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.lens_rows import check_rows, rows_text
-from lfsr_core.optics.panel.panel_rays import PanelLayout, check_sheet
+from lfsr_core.optics.lenses import check_rows, rows_text
+from lfsr_core.optics.panel.subpixel_rays import PanelLayout, check_sheet
 from lfsr_core.optics.rays import CameraArray, RayLayout
 
 FORMAT = 1

@@ -11,9 +11,8 @@ import numpy as np
 from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.folder import first_difference, phrases
-from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import REFERENCE_FILES, Frame, read_frame
-from lfsr_core.frames.low_res import over_background
+from lfsr_core.frames.low_res import foreground_mask, over_background
 from lfsr_core.images.exr import read_finite
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import to_elemental_images

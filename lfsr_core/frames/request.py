@@ -18,7 +18,7 @@ from lfsr_core.base.records import from_data
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, check_direct
 from lfsr_core.optics.depth_scale import MOST_SAMPLES, ScaleChoice, samples_at, usual_rays
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.lens_rows import check_rows, rows_text
+from lfsr_core.optics.lenses import check_rows, rows_text
 from lfsr_core.optics.rays import CONVENTIONS
 
 KINDS = ("render", "reference")

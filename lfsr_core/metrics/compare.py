@@ -12,8 +12,8 @@ from lfsr_core.base.arrays import Mask
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.frames.finish import read_report, write_report
-from lfsr_core.frames.foreground import recall
 from lfsr_core.frames.frame import MASK_FILE, read_frame
+from lfsr_core.frames.low_res import recall
 from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.png import read_mask
 from lfsr_core.metrics.eia_metrics import compare

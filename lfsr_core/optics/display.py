@@ -8,6 +8,7 @@ those of a regular light field that is rendered, and the panel's image is woven 
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 import tomllib
 from collections.abc import Mapping
@@ -15,9 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.files import read_bytes, without_advice
+from lfsr_core.base.files import atomic_path, read_bytes, without_advice
 from lfsr_core.base.records import from_data, to_data
-from lfsr_core.optics.proposal import MAX_PIXELS, PanelShape, proposed_light_field
 from lfsr_core.optics.sheet import Lenslet, Lenticular, Sheet, Subpixels, check_choice, check_within, fail
 
 PROFILE_FOLDER = Path(__file__).parent / "displays"
@@ -29,6 +29,10 @@ MAX_BYTES = 100_000  # of a profile's file
 FORMATS = (1, 2)
 WEAVES = ("nearest", "views", "all")
 TABLES = {"subpixels": Subpixels, "lenslet": Lenslet, "lenticular": Lenticular}
+VIEWS_PER_SUBPIXEL = 2
+MULTIPLE = 4  # of views, so that scales 2 and 4 divide them
+MAX_PIXELS = 65536  # a side: Blender renders no more
+Pair = tuple[int, int]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -248,3 +252,74 @@ def load_display(name_or_file: str | Path) -> DisplayProfile:
         raise LfsrError(f"display profile {path} is not valid TOML ({without_advice(error)}): correct that "
                         "line") from None
     return DisplayProfile.from_dict(data, source=str(path.name))
+
+
+@dataclasses.dataclass(frozen=True)
+class PanelShape:
+    """A panel's pixels and size; pairs are (horizontal, vertical)."""
+
+    panel_pixels: tuple[int, int]
+    panel_mm: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        if min(self.panel_pixels) < 1 or max(self.panel_pixels) > MAX_PIXELS or min(self.panel_mm) <= 0:
+            raise LfsrError(f"panel_pixels is {self.panel_pixels} and panel_mm is {self.panel_mm}, but both must be "
+                            f"above 0 and pixels at most {MAX_PIXELS} a side")
+
+
+def proposed_light_field(panel: PanelShape, sheet: Sheet | None) -> tuple[Pair, Pair]:
+    """Return lenses and views of a light field that loses nothing on the panel.
+
+    Lenslets: one lens for every lens of the sheet and one view for every pixel behind it.
+    Cylinders: one column for every cylinder, one row for two rows of pixels, and two views
+    for every subpixel behind a cylinder, because neighbouring rows show views in between
+    (docs/reference/displays.md). Views are rounded up to a multiple of 4.
+    """
+    if sheet is None:
+        raise LfsrError("there is no lens sheet to propose a light field for: give lenses and views")
+    if isinstance(sheet, Lenticular):
+        across = sheet.lenses_across(panel.panel_mm[0])
+        views = _up(VIEWS_PER_SUBPIXEL * 3 * panel.panel_pixels[0] / across, MULTIPLE)
+        return (_up(across), _up(panel.panel_pixels[1] / VIEWS_PER_SUBPIXEL)), (views, 1)
+    pixel, (pitch_x, pitch_y) = panel.panel_mm[0] / panel.panel_pixels[0], sheet.lenses.pitch_mm
+    lenses = _up(panel.panel_mm[0] / pitch_x), _up(panel.panel_mm[1] / pitch_y)
+    # The cell of a lens in a hexagonal lattice is higher than the distance between rows.
+    cell_y = pitch_y * (4 / 3 if sheet.packing == "hexagonal" else 1)
+    return lenses, (_up(pitch_x / pixel, MULTIPLE), _up(cell_y / pixel, MULTIPLE))
+
+
+def _up(value: float, multiple: int = 1) -> int:
+    """Round ``value`` up to a multiple, ignoring an excess that is only a rounding error."""
+    return max(1, math.ceil(value / multiple - 1e-6)) * multiple
+
+
+def write_profile(path: str | Path, profile: DisplayProfile) -> None:
+    """Write ``profile`` as TOML, completely or not at all; LfsrError if ``load_display`` would not read it back."""
+    path = Path(path)
+    if path.suffix != ".toml":
+        raise LfsrError(f"{path} cannot be a display profile, because its name does not end in .toml: add the ending")
+    with atomic_path(path) as temporary:
+        data = profile.to_dict()
+        lines = _lines({"format": data.pop("format", 1), **data}, "")
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        if load_display(temporary) != profile:
+            raise LfsrError(f"display {profile.name!r} cannot be written so that it reads back the same: choose a "
+                            "plainer name")
+
+
+def _lines(data: dict[str, Any], table: str) -> list[str]:
+    """Lines of TOML: the plain values of ``data``, then a table for each nested record."""
+    plain = {key: value for key, value in data.items() if not isinstance(value, dict) and value is not None}
+    lines = [f"{key} = {_value(value)}" for key, value in plain.items()]
+    for key, value in data.items():
+        if isinstance(value, dict):
+            lines += ["", f"[{table}{key}]", *_lines(value, f"{table}{key}.")]
+    return lines
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)  # TOML's basic strings have the same escapes
+    return str(value).lower() if isinstance(value, bool) else repr(value)

@@ -23,7 +23,7 @@ from lfsr_core.base.notices import Progress, Tell
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.folder import FrameFolder, digest, request_facts, scene_stamp
 from lfsr_core.frames.request import Request
-from lfsr_core.optics.lens_rows import parse_rows
+from lfsr_core.optics.lenses import parse_rows
 from lfsr_core.pipeline.make import Made, make, requests_of
 from lfsr_core.pipeline.merge import merge
 

@@ -26,7 +26,7 @@ from lfsr_core.frames.frame import (
     write_frame,
 )
 from lfsr_core.images import exr
-from lfsr_core.optics.lens_rows import Rows, check_cover, pixel_rows, rows_text
+from lfsr_core.optics.lenses import Rows, check_cover, pixel_rows, rows_text
 from lfsr_core.pipeline.staging import staging_folder
 
 FREE = {"rows", "seconds", "device", "gpus", "content", "notes"}  # fields in which the parts of one frame may differ

@@ -13,8 +13,8 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Tell, silent
 from lfsr_core.base.records import to_data
-from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS, Frame
+from lfsr_core.frames.low_res import foreground_mask
 from lfsr_core.frames.request import Request
 from lfsr_core.images.exposure import extreme_tone
 from lfsr_core.images.exr import read_finite

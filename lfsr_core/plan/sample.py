@@ -22,7 +22,7 @@ from lfsr_core.frames.frame import REFERENCE_FILES, WORLD_FILE, Frame
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.lens_sampling import systematic_sample
+from lfsr_core.optics.lenses import systematic_sample
 from lfsr_core.plan.options import PlanOptions
 
 CONTEXT = 16  # low-resolution pixels around a sampled lens that a denoiser should see

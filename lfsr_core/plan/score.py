@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
-from lfsr_core.frames.low_res import low_resolution, read_world
+from lfsr_core.frames.low_res import foreground_mask, low_resolution, read_world
 from lfsr_core.frames.reference import listed_images, read_half
 from lfsr_core.images.exr import read_finite
 from lfsr_core.images.srgb import srgb_encode

@@ -10,9 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.cache import cache_folder
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import locks, read_json, write_json
+from lfsr_core.base.files import cache_folder, locks, read_json, write_json
 from lfsr_core.base.notices import Notice, Tell
 from lfsr_core.frames.folder import PLACES, digest, request_facts, scene_stamp
 from lfsr_core.frames.request import Request

@@ -8,41 +8,63 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
 from lfsr_core.base.arrays import Array
+from lfsr_core.base.cores import usable_cores
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.frames.finish import Finish, Report
-from lfsr_core.frames.foreground import foreground_mask, unseen_notices
 from lfsr_core.frames.frame import (
     EIA_FILE,
     EIA_LINEAR_FILE,
     LOW_RES_FILE,
     MASK_FILE,
     PANEL_FILE,
+    SUBPIXELS,
     Frame,
     read_frame,
     read_rendered,
 )
-from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world
+from lfsr_core.frames.low_res import (
+    LowResEIA,
+    foreground_mask,
+    foreground_pixels,
+    low_resolution,
+    over_background,
+    read_world,
+    unseen_notices,
+)
 from lfsr_core.images.exposure import exposure_notices
 from lfsr_core.images.exr import HALF_MAX, read_finite, read_layers, replaced_notices, write_layers
 from lfsr_core.images.png import write_mask, write_png
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.eia import flip_order, to_elemental_images
-from lfsr_core.optics.panel.gather_cache import cached_gather_map
-from lfsr_core.optics.panel.weave import weave
+from lfsr_core.optics.panel.subpixel_rays import panel_image
+from lfsr_core.optics.panel.weave import cached_gather_map, weave
 from lfsr_core.reconstruct.assembly import Assembly, StageClock, filled, finish_lenses, peak_bytes, place, upscale_all
 from lfsr_core.reconstruct.averaging import Neighbour, average_frames, averaging_notices, neighbours_of, read_low
-from lfsr_core.reconstruct.methods import METHODS, PLAIN_METHOD, Method, MethodName, load_method
-from lfsr_core.reconstruct.subpixels import finish_subpixels
+from lfsr_core.reconstruct.methods import (
+    AS_RENDERED,
+    METHODS,
+    PLAIN_METHOD,
+    SUBPIXEL_METHODS,
+    Method,
+    MethodName,
+    load_method,
+)
+from lfsr_core.reconstruct.methods.denoise import denoise_eia, span
+from lfsr_core.reconstruct.methods.oidn import Note, Wanted
 from lfsr_core.reconstruct.upscaler import Upscaler
 
 FILL_METHOD = PLAIN_METHOD
 MOST_JUDGED = 200  # elemental images that decide whether the image is nearly black or white
+NEED_LENSES = ("dilate", "weights", "linear_exr", "temporal_averaging")
+ROWS_AT_ONCE, MOST_WORKERS = 64, 8
 
 
 def finish_into(folder: str | Path, staged: Path, finish: Finish | str, tell: Tell = silent, *,
@@ -242,3 +264,68 @@ def _panel_images(work: _Work, assembly: Assembly, show: ViewTransform, tell: Te
 
     upscale_all(assembly, step, put, clock, tell)
     return pixels, linear
+
+
+def check_subpixels_finish(finish: Finish) -> None:
+    """LfsrError where the method or one of its options needs elemental images."""
+    if MethodName.parse(finish.method).text not in SUBPIXEL_METHODS:
+        raise LfsrError(f"method {finish.method!r} needs elemental images, which the layout {SUBPIXELS} does not have: "
+                        f"choose one of {', '.join(SUBPIXEL_METHODS)}")
+    for name in (name for name in NEED_LENSES if getattr(finish, name)):
+        raise LfsrError(f"--{name.replace('_', '-')} is for elemental images, which the layout {SUBPIXELS} does not "
+                        "have: leave it out")
+
+
+def finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, tell: Tell = silent) -> Report:
+    """Write the panel.png of a frame folder after direct subpixel rendering into the folder ``staged``."""
+    check_subpixels_finish(finish)
+    clock, said, method = StageClock(frame.seconds), list[Notice](), MethodName.parse(finish.method)
+    tell(Progress("load", 0.0, LOW_RES_FILE))
+    with clock("load"):
+        layers, replaced = read_finite(folder / LOW_RES_FILE)
+    tell(Progress("denoise", 0.0, method.text))
+    with clock("upscale"):
+        image = linear_panel_image(layers, frame, method, said.append)
+    tell(Progress("color", 0.0, PANEL_FILE))
+    with clock("color"):
+        show = ViewTransform(frame.color, image.shape[0] * image.shape[1])
+        pixels = np.empty(image.shape, np.uint8)
+
+        def work(start: int) -> None:
+            rows = slice(start, start + ROWS_AT_ONCE)
+            pixels[rows] = show.to_uint8(image[rows])
+
+        with ThreadPoolExecutor(min(usable_cores(), MOST_WORKERS)) as pool:
+            list(pool.map(work, range(0, len(image), ROWS_AT_ONCE)))
+    with clock("write"):
+        write_png(staged / PANEL_FILE, pixels)
+    background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]
+    notes = (*frame.notes, *replaced_notices(replaced, layers["color"][..., 3].size), *said,
+             *(unseen_notices(layers) or exposure_notices(pixels, background)))
+    return Report(
+        finish=finish, method=method.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
+        seconds=clock.rounded, peak_bytes=peak_bytes(),
+        foreground_fraction=float(foreground_pixels(layers).mean()), notes=notes,
+        replaced_pixels=replaced, layout=frame.layout, device=frame.device)
+
+
+def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: MethodName,
+                       note: Note = silent) -> Array:
+    """Panel image (H, W, 3), scene-linear, from the layers of a direct subpixel rendering; ``note``: see ``oidn``.
+
+    LfsrError where the layers and the frame differ in size.
+    """
+    assert frame.subpixels is not None, "a frame of direct subpixel rendering has them"
+    (width, height), shape = frame.subpixels.size, layers["color"].shape
+    if shape[:2] != (height, width):
+        raise LfsrError(f"{LOW_RES_FILE} has {shape[1]}×{shape[0]} pixels, but frame.json says {width}×{height}: "
+                        "render the frame again")
+    shown = over_background(layers, frame)
+    if method.text != AS_RENDERED:
+        # Of the rectangle that shows more than the background.
+        seen = (shown != np.asarray(frame.display.background, np.float32)).any(-1)
+        part = span(seen.any(1), 1), span(seen.any(0), 1)
+        if shown[part].size:
+            shown = shown.copy()
+            shown[part] = denoise_eia(shown[part], device=Wanted.of(frame.device, frame.gpus), note=note)
+    return panel_image(frame.subpixels, shown)

@@ -13,7 +13,7 @@ import numpy as np
 from lfsr_core.base.notices import Notice, Progress, Tell
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, Frame, read_part
 from lfsr_core.frames.request import Request
-from lfsr_core.pipeline.rendering import render_all
+from lfsr_core.pipeline.make import render_all
 from lfsr_core.plan.sample import path_samples, render_seconds
 from lfsr_core.process.blender import Starts
 

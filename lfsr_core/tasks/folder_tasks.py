@@ -22,7 +22,7 @@ from lfsr_core.tasks.command import RenderCommand
 
 def finish(folder: str, finish: dict[str, Any], views: str | None = None) -> dict[str, Any]:
     """Finish a rendered frame folder, and ``decode`` it into the file ``views``; return the "method" that ran."""
-    from lfsr_core.pipeline.finishing import finish_frame
+    from lfsr_core.pipeline.make import finish_frame
 
     report = finish_frame(folder, from_data(Finish, finish, "the finish"), emit_told)
     if views and not FrameFolder(folder).rendered.subpixels:

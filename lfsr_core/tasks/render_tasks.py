@@ -67,7 +67,7 @@ def reference(request: dict[str, Any], folder: str, lenses: int, command: list[s
     from lfsr_core.frames.frame import MASK_FILE
     from lfsr_core.images.png import read_mask
     from lfsr_core.metrics.compare import compare_folders
-    from lfsr_core.optics.lens_sampling import choose_lenses
+    from lfsr_core.optics.lenses import choose_lenses
     from lfsr_core.pipeline.make import make as make_frames
 
     wanted, finished = from_data(Request, request, "the request"), FrameFolder(folder)

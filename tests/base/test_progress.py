@@ -4,8 +4,7 @@ import io
 import itertools
 import time
 
-from lfsr_core.base.notices import Notice, Progress
-from lfsr_core.base.progress import ProgressBar
+from lfsr_core.base.notices import Notice, Progress, ProgressBar
 
 
 class Terminal(io.StringIO):

@@ -15,8 +15,8 @@ import pytest
 
 from lfsr_core.frames.views import read_views
 from lfsr_core.images.png import read_png
+from lfsr_core.optics.display import write_profile
 from lfsr_core.optics.eia import to_views
-from lfsr_core.optics.profile_file import write_profile
 from tests.support.panels import SHEETS
 from tests.support.prerequisites import needs_bpy
 

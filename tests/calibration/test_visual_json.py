@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.calibration.visual_json import OPTIONAL, REQUIRED, RULES, profile_from_calibration, read_calibration
-from lfsr_core.optics.display import builtin_names, load_display
+from lfsr_core.optics.display import builtin_names, load_display, write_profile
 from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
-from lfsr_core.optics.profile_file import write_profile
 from lfsr_core.optics.sheet import cell_of
 from tests.support.told import refuses
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base import progress
+from lfsr_core.base import notices
 from lfsr_core.cli import build_parser, main
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.display import load_display
@@ -77,7 +77,7 @@ def test_plan_ends_with_the_command_that_renders_the_choice(scene, blender, tmp_
 
 
 def test_progress_moves_and_speaks_of_as_many_lenses_as_the_result(scene, blender, capsys, monkeypatch):
-    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
+    monkeypatch.setattr(notices, "SECONDS_BETWEEN_LINES", 0.0)
     assert main(["plan", scene, "--target", "0.5", *FEW, "--blender", blender]) == 0
     captured = capsys.readouterr()
     lenses = re.search(r"sampled (\d+) lenses", captured.out)[1]

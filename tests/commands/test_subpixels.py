@@ -8,7 +8,7 @@ import pytest
 from lfsr_core.cli import main
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
 from lfsr_core.images.png import read_png
-from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.optics.display import write_profile
 from tests.support.panels import cells
 from tests.support.played_blender import played_blender
 from tests.support.prerequisites import needs_bpy

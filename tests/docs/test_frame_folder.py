@@ -9,7 +9,7 @@ import pytest
 
 from lfsr_core.frames.finish import Finish
 from lfsr_core.metrics.compare import compare_folders
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 from tests.support.synthetic import write_reference, write_render
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "reference" / "frame-folder.md"

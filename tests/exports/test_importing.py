@@ -15,7 +15,7 @@ from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 from tests.support.finished import MINI, finished
 from tests.support.told import Told, refuses
 

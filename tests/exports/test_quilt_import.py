@@ -21,7 +21,7 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 from tests.support.finished import MINI, finished, picture
 from tests.support.synthetic import fails
 from tests.support.told import Told, refuses

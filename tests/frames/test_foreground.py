@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.notices import Notice
-from lfsr_core.frames.foreground import foreground_mask, recall, unseen_notices
+from lfsr_core.frames.low_res import foreground_mask, recall, unseen_notices
 from tests.support.told import refuses
 
 LENSES = (5, 4)  # across, down, of 3 × 2 pixels

@@ -8,7 +8,7 @@ import pytest
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.views import eia_to_views, read_views, views_to_eia
 from lfsr_core.images.png import read_png
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 from tests.support.synthetic import FLAT, MINI, write_render
 from tests.support.told import refuses
 

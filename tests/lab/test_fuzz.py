@@ -26,11 +26,11 @@ from lfsr_core.calibration.visual_json import OFFSETS
 from lfsr_core.cli import main
 from lfsr_core.frames.request import read_request
 from lfsr_core.images.png import write_png
+from lfsr_core.optics.display import write_profile
 from lfsr_core.optics.eia import to_views
-from lfsr_core.optics.profile_file import write_profile
 from lfsr_core.pipeline.make import finish_frame
-from lfsr_core.pipeline.parts import INPUTS_FILE, remove_others
-from lfsr_core.reconstruct import denoiser, tza
+from lfsr_core.pipeline.staging import INPUTS_FILE, remove_others
+from lfsr_core.reconstruct import denoiser
 from lfsr_lab.experiments.sweeps.sweeps import choose_sweeps, label
 from lfsr_lab.networks import comparators
 from lfsr_lab.networks.methods import LabMethod
@@ -72,7 +72,7 @@ def with_weights(folder: Path) -> None:
     """A render, and the smallest denoiser, of whose bytes a third are the table, as a training writes it."""
     write_render(folder)
     shapes = denoiser.network_shapes((1,) * 15 + (3,))
-    tza.write_tza(folder / "mine.tza", {name: np.full(shape, 0.1) for name, shape in shapes.items()})
+    denoiser.write_tza(folder / "mine.tza", {name: np.full(shape, 0.1) for name, shape in shapes.items()})
     digest = hashlib.sha256((folder / "mine.tza").read_bytes()).hexdigest()
     write_json(folder / "mine.json", {"sha256": digest})
 

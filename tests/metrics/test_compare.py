@@ -11,7 +11,7 @@ from lfsr_core.images.png import read_mask, write_mask
 from lfsr_core.metrics import compare as compare_module
 from lfsr_core.metrics.compare import compare_folders, sampled_recall
 from lfsr_core.optics.display import load_display
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 from tests.support.synthetic import write_reference, write_render
 from tests.support.told import refuses
 

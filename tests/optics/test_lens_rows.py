@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.optics.lens_rows import check_cover, parse_rows, pixel_rows
+from lfsr_core.optics.lenses import check_cover, parse_rows, pixel_rows
 from tests.support.told import refuses
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.optics.lens_sampling import choose_lenses
+from lfsr_core.optics.lenses import choose_lenses
 from tests.support.told import refuses
 
 MASK = np.zeros((12, 16), bool)

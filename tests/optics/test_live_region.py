@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.live_region import LiveRegion
+from lfsr_core.optics.eye_card import LiveRegion
 
 SMALL = load_display("small")
 sides = st.integers(1, 2000)

@@ -9,8 +9,17 @@ from hypothesis import strategies as st
 
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.images.exr import write_layers
-from lfsr_core.pipeline.parts import ImageParts, Pace, Part, gaps, is_worth_storing, remove_others, seconds_per_part
-from lfsr_core.pipeline.staging import has_parts, staging_folder
+from lfsr_core.pipeline.staging import (
+    ImageParts,
+    Pace,
+    Part,
+    gaps,
+    has_parts,
+    is_worth_storing,
+    remove_others,
+    seconds_per_part,
+    staging_folder,
+)
 
 INPUTS = {"settings": "abc", "scene file": "def"}
 

@@ -19,8 +19,8 @@ from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import LOG_FILE, LOW_RES_FILE, REFERENCE_FILES, REPORT_FILE
 from lfsr_core.frames.request import Request
 from lfsr_core.optics.display import load_display
-from lfsr_core.pipeline import rendering as process
-from lfsr_core.pipeline.rendering import render_all
+from lfsr_core.pipeline import make
+from lfsr_core.pipeline.make import render_all
 from lfsr_core.process import blender as blender_places
 from lfsr_core.process.blender import Blender, find_blender
 from lfsr_core.process.protocol import parse_progress
@@ -217,7 +217,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.request import Request
 from lfsr_core.optics.display import load_display
 from lfsr_core.process.blender import find_blender
-from lfsr_core.pipeline.rendering import render_all
+from lfsr_core.pipeline.make import render_all
 from tests.support.requests import changed, make_request
 found = find_blender(sys.argv[1])
 resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
@@ -280,7 +280,7 @@ def test_interrupt_stops_blender_and_leaves_nothing(blender, job, tmp_path, sent
     scene.touch()
     command = [sys.executable, "-m", "lfsr_core.cli", "render", str(scene), "-o", job.output, "--display", "mini",
                "--method", "bicubic", "--blender", blender(SLEEPER)]
-    program = subprocess.Popen(command, cwd=Path(process.__file__).parents[2], stderr=subprocess.PIPE,
+    program = subprocess.Popen(command, cwd=Path(make.__file__).parents[2], stderr=subprocess.PIPE,
                                text=True, env=os.environ | {"PID_FILE": str(pid_file)})
     try:
         wait_for(lambda: pid_file.exists() and pid_file.read_text())

@@ -6,8 +6,7 @@ import pytest
 
 from lfsr_core.frames.finish import Finish, read_report
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.pipeline.finishing import finish_frame
-from lfsr_core.pipeline.make import KEPT, MADE, requests_of
+from lfsr_core.pipeline.make import KEPT, MADE, finish_frame, requests_of
 from tests.support.animations import FINISH, film, film_request, images, states
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import fails

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.base.notices import Progress
-from lfsr_core.pipeline.time_left import LEAST_LEFT, TimeLeft
+from lfsr_core.pipeline.make import LEAST_LEFT, TimeLeft
 
 # Each: times, fractions, CPU seconds and whether it was repeated, as renders on two busy cores have told them.
 RECORDED = json.loads(Path(__file__).with_name("recorded_renders.json").read_text(encoding="utf-8"))

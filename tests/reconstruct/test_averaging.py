@@ -9,7 +9,7 @@ from lfsr_core.base.notices import Notice
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.low_res import LowResEIA
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.reconstruct.averaging import (
     average_frames,
     averaging_notices,

@@ -15,9 +15,9 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images
 from lfsr_core.reconstruct import denoiser
+from lfsr_core.reconstruct.denoiser import write_tza
 from lfsr_core.reconstruct.methods import load_method, oidn
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_low_resolution, mirrored
-from lfsr_core.reconstruct.tza import write_tza
 from tests.support.prerequisites import needs_bpy
 from tests.support.told import refuses
 

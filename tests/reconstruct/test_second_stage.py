@@ -18,7 +18,7 @@ from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_png
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics import eia
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.reconstruct import second_stage
 from lfsr_core.reconstruct.assembly import STAGES
 from lfsr_core.reconstruct.methods import METHODS
@@ -232,7 +232,7 @@ FULL_DISK = """
 import resource, sys
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.finish import Finish
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)
 try:
     finish_frame(sys.argv[1], Finish("bicubic", linear_exr=True))

@@ -11,7 +11,7 @@ from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_mask, read_png
 from lfsr_core.optics import eia
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.reconstruct import second_stage
 from tests.support.prerequisites import needs_bpy
 from tests.support.slow_way import expected_linear

@@ -8,7 +8,7 @@ from lfsr_core.frames.finish import Finish, read_report
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame, read_rendered
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_png
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 from tests.support.panels import SHEETS, cells, hexagonal
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import fails, write_reference, write_render, write_traced

@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.reconstruct import denoiser, tza
-from lfsr_core.reconstruct.tza import read_tza, write_tza
+from lfsr_core.reconstruct import denoiser
+from lfsr_core.reconstruct.denoiser import read_tza, write_tza
 from tests.support.told import refuses
 
 NAMES = st.text(st.characters(codec="ascii", exclude_categories=["Cc"]), min_size=1, max_size=30)
@@ -26,7 +26,7 @@ def test_what_is_written_is_read(tmp_path_factory, tensors, half):
     for name, tensor in tensors.items():
         assert found[name].dtype == (np.float16 if half else np.float32)
         np.testing.assert_array_equal(found[name], tensor)
-    table = tza.HEADER.unpack_from(path.read_bytes())[3]
+    table = denoiser.HEADER.unpack_from(path.read_bytes())[3]
     assert len(tensors) == int.from_bytes(path.read_bytes()[table:table + 4], "little")
 
 
@@ -46,7 +46,7 @@ def content(tmp_path_factory):
 def check_damaged(damaged):
     """One sentence, or a network all the same, such as after another value."""
     try:
-        denoiser.check_network(tza.parse(damaged, "x.tza"), "x.tza")
+        denoiser.check_network(denoiser.parse_tza(damaged, "x.tza"), "x.tza")
     except LfsrError as error:
         assert str(error).startswith("x.tza ") and "\n" not in str(error)
         return True
@@ -67,7 +67,8 @@ def test_damage_is_named(content, place, value, message):
     if message is None:
         assert not check_damaged(bytes(damaged))
         return
-    refuses(rf"x.tza cannot be read as TZA weights \(.*{message}.*get it again", tza.parse, bytes(damaged), "x.tza")
+    refuses(rf"x.tza cannot be read as TZA weights \(.*{message}.*get it again",
+            denoiser.parse_tza, bytes(damaged), "x.tza")
 
 
 @pytest.mark.parametrize("tensor", [np.full(3, np.nan), np.full(3, 1e5), np.ones((2, 2))])
@@ -82,6 +83,6 @@ def test_a_large_value_needs_single_floats(tmp_path):
 
 
 def test_too_large_files_are_neither_written_nor_read(tmp_path):
-    refuses("use a smaller network", write_tza, tmp_path / "a.tza", {"a": np.zeros(tza.MOST_BYTES // 2)})
-    (tmp_path / "b.tza").write_bytes(bytes(tza.MOST_BYTES + 1))
+    refuses("use a smaller network", write_tza, tmp_path / "a.tza", {"a": np.zeros(denoiser.MOST_BYTES // 2)})
+    (tmp_path / "b.tza").write_bytes(bytes(denoiser.MOST_BYTES + 1))
     refuses("more than 8000000 bytes", read_tza, tmp_path / "b.tza")

@@ -11,9 +11,8 @@ from lfsr_core.frames.frame import PANEL_FILE, read_frame
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import flip_order
-from lfsr_core.optics.panel.gather import gather_map
-from lfsr_core.optics.panel.weave import weave
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.optics.panel.weave import gather_map, weave
+from lfsr_core.pipeline.make import finish_frame
 from tests.support.panels import hexagonal, lenticular, whole
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import MINI, write_reference, write_render

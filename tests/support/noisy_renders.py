@@ -9,7 +9,7 @@ import numpy as np
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, write_frame
 from lfsr_core.frames.request import Request, read_request
 from lfsr_core.images.exr import write_layers
-from lfsr_core.optics.lens_rows import pixel_rows
+from lfsr_core.optics.lenses import pixel_rows
 from lfsr_core.process.protocol import RENDERED_STAGE, emit
 from tests.support.requests import make_request
 from tests.support.synthetic import MINI, frame_of, light_field, tiles, traced_panel

@@ -12,7 +12,7 @@ from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.optics.panel.panel_rays import panel_rays
+from lfsr_core.optics.panel.subpixel_rays import panel_rays
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.optics.world_view import WorldImage
 from tests.support.rays import pixel_rays

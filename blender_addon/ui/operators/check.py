@@ -7,7 +7,7 @@ import functools
 import bpy
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.progress import duration
+from lfsr_core.base.notices import duration
 
 from ...check import last
 from ...check.fixes import FIXES, OUTSIDE_SCENE, find_object

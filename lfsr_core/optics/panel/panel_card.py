@@ -17,8 +17,15 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.optics.lens_card import MIN_SIZE, RIM, UNIT
-from lfsr_core.optics.panel.panel_rays import PERIOD, PanelLayout, subpixel_table
-from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice, elemental_waves, short_steps
+from lfsr_core.optics.panel.subpixel_rays import (
+    PERIOD,
+    Geometry,
+    PanelLayout,
+    elemental_lattice,
+    elemental_waves,
+    short_steps,
+    subpixel_table,
+)
 from lfsr_core.optics.rays import directed
 from lfsr_core.optics.sheet import Lenticular
 

@@ -2,16 +2,130 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
+import hashlib
+import json
+import os
+import shutil
+import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.cores import usable_cores
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.optics.panel.gather import MAX_WORKERS, ONE, GatherMap
+from lfsr_core.base.files import cache_folder, parse_json, replace
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
 
 AT_ONCE = 1 << 17  # subpixels: their data fit into a core's cache
+ONE = 128  # a weight of 1; its product with a difference of bytes fits into 16 bits
+ROWS_AT_ONCE = 64
+MAX_WORKERS = 8
+CHANNELS = 3
+VERSION = 1  # of a map's content: maps of other versions are not read
+MIN_SUBPIXELS = 4_000_000  # a map of fewer is computed faster than it is worth caching
+MAX_MAPS = 3
+ABOUT, FIRST = "map.json", "first.npy"
+APPEARANCE = ("name", "title", "description", "background")
+
+
+@dataclasses.dataclass(frozen=True)
+class Axis:
+    """One interpolated axis of a gather map."""
+
+    stride: int  # bytes of the EIA from a sample to the next along it
+    weights: Array  # (H, W, 3) uint8 of that next sample, in 1 / ONE
+
+
+@dataclasses.dataclass(frozen=True)
+class GatherMap:
+    """Where the subpixels of a panel (H, W, 3) find their values in the bytes of an EIA (rows, columns, 3)."""
+
+    eia_pixels: tuple[int, int]  # (columns, rows) of the EIA
+    first: Array  # (H, W, 3) int32, index of the first sample's byte
+    axes: tuple[Axis, ...]  # what is interpolated; empty: the nearest sample
+
+
+def gather_map(profile: DisplayProfile, sampling: str) -> GatherMap:
+    """Return the gather map of a display with a lens sheet.
+
+    ``sampling``, one of display.WEAVES: "nearest", or interpolated over "views", or over "all" (lenses too).
+    LfsrError if the EIA has more bytes than a four-byte index can address.
+    """
+    columns, rows = profile.eia_pixels
+    (sx, sy), (px, py), line = profile.lenses, profile.views, columns * CHANNELS
+    # Bytes from one to the next, count, and whether interpolated: columns, rows, views across and views down.
+    every = ((px * CHANNELS, sx, sampling == "all" and sx > 1), (py * line, sy, sampling == "all" and sy > 1),
+             (CHANNELS, px, sampling != "nearest" and px > 1), (line, py, sampling != "nearest" and py > 1))
+    if columns * rows * CHANNELS >= 2**31:
+        raise LfsrError(f"the EIA has {columns}×{rows} pixels, but the weave takes fewer than 2³¹ bytes: "
+                        "give the profile fewer lenses or views")
+    size = (profile.panel_pixels[1], profile.panel_pixels[0], CHANNELS)
+    first = np.empty(size, np.int32)
+    strides = [stride for stride, _, smooth in every if smooth]
+    weights = [np.empty(size, np.uint8) for _ in strides]
+
+    def work(start: int) -> None:
+        part = np.arange(start, min(start + ROWS_AT_ONCE, size[0]))
+        for channel in range(CHANNELS):
+            rays = subpixel_rays(profile, channel, part[:, None], np.arange(size[1]))
+            places = (rays.column, rays.row, rays.view_x, rays.view_y)
+            index, interpolated = np.zeros((len(part), size[1])) + channel, iter(weights)
+            for place, (stride, count, smooth) in zip(places, every, strict=True):
+                inside = np.clip(place, 0, count - 1)
+                whole = np.minimum(np.floor(inside), count - 2) if smooth else np.floor(inside + 0.5)
+                index += whole * stride
+                if smooth:
+                    next(interpolated)[part, :, channel] = np.rint((inside - whole) * ONE)
+            first[part, :, channel] = index
+
+    with ThreadPoolExecutor(min(usable_cores(), MAX_WORKERS)) as pool:
+        list(pool.map(work, range(0, size[0], ROWS_AT_ONCE)))
+    axes = (Axis(stride, weight) for stride, weight in zip(strides, weights, strict=True))
+    return GatherMap((columns, rows), first, tuple(axis for axis in axes if axis.weights.any()))
+
+
+def cached_gather_map(profile: DisplayProfile) -> GatherMap:
+    """Return the gather map of a display with a lens sheet, from the cache if possible; disk errors are ignored."""
+    size = (profile.panel_pixels[1], profile.panel_pixels[0], 3)
+    if np.prod(size) < MIN_SUBPIXELS:
+        return gather_map(profile, profile.weave)
+    folder = cache_folder() / "weave" / digest(profile)
+    with contextlib.suppress(OSError, LfsrError, ValueError, KeyError):
+        strides = parse_json((folder / ABOUT).read_bytes())["strides"]
+        first, *weights = (np.load(folder / name, mmap_mode="r", allow_pickle=False)
+                           for name in (FIRST, *(f"axis{number}.npy" for number in range(len(strides)))))
+        intact = first.dtype == np.int32 and all(array.dtype == np.uint8 for array in weights)
+        if intact and all(array.shape == size for array in (first, *weights)):
+            os.utime(folder)
+            return GatherMap(profile.eia_pixels, first, tuple(map(Axis, strides, weights)))
+    mapped = gather_map(profile, profile.weave)
+    with contextlib.suppress(OSError):
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".map-", dir=folder.parent) as name:
+            part = Path(name, "map")
+            part.mkdir()
+            np.save(part / FIRST, mapped.first)
+            for number, axis in enumerate(mapped.axes):
+                np.save(part / f"axis{number}.npy", axis.weights)
+            (part / ABOUT).write_text(json.dumps({"strides": [axis.stride for axis in mapped.axes]}), encoding="utf-8")
+            shutil.rmtree(folder, ignore_errors=True)
+            replace(part, folder)
+        kept = sorted((entry for entry in folder.parent.iterdir() if not entry.name.startswith(".")),
+                      key=lambda entry: entry.stat().st_mtime)
+        for entry in kept[:-MAX_MAPS]:
+            shutil.rmtree(entry, ignore_errors=True)
+    return mapped
+
+
+def digest(profile: DisplayProfile) -> str:
+    """Hash of everything that a map depends on, for a folder's name."""
+    data = {key: value for key, value in profile.to_dict().items() if key not in APPEARANCE} | {"version": VERSION}
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:32]
 
 
 def weave(eia: Array, mapped: GatherMap) -> Array:

@@ -7,8 +7,7 @@ import pytest
 
 from blender_addon.jobs import asked, timing
 from blender_addon.ui.operators import check
-from lfsr_core.optics.display import load_display
-from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.tasks import estimate
 from tests.support.panels import lenticular, small
 

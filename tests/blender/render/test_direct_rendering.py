@@ -9,7 +9,7 @@ from blender_addon.render import frame_folder
 from blender_addon.scene import devices
 from lfsr_core.frames.frame import PANEL_FILE
 from lfsr_core.images.png import read_png
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 from tests.support.panels import cells, hexagonal, small
 from tests.support.requests import make_request
 from tests.support.scenes import add_box, add_camera

@@ -13,7 +13,7 @@ from blender_addon.scene.array import rig
 from blender_addon.scene.overrides import overridden
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.images import exr
-from lfsr_core.optics.panel.panel_rays import PanelLayout, panel_rays
+from lfsr_core.optics.panel.subpixel_rays import PanelLayout, panel_rays
 from lfsr_core.optics.rays import CameraArray
 from tests.blender.render.test_ray_layout import ARRAY_TO_WORLD, CENTRE, plane_in_array, where_they_meet
 from tests.support.panels import SHEETS, large, lenticular

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from lfsr_core.optics.rays import RayLayout
-from lfsr_core.reconstruct import denoiser, tza
+from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.methods.denoise import denoise_eia
 from lfsr_lab.networks.denoiser import Denoiser, hdr_decode, hdr_encode, stock_weights
 from tests.support.scenes import ARRAY, MINI, add_box, encoded
@@ -20,7 +20,7 @@ def test_a_render_is_denoised_alike(scene, tmp_path, monkeypatch, size):
     scene.world = bpy.data.worlds.new("world")
     noisy = encoded(scene, RayLayout.for_display(MINI, ARRAY, 2), tmp_path, samples=2)["color"][..., :3]
     stock = stock_weights("hdr", size)
-    tza.write_tza(tmp_path / "some.tza", stock)
+    denoiser.write_tza(tmp_path / "some.tza", stock)
     by_library = denoise_eia(noisy, weights=denoiser.load(tmp_path / "some.tza"))
     assert np.abs(by_library - noisy).mean() > 1e-3, "there is noise to take away"
 

@@ -15,8 +15,8 @@ from blender_addon.scene import light, open, subject
 from blender_addon.scene.array import rig
 from blender_addon.scene.notices import missing_images
 from lfsr_core.base.files import read_json
-from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.low_res import foreground_mask
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_lab.experiments.sweeps.sweeps import SWEEPS

@@ -183,7 +183,7 @@ def test_photographs_are_made_small(monkeypatch, tmp_path):
 
 
 def test_random_displays_fit_their_scale_and_stay_small():
-    from lfsr_core.optics.panel.panel_rays import rendered_size
+    from lfsr_core.optics.panel.subpixel_rays import rendered_size
     from lfsr_lab.scenes.training.stage import training_display
 
     chosen = [training_display(np.random.default_rng(seed)) for seed in range(200)]

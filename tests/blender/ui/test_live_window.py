@@ -15,12 +15,11 @@ import pytest
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_png
 from lfsr_core.images.srgb import srgb_encode
-from lfsr_core.optics.display import load_display
+from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.eye_card import eye_place
-from lfsr_core.optics.panel.panel_rays import PanelLayout, panel_image
-from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.optics.panel.subpixel_rays import PanelLayout, panel_image
 from lfsr_core.optics.rays import CameraArray
 from tests.support.panels import cells, hexagonal, small
 from tests.support.window.desktop import NEEDS_WINDOW, Window, blender_window

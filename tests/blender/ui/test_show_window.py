@@ -11,7 +11,7 @@ import pytest
 from lfsr_core.exports import loopback
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png
-from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.optics.display import write_profile
 from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
 from tests.calibration.test_visual_json import OLD
 from tests.support.bridge import device, stand_in

@@ -7,8 +7,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.reconstruct import tza
-from lfsr_core.reconstruct.denoiser import BASE, SMALL, network_shapes
+from lfsr_core.reconstruct.denoiser import BASE, SMALL, network_shapes, read_tza, write_tza
 from lfsr_core.reconstruct.methods import oidn
 from lfsr_lab.networks import denoiser as twin
 
@@ -41,7 +40,7 @@ def by_twin(network, color, guides, hdr):
 
 
 def by_library(path, color, guides, hdr, **more):
-    return oidn.denoise(color, *guides, hdr=hdr, srgb=not hdr, weights=tza.read_content(path),
+    return oidn.denoise(color, *guides, hdr=hdr, srgb=not hdr, weights=path.read_bytes(),
                         input_scale=1.0 if hdr else None, **more)
 
 
@@ -52,7 +51,7 @@ def test_twin_equals_library(tmp_path, name, size, images):
     hdr, guided = name.startswith("hdr"), name.endswith("guided")
     stock = twin.stock_weights(name, size)
     network = twin.Denoiser.from_tensors(stock, inputs=9 if guided else 3)
-    tza.write_tza(tmp_path / "some.tza", network.tensors())
+    write_tza(tmp_path / "some.tza", network.tensors())
     color, *guides = images((45, 70))
     color, guides = (color if hdr else np.clip(color / 3, 0, 1)), guides if guided else []
     found, expected = (by(where, color, guides, hdr) for by, where in ((by_twin, network),
@@ -68,8 +67,8 @@ def test_twin_equals_library(tmp_path, name, size, images):
 def test_any_widths_work(tmp_path_factory, widths, guided):
     torch.manual_seed(0)
     inputs, path = 9 if guided else 3, tmp_path_factory.mktemp("widths") / "some.tza"
-    tza.write_tza(path, twin.Denoiser((*widths, 3), inputs).tensors())
-    stored = twin.Denoiser.from_tensors(tza.read_tza(path), inputs)
+    write_tza(path, twin.Denoiser((*widths, 3), inputs).tensors())
+    stored = twin.Denoiser.from_tensors(read_tza(path), inputs)
     color, *guides = noise((20, 35))
     found, expected = (by(where, np.clip(color, 0, 1), guides if guided else [], hdr=False)
                        for by, where in ((by_twin, stored), (by_library, path)))
@@ -79,7 +78,7 @@ def test_any_widths_work(tmp_path_factory, widths, guided):
 @pytest.mark.parametrize("quality", oidn.QUALITIES)
 @pytest.mark.parametrize("size", twin.SIZES)
 def test_every_quality_takes_the_weights(tmp_path, size, quality):
-    tza.write_tza(tmp_path / "some.tza", twin.stock_weights("hdr", size))
+    write_tza(tmp_path / "some.tza", twin.stock_weights("hdr", size))
     color = render((45, 70))[0]
     expected = by_library(tmp_path / "some.tza", color, [], True)
     np.testing.assert_allclose(by_library(tmp_path / "some.tza", color, [], True, quality=quality), expected, rtol=1e-3)

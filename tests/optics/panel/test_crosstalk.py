@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from lfsr_core.optics.display import builtin_names, load_display
-from lfsr_core.optics.panel.crosstalk import view_spread
+from lfsr_core.optics.panel.trace import view_spread
 from tests.support.panels import SHEETS, whole
 
 WOVEN = [name for name in builtin_names() if load_display(name).is_woven]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_core.optics.panel.panel_card import PARTS, Rows, card_rays, nearest, panel_card
-from lfsr_core.optics.panel.panel_rays import PanelLayout, panel_rays
+from lfsr_core.optics.panel.subpixel_rays import PanelLayout, panel_rays
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.optics.sheet import Lattice
 from tests.support.panels import SHEETS, large, lenticular, square

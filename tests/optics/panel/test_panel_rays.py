@@ -5,8 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.optics.panel.panel_rays import PanelLayout, lens_points, panel_image, panel_rays
-from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_rays
+from lfsr_core.optics.panel.subpixel_rays import (
+    Geometry,
+    PanelLayout,
+    lens_points,
+    panel_image,
+    panel_rays,
+    subpixel_rays,
+)
 from lfsr_core.optics.panel.trace import trace
 from lfsr_core.optics.rays import CameraArray
 from tests.support.panels import SHEETS, lenticular

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from lfsr_core.optics.eye import eye_view
-from lfsr_core.optics.panel.gather import gather_map
 from lfsr_core.optics.panel.subpixel_rays import Geometry
-from lfsr_core.optics.panel.weave import weave
+from lfsr_core.optics.panel.weave import gather_map, weave
 from tests.support.panels import SHEETS, lenticular, whole
 from tests.support.synthetic import MINI
 from tests.support.told import refuses

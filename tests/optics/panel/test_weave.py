@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 
 from lfsr_core.optics.display import WEAVES
 from lfsr_core.optics.eia import flip_order
-from lfsr_core.optics.panel.gather import ONE, gather_map
 from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_rays
 from lfsr_core.optics.panel.trace import trace
-from lfsr_core.optics.panel.weave import weave
+from lfsr_core.optics.panel.weave import ONE, gather_map, weave
 from tests.support.panels import SHEETS, hexagonal, lenticular, profile, square, whole
 from tests.support.told import refuses
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
-from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.optics.display import write_profile
 from tests.support.panels import lenticular
 from tests.support.window.desktop import Window, blender_window, inside
 

@@ -1,6 +1,6 @@
 """PyTorch twin of the network that Open Image Denoise runs, for training weights of ours.
 
-Its tensors have the names and the layout of a TZA file (``lfsr_core.reconstruct.tza``).
+Its tensors have the names and the layout of a TZA file (``lfsr_core.reconstruct.denoiser``).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from torch.nn import functional
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.reconstruct import tza
+from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.denoiser import COLOR_INPUTS, LAYERS, SKIPS, SMALL, check_network, network_shapes
 from lfsr_core.reconstruct.methods import oidn
 
@@ -123,7 +123,7 @@ CORE = "*OpenImageDenoise_core*"  # holds the weights
 NAMES = {"hdr": (2, 3), "hdr-guided": (6, 7), "ldr": (11, 12), "ldr-guided": (15, 16)}  # place of "base" and "small"
 SIZES = ("base", "small")
 KNOWN = 23  # weights in libraries 2.3 to 2.5
-START = tza.HEADER.pack(tza.MAGIC, tza.VERSION, tza.MINOR, 0)[:4]
+START = denoiser.HEADER.pack(denoiser.MAGIC, denoiser.VERSION, denoiser.MINOR, 0)[:4]
 
 
 def stock_weights(name: str = "hdr", size: str = "small") -> dict[str, Array]:
@@ -144,7 +144,7 @@ def _blobs(path: Path) -> tuple[dict[str, Array], ...]:
     content, found, start = path.read_bytes(), list[dict[str, Array]](), 0
     while (start := content.find(START, start)) >= 0:
         with contextlib.suppress(LfsrError):  # bytes that happen to be the same
-            found.append(tza.parse(content[start:start + tza.MOST_BYTES], path))
+            found.append(denoiser.parse_tza(content[start:start + denoiser.MOST_BYTES], path))
         start += len(START)
     if len(found) != KNOWN:
         raise LfsrError(f"{path} holds {len(found)} networks, expected {KNOWN}: install pyoidn 2.5")

@@ -8,8 +8,7 @@ import pytest
 
 from lfsr_core.calibration.patterns import pattern
 from lfsr_core.images.png import read_png
-from lfsr_core.optics.display import load_display
-from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.optics.display import load_display, write_profile
 from tests.calibration.test_fit import CYLINDERS, GOOD, PLACE
 from tests.support import panel
 from tests.support.telephone import jpeg

@@ -12,7 +12,7 @@ from blender_addon.jobs import asked, preview
 from lfsr_core.frames.finish import read_report
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
 from lfsr_core.images.png import read_png
-from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.optics.display import write_profile
 from tests.support import panel
 from tests.support.panels import cells, small
 

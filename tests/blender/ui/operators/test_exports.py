@@ -14,7 +14,7 @@ from lfsr_core.exports.light_field import on_screen, read_light_field
 from lfsr_core.exports.options import DESCRIPTIONS
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
-from lfsr_core.optics.profile_file import write_profile
+from lfsr_core.optics.display import write_profile
 from tests.calibration.test_visual_json import OLD
 from tests.support import panel
 from tests.support.bridge import device

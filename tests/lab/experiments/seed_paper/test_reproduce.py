@@ -16,7 +16,7 @@ from lfsr_core.base.records import from_data, to_data
 from lfsr_core.cli import main
 from lfsr_core.metrics.compare import compare_folders
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 from lfsr_lab.experiments.engine import renders as engine_renders
 from lfsr_lab.experiments.engine import timing
 from lfsr_lab.experiments.engine.plots import save

@@ -11,8 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Progress
-from lfsr_core.base.progress import ProgressBar
+from lfsr_core.base.notices import Progress, ProgressBar
 from lfsr_core.base.records import write_record
 from lfsr_core.commands.arguments import names, numbers
 from lfsr_core.frames.folder import FrameFolder, is_changed, scene_stamp

@@ -30,11 +30,9 @@ from lfsr_core.optics.depth_scale import scales_up_to
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eia import flip_order, from_views, to_elemental_images
 from lfsr_core.optics.eye import eye_view
-from lfsr_core.optics.panel.gather import gather_map
-from lfsr_core.optics.panel.weave import weave
+from lfsr_core.optics.panel.weave import gather_map, weave
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, SUBPIXEL_METHODS, MethodName, oidn
-from lfsr_core.reconstruct.second_stage import finished_linear
-from lfsr_core.reconstruct.subpixels import linear_panel_image
+from lfsr_core.reconstruct.second_stage import finished_linear, linear_panel_image
 from lfsr_lab.experiments.engine.records import Fingerprint, Records
 from lfsr_lab.experiments.engine.renders import REFERENCE, Store, check_render, reference_of
 from lfsr_lab.experiments.engine.timing import children_cpu_seconds, cpu_seconds

@@ -27,10 +27,10 @@ from typing import IO, Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path, locks, read_json, replace, write_json
-from lfsr_core.base.progress import duration
+from lfsr_core.base.notices import duration
 from lfsr_core.base.records import read_record, write_record
 from lfsr_core.process.blender import find_blender
-from lfsr_core.process.group import START, ProcessGroup
+from lfsr_core.process.child import START, ProcessGroup
 from lfsr_lab.experiments.document.studies import TABLE, Asset, Study, Table, Unit, units
 from lfsr_lab.experiments.engine.records import to_stderr
 from lfsr_lab.experiments.engine.report import Environment, environment, load_average

@@ -12,16 +12,16 @@ from typing import Any
 from lfsr_core.base.arrays import Mask
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import write_json
-from lfsr_core.base.progress import ProgressBar
+from lfsr_core.base.notices import ProgressBar
 from lfsr_core.base.records import read_record, write_record
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.folder import RAYS, FrameFolder
-from lfsr_core.frames.foreground import foreground_mask
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
+from lfsr_core.frames.low_res import foreground_mask
 from lfsr_core.frames.request import Request, Sampling, check_scene
 from lfsr_core.images.exr import read_finite
-from lfsr_core.optics.lens_sampling import choose_lenses
-from lfsr_core.pipeline.rendering import render_all
+from lfsr_core.optics.lenses import choose_lenses
+from lfsr_core.pipeline.make import render_all
 from lfsr_core.process.blender import find_blender
 from lfsr_lab.scenes import run_script, scene_script
 

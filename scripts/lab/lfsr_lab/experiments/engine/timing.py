@@ -18,7 +18,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import FRAME_FILE, read_frame
 from lfsr_core.frames.request import Request
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.report import load_average

@@ -10,8 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.reconstruct import tza
-from lfsr_core.reconstruct.denoiser import INPUT, LAYERS, SKIPS, WEIGHTS, network_shapes
+from lfsr_core.reconstruct.denoiser import INPUT, LAYERS, SKIPS, WEIGHTS, network_shapes, read_tza
 
 TRACE, DENOISE, INTERPOLATE, WEAVE, SHOW = "path tracing", "denoising", "interpolation", "weave", "display"
 HALF, FLOAT, BYTES_PER_PIXEL = 2, 4, 4  # bytes of a number in the network, of one in the render, of a shown pixel
@@ -78,7 +77,7 @@ def interpolation_work(rendered: int, finished: int, parallax: tuple[bool, bool]
 
 @functools.cache
 def shipped_network() -> tuple[Sequence[int], int]:
-    tensors = tza.parse(tza.read_content(WEIGHTS), WEIGHTS)
+    tensors = read_tza(WEIGHTS)
     return [tensors[f"{layer}.weight"].shape[0] for layer in LAYERS], tensors[f"{LAYERS[0]}.weight"].shape[1]
 
 

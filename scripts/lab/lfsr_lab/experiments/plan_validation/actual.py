@@ -23,7 +23,7 @@ from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Fr
 from lfsr_core.frames.request import Request
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.eia import to_elemental_images
-from lfsr_core.pipeline.finishing import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.plan.options import Candidate, PlanOptions
 from lfsr_core.plan.sample import path_samples, render_seconds
 from lfsr_core.reconstruct.second_stage import finished_linear

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lfsr_core.base.files import read_json
-from lfsr_core.base.progress import ProgressBar
+from lfsr_core.base.notices import ProgressBar
 from lfsr_lab.experiments.engine.records import to_stderr
 from lfsr_lab.experiments.seed_paper.renders import SCALE, Settings
 from lfsr_lab.networks import comparators

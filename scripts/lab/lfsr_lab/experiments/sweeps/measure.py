@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.frames.foreground import recall
+from lfsr_core.frames.low_res import recall
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.reconstruct.methods import COMPARED, DEFAULT_METHOD

@@ -31,7 +31,7 @@ from lfsr_core.base.files import atomic_path
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.panel.panel_rays import PanelLayout
+from lfsr_core.optics.panel.subpixel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
 from lfsr_lab.scenes.training import hard_layouts, layouts
 from lfsr_lab.scenes.training.lights import light_open_scene
