@@ -129,6 +129,6 @@ OUTSIDE_SCENE = ("dirty", "focus", "shift")  # fixes that change more than the s
 OPERATORS: dict[str, tuple[str, dict[str, object]]] = {
     "cycles": ("screen.userpref_show", {"section": "ADDONS"}),
     "unsaved": ("wm.save_mainfile", {}), "texture": ("file.find_missing_files", {}),
-    "linked": ("file.find_missing_files", {}), "autoexec": ("wm.revert_mainfile", {"use_scripts": True}),
+    "autoexec": ("wm.revert_mainfile", {"use_scripts": True}),
     "output": ("lfsr.choose_output", {}), "disk": ("lfsr.choose_output", {}),
     "temporary": ("screen.userpref_show", {"section": "FILE_PATHS"})}

@@ -15,7 +15,7 @@ SEVERAL = {
               "rectangles. Move them, or move the display plane."),
     "background": ("{} objects fill the display", "Every lens counts as foreground. Objects in a collection called "
                    "Background are reconstructed faster."),
-    "texture": ("{} image files are missing", "They render magenta."),
+    "texture": ("{} files are missing", "What needs them looks wrong."),
     "dirty": ("{} images have unsaved changes", "The render would not show them."),
     "script": ("{} materials have Script nodes", "Script nodes need the CPU or OptiX as device, and Open Shading "
                "Language switched on in Render Properties.")}

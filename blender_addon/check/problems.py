@@ -18,8 +18,9 @@ from ..scene import devices, folders
 from ..scene import settings as scene_settings
 from ..scene.array import rig
 from ..scene.color import color_settings
+from ..scene.files import unreadable
 from ..scene.light import AUTO_LIGHT, OWN_LIGHT, SCENE_LIGHTS, has_light, is_dim
-from ..scene.notices import left_out, missing_images
+from ..scene.notices import left_out
 from ..scene.sentences import sentence
 from ..scene.settings import Resolved, title
 from ..scene.subject import find_subject
@@ -31,8 +32,7 @@ from .problem import ERROR, INFO, SEVERITIES, Problem
 RENDERED, IMAGE, LINEAR, VIEWS = 48, 3, 6, 3
 GIGABYTE = 1e9
 # Code of the problem, title and button of what renders leave out, by the code of its notice.
-LEFT_OUT = {"libraries-missing": ("linked", "Linked Files", "Find Files…"),
-            "scripts-off": ("autoexec", "Scripts", "Reload Trusted"),
+LEFT_OUT = {"scripts-off": ("autoexec", "Scripts", "Reload Trusted"),
             "shift-ignored": ("shift", "Camera Shift", "Reset Shift"),
             "override-ignored": ("override", "Material Override", "Clear Override"),
             "layers-left-out": ("layers", "View Layers", "Switch Off Others"),
@@ -118,9 +118,9 @@ def _scripts(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 
 def _images(scene: bpy.types.Scene) -> Iterator[Problem]:
-    for path in missing_images():
-        yield Problem("texture", bpy.path.basename(path), f"The image file is missing and renders magenta: {path}",
-                      "Find Files…", ERROR, asks=True)
+    for notice in unreadable(scene, deep=False):
+        yield Problem("texture", Path(notice.values["path"]).name, f"{sentence(notice)}.", "Find Files…", ERROR,
+                      asks=True)
     for image in bpy.data.images:
         if image.is_dirty and image.users and image.name != preview.IMAGE_NAME:
             yield Problem("dirty", image.name, "The image has unsaved changes, which the render would not show.",

@@ -38,7 +38,8 @@ from ..compat import literal_path, video_output
 from ..render.frame_folder import Opened, inputs_before_opening, render_job, settled_light
 from ..render.output import UNFINISHED
 from ..scene.array import placement
-from ..scene.notices import notices
+from ..scene.files import check_files
+from ..scene.notices import left_out
 from ..scene.open import camera_notices, choose_camera, choose_scene, local_scene, open_scene
 from ..scene.overrides import overridden
 
@@ -138,7 +139,8 @@ def _opened(request: Request) -> tuple[bpy.types.Scene, Opened]:
     if file_stamp(path) != before:
         content = ""
     seconds, is_imported = time.perf_counter() - started, bool(request.scene) and not request.scene.endswith(".blend")
-    for notice in (*notices(scene), *camera_notices(scene, request.camera, is_imported)):
+    check_files(scene, request.frame, request.allow_missing, say)
+    for notice in (*left_out(scene), *camera_notices(scene, request.camera, is_imported)):
         say(notice)
     light = settled_light(scene, request, say)
     return scene, Opened(seconds, content, light, tuple(notes))

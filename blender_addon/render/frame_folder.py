@@ -35,8 +35,8 @@ from lfsr_core.version import __version__
 from ..scene import devices
 from ..scene.array import motion, placement
 from ..scene.color import color_settings
+from ..scene.files import check_files, image_files
 from ..scene.light import lit
-from ..scene.notices import image_files
 from ..scene.overrides import overridden
 from ..scene.subject import find_subject, has_background_meshes
 from . import world
@@ -75,8 +75,9 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
     notes = list(opened.notes)
 
     def say(notice: Notice) -> None:
-        notes.append(notice)
-        tell(notice)
+        if notice not in notes:  # as of a file when the scene was opened, and at its frame
+            notes.append(notice)
+            tell(notice)
 
     with prepared(scene, request, say) as frame:
         inputs = None
@@ -114,6 +115,7 @@ def prepared(scene: bpy.types.Scene, request: Request, say: Say = silent) -> Ite
     with motion.same_frame(scene):
         if request.frame is not None:
             scene.frame_set(request.frame)
+        check_files(scene, None, request.allow_missing, say)
         if request.sampling.scales and request.kind != "reference":
             request = request.with_scale(placement.scale_of(scene, request))
         subject = find_subject(scene, request.subject)

@@ -1,9 +1,8 @@
-"""Notices for the user before a render: missing files, and settings that are ignored."""
+"""Notices for the user before a render: settings of the scene that a light field does not honour."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import bpy
 
@@ -19,19 +18,9 @@ SWITCHES = ("exclude", "holdout", "indirect_only")
 SHOWN = {"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VOLUME", "LIGHT"}
 
 
-def notices(scene: bpy.types.Scene) -> list[Notice]:
-    """Return what changes the image but does not stop the render."""
-    missing = missing_images()
-    return [*([Notice("images-missing", {"count": len(missing), "first": missing[0]})] if missing else []),
-            *left_out(scene)]
-
-
 def left_out(scene: bpy.types.Scene) -> list[Notice]:
-    """Return what renders leave out or ignore of the scene, but for missing images."""
+    """Return what renders leave out or ignore of the scene."""
     found = []
-    libraries = [Path(bpy.path.abspath(library.filepath)) for library in bpy.data.libraries]
-    if linked := sorted(str(path) for path in libraries if not path.is_file()):
-        found.append(Notice("libraries-missing", {"count": len(linked), "first": linked[0]}))
     if bpy.app.autoexec_fail:
         found.append(Notice("scripts-off", {"reason": bpy.app.autoexec_fail_message.strip()}))
     camera = scene.camera if scene.camera is not None and scene.camera.type == "CAMERA" else None
@@ -52,28 +41,6 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
     if editor is not None and any(strip.type != "SOUND" and not strip.mute for strip in editor.strips):
         found.append(Notice("sequencer-ignored"))
     return found
-
-
-def missing_images() -> list[str]:
-    """Return the paths of missing image files, with each tile of a UDIM image."""
-    return sorted(str(path) for path in image_files() if not path.is_file())
-
-
-def image_files() -> set[Path]:
-    """Return the files that images of the scene are read from, with each tile of a UDIM image."""
-    images = [image for image in bpy.data.images
-              if image.filepath and not image.packed_file and "lfsr_image" not in image]
-    return {path for image in images for path in _paths(image)}
-
-
-def _paths(image: bpy.types.Image) -> Iterator[Path]:
-    named = bpy.path.abspath(image.filepath, library=image.library)
-    if image.source == "FILE":
-        yield Path(named)
-    elif image.source == "TILED":
-        for tile in image.tiles:
-            row, column = divmod(tile.number - 1001, 10)
-            yield Path(named.replace("<UDIM>", str(tile.number)).replace("<UVTILE>", f"u{column + 1}_v{row + 1}"))
 
 
 def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:

@@ -56,13 +56,15 @@ def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--device", type=lambda text: text if text == AUTO else text.upper(), default=AUTO,
                         metavar="auto|NAME",
                         help=f"Cycles device, {', '.join(DEVICES)}; default: the best of this machine")
+    parser.add_argument("--allow-missing", action="store_true",
+                        help="render although files of the scene, such as images, are missing or damaged")
     parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")
 
 
 def make_request(arguments: argparse.Namespace, **values: Any) -> Request:
     """Validated job of the parsed arguments; ``values`` add to them or replace them."""
     same = ("output", "layout", "view_aperture", "seed", "frame", "subject", "device",
-            "world_visible", "camera")
+            "world_visible", "camera", "allow_missing")
     given = {name: getattr(arguments, name) for name in same if name not in values}
     display = load_display(arguments.display)
     if getattr(arguments, "rows", None) is not None:

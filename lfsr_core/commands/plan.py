@@ -135,6 +135,8 @@ def render_command(arguments: argparse.Namespace, chosen: Candidate, display: Di
             continue
         if isinstance(action, argparse.BooleanOptionalAction):
             words.append(action.option_strings[0 if value else 1])
+        elif value is True:
+            words.append(action.option_strings[0])
         else:
             words += [action.option_strings[0], str(value)]
     return shlex.join(words)

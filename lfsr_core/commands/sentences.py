@@ -19,13 +19,6 @@ def listed(items: Sequence[Any], most: int | None = None) -> str:
     return ", ".join(map(str, items[:most]))
 
 
-def _missing(values: Values, kind: str, one: str, several: str) -> str:
-    """Return that files are missing, and what follows."""
-    if values["count"] == 1:
-        return f"the {kind} file {values['first']} is missing and {one}"
-    return f"{values['count']} {kind} files are missing and {several}, such as {values['first']}"
-
-
 def _scale_chosen(values: Values) -> str:
     scale, largest, rays, moved = (values[name] for name in ("scale", "largest", "rays", "moved"))
     there = "" if scale == largest else f", at scale {largest} by {moved * largest:.2g}"
@@ -133,8 +126,7 @@ SENTENCES: dict[str, Wording] = {
     "plan-limit-upscaling": "upscaling: at scale {scale} even many more samples would stay below the target; choose a "
                             "smaller scale or another method",
     # The scene
-    "images-missing": lambda values: _missing(values, "image", "renders magenta", "render magenta"),
-    "libraries-missing": lambda values: _missing(values, "linked", "is left out", "are left out"),
+    "file-unreadable": "the {kind} file {path} is {state}, and what needs it looks wrong",
     "scripts-off": "Blender did not run the Python in this file ({reason}), so its drivers and scripts move nothing",
     "shift-ignored": "the camera's shift ({x:g}, {y:g}) is ignored. The array looks along the camera's axis",
     "override-ignored": "the material override {material!r} of view layer {layer!r} is ignored. Objects keep their own "

@@ -35,7 +35,7 @@ NUMBERED = re.compile(r"-?\d{3,}$")  # names of the folders of an animation's fr
 Facts = Mapping[str, object]  # what decides pixels, by name
 # Facts of the rays and their number; a render's folder is compared by these unless more are asked for.
 RAYS = ("display", "convention", "layout", "lens_list", "rows", "scale", "samples")
-PLACES = ("output", "parts", "world", "source")  # fields of a job that are paths, on which no pixel depends
+PLACES = ("output", "parts", "world", "source", "allow_missing")  # fields of a job on which no pixel depends
 PLURAL = ("samples", "lens_list", "rows", "layers")
 SAMPLES = " samples per pixel"
 FARM_COPY = ".farm"  # ends the name of the copy of a file that a farm renders

@@ -82,6 +82,7 @@ class Request:
     source: str = ""  # the file of which ``scene`` is a copy, as of ``Frame.source``; empty where it is not known
     world: str | None = None  # world.exr of another render from the same place, None to render the world where needed
     light: str = AUTO  # of LIGHTS, or the file of a world image; AUTO: the scene's own unless it is too dark
+    allow_missing: bool = False  # whether files of the scene may be missing or damaged
     parts: str | None = None  # folder for the finished parts of a long render, None to store none
 
     def __post_init__(self) -> None:

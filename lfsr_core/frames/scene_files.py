@@ -35,7 +35,8 @@ def check_named_files(scene: str | Path) -> None:
     if path.suffix.lower() in (".gltf", ".glb"):
         _check_gltf(path)
     elif path.suffix.lower() == ".obj":
-        for library in _named(path, LIBRARY):
+        # Blender reads the library of the scene's own name too, named or not.
+        for library in (path.with_suffix(".mtl").name, *_named(path, LIBRARY)):
             check_regular(path, path.parent / library)
             if (path.parent / library).is_file():
                 for name in _named(path.parent / library, MAPS):
@@ -57,10 +58,10 @@ def _check_gltf(path: Path) -> None:
             name = entry.get("uri")
             if not isinstance(name, str) or name.startswith("data:"):
                 continue
-            if ABSOLUTE.match(name):
+            plain = ESCAPED.sub(lambda found: bytes([int(found[1], 16)]), os.fsencode(name.replace("\\", "/")))
+            if ABSOLUTE.match(name) or ABSOLUTE.match(os.fsdecode(plain)):
                 raise LfsrError(f"scene {path} names {name[:200]}, but a glTF may name only files relative to itself: "
                                 "put the file beside the scene and correct the name")
-            plain = ESCAPED.sub(lambda found: bytes([int(found[1], 16)]), os.fsencode(name))
             file = path.parent / os.fsdecode(plain)
             check_regular(path, file)
             told = entry.get("byteLength")
@@ -104,4 +105,4 @@ def _named(path: Path, pattern: re.Pattern[bytes]) -> Iterator[str]:
     with path.open("rb") as file:
         for line in file:
             if found := pattern.match(line[:2**16]):
-                yield os.fsdecode(found[1].strip().replace(b"\\", b"/"))
+                yield os.fsdecode(found[1].strip(b" \t\r\n\"").replace(b"\\", b"/"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,3 +22,19 @@ def opened(path: str | Path) -> Iterator[oiio.ImageInput | None]:
     finally:
         if source is not None:
             source.close()
+
+
+@functools.cache
+def readable_suffixes() -> frozenset[str]:
+    """Return the suffixes, without the point, of the formats that OpenImageIO reads."""
+    formats = oiio.get_string_attribute("extension_list").split(";")
+    return frozenset(suffix for each in formats for suffix in each.split(":")[1].split(","))
+
+
+def why_unreadable(path: str | Path) -> str:
+    """Return why an image file cannot be read to its end, "" if it can."""
+    with opened(path) as source:
+        if source is None:
+            return oiio.geterror() or "no file"
+        pixels = source.read_image(oiio.UNKNOWN)
+        return source.geterror() or ("no pixels" if pixels is None else "")

@@ -46,11 +46,16 @@ def test_only_regular_files_may_be_named(tmp_path, special, suffix):
                 check_named_files(written(tmp_path, content, f"scene{suffix}"))
         for line in (f"map_Kd {name}", f"bump -bm 2.0 {name}", f"  MAP_ks -s 1 1 1 {name}"):
             refuses("no regular file", check_named_files, material(tmp_path, line))
-    (tmp_path / "scene.obj").write_text("mtllib pipe\n")
+    (tmp_path / "scene.obj").write_text("v 0 0 0\n")
+    with pytest.raises(LfsrError, match="no regular file"):  # of the library beside it
+        check_named_files(tmp_path / "scene.obj")
+    (tmp_path / "scene.mtl").unlink()
+    (tmp_path / "scene.obj").write_text('mtllib "pipe"\n')
     refuses("no regular file", check_named_files, tmp_path / "scene.obj")
 
 
 @pytest.mark.parametrize("name", ["/dev/zero", "/etc/passwd", "file:///etc/passwd", "https://example.org/a.bin",
+                                  "%2Fdev%2Fzero", "file%3A%2F%2F%2Fetc%2Fpasswd",
                                   "\\\\host\\a"])
 def test_a_gltf_names_files_relative_to_itself(tmp_path, name):
     refuses("relative to itself", check_named_files, written(tmp_path, {"images": [{"uri": name}]}))

@@ -141,11 +141,11 @@ def test_finished_render_is_moved_in_whole(blender, job):
 
 
 def test_warnings_are_passed_on_apart_from_progress(blender, job):
-    record = '{"stage": "notice", "notice": "images-missing", "values": {"count": 1, "first": "wood.png"}}'
+    record = '{"stage": "notice", "notice": "file-unreadable", "values": {"path": "wood.png"}}'
     body = f"print('LFSR {record}')" + GOOD
     seen = []
     render_all([job], Blender(blender(body)), seen.append)
-    assert seen == [Notice("images-missing", {"count": 1, "first": "wood.png"}), Progress("render", 0.5, "half")]
+    assert seen == [Notice("file-unreadable", {"path": "wood.png"}), Progress("render", 0.5, "half")]
 
 
 def test_job_file_asks_for_the_job(blender, job, tmp_path):

@@ -23,9 +23,9 @@ def said(capsys, count: int) -> list[dict]:
 def test_the_last_progress_is_said_again_with_its_age(capsys):
     with repeated(0.01):
         emit(stage="render", fraction=0.25, message="Updating Scene BVH: Building")
-        emit_told(Notice("images-missing", {"count": 1, "first": "wood.png"}))
+        emit_told(Notice("file-unreadable", {"path": "wood.png"}))
         first, warning, *again = said(capsys, 5)
-    assert first["message"] == "Updating Scene BVH: Building" and warning["notice"] == "images-missing"
+    assert first["message"] == "Updating Scene BVH: Building" and warning["notice"] == "file-unreadable"
     for record in again:
         assert (record["stage"], record["fraction"]) == ("render", 0.25)
         assert record["message"] == "Updating Scene BVH: Building, for 0 s"

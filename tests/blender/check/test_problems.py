@@ -162,6 +162,9 @@ def test_missing_texture_and_unsaved_paint(scene):
     fix(scene, "dirty")
     gone = bpy.data.images.new("Gone", 4, 4)
     gone.source, gone.filepath = "FILE", "//textures/gone.png"
+    texture = bpy.data.textures.new("Bumps", "IMAGE")
+    texture.image = gone
+    bpy.data.objects["Box"].modifiers.new("Bumps", "DISPLACE").texture = texture
     assert found(scene, "texture").target == "gone.png"
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from lfsr_core.base.files import write_json
 from lfsr_core.base.records import to_data
+from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import DEVICES
 from lfsr_core.images import exr
@@ -76,6 +77,24 @@ def test_what_the_user_must_know_is_said_before_the_render_and_kept_in_the_frame
     notes = [told_of(emitted[number]) for number in said]
     assert [note.code for note in notes] == ["sequencer-ignored", "array-blind"]
     assert notes[1].values == {"seen": ["Wall"], "place": "hidden"} and read_frame(tmp_path / "out").notes == (*notes,)
+
+
+def test_a_scene_with_unreadable_files_is_refused_unless_that_is_allowed(scene, tmp_path):
+    material = emission((1, 0.5, 0.2))
+    image = material.node_tree.nodes.new("ShaderNodeTexImage").image = bpy.data.images.new("wood", 4, 4)
+    image.source, image.filepath = "FILE", str(tmp_path / "wood.png")
+    (tmp_path / "wood.png").write_bytes(b"no image")
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), material)
+    add_camera(scene, (0, -6, 0))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    child = start(tmp_path, scene=str(tmp_path / "scene.blend"))
+    said, error = records(child.communicate()[0].splitlines())[-2:]
+    assert child.returncode == 2 and "wood.png is damaged" in sentence(told_of(said))
+    assert "1 of the scene's files cannot be read" in error["message"] and not list((tmp_path / "out").glob("**/*"))
+    child = start(tmp_path, scene=str(tmp_path / "scene.blend"), allow_missing=True)
+    child.communicate()
+    assert child.returncode == 0
+    assert [note.code for note in read_frame(tmp_path / "out").notes] == ["file-unreadable"], "said once"
 
 
 def test_that_parts_cannot_be_used_is_said_before_the_scene_is_opened(blend, tmp_path):

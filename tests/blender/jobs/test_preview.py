@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from blender_addon.jobs import asked, preview, show_image
-from blender_addon.scene.notices import missing_images
+from blender_addon.scene.files import unreadable
 from lfsr_core.images.png import write_png
 
 
@@ -42,7 +42,7 @@ def test_our_images_stay_out_of_the_file(scene, tmp_path):
     for image in own:
         image.use_fake_user = True  # as if an editor showed it
     (tmp_path / "panel.png").unlink()
-    assert not missing_images()
+    assert not unreadable(bpy.context.scene)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     assert len(bpy.data.images) == 2, "they stay in this session"
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))

@@ -1,0 +1,197 @@
+"""The files that the image of a scene depends on, and which of them cannot be read."""
+
+from __future__ import annotations
+
+import functools
+import re
+import struct
+import tempfile
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import bpy
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import file_stamp
+from lfsr_core.base.notices import Notice
+
+MOST_SAID = 20  # files of which each has its sentence
+HEAD = 2**16  # bytes, enough for the headers below
+NUMBER = re.compile(r"\d+(?=\D*$)")  # of the frame, in the name of a file of a sequence
+OF_SCENE = {"COLLECTION", "OBJECT", "WORLD", "SCENE"}  # used by a scene; brushes, strips and compositors do no harm
+TREES = {"MATERIAL", "WORLD", "LIGHT", "NODETREE", "TEXTURE"}
+# Kinds for sentences, by the type of the data-block that names a file, or by the file's suffix.
+KINDS = {"CACHEFILE": "geometry", "FONT": "font", ".ies": "light", ".osl": "script", ".oso": "script"}
+
+
+def check_files(scene: bpy.types.Scene, frame: int | None, allow: bool, say: Callable[[Notice], object]) -> None:
+    """Say which files cannot be read that ``scene`` needs at ``frame``, None for its own.
+
+    LfsrError if there are any, unless ``allow``.
+    """
+    found = unreadable(scene, frame)
+    for notice in found[:MOST_SAID]:
+        say(notice)
+    if found and not allow:
+        raise LfsrError(f"{len(found)} of the scene's files cannot be read, such as {found[0].values['path']}: find or "
+                        "replace what is missing or damaged, or allow missing files")
+
+
+def unreadable(scene: bpy.types.Scene, frame: int | None = None, deep: bool = True) -> list[Notice]:
+    """Return a notice of each file that cannot be read and that the image of ``scene`` needs at ``frame``.
+
+    ``frame``: None for the scene's own; ``deep``: look for damage too, for which images and volumes are read to their
+    ends.
+    """
+    reached, number = _reached(scene), scene.frame_current if frame is None else frame
+    files = {Path(path): (kind, item) for item in reached for kind, path in _files(item, number)}
+    states = {path: "missing" for path in files if not path.exists()}
+    for library in {item.library for item in reached} - {None}:
+        path = Path(bpy.path.abspath(library.filepath))
+        if library.is_missing or not (library.packed_file or path.is_file()):
+            files[path], states[path] = ("linked", library), "damaged" if path.is_file() else "missing"
+    if deep:
+        there = [path for path in files if path not in states]
+        with ThreadPoolExecutor() as pool:
+            damaged = pool.map(lambda path: _is_damaged(str(path), file_stamp(path)), there)
+        states |= {path: "damaged" for path, is_bad in zip(there, damaged, strict=True) if is_bad}
+        for item in reached:
+            path = Path(bpy.path.abspath(getattr(item, "filepath", "") or item.name, library=item.library))
+            is_elsewhere = item.id_type == "VOLUME" and item.is_sequence and number != scene.frame_current
+            if path not in states and not is_elsewhere and _is_damaged_inside(item):
+                files[path], states[path] = (item.id_type.lower(), item), "damaged"
+    return [Notice("file-unreadable", {"kind": files[path][0], "path": str(path), "state": states[path]})
+            for path in sorted(states)]
+
+
+def image_files() -> set[Path]:
+    """Return the files that images are read from, with each tile of a UDIM image."""
+    return {path for image in bpy.data.images for path in _image_paths(image)}
+
+
+def _reached(scene: bpy.types.Scene) -> set[bpy.types.ID]:
+    """Return the data-blocks that the image of ``scene`` may depend on."""
+    uses = defaultdict(set)
+    for item, users in bpy.data.user_map().items():
+        for user in users:
+            uses[user].add(item)
+    reached, waiting = {scene}, [scene]
+    while waiting:
+        user = waiting.pop()
+        if user.id_type == "CAMERA" or (user.id_type == "OBJECT" and user.type == "EMPTY" and user.data):
+            continue  # images in the viewport alone
+        found = {item for item in uses[user] if user.id_type != "SCENE" or item.id_type in OF_SCENE} - reached
+        reached |= found
+        waiting += found
+    return reached
+
+
+def _files(item: bpy.types.ID, frame: int) -> Iterator[tuple[str, str | Path]]:
+    """Yield kind and path of each file that a data-block is read from at ``frame``."""
+    def place(path: str) -> str:
+        return bpy.path.abspath(path, library=item.library)
+
+    if item.id_type == "IMAGE":
+        yield from (("image", path) for path in _image_paths(item))
+        if item.source == "MOVIE":
+            yield "film", place(item.filepath)
+    elif item.id_type == "VOLUME":
+        if not item.packed_file and not item.is_sequence:  # Blender says what a sequence lacks
+            yield "volume", place(item.filepath)
+    elif item.id_type == "OBJECT":
+        for modifier in (modifier for modifier in item.modifiers if modifier.show_render):
+            if modifier.type == "MESH_CACHE":
+                yield "geometry", place(modifier.filepath)
+            elif modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
+                if modifier.domain_settings.has_cache_baked_any:
+                    yield "simulation", place(modifier.domain_settings.cache_directory)
+            elif modifier.type == "OCEAN" and modifier.is_cached:
+                yield "simulation", place(modifier.filepath)
+            cache = getattr(getattr(modifier, "particle_system", modifier), "point_cache", None)
+            if cache is not None and cache.use_external:
+                yield "simulation", place(cache.filepath)
+            elif cache is not None and cache.use_disk_cache and cache.is_baked:
+                yield "simulation", place(f"//blendcache_{Path(bpy.data.filepath).stem}")
+    elif not getattr(item, "packed_file", None) and item.id_type in {*TREES, *KINDS}:
+        for path in bpy.data.file_path_map(subset=[item])[item] - {"", "<builtin>"}:
+            yield KINDS.get(item.id_type) or KINDS.get(Path(path).suffix.lower(), "needed"), place(path)
+    if item.id_type in TREES:
+        tree = item if item.id_type == "NODETREE" else item.node_tree
+        for user in (item, *(tree.nodes if tree else ())):
+            image = getattr(user, "image", None)
+            if image is not None and image.source == "SEQUENCE" and not image.packed_file:
+                yield "image", _at_frame(Path(place(image.filepath)), user.image_user, frame)
+
+
+def _image_paths(image: bpy.types.Image) -> Iterator[Path]:
+    if not image.filepath or image.packed_file or "lfsr_image" in image:
+        return
+    named = bpy.path.abspath(image.filepath, library=image.library)
+    if image.source == "FILE":
+        yield Path(named)
+    elif image.source == "TILED":
+        for tile in image.tiles:
+            row, column = divmod(tile.number - 1001, 10)
+            yield Path(named.replace("<UDIM>", str(tile.number)).replace("<UVTILE>", f"u{column + 1}_v{row + 1}"))
+
+
+def _at_frame(path: Path, user: bpy.types.ImageUser, frame: int) -> Path:
+    """Return the file of an image sequence at a frame of the scene, as Blender's BKE_image_user_frame_get."""
+    length, number = user.frame_duration, frame - user.frame_start + 1
+    number = (number - 1) % length + 1 if user.use_cyclic and length else min(max(number, 0), length)
+    return path.with_name(NUMBER.sub(lambda found: f"{number + user.frame_offset:0{len(found[0])}d}", path.name))
+
+
+def _is_damaged_inside(item: bpy.types.ID) -> bool:
+    """True if Blender cannot read what is packed, or what nobody else knows to read."""
+    from lfsr_core.images.source import readable_suffixes
+
+    if item.id_type == "VOLUME":
+        grids = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).grids
+        return not grids.load() or not all([grid.load() for grid in grids])
+    if item.id_type != "IMAGE" or item.source in {"GENERATED", "VIEWER", "SEQUENCE"}:
+        return False
+    for packed in item.packed_files:
+        with tempfile.NamedTemporaryFile(suffix=Path(packed.filepath).suffix, delete=False) as file:
+            file.write(packed.packed_file.data)
+        try:
+            if _is_damaged(file.name, ""):
+                return True
+        finally:
+            Path(file.name).unlink()
+    is_read = item.packed_file or Path(item.filepath).suffix.lower()[1:] in readable_suffixes()
+    return not is_read and not item.size[0]
+
+
+@functools.cache
+def _is_damaged(path: str, _stamp: str) -> bool:
+    """True if a file does not hold what its suffix says; other files and folders are left to Blender."""
+    from lfsr_core.images.source import readable_suffixes, why_unreadable  # needs what the panel does without
+
+    suffix = Path(path).suffix.lower()
+    if not Path(path).is_file():
+        return False
+    if suffix[1:] in readable_suffixes():
+        return bool(why_unreadable(path))
+    with Path(path).open("rb") as file:
+        head, size = file.read(HEAD), Path(path).stat().st_size
+    try:
+        match suffix:
+            case ".ies" if b"TILT=INCLUDE" not in head:
+                numbers = head.rpartition(b"TILT=NONE")[2].split()
+                vertical, horizontal = map(int, numbers[3:5])
+                return len(numbers) < 13 + vertical + horizontal + vertical * horizontal
+            case ".abc":  # Ogawa, with the place of its root; or HDF5
+                return not head.startswith(b"\x89HDF") and not (
+                    head[:6] == b"Ogawa\xff" and struct.unpack_from("<Q", head, 8)[0] < size)
+            case ".mdd":
+                frames, points = struct.unpack_from(">2i", head)
+                return size < 8 + 4 * frames + 12 * frames * points
+            case ".pc2":
+                points, frames = struct.unpack_from("<16xi8xi", head)
+                return not head.startswith(b"POINTCACHE2") or size < 32 + 12 * points * frames
+    except (struct.error, ValueError):
+        return True
+    return False
