@@ -18,6 +18,7 @@ from lfsr_core import __version__
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_mask, read_png
+from tests.support.told import refuses
 
 ROOT = Path(__file__).resolve().parents[2]
 STEPS = ROOT / "tests" / "support" / "extension_steps.py"
@@ -249,15 +250,13 @@ def other_extension(folder, version):
 def test_zip_that_blender_refuses_is_not_written(tmp_path, monkeypatch):
     monkeypatch.setattr(builder, "write_manifest", lambda path, _: path.write_text(
         (ROOT / "blender_manifest.toml").read_text().replace('id = "lfsr"', 'id = "no id"')))
-    with pytest.raises(LfsrError, match="extension tool failed"):
-        builder.build(tmp_path / "out")
+    refuses("extension tool failed", builder.build, tmp_path / "out")
     assert not list(tmp_path.rglob("*.zip"))
 
 
 def test_version_that_differs_is_an_error(tmp_path, monkeypatch):
     monkeypatch.setattr(builder, "__version__", "9.9.9")
-    with pytest.raises(LfsrError, match=r"9\.9\.9: make them equal"):
-        builder.write_manifest(tmp_path / "blender_manifest.toml", None)
+    refuses(r"9\.9\.9: make them equal", builder.write_manifest, tmp_path / "blender_manifest.toml", None)
 
 
 @pytest.fixture
@@ -289,8 +288,7 @@ def test_a_release_is_a_zip_with_checksum_and_notes(tmp_path, project):
     assert [path.read_bytes() for path in builder.release(tmp_path / "dist", **project())] == contents
     # What was published under a version is known by its checksum, beside it or in the changelog.
     for other in (project(line=f"SHA-256: {'0' * 64}"), project(email="y@example.org")):
-        with pytest.raises(LfsrError, match=f"another zip was published as {__version__}"):
-            builder.release(tmp_path / "dist", **other)
+        refuses(f"another zip was published as {__version__}", builder.release, tmp_path / "dist", **other)
     assert [path.read_bytes() for path in paths] == contents
 
 
@@ -301,8 +299,7 @@ def test_a_release_is_a_zip_with_checksum_and_notes(tmp_path, project):
     ({"sections": (f"{__version__}0",)}, "has 0 sections"),
 ])
 def test_a_release_that_is_not_ready_is_refused(tmp_path, project, values, said):
-    with pytest.raises(LfsrError, match=said):
-        builder.release(tmp_path / "dist", **project(**values))
+    refuses(said, builder.release, tmp_path / "dist", **project(**values))
     assert not (tmp_path / "dist").exists()
 
 

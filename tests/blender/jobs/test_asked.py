@@ -8,10 +8,10 @@ import pytest
 
 from blender_addon.jobs import asked, session
 from blender_addon.ui.operators import render
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.finish import Report, write_report
 from lfsr_core.frames.frame import EIA_FILE, write_frame
 from tests.support.synthetic import frame_of
+from tests.support.told import refuses
 
 
 def test_a_missing_interpreter_is_an_error_before_the_render(scene, monkeypatch):
@@ -23,8 +23,7 @@ def test_a_missing_interpreter_is_an_error_before_the_render(scene, monkeypatch)
 
 def test_errors_are_lfsr_errors(scene):
     scene.lfsr.scale = "3"
-    with pytest.raises(LfsrError, match="choose a scale"):
-        asked.asked(scene)
+    refuses("choose a scale", asked.asked, scene)
 
 
 def test_an_animation_is_averaged_as_the_panel_says_and_an_image_is_not(scene):

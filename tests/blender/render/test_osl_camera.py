@@ -8,9 +8,9 @@ import bpy
 import pytest
 
 from blender_addon.render import osl_camera
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.rays import RayLayout
 from tests.support.scenes import ARRAY, MINI, ROOT, add_box, emission, encoded
+from tests.support.told import refuses
 
 GOOD = osl_camera.SOURCE.read_text()
 
@@ -19,8 +19,7 @@ GOOD = osl_camera.SOURCE.read_text()
 def test_broken_shader_is_an_error_and_not_the_last_good_one(scene, broken):
     camera = bpy.data.cameras.new("camera")
     osl_camera.set_shader(camera, GOOD, {"spacing": 0.5})
-    with pytest.raises(LfsrError, match="rejected the ray-layout shader.*lens-card"):
-        osl_camera.set_shader(camera, broken, {"spacing": 1.5})
+    refuses("rejected the ray-layout shader.*lens-card", osl_camera.set_shader, camera, broken, {"spacing": 1.5})
     assert camera.cycles_custom["spacing"] == 0.5, "neither half of it is set"
 
 
@@ -28,8 +27,7 @@ def test_blender_without_osl_says_what_to_do(scene, monkeypatch):
     import _cycles
 
     monkeypatch.setattr(_cycles, "with_osl", False)
-    with pytest.raises(LfsrError, match="built without OSL.*lens-card"):
-        osl_camera.compile_osl(GOOD)
+    refuses("built without OSL.*lens-card", osl_camera.compile_osl, GOOD)
 
 
 FULL = """

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from blender_addon.scene.array import rig
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics import eia
 from lfsr_core.optics.rays import RayLayout, view_offset
 from tests.support.rays import pixel_rays
@@ -22,6 +21,7 @@ from tests.support.scenes import (
     fresh_scene,
     position_emission,
 )
+from tests.support.told import refuses
 
 TOLERANCE = 1e-5 * ARRAY.distance
 # Cycles reads the pixel filter from a table of 1024 steps, which puts the pixel's centre half a step up and right.
@@ -119,8 +119,7 @@ def test_samples_fill_the_lens_and_the_cell_of_views(tmp_path, scale, aperture, 
 
 def test_image_too_small_for_blender_is_refused(scene, tmp_path):
     add_plane(scene, plane_in_array(ARRAY.distance, 0.0), position_emission())
-    with pytest.raises(LfsrError, match="2×2 pixels, but Blender needs at least 4"):
-        encoded(scene, layout_of(4, lens_list=LENSES[:1]), tmp_path)
+    refuses("2×2 pixels, but Blender needs at least 4", encoded, scene, layout_of(4, lens_list=LENSES[:1]), tmp_path)
 
 
 def test_normal_layer_is_in_array_space(scene, tmp_path, way):

@@ -7,13 +7,6 @@ import pytest
 from blender_addon.scene import image_before
 from blender_addon.scene import settings as scene_settings
 from lfsr_core.optics.display import builtin_names, load_display
-from tests.support import panel
-
-
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
 
 
 @pytest.mark.parametrize("name", builtin_names())
@@ -28,12 +21,12 @@ def test_a_test_image_has_the_displays_shape_and_few_pixels(name):
 
 
 @pytest.mark.parametrize("scale", ["AUTO", "1", "5"])
-def test_the_settings_of_a_test_image_go_together(scene, scale):
-    scene.lfsr.display, scene.lfsr.scale, scene.lfsr.method = "bupt-32in-8k", scale, "denoise+bilinear"
-    small = image_before.reduced(scene_settings.resolve(scene))
+def test_the_settings_of_a_test_image_go_together(artist, scale):
+    artist.lfsr.display, artist.lfsr.scale, artist.lfsr.method = "bupt-32in-8k", scale, "denoise+bilinear"
+    small = image_before.reduced(scene_settings.resolve(artist))
     assert small.display.lenses == (96, 54) and bool(small.sampling.scales) == (scale == "AUTO")
     small.method.check_scale(small.sampling.scale)
 
 
-def test_small_images_need_no_test_image(scene):
-    assert image_before.reduced(scene_settings.resolve(scene)) is None
+def test_small_images_need_no_test_image(artist):
+    assert image_before.reduced(scene_settings.resolve(artist)) is None

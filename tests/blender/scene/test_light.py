@@ -10,14 +10,13 @@ import pytest
 from blender_addon.render import frame_folder, light_measurement
 from blender_addon.scene import light
 from blender_addon.scene.open import open_scene
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import EVEN, OWN
 from lfsr_core.images import exr
 from tests.support.requests import make_request
-from tests.support.scenes import MINI, add_box, add_camera, emission, save_box
-from tests.support.told import Told
+from tests.support.scenes import MINI, add_box, add_camera, add_lamp, emission, save_box
+from tests.support.told import Told, refuses
 
 
 def test_scene_without_light_gets_an_hdri_that_is_not_seen(tmp_path):
@@ -83,31 +82,33 @@ def brightness(stage, tmp_path, **options):
     return color[..., :3].max(), " ".join(sentence(notice) for notice in told.notices)
 
 
-IMPORTED = [("", False), ("scene.glb", True)]  # a .blend keeps its own light
-
-
-@pytest.mark.parametrize(("file", "lit"), IMPORTED)
-def test_glow_that_lights_nothing_counts_as_no_light(scene, tmp_path, file, lit):
-    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+def far_glow(scene):
     add_box(scene, (0, 40, 0), (0.01, 0.01, 0.01), emission((0.01, 0.01, 0.01)))
-    scene.collection.children.link(bpy.data.collections.new("box"))
-    scene.collection.children["box"].objects.link(scene.objects["item"])
-    assert light.has_light(scene)
-    brightest, said = brightness(scene, tmp_path, subject="box", scene=file)
-    assert "lmost no light reaches" in said and ("lit with" in said) == lit
-    assert brightest > 0.05 if lit else brightest < 0.01
 
 
-@pytest.mark.parametrize(("file", "lit"), IMPORTED)
-def test_what_shines_in_the_dark_does_not_count_as_light(scene, tmp_path, file, lit):
-    """A lantern: a bright pane, too small to light the rest."""
-    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+def lantern(scene):
+    """A bright pane, too small to light the rest."""
     add_box(scene, (0, -0.5, 0), (0.1, 0.01, 0.1), emission((20, 20, 20)))
-    _, said = brightness(scene, tmp_path, scene=file)
-    assert "lmost no light reaches" in said and ("lit with" in said) == lit
-    assert read_frame(tmp_path / "out").light == ("city" if lit else "own")
+
+
+def weak_sun(scene):
+    with_sun(scene, 3 / 683)
+
+
+@pytest.mark.parametrize(("shine", "file"), [
+    (far_glow, ""), (lantern, ""), (weak_sun, ""), (lantern, "scene.glb")])
+def test_light_that_does_not_arrive_counts_as_none(scene, tmp_path, shine, file):
+    """A .blend keeps its own light; files from elsewhere are lit."""
+    box = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    scene.collection.children.link(bpy.data.collections.new("box"))
+    scene.collection.children["box"].objects.link(box)
+    shine(scene)
+    assert light.has_light(scene)
+    _, said = brightness(scene, tmp_path, subject="box", scene=file)
+    assert "lmost no light reaches" in said and ("lit with" in said) == bool(file)
+    assert read_frame(tmp_path / "out").light == ("city" if file else "own")
     color = exr.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
-    assert (np.median(color[color[..., 3] == 1][:, :3].max(-1)) > 0.05) == lit
+    assert (np.median(color[color[..., 3] == 1][:, :3].max(-1)) > 0.05) == bool(file)
 
 
 def test_what_shines_all_over_needs_no_light(scene, tmp_path):
@@ -184,8 +185,7 @@ def test_a_light_file_that_cannot_be_read_is_one_sentence(scene, tmp_path, name,
         assert output.write_image(pixels) and output.close()
         os.truncate(tmp_path / f"cut.{ending}", (tmp_path / f"cut.{ending}").stat().st_size * 3 // 4)
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
-    with pytest.raises(LfsrError, match=f"{name} {sentence}"):
-        brightness(scene, tmp_path, light=str(tmp_path / name))
+    refuses(f"{name} {sentence}", brightness, scene, tmp_path, light=str(tmp_path / name))
     assert scene.world is None and not bpy.data.worlds
 
 
@@ -205,20 +205,9 @@ def test_every_frame_of_an_animation_has_the_same_light(scene, tmp_path):
     assert lights == {"own"}
 
 
-@pytest.mark.parametrize(("file", "lit"), [("", False), ("sun.glb", True)])
-def test_sun_of_next_to_nothing_is_left_to_the_artist_and_replaced_in_files_from_elsewhere(scene, tmp_path, file, lit):
-    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
-    with_sun(scene, 3 / 683)
-    brightest, said = brightness(scene, tmp_path, scene=file)
-    assert "lmost no light reaches" in said
-    assert brightest > 0.05 if lit else brightest < 0.01
-
-
 def test_lamp_that_arrives_is_left_alone(scene, tmp_path):
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
-    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "POINT"))
-    lamp.data.energy, lamp.location = 100, (0, -3, 1)
-    scene.collection.objects.link(lamp)
+    add_lamp(scene)
     assert not light.is_certain(scene)
     brightest, said = brightness(scene, tmp_path)
     assert brightest > 0.05 and not said and scene.world is None

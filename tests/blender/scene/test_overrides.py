@@ -14,7 +14,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.images import exr
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, emission
-from tests.support.told import Told
+from tests.support.told import Told, refuses
 
 KINDS = {"low": {}, "card": {"layout": "lens-card"}, "views": {"layout": "view-by-view"},
          "reference": {"kind": "reference", "samples": 2}}
@@ -115,8 +115,7 @@ def test_after_a_render(worn, tmp_path, options):
 def test_after_an_error(worn, tmp_path, options):
     before = snapshot()
     (tmp_path / "file").touch()
-    with pytest.raises(LfsrError, match="cannot be written"):
-        frame_folder.render_job(worn, job(tmp_path / "file" / "folder", **options))
+    refuses("cannot be written", frame_folder.render_job, worn, job(tmp_path / "file" / "folder", **options))
     assert not changes(before)
 
 
@@ -147,8 +146,7 @@ def test_error_in_the_middle_of_the_views(worn, tmp_path, monkeypatch):
 
     aim = view_by_view.aim
     monkeypatch.setattr(view_by_view, "aim", fail)
-    with pytest.raises(LfsrError, match="the third view"):
-        frame_folder.render_job(worn, job(tmp_path, layout="view-by-view"))
+    refuses("the third view", frame_folder.render_job, worn, job(tmp_path, layout="view-by-view"))
     assert not changes(before)
     assert list(tmp_path.iterdir()) == []
 

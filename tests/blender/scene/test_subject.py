@@ -6,11 +6,11 @@ import pytest
 
 from blender_addon.render import frame_folder
 from blender_addon.scene import subject
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images import exr
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera, emission
+from tests.support.told import refuses
 
 
 @pytest.fixture
@@ -33,15 +33,12 @@ def test_subject_is_what_is_not_background(two):
 
 
 def test_no_visible_subject_is_refused(two):
-    with pytest.raises(LfsrError, match="no collection 'Thing'.*Background, .*Things"):
-        subject.find_subject(two, "Thing")
+    refuses("no collection 'Thing'.*Background, .*Things", subject.find_subject, two, "Thing")
     two.collection.children["Things"].objects[0].hide_render = True
-    with pytest.raises(LfsrError, match="nothing of the subject 'Scene' would be rendered"):
-        subject.find_subject(two)
+    refuses("nothing of the subject 'Scene' would be rendered", subject.find_subject, two)
     two.collection.children["Things"].objects[0].hide_render = False
     two.collection.children["Things"].hide_render = True
-    with pytest.raises(LfsrError, match="nothing of the subject 'Things' would be rendered"):
-        subject.find_subject(two, "Things")
+    refuses("nothing of the subject 'Things' would be rendered", subject.find_subject, two, "Things")
 
 
 def test_instanced_subject_is_marked_as_foreground(two, tmp_path):

@@ -13,7 +13,7 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.optics.display import load_display
 from tests.support import panel
 from tests.support.requests import make_request
-from tests.support.scenes import add_box, add_camera
+from tests.support.scenes import add_box, add_camera, add_lamp
 
 SMALL = load_display("small")
 
@@ -25,7 +25,8 @@ def frame_of(scene, **options):
 
 
 def boxes(scene, depths):
-    """Boxes side by side at these distances from the camera, all as large to see."""
+    """Lit boxes side by side at these distances from the camera, all as large to see."""
+    add_lamp(scene)  # or an image of light is prepared for each frame, which takes long
     add_camera(scene, (0, 0, 0), angle=0.6)
     for number, depth in enumerate(depths):
         add_box(scene, ((number - (len(depths) - 1) / 2) * 0.2 * depth, depth, 0), (0.09 * depth, 0.01, 0.15 * depth))
