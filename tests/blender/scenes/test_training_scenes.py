@@ -11,6 +11,7 @@ import OpenImageIO as oiio
 import pytest
 
 from tests.support.prerequisites import needs_bpy
+from tests.support.told import refuses
 
 pytestmark = [needs_bpy, pytest.mark.slow]
 SCRIPTS = Path(__file__).parents[3] / "scripts" / "lab" / "lfsr_lab" / "scenes"
@@ -131,22 +132,18 @@ def test_renders_are_the_clean_target_and_noise_of_their_own(scenes, index):
     assert shifted[kept].mean() > error[kept].mean()
 
 
-def test_a_scene_does_not_depend_on_order_or_place(inputs, models, scenes, tmp_path):
-    code, messages = run(inputs, models, tmp_path, "--first", 9, "--low-only")  # which earlier versions asked for
-    assert code == 0, messages
+def test_a_scene_does_not_depend_on_order_or_place_but_on_its_number_and_seed(inputs, models, scenes, tmp_path):
+    for folder, options in ((tmp_path, ()), (tmp_path / "other", ("--seed", SEED + 1))):
+        code, messages = run(inputs, models, folder, "--first", 9, *options)
+        assert code == 0, messages
+    described = [load(*where)[1]["scene"] for where in ((scenes, 8), (scenes, 9), (tmp_path / "other", 9))]
+    assert described[1] not in (described[0], described[2])
     (arrays, meta), (again, meta_again) = load(scenes, 9), load(tmp_path, 9)
     assert meta_again["exposure"] == meta["exposure"]
     assert meta_again["scene"] == meta["scene"] and meta_again["seeds"] == meta["seeds"]
     for name in arrays:
         close = np.isclose(arrays[name].astype(np.float32), again[name].astype(np.float32), rtol=0.02, atol=0.02)
         assert close.mean() > 0.98, name
-
-
-def test_other_numbers_and_other_seeds_are_other_scenes(inputs, models, scenes, tmp_path):
-    code, messages = run(inputs, models, tmp_path, "--first", 8, "--seed", SEED + 1)
-    assert code == 0, messages
-    described = [load(*where)[1]["scene"] for where in ((scenes, 8), (scenes, 9), (tmp_path, 8))]
-    assert described[0] != described[1] and described[0] != described[2]
 
 
 def test_a_second_run_makes_only_what_is_missing(inputs, models, scenes):
@@ -161,14 +158,18 @@ def test_a_second_run_makes_only_what_is_missing(inputs, models, scenes):
     assert kept.stat().st_mtime_ns == before and lost.is_file() and not remains.exists()
 
 
-@pytest.mark.parametrize(("options", "message"), [
-    (("--spps", "1,x"), "'1,x'"), (("--reference-spp", 0), "is 0"), (("--scale", 3), "scale is 3"),
-    (("--textures", "nowhere"), "nowhere"), (("--spps", "4"), "other settings")])
-def test_bad_input_is_one_sentence(inputs, models, scenes, options, message):
-    code, messages = run(inputs, models, scenes, "--first", 7, *options)
+def test_bad_input_is_one_sentence(inputs, models, scenes, monkeypatch):
+    code, messages = run(inputs, models, scenes, "--first", 7, "--spps", "4")
     assert code == 2 and messages[-1]["stage"] == "error"
-    assert message in messages[-1]["message"] and "\n" not in messages[-1]["message"]
+    assert "other settings" in messages[-1]["message"] and "\n" not in messages[-1]["message"]
     assert not (scenes / "scene_000007.npz").exists()
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+    import training_scenes
+
+    for option, value, pattern in (("--reference-spp", "0", "is 0"), ("--textures", "nowhere", "nowhere"),
+                                   ("--spps", "1,x", "'1,x'"), ("--scale", "3", "scale is 3")):
+        words = ["--output", str(scenes), "--display", str(inputs / "tiny.toml"), option, value]
+        refuses(pattern, lambda words=words: training_scenes.recipe_of(training_scenes.parse(words)))
 
 
 def test_photographs_are_made_small(monkeypatch, tmp_path):
