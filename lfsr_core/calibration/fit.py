@@ -13,16 +13,21 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
 from lfsr_core.calibration.fringes import Fringes, Picture, find_fringes
-from lfsr_core.calibration.patterns import FRINGE_CHANNELS, dots, tones
-from lfsr_core.calibration.photograph import Raster, View, find_panel, grid
+from lfsr_core.calibration.patterns import FRINGE_CHANNELS, dots, pattern, tones
+from lfsr_core.calibration.photograph import Raster, View, find_panel, grid, read_photograph
+from lfsr_core.images.png import write_png
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_waves
+from lfsr_core.optics.panel.trace import seen_at
+from lfsr_core.optics.display import write_profile
 from lfsr_core.optics.sheet import Lattice, Lenticular
 
 MOST_ACROSS = 2048  # points at which a photograph is sampled
@@ -32,6 +37,11 @@ PLACE, PLACE_MM = 0.06, 5.0  # from the stated place to that by the perspective:
 PITCH, LENSES, TURN = 1e-5, 2e-3, 1e-4  # most errors: of the pitch, all over the panel in pitches, of the rotation
 SURE = 2.2  # standard deviations as estimated; errors of simulated photographs deviated by 0.7 of one
 ROUNDS = 3  # until the gap, which follows from the pitch, stays
+WORTH_SAYING = 0.005  # distortion of the lens at the photograph's corner
+# Of the picture that compares photographs with what a profile predicts.
+ACROSS, EDGE = 720, 12  # pixels of one picture, and between pictures
+BLOCK = 4  # pixels whose mean is compared: lenses themselves are no matter
+LEAST_ALIKE = 0.6  # correlation of both
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,12 +80,37 @@ class Calibration:
     per_mm: float  # change of the pitch, as a fraction, with a millimetre of the camera's distance
 
 
-def fit_profile(profile: DisplayProfile, photographs: Sequence[Photograph]) -> Calibration:
-    """Return ``profile``, for which the pattern was drawn, with the lens sheet that the photographs show.
+def calibrate(profile: DisplayProfile, photos: Sequence[Path], places: Sequence[tuple[float, float, float]],
+              output: Path | None) -> tuple[DisplayProfile, list[Notice]]:
+    """Return the profile by photographs of the phase pattern, taken from ``places``, and what to know of it.
 
-    LfsrError if no panel, dots or fringes are found, if photographs disagree, or if the result is too uncertain.
+    Written, if ``output`` (.toml) is given: the profile, and beside it a PNG with the photographs as taken and as the
+    profile predicts them. LfsrError names the photograph that is not accepted.
     """
-    return combine(profile, [see(profile, photograph) for photograph in photographs])
+    photographs = [Photograph(read_photograph(photo), place) for photo, place in zip(photos, places, strict=True)]
+    seen = []
+    for photo, photograph in zip(photos, photographs, strict=True):
+        try:
+            seen.append(see(profile, photograph))
+        except LfsrError as error:
+            raise LfsrError(f"{photo.name}: {error}") from None
+    found = combine(profile, seen)
+    picture = comparison(profile, found, photographs)
+    if output:
+        write_profile(output, found.profile)
+        write_png(output.with_suffix(".png"), picture)
+    errors = found.errors
+    notices = [Notice("calibrated", {"photographs": len(photos), "pitch": errors.pitch, "turn": errors.turn,
+                                     "shift": errors.shift}),
+               Notice("calibrated-at-distance", {"pitch": found.per_mm})]
+    for name, view in ((photo.name, one.view) for photo, one in zip(photos, seen, strict=True)):
+        if view.mirrored:
+            notices.append(Notice("photograph-mirrored", {"photograph": name}))
+        if view.turn_deg:
+            notices.append(Notice("photograph-turned", {"photograph": name, "degrees": view.turn_deg}))
+        if abs(view.bent) > WORTH_SAYING:
+            notices.append(Notice("lens-distorts", {"photograph": name, "fraction": abs(view.bent)}))
+    return found.profile, notices
 
 
 def see(profile: DisplayProfile, photograph: Photograph) -> Seen:
@@ -91,14 +126,24 @@ def see(profile: DisplayProfile, photograph: Photograph) -> Seen:
                         "photograph")
     geometry, (waves, phases) = Geometry.of(profile), elemental_waves(profile)
     nearer = (1 + geometry.gap / geometry.distance) / (1 + geometry.gap / photograph.eye_mm[2])
+    # The panel from the front, with at least PER_LENS pixels for a lens if the photograph has them.
+    size, half = np.array(profile.panel_mm), Raster.of(photograph.image).half
+    ends = view.places(np.array([[-1, 0], [1, 0]]) / 2 * size)
+    pixels = float(np.linalg.norm(ends[1] - ends[0])) * half
+    times = max(1, int(pixels / max(size[0] / min(profile.sheet.pitches) * PER_LENS, 400)))
+    points = grid(size, int(min(pixels / times, MOST_ACROSS)))
+    places, light = view.places(points), dots(profile).shown(points[..., 0], points[..., 1])
     found: list[list[Fringes]] = [[], []]
     for channel, other in (FRINGE_CHANNELS, FRINGE_CHANNELS[::-1]):
-        picture = _picture(profile, photograph.image, view, channel)
+        values = Raster.of(photograph.image[..., channel]).shrunk(times).at(places)
+        picture = Picture(values, points[0, :, 0], points[:, 0, 1], light)
         for axis, lenses in tones(profile, channel):
             shown = (1 + 1 / lenses) * waves[axis]
             mixed = next(1 + 1 / length for number, length in tones(profile, other) if number == axis)
             fringes = find_fringes(picture, shown - nearer * waves[axis], mixed * waves[axis] - shown)
-            found[axis].append(fringes.seen_through(shown, (1 + 1 / lenses) * phases[axis]))
+            # The lenses through which the pattern is seen as these fringes.
+            found[axis].append(Fringes(shown - fringes.wave, fringes.phase + (1 + 1 / lenses) * phases[axis],
+                                       fringes.errors, fringes.wave))
     return Seen(view, tuple(_mean(tones, view, profile) for tones in found if tones), photograph.eye_mm)
 
 
@@ -123,7 +168,19 @@ def combine(profile: DisplayProfile, seen: Sequence[Seen]) -> Calibration:
     if apart > MAX_DIFFERENCE:
         raise LfsrError(f"the photographs disagree by {apart:.2f} of a lens pitch: check the places that they were "
                         "taken from, and the profile's viewing angle and distance")
-    errors = _errors(seen, waves, phases)
+    # What windows and photographs scatter by, the larger of both, of the axis that is known least.
+    results = []
+    for axis in range(len(phases[0])):
+        along = waves[:, axis].mean(0)
+        length = np.linalg.norm(along)
+        # Variances (3,) of a wave along the axis, across it, and of the phase.
+        turned = np.eye(3)
+        turned[:2, :2] = np.array([along, [-along[1], along[0]]]) / length
+        inside = np.sqrt(np.mean([np.diag(turned @ one.lenses[axis].errors @ turned.T) for one in seen], 0) / len(seen))
+        between = (np.append(waves[:, axis] @ turned[:2, :2].T, phases[:, axis:axis + 1], -1).std(0, ddof=1)
+                   / math.sqrt(len(seen)) if len(seen) > 1 else np.zeros(3))
+        results.append(np.maximum(inside, between) / [length, length, 1])
+    errors = Errors(*(float(value) for value in np.max(results, 0)))
     across = min(profile.panel_mm[:1] if profile.lenticular else profile.panel_mm) / max(profile.sheet.pitches)
     allowed = max(PITCH, LENSES / across)
     if errors.pitch * SURE > allowed or errors.turn * SURE > TURN:
@@ -133,20 +190,6 @@ def combine(profile: DisplayProfile, seen: Sequence[Seen]) -> Calibration:
     distance = float(np.mean([one.eye_mm[2] for one in seen]))
     behind = Geometry.of(fitted).gap / distance
     return Calibration(fitted, tuple(seen), errors, behind / distance / (1 + behind))
-
-
-def _picture(profile: DisplayProfile, image: Array, view: View, channel: int) -> Picture:
-    """A channel of the panel from the front, with at least PER_LENS pixels for a lens if the photograph has them."""
-    size = np.array(profile.panel_mm)
-    ends = view.places(np.array([[-1, 0], [1, 0]]) / 2 * size)
-    whole = Raster.of(image[..., channel])
-    pixels = float(np.linalg.norm(ends[1] - ends[0])) * whole.half
-    wanted = size[0] / min(profile.sheet.pitches) * PER_LENS
-    times = max(1, int(pixels / max(wanted, 400)))
-    points = grid(size, int(min(pixels / times, MOST_ACROSS)))
-    x, y = points[0, :, 0], points[:, 0, 1]
-    light = dots(profile).shown(points[..., 0], points[..., 1])
-    return Picture(whole.shrunk(times).at(view.places(points)), x, y, light)
 
 
 def _mean(found: list[Fringes], view: View, profile: DisplayProfile) -> Fringes:
@@ -163,23 +206,6 @@ def _mean(found: list[Fringes], view: View, profile: DisplayProfile) -> Fringes:
     inside *= max(1.0, float((apart ** 2 / (np.diag(inside) + place * np.ptp(lengths) ** 2)).max()))
     errors = inside + np.diag(place) * (weights @ lengths) ** 2
     return Fringes(mean[:2], float(mean[2]), errors)
-
-
-def _errors(seen: Sequence[Seen], found: Array, phases: Array) -> Errors:
-    """What windows and photographs scatter by, the larger of both, of the axis that is known least."""
-    count = len(seen)
-    results = []
-    for axis in range(len(phases[0])):
-        waves = found[:, axis]
-        length, normal = np.linalg.norm(waves.mean(0)), waves.mean(0) / np.linalg.norm(waves.mean(0))
-        # Variances (3,) of a wave along ``normal``, across it, and of the phase.
-        turned = np.array([[*normal, 0], [-normal[1], normal[0], 0], [0, 0, 1]])
-        inside = np.sqrt(np.mean([np.diag(turned @ one.lenses[axis].errors @ turned.T) for one in seen], 0) / count)
-        along = np.array([normal, [-normal[1], normal[0]]])
-        between = np.append((waves @ along.T), phases[:, axis:axis + 1], -1).std(0, ddof=1) / math.sqrt(count) \
-            if count > 1 else np.zeros(3)
-        results.append(np.maximum(inside, between) / [length, length, 1])
-    return Errors(*(float(value) for value in np.max(results, 0)))
 
 
 def _with_sheet(profile: DisplayProfile, before: DisplayProfile, waves: Array, phases: Array) -> DisplayProfile:
@@ -203,3 +229,36 @@ def _with_sheet(profile: DisplayProfile, before: DisplayProfile, waves: Array, p
     lenses = Lattice((across, up), math.degrees(turn), float(lean / up), (float(shift[0]), float(shift[1])))
     return dataclasses.replace(profile, lenslet=dataclasses.replace(
         sheet, lenses=lenses, elemental_images=None, gap_mm=Geometry.of(profile).gap))
+
+
+def comparison(profile: DisplayProfile, calibration: Calibration, photographs: list[Photograph]) -> Array:
+    """Return a picture (H, W, 3) uint8: a row for each photograph, taken on the left, predicted on the right.
+
+    The prediction traces rays from the camera through the lenses (``trace.py``), which shares no formula with the fit.
+    ``profile``: for which the pattern was drawn. LfsrError if the two are not alike.
+    """
+    shown, fitted = pattern(profile, "phase"), calibration.profile
+    rows = []
+    for photograph, seen in zip(photographs, calibration.seen, strict=True):
+        # The panel of the photograph from the front.
+        points, raster = grid(np.array(profile.panel_mm), ACROSS), Raster.of(photograph.image)
+        ends = seen.view.places(points[0, [0, -1]])
+        times = int(np.linalg.norm(ends[1] - ends[0]) * raster.half / ACROSS)
+        taken = raster.shrunk(times).at(seen.view.places(points))
+        # What the camera sees of the pattern through the fitted lenses, at the same points of the panel.
+        behind = Geometry.of(fitted).gap / seen.eye_mm[2]
+        x, y = ((axis + place * behind) / (1 + behind)
+                for axis, place in zip((points[0, :, 0], points[:, 0, 1]), seen.eye_mm, strict=False))
+        predicted = seen_at(shown, fitted, seen.eye_mm, x, y) / 255
+        # Correlation of the channels of the fringes, the lesser.
+        high, wide = (count // BLOCK for count in taken.shape[:2])
+        blocks = [image[:high * BLOCK, :wide * BLOCK].reshape(high, BLOCK, wide, BLOCK, 3).mean((1, 3))
+                  for image in (taken, predicted)]
+        alike = min(float(np.corrcoef(*(block[..., channel].ravel() for block in blocks))[0, 1])
+                    for channel in FRINGE_CHANNELS)
+        if alike < LEAST_ALIKE:
+            raise LfsrError(f"the photograph and what the fitted lenses would show agree by {alike:.0%} only: start "
+                            "from the maker's figures, and photograph the pattern of this very profile")
+        rows.append(np.concatenate([taken, np.ones((len(taken), EDGE, 3)), predicted], 1))
+        rows.append(np.ones((EDGE, rows[0].shape[1], 3)))
+    return np.asarray(np.rint(np.clip(np.concatenate(rows[:-1]), 0, 1) * 255), np.uint8)

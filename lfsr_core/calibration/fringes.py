@@ -6,6 +6,7 @@ What the phases of the windows differ by from a wave says how uncertain the wave
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from typing import NamedTuple
 
@@ -42,10 +43,6 @@ class Fringes:
     errors: Array  # (3, 3) covariance of wave and phase
     seen: Array = dataclasses.field(default_factory=lambda: np.zeros(2))  # the wave in the photograph
 
-    def seen_through(self, wave: Array, phase: float) -> Fringes:
-        """The lenses through which a pattern of this wave is seen as these fringes: their wave and phase."""
-        return Fringes(wave - self.wave, self.phase + phase, self.errors, self.wave)
-
 
 def find_fringes(picture: Picture, expected: Array, other: Array) -> Fringes:
     """Return the fringes whose wave lies near the ``expected`` one (2,).
@@ -53,12 +50,45 @@ def find_fringes(picture: Picture, expected: Array, other: Array) -> Fringes:
     ``other``: by how much the wave of the fringes that a camera which mixes colours adds is a different one.
     LfsrError if they are not clear, hidden in places, or bent.
     """
-    wave = _strongest_wave(picture, expected)
+    # The wave with the strongest response.
+    rows, columns = picture.values.shape
+    window = np.hanning(rows + 2)[1:-1, None] * np.hanning(columns + 2)[None, 1:-1]
+    light = picture.values - (picture.values * window).sum() / window.sum()
+    weighted, reach = light * window, REACH * float(np.linalg.norm(expected))
+    wave, step, around = np.array(expected, float), reach / 12, 12
+    while step * max(np.ptp(picture.x), np.ptp(picture.y)) > 1e-3:
+        steps = np.arange(-around, around + 1) * step
+        right, up = wave[0] + steps, wave[1] + steps
+        sums = np.abs(_spectrum(weighted, picture, right, up))
+        row, column = np.unravel_index(sums.argmax(), sums.shape)
+        wave, step, around = np.array([right[column], up[row]]), step / 4, 5
+    contrast = 2 * abs(_spectrum(weighted, picture, wave[:1], wave[1:])[0, 0] / window.sum())
+    variation = float((light ** 2 * window).sum() / window.sum())
+    fraction = contrast ** 2 / 2 / max(variation, 1e-12)
+    if contrast < MIN_CONTRAST or fraction < MIN_FRACTION or np.linalg.norm(wave - expected) > 0.95 * reach:
+        raise LfsrError(f"no clear fringes are seen (contrast {contrast:.3f}, {fraction:.0%} of the variation): the "
+                        "photograph may be blurred, the lenses too small in it, or the profile too far from the sheet")
+
+    # The centre (x, y) of each window, and the cosine and sine of its light at the wave; neighbours overlap by half.
     most = float(np.abs(wave * [np.ptp(picture.x), np.ptp(picture.y)]).max())
     count = int(np.clip(2 * most / FRINGES - 1, LEAST_WINDOWS, MOST_WINDOWS))
-    windows = [_window(picture, wave, wave + other, (column, row), count) for row in range(count)
-               for column in range(count)]
-    places, fitted = np.array([place for place, _ in windows]), np.array([factors for _, factors in windows])
+    centres, factors = [], []
+    for number in itertools.product(range(count), range(count)):
+        down, across = (slice(*(round(len(axis) * (one + step) / (count + 1)) for step in (0, 2)))
+                        for axis, one in zip((picture.y, picture.x), number, strict=True))
+        x, y = picture.x[across], picture.y[down]
+        weights = np.sqrt(np.hanning(len(y) + 2)[1:-1, None] * np.hanning(len(x) + 2)[None, 1:-1]).ravel()
+        turn, added = (2 * math.pi * np.add.outer(y * one[1], x * one[0]).ravel() for one in (wave, wave + other))
+        values, light = picture.values[down, across].ravel(), picture.dots[down, across].ravel()
+        slope_x, slope_y = (np.broadcast_to(part, (len(y), len(x))).ravel()
+                            for part in (x - x.mean(), (y - y.mean())[:, None]))
+        known = np.stack([np.cos(turn), np.sin(turn), np.cos(added), np.sin(added), np.ones_like(turn),
+                          slope_x / np.abs(slope_x).max(), slope_y / np.abs(slope_y).max(), light - light.mean()], -1)
+        known *= weights[:, None]
+        square = known.T @ known
+        factors.append(np.linalg.solve(square + 1e-9 * np.trace(square) * np.eye(8), known.T @ (values * weights))[:2])
+        centres.append([x.mean(), y.mean()])
+    places, fitted = np.array(centres), np.array(factors)
     first = fitted[:, 0] - 1j * fitted[:, 1]
     seen = np.abs(first) >= MIN_AMPLITUDE * np.median(np.abs(first))
     if (~seen).mean() > MOST_COVERED:
@@ -82,52 +112,8 @@ def find_fringes(picture: Picture, expected: Array, other: Array) -> Fringes:
                    np.linalg.inv(known.T @ known) * (scatter * OVERLAP) ** 2)
 
 
-def _window(picture: Picture, wave: Array, other: Array, number: tuple[int, int],
-            count: int) -> tuple[Array, Array]:
-    """Centre (x, y) of a window, and the cosine and sine of its light at the wave; neighbours overlap by half."""
-    across, down = (slice(*(round(len(axis) * (one + step) / (count + 1)) for step in (0, 2)))
-                    for axis, one in zip(picture[1:3], number, strict=True))
-    x, y = picture.x[across], picture.y[down]
-    weights = np.sqrt(np.hanning(len(y) + 2)[1:-1, None] * np.hanning(len(x) + 2)[None, 1:-1]).ravel()
-    turn, added = (2 * math.pi * np.add.outer(y * one[1], x * one[0]).ravel() for one in (wave, other))
-    values, light = picture.values[down, across].ravel(), picture.dots[down, across].ravel()
-    slope_x, slope_y = (np.broadcast_to(part, (len(y), len(x))).ravel()
-                        for part in (x - x.mean(), (y - y.mean())[:, None]))
-    known = np.stack([np.cos(turn), np.sin(turn), np.cos(added), np.sin(added), np.ones_like(turn),
-                      slope_x / np.abs(slope_x).max(), slope_y / np.abs(slope_y).max(), light - light.mean()], -1)
-    known *= weights[:, None]
-    square = known.T @ known
-    factors = np.linalg.solve(square + 1e-9 * np.trace(square) * np.eye(8), known.T @ (values * weights))
-    return np.array([x.mean(), y.mean()]), factors[:2]
-
-
-def _strongest_wave(picture: Picture, expected: Array) -> Array:
-    """The wave near the ``expected`` one with the strongest response; LfsrError if there is no clear one."""
-    image, places = picture.values, (picture.x, picture.y)
-    rows, columns = image.shape
-    window = np.hanning(rows + 2)[1:-1, None] * np.hanning(columns + 2)[None, 1:-1]
-    light = image - (image * window).sum() / window.sum()
-    weighted = light * window
-    reach = REACH * float(np.linalg.norm(expected))
-    wave, step, around = np.array(expected, float), reach / 12, 12
-    while step * max(np.ptp(picture.x), np.ptp(picture.y)) > 1e-3:
-        steps = np.arange(-around, around + 1) * step
-        right, up = wave[0] + steps, wave[1] + steps
-        row, column = np.unravel_index(np.abs(_spectrum(weighted, places, right, up)).argmax(), (len(up), len(right)))
-        wave, step, around = np.array([right[column], up[row]]), step / 4, 5
-    value = _spectrum(weighted, places, wave[:1], wave[1:])[0, 0] / window.sum()
-    contrast = 2 * abs(value)
-    variation = float((light ** 2 * window).sum() / window.sum())
-    fraction = contrast ** 2 / 2 / max(variation, 1e-12)
-    if contrast < MIN_CONTRAST or fraction < MIN_FRACTION or np.linalg.norm(wave - expected) > 0.95 * reach:
-        raise LfsrError(f"no clear fringes are seen (contrast {contrast:.3f}, {fraction:.0%} of the variation): the "
-                        "photograph may be blurred, the lenses too small in it, or the profile too far from the sheet")
-    return wave
-
-
-def _spectrum(weighted: Array, places: tuple[Array, Array], across: Array, up: Array) -> Array:
+def _spectrum(weighted: Array, picture: Picture, across: Array, up: Array) -> Array:
     """(len(up), len(across)) sums of the image times waves of these numbers per millimetre."""
-    x, y = places
-    right = np.exp(-2j * math.pi * np.outer(x, across))
-    sums: Array = np.exp(-2j * math.pi * np.outer(up, y)) @ (weighted @ right)
+    right = np.exp(-2j * math.pi * np.outer(picture.x, across))
+    sums: Array = np.exp(-2j * math.pi * np.outer(up, picture.y)) @ (weighted @ right)
     return sums

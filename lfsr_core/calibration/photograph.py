@@ -1,4 +1,4 @@
-"""Find the panel in a photograph of the phase pattern: which place of the photograph shows which point of the panel.
+"""Read a photograph of the phase pattern and find the panel in it: which place shows which point of the panel.
 
 The outline of what is lit gives a first guess, the arrangement of light and dark dots its turn and mirror. All of their
 channel is then fitted at once: a homography, the lens's distortion, and brightness that changes slowly.
@@ -9,17 +9,33 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import OpenImageIO as oiio
 from numpy.polynomial import legendre
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.calibration.outline import check_light, check_size, outline
+from lfsr_core.base.files import reading
 from lfsr_core.calibration.patterns import DOT_CHANNEL, FRINGE_CHANNELS, Dots, dots
+from lfsr_core.images.source import opened
 from lfsr_core.optics.display import DisplayProfile
 
+# Of the file.
+MOST_PIXELS = 120_000_000
+LONGER_SIDE = 4200  # pixels that are enough; larger photographs are averaged down
+WHITE = {"uint8": 255.0, "uint16": 65535.0}
+# Of the outline.
+SMALL = 240  # pixels of the longer side in which the panel is looked for
+LIT = 0.4  # of the light of the photograph's middle
+MIN_SIDE = 100  # pixels of the panel's shortest side
+MIN_PICTURE = 200  # of the photograph's shorter side
+CLIPPED, MOST_CLIPPED = 0.985, 0.06  # value of a saturated channel, and how much of the panel may be that bright
+LEAST_LIGHT, LEAST_COLOR = 0.15, 0.08  # of the brightest parts; of the channels' difference, by their mean
+ANGLES = 24  # of a quarter turn, in which corners are looked for
+# Of the fit.
 GAMMA = 2.2  # of panels and photographs: in light the colours that a camera mixes add up
 MARGIN = 0.94  # fraction of the panel's width and height that is measured
 COARSE, FINE = 110, 200  # points across that are compared with the dots
@@ -29,6 +45,44 @@ GAIN, OFFSET = 4, 5  # terms per axis of the brightness of dots, and of what lie
 LEAST_ALIKE, LEAST_APART = 0.3, 0.1  # correlation with the dots, and by how much the other turns must be below it
 LEAST_SEEN = 0.75  # correlation after the fit
 MOST_BEND = 0.3  # distortion at the photograph's corner
+
+
+def read_photograph(path: str | Path) -> Array:
+    """Return a photograph as float32 (H, W, 3) from 0 to 1, turned and mirrored back as its EXIF orientation says.
+
+    LfsrError if it cannot be read, has no colours or is too large.
+    """
+    with reading(path, "a photograph"):
+        pass
+    with opened(path) as source:
+        spec = source.spec() if source else None
+        if spec is not None:
+            if spec.width * spec.height > MOST_PIXELS:
+                raise LfsrError(f"{path} has {spec.width}×{spec.height} pixels, but a photograph may have "
+                                f"{MOST_PIXELS // 1_000_000} million: make it smaller")
+            if spec.nchannels < 3:
+                raise LfsrError(f"{path} has no colours, but the pattern's channels are measured one by one: "
+                                "photograph in colour")
+        kind = "uint8" if spec is not None and str(spec.format) == "uint8" else "uint16"
+        pixels = source.read_image(0, 0, 0, 3, kind) if source else None
+        problem = source.geterror() if source else oiio.geterror()
+    if spec is None or pixels is None or problem:
+        line = problem.strip().partition("\n")[0].rpartition(":")[2].strip()[:80]  # of the library, without paths
+        raise LfsrError(f"{path} cannot be read as a photograph{f' ({line})' if line else ''}: save it as JPEG or PNG, "
+                        "or take it again")
+    image, orientation = np.asarray(pixels), spec.get_int_attribute("Orientation", 1)
+    if orientation in (5, 6, 7, 8):
+        image = image.swapaxes(0, 1)
+    image = image[::-1 if orientation in (3, 4, 7, 8) else 1, ::-1 if orientation in (2, 3, 6, 7) else 1]
+    times = -(-max(image.shape) // LONGER_SIDE)
+    if times == 1:
+        return np.ascontiguousarray(image, np.float32) / np.float32(WHITE[kind])
+    # Means of times × times pixels.
+    rows, columns = (count // times * times for count in image.shape[:2])
+    total = np.zeros((rows // times, columns // times, image.shape[2]), np.float32)
+    for number in range(times ** 2):
+        total += image[number // times:rows:times, number % times:columns:times]
+    return total / times ** 2 / np.float32(WHITE[kind])
 
 
 class Raster(NamedTuple):
@@ -66,15 +120,6 @@ class Raster(NamedTuple):
         part = self.values[:rows * times, :columns * times]
         means = part.reshape(rows, times, columns, times, *self.values.shape[2:]).mean((1, 3))
         return Raster(means, (self.middle + 0.5) / times - 0.5, self.half / times)
-
-    def softened(self) -> Raster:
-        """With a little of its neighbours in each pixel: fine colour moiré would pass for colours that mix."""
-        image = self.values
-        for axis in (0, 1, 0, 1):
-            ends = np.pad(image, [(1, 1) if number == axis else (0, 0) for number in range(image.ndim)], mode="edge")
-            parts = [np.take(ends, np.arange(image.shape[axis]) + step, axis) for step in range(3)]
-            image = parts[0] / 4 + parts[1] / 2 + parts[2] / 4
-        return self._replace(values=image)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -132,15 +177,46 @@ def find_panel(image: Array, profile: DisplayProfile) -> View:
 
     LfsrError if no panel or no dots are found.
     """
-    corners, square = outline(image), np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2
-    check_size(image, corners)
-    check_light(Raster.of(image).at(project(fit_homography(square, corners), grid(np.ones(2), COARSE))))
-    marks, size, light = dots(profile), np.array(profile.panel_mm), Raster.of(image ** GAMMA)
-    small = light.shrunk(round(_side(corners) * light.half / COARSE))
-    view = _align(_turned(small, corners, marks, size), small, marks, size, COARSE, COARSE_SPREAD, False)
+    corners, halves = _outline(image), np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2
+    whole, marks, size = Raster.of(image), dots(profile), np.array(profile.panel_mm)
+    shown = whole.at(project(fit_homography(halves, corners), grid(np.ones(2), COARSE)))
+    clipped = float((shown >= CLIPPED).mean((0, 1)).max())
+    if clipped > MOST_CLIPPED:
+        raise LfsrError(f"the photograph is overexposed ({clipped:.0%} of the panel is white in a channel): touch the "
+                        "panel on the telephone's screen, pull the brightness down and take it again")
+    if np.percentile(shown.max(-1), 95) < LEAST_LIGHT:
+        raise LfsrError("the photograph is too dark: make the panel brighter, or expose longer, and take it again")
+    if np.ptp(shown, axis=-1).mean() < LEAST_COLOR * shown.mean():
+        raise LfsrError("the photograph has no colours, but the pattern's channels are measured one by one: switch "
+                        "filters off and photograph in colour")
+
+    # Of eight ways to lay the panel between the corners, the one under which the dots are seen.
+    light = whole._replace(values=image ** GAMMA)
+    small, points = light.shrunk(round(_sides(corners).mean() * light.half / COARSE)), grid(size, COARSE)
+    expected = marks.shown(points[..., 0], points[..., 1], marks.spread * COARSE_SPREAD) ** GAMMA
+    flat, alike = _terms(points, size, OFFSET), []
+    views = [View(fit_homography(halves * size, np.roll(corners[::way], turn, 0)))
+             for way in (1, -1) for turn in range(4)]
+    for view in views:
+        both = np.stack([small.at(view.places(points))[..., DOT_CHANNEL].ravel(), expected.ravel()], -1)
+        rest = both - flat @ _solved(flat, both)
+        alike.append(float((rest[:, 0] * rest[:, 1]).sum() / max(math.sqrt((rest ** 2).sum(0).prod()), 1e-12)))
+    best, second = np.sort(alike)[:-3:-1]
+    if not (best >= LEAST_ALIKE and best - second >= LEAST_APART):
+        raise LfsrError(f"the pattern's dots are not recognised (agreement {max(best, 0):.0%}, {max(second, 0):.0%} "
+                        "when turned): photograph the whole panel, sharp, showing nothing but the phase pattern of "
+                        "this version")
+
+    view = _align(views[int(np.argmax(alike))], small, marks, size, COARSE, COARSE_SPREAD, False)
     view = _align(view, small, marks, size, COARSE, COARSE_SPREAD, True)
-    middle = light.shrunk(round(_side(view.places(square * size)) * light.half / FINE)).softened()
-    view = _align(view, middle, marks, size, FINE, 1.0, True)
+    # With a little of its neighbours in each pixel: fine colour moiré would pass for colours that mix.
+    fine = light.shrunk(round(_sides(view.places(halves * size)).mean() * light.half / FINE))
+    soft = fine.values
+    for axis in (0, 1, 0, 1):
+        ends = np.pad(soft, [(1, 1) if number == axis else (0, 0) for number in range(3)], mode="edge")
+        parts = [np.take(ends, np.arange(soft.shape[axis]) + step, axis) for step in range(3)]
+        soft = parts[0] / 4 + parts[1] / 2 + parts[2] / 4
+    view = _align(view, fine._replace(values=soft), marks, size, FINE, 1.0, True)
     if not view.alike >= LEAST_SEEN or abs(view.bent) > MOST_BEND:
         raise LfsrError(f"the pattern's dots are not seen clearly (agreement {max(view.alike, 0):.0%}): photograph the "
                         "whole panel, sharp, showing nothing but the phase pattern 1:1")
@@ -179,28 +255,54 @@ def grid(size: Array, across: int) -> Array:
     return np.stack(np.meshgrid(x, -y), -1)
 
 
-def _side(corners: Array) -> float:
-    """Mean of the sides of a quadrangle of places."""
-    return float(np.linalg.norm(corners - np.roll(corners, 1, 0), axis=1).mean())
+def _sides(corners: Array) -> Array:
+    """Lengths (4,) of the sides of a quadrangle of places."""
+    return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, 0), axis=1))
 
 
-def _turned(image: Raster, found: Array, marks: Dots, size: Array) -> View:
-    """The one of eight ways to lay the panel between the corners ``found`` under which the dots are seen."""
-    points = grid(size, COARSE)
-    light = marks.shown(points[..., 0], points[..., 1], marks.spread * COARSE_SPREAD) ** GAMMA
-    flat = _terms(points, size, OFFSET)
-    corners = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2 * size
-    views = [View(fit_homography(corners, np.roll(found[::way], turn, 0))) for way in (1, -1) for turn in range(4)]
-    alike = []
-    for view in views:
-        rest = _without(np.stack([image.at(view.places(points))[..., DOT_CHANNEL].ravel(), light.ravel()], -1), flat)
-        alike.append(float((rest[:, 0] * rest[:, 1]).sum() / max(math.sqrt((rest ** 2).sum(0).prod()), 1e-12)))
-    best, second = np.sort(alike)[:-3:-1]
-    if not (best >= LEAST_ALIKE and best - second >= LEAST_APART):
-        raise LfsrError(f"the pattern's dots are not recognised (agreement {max(best, 0):.0%}, {max(second, 0):.0%} "
-                        "when turned): photograph the whole panel, sharp, showing nothing but the phase pattern of "
-                        "this version")
-    return views[int(np.argmax(alike))]
+def _outline(image: Array) -> Array:
+    """The corners (4, 2) of the lit quadrangle in the middle of a photograph (H, W, 3), clockwise, as places.
+
+    LfsrError if nothing is lit there, or it is too small.
+    """
+    height, width = image.shape[:2]
+    if min(height, width) < MIN_PICTURE:
+        raise LfsrError(f"the photograph has {width}×{height} pixels, but its shorter side needs at least "
+                        f"{MIN_PICTURE}: send the original, not a preview")
+    step = max(1, math.ceil(max(height, width) / SMALL))
+    rows, columns = (np.arange(step // 2, count, step) for count in (height, width))
+    padded = np.pad(image[np.ix_(rows, columns)].max(-1), 1, mode="edge")
+    high, wide = len(rows), len(columns)
+    light = np.asarray(sum(padded[y:y + high, x:x + wide] for y in range(3) for x in range(3)) / 9)
+    middle = np.s_[high * 2 // 5:high * 3 // 5 + 1, wide * 2 // 5:wide * 3 // 5 + 1]
+    brightness = float(np.median(light[middle]))
+    lit = light > LIT * brightness
+    part = np.zeros_like(lit)  # of what is lit, all that hangs together with the middle
+    part[middle] = lit[middle]
+    count = -1
+    while count != (count := int(part.sum())):
+        for _ in range(8):
+            grown = np.pad(part, 1)
+            part = lit & (grown[1:-1, 1:-1] | grown[:-2, 1:-1] | grown[2:, 1:-1] | grown[1:-1, :-2] | grown[1:-1, 2:])
+    row, column = np.nonzero(part)
+    if brightness < 0.02 or len(row) < lit.size / 100:
+        raise LfsrError("no lit panel is seen in the photograph: photograph the phase pattern in a dark room, with the "
+                        "panel in the middle of the image")
+    # Of the quadrangles that points which lie farthest in four directions make, the largest.
+    points, best = np.stack([columns[column], rows[row]], -1).astype(float), -1.0
+    for angle in np.arange(ANGLES) * math.pi / 2 / ANGLES:
+        ways = angle + np.arange(4) * math.pi / 2
+        ends = points[(points @ np.stack([np.cos(ways), np.sin(ways)])).argmax(0)]
+        x, y = ends.T
+        area = float(abs((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()))
+        if area > best:
+            best, found = area, ends
+    corners = np.asarray((found - [(width - 1) / 2, (height - 1) / 2]) / (math.hypot(height, width) / 2))
+    side = float(_sides(corners).min()) * math.hypot(height, width) / 2
+    if side < MIN_SIDE:
+        raise LfsrError(f"the panel's shortest side is {side:.0f} pixels in the photograph, but at least {MIN_SIDE} "
+                        "are needed: come nearer, or use a longer lens from the same place")
+    return corners
 
 
 def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wider: float, bend: bool) -> View:
@@ -235,7 +337,8 @@ def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wid
         if not step < 1e3 or step < STILL:
             break
     rest = seen - known @ solved[:known.shape[1]]
-    plain = _without(seen[:, None], np.concatenate([under, others], -1))[:, 0]
+    flat = np.concatenate([under, others], -1)
+    plain = seen - flat @ _solved(flat, seen)
     alike = math.sqrt(max(0.0, 1 - float((rest ** 2).sum() / max((plain ** 2).sum(), 1e-12))))
     gain = columns[:, under.shape[1]:-1] @ solved[under.shape[1]:columns.shape[1] - 1]
     # Millimetres by which each dot lies elsewhere than the fit says, and whether it is there at all.
@@ -266,12 +369,6 @@ def _terms(points: Array, size: Array, count: int) -> Array:
     degrees = np.add.outer(np.arange(count), np.arange(count)).ravel()
     across, up = (legendre.legvander(place, count - 1) for place in (x, y))  # type: ignore[no-untyped-call]
     return np.asarray((across[:, :, None] * up[:, None]).reshape(len(x), -1)[:, degrees < count])
-
-
-def _without(values: Array, known: Array) -> Array:
-    """``values`` (n, m) less what ``known`` (n, k) explains of them."""
-    rest: Array = values - known @ _solved(known, values)
-    return rest
 
 
 def _solved(known: Array, values: Array) -> Array:

@@ -118,7 +118,7 @@ def _imported(arguments: argparse.Namespace) -> DisplayProfile:
 
 def _fitted(arguments: argparse.Namespace) -> DisplayProfile:
     """Profile with the lens sheet of the photographs, written if an output file is given."""
-    from lfsr_core.calibration.measure import calibrate
+    from lfsr_core.calibration.fit import calibrate
 
     profile, photos = load_display(arguments.display), arguments.fit
     places = arguments.places or [(0.0, 0.0, profile.viewing_distance_mm)] * len(photos)
@@ -127,11 +127,11 @@ def _fitted(arguments: argparse.Namespace) -> DisplayProfile:
                         "each photograph")
     if arguments.output and arguments.output.suffix != ".toml":
         raise LfsrError(f"{arguments.output} cannot be a display profile: end its name in .toml")
-    fit, notices = calibrate(profile, photos, places, arguments.output)
+    fitted, notices = calibrate(profile, photos, places, arguments.output)
     print("\n".join(map(sentence, notices)))
     if arguments.output:
         print(f"taken and predicted: {arguments.output.with_suffix('.png')}")
-    return fit.profile
+    return fitted
 
 
 def describe(profile: DisplayProfile) -> list[str]:

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.calibration.fit import Photograph, fit_profile
+from lfsr_core.calibration.fit import Calibration, Photograph, combine, comparison, see
 from lfsr_core.calibration.patterns import PATTERNS, pattern
 from lfsr_core.calibration.photograph import find_panel, fit_homography, project
-from lfsr_core.calibration.prediction import comparison
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.sheet import Lattice
@@ -34,6 +33,10 @@ def taken(nominal=CYLINDERS, real=None, **changes) -> Photograph:
     """A photograph of the phase pattern of ``nominal`` through the sheet of ``real``; changes of GOOD."""
     shot = dataclasses.replace(GOOD, **changes)
     return Photograph(photograph(pattern(nominal, "phase"), real or nominal, shot).astype(np.float32), shot.eye_mm)
+
+
+def fit_profile(profile: DisplayProfile, photographs: list[Photograph]) -> Calibration:
+    return combine(profile, [see(profile, photograph) for photograph in photographs])
 
 
 @functools.cache

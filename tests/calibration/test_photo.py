@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageOps
 
-from lfsr_core.calibration.photo import LONGER_SIDE, read_photograph
+from lfsr_core.calibration.photograph import LONGER_SIDE, read_photograph
 from tests.support.told import refuses
 
 QUARTERS = np.zeros((40, 60, 3), np.uint8)

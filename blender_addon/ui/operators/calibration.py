@@ -68,7 +68,7 @@ class LFSR_OT_calibrate(bpy.types.Operator):
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
         """Write a profile beside the photographs, choose it and show what it predicts."""
-        from lfsr_core.calibration.measure import calibrate  # needs OpenImageIO, too
+        from lfsr_core.calibration.fit import calibrate  # needs OpenImageIO, too
 
         photos = [Path(bpy.path.abspath(self.directory)) / file.name for file in self.files if file.name]
         if not photos:
