@@ -74,12 +74,12 @@ def find_fringes(picture: Picture, expected: Array, other: Array) -> Fringes:
     count = int(np.clip(2 * most / FRINGES - 1, LEAST_WINDOWS, MOST_WINDOWS))
     centres, factors = [], []
     for number in itertools.product(range(count), range(count)):
-        down, across = (slice(*(round(len(axis) * (one + step) / (count + 1)) for step in (0, 2)))
-                        for axis, one in zip((picture.y, picture.x), number, strict=True))
-        x, y = picture.x[across], picture.y[down]
+        high, wide = (slice(*(round(len(axis) * (one + step) / (count + 1)) for step in (0, 2)))
+                      for axis, one in zip((picture.y, picture.x), number, strict=True))
+        x, y = picture.x[wide], picture.y[high]
         weights = np.sqrt(np.hanning(len(y) + 2)[1:-1, None] * np.hanning(len(x) + 2)[None, 1:-1]).ravel()
         turn, added = (2 * math.pi * np.add.outer(y * one[1], x * one[0]).ravel() for one in (wave, wave + other))
-        values, light = picture.values[down, across].ravel(), picture.dots[down, across].ravel()
+        values, light = picture.values[high, wide].ravel(), picture.dots[high, wide].ravel()
         slope_x, slope_y = (np.broadcast_to(part, (len(y), len(x))).ravel()
                             for part in (x - x.mean(), (y - y.mean())[:, None]))
         known = np.stack([np.cos(turn), np.sin(turn), np.cos(added), np.sin(added), np.ones_like(turn),

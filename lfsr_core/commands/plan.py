@@ -61,8 +61,7 @@ def run(arguments: argparse.Namespace) -> None:
     from lfsr_core.base.records import write_record
     from lfsr_core.pipeline.make import make
     from lfsr_core.plan.options import PlanOptions
-    from lfsr_core.plan.planner import make_plan
-    from lfsr_core.plan.work import work_folder
+    from lfsr_core.plan.planner import make_plan, work_folder
     from lfsr_core.process.blender import find_blender
 
     if arguments.rays is not None and arguments.samples is not None:

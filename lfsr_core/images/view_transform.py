@@ -1,10 +1,15 @@
-"""From scene-linear light to display values, through Blender's own OpenColorIO configuration."""
+"""From scene-linear light to display values, through Blender's own OpenColorIO configuration.
+
+Looks take up to ten times as long as their view alone. A table, sampled on a grid that is even in log light, with
+tetrahedral interpolation, makes all of Blender's views take equally long. OpenColorIO evaluates both.
+"""
 
 from __future__ import annotations
 
 import importlib.util
 import os
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +17,7 @@ import PyOpenColorIO as ocio
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.images.baked_color import BRIGHTEST, bake
+from lfsr_core.base.notices import Notice
 from lfsr_core.images.color_settings import ColorSettings
 
 CONFIG_IN_BLENDER = "datafiles/colormanagement/config.ocio"
@@ -20,6 +25,16 @@ NO_LOOK = ("", "None")
 MIN_GAMMA = 1e-3  # Blender allows 0
 MIN_BAKED_PIXELS = 1 << 22  # from here on a table saves more time than it takes to make
 FAST_VIEWS = ("Standard", "Raw", "Filmic", "Filmic Log")  # without a look as fast as a table
+# The table spans scene-linear light from 0 to BRIGHTEST, even in log2(light + 2^STOPS[0]).
+STOPS, GRID = (-7.0, 3.0), 97
+BRIGHTEST = 2.0**STOPS[1] - 2.0**STOPS[0]
+# Accuracy that a table must have on TRIED random colours: the largest error in steps of 255, the largest fraction of
+# colours with that error (so small that none is expected beyond), and the smallest fraction within one step.
+MAX_STEPS, MAX_FRACTION, MIN_WITHIN_ONE, TRIED = 3, 1e-4, 0.999, 1 << 17
+THREADS = 4
+BLACK, WHITE = 8.5 / 255, 249.5 / 255  # display values
+# Percentiles that are compared with these, so that a few sparks in the dark or specks on white do not count.
+SPARKS, SPECKS = 99.5, 5.0
 
 
 class ViewTransform:
@@ -27,7 +42,7 @@ class ViewTransform:
 
     The order is Blender's: exposure, look, view and display, gamma. May be called
     from several threads at once. If there are enough ``pixels`` to show, bytes come from a table
-    of the chain (baked_color.py): nearly all within 1 of 255 of Blender's, none beyond 3. A chain
+    of the chain: nearly all within 1 of 255 of Blender's, none beyond 3. A chain
     without such a table stays exact.
     LfsrError if the configuration is not found (the plain sRGB view needs none) or
     does not know a name.
@@ -54,16 +69,36 @@ class ViewTransform:
                 raise LfsrError(f"{path} cannot be used as a colour configuration ({str(error)[:100]}): "
                                 "set OCIO to another") from None
         flags = ocio.OPTIMIZATION_DEFAULT
-        self._baked: ocio.CPUProcessor | None = None
         self._to_float = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_F32, flags)
         self._to_bytes = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, flags)
+        self.table: ocio.CPUProcessor | None = None  # from which bytes come, in place of the chain
         if pixels >= MIN_BAKED_PIXELS and not (settings.look in NO_LOOK and settings.view_transform in FAST_VIEWS):
-            self._baked = bake(self, self.to_uint8)
+            table, colors = self._baked(), random_colors()
+            exact, baked = self.to_uint8(colors), np.empty(colors.shape, np.uint8)
+            table.apply(_image(colors), _image(baked))
+            if is_accurate(np.abs(baked.astype(np.int16) - exact).max(-1)):
+                self.table = table
 
-    @property
-    def is_baked(self) -> bool:
-        """Whether bytes come from a table of the chain."""
-        return self._baked is not None
+    def _baked(self) -> ocio.CPUProcessor:
+        """The chain as a table from scene-linear floats to bytes."""
+        (low, high), width = STOPS, STOPS[1] - STOPS[0]
+        shaper = ocio.LogAffineTransform(logSideSlope=[1 / width] * 3, logSideOffset=[-low / width] * 3,
+                                         linSideSlope=[1.0] * 3, linSideOffset=[2.0**low] * 3)
+        light = (2 ** np.linspace(low, high, GRID) - 2.0**low).astype(np.float32)
+
+        def slab(red: np.float32) -> Array:
+            """Display values (green, blue, 3) for one red."""
+            colors = np.empty((GRID, GRID, 3), np.float32)
+            colors[..., 0], colors[..., 1], colors[..., 2] = red, light[:, None], light
+            return self(colors)
+
+        with ThreadPoolExecutor(THREADS) as pool:
+            values = np.stack(list(pool.map(slab, light)))
+        table = ocio.Lut3DTransform(gridSize=GRID)
+        table.setInterpolation(ocio.INTERP_TETRAHEDRAL)
+        table.setData(values.ravel())
+        processor = ocio.Config.CreateRaw().getProcessor(ocio.GroupTransform([shaper, table]))
+        return processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, ocio.OPTIMIZATION_DEFAULT)
 
     def __call__(self, linear: Array) -> Array:
         """Display values, float32 (..., W, 3), of scene-linear (..., W, 3); the display shows 0 to 1."""
@@ -76,8 +111,8 @@ class ViewTransform:
         """Display values, uint8 (..., W, 3), of scene-linear (..., W, 3), rounded as Blender rounds."""
         source = np.ascontiguousarray(linear, np.float32)
         result = np.empty(source.shape, np.uint8)
-        (self._baked or self._to_bytes).apply(_image(source), _image(result))
-        if self._baked and source.size and not (source.min() >= 0 and source.max() <= BRIGHTEST):
+        (self.table or self._to_bytes).apply(_image(source), _image(result))
+        if self.table and source.size and not (source.min() >= 0 and source.max() <= BRIGHTEST):
             # Pixels outside the table get the exact values.
             outside = ~((source >= 0) & (source <= BRIGHTEST)).all(-1)
             pixels = np.ascontiguousarray(source[outside][None])
@@ -136,3 +171,44 @@ def _image(pixels: Array) -> ocio.PackedImageDesc:
     size = pixels.itemsize
     return ocio.PackedImageDesc(pixels, width, height, channels, depth, size, size * channels,
                                 size * channels * width)
+
+
+def is_accurate(steps: Array) -> bool:
+    """Whether a table with errors of ``steps`` of 255 can replace its chain."""
+    few = np.mean(steps >= MAX_STEPS) <= MAX_FRACTION
+    return bool(steps.max() <= MAX_STEPS and few and np.mean(steps <= 1) >= MIN_WITHIN_ONE)
+
+
+def random_colors() -> Array:
+    """(1, TRIED, 3) scene-linear colours of every lightness and saturation, always the same.
+
+    Half of them lack one primary: there tables fail first.
+    """
+    random = np.random.default_rng(0)
+    stops = random.uniform(STOPS[0] - 4, STOPS[1], (1, TRIED, 1)) + random.normal(0, 1.2, (1, TRIED, 3))
+    colors = np.minimum(2**stops, BRIGHTEST).astype(np.float32)
+    half = np.arange(0, TRIED, 2)
+    colors[0, half, random.integers(0, 3, half.size)] = 0
+    return colors
+
+
+def exposure_notices(shown: Array, background: Array) -> list[Notice]:
+    """Return a notice if the image is almost black or white; parameters as of ``extreme_tone``."""
+    tone = extreme_tone(shown, background)
+    return [Notice("image-extreme", {"tone": tone})] if tone else []
+
+
+def extreme_tone(shown: Array, background: Array | None = None) -> str:
+    """Return "black" or "white" if almost the whole image (..., 3), uint8 or floats in [0, 1], is; else "".
+
+    Pixels of the colour ``background`` (3,) do not count, unless there are no others.
+    """
+    pixels = shown.reshape(-1, 3)
+    if background is not None and (counted := (pixels != background).any(1)).any():
+        pixels = pixels[counted]
+    most = 255 if pixels.dtype == np.uint8 else 1
+    if not len(pixels):
+        return ""
+    if np.percentile(pixels.max(1), SPARKS) <= BLACK * most:
+        return "black"
+    return "white" if np.percentile(pixels.min(1), SPECKS) >= WHITE * most else ""

@@ -76,27 +76,24 @@ def choose(rated: Sequence[Rated], target: float, most_seconds: float = math.inf
     measured = [row for row in rated if row.estimate is not None and row.seconds <= most_seconds]
     best = max(measured, key=lambda row: row.low, default=None)
     passing = [row for row in measured if row.low >= target]
-    if best is None or not passing:
-        return Choice(None, best, _limit(best, rated, target, most_seconds))
-    least = min(row.seconds for row in passing)
-    near = [row for row in passing if row.seconds <= AS_GOOD * least]
-    return Choice(min(near, key=lambda row: (row.steps, row.seconds)), best)
-
-
-def _limit(best: Rated | None, rated: Sequence[Rated], target: float, most_seconds: float) -> Notice:
-    """What keeps the best candidate from the target."""
+    if passing:
+        least = min(row.seconds for row in passing)
+        near = [row for row in passing if row.seconds <= AS_GOOD * least]
+        return Choice(min(near, key=lambda row: (row.steps, row.seconds)), best)
+    # What keeps the best candidate from the target.
     if any(row.low >= target and row.seconds > most_seconds for row in rated):
-        return Notice("plan-limit-time", {"seconds": most_seconds})
+        return Choice(None, best, Notice("plan-limit-time", {"seconds": most_seconds}))
     if best is None or best.estimate is None:
-        return Notice("plan-limit-unmeasured")
+        return Choice(None, best, Notice("plan-limit-unmeasured"))
     if best.estimate.mean >= target:
-        return Notice("plan-limit-certainty", {"lenses": best.estimate.lenses})
+        return Choice(None, best, Notice("plan-limit-certainty", {"lenses": best.estimate.lenses}))
     means = {row.samples: row.estimate.mean for row in rated
              if row.estimate is not None and (row.scale, row.method) == (best.scale, best.method)}
     *_, before, last = (best.estimate.mean, *(means[samples] for samples in sorted(means)))
     if last + (last - before) >= target:  # each further step of samples gains about half of the one before it
-        return Notice("plan-limit-noise", {"samples": best.samples})
-    return Notice("plan-limit-upscaling" if best.scale > 1 else "plan-limit-method", {"scale": best.scale})
+        return Choice(None, best, Notice("plan-limit-noise", {"samples": best.samples}))
+    limit = "plan-limit-upscaling" if best.scale > 1 else "plan-limit-method"
+    return Choice(None, best, Notice(limit, {"scale": best.scale}))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import shutil
+import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import cache_folder, locks, read_json, write_json
 from lfsr_core.base.notices import Notice, Tell, silent
 from lfsr_core.base.records import to_data
-from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS, Frame
+from lfsr_core.frames.folder import PLACES, digest, request_facts, scene_stamp
+from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
 from lfsr_core.frames.low_res import foreground_mask
 from lfsr_core.frames.request import Request
-from lfsr_core.images.exposure import extreme_tone
 from lfsr_core.images.exr import read_finite
 from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.images.view_transform import extreme_tone
 from lfsr_core.optics.depth_scale import ScaleChoice
-from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.pipeline.staging import LOCK_FILE
 from lfsr_core.plan.choose import Choice, Rated, choose, estimate
 from lfsr_core.plan.options import Candidate, PlanOptions
 from lfsr_core.plan.sample import (
@@ -34,11 +40,14 @@ from lfsr_core.plan.sample import (
     reach,
     render_seconds,
     sampled_lenses,
+    scores,
     with_neighbours,
 )
-from lfsr_core.plan.score import Quarters, read_quarters, scores
-from lfsr_core.plan.work import check_sample
 from lfsr_core.reconstruct.methods import seconds as finish_seconds
+from lfsr_core.version import __version__
+
+SAMPLE_FILE = "sample.json"
+SECONDS_CACHED = 24 * 3600  # changes of textures and linked files are not noticed, so old renders are not reused
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,7 +98,10 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
     if request.layout in ("view-by-view", SUBPIXELS):
         raise LfsrError(f"a plan renders single lenses, which the layout {request.layout} cannot: choose another "
                         "layout")
-    check_sample(folder, request, options)
+    facts, described = sample_facts(request, options), folder / SAMPLE_FILE
+    if described.exists() and read_json(described, "the description of a sample") != facts:
+        raise LfsrError(f"{folder} holds the sample of another scene or of other options: choose another folder")
+    write_json(described, facts)
     renders = SampleRenders(folder, request, render, tell)
     quick, first = renders.quick()
     layers, _ = read_finite(quick / LOW_RES_FILE)
@@ -106,19 +118,32 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
     is_limited = options.lenses is None and len(lenses) > LEAST_LENSES
     allowed = options.most_paths(display) if is_limited else math.inf
 
-    files, reference = renders.reference(options.reference_samples, lenses)
-    quarters, shown = read_quarters(files, reference, len(lenses))
-    _check_exposure(quarters, shown)
+    quarters, shown, reference = renders.reference(options.reference_samples, lenses)
+    if tone := extreme_tone(srgb_encode(np.mean(quarters, 0)[shown])):
+        change = "stronger" if tone == "black" else "weaker"
+        raise LfsrError(f"the sampled lenses are almost {tone}, so that every setting would seem perfect: make the "
+                        f"scene's lights {change}, or check where the camera looks")
     counts = shown if places is wide else np.ones_like(shown)
     # Each has something that the mean path of a frame lacks: the first its set-up, the other foreground everywhere.
     rate = min(render_seconds(frame) / path_samples(frame) for frame in (first, reference))
-    rows = {each: Rated(**vars(each), seconds=_frame_seconds(each, display, first, rate)) for each in wanted}
+    opening, world = first.seconds["open"], first.seconds.get("world", 0.0)  # rendered apart but at full resolution
+    rows: dict[Candidate, Rated] = {}
+    groups: dict[tuple[int, int], list[Rated]] = {}  # candidates of one render, by scale and samples
+    for each in wanted:
+        seconds = (opening + rate * each.paths(display) + (world if each.scale > 1 else 0.0)
+                   + finish_seconds(display, each.scale, each.method))
+        rows[each] = Rated(**vars(each), seconds=seconds)
+        groups.setdefault((each.scale, each.samples), []).append(rows[each])
 
     measuring, choice = 0.0, Choice(None, None)
-    for group in sorted(costs, key=lambda group: min(row.seconds for row in rows.values() if _group(row) == group)):
-        open_rows = [row for row in rows.values() if _group(row) == group]
-        why = _why_not(min(row.seconds for row in open_rows), choice.chosen, options,
-                       renders.paths + costs[group] <= allowed)
+    for group, open_rows in sorted(groups.items(), key=lambda pair: min(row.seconds for row in pair[1])):
+        why, least = None, min(row.seconds for row in open_rows)
+        if least > options.limit:
+            why = Notice("candidate-too-slow", {"seconds": options.limit})
+        elif choice.chosen is not None and least > choice.chosen.seconds:
+            why = Notice("candidate-not-needed", to_data(choice.chosen.candidate))
+        elif renders.paths + costs[group] > allowed:
+            why = Notice("candidate-over-budget", {"budget": options.budget})
         if why is not None:
             rows |= {row.candidate: dataclasses.replace(row, unmeasured=why) for row in open_rows}
             continue
@@ -145,31 +170,40 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
                    choose(rated, options.target, options.limit))
 
 
-def _why_not(seconds: float, chosen: Rated | None, options: PlanOptions, is_affordable: bool) -> Notice | None:
-    """Why candidates that take at least ``seconds`` are not measured, None where they are."""
-    if seconds > options.limit:
-        return Notice("candidate-too-slow", {"seconds": options.limit})
-    if chosen is not None and seconds > chosen.seconds:
-        return Notice("candidate-not-needed", to_data(chosen.candidate))
-    return None if is_affordable else Notice("candidate-over-budget", {"budget": options.budget})
+def sample_facts(request: Request, options: PlanOptions) -> dict[str, Any]:
+    """JSON-ready facts that two plans must have in common to use the same renders."""
+    return request_facts(request, (*PLACES, "sampling")) | {
+        "lenses": lens_count(request.display, options), "reference_samples": options.reference_samples,
+        "metric": options.metric}
 
 
-def _group(candidate: Candidate) -> tuple[int, int]:
-    """Scale and samples, which candidates of one render share."""
-    return candidate.scale, candidate.samples
+@contextmanager
+def work_folder(folder: Path | None, request: Request, options: PlanOptions, tell: Tell) -> Iterator[Path]:
+    """Yield ``folder``, or one in the user's cache that is removed after the block.
 
-
-def _frame_seconds(candidate: Candidate, display: DisplayProfile, quick: Frame, rate: float) -> float:
-    """Predicted seconds of a whole frame; ``rate``: seconds of a path sample, ``quick``: the render of every lens."""
-    world = quick.seconds.get("world", 0.0) if candidate.scale > 1 else 0.0  # rendered apart but at full resolution
-    second = finish_seconds(display, candidate.scale, candidate.method)
-    return quick.seconds["open"] + rate * candidate.paths(display) + world + second
-
-
-def _check_exposure(quarters: Quarters, shown: Array) -> None:
-    """LfsrError if the image is almost black or white: every candidate would be perfect."""
-    tone = extreme_tone(srgb_encode(np.mean(quarters, 0)[shown]))
-    if tone:
-        change = "stronger" if tone == "black" else "weaker"
-        raise LfsrError(f"the sampled lenses are almost {tone}, so that every setting would seem perfect: make the "
-                        f"scene's lights {change}, or check where the camera looks")
+    After an error or an interrupt the cached one stays, if a render was begun, for the next plan of the same question
+    and scene file; a notice says so. Of two such plans at once the second works in a temporary folder.
+    """
+    if folder is not None:
+        yield folder
+        return
+    plans = cache_folder() / "plans"
+    for path in plans.iterdir() if plans.is_dir() else ():
+        if time.time() - path.stat().st_mtime > SECONDS_CACHED:
+            shutil.rmtree(path, ignore_errors=True)
+    made = plans / digest([sample_facts(request, options), scene_stamp(request.scene), __version__])
+    made.mkdir(parents=True, exist_ok=True)
+    with (made / LOCK_FILE).open("ab") as lock:
+        if not locks(lock):
+            with tempfile.TemporaryDirectory(prefix="lfsr-plan-") as name:
+                yield Path(name)
+            return
+        try:
+            yield made
+        except BaseException:
+            if any(path.is_dir() for path in made.iterdir()):
+                tell(Notice("plan-kept", {"folder": str(made)}))
+            else:
+                shutil.rmtree(made, ignore_errors=True)
+            raise
+        shutil.rmtree(made, ignore_errors=True)

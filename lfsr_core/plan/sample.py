@@ -1,4 +1,4 @@
-"""The sample of a plan: which lenses, with which neighbours, how they are arranged, and their renders.
+"""The sample of a plan: which lenses, with which neighbours, their renders, and how accurate a method is on them.
 
 A denoiser looks at the neighbours of a lens. So a sampled lens is rendered with a block of lenses around it. The
 blocks of all sampled lenses side by side are one small EIA, the mosaic, on which a method runs as on a whole frame.
@@ -18,12 +18,17 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.notices import Notice, Progress, Tell
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.frame import REFERENCE_FILES, WORLD_FILE, Frame
-from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, WORLD_FILE, Frame, read_frame
+from lfsr_core.frames.low_res import LowResEIA, foreground_mask, low_resolution, read_world
+from lfsr_core.frames.reference import listed_images, read_half
 from lfsr_core.frames.request import Request, Sampling
+from lfsr_core.images.exr import read_finite
+from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lenses import systematic_sample
 from lfsr_core.plan.options import PlanOptions
+from lfsr_core.reconstruct.second_stage import finished_lenses
 
 CONTEXT = 16  # low-resolution pixels around a sampled lens that a denoiser should see
 WIDE_ENOUGH = 32  # pixels across an elemental image that needs no neighbours: most of it is far from the border
@@ -32,8 +37,10 @@ REACH_IN_A_VIEW = 4  # for displays with parallax along one axis, whose elementa
 LEAST_LENSES, USUAL_LENSES = 12, 48
 QUICK_SCALE, QUICK_SAMPLES = 4, 4
 REFERENCE_PARTS = 2  # renders of two independent halves each: four quarters
+CORRECTED = 0.5  # fraction of the loss by the reference's remaining noise that is added to the metric
 
 Lens = tuple[int, int]
+Quarters = Sequence[Array]  # four independent renders of the sampled lenses (n, py, px, 3), scene-linear
 Render = Callable[[Request, Tell], object]  # renders a request into its folder, all or nothing
 
 
@@ -142,16 +149,20 @@ class SampleRenders:
         self._world = str(folder / WORLD_FILE) if frame.world_apart else None
         return folder, frame
 
-    def reference(self, samples: int, lenses: Sequence[Lens]) -> tuple[list[Path], Frame]:
-        """Files of the four quarters of the lenses' reference, with ``samples`` together, and a frame of theirs."""
-        files: list[Path] = []
+    def reference(self, samples: int, lenses: Sequence[Lens]) -> tuple[Quarters, Array, Frame]:
+        """Quarters of the lenses' reference, with ``samples`` together, which lenses (n,) show any foreground, and a
+        frame of theirs."""
+        quarters, hits = list[Array](), []
         for part in range(REFERENCE_PARTS):
             folder, frame = self._rendered(
                 f"reference-{part}", f"reference of {len(lenses)} lenses, part {part + 1} of {REFERENCE_PARTS}",
                 kind="reference", layers=(), clamp_indirect=0.0, lens_list=tuple(lenses),
                 sampling=Sampling(1, max(2, samples // REFERENCE_PARTS)))
-            files += [folder / name for name in REFERENCE_FILES]
-        return files, frame
+            for name in REFERENCE_FILES:
+                image, hit = read_half(folder / name, frame)
+                quarters.append(listed_images(image, frame)[:len(lenses)])
+                hits.append(hit)
+        return quarters, np.any(hits, 0).reshape(-1)[:len(lenses)], frame
 
     def sampled(self, scale: int, samples: int, lenses: Sequence[Lens], count: int) -> Path:
         """``count`` lenses and their neighbours, all in ``lenses``, at one scale and sample count."""
@@ -190,3 +201,31 @@ class SampleRenders:
         folder.check_rendered(request)
         self.frames.append(folder.frame)
         return folder.path, folder.frame
+
+
+def scores(folder: Path, name: str, mosaic: Mosaic, quarters: Quarters) -> Array:
+    """Accuracy (n,) of the method ``name`` on each sampled lens, from a render of them and their neighbours."""
+    frame = read_frame(folder)
+    layers, _ = read_finite(folder / LOW_RES_FILE)
+    low = mosaic.of_render(low_resolution(layers, frame, read_world(folder, frame)))
+    mask = mosaic.of_mask(foreground_mask(layers, frame.rays.tiles))
+    images = finished_lenses(low, mask, name, mosaic.centres, block=mosaic.side)
+    return split_scores(srgb_encode(images), quarters)
+
+
+def split_scores(images: Array, quarters: Quarters) -> Array:
+    """Split SSIM (n,) of images (n, py, px, 3) in [0, 1], corrected for the noise of the reference.
+
+    That noise lowers the metric about in proportion to its variance. So what the metric gains from halves of one
+    quarter to halves of two is missing once more. CORRECTED of that gain is added: adding all of it would sometimes
+    promise too much (docs/notebook/plan.md).
+    """
+    def ssim(first: Sequence[int], second: Sequence[int]) -> Array:
+        half_a, half_b = (srgb_encode(np.mean([quarters[n] for n in half], 0)) for half in (first, second))
+        means: Array = stacked_ssim(images, half_a, half_b).mean((1, 2))
+        return means
+
+    full, less = ssim((0, 1), (2, 3)), (ssim((0,), (2,)) + ssim((1,), (3,))) / 2
+    # Strong noise, whose variances are cut off at 0, raises the metric: then there is no gain to extrapolate.
+    corrected: Array = full + CORRECTED * (full - less) if np.mean(full - less) > 0 else full
+    return corrected

@@ -39,10 +39,9 @@ from lfsr_core.frames.low_res import (
     read_world,
     unseen_notices,
 )
-from lfsr_core.images.exposure import exposure_notices
 from lfsr_core.images.exr import HALF_MAX, read_finite, read_layers, replaced_notices, write_layers
 from lfsr_core.images.png import write_mask, write_png
-from lfsr_core.images.view_transform import ViewTransform
+from lfsr_core.images.view_transform import ViewTransform, exposure_notices
 from lfsr_core.optics.eia import flip_order, to_elemental_images
 from lfsr_core.optics.panel.subpixel_rays import panel_image
 from lfsr_core.optics.panel.weave import cached_gather_map, weave

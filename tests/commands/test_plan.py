@@ -18,7 +18,7 @@ from lfsr_core.cli import build_parser, main
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.display import load_display
 from lfsr_core.plan.options import PlanOptions
-from lfsr_core.plan.work import work_folder
+from lfsr_core.plan.planner import work_folder
 from tests.support.played_blender import played_blender
 from tests.support.requests import make_request
 from tests.support.synthetic import fails

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lfsr_core.images.exposure import extreme_tone
+from lfsr_core.images.view_transform import extreme_tone
 
 
 @pytest.mark.parametrize(("value", "tone"), [(0, "black"), (8, "black"), (12, ""), (128, ""), (248, ""), (252, "white"),

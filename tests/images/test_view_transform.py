@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.images import baked_color
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.images.png import read_png
-from lfsr_core.images.view_transform import ViewTransform, find_config
+from lfsr_core.images.view_transform import BRIGHTEST, ViewTransform, find_config, is_accurate, random_colors
 from tests.support.prerequisites import needs_bpy
 from tests.support.told import refuses
 
@@ -139,7 +138,7 @@ def test_table_shows_what_the_chain_shows(view, look):
     settings = ColorSettings(view_transform=view, look=look)
     exact, baked = ViewTransform(settings), ViewTransform(settings, MANY)
     values = colors()
-    assert baked.is_baked
+    assert baked.table
     steps = np.abs(exact.to_uint8(values).astype(int) - baked.to_uint8(values)).max(-1)
     assert steps.max() <= 3 and np.mean(steps <= 1) >= 0.999 and (steps > 0).any(), "else it is no table"
     np.testing.assert_array_equal(exact(values), baked(values))
@@ -157,9 +156,9 @@ def test_what_lies_outside_the_table_is_exact():
 
 def test_chain_that_no_table_shows_stays_exact_and_so_do_small_images():
     false_color = ColorSettings(view_transform="False Color")
-    assert not ViewTransform(false_color, MANY).is_baked
-    assert not ViewTransform(ColorSettings(view_transform="AgX", look="Punchy"), 10_000).is_baked
-    assert not ViewTransform(ColorSettings(), MANY).is_baked, "the plain view costs less than a table"
+    assert not ViewTransform(false_color, MANY).table
+    assert not ViewTransform(ColorSettings(view_transform="AgX", look="Punchy"), 10_000).table
+    assert not ViewTransform(ColorSettings(), MANY).table, "the plain view costs less than a table"
 
 
 @pytest.mark.parametrize(("counts", "near"), [
@@ -167,9 +166,9 @@ def test_chain_that_no_table_shows_stays_exact_and_so_do_small_images():
     ([99_950, 0, 45, 5, 0], True), ([99_900, 0, 0, 100, 0], False), ([99_999, 0, 0, 0, 1], False)])
 def test_a_table_is_accurate_where_steps_are_small_and_large_ones_rarer_still(counts, near):
     steps = np.repeat(np.arange(len(counts)), counts)
-    assert baked_color._is_accurate(steps) == near
+    assert is_accurate(steps) == near
 
 
 def test_half_of_the_colours_that_a_table_is_tried_on_are_pure_lights():
-    tried = baked_color._random_colors()[0]
-    assert np.mean((tried == 0).any(1)) == 0.5 and tried.max() <= baked_color.BRIGHTEST
+    tried = random_colors()[0]
+    assert np.mean((tried == 0).any(1)) == 0.5 and tried.max() <= BRIGHTEST

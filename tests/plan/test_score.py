@@ -3,12 +3,12 @@
 import numpy as np
 
 from lfsr_core.metrics.split_ssim import stacked_ssim
-from lfsr_core.plan import score
-from lfsr_core.plan.score import split_scores
+from lfsr_core.plan import sample as plan_sample
+from lfsr_core.plan.sample import split_scores
 
 
 def test_correction_takes_some_of_the_references_noise_out(monkeypatch):
-    monkeypatch.setattr(score, "srgb_encode", lambda image: image)  # noise that is normal in display values
+    monkeypatch.setattr(plan_sample, "srgb_encode", lambda image: image)  # noise that is normal in display values
     random, noise = np.random.default_rng(0), 0.08
     exact = np.full((600, 24, 24, 1), 0.5)
     exact[:, :, 12:] += 0.2 * np.sin(np.arange(12) / 1.7)[:, None]
