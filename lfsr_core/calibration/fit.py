@@ -24,10 +24,9 @@ from lfsr_core.calibration.fringes import Fringes, Picture, find_fringes
 from lfsr_core.calibration.patterns import FRINGE_CHANNELS, dots, pattern, tones
 from lfsr_core.calibration.photograph import Raster, View, find_panel, grid, read_photograph
 from lfsr_core.images.png import write_png
-from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.display import DisplayProfile, write_profile
 from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_waves
 from lfsr_core.optics.panel.trace import seen_at
-from lfsr_core.optics.display import write_profile
 from lfsr_core.optics.sheet import Lattice, Lenticular
 
 MOST_ACROSS = 2048  # points at which a photograph is sampled

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.frames.frame import Frame
 from lfsr_core.optics.depth_scale import samples_at
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD, PLAIN_METHOD, MethodName, denoise, load_method
@@ -117,3 +118,13 @@ def methods_at(scale: int, names: Iterable[str]) -> tuple[str, ...]:
     """Those of the methods ``names`` that work at ``scale``; at scale 1 without their upscalers."""
     parsed = map(MethodName.parse, names)
     return tuple(dict.fromkeys(name.at_scale(scale).text for name in parsed if name.works_at(scale)))
+
+
+def path_samples(frame: Frame) -> int:
+    """Path samples of a render."""
+    return math.prod(frame.rays.size) * frame.samples
+
+
+def render_seconds(frame: Frame) -> float:
+    """Seconds of a render, without a world that was rendered apart."""
+    return frame.seconds["render"] - frame.seconds.get("world", 0.0)

@@ -28,17 +28,15 @@ from lfsr_core.images.view_transform import extreme_tone
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.staging import LOCK_FILE
 from lfsr_core.plan.choose import Choice, Rated, choose, estimate
-from lfsr_core.plan.options import Candidate, PlanOptions
+from lfsr_core.plan.options import Candidate, PlanOptions, path_samples, render_seconds
 from lfsr_core.plan.sample import (
     LEAST_LENSES,
     Mosaic,
     Render,
     SampleRenders,
     lens_count,
-    path_samples,
     paths_per_lens,
     reach,
-    render_seconds,
     sampled_lenses,
     scores,
     with_neighbours,

@@ -27,7 +27,7 @@ from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lenses import systematic_sample
-from lfsr_core.plan.options import PlanOptions
+from lfsr_core.plan.options import PlanOptions, path_samples
 from lfsr_core.reconstruct.second_stage import finished_lenses
 
 CONTEXT = 16  # low-resolution pixels around a sampled lens that a denoiser should see
@@ -120,16 +120,6 @@ class Mosaic:
         """(n,) bool: the values of a mask (rows, columns) of the rendered tiles at each block's centre."""
         centres: Array = tiles.reshape(-1)[self.index[tuple(self.centres.T)]]
         return centres
-
-
-def path_samples(frame: Frame) -> int:
-    """Path samples of a render."""
-    return math.prod(frame.rays.size) * frame.samples
-
-
-def render_seconds(frame: Frame) -> float:
-    """Seconds of a render, without a world that was rendered apart."""
-    return frame.seconds["render"] - frame.seconds.get("world", 0.0)
 
 
 class SampleRenders:

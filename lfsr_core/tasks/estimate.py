@@ -14,7 +14,7 @@ from lfsr_core.base.notices import Notice, Progress, Tell
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, Frame, read_part
 from lfsr_core.frames.request import Request
 from lfsr_core.pipeline.make import render_all
-from lfsr_core.plan.sample import path_samples, render_seconds
+from lfsr_core.plan.options import path_samples, render_seconds
 from lfsr_core.process.blender import Starts
 
 PATHS = 600_000  # path samples to measure: a second or two

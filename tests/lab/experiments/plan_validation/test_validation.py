@@ -18,9 +18,8 @@ from lfsr_core.frames.request import Sampling
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.plan.choose import Choice, Estimate, Rated
-from lfsr_core.plan.options import Candidate, PlanOptions
+from lfsr_core.plan.options import Candidate, PlanOptions, path_samples
 from lfsr_core.plan.planner import Planned, SampleFacts
-from lfsr_core.plan.sample import path_samples
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.timing import Repeats
 from lfsr_lab.experiments.plan_validation import actual

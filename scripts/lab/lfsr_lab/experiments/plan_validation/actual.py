@@ -24,8 +24,7 @@ from lfsr_core.frames.request import Request
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.pipeline.make import finish_frame
-from lfsr_core.plan.options import Candidate, PlanOptions
-from lfsr_core.plan.sample import path_samples, render_seconds
+from lfsr_core.plan.options import Candidate, PlanOptions, path_samples, render_seconds
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.engine.renders import REFERENCE
