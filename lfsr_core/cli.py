@@ -1,3 +1,4 @@
+# PYTHON_ARGCOMPLETE_OK
 """The ``lfsr`` command: one verb per module of ``lfsr_core.commands``."""
 
 from __future__ import annotations
@@ -5,16 +6,19 @@ from __future__ import annotations
 import argparse
 import contextlib
 import io
+import json
 import os
 import select
 import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import check_name, system_errors
-from lfsr_core.base.notices import accept_all_letters, is_openjd, tell_openjd
+from lfsr_core.base.notices import BOLD, RED, accept_all_letters, be_quiet, is_openjd, styled, tell_openjd
+from lfsr_core.base.records import to_data
 from lfsr_core.commands import (
     compare,
     displays,
@@ -36,8 +40,15 @@ from lfsr_core.version import __version__
 
 MOST_LETTERS = 2000  # of an error, which may quote files and devices of others
 
-VERBS: tuple[laboratory.Verb, ...] = (
-    displays, render, merge, upscale, view, show, export, import_views, views, farm, plan, reference, compare)
+# What a verb is for, an example, and the verbs; those of the laboratory follow.
+GROUPS: tuple[tuple[str, str, tuple[laboratory.Verb, ...]], ...] = (
+    ("Make an image", "lfsr render scene.blend -o frame", (render, upscale)),
+    ("Look at it", "lfsr view frame --open", (view, views, show)),
+    ("Hand it on", "lfsr export frame --format quilt", (export, import_views)),
+    ("Measure", "lfsr plan scene.blend --target 0.95", (reference, compare, plan)),
+    ("Displays", "lfsr displays looking-glass-portrait", (displays,)),
+    ("Farms", "lfsr farm openjd", (farm, merge)))
+VERBS = tuple(verb for _, _, verbs in GROUPS for verb in verbs)
 
 EXIT_BAD_INPUT, EXIT_INTERRUPTED = 2, 130
 ENDINGS = ("SIGTERM", "SIGHUP", "SIGQUIT")  # signals that interrupt like Ctrl-C
@@ -47,7 +58,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; return the exit code: 0, 2 after bad input, 130 after Ctrl-C."""
     sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115, to the end
     accept_all_letters()
-    arguments = build_parser().parse_args(argv)
+    parser, words = build_parser(), list(sys.argv[1:] if argv is None else argv)
+    if "_ARGCOMPLETE" in os.environ:  # a shell asks what can follow
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
+    if not words:
+        parser.print_help()
+        return 0
+    arguments = parser.parse_args(words)
+    output, is_json = sys.stdout, getattr(arguments, "json", False) is True
     try:
         for name in ENDINGS:
             if hasattr(signal, name):
@@ -55,12 +75,24 @@ def main(argv: Sequence[str] | None = None) -> int:
         with system_errors():
             _check_output()
             _check_paths(arguments)
-            arguments.run(arguments)
-            sys.stdout.flush()
+            with contextlib.ExitStack() as stack:
+                if getattr(arguments, "quiet", False):
+                    stack.enter_context(be_quiet())
+                    stack.enter_context(contextlib.redirect_stdout(None))
+                elif is_json:  # what is for people goes where progress goes
+                    stack.enter_context(contextlib.redirect_stdout(sys.stderr))
+                found = arguments.run(arguments)
+            if is_json:
+                print(json.dumps(to_data(found), default=str), file=output)
+            if output:
+                output.flush()
     except LfsrError as error:
-        said = f"lfsr {arguments.verb}: {cleaned(str(error), MOST_LETTERS)}"
-        print(said, file=sys.stderr)
-        _tell_farm(said)
+        name, text = f"lfsr {arguments.verb}:", cleaned(str(error), MOST_LETTERS)
+        print(styled(name, RED, sys.stderr), text, file=sys.stderr)
+        if is_json and output:
+            with contextlib.suppress(OSError):
+                print(json.dumps({"error": text}), file=output)
+        _tell_farm(f"{name} {text}")
         _drop_output()
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
@@ -71,14 +103,42 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def build_parser() -> argparse.ArgumentParser:
     """Parser of all verbs, those of the laboratory included."""
-    parser = argparse.ArgumentParser(prog="lfsr", description="Light-field images for integral-imaging displays.")
+    parser = _Parser(prog="lfsr", description="Light-field images for glasses-free 3D displays.")
     parser.add_argument("--version", action="version", version=f"lfsr {__version__}")
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    for verb in (*VERBS, *laboratory.verbs()):
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=argparse.ArgumentParser)
+    found = tuple(laboratory.verbs())
+    for verb in (*VERBS, *found):
         child = verbs.add_parser(verb.NAME, help=verb.HELP, description=verb.HELP)
         verb.add_arguments(child)
+        if verb in VERBS:
+            child.add_argument("--json", action="store_true", help="print one JSON object on standard output")
+            child.add_argument("--quiet", action="store_true", help="print nothing but errors and what --json asks")
         child.set_defaults(run=verb.run)
+    if installed := tuple(verb for verb in found if not isinstance(verb, laboratory.MissingVerb)):
+        parser.groups = (*GROUPS, ("Laboratory", "lfsr study chart -o DIR scene.blend", installed))
+    parser.names = [verb.NAME for verb in (*VERBS, *found)]
     return parser
+
+
+class _Parser(argparse.ArgumentParser):
+    """The parser of `lfsr`, whose help shows the verbs in groups, each with an example."""
+
+    groups, names = GROUPS, list[str]()
+
+    def format_help(self) -> str:
+        lines = [f"usage: lfsr VERB …    {self.description}"]
+        for title, example, verbs in self.groups:
+            lines += ["", f"{styled(title, BOLD, sys.stdout)}:  {example}"]
+            lines += [f"  {verb.NAME:10} {verb.HELP}" for verb in verbs]
+        return "\n".join([*lines, "", "`lfsr VERB --help` lists the options of a verb.", ""])
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse, with a hint where the verb is misspelled."""
+        first = next(iter(args or ()), "-")
+        if not first.startswith("-") and first not in self.names:
+            self.exit(EXIT_BAD_INPUT, f"lfsr: there is no verb {first!r}: {did_you_mean(first, self.names)}"
+                                      "`lfsr` alone lists the verbs\n")
+        return super().parse_known_args(args, namespace)
 
 
 def _check_output() -> None:

@@ -12,12 +12,14 @@ import io
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, TextIO
 
 BAR_WIDTH = 30
 SECONDS_BETWEEN_LINES = 4.0  # a render writes a record each second, so that a line comes every five at the latest
 PROGRESS_VARIABLE, OPENJD = "LFSR_PROGRESS", "openjd"  # environment variable, set by our OpenJD template
+BOLD, RED = "1", "31"  # styles of terminals
+_quiet = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,6 +60,8 @@ class ProgressBar:
 
     def __call__(self, told: Progress | Notice) -> None:
         """Show progress, elsewhere than on a terminal only at a new stage, at the end, and every few seconds."""
+        if _quiet:
+            return
         if isinstance(told, Notice):
             if told not in self._told:
                 self._told.append(told)
@@ -91,6 +95,23 @@ class ProgressBar:
         if self._moving and self._stage:
             print(file=self._stream)
         self._stage = ""
+
+
+@contextlib.contextmanager
+def be_quiet() -> Iterator[None]:
+    """Show neither progress nor notices inside the block."""
+    global _quiet
+    _quiet = True
+    try:
+        yield
+    finally:
+        _quiet = False
+
+
+def styled(text: str, style: str, stream: TextIO | None) -> str:
+    """Return a text in BOLD or RED where ``stream`` is a terminal and NO_COLOR (no-color.org) is not set."""
+    is_plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not (stream and stream.isatty())
+    return text if is_plain else f"\x1b[{style}m{text}\x1b[0m"
 
 
 def accept_all_letters() -> None:

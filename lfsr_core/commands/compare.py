@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lfsr_core.commands.sentences import sentence
 
@@ -22,11 +22,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("reference", type=Path, metavar="REFDIR", help="folder of `lfsr reference`")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> Any:
     """Compare and print."""
     from lfsr_core.metrics.compare import compare_folders
 
-    print("\n".join(table(compare_folders(arguments.folder, arguments.reference))))
+    metrics = compare_folders(arguments.folder, arguments.reference)
+    print("\n".join(table(metrics)))
+    return metrics
 
 
 def table(metrics: Metrics) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
+from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
@@ -39,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="file to write")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> Any:
     """List the profiles, show one, or make a profile or a pattern."""
     from lfsr_core.optics.display import write_profile
 
@@ -67,25 +68,28 @@ def run(arguments: argparse.Namespace) -> None:
         from lfsr_core.images.png import write_png
 
         write_png(output, pattern(load_display(arguments.display), arguments.pattern))
-        return print(output)
+        print(output)
+        return {"file": output}
     elif arguments.fit:
         profile = _fitted(arguments)
     elif arguments.display:
         profile = load_display(arguments.display)
     else:
-        for name in builtin_names():
-            profile = load_display(name)
-            print(f"{name:22} {_pair(profile.panel_pixels)} px, {_pair(profile.lenses)} lenses of "
+        profiles = [load_display(name) for name in builtin_names()]
+        for profile in profiles:
+            print(f"{profile.name:22} {_pair(profile.panel_pixels)} px, {_pair(profile.lenses)} lenses of "
                   f"{_pair(profile.views)} views. {profile.description}")
-        return None
-    return print("\n".join(describe(profile)))
+        return {"displays": profiles}
+    print("\n".join(describe(profile)))
+    return profile
 
 
-def _print_connected() -> None:
+def _print_connected() -> Any:
     """A line for each display of Looking Glass Bridge; a calibration that cannot be used is said in its place."""
     from lfsr_core.exports.bridge import Bridge
 
-    for device in Bridge().devices():
+    devices = Bridge().devices()
+    for device in devices:
         try:
             numbers = device.calibration.numbers
             told = "{screenW:g}×{screenH:g} px, {viewCone:g}° cone, {pitch:.4f} cylinders per inch".format(**numbers)
@@ -94,6 +98,7 @@ def _print_connected() -> None:
         quilt = [device.quilt.get(name, "?") for name in ("tileX", "tileY", "quiltX", "quiltY")]
         print(f"{device.index:2}  {device.name} ({device.hardware}), at {device.corner[0]},{device.corner[1]}: "
               f"{told}, quilt {quilt[0]}×{quilt[1]} of {quilt[2]}×{quilt[3]} px")
+    return {"displays": devices}
 
 
 def _imported(arguments: argparse.Namespace) -> DisplayProfile:

@@ -6,6 +6,7 @@ import argparse
 import os
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 from lfsr_core.base.notices import ProgressBar
 from lfsr_core.commands.sentences import sentence
@@ -36,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, metavar="S", help="of a sway or wiggle to and fro, default: 4 or 0.8")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> Any:
     """Write the export and print its path."""
     from lfsr_core.exports.formats import export
     from lfsr_core.exports.options import ExportOptions
@@ -51,6 +52,7 @@ def run(arguments: argparse.Namespace) -> None:
                                 arguments.seconds, arguments.fps, bar)
         files = export(arguments.folder, arguments.format, arguments.output, options)
     print(files[0] if len(files) == 1 else f"{os.path.commonpath([file.parent for file in files])}: {len(files)} files")
+    return {"files": files}
 
 
 def _pair(text: str) -> tuple[int, ...]:

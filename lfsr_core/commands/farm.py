@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.pipeline.farms import TEMPLATES, write_template
@@ -20,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="default: lfsr-openjd.yaml or lfsr-flamenco.js here")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> Any:
     """Write the template and print its path."""
     name = TEMPLATES[arguments.farm]
     output = arguments.output or Path(f"lfsr-{name}")
@@ -28,3 +29,4 @@ def run(arguments: argparse.Namespace) -> None:
         raise LfsrError(f"{output} is a folder, but the template is a file: give a file in it, as {output / name}")
     write_template(arguments.farm, output)
     print(f"{output}: see docs/guide/farms.md")
+    return {"file": output}

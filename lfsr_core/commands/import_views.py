@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import ProgressBar
@@ -37,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="reverse the order of the cameras, if depth comes out inside out")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> Any:
     """Import; finish the frame if there is nothing to upscale; print the next command."""
     from lfsr_core.exports.importing import ImportGeometry, import_film, import_quilt, import_views
     from lfsr_core.exports.quilt import is_film, quilt_of
@@ -67,3 +68,4 @@ def run(arguments: argparse.Namespace) -> None:
     following = "view" if scale == 1 else "upscale"
     print(f"{folder}: {display.views[0]}×{display.views[1]} views of {display.lenses[0]}×{display.lenses[1]} pixels; "
           f"next: lfsr {following} {folder}")
+    return {"folder": folder, "display": display}

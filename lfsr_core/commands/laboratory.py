@@ -6,7 +6,7 @@ import argparse
 import dataclasses
 import importlib.metadata
 from collections.abc import Iterator
-from typing import Protocol
+from typing import Any, Protocol
 
 from lfsr_core.base.errors import LfsrError
 
@@ -26,8 +26,11 @@ class Verb(Protocol):
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Add the verb's arguments to its parser."""
 
-    def run(self, arguments: argparse.Namespace) -> None:
-        """Run the verb; LfsrError for bad input."""
+    def run(self, arguments: argparse.Namespace) -> Any:
+        """Run the verb, print what people want to know, and return it as a record or JSON-ready data for ``--json``.
+
+        LfsrError for bad input.
+        """
 
 
 @dataclasses.dataclass(frozen=True)

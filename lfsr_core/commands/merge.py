@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 from lfsr_core.base.notices import ProgressBar
 from lfsr_core.commands.sentences import sentence
@@ -22,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="write into a folder of DIR named by the frame's number, such as 0001")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> Any:
     """Join the parts and print the result."""
     from lfsr_core.frames.folder import FrameFolder
     from lfsr_core.pipeline.merge import merge, part_folders
@@ -34,3 +35,4 @@ def run(arguments: argparse.Namespace) -> None:
         frame = merge(parts, output, bar)
     print(f"{output}: {len(parts)} parts, {frame.samples} samples, rendered in "
           f"{frame.seconds.get('render', 0.0):.1f} s in all")
+    return {"folder": output, "parts": len(parts), "frame": frame}

@@ -7,7 +7,7 @@ import math
 import shlex
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import ProgressBar
@@ -50,15 +50,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reference-spp", dest="reference_samples", type=int, metavar="N",
                         help="of the sampled lenses, default: 256")
     parser.add_argument("--details", action="store_true", help="show every measured candidate, not at most ten lines")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
     parser.add_argument("--work", type=Path, metavar="DIR", help="folder for the sample's renders, which a second plan "
                         "reuses; default: a cache that is removed when the plan is made")
     add_geometry_arguments(parser)
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> Any:
     """Plan; print the table and the command that renders the choice."""
-    from lfsr_core.base.records import write_record
     from lfsr_core.pipeline.make import make
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import make_plan, work_folder
@@ -72,10 +70,9 @@ def run(arguments: argparse.Namespace) -> None:
     with closing(ProgressBar(words=sentence)) as bar, work_folder(arguments.work, request, options, bar) as folder:
         planned = make_plan(request, options, lambda one, tell: make(one, blender=blender, tell=tell), folder, bar)
     print(table(planned, request.display, arguments.details))
-    if arguments.json:
-        write_record(arguments.json, planned)
     if planned.choice.chosen is not None:
         print(render_command(arguments, planned.choice.chosen, request.display))
+    return planned
 
 
 def table(planned: Planned, display: DisplayProfile, details: bool) -> str:

@@ -10,6 +10,7 @@ import sys
 import tempfile
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import ProgressBar
@@ -36,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     common.add_cluster_argument(parser)
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> Any:
     """Choose lenses if asked to; render them at full resolution, unclamped."""
     from lfsr_core.frames.low_res import foreground_mask
     from lfsr_core.images.exr import read_layers
@@ -73,3 +74,4 @@ def run(arguments: argparse.Namespace) -> None:
     count = (display.lenses[0] * (rows[1] - rows[0] + 1) if rows is not None else
              len(request.lens_list) if request.lens_list else math.prod(display.lenses))
     print(f"{arguments.output}: {count} lenses, two halves of {request.sampling.samples // 2} samples")
+    return {"folder": arguments.output, "lenses": count, "samples": request.sampling.samples}

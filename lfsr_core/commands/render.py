@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 import os
 import time
 from contextlib import closing
+from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import ProgressBar, duration
 from lfsr_core.commands import arguments as common
-from lfsr_core.commands import upscale
+from lfsr_core.commands import compare, upscale
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.request import LAYERS, Request, Sampling, parse_frames, spread
 from lfsr_core.optics.depth_scale import USUAL_SAMPLES, USUAL_SCALE, samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.lenses import rows_text
+from lfsr_core.optics.lenses import check_count, rows_text
 
 NAME = "render"
 HELP = "render a scene's low-resolution EIA with Blender and upscale it to eia.png"
-AUTO_SCALE = "auto"
+AUTO_SCALE, CHECK_SAMPLES = "auto", 1024
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,10 +56,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="average each frame of an animation with the N frames before and after it where nothing "
                              "has changed, and give each frame noise of its own; 2 is a good value. With --frame: with "
                              "the frames already in DIR")
+    parser.add_argument("--check", type=int, metavar="N",
+                        help="then path-trace every view of N random lenses, in DIR_reference, and put SSIM with its "
+                             "95 %% interval, from 8 lenses on, into the report")
     common.add_method_arguments(parser)
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> Any:
     """Make one image or an animation, and print what was made."""
     _check_together(arguments)
     frames = None if arguments.frames is None else parse_frames(arguments.frames)
@@ -65,6 +70,7 @@ def run(arguments: argparse.Namespace) -> None:
     finish = common.finish_of(arguments, request.layout == SUBPIXELS, request.sampling.scale)
     if finish.temporal_averaging and frames is None:
         request = dataclasses.replace(request, seed=finish.seed_of(request.seed, arguments.frame))
+    from lfsr_core.metrics.compare import compare_with_reference
     from lfsr_core.pipeline.make import FAILED, make
 
     started = time.monotonic()
@@ -81,10 +87,15 @@ def run(arguments: argparse.Namespace) -> None:
         failed = [result for result in made if result.state == FAILED]
         if frames is None and request.rows is None:
             upscale.show_finished(FrameFolder(request.output), bar)
+            if arguments.check is not None:
+                metrics = compare_with_reference(request, request.output, f"{request.output}_reference",
+                                                 arguments.check, CHECK_SAMPLES, arguments.blender, bar)
+                bar.close()
+                print("\n".join(compare.table(metrics)))
     if request.rows is not None:
         print(f"{arguments.output}: rows {rows_text(request.rows)} of {request.display.lenses[1]}; join the parts with "
               "`lfsr merge`")
-        return
+        return {"made": made}
     if frames is not None:
         print(f"{'frame':>7}  {'state':6}  {'render':>9}  {'finish':>9}")
         for result in made:
@@ -101,6 +112,7 @@ def run(arguments: argparse.Namespace) -> None:
     if all(unseen) and not arguments.allow_empty:
         raise LfsrError(f"{sentence(unseen[0][0])}. Turn the camera, choose another --camera or --subject, or keep the "
                         f"image in {arguments.output} with --allow-empty")
+    return {"made": made, "report": FrameFolder(request.output).report if frames is None else None}
 
 
 def _request(arguments: argparse.Namespace) -> Request:
@@ -133,6 +145,14 @@ def _check_together(arguments: argparse.Namespace) -> None:
             raise LfsrError(f"{name} was given without --frames: give the frames, as in --frames 1-48"
                             if arguments.frames is None else
                             f"--frames {arguments.frames} and {name} were both given: leave out one of them")
+    if arguments.check is not None:
+        for name, value in {"--frames": arguments.frames, "--rows": arguments.rows}.items():
+            if value is not None:
+                raise LfsrError(f"--check {arguments.check} and {name} {value} were both given: leave out one of them")
+        if arguments.layout == SUBPIXELS:
+            raise LfsrError(f"--check needs a light field, but the layout {SUBPIXELS} renders none: choose another "
+                            "layout")
+        check_count(arguments.check, math.prod(load_display(arguments.display).lenses))
     if arguments.rays is not None and arguments.spp is not None:
         raise LfsrError(f"--rays {arguments.rays:g} and --spp {arguments.spp} were both given: leave out one of them")
 

@@ -6,6 +6,7 @@ import argparse
 import webbrowser
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 from lfsr_core.base.notices import Notice, ProgressBar
 from lfsr_core.commands.sentences import sentence
@@ -25,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="frames a second of an animation, default: %(default)g")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> Any:
     """Show it and say where."""
     from lfsr_core.exports.show import show
 
@@ -34,3 +35,4 @@ def run(arguments: argparse.Namespace) -> None:
         print(f"{shown.page}: {shown.sentence}" if shown.page else shown.sentence)
         if shown.page and not webbrowser.open(shown.page.resolve().as_uri()):
             bar(Notice("browser-missing"))
+    return shown

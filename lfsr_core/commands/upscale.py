@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 from lfsr_core.base.notices import ProgressBar
 from lfsr_core.commands import arguments as common
@@ -25,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     common.add_method_arguments(parser)
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> Any:
     """Upscale the folder and print the path of the image."""
     from lfsr_core.pipeline.make import finish_frame
 
@@ -36,6 +37,7 @@ def run(arguments: argparse.Namespace) -> None:
     with closing(ProgressBar(words=sentence)) as bar:
         finish_frame(folder.path, finish, bar)
         show_finished(folder, bar)
+    return {"folder": folder.path, "image": folder.image, "report": folder.report}
 
 
 def show_finished(folder: FrameFolder, bar: ProgressBar) -> None:

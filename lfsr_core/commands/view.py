@@ -6,6 +6,7 @@ import argparse
 import webbrowser
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 from lfsr_core.base.notices import ProgressBar
 from lfsr_core.commands.sentences import sentence
@@ -24,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--open", action="store_true", help="open it in the browser")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> Any:
     """Write the page and print its path."""
     from lfsr_core.exports.page import write_page
 
@@ -33,3 +34,4 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"{page.path}: {page.bytes / 1e6:.1f} MB, opens in a browser")
     if arguments.open:
         webbrowser.open(page.path.resolve().as_uri())
+    return page

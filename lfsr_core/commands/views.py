@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from lfsr_core.commands.arguments import position
 from lfsr_core.frames.views import write_views
@@ -20,7 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              "negative X: --eye=-50,0,1000")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> Any:
     """Write the images and print their paths."""
-    for path in write_views(arguments.folder, arguments.eye):
-        print(path)
+    files = write_views(arguments.folder, arguments.eye)
+    print(*files, sep="\n")
+    return {"files": files}

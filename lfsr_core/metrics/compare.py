@@ -10,14 +10,18 @@ import numpy as np
 
 from lfsr_core.base.arrays import Mask
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.notices import Notice, Tell, silent
 from lfsr_core.frames.finish import read_report, write_report
 from lfsr_core.frames.frame import MASK_FILE, read_frame
 from lfsr_core.frames.low_res import recall
 from lfsr_core.frames.reference import Reference, check_reference
+from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.images.png import read_mask
 from lfsr_core.metrics.eia_metrics import compare
+from lfsr_core.optics.lenses import choose_lenses
 from lfsr_core.optics.rays import LensList
+from lfsr_core.pipeline.make import make
+from lfsr_core.process.blender import Starts
 from lfsr_core.reconstruct.second_stage import finished_linear, read_finished_linear
 
 MIN_SAMPLES = 8
@@ -52,6 +56,24 @@ class Metrics:
     # half-widths of the 95 % confidence intervals of a sample, by metric
     ci95: dict[str, float | None] = dataclasses.field(default_factory=dict)
     notes: tuple[Notice, ...] = ()  # what the user should know
+
+
+def compare_with_reference(request: Request, folder: str | Path, output: str | Path, lenses: int, samples: int,
+                           blender: str | Starts | None = None, tell: Tell = silent) -> Metrics:
+    """Render the reference of a finished frame, and return its metrics as ``compare_folders`` does.
+
+    Parameters
+    ----------
+    request : of the frame's render
+    folder, output : the frame folder, and the reference's, in which a reference begun earlier continues
+    lenses : number of random lenses, most of them foreground; 0, or as many as there are: all
+    samples : of the reference per pixel, in two halves
+    """
+    mask = read_mask(Path(folder) / MASK_FILE, request.display.lenses)
+    chosen = choose_lenses(mask, lenses, request.seed) if 0 < lenses < mask.size else None
+    make(dataclasses.replace(request, kind="reference", sampling=Sampling(1, samples), layers=(), clamp_indirect=0.0,
+                             output=str(output), lens_list=chosen), blender=blender, tell=tell, overwrite=True)
+    return compare_folders(folder, output)
 
 
 def compare_folders(folder: str | Path, reference: str | Path) -> Metrics:

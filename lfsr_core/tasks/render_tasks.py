@@ -59,24 +59,16 @@ def part_of(tell: Tell, begin: float, end: float, stage: str = "") -> Tell:
     return told
 
 
-def reference(request: dict[str, Any], folder: str, lenses: int, command: list[str]) -> dict[str, Any]:
-    """Render the reference of a finished frame ``folder`` for ``lenses`` random lenses (0: all), and compare.
+def reference(request: dict[str, Any], output: str, lenses: int, samples: int, command: list[str]) -> dict[str, Any]:
+    """Render the reference of the finished frame of a request, see ``metrics.compare.compare_with_reference``.
 
     Returns the "metrics" of the frame's report.
     """
-    from lfsr_core.frames.frame import MASK_FILE
-    from lfsr_core.images.png import read_mask
-    from lfsr_core.metrics.compare import compare_folders
-    from lfsr_core.optics.lenses import choose_lenses
-    from lfsr_core.pipeline.make import make as make_frames
+    from lfsr_core.metrics.compare import compare_with_reference
 
-    wanted, finished = from_data(Request, request, "the request"), FrameFolder(folder)
-    mask = read_mask(finished.path / MASK_FILE, finished.frame.display.lenses)
-    if 0 < lenses < mask.size:
-        wanted = dataclasses.replace(wanted, lens_list=choose_lenses(mask, lenses, wanted.seed))
-    make_frames(wanted, blender=RenderCommand(tuple(command)), tell=emit_told, overwrite=True)
-    compare_folders(folder, wanted.output)
-    return {"metrics": finished.report.metrics}
+    wanted = from_data(Request, request, "the request")
+    compare_with_reference(wanted, wanted.output, output, lenses, samples, RenderCommand(tuple(command)), emit_told)
+    return {"metrics": FrameFolder(wanted.output).report.metrics}
 
 
 def estimate(request: dict[str, Any], command: list[str]) -> dict[str, Any]:

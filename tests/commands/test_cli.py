@@ -1,5 +1,6 @@
 """Every verb from its arguments to its files, with Blender played by a script that copies a folder."""
 
+import io
 import json
 import os
 import re
@@ -10,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.cli import VERBS, main
+from lfsr_core.base.notices import BOLD, styled
+from lfsr_core.cli import GROUPS, VERBS, build_parser, main
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_mask, read_png
@@ -85,7 +87,85 @@ def test_every_verb_has_help(capsys):
         assert verb.HELP.split()[0] in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("arguments", [[], ["rendr"], ["views"], ["views", "x", "--eye", "1,2"]])
+def test_lfsr_alone_shows_every_verb_in_its_group_with_an_example(capsys):
+    assert main([]) == 0
+    shown = capsys.readouterr().out
+    assert "\x1b" not in shown, "no terminal, no colour"
+    for title, example, verbs in GROUPS:
+        build_parser().parse_args(example.split()[1:])
+        assert f"{title}:  {example}\n" + "".join(f"  {verb.NAME:10} {verb.HELP}\n" for verb in verbs) in shown
+
+
+def test_a_misspelled_verb_is_recognised(capsys):
+    with pytest.raises(SystemExit):
+        main(["rendr", "scene.blend"])
+    assert "'rendr': did you mean 'render'?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("variables", "is_styled"), [({}, True), ({"NO_COLOR": "1"}, False),
+                                                      ({"TERM": "dumb"}, False)])
+def test_terminals_show_colours_unless_they_shall_not(monkeypatch, variables, is_styled):
+    for name, value in {"NO_COLOR": "", "TERM": "xterm", **variables}.items():
+        monkeypatch.setenv(name, value)
+    terminal = io.StringIO()
+    monkeypatch.setattr(terminal, "isatty", lambda: True, raising=False)
+    assert styled("lfsr", BOLD, terminal) == ("\x1b[1mlfsr\x1b[0m" if is_styled else "lfsr")
+    assert styled("lfsr", BOLD, io.StringIO()) == "lfsr"
+
+
+def test_json_is_one_object_and_quiet_prints_nothing(scene, blender, tmp_path, capsys):
+    def said(*words, code=0):
+        assert main([str(word) for word in words]) == code
+        return capsys.readouterr()
+
+    frame, display = tmp_path / "frame", ("--display", "mini", "--blender", blender)
+    rendered = said("render", scene, "-o", frame, *display, "--scale", 2, "--method", "bicubic", "--json")
+    data = json.loads(rendered.out)
+    assert data["made"][0]["folder"] == str(frame) and data["report"]["method"] == "bicubic"
+    assert "eia.png" in rendered.err
+    assert json.loads(said("upscale", frame, "--method", "nearest", "--json").out)["image"] == str(frame / "eia.png")
+    assert [Path(name).is_file() for name in json.loads(said("views", frame, "--json").out)["files"]] != []
+    assert Path(json.loads(said("view", frame, "--json").out)["path"]).is_file()
+    assert json.loads(said("export", frame, "--format", "stereo", "--json").out)["files"]
+    assert {one["name"] for one in json.loads(said("displays", "--json").out)["displays"]} == {*builtin_names()}
+    assert json.loads(said("farm", "openjd", "-o", tmp_path / "job.yaml", "--json").out)["file"]
+    refused = said("displays", "minni", "--json", code=2)
+    assert "did you mean 'mini'" in json.loads(refused.out)["error"] and "did you mean 'mini'" in refused.err
+    for words in (("views", frame), ("displays", "mini"),
+                  ("render", scene, "-o", frame, *display, "--scale", 2, "--method", "bicubic")):
+        assert said(*words, "--quiet") == ("", "")
+        assert json.loads(said(*words, "--quiet", "--json").out)
+
+
+def test_a_check_renders_a_reference_and_puts_ssim_with_its_interval_into_the_report(scene, blender, tmp_path, capsys):
+    frame = tmp_path / "frame"
+    command = ["render", scene, "-o", str(frame), "--display", "mini", "--scale", "2", "--method", "bicubic",
+               "--blender", blender, "--check"]
+    assert main([*command, "12"]) == 0
+    assert "ssim_lens_fg" in capsys.readouterr().out
+    metrics = json.loads((frame / "report.json").read_text())["metrics"]
+    assert metrics["lenses"] == 12 and metrics["ci95"]["ssim_lens"] > 0
+    reference = jobs(blender)[-1]
+    assert (reference["kind"], reference["sampling"]["samples"], len(reference["lens_list"])) == ("reference", 1024, 12)
+    assert (tmp_path / "frame_reference" / "frame.json").is_file()
+    for extra, said in ((["0"], "from 1 to"), (["6", "--rows", "1-2"], "leave out one"), (["6", "--frames", "1,2"],
+                                                                                        "leave out one")):
+        assert said in fails([*command, *extra], capsys)
+
+
+def test_shells_complete_verbs_and_options(tmp_path):
+    """argcomplete's own protocol: what a shell sends, and the words it gets on file descriptor 8."""
+    line = "lfsr render --dis"
+    code = ("import os, sys; os.dup2(os.open(sys.argv.pop(), os.O_WRONLY | os.O_CREAT), 8); "
+            "from lfsr_core.cli import main; main(['render', '--dis'])")
+    variables = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\n", "COMP_LINE": line, "COMP_POINT": str(len(line)),
+                 "_ARGCOMPLETE_SUPPRESS_SPACE": "1"}
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "words")], cwd=ROOT, env=os.environ | variables,
+                   check=False)
+    assert (tmp_path / "words").read_text().split() == ["--display"]
+
+
+@pytest.mark.parametrize("arguments", [["rendr"], ["views"], ["views", "x", "--eye", "1,2"]])
 def test_wrong_command_line_exits_with_2(arguments, capsys):
     with pytest.raises(SystemExit) as caught:
         main(arguments)

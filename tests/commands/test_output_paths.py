@@ -21,7 +21,7 @@ def test_output_that_cannot_be(tmp_path, capsys, verb, name, message):
     scene = tmp_path / "scene.glb"
     scene.touch()
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
-    option = "--json" if verb == "plan" else "-o"
+    option = "--work" if verb == "plan" else "-o"
     sentence = fails([verb, str(scene), option, str(tmp_path / name), "--blender", "/must/not/run"], capsys)
     assert re.search(message, sentence)
     assert len(sentence) < 330

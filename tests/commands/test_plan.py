@@ -60,12 +60,10 @@ def scene(tmp_path):
 
 
 def test_plan_ends_with_the_command_that_renders_the_choice(scene, blender, tmp_path, capsys):
-    file = tmp_path / "plan.json"
     assert main(["plan", scene, "--target", "0.5", *FEW, "--frame", "3", "--no-world-visible", "--blender", blender,
-                 "--json", str(file), "--work", str(tmp_path / "work")]) == 0
-    *_, command = capsys.readouterr().out.splitlines()
-    words = shlex.split(command)
-    data = json.loads(file.read_text())
+                 "--json", "--work", str(tmp_path / "work")]) == 0
+    said = capsys.readouterr()
+    words, data = shlex.split(said.err.splitlines()[-1]), json.loads(said.out)
     chosen = data["choice"]["chosen"]
     arguments = build_parser().parse_args(words[1:])
     assert words[0] == "lfsr" and str(arguments.scene) == scene
@@ -114,9 +112,9 @@ def start(scene, blender, *options):
                             start_new_session=True)
 
 
-def estimates(file):
+def estimates(program):
     """What a plan measured, without what it took."""
-    rows = json.loads(file.read_text())["candidates"]
+    rows = json.loads(program.communicate()[0])["candidates"]
     return {(row["scale"], row["samples"], row["method"]): row["estimate"] for row in rows}
 
 
@@ -132,13 +130,13 @@ def test_a_killed_plan_goes_on_from_its_renders(scene, logged, cache, tmp_path):
     (folder,) = cache.iterdir()
     whole = sum((path / "frame.json").exists() for path in folder.iterdir())
     before = len(log.read_text().split())
-    program = start(scene, blender, "--json", str(tmp_path / "again.json"))
-    program.communicate()
+    program = start(scene, blender, "--json")
+    again = estimates(program)
     assert program.returncode == 0 and list(cache.iterdir()) == []
     renders = len(log.read_text().split()) - before
-    start(scene, blender, "--json", str(tmp_path / "whole.json")).communicate()
+    whole_plan = estimates(start(scene, blender, "--json"))
     assert len(log.read_text().split()) - before - renders == renders + whole
-    assert estimates(tmp_path / "again.json") == estimates(tmp_path / "whole.json")
+    assert again == whole_plan
 
 
 def test_a_changed_scene_is_planned_anew_and_an_old_plan_forgotten(scene, blender, cache, tmp_path):

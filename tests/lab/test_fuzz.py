@@ -136,7 +136,7 @@ def animation_words(folder: Path) -> list[str]:
 
 
 def plan_words(folder: Path) -> list[str]:
-    return ["plan", f"{folder}/scene.glb", *PLAN, "--work", f"{folder}/work", "--json", f"{folder}/plan.json",
+    return ["plan", f"{folder}/scene.glb", *PLAN, "--work", f"{folder}/work",
             "--blender", played_blender(folder / "blender")]
 
 

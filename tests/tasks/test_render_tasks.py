@@ -63,6 +63,6 @@ def test_a_frame_that_fails_is_said(folder):
 
 def test_a_reference_of_some_lenses_is_compared(folder):
     press(folder, None)
-    asked = film_request(folder, kind="reference", scale=1, samples=64, output=str(folder / "reference"))
-    metrics = reference(to_data(asked), str(folder / "film"), 16, [str(folder / "blender"), "--"])["metrics"]
+    metrics = reference(to_data(film_request(folder)), str(folder / "reference"), 16, 64,
+                        [str(folder / "blender"), "--"])["metrics"]
     assert 0.3 < metrics["ssim_lens_fg"] <= 1 and len(read_frame(folder / "reference").lens_list) == 16

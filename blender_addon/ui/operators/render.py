@@ -16,7 +16,6 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
-from lfsr_core.frames.request import Sampling
 
 from ...jobs import asked, denoiser, preview, session, show_image, timing
 from ...jobs.task import Job
@@ -83,10 +82,8 @@ class LFSR_OT_render_reference(TaskOperator, bpy.types.Operator):
         if not asked.is_made(request, finish):
             raise LfsrError(f"the image in {folder} was made with other settings: render the EIA again first")
         target = folder.with_name(f"{folder.name}_reference")
-        wanted = dataclasses.replace(
-            request, sampling=Sampling(1, scene.lfsr.reference_samples), kind="reference", layers=(),
-            clamp_indirect=0.0, output=str(target))
-        return Job("reference", {"request": wanted, "folder": str(folder), "lenses": scene.lfsr.reference_lenses},
+        return Job("reference", {"request": request, "output": str(target), "lenses": scene.lfsr.reference_lenses,
+                                 "samples": scene.lfsr.reference_samples},
                    _print_ssim, output=target, kept=functools.partial(asked.kept, target))
 
 
