@@ -165,7 +165,8 @@ def test_blender_of_each_version_finds_the_zip_valid(archive, blender):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_from_installation_to_removal(archive, blender):
+def test_from_installation_to_removal(archive, blender, tmp_path):
+    """Beside another extension, whose wheel of a package that the core can use is of another version."""
     found = blender("install", str(archive))
     assert found["foreign"] == [], "the test's Blender must not see packages of the tests"
     assert found["install"] == ["FINISHED"]
@@ -188,10 +189,13 @@ def test_from_installation_to_removal(archive, blender):
     assert metrics["flip"] is None and metrics["notes"][0]["code"] == "flip-missing"
     assert 0 < metrics["ssim_lens_fg"] <= 1
 
+    other = blender("install_other", str(other_extension(tmp_path, "0.0.1")))
+    assert (other["install"], other["other"]) == (["FINISHED"], "0.0.1") and "Open Image Denoise" in other["ours"]
+    assert blender("both") == {"other": "0.0.1", "ours": other["ours"]}
     found = blender("uninstall")
     assert found == {"enabled": ON, "uninstall": ["FINISHED"], "after": OFF}
     left = [path for path in resources.rglob("*") if path.is_file() and "lfsr" in str(path.relative_to(resources))]
-    assert left == []
+    assert left == [] and blender("both") == {"other": "0.0.1", "ours": ""}
 
 
 def check_cube(folder):
@@ -213,17 +217,6 @@ def test_the_panel_starts_without_openimageio():
     code = "import sys; sys.modules['OpenImageIO'] = None; import bpy, blender_addon; blender_addon.register()"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-
-
-def test_two_extensions_with_the_same_package_in_other_versions(archive, blender, tmp_path):
-    """The other has a wheel of a package that the core can use: each sees what it would see alone."""
-    assert blender("install", str(archive))["enabled"] == ON
-    found = blender("install_other", str(other_extension(tmp_path, "0.0.1")))
-    assert found["install"] == ["FINISHED"]
-    assert found["other"] == "0.0.1" and "Open Image Denoise" in found["ours"]
-    assert blender("both") == {"other": "0.0.1", "ours": found["ours"]}
-    assert blender("uninstall")["after"] == OFF
-    assert blender("both") == {"other": "0.0.1", "ours": ""}
 
 
 def other_extension(folder, version):
