@@ -13,7 +13,6 @@ import numpy as np
 from lfsr_core.base.notices import Notice, Progress, Tell
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, Frame, read_part
 from lfsr_core.frames.request import Request
-from lfsr_core.pipeline.make import render_all
 from lfsr_core.plan.options import path_samples, render_seconds
 from lfsr_core.process.blender import Starts
 
@@ -38,6 +37,8 @@ def measure(request: Request, blender: Starts, tell: Tell) -> Measured:
     alone, since a change of lenses makes Cycles prepare some things again. Of a panel's subpixels lenses too: their
     paths are those of a light field of the same scene.
     """
+    from lfsr_core.pipeline.make import render_all  # needs OpenImageIO, which Blender's panel does without
+
     started = time.monotonic()
     if request.layout == SUBPIXELS:
         request = dataclasses.replace(request, layout=LAYOUTS[0])
