@@ -34,7 +34,7 @@ OF_OTHERS = {"addon_utils", "addon_disable", "addon_enable", "addon_install", "a
 HIDDEN = {"eval", "exec", "compile", "__import__", "marshal", "pickle", "zlib.decompress", "base64.b64decode"}
 INSTALLERS = {"pip", "ensurepip", "venv"}
 # Modules that read data beside them; a new one is to be looked at, because an add-on's folder may be read-only.
-READS_ITS_FOLDER = {"jobs/runtime.py", "headless/entry.py", "render/frame_folder.py", "render/osl_camera.py",
+READS_ITS_FOLDER = {"jobs/runtime.py", "headless/entry.py", "render/frame_folder.py", "render/cycles.py",
                     "packages/lfsr_core/exports/page.py", "packages/lfsr_core/optics/display.py",
                     "packages/lfsr_core/reconstruct/denoiser.py", "packages/lfsr_core/process/blender.py",
                     "packages/lfsr_core/pipeline/farms.py", "packages/lfsr_core/exports/show.py"}

@@ -15,7 +15,7 @@ from ..scene.array import rig
 from ..scene.array.edit import add, remove
 from ..scene.array.rig import check_editable
 from ..scene.light import add_light
-from ..scene.notices import SWITCHES, switched
+from ..scene.open import SWITCHES, switched
 from ..scene.subject import BACKGROUND_COLLECTION, GEOMETRY
 
 Fix = Callable[[bpy.types.Scene, str], None]

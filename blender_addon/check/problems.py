@@ -17,14 +17,12 @@ from ..jobs import denoiser, preview
 from ..scene import devices, folders
 from ..scene import settings as scene_settings
 from ..scene.array import rig
-from ..scene.color import color_settings
 from ..scene.files import unreadable
 from ..scene.light import AUTO_LIGHT, OWN_LIGHT, SCENE_LIGHTS, has_light, is_dim
-from ..scene.notices import left_out
-from ..scene.sentences import sentence
-from ..scene.settings import Resolved, title
+from ..scene.open import left_out
+from ..scene.settings import Resolved, color_settings, title
 from ..scene.subject import find_subject
-from ..scene.words import capitalized
+from ..scene.words import capitalized, sentence
 from . import geometry
 from .problem import ERROR, INFO, SEVERITIES, Problem
 

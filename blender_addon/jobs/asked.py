@@ -1,8 +1,12 @@
-"""What a button asks for, from a scene's settings of now: the request and the finish of its frames."""
+"""What a button asks for, from a scene's settings of now: the request and the finish of its frames.
+
+The test image shows the same array with fewer lenses and views, rendered in seconds before an image that takes longer.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 
 import bpy
@@ -12,15 +16,19 @@ from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.folder import FrameFolder, is_same
 from lfsr_core.frames.frame import EIA_FILE
 from lfsr_core.frames.request import Request, spread
+from lfsr_core.optics.depth_scale import samples_at, scales_up_to
+from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.pipeline.staging import has_parts
 from lfsr_core.reconstruct.methods import MethodName
 
 from ..scene import folders
 from ..scene import settings as scene_settings
 from ..scene.files import unreadable
-from ..scene.image_before import reduced
+from ..scene.settings import Resolved
 from . import runtime
 
+MOST_LENSES, LEAST_VIEWS = 6000, 8  # of a test image
+LEAST_PATHS = 10**6  # of an image, below which it needs no test image
 CONTINUE = "Render again to continue"
 
 
@@ -58,6 +66,44 @@ def test_request(scene: bpy.types.Scene, request: Request) -> Request | None:
     folder = Path(request.output)
     output = runtime.temporary("test", folder) / folder.parent.name / "Test"
     return dataclasses.replace(settings.request, output=str(output), frame=request.frame, source=request.source)
+
+
+def reduced(settings: Resolved) -> Resolved | None:
+    """Return the settings of the test image of an image; None where the image itself is small, or has no lenses."""
+    if settings.subpixels or paths_of(settings) < LEAST_PATHS:
+        return None
+    display, sampling = reduced_display(settings.display), settings.sampling
+    scales = settings.method.scales_of(scales_up_to(display))
+    scale = scales[0] if sampling.scales else max(scale for scale in scales if scale <= sampling.scale)
+    samples = sampling.samples if settings.rays is None else samples_at(display, scale, settings.rays)
+    sampling = dataclasses.replace(sampling, scale=scale, scales=scales if sampling.scales else (), samples=samples)
+    request = dataclasses.replace(settings.request, display=display, sampling=sampling)
+    return dataclasses.replace(settings, request=request)
+
+
+def reduced_display(display: DisplayProfile) -> DisplayProfile:
+    """Return a display that shows the same with at most about MOST_LENSES lenses, and few views of each."""
+    step = math.ceil(math.sqrt(math.prod(display.lenses) / MOST_LENSES))
+    lenses = max(1, display.lenses[0] // step), max(1, display.lenses[1] // step)
+    many = [count for count in display.views if count > 1]
+    every = max((n for n in range(1, max(many, default=1) + 1)
+                 if not any(count % n or count // n < LEAST_VIEWS for count in many)), default=1)
+    across, down = (count // every if count > 1 else 1 for count in display.views)
+    if display.is_woven:  # its panel stays, and is woven from fewer lenses
+        return dataclasses.replace(display, lenses=lenses, views=(across, down))
+    # Lenses that the step leaves over are cut off, so that pixels stay square.
+    width, height = (mm * step * few / count for mm, few, count in
+                     zip(display.panel_mm, lenses, display.lenses, strict=True))
+    return dataclasses.replace(display, lenses=lenses, views=(across, down), panel_mm=(width, height),
+                               panel_pixels=(lenses[0] * across, lenses[1] * down))
+
+
+def paths_of(settings: Resolved) -> float:
+    """Return the paths of a finished image, about."""
+    pixels = math.prod(settings.display.eia_pixels)
+    if settings.rays is not None:
+        return pixels * settings.rays
+    return pixels / settings.display.finished_pixels(settings.sampling.scale) * settings.sampling.samples
 
 
 def is_made(request: Request, finish: Finish) -> bool:

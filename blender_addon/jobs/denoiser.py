@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import platform
 import sys
@@ -54,7 +55,8 @@ def lacking(settings: Resolved) -> str:
     if chosen := runtime.chosen_library():
         detail = reason.replace(chosen, Path(chosen).name)
         return f"{name} needs Open Image Denoise, but {detail}"
-    return f"{name} needs Open Image Denoise, which {_owner()} does not have"
+    owner = "the Python of the second stage" if runtime.chosen_python() else "this Blender"
+    return f"{name} needs Open Image Denoise, which {owner} does not have"
 
 
 def replacement(settings: Resolved) -> MethodName:
@@ -83,23 +85,12 @@ def where_to_get() -> str:
     """Return a sentence on where to get the library on this system."""
     if runtime.chosen_python():
         return "Install the package pyoidn for that Python"
-    library = LIBRARIES.get(sys.platform, "libOpenImageDenoise.so.2")
-    names = _distribution()
+    library, names = LIBRARIES.get(sys.platform, "libOpenImageDenoise.so.2"), list[str]()
+    with contextlib.suppress(OSError):  # names of this Linux and of those that it is made of
+        system = platform.freedesktop_os_release()
+        names = [system.get("ID", ""), *system.get("ID_LIKE", "").split()]
     package = next((PACKAGES[name] for name in names if name in PACKAGES), "")
     install = (f"Install the package {package}, or use" if package else
                f"{names[0].capitalize()} has no package of it: use" if {"debian", "ubuntu"} & {*names} else "Use")
     return (f"{install} the Blender of blender.org, which has it, or choose {library} of a download from "
             "openimagedenoise.org in the add-on's preferences")
-
-
-def _owner() -> str:
-    return "the Python of the second stage" if runtime.chosen_python() else "this Blender"
-
-
-def _distribution() -> list[str]:
-    """Names of this Linux and of those that it is made of, else none."""
-    try:
-        found = platform.freedesktop_os_release()
-    except OSError:
-        return []
-    return [found.get("ID", ""), *found.get("ID_LIKE", "").split()]

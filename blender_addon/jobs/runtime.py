@@ -55,15 +55,11 @@ def may_run_scripts(file: str) -> bool:
     A file that has run no Python so far is not trusted: scripts may have been added to it since.
     """
     preferences = bpy.context.preferences
-    excluded = any(_covers(entry, file) for entry in preferences.autoexec_paths)
+    # Where the preferences say that no Python is run.
+    excluded = any(fnmatch.fnmatch(file, entry.path) if entry.use_glob else
+                   entry.path and Path(file).is_relative_to(bpy.path.abspath(entry.path))
+                   for entry in preferences.autoexec_paths)
     return preferences.filepaths.use_scripts_auto_execute and not bpy.app.autoexec_fail and not excluded
-
-
-def _covers(entry: bpy.types.PathCompare, file: str) -> bool:
-    """True if ``file`` lies where the preferences say that no Python is run."""
-    if entry.use_glob:
-        return fnmatch.fnmatch(file, entry.path)
-    return bool(entry.path) and Path(file).is_relative_to(bpy.path.abspath(entry.path))
 
 
 def environment() -> dict[str, str]:
@@ -73,18 +69,18 @@ def environment() -> dict[str, str]:
     packages; Blender's own gets Blender's.
     """
     kept = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    folders = [PACKAGES] if chosen_python() else [PACKAGES, *_blender_packages()]
-    library = chosen_library()
-    chosen = {LIBRARY_VARIABLE: library} if library else {}
-    return _few_cores() | kept | chosen | ONE_BLAS_THREAD | {
-        "PYTHONPATH": os.pathsep.join(map(str, folders)), "PYTHONSAFEPATH": "1", "PYTHONUNBUFFERED": "1",
-        "PYTHONUTF8": "1", BLENDER_FOLDER: str(Path(bpy.utils.resource_path("LOCAL")).parent)}
-
-
-def _few_cores() -> dict[str, str]:
-    """Variables that leave the preferred number of cores to this Blender and other programs."""
+    blender, folders = Path(bpy.utils.resource_path("LOCAL")), [PACKAGES]
+    if not chosen_python():  # Blender's OpenImageIO and OpenColorIO, where its Python may not look outside Blender
+        library = blender / "python" / "lib"
+        places = (library / f"python{sys.version_info[0]}.{sys.version_info[1]}", library)
+        folders += [place / "site-packages" for place in places if (place / "site-packages").is_dir()]
+    denoiser = chosen_library()
+    # The preferred number of cores is left to this Blender and other programs.
     cores = str(max(1, (os.cpu_count() or 1) - getattr(preferences_of_addon(), "free_cores", 1)))
-    return {CORES: cores, "OIDN_NUM_THREADS": cores}
+    return {CORES: cores, "OIDN_NUM_THREADS": cores} | kept | (
+        {LIBRARY_VARIABLE: denoiser} if denoiser else {}) | ONE_BLAS_THREAD | {
+        "PYTHONPATH": os.pathsep.join(map(str, folders)), "PYTHONSAFEPATH": "1", "PYTHONUNBUFFERED": "1",
+        "PYTHONUTF8": "1", BLENDER_FOLDER: str(blender.parent)}
 
 
 def temporary(kind: str, folder: Path) -> Path:
@@ -93,23 +89,24 @@ def temporary(kind: str, folder: Path) -> Path:
     return Path(bpy.app.tempdir, f"lfsr-{kind}-{name}")
 
 
-def chosen_python() -> str | None:
-    """The user's own Python: the preference, else $LFSR_PYTHON; None means Blender's."""
-    preferred = getattr(preferences_of_addon(), "python_path", "").strip()
-    chosen: str = bpy.path.abspath(preferred) if preferred else os.environ.get(PYTHON_VARIABLE, "")
-    if chosen and not Path(chosen).is_file():
-        raise LfsrError(f"Python {chosen!r} does not exist: choose another in the add-on's preferences, or clear it "
-                        "to use Blender's own")
-    return chosen or None
+def chosen_python() -> str:
+    """The user's own Python: the preference, else $LFSR_PYTHON; "" means Blender's."""
+    return _chosen("python_path", PYTHON_VARIABLE, "Python {!r} does not exist: choose another in the add-on's "
+                   "preferences, or clear it to use Blender's own")
 
 
 def chosen_library() -> str:
     """The user's own library of Open Image Denoise: the preference, else $LFSR_OIDN; "" means one that is found."""
-    preferred = getattr(preferences_of_addon(), "oidn_path", "").strip()
-    chosen: str = bpy.path.abspath(preferred) if preferred else os.environ.get(LIBRARY_VARIABLE, "")
+    return _chosen("oidn_path", LIBRARY_VARIABLE, "the library {!r} of Open Image Denoise does not exist: choose "
+                   "another in the add-on's preferences, or clear it")
+
+
+def _chosen(preference: str, variable: str, missing: str) -> str:
+    """The file of a preference, else of an environment variable, else ""; LfsrError ``missing`` if it is not there."""
+    preferred = getattr(preferences_of_addon(), preference, "").strip()
+    chosen: str = bpy.path.abspath(preferred) if preferred else os.environ.get(variable, "")
     if chosen and not Path(chosen).is_file():
-        raise LfsrError(f"the library {chosen!r} of Open Image Denoise does not exist: choose another in the add-on's "
-                        "preferences, or clear it")
+        raise LfsrError(missing.format(chosen))
     return chosen
 
 
@@ -117,10 +114,3 @@ def preferences_of_addon() -> bpy.types.AddonPreferences | None:
     """The add-on's preferences; None where it was not enabled in them."""
     addon = bpy.context.preferences.addons.get(PACKAGE)
     return addon.preferences if addon else None
-
-
-def _blender_packages() -> list[Path]:
-    """Folders of Blender's own OpenImageIO and OpenColorIO, where its Python may not look outside Blender."""
-    library = Path(bpy.utils.resource_path("LOCAL"), "python", "lib")
-    folders = (library / f"python{sys.version_info[0]}.{sys.version_info[1]}", library)
-    return [folder / "site-packages" for folder in folders if (folder / "site-packages").is_dir()]

@@ -11,8 +11,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
 
-from ..scene.sentences import sentence
-from ..scene.words import capitalized, clock, for_panel
+from ..scene.words import capitalized, clock, for_panel, sentence
 from . import show_image
 from .task import Job, Task
 

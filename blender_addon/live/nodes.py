@@ -12,7 +12,7 @@ import bpy
 
 from lfsr_core.optics.eye_card import LiveRegion
 
-from ..render.card_parts import Wiring
+from ..render.cards import Wiring
 
 NAME = "LFSR Live"
 ENCODE, DECODE, INTERPOLATE = f"{NAME} Encode", f"{NAME} Decode", f"{NAME} Interpolation"

@@ -25,9 +25,7 @@ from lfsr_core.optics.panel.subpixel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
 
 from .. import compat
-from ..render.card_camera import new_card
-from ..render.card_parts import distance_to_volume, new_camera, place_of
-from ..render.panel_card import new_panel_card
+from ..render.cards import distance_to_volume, new_camera, new_card, new_panel_card, place_of
 from ..scene import devices
 from ..scene.array import rig
 from ..scene.settings import display_of, live_samples, live_scale

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import os
-from collections.abc import Iterator, Sequence
+import re
+import tempfile
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 
-from lfsr_core.base.arrays import Array
 from lfsr_core.base.cores import CORES, usable_cores
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import system_errors
 from lfsr_core.frames.frame import SUBPIXELS, Clip
 from lfsr_core.frames.request import CLAMP_INDIRECT
 from lfsr_core.images import exr
@@ -24,15 +28,16 @@ from lfsr_core.pipeline.staging import ImageParts, Part
 from .. import compat
 from ..scene import devices
 from ..scene.array.rig import Matrix, to_blender
+from ..scene.open import rendered_layer
 from ..scene.overrides import new_data, overridden
-from .bands import border, render_in_bands
-from .card_camera import card_camera, clip_plane
-from .osl_camera import layout_parameters, layout_source, set_shader
-from .output import Follow, render_to
+from .cards import card_camera, clip_plane
+from .output import Follow, border, render_in_bands, render_to
 
 LEAST_PIXELS = 4        # Blender renders nothing narrower
 NEAR, FAR = 1e-4, 1e4   # clipping, as fractions of the display distance
 FOREGROUND, BACKGROUND = 1, 2  # pass indices
+SOURCE = Path(__file__).with_name("ray_layout.osl")
+ROOM = 10  # times the size of the source that its bytecode has at most
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,21 +108,16 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
             with overridden(scene.render, border(rows, height) if rows.size < height else {}):
                 seconds = render_to(scene, path, follow)
     if (shot.has_card or ended) and "position" in settings.layers:
-        layers = exr.read_layers(path)
-        layers["position"] = _without_misses(layers["position"], shot, ended)
+        # Where a ray hit nothing, Cycles stores the position of the card or of the clip plane: 0 stands for nothing.
+        layers, matrix = exr.read_layers(path), np.asarray(shot.matrix_world, float)
+        depth = (layers["position"] - matrix[:3, 3]) @ matrix[:3, 2]
+        # The card stands behind the camera plane. Single precision cannot tell what is near to the clip plane from it.
+        missed = ~(depth > 0) if shot.has_card else np.zeros(depth.shape, bool)
+        if shot.clip and ended:
+            missed |= depth > shot.clip[1] * (1 - 1e-5)
+        layers["position"] = np.where(missed[..., None], np.float32(0), layers["position"])
         exr.write_layers(path, layers, settings.half)
     return seconds
-
-
-def _without_misses(position: Array, shot: Shot, ended: bool) -> Array:
-    """Position layer (H, W, 3) with 0 where a ray hit nothing; Cycles stores the card or the clip plane there."""
-    matrix = np.asarray(shot.matrix_world, float)
-    depth = (position - matrix[:3, 3]) @ matrix[:3, 2]
-    # The card stands behind the camera plane. Single precision cannot tell what is near to the clip plane from it.
-    missed = ~(depth > 0) if shot.has_card else np.zeros(depth.shape, bool)
-    if shot.clip and ended:
-        missed |= depth > shot.clip[1] * (1 - 1e-5)
-    return np.where(missed[..., None], np.float32(0), position)
 
 
 @contextmanager
@@ -169,37 +169,30 @@ def cycles_settings(scene: bpy.types.Scene, settings: RenderSettings, size: tupl
               "sample_clamp_direct": 0.0, "sample_clamp_indirect": clamp,
               "film_transparent_glass": settings.transparent_glass, "use_denoising": False,
               **compat.whole_sample_range()}
-    with (devices.enabled(settings.device), overridden(scene.render, render),
-          overridden(scene.render.image_settings, compat.multilayer_exr(settings.half)),
-          overridden(scene.cycles, cycles), _passes(scene, settings.layers, settings.world_visible)):
+    # Only these passes, on the first view layer that is used for rendering.
+    layer, layers = rendered_layer(scene), settings.layers
+    wanted = {"use_pass_combined": True, "use_pass_position": "position" in layers,
+              "use_pass_object_index": "index" in layers, "use_pass_environment": settings.world_visible}
+    passes = {item.identifier: wanted.get(item.identifier, False) for item in layer.bl_rna.properties
+              if item.identifier.startswith("use_pass_")}
+    own = {item.identifier: False for item in layer.cycles.bl_rna.properties
+           if item.identifier.startswith(("use_pass_", "pass_"))}
+    # Cycles' denoising albedo and normal see through glass.
+    own |= {"use_denoising": False, "denoising_store_passes": "albedo" in layers or "normal" in layers}
+    with ExitStack() as stack:
+        stack.enter_context(devices.enabled(settings.device))
+        for owner, values in ((scene.render, render),
+                              (scene.render.image_settings, compat.multilayer_exr(settings.half)),
+                              (scene.cycles, cycles),
+                              *((other, {"use": False}) for other in scene.view_layers if other != layer),
+                              (layer, passes | {"use": True, "material_override": None}), (layer.cycles, own)):
+            stack.enter_context(overridden(owner, values))
         yield
 
 
 def pixel_aspect(ratio: float) -> dict[str, float]:
     """Return the render settings for pixels ``ratio`` times as high as wide; one of the two aspects is 1."""
     return {"pixel_aspect_x": max(1.0, 1 / ratio), "pixel_aspect_y": max(1.0, ratio)}
-
-
-@contextmanager
-def _passes(scene: bpy.types.Scene, layers: Sequence[str], environment: bool) -> Iterator[None]:
-    """Enable only the passes of ``layers``, on the first view layer that is used for rendering, inside the block."""
-    chosen, *others = [layer for layer in scene.view_layers if layer.use] or [scene.view_layers[0]]
-    wanted = {"use_pass_combined": True, "use_pass_position": "position" in layers,
-              "use_pass_object_index": "index" in layers, "use_pass_environment": environment}
-    switches = {name: wanted.get(name, False) for name in _names(chosen) if name.startswith("use_pass_")}
-    # Cycles' denoising albedo and normal see through glass.
-    own = dict.fromkeys((name for name in _names(chosen.cycles) if name.startswith(("use_pass_", "pass_"))), False)
-    own |= {"use_denoising": False, "denoising_store_passes": "albedo" in layers or "normal" in layers}
-    with ExitStack() as stack:
-        for layer in others:
-            stack.enter_context(overridden(layer, {"use": False}))
-        stack.enter_context(overridden(chosen, switches | {"use": True, "material_override": None}))
-        stack.enter_context(overridden(chosen.cycles, own))
-        yield
-
-
-def _names(owner: bpy.types.bpy_struct) -> list[str]:
-    return [item.identifier for item in owner.bl_rna.properties]
 
 
 @contextmanager
@@ -210,3 +203,60 @@ def pass_indices(foreground: set[bpy.types.Object]) -> Iterator[None]:
             index = FOREGROUND if item in foreground else BACKGROUND
             stack.enter_context(overridden(item, {"pass_index": index}))
         yield
+
+
+def layout_source(layout: RayLayout) -> str:
+    """Return the OSL source with the lens list of ``layout`` as constants: parameters of a shader cannot be arrays."""
+    source = SOURCE.read_text(encoding="utf-8")
+    if layout.lens_list is None:
+        return source
+    source = re.sub(r"#define LISTED .*", f"#define LISTED {len(layout.lens_list)}", source)
+    for name, axis in (("LENS_ROWS", 0), ("LENS_COLUMNS", 1)):
+        values = ", ".join(str(lens[axis]) for lens in layout.lens_list)
+        source = re.sub(rf"#define {name} .*", f"#define {name} {{ {values} }}", source)
+    return source
+
+
+def layout_parameters(layout: RayLayout, clip_start: float = 0.0) -> dict[str, int | float]:
+    """Return the values of the shader's parameters; rays start at the depth ``clip_start``."""
+    array = layout.array
+    pairs = {"lenses": layout.lenses, "views": layout.views, "tiles": layout.tiles}
+    numbers = {f"{name}_{axis}": pair[i] for name, pair in pairs.items() for i, axis in enumerate("xy")}
+    return numbers | {"listed": int(layout.lens_list is not None), "paper": int(layout.convention == "paper"),
+                      "half_width": float(array.half_width), "half_height": float(array.half_height),
+                      "plane_distance": float(array.distance), "spacing": float(layout.spacing),
+                      "cell_x": float(layout.cell[0]), "cell_y": float(layout.cell[1]),
+                      "clip_start": float(clip_start)}
+
+
+def set_shader(camera: bpy.types.Camera, source: str, parameters: Mapping[str, Any]) -> None:
+    """Compile OSL ``source`` for ``camera`` and set its parameters; LfsrError if it does not compile."""
+    bytecode = compile_osl(source)
+    camera.type = "CUSTOM"
+    camera.custom_mode = "INTERNAL"
+    # After an error above the camera is as before, with its own bytecode and parameters.
+    camera.custom_bytecode = bytecode
+    camera.custom_bytecode_hash = hashlib.md5(bytecode.encode(), usedforsecurity=False).hexdigest()
+    for name in list(camera.cycles_custom.keys()):
+        del camera.cycles_custom[name]
+    for name, value in parameters.items():
+        camera.cycles_custom[name] = value
+    camera.update_tag()
+
+
+def compile_osl(source: str) -> str:
+    """Return the bytecode of OSL ``source``; LfsrError if this Blender has no OSL or rejects it."""
+    advice = "the OSL camera is not available ({}): render with the layout lens-card"
+    if not devices.has_osl():
+        raise LfsrError(advice.format("this Blender was built without OSL"))
+    import _cycles
+
+    # In Blender's own temporary folder, which is removed even if Blender crashes.
+    with tempfile.TemporaryDirectory(prefix="lfsr-osl-", dir=bpy.app.tempdir or None) as folder:
+        text, code = Path(folder, "camera.osl"), Path(folder, "camera.oso")
+        with system_errors(text.parent):
+            text.write_text(source, encoding="utf-8")
+            if not _cycles.osl_compile(str(text), str(code)) or not code.is_file() or not code.stat().st_size:
+                code.write_bytes(bytes(ROOM * text.stat().st_size))  # fails where there was no room for the bytecode
+                raise LfsrError(advice.format("Cycles rejected the ray-layout shader, see its message above"))
+        return code.read_text(encoding="utf-8")

@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 import os
 import shutil
+import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import file_digest, file_stamp
@@ -26,7 +28,8 @@ from lfsr_core.frames.frame import (
     write_frame,
 )
 from lfsr_core.frames.low_res import finished_layout
-from lfsr_core.frames.request import AUTO, GUIDES, OWN, POSITION, Request
+from lfsr_core.frames.request import AUTO, EVEN, GUIDES, OWN, POSITION, Request
+from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.optics.lenses import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.pipeline.staging import ImageParts, Part, remove_others
@@ -34,15 +37,22 @@ from lfsr_core.version import __version__
 
 from ..scene import devices
 from ..scene.array import motion, placement
-from ..scene.color import color_settings
 from ..scene.files import check_files, image_files
-from ..scene.light import lit
+from ..scene.light import DEFAULT_LIGHT, DIM, has_light, is_certain, lit
 from ..scene.overrides import overridden
+from ..scene.settings import color_settings
 from ..scene.subject import find_subject, has_background_meshes
 from . import world
-from .cycles import RenderSettings, Shot, pass_indices, render_encoded
-from .light_measurement import chosen_light
-from .output import one_of, unfinished
+from .cycles import (
+    FOREGROUND,
+    RenderSettings,
+    Shot,
+    cycles_settings,
+    pass_indices,
+    render_encoded,
+    temporary_camera,
+)
+from .output import one_of, render_to, unfinished
 from .view_by_view import render_views
 
 # Added to a reference half's seed, so that no half has the random numbers of a candidate image.
@@ -50,6 +60,9 @@ HALF_SEED = 1 << 20
 # Fields of a request that the scene or this machine may settle. The panel renders a copy, whatever its path.
 SETTLED = ("scene", "device", "light", "sampling")
 SOURCES = ("render", "scene")  # packages of the add-on that decide pixels
+LIGHT_WIDTH, LIGHT_SAMPLES = 64, 4  # pixels across, and samples per pixel, of the measurement of light
+# Darker surfaces count as if they reflected this much: black things in good light are not in the dark.
+LEAST_ALBEDO = 0.1
 Say = Callable[[Notice], object]
 
 
@@ -82,12 +95,26 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
     with prepared(scene, request, say) as frame:
         inputs = None
         if request.parts and opened.content:
-            inputs = _inputs(scene, request, frame, opened.content)
+            resolved = to_data(dataclasses.replace(frame, seconds={}, gpus=()))
+            resolved |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail,
+                         "light": request.light}
+            files = {*map(Path, bpy.utils.blend_paths(absolute=True, packed=False, local=False)), *image_files()}
+            inputs = inputs_before_opening(request, opened.content) | {
+                "samples or scale": digest([frame.scale, frame.samples]),
+                "device, light or camera": digest(resolved),
+                "images or linked files": digest([[str(path), file_stamp(path)] for path in sorted(files)])}
             if other := remove_others(Path(request.parts), inputs):
                 tell(Notice("parts-removed", {"input": other}))
         seconds = {"open": opened.seconds}
         if frame.world_apart:
-            seconds["world"] = _world_image(scene, request, frame)
+            seconds["world"], path = 0.0, Path(request.output, WORLD_FILE)
+            if request.world is None:
+                settings = RenderSettings(world.SAMPLES, frame.seed, device=request.device)
+                seconds["world"] = world.render_world(scene, WorldImage.of(finished_layout(frame)), frame.matrix_world,
+                                                      settings, path)
+            else:
+                with unfinished(path) as temporary:
+                    shutil.copyfile(request.world, temporary)
         rows = None if frame.rows is None else Part(*pixel_rows(frame.rows, frame.rays.views[1]))
         shot = Shot(frame.subpixels or frame.rays, frame.matrix_world, frame.layout, frame.clip, rows)
         images, seconds["render"] = _images(scene, request, frame), seconds.get("world", 0.0)
@@ -135,11 +162,50 @@ def prepared(scene: bpy.types.Scene, request: Request, say: Say = silent) -> Ite
 
 
 def settled_light(scene: bpy.types.Scene, request: Request, say: Say) -> str:
-    """Return the light of ``scene``: the one asked for, or for AUTO the one that the scene needs now."""
+    """Return the light of ``scene``: the one asked for, or for AUTO the one that the scene needs now.
+
+    A .blend keeps its own light if it has any, with a warning where that is too little; ``say`` tells of any other.
+    """
     if request.light != AUTO:
         return request.light
     with _resting(scene):
-        return chosen_light(scene, request, say)
+        has_own = has_light(scene)
+        if has_own and (is_certain(scene) or not is_dark(scene, request)):
+            return OWN
+        if has_own and Path(request.scene).suffix.lower() in ("", ".blend"):
+            say(Notice("light-weak"))
+            return OWN
+        with lit(scene, DEFAULT_LIGHT):
+            light = EVEN if is_dark(scene, request) else DEFAULT_LIGHT
+        say(Notice("light-replaced", {"reason": "dark" if has_own else "none", "light": light}))
+        return light
+
+
+def is_dark(scene: bpy.types.Scene, request: Request) -> bool:
+    """Measure with a tiny render if most of what the middle of the array sees of the subject is hardly lit.
+
+    Compared is the brightness, at the scene's exposure, that a white surface would have in its place. What shines does
+    not count by its brightness but by its size: half of the subject decides. False also where the subject is not in
+    sight; the render says that.
+    """
+    # In Blender's own temporary folder, which is removed even if Blender crashes.
+    with (suppress(LfsrError), tempfile.TemporaryDirectory(prefix="lfsr-light-", dir=bpy.app.tempdir or None) as name):
+        subject, path = find_subject(scene, request.subject), Path(name, "light.exr")
+        array, matrix_world = placement.place_array(scene, request.display, subject)
+        size = LIGHT_WIDTH, max(round(LIGHT_WIDTH * array.half_height / array.half_width), 4)
+        settings = RenderSettings(LIGHT_SAMPLES, layers=("albedo", "index"), device=devices.resolved(request.device))
+        with (pass_indices(subject), temporary_camera(scene, matrix_world, array.distance) as camera,
+              cycles_settings(scene, settings, size)):
+            lens, clip = camera.data, placement.clip_of(scene)
+            lens.sensor_fit, lens.lens = "HORIZONTAL", lens.sensor_width / 2 * array.distance / array.half_width
+            lens.clip_start, lens.clip_end = clip or (lens.clip_start, lens.clip_end)
+            render_to(scene, path)
+        layers = clean(read_layers(path))[0]
+        seen = (layers["color"][..., 3] > 0.5) & (layers["index"][..., 0] == FOREGROUND)
+        color, albedo = layers["color"][seen][:, :3].max(-1), layers["albedo"][seen].max(-1)
+        light = color / np.maximum(albedo, LEAST_ALBEDO)
+        return bool(light.size and np.median(light) * 2.0**scene.view_settings.exposure < DIM)
+    return False
 
 
 def inputs_before_opening(request: Request, content: str) -> dict[str, str]:
@@ -154,16 +220,6 @@ def inputs_before_opening(request: Request, content: str) -> dict[str, str]:
     return {"settings": digest(request_facts(request, (*PLACES, *SETTLED))), **chosen, "scene file": digest(content),
             "Blender": digest([bpy.app.version_string, str(bpy.app.build_hash)]),
             "version of LFSR": digest([__version__, *map(file_digest, sources)])}
-
-
-def _inputs(scene: bpy.types.Scene, request: Request, frame: Frame, content: str) -> dict[str, str]:
-    """Return a digest of each kind of input."""
-    resolved = to_data(dataclasses.replace(frame, seconds={}, gpus=()))
-    resolved |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail, "light": request.light}
-    files = {*map(Path, bpy.utils.blend_paths(absolute=True, packed=False, local=False)), *image_files()}
-    return inputs_before_opening(request, content) | {
-        "samples or scale": digest([frame.scale, frame.samples]), "device, light or camera": digest(resolved),
-        "images or linked files": digest([[str(path), file_stamp(path)] for path in sorted(files)])}
 
 
 def _frame(scene: bpy.types.Scene, request: Request, subject: set[bpy.types.Object]) -> Frame:
@@ -192,18 +248,6 @@ def _frame(scene: bpy.types.Scene, request: Request, subject: set[bpy.types.Obje
         scene_name=request.scene_name or scene.name_full, source=request.source, subject=request.subject or "",
         camera=request.camera or "", light=request.light, blender=bpy.app.version_string, device=request.device,
         gpus=devices.gpu_addresses(request.device))
-
-
-def _world_image(scene: bpy.types.Scene, request: Request, frame: Frame) -> float:
-    """Write the image of the world alone into the request's folder; seconds of rendering it."""
-    path = Path(request.output, WORLD_FILE)
-    if request.world is not None:
-        with unfinished(path) as temporary:
-            shutil.copyfile(request.world, temporary)
-        return 0.0
-    settings = RenderSettings(world.SAMPLES, frame.seed, device=request.device)
-    image = WorldImage.of(finished_layout(frame))
-    return world.render_world(scene, image, frame.matrix_world, settings, path)
 
 
 def _images(scene: bpy.types.Scene, request: Request, frame: Frame) -> list[tuple[str, RenderSettings]]:

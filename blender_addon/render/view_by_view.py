@@ -15,10 +15,9 @@ import bpy
 import mathutils
 import numpy as np
 
-from lfsr_core.base.arrays import Array
 from lfsr_core.images import exr
 from lfsr_core.optics import eia
-from lfsr_core.optics.rays import RayLayout, view_offset
+from lfsr_core.optics.rays import view_offset
 
 from .. import compat
 from ..scene.array.rig import to_blender
@@ -54,8 +53,16 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
             scene.cycles.seed = (settings.seed * 65537 + number) % 2**31
             render_to(scene, Path(folder, "view.exr"), one_of(follow, number, count))
             images.append(exr.read_layers(Path(folder, "view.exr")))
-        exr.write_layers(target, {name: _assembled(layout, [layers[name] for layers in images]) for name in images[0]},
-                         half=settings.half)
+        assembled = {}
+        for name in images[0]:  # (py, px, sy, sx, C); listed lenses become tiles, row by row
+            views = np.stack([layers[name] for layers in images])
+            views = views.reshape(*reversed(layout.views), *views.shape[1:])
+            if layout.lens_list is not None:
+                lenses, (across, down) = np.asarray(layout.lens_list), layout.tiles
+                shown = lenses[np.minimum(np.arange(across * down), len(lenses) - 1)].reshape(down, across, 2)
+                views = views[:, :, shown[..., 0], shown[..., 1]]
+            assembled[name] = eia.from_views(views)
+        exr.write_layers(target, assembled, half=settings.half)
     return time.perf_counter() - started
 
 
@@ -90,14 +97,3 @@ def aim(camera: bpy.types.Object, shot: Shot, view: tuple[int, int]) -> None:
     if shot.clip:
         lens.clip_start, lens.clip_end = shot.clip
     camera.matrix_world = to_blender(shot.matrix_world) @ mathutils.Matrix.Translation((right, -down, 0))
-
-
-def _assembled(layout: RayLayout, views: list[Array]) -> Array:
-    """Return the layout's image (H, W, C) of its views (sy, sx, C), row by row; listed lenses become tiles."""
-    px, py = layout.views
-    stacked = np.stack(views).reshape(py, px, *views[0].shape)
-    if layout.lens_list is not None:
-        listed_lenses, (across, down) = np.asarray(layout.lens_list), layout.tiles
-        shown = listed_lenses[np.minimum(np.arange(across * down), len(listed_lenses) - 1)].reshape(down, across, 2)
-        stacked = stacked[:, :, shown[..., 0], shown[..., 1]]
-    return eia.from_views(stacked)

@@ -18,7 +18,7 @@ from lfsr_core.optics.world_view import WorldImage
 from .. import compat
 from ..scene.array.rig import Matrix
 from ..scene.overrides import new_data, overridden
-from .card_parts import Wiring
+from .cards import Wiring
 from .cycles import RenderSettings, cycles_settings, pixel_aspect, temporary_camera
 from .output import render_to
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import os
+from pathlib import Path
 
 import bpy
 
@@ -12,18 +14,20 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.request import AUTO, LIGHTS, Request, Sampling, is_light_file
+from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.methods import AS_RENDERED, DEFAULT_METHOD, MENU, MORE, SUBPIXEL_METHODS, MethodName
 
+from .. import compat
 from . import devices
 from .array import rig
-from .color import color_settings
 from .displays import DEFAULT_DISPLAY, DIRECT, PROFILE_FILE
 from .folders import absolute
 from .light import check_chosen, light_of
-from .subject import find_subject
+from .subject import GEOMETRY, find_subject
 
+WORKING_SPACE = "Linear Rec.709"
 SCALES = (1, 2, 3, 4, 5, 8)
 AUTO_SCALE = "AUTO"
 QUALITY_SAMPLES = {"DRAFT": 4, "BALANCED": 16, "FINAL": 64}  # at the usual scale
@@ -105,6 +109,35 @@ def resolve_for_render(scene: bpy.types.Scene) -> Resolved:
     return resolved
 
 
+def color_settings(scene: bpy.types.Scene, world_visible: bool = False) -> ColorSettings:
+    """Return the settings with which the second stage shows the scene's colours as Blender; LfsrError if it cannot."""
+    view = scene.view_settings
+    for name in ("exposure", "gamma"):
+        if not math.isfinite(getattr(view, name)):
+            raise LfsrError(f"the scene's view {name} is {getattr(view, name)}, but it must be a finite number: "
+                            "set it in Render Properties, Color Management")
+    for switch, name in (("use_curve_mapping", "curves"), ("use_white_balance", "white balance")):
+        if getattr(view, switch):
+            raise LfsrError(f"the scene's view uses {name}, which light-field images cannot show: switch off {name} "
+                            "in Render Properties, Color Management, or apply it to the finished image")
+    space = compat.working_space()
+    if space != WORKING_SPACE:
+        raise LfsrError(f"the file's working space is {space}, but renders must be in {WORKING_SPACE}: choose "
+                        f"{WORKING_SPACE} in Render Properties, Color Management")
+    if world_visible:
+        # Objects whose instancer catches shadows do so, too. In 5.2 lights have the same switch with another meaning.
+        catchers = {item for item in scene.objects if item.is_shadow_catcher} | {
+            instance.object.original for instance in bpy.context.evaluated_depsgraph_get().object_instances
+            if instance.is_instance and (instance.object.is_shadow_catcher or instance.parent.is_shadow_catcher)}
+        if names := sorted(item.name for item in catchers if item.type in GEOMETRY and not item.hide_render):
+            raise LfsrError(f"{names[0]!r} is a shadow catcher in front of a visible world, which would render too "
+                            "dark: make the film transparent or switch Shadow Catcher off")
+    config = os.environ.get("OCIO") or str(
+        Path(bpy.utils.system_resource("DATAFILES"), "colormanagement", "config.ocio"))
+    return ColorSettings(scene.display_settings.display_device, view.view_transform, view.look or "None",
+                         view.exposure, view.gamma, config)
+
+
 def renders_subpixels(scene: bpy.types.Scene) -> bool:
     """True if the panel's subpixels are rendered; False also where the display cannot be read."""
     return scene.lfsr.subpixels and is_woven(scene)
@@ -123,7 +156,7 @@ def display_of(scene: bpy.types.Scene) -> DisplayProfile:
     """The scene's display profile; LfsrError where its file is missing or wrong."""
     settings = scene.lfsr
     if settings.display != PROFILE_FILE:
-        return _built_in(settings.display)
+        return _read(settings.display)
     if not settings.profile_file:
         raise LfsrError("no display profile is chosen: give a .toml file or choose a built-in display")
     path = absolute(settings.profile_file, "the display profile")
@@ -134,18 +167,13 @@ def display_of(scene: bpy.types.Scene) -> DisplayProfile:
     except OSError as error:
         raise LfsrError(f"display profile {path} cannot be read ({error.strerror}): "
                         "choose another file or a built-in display") from None
-    return _read_profile(str(path), changed)
+    return _read(str(path), changed)
 
 
-@functools.cache
-def _built_in(name: str) -> DisplayProfile:
+@functools.lru_cache(maxsize=32)
+def _read(name: str, _changed: int = 0) -> DisplayProfile:
+    """Read a display; panels ask on every redraw, and a file is read once per change."""
     return load_display(name)
-
-
-@functools.lru_cache(maxsize=8)
-def _read_profile(path: str, _changed: int) -> DisplayProfile:
-    """Panels ask on every redraw; the file is read once per change."""
-    return load_display(path)
 
 
 def offered_scales(scene: bpy.types.Scene) -> list[str]:

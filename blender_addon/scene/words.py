@@ -1,11 +1,40 @@
-"""Texts as Blender shows them."""
+"""Texts as Blender shows them: the sentences of notices, names, numbers and times."""
 
 from __future__ import annotations
 
 import re
 
+from lfsr_core.base.notices import Notice
+from lfsr_core.commands import sentences
+from lfsr_core.commands.sentences import DARK, MOST_NAMES, Wording, listed
+
 # Absolute paths, of which a panel shows the last name only.
 PATH = re.compile(r"(?<![\w.:/\\])(?:[A-Za-z]:)?[\\/](?:[^\\/\s'\"]+[\\/])+([^\\/\s'\",:;)]+)")
+# What differs from the command line, which names its options.
+PANEL: dict[str, Wording] = {
+    "frames-older": lambda values: f"{sentences.older(values)} than this file. Turn on Overwrite to render them again",
+    "averaging-other-rays": lambda values: f"frames {listed(values['frames'])} were not averaged, because their camera "
+                                           "array or render settings differ",
+    "averaging-same-seed": lambda values: f"frames {listed(values['frames'])} were not averaged, because they have the "
+                                          "same seed",
+    "page-large": lambda values: f"the page has {values['bytes'] / 1e6:.0f} MB: phones and mail may refuse it",
+    "disparity-missing": "disparity was not written, because the frame has no position layer",
+    "candidate-over-budget": "not measured: beyond the budget of the sample",
+    "camera-chosen": lambda values: f"the file's camera {values['camera']!r} is used",
+    "camera-missing": lambda values: "the scene has no active camera, so the array stands in front of the subject: of "
+                                     "a room it sees the outer wall. For a view from inside "
+                                     + (f"make a camera active ({listed(values['others'], MOST_NAMES)}), or "
+                                        if values["others"] else "")
+                                     + "add one and move it with Align Active Camera to View",
+    "light-weak": f"{DARK['dark']}, so the image will be almost black. Increase the lights or the exposure, or choose "
+                  "another light under Quality",
+    "light-replaced": lambda values: sentences.replaced(values) + ": choose another light under Quality",
+}
+
+
+def sentence(notice: Notice) -> str:
+    """Return the sentence of a notice, with a capital."""
+    return capitalized(sentences.sentence(notice, PANEL))
 
 
 def for_panel(text: str) -> str:

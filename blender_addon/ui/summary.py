@@ -17,8 +17,8 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import rendered_size
 from lfsr_core.plan.options import PlanOptions
 
-from ..jobs import timing
-from ..scene import folders, image_before
+from ..jobs import asked, timing
+from ..scene import folders
 from ..scene import settings as scene_settings
 from ..scene.array import cached, rig
 from ..scene.settings import Resolved, length
@@ -81,7 +81,7 @@ def plan_cost(scene: bpy.types.Scene) -> str:
     state = bpy.context.window_manager.lfsr
     if state.probe_scene == scene.name_full:
         return f"Takes {duration(paths * state.probe_per_path)} at most. A first guess comes at once"
-    images = max(1, round(paths / image_before.paths_of(settings)))
+    images = max(1, round(paths / asked.paths_of(settings)))
     return f"Takes as long as {counted(images, 'image')} at most. A first guess comes at once"
 
 

@@ -15,8 +15,8 @@ from ...jobs import session
 from ...jobs.task import Job
 from ...scene import settings as scene_settings
 from ...scene.array import edit, rig
-from ...scene.sentences import sentence as worded
 from ...scene.words import capitalized
+from ...scene.words import sentence as worded
 from ..drawing import sentence
 
 UNDO = {"REGISTER", "UNDO"}

@@ -12,7 +12,7 @@ from blender_addon.check import problems
 from blender_addon.check.fixes import OPERATORS
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import rig
-from blender_addon.scene.notices import SWITCHES
+from blender_addon.scene.open import SWITCHES
 from lfsr_core.optics.display import load_display
 from tests.support.problems import fix, found
 from tests.support.scenes import compositing

@@ -15,7 +15,7 @@ import pytest
 from blender_addon.jobs import asked, copy, session, task
 from blender_addon.jobs.task import Job, Task
 from blender_addon.scene import folders
-from blender_addon.scene.sentences import sentence
+from blender_addon.scene.words import sentence
 from blender_addon.ui.operators import render
 from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD

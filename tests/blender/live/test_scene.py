@@ -10,7 +10,7 @@ from blender_addon.check.problems import check_scene
 from blender_addon.live import nodes, session
 from blender_addon.live import scene as live_scene
 from blender_addon.render import cycles, output
-from blender_addon.render.card_camera import CELL
+from blender_addon.render.cards import CELL
 from blender_addon.scene.array import rig
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.images import exr

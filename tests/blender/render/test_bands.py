@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.render import bands, frame_folder
+from blender_addon.render import frame_folder, output
 from blender_addon.render.frame_folder import Opened
 from lfsr_core.base.notices import Notice
 from lfsr_core.frames.request import LAYERS
@@ -57,7 +57,7 @@ def test_parts_are_the_whole_image(lit, tmp_path, monkeypatch, options):
 def test_a_finished_half_is_kept_while_the_other_is_rendered(lit, tmp_path, monkeypatch):
     options = {"kind": "reference", "scale": 1, "samples": 8}
     whole, _ = rendered(lit, tmp_path / "whole", **options)
-    monkeypatch.setattr(bands, "is_worth_storing", lambda seconds: True)
+    monkeypatch.setattr(output, "is_worth_storing", lambda seconds: True)
     kept = tmp_path / "kept"
     assert_same(rendered(lit, tmp_path / "parts", parts=str(kept), **options)[0], whole)
     (half,) = kept.glob("*.exr")
@@ -67,7 +67,7 @@ def test_a_finished_half_is_kept_while_the_other_is_rendered(lit, tmp_path, monk
 
 def test_a_short_render_stays_one_and_keeps_nothing(lit, tmp_path, monkeypatch):
     calls = []
-    monkeypatch.setattr(bands, "gaps", lambda *arguments: calls.append(arguments) or [])
+    monkeypatch.setattr(output, "gaps", lambda *arguments: calls.append(arguments) or [])
     _, warnings = rendered(lit, tmp_path / "frame", parts=str(tmp_path / "kept"))
     assert not (tmp_path / "kept").exists() and not calls and not warnings
 
@@ -93,7 +93,7 @@ def test_a_border_is_the_rows_that_were_meant(rows):
     """As Blender and Cycles cut it: to whole pixels, from single-precision fractions."""
     for first in range(0, rows, max(1, rows // 97)):
         for size in (1, 2, rows - first):
-            values = bands.border(Part(first, min(first + size, rows)), rows)
+            values = output.border(Part(first, min(first + size, rows)), rows)
             low, high = (int(np.float32(values[name]) * np.float32(rows)) for name in ("border_min_y", "border_max_y"))
             assert (rows - high, rows - low) == (first, min(first + size, rows))
 

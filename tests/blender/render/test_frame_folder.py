@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.render import frame_folder, light_measurement
+from blender_addon.render import frame_folder
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images import exr
 from tests.support.requests import make_request
@@ -74,7 +74,7 @@ def test_halves_share_the_samples_and_are_not_clamped(lit, tmp_path):
     finally:
         bpy.app.handlers.render_pre.remove(look)
     # Before each, a tiny one has looked for light.
-    seen = [each for each in seen if each[0] != light_measurement.SAMPLES]
+    seen = [each for each in seen if each[0] != frame_folder.LIGHT_SAMPLES]
     assert [each[:2] for each in seen] == [(1, 10.0), (3, 0.0), (2, 0.0), (1, 3.0)]
     assert len({seed for _, _, seed in seen[:3]}) == 3
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from blender_addon import compat
-from blender_addon.render import card_camera
-from blender_addon.render.card_parts import distance_to_volume
+from blender_addon.render import cards
+from blender_addon.render.cards import distance_to_volume
 from lfsr_core.images import exr
 from lfsr_core.optics.rays import RayLayout
 from tests.blender.render.test_view_by_view import same_image
@@ -139,8 +139,8 @@ def state(scene):
 
 def test_nothing_is_left_of_a_card_that_cannot_be_made(scene, monkeypatch):
     before = state(scene)
-    monkeypatch.setattr(card_camera, "ray_group", lambda _: 1 / 0)
-    with pytest.raises(ZeroDivisionError), card_camera.card_camera(scene, LAYOUT, front()):
+    monkeypatch.setattr(cards, "ray_group", lambda _: 1 / 0)
+    with pytest.raises(ZeroDivisionError), cards.card_camera(scene, LAYOUT, front()):
         pass
     assert state(scene) == before
 

@@ -7,19 +7,19 @@ import sys
 import bpy
 import pytest
 
-from blender_addon.render import osl_camera
+from blender_addon.render import cycles
 from lfsr_core.optics.rays import RayLayout
 from tests.support.scenes import ARRAY, MINI, ROOT, add_box, emission, encoded
 from tests.support.told import refuses
 
-GOOD = osl_camera.SOURCE.read_text()
+GOOD = cycles.SOURCE.read_text()
 
 
 @pytest.mark.parametrize("broken", ["shader", GOOD.replace("place_x", "misspelled", 1), GOOD.replace("}", "", 1), ""])
 def test_broken_shader_is_an_error_and_not_the_last_good_one(scene, broken):
     camera = bpy.data.cameras.new("camera")
-    osl_camera.set_shader(camera, GOOD, {"spacing": 0.5})
-    refuses("rejected the ray-layout shader.*lens-card", osl_camera.set_shader, camera, broken, {"spacing": 1.5})
+    cycles.set_shader(camera, GOOD, {"spacing": 0.5})
+    refuses("rejected the ray-layout shader.*lens-card", cycles.set_shader, camera, broken, {"spacing": 1.5})
     assert camera.cycles_custom["spacing"] == 0.5, "neither half of it is set"
 
 
@@ -27,18 +27,18 @@ def test_blender_without_osl_says_what_to_do(scene, monkeypatch):
     import _cycles
 
     monkeypatch.setattr(_cycles, "with_osl", False)
-    refuses("built without OSL.*lens-card", osl_camera.compile_osl, GOOD)
+    refuses("built without OSL.*lens-card", cycles.compile_osl, GOOD)
 
 
 FULL = """
 import resource, signal, sys, bpy
-from blender_addon.render import osl_camera
+from blender_addon.render import cycles
 from lfsr_core.base.errors import LfsrError
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-source = osl_camera.SOURCE.read_text()
+source = cycles.SOURCE.read_text()
 resource.setrlimit(resource.RLIMIT_FSIZE, (len(source) + int(sys.argv[1]),) * 2)
 try:
-    osl_camera.compile_osl(source)
+    cycles.compile_osl(source)
 except LfsrError as error:
     print("said:", error)
 """
@@ -55,14 +55,14 @@ def test_every_parameter_of_the_shader_is_set_and_no_other(scene):
     layout = RayLayout.for_display(MINI, ARRAY, lens_list=((1, 2), (3, 4)))
     interface = GOOD[GOOD.index("shader ray_layout("):GOOD.index("output point")]
     declared = {line.split("=")[0].split()[-1] for line in interface.splitlines() if "=" in line}
-    assert set(osl_camera.layout_parameters(layout)) == declared
+    assert set(cycles.layout_parameters(layout)) == declared
 
 
 def test_new_parameters_replace_those_of_an_older_layout(scene):
     camera = bpy.data.cameras.new("camera")
     camera.cycles_custom["left_over"] = 1.0
     layout = RayLayout.for_display(MINI, ARRAY)
-    osl_camera.set_shader(camera, osl_camera.layout_source(layout), osl_camera.layout_parameters(layout))
+    cycles.set_shader(camera, cycles.layout_source(layout), cycles.layout_parameters(layout))
     assert "left_over" not in camera.cycles_custom
 
 

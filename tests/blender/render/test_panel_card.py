@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from blender_addon.render import cycles, output
-from blender_addon.render.card_camera import card_camera
+from blender_addon.render.cards import card_camera
 from blender_addon.scene.array import rig
 from blender_addon.scene.overrides import overridden
 from lfsr_core.frames.frame import SUBPIXELS

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from blender_addon.render import cycles, osl_camera, output
+from blender_addon.render import cycles, output
 from blender_addon.render import view_by_view as views
 from lfsr_core.images import exr
 from lfsr_core.optics import eia
@@ -120,7 +120,7 @@ def test_osl_perspective_is_blenders_own(tmp_path):
         with cycles.temporary_camera(scene, front(), ARRAY.distance) as camera:
             camera.data.lens, camera.data.sensor_width = 30.0, 36.0
             if custom:
-                osl_camera.set_shader(camera.data, PERSPECTIVE, {"tangent": 36 / 2 / 30, "aspect": height / width})
+                cycles.set_shader(camera.data, PERSPECTIVE, {"tangent": 36 / 2 / 30, "aspect": height / width})
             with cycles.cycles_settings(scene, cycles.RenderSettings(8), (width, height)):
                 output.render_to(scene, tmp_path / "image.exr")
         images.append(exr.read_layers(tmp_path / "image.exr")["color"])

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.render import cycles, frame_folder, light_measurement, world
+from blender_addon.render import cycles, frame_folder, world
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame
@@ -19,7 +19,7 @@ from tests.support.scenes import MINI, WAYS, add_box, add_camera
 def lit_box(scene, monkeypatch):
     """A box in front of a world of stripes that differ by direction, seen by a turned camera."""
     # Saves a tiny render for each frame: the world lights the box.
-    monkeypatch.setattr(light_measurement, "is_dark", lambda *_: False)
+    monkeypatch.setattr(frame_folder, "is_dark", lambda *_: False)
     add_box(scene, (1, 0, 3), (0.5, 0.5, 0.5))
     camera = add_camera(scene, angle=0.9)
     camera.rotation_euler = (1.4, 0.1, 0.2)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from blender_addon.render.frame_folder import render_job
-from blender_addon.scene.color import color_settings
+from blender_addon.scene.settings import color_settings
 from lfsr_core.images.exr import read_layers
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera, add_mesh, emission

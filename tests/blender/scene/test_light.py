@@ -7,7 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from blender_addon.render import frame_folder, light_measurement
+from blender_addon.render import frame_folder
 from blender_addon.scene import light
 from blender_addon.scene.open import open_scene
 from lfsr_core.commands.sentences import sentence
@@ -143,9 +143,9 @@ def test_black_things_in_good_light_are_not_dark(scene, tmp_path):
     shader.inputs["Base Color"].default_value, shader.inputs["Roughness"].default_value = (0.02, 0.02, 0.02, 1), 1.0
     item.data.materials.append(black)
     grey_world(scene, 1.0)
-    assert not light_measurement.is_dark(scene, make_request(str(tmp_path), MINI))
+    assert not frame_folder.is_dark(scene, make_request(str(tmp_path), MINI))
     grey_world(scene, 0.05)
-    assert light_measurement.is_dark(scene, make_request(str(tmp_path), MINI))
+    assert frame_folder.is_dark(scene, make_request(str(tmp_path), MINI))
 
 
 def test_what_an_image_cannot_light_is_lit_evenly(scene, tmp_path):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from blender_addon.scene.sentences import PANEL, sentence
+from blender_addon.scene.words import PANEL, sentence
 from lfsr_core.base.notices import Notice
 from lfsr_core.commands.sentences import SENTENCES
 from tests.commands.test_sentences import EXAMPLES
