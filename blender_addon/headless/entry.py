@@ -31,18 +31,10 @@ def run(main: Callable[[Sequence[str]], int]) -> NoReturn:
     os._exit(code)
 
 
-def load_main() -> Callable[[Sequence[str]], int]:
-    """``headless.main`` of this extension, from a repository that only this Blender knows, and only until it ends.
-
-    Factory settings have no repository of the user's, and no add-on enabled.
-    """
-    package = Path(__file__).resolve().parents[1]
-    repository = bpy.context.preferences.extensions.repos.new(name="LFSR", module=REPOSITORY,
-                                                              custom_directory=str(package.parent))
-    module = importlib.import_module(f"bl_ext.{repository.module}.{package.name}.headless.main")
-    main: Callable[[Sequence[str]], int] = module.main
-    return main
-
-
 if __name__ == "__main__":
-    run(load_main())
+    # ``headless.main`` of this extension, from a repository that only this Blender knows, and only until it ends:
+    # factory settings have no repository of the user's, and no add-on enabled.
+    PACKAGE = Path(__file__).resolve().parents[1]
+    repos = bpy.context.preferences.extensions.repos
+    repository = repos.new(name="LFSR", module=REPOSITORY, custom_directory=str(PACKAGE.parent))
+    run(importlib.import_module(f"bl_ext.{repository.module}.{PACKAGE.name}.headless.main").main)

@@ -54,7 +54,20 @@ def main(arguments: Sequence[str]) -> int:
         threading.Thread(target=_end_with_input, daemon=True, name="lfsr-stop").start()
     try:
         with system_errors(), repeated():
-            result = _run(arguments)
+            match arguments:
+                case ["encode", frames, film, rate]:
+                    result: dict[str, object] = {"folder": str(encode(frames, film, rate))}
+                case ["scale", path]:
+                    request = read_request(path)
+                    result = to_data(placement.scale_of(_chosen_scene(request), request))
+                case ["depth", path]:
+                    request = read_request(path)
+                    result = {"moves": placement.all_moves(_chosen_scene(request), request).tolist()}
+                case [] | ["encode" | "scale" | "depth", *_]:
+                    raise LfsrError("expected request files, encode, two paths and a rate, or scale or depth and a "
+                                    f"request file, but got {len(arguments)} arguments")
+                case _:
+                    result = {"folder": str(run_all([read_request(path) for path in arguments]))}
     except LfsrError as error:
         emit(stage="error", message=str(error))
         return EXIT_BAD_INPUT
@@ -78,22 +91,6 @@ def _end_with_input() -> None:
         emit_last(stage="cancelled", message="stopped")
     finally:  # also if writing fails because nobody listens any more
         os._exit(EXIT_CANCELLED)
-
-
-def _run(arguments: Sequence[str]) -> dict[str, object]:
-    match arguments:
-        case ["encode", frames, film, rate]:
-            return {"folder": str(encode(frames, film, rate))}
-        case ["scale", path]:
-            request = read_request(path)
-            return to_data(placement.scale_of(_chosen_scene(request), request))
-        case ["depth", path]:
-            request = read_request(path)
-            return {"moves": placement.all_moves(_chosen_scene(request), request).tolist()}
-        case [] | ["encode" | "scale" | "depth", *_]:
-            raise LfsrError("expected request files, encode, two paths and a rate, or scale or depth and a request "
-                            f"file, but got {len(arguments)} arguments")
-    return {"folder": str(run_all([read_request(path) for path in arguments]))}
 
 
 def run_all(requests: Sequence[Request]) -> Path:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import itertools
 import os
 import secrets
@@ -26,6 +27,7 @@ from lfsr_core.frames.folder import FrameFolder, digest
 from lfsr_core.pipeline.staging import has_parts
 
 from ..scene import folders
+from ..scene.open import collections
 from ..scene.overrides import preferred
 from . import show_image
 
@@ -122,19 +124,14 @@ def _unreported() -> list[Any]:
     owners = [owner for scene in bpy.data.scenes
               for owner in (scene, scene.render, scene.view_settings, getattr(scene, "cycles", None))]
     owners += [owner for _, layer in layers for owner in (layer, getattr(layer, "cycles", None))]
-    owners += [each for _, layer in layers for each in _collections(layer.layer_collection)]
+    owners += [each for _, layer in layers
+               for each in (layer.layer_collection, *collections(layer.layer_collection))]
     used = bpy.data.user_map(key_types={"IMAGE"}, value_types={"MATERIAL", "WORLD", "LIGHT", "NODETREE", "TEXTURE"})
     images = [[image.name_full, image.source, image.filepath, image.alpha_mode, image.colorspace_settings.name]
               for image, users in used.items() if users]
     markers = [[marker.frame, marker.camera and marker.camera.name_full]
                for scene in bpy.data.scenes for marker in scene.timeline_markers]
     return [[_values(owner) for owner in owners if owner is not None], sorted(images), markers]
-
-
-def _collections(parent: bpy.types.LayerCollection) -> Iterator[bpy.types.LayerCollection]:
-    yield parent
-    for child in parent.children:
-        yield from _collections(child)
 
 
 def _values(owner: Any) -> list[str]:
@@ -177,11 +174,7 @@ def _opened(*_: object) -> None:
     if bpy.data.filepath and path.is_file():
         _last.names, _last.time = {file_stamp(path)}, path.stat().st_mtime_ns
     if _last.is_opening:  # until all that was opened is evaluated
-        bpy.app.timers.register(_settle, first_interval=0)
-
-
-def _settle() -> None:
-    _last.is_opening = False
+        bpy.app.timers.register(functools.partial(setattr, _last, "is_opening", False), first_interval=0)
 
 
 @bpy.app.handlers.persistent

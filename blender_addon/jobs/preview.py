@@ -28,7 +28,7 @@ _icons: bpy.utils.previews.ImagePreviewCollection | None = None  # what the pane
 def load(scene: bpy.types.Scene, path: Path) -> None:
     """Preview the decoded views in ``path`` for ``scene``; LfsrError where they cannot be read."""
     try:
-        _mapped(path)
+        np.load(path, mmap_mode="r")
         _files[scene.name_full] = path
     except (OSError, ValueError) as error:
         raise LfsrError(f"decoded views {path} cannot be read ({error}): press Preview View again") from None
@@ -63,13 +63,18 @@ def show(scene: bpy.types.Scene, eye: tuple[float, float]) -> bpy.types.Image | 
     """Show the view from ``eye`` (right, up), in [-1, 1], and return its image; None if no views are loaded."""
     if scene.name_full not in _files:
         return None
-    views = _mapped(_files[scene.name_full])
+    views = np.load(_files[scene.name_full], mmap_mode="r")
     pixels = to_pixels(views[view_index(views.shape[:2], eye)])
     if _icons is not None:
         shown = _icons.get(scene.name_full) or _icons.new(scene.name_full)
         shown.image_size = pixels.shape[1::-1]
         shown.image_pixels_float.foreach_set(pixels.ravel())
-    image = _image(pixels.shape[1], pixels.shape[0])
+    image, size = bpy.data.images.get(IMAGE_NAME), (pixels.shape[1], pixels.shape[0])
+    if image is None or show_image.OWN not in image:
+        image = bpy.data.images.new(IMAGE_NAME, *size)
+        image[show_image.OWN] = True
+    if tuple(image.size) != size:
+        image.scale(*size)
     image.pixels.foreach_set(pixels.ravel())
     image.update()
     image.pack()  # an image that is modified keeps Blender from quitting without a question
@@ -90,20 +95,6 @@ def to_pixels(view: Array) -> Array:
     pixels = np.ones((*view.shape[:2], 4), np.float32)
     np.multiply(view[::-1], np.float32(1 / 255), out=pixels[..., :3])
     return pixels.repeat(times, axis=0).repeat(times, axis=1)
-
-
-def _mapped(path: Path) -> Array:
-    return np.load(path, mmap_mode="r")
-
-
-def _image(width: int, height: int) -> bpy.types.Image:
-    image = bpy.data.images.get(IMAGE_NAME)
-    if image is None or show_image.OWN not in image:
-        image = bpy.data.images.new(IMAGE_NAME, width, height)
-        image[show_image.OWN] = True
-    if tuple(image.size) != (width, height):
-        image.scale(width, height)
-    return image
 
 
 @bpy.app.handlers.persistent

@@ -30,12 +30,25 @@ def in_editor(image: bpy.types.Image | None, opens_window: bool = False) -> None
         return
     # The UV Editor is of the same type.
     area = next((area for area in areas("IMAGE_EDITOR") if area.ui_type == "IMAGE_EDITOR"), None)
+    windows = bpy.context.window_manager.windows
     if area is None and opens_window:
-        area = _new_window()
-    if area is not None:
-        area.spaces.active.image = image
-        area.tag_redraw()
-        _fit(area)
+        before = set(windows)
+        with bpy.context.temp_override(window=windows[0]):
+            bpy.ops.wm.window_new()
+        if (new := next((window for window in windows if window not in before), None)) is not None:
+            area = max(new.screen.areas, key=lambda area: area.width * area.height)
+            area.ui_type = "IMAGE_EDITOR"
+    if area is None:
+        return
+    area.spaces.active.image = image
+    area.tag_redraw()
+    # View All: an 8K image is larger than the screen.
+    window = next((window for window in windows if area in list(window.screen.areas)), None)
+    region = next((region for region in area.regions if region.type == "WINDOW"), None)
+    if window is not None and region is not None:
+        with bpy.context.temp_override(window=window, area=area, region=region):
+            if bpy.ops.image.view_all.poll():
+                bpy.ops.image.view_all(fit_view=True)
 
 
 def areas(kind: str) -> list[bpy.types.Area]:
@@ -66,27 +79,3 @@ def wait_cursor() -> Iterator[None]:
     finally:
         for window in windows:
             window.cursor_modal_restore()
-
-
-def _new_window() -> bpy.types.Area | None:
-    windows = bpy.context.window_manager.windows
-    before = set(windows)
-    with bpy.context.temp_override(window=windows[0]):
-        bpy.ops.wm.window_new()
-    window = next((window for window in windows if window not in before), None)
-    if window is None:
-        return None
-    area = max(window.screen.areas, key=lambda area: area.width * area.height)
-    area.ui_type = "IMAGE_EDITOR"
-    return area
-
-
-def _fit(area: bpy.types.Area) -> None:
-    """View All: an 8K image is larger than the screen."""
-    window = next((w for w in bpy.context.window_manager.windows if area in list(w.screen.areas)), None)
-    region = next((region for region in area.regions if region.type == "WINDOW"), None)
-    if window is None or region is None:
-        return
-    with bpy.context.temp_override(window=window, area=area, region=region):
-        if bpy.ops.image.view_all.poll():
-            bpy.ops.image.view_all(fit_view=True)

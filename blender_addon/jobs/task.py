@@ -154,12 +154,9 @@ class Task:
             raise LfsrError(f"{self.title} cannot start {command[0]!r} ({error.strerror}): check the add-on's "
                             "preferences") from None
         self.progress = Progress("open") if requests else Progress(self.job.task)
-        self._reader = threading.Thread(target=self._read, args=(self.child,), daemon=True)
+        records = ((time.monotonic(), record) for record in self.child.records())
+        self._reader = threading.Thread(target=self._records.extend, args=(records,), daemon=True)
         self._reader.start()
-
-    def _read(self, child: Child) -> None:
-        for record in child.records():
-            self._records.append((time.monotonic(), record))
 
     def _take(self, heard: float, record: dict[str, Any]) -> None:
         told = told_of(record)

@@ -37,7 +37,7 @@ def live_group(region: LiveRegion, smooth: bool) -> bpy.types.NodeTree:
 
 
 def set_scene(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> None:
-    """Let the tree show the render of ``scene``; without a scene it shows nothing."""
+    """Let the tree show the render of ``scene``."""
     for node in tree.nodes:
         if node.bl_idname == "CompositorNodeRLayers":
             node.scene = scene
@@ -47,42 +47,33 @@ def _interpolation(region: LiveRegion) -> bpy.types.NodeTree:
     """Group from an image with one colour per rendered view to one with a colour per pixel."""
     wiring = _Wiring(INTERPOLATE)
     image = wiring.color(wiring.input("Image", "NodeSocketColor"), _scalar(ENCODE, _encode))
-    tile, place = _place(wiring, region)
-    before = wiring.vector("FLOOR", place)
-    fraction = wiring.node("ShaderNodeSeparateXYZ", Vector=wiring.vector("SUBTRACT", place, before)).outputs
-    rows = []
-    for up in (0, 1):
-        pair = [wiring.tap(image, _uv(wiring, region, tile, wiring.vector("ADD", before, (across, up, 0))))
-                for across in (0, 1)]
-        rows.append(wiring.mix(fraction["X"], *pair))
-    mixed = wiring.mix(fraction["Y"], *rows)
-    return wiring.finish(wiring.color(mixed, _scalar(DECODE, _decode)))
-
-
-def _place(wiring: _Wiring, region: LiveRegion) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
-    """Lower left corner of the pixel's elemental image on the panel, and the pixel's place in it in rendered views."""
+    # Vectors have z = 1, so that they can divide.
+    views, corner = ((float(pair[0]), float(pair[1]), 1.0) for pair in (region.profile.views, region.corner))
+    step = (region.scale,) * 3
+    # Lower left corner of the pixel's elemental image on the panel, and the pixel's place in it in rendered views.
     coordinates = wiring.node("CompositorNodeImageCoordinates", Image=wiring.source)
-    views = _flat(region.profile.views)
-    pixel = wiring.vector("SUBTRACT", coordinates.outputs["Pixel"], _flat(region.corner))
+    pixel = wiring.vector("SUBTRACT", coordinates.outputs["Pixel"], corner)
     middle = wiring.vector("ADD", pixel, (0.5, 0.5, 0))
     tile = wiring.vector("MULTIPLY", wiring.vector("FLOOR", wiring.vector("DIVIDE", middle, views)), views)
-    inside = wiring.vector("DIVIDE", wiring.vector("SUBTRACT", middle, tile), (region.scale,) * 3)
-    return tile, wiring.vector("SUBTRACT", inside, (0.5, 0.5, 0))
-
-
-def _uv(wiring: _Wiring, region: LiveRegion, tile: bpy.types.NodeSocket,
-        view: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """Place in the image of the rendered view ``view`` of a tile; its z is the alpha that Map UV returns."""
+    inside = wiring.vector("DIVIDE", wiring.vector("SUBTRACT", middle, tile), step)
+    place = wiring.vector("SUBTRACT", inside, (0.5, 0.5, 0))
+    before = wiring.vector("FLOOR", place)
+    fraction = wiring.node("ShaderNodeSeparateXYZ", Vector=wiring.vector("SUBTRACT", place, before)).outputs
     last = [count // region.scale - 1 for count in region.profile.views]
-    view = wiring.vector("MINIMUM", wiring.vector("MAXIMUM", view, (0, 0, 0)), (*last, 0))
-    middle = wiring.vector("MULTIPLY", wiring.vector("ADD", view, (0.5, 0.5, 0)), (region.scale,) * 3)
-    place = wiring.vector("ADD", wiring.vector("ADD", tile, middle), _flat(region.corner))
-    return wiring.vector("MULTIPLY_ADD", place, (1 / region.size[0], 1 / region.size[1], 0), (0, 0, 1))
 
+    def view(across: int, up: int) -> bpy.types.NodeSocket:
+        """Return the colour of a rendered view of the tile, without interpolation, by its place in the image."""
+        number = wiring.vector("ADD", before, (across, up, 0))
+        number = wiring.vector("MINIMUM", wiring.vector("MAXIMUM", number, (0, 0, 0)), (*last, 0))
+        middle = wiring.vector("MULTIPLY", wiring.vector("ADD", number, (0.5, 0.5, 0)), step)
+        there = wiring.vector("ADD", wiring.vector("ADD", tile, middle), corner)
+        # z is the alpha that Map UV returns.
+        uv = wiring.vector("MULTIPLY_ADD", there, (1 / region.size[0], 1 / region.size[1], 0), (0, 0, 1))
+        return wiring.node("CompositorNodeMapUV", Image=image, UV=uv, Interpolation="Nearest",
+                           **{"Extension X": "Extend", "Extension Y": "Extend"}).outputs[0]
 
-def _flat(pair: tuple[int, int]) -> tuple[float, float, float]:
-    """Vector with z = 1, so that it can divide."""
-    return float(pair[0]), float(pair[1]), 1.0
+    rows = [wiring.mix(fraction["X"], view(0, up), view(1, up)) for up in (0, 1)]
+    return wiring.finish(wiring.color(wiring.mix(fraction["Y"], *rows), _scalar(DECODE, _decode)))
 
 
 def _scalar(name: str, fill: Callable[[_Wiring, bpy.types.NodeSocket], bpy.types.NodeSocket]) -> bpy.types.NodeTree:
@@ -132,26 +123,18 @@ class _Wiring(Wiring):
         self.link(value, node.inputs[0])
         return node.outputs[0]
 
-    def tap(self, image: bpy.types.NodeSocket, uv: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """Return the pixels of ``image`` at ``uv``, without interpolation."""
-        return self.node("CompositorNodeMapUV", Image=image, UV=uv, Interpolation="Nearest",
-                         **{"Extension X": "Extend", "Extension Y": "Extend"}).outputs[0]
-
     def mix(self, fraction: bpy.types.NodeSocket, first: bpy.types.NodeSocket,
             second: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         """Return two colours mixed; ``fraction``: of the second."""
         node = self.node("ShaderNodeMix")
         node.data_type = "RGBA"
+        sockets = {socket.identifier: socket for socket in (*node.inputs, *node.outputs)}
         for name, value in (("Factor_Float", fraction), ("A_Color", first), ("B_Color", second)):
-            self.link(value, _by_identifier(node.inputs, name))
-        return _by_identifier(node.outputs, "Result_Color")
+            self.link(value, sockets[name])
+        return sockets["Result_Color"]
 
     def color(self, image: bpy.types.NodeSocket, scalar: bpy.types.NodeTree) -> bpy.types.NodeSocket:
         """Return ``scalar`` of red, green and blue."""
         split = self.node("CompositorNodeSeparateColor", Image=image).outputs
         mapped = {name: self.group(scalar, split[name]) for name in ("Red", "Green", "Blue")}
         return self.node("CompositorNodeCombineColor", **mapped, Alpha=1.0).outputs[0]
-
-
-def _by_identifier(sockets: bpy.types.NodeInputs | bpy.types.NodeOutputs, name: str) -> bpy.types.NodeSocket:
-    return next(socket for socket in sockets if socket.identifier == name)

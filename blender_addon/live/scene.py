@@ -108,7 +108,36 @@ def show(live: bpy.types.Scene, view: View) -> None:
     # Half a pixel more, since Cycles rounds down.
     live.render.border_max_x, live.render.border_max_y = (
         min(1.0, (region.drawn[axis] + 0.5) / region.size[axis]) for axis in (0, 1))
-    _add_card(live, view)
+    array, made = view.layout.array, list[bpy.types.ID]()
+    place = place_of(array, view.far)
+    try:
+        card: PanelCard | LensCard
+        if isinstance(view.layout, PanelLayout):
+            card = panel = panel_card(view.layout, view.clear, of_subpixels=False)
+            screen = new_panel_card(made, panel, array.distance, place)
+        else:
+            lenses = lens_card(view.layout, view.clear)
+            if view.eye is not None:
+                lenses = eye_card(view.layout, view.profile, view.eye, region, view.clear)
+            elif view.profile.ei_order == "flipped":
+                lenses = dataclasses.replace(lenses, cells=view.layout.views - lenses.cells)
+            card, screen = lenses, new_card(made, lenses, array.distance, place)
+        camera = new_camera(made, region.size[0] * card.pixel / region.scale, card.spreads, place)
+    finally:
+        for item in made:
+            item[MARK] = view.kind
+    for item in (camera, screen):
+        live.collection.objects.link(item)
+    # Its frame is shifted, by fractions of its width, so that the card is in the panel's place. The camera must not
+    # move: its place is the rays' origin.
+    camera.data.shift_x, camera.data.shift_y = (-length / region.size[0] for length in region.shift)
+    # The card follows the array; the distances behind it are in the mesh and in the camera's own location.
+    screen.data.transform(mathutils.Matrix.Translation((0, 0, place.gap / 2)))
+    camera.parent, camera.location = screen, (0, 0, place.gap)
+    # Without the array's scale, as the rays.
+    for kind in ("COPY_LOCATION", "COPY_ROTATION"):
+        screen.constraints.new(kind).target = bpy.data.objects[view.follows]
+    live.camera = camera
     if nodes.can_interpolate():
         before = set(bpy.data.node_groups)
         tree = nodes.live_group(region, view.kind == PANEL and live.background_set.lfsr.live_smooth)
@@ -121,9 +150,35 @@ def show(live: bpy.types.Scene, view: View) -> None:
 def follow(live: bpy.types.Scene) -> None:
     """Copy what may have changed in the artist's scene and needs no new card."""
     scene = live.background_set
-    own = _own_values(scene, live[MARK] == EYE)
-    for name in COPIED:
-        _copy(getattr(scene, name), getattr(live, name), own.get(name, {}))
+    lfsr = scene.lfsr
+    # Settings in which the live scene differs from the artist's; None: the live scene keeps its value.
+    kept = ("preview_pixel_size", "use_border", "resolution_x", "resolution_y", "border_max_x", "border_max_y")
+    render = {"engine": "CYCLES", "film_transparent": scene.render.film_transparent or scene.world is None,
+              "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0, "resolution_percentage": 100, "use_multiview": False,
+              "border_min_x": 0.0, "border_min_y": 0.0} | dict.fromkeys(kept) | compat.whole_textures()
+    cycles = {"preview_samples": live_samples(scene, live[MARK] == EYE), "use_preview_adaptive_sampling": False,
+              "use_preview_denoising": lfsr.live_denoise and devices.has_denoiser(),
+              "preview_denoising_start_sample": lfsr.live_denoise_start, "preview_denoising_input_passes": "RGB",
+              "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0, "sample_clamp_indirect": CLAMP_INDIRECT,
+              "use_camera_cull": False,
+              # The card is one more surface that a path passes through.
+              "transparent_max_bounces": scene.cycles.transparent_max_bounces + 1}
+    # Blender warns of reading a denoiser that it was built without.
+    absent = ("denoiser",) if devices.has_denoiser() else ("denoiser", "preview_denoiser")
+    own: dict[str, dict[str, Any]] = {"render": render, "cycles": cycles | dict.fromkeys(absent)}
+    for group in COPIED:
+        source, target, changed = getattr(scene, group), getattr(live, group), own.get(group, {})
+        for item in source.bl_rna.properties:
+            name = item.identifier
+            if (item.is_readonly or item.type not in {"BOOLEAN", "INT", "FLOAT", "ENUM"}
+                    or changed.get(name, 0) is None):
+                continue
+            value, now = changed[name] if name in changed else getattr(source, name), getattr(target, name)
+            if getattr(item, "is_array", False):
+                value, now = tuple(value), tuple(now)
+            if value != now:
+                with suppress(TypeError, AttributeError):  # a choice that this scene does not have now
+                    setattr(target, name, value)
     for name, value in (("world", scene.world), ("frame_current", scene.frame_current)):
         if getattr(live, name) != value:
             setattr(live, name, value)
@@ -143,69 +198,3 @@ def remove_all(kind: str | None = None) -> None:
 def _remove(items: list[bpy.types.ID]) -> None:
     if items:
         bpy.data.batch_remove(items)
-
-
-def _own_values(scene: bpy.types.Scene, is_eye: bool) -> dict[str, dict[str, Any]]:
-    """Settings in which the live scene differs from the artist's; None: the live scene keeps its value."""
-    lfsr = scene.lfsr
-    kept = ("preview_pixel_size", "use_border", "resolution_x", "resolution_y", "border_max_x", "border_max_y")
-    render = {"engine": "CYCLES", "film_transparent": scene.render.film_transparent or scene.world is None,
-              "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0, "resolution_percentage": 100, "use_multiview": False,
-              "border_min_x": 0.0, "border_min_y": 0.0} | dict.fromkeys(kept) | compat.whole_textures()
-    cycles = {"preview_samples": live_samples(scene, is_eye), "use_preview_adaptive_sampling": False,
-              "use_preview_denoising": lfsr.live_denoise and devices.has_denoiser(),
-              "preview_denoising_start_sample": lfsr.live_denoise_start, "preview_denoising_input_passes": "RGB",
-              "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0, "sample_clamp_indirect": CLAMP_INDIRECT,
-              "use_camera_cull": False,
-              # The card is one more surface that a path passes through.
-              "transparent_max_bounces": scene.cycles.transparent_max_bounces + 1}
-    # Blender warns of reading a denoiser that it was built without.
-    absent = ("denoiser",) if devices.has_denoiser() else ("denoiser", "preview_denoiser")
-    return {"render": render, "cycles": cycles | dict.fromkeys(absent)}
-
-
-def _copy(source: bpy.types.bpy_struct, target: bpy.types.bpy_struct, own: dict[str, Any]) -> None:
-    """Copy simple settings of ``source`` that differ, but take those in ``own`` from there; None leaves a setting."""
-    for item in source.bl_rna.properties:
-        name = item.identifier
-        if item.is_readonly or item.type not in {"BOOLEAN", "INT", "FLOAT", "ENUM"} or own.get(name, 0) is None:
-            continue
-        value, now = own[name] if name in own else getattr(source, name), getattr(target, name)
-        if getattr(item, "is_array", False):
-            value, now = tuple(value), tuple(now)
-        if value != now:
-            with suppress(TypeError, AttributeError):  # a choice that this scene does not have now
-                setattr(target, name, value)
-
-
-def _add_card(live: bpy.types.Scene, view: View) -> None:
-    array, made = view.layout.array, list[bpy.types.ID]()
-    place = place_of(array, view.far)
-    try:
-        card: PanelCard | LensCard
-        if isinstance(view.layout, PanelLayout):
-            card = panel = panel_card(view.layout, view.clear, of_subpixels=False)
-            screen = new_panel_card(made, panel, array.distance, place)
-        else:
-            lenses = lens_card(view.layout, view.clear)
-            if view.eye is not None:
-                lenses = eye_card(view.layout, view.profile, view.eye, view.region, view.clear)
-            elif view.profile.ei_order == "flipped":
-                lenses = dataclasses.replace(lenses, cells=view.layout.views - lenses.cells)
-            card, screen = lenses, new_card(made, lenses, array.distance, place)
-        camera = new_camera(made, view.region.size[0] * card.pixel / view.region.scale, card.spreads, place)
-    finally:
-        for item in made:
-            item[MARK] = view.kind
-    for item in (camera, screen):
-        live.collection.objects.link(item)
-    # Its frame is shifted, by fractions of its width, so that the card is in the panel's place. The camera must not
-    # move: its place is the rays' origin.
-    camera.data.shift_x, camera.data.shift_y = (-length / view.region.size[0] for length in view.region.shift)
-    # The card follows the array; the distances behind it are in the mesh and in the camera's own location.
-    screen.data.transform(mathutils.Matrix.Translation((0, 0, place.gap / 2)))
-    camera.parent, camera.location = screen, (0, 0, place.gap)
-    # Without the array's scale, as the rays.
-    for kind in ("COPY_LOCATION", "COPY_ROTATION"):
-        screen.constraints.new(kind).target = bpy.data.objects[view.follows]
-    live.camera = camera

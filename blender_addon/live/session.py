@@ -129,8 +129,9 @@ def _before_save(*_: object) -> None:
     """Keep the live scenes out of the file."""
     for kind in _on:
         window, scene = live_window.find(kind), artists_scene(kind)
-        if window is not None and scene is not None:
-            live_window.hide(window, scene)
+        if window is not None and scene is not None:  # solid while there is no live scene
+            window.screen.areas[0].spaces.active.shading.type = "SOLID"
+            window.scene = scene
     live_scene.remove_all()
 
 

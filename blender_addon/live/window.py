@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 
 import bpy
@@ -28,7 +29,17 @@ def open_window(kind: str = PANEL) -> bpy.types.Window:
     if bpy.ops.wm.window_new_main() != {"FINISHED"}:
         raise LfsrError("Blender opened no second window: close another window and try again")
     window = next(window for window in bpy.context.window_manager.windows if window not in before)
-    _keep_one_area(window)
+    while len(window.screen.areas) > 1:
+        # All areas but the largest are closed; some close only after a neighbour has.
+        closed = False
+        for area in sorted(window.screen.areas, key=lambda area: area.width * area.height)[:-1]:
+            with (bpy.context.temp_override(window=window, screen=window.screen, area=area),
+                  contextlib.suppress(RuntimeError)):
+                closed = bpy.ops.screen.area_close() == {"FINISHED"}
+            if closed:
+                break
+        if not closed:
+            raise LfsrError("Blender's new window cannot become a single view: use the workspace Layout and try again")
     window.screen[MARK] = kind
     area = window.screen.areas[0]
     area.type = "VIEW_3D"
@@ -119,28 +130,5 @@ def show(window: bpy.types.Window, live: bpy.types.Scene) -> None:
         bpy.ops.view3d.zoom_camera_1_to_1()
 
 
-def hide(window: bpy.types.Window, scene: bpy.types.Scene) -> None:
-    """Show ``scene`` in solid shading while there is no live scene."""
-    space = window.screen.areas[0].spaces.active
-    space.shading.type = "SOLID"
-    window.scene = scene
-
-
 def _place(window: bpy.types.Window) -> bpy.types.ContextTempOverride:
     return bpy.context.temp_override(window=window, area=window.screen.areas[0], region=region_of(window))
-
-
-def _keep_one_area(window: bpy.types.Window) -> None:
-    """Close all areas but the largest; some close only after a neighbour has."""
-    while len(window.screen.areas) > 1:
-        areas = sorted(window.screen.areas, key=lambda area: area.width * area.height)
-        if not any(_closed(window, area) for area in areas[:-1]):
-            raise LfsrError("Blender's new window cannot become a single view: use the workspace Layout and try again")
-
-
-def _closed(window: bpy.types.Window, area: bpy.types.Area) -> bool:
-    with bpy.context.temp_override(window=window, screen=window.screen, area=area):
-        try:
-            return bpy.ops.screen.area_close() == {"FINISHED"}
-        except RuntimeError:
-            return False

@@ -37,23 +37,18 @@ def _built_with(feature: str) -> bool:
     return bool(getattr(_cycles, feature))
 
 
-def has_osl_camera(device: str) -> bool:
-    """Return True if Cycles runs OSL cameras on ``device``: only the CPU and OptiX do, in a Blender with OSL."""
-    return device in WITH_OSL_CAMERA and has_osl()
-
-
 def way_of(device: str) -> str:
-    """Return the faster layout that renders all views in one pass on ``device`` (docs/reference/devices.md)."""
-    return "one-pass" if has_osl_camera(device) else "lens-card"
+    """Return the faster layout that renders all views in one pass on ``device`` (docs/reference/devices.md).
+
+    Cycles runs OSL cameras on the CPU and OptiX only, in a Blender with OSL.
+    """
+    return "one-pass" if device in WITH_OSL_CAMERA and has_osl() else "lens-card"
 
 
 def resolved(device: str) -> str:
     """Return ``device`` itself, or for "auto" the best device of this machine."""
-    return device if device != AUTO else next((kind for kind in GPU_TYPES if _found(kind)), "CPU")
-
-
-def _found(kind: str) -> bool:
-    return any(item.type == kind for item in _devices(kind))
+    return device if device != AUTO else next(
+        (kind for kind in GPU_TYPES if any(item.type == kind for item in _devices(kind))), "CPU")
 
 
 def _devices(kind: str) -> Sequence[bpy.types.bpy_struct]:

@@ -13,15 +13,8 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import check_name, is_forbidden, read_json, write_json
-from lfsr_core.frames.folder import is_of
-from lfsr_core.frames.frame import (
-    EIA_FILE,
-    FRAME_FILE,
-    LOW_RES_FILE,
-    PANEL_FILE,
-    Frame,
-    read_part,
-)
+from lfsr_core.frames.folder import FrameFolder
+from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, PANEL_FILE
 
 from .displays import DIRECT
 
@@ -43,7 +36,9 @@ def file_stem() -> str:
 
 def scene_folder(scene: bpy.types.Scene) -> Path:
     """Folder of this scene's frames; each scene of each file has its own. LfsrError where it cannot exist."""
-    folder = _output(scene) / _clean(file_stem()) / _clean(scene.name_full)
+    output = (_unsaved(scene) if waits_for_saving(scene) else
+              absolute(scene.lfsr.output or "//", "the output folder"))
+    folder = output / _clean(file_stem()) / _clean(scene.name_full)
     check_name(folder)
     return folder
 
@@ -67,27 +62,18 @@ def source_of(scene: bpy.types.Scene) -> str:
 
 def is_own(scene: bpy.types.Scene, folder: Path) -> bool:
     """False if the frame in ``folder`` is known to be of another file or scene."""
-    return holds(folder, source_of(scene), scene.name_full)
-
-
-def holds(folder: Path, source: str, scene_name: str) -> bool:
-    """False if the frame in ``folder`` is known to be of another file than ``source``, or of another scene."""
-    frame = frame_in(folder)
-    return frame is None or is_of(frame, source, scene_name)
+    return FrameFolder(folder).is_of(source_of(scene), scene.name_full)
 
 
 def first_foreign(scene: bpy.types.Scene, frames: Iterable[int]) -> str:
     """Return a sentence on the first of ``frames`` whose folder has the image of another file or scene, else ""."""
-    taken = [folder for folder in (frame_folder(scene, number) for number in frames) if not is_own(scene, folder)]
-    return _foreign(taken[0]) if taken else ""
+    folders = (frame_folder(scene, number) for number in frames)
+    return next((_foreign(folder) for folder in folders if not is_own(scene, folder)), "")
 
 
 def is_unfinished(folder: Path) -> bool:
     """True if ``folder`` holds a render of which the second stage made no image."""
-    def has(name: str) -> bool:
-        return (folder / name).is_file()
-
-    return has(FRAME_FILE) and has(LOW_RES_FILE) and not has(EIA_FILE) and not has(PANEL_FILE)
+    return FrameFolder(folder).holds() and not any((folder / name).is_file() for name in (EIA_FILE, PANEL_FILE))
 
 
 def finished_frame(scene: bpy.types.Scene, purpose: str) -> Path:
@@ -149,22 +135,9 @@ def _unsaved(scene: bpy.types.Scene) -> Path:
     return Path(bpy.app.tempdir, f"lfsr-unsaved-{scene.session_uid}")
 
 
-def _output(scene: bpy.types.Scene) -> Path:
-    if waits_for_saving(scene):
-        return _unsaved(scene)
-    return absolute(scene.lfsr.output or "//", "the output folder")
-
-
-def frame_in(folder: Path) -> Frame | None:
-    """The frame, or part of one, in ``folder``; None where there is none that can be read."""
-    with contextlib.suppress(LfsrError):
-        return read_part(folder)
-    return None
-
-
 def _foreign(folder: Path) -> str:
     """A sentence on whose image ``folder`` holds."""
-    frame = read_part(folder)
+    frame = FrameFolder(folder).part
     file = frame.scene
     if frame.source:
         path = Path(os.path.normpath(folder / frame.source))

@@ -139,11 +139,29 @@ def lit(scene: bpy.types.Scene, light: str) -> Iterator[None]:
 
 
 def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.World:
-    """Light the scene with a world image: a file's, or by name one of those that ship with Blender (CC0)."""
-    image = bpy.data.images.load(str(_image_file(light)), check_existing=True)
+    """Light the scene with a world image: a file's, or by name one of those that ship with Blender (CC0).
+
+    LfsrError where it is not there, or a pixel cannot be read: Blender might crash.
+    """
+    unreadable = LfsrError(f"light {light} cannot be read as an image: choose another file")
+    if is_light_file(light):
+        from lfsr_core.images.exr import check_complete  # needs OpenImageIO, which Blender's panel does without
+
+        check_light(light)
+        path = Path(light)
+        try:
+            check_complete(path)
+        except (LfsrError, MemoryError):
+            raise unreadable from None
+    else:
+        path = Path(bpy.utils.system_resource("DATAFILES"), "studiolights", "world", f"{light}.exr")
+        if not path.is_file():
+            raise LfsrError(f"this Blender has no world image {light!r}: choose another light, or give a .hdr or .exr "
+                            "file")
+    image = bpy.data.images.load(str(path), check_existing=True)
     if not all(image.size):
         bpy.data.images.remove(image)
-        raise LfsrError(f"light {light} cannot be read as an image: choose another file")
+        raise unreadable
     world = bpy.data.worlds.new("LFSR light")
     compat.use_nodes(world)
     nodes = world.node_tree.nodes
@@ -153,20 +171,3 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.W
     world.node_tree.links.new(texture.outputs["Color"], background.inputs["Color"])
     scene.world = world
     return world
-
-
-def _image_file(light: str) -> Path:
-    """File of a world image; LfsrError where it is not there, or a pixel cannot be read: Blender might crash."""
-    if is_light_file(light):
-        from lfsr_core.images.exr import check_complete  # needs OpenImageIO, which Blender's panel does without
-
-        check_light(light)
-        try:
-            check_complete(light)
-        except (LfsrError, MemoryError):
-            raise LfsrError(f"light {light} cannot be read as an image: choose another file") from None
-        return Path(light)
-    path = Path(bpy.utils.system_resource("DATAFILES"), "studiolights", "world", f"{light}.exr")
-    if not path.is_file():
-        raise LfsrError(f"this Blender has no world image {light!r}: choose another light, or give a .hdr or .exr file")
-    return path
