@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.base.notices import Notice, Progress, Tell
-from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, Frame, read_part
+from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, read_part
 from lfsr_core.frames.request import Request
 from lfsr_core.plan.options import path_samples, render_seconds
 from lfsr_core.process.blender import Starts
@@ -58,15 +58,10 @@ def measure(request: Request, blender: Starts, tell: Tell) -> Measured:
 
         render_all(requests, blender, heard, done.append)
         _, some, whole = (read_part(asked.output) for asked in requests)
-    return measured_of(some, whole, time.monotonic() - started)
-
-
-def measured_of(some: Frame, many: Frame, seconds: float) -> Measured:
-    """Return what renders of ``some`` lenses and of ``many`` tell; ``seconds``: from their start to their end."""
-    sampling = max(render_seconds(many) - render_seconds(some), 0.0)
+    sampling = max(render_seconds(whole) - render_seconds(some), 0.0)
     # All but these two renders is needed once by the image too.
-    fixed = max(seconds - some.seconds["render"] - many.seconds["render"], 0.0)
-    return Measured(fixed, sampling / max(path_samples(many) - path_samples(some), 1), many.scale)
+    fixed = max(time.monotonic() - started - some.seconds["render"] - whole.seconds["render"], 0.0)
+    return Measured(fixed, sampling / max(path_samples(whole) - path_samples(some), 1), whole.scale)
 
 
 def lenses_of(request: Request) -> list[tuple[int, int]]:

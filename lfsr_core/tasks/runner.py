@@ -20,16 +20,14 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, system_errors
 from lfsr_core.process.child import Child
 from lfsr_core.process.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit, repeated
-from lfsr_core.tasks import folder_tasks, render_tasks
+from lfsr_core.tasks import tasks
 
 SECONDS_TO_STOP = 1.0  # less than the add-on waits for the task itself
 # A task takes the entries of its file and returns JSON-ready data.
 Task = Callable[..., dict[str, Any]]
 STARTING: dict[str, Task] = {task.__name__: task for task in (
-    render_tasks.make, render_tasks.reference, render_tasks.estimate, render_tasks.plan, folder_tasks.export,
-    folder_tasks.show)}  # start processes
-TASKS: dict[str, Task] = STARTING | {task.__name__: task for task in (
-    folder_tasks.finish, folder_tasks.decode, folder_tasks.view)}
+    tasks.make, tasks.reference, tasks.estimate, tasks.plan, tasks.export, tasks.show)}  # start processes
+TASKS: dict[str, Task] = STARTING | {task.__name__: task for task in (tasks.finish, tasks.decode, tasks.view)}
 
 
 def main(arguments: list[str]) -> int:

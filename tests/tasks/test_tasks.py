@@ -10,7 +10,7 @@ from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import read_frame, write_frame
 from lfsr_core.process.protocol import parse_progress, told_of
-from lfsr_core.tasks.render_tasks import make, reference
+from lfsr_core.tasks.tasks import make, reference
 from tests.support.animations import film_request
 from tests.support.played_blender import played_blender
 
