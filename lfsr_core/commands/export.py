@@ -10,8 +10,7 @@ from typing import Any
 
 from lfsr_core.base.notices import ProgressBar
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.exports.options import DESCRIPTIONS, FILM_TYPES, VIEW_TYPES
-from lfsr_core.exports.quilt_names import PRESETS
+from lfsr_core.exports.options import DESCRIPTIONS, FILM_TYPES, PRESETS, VIEW_TYPES
 
 NAME = "export"
 HELP = "write a finished frame or an animation as quilt, stereo pair, film or folder of views"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -53,38 +53,27 @@ WIGGLE = Motion("wiggle", WIGGLE_TYPES, 0.8, 5, lambda field, options, phase:
                 (eye_distance(field, options) / 2 * math.sin(2 * math.pi * phase), 0.0))
 
 
-def write_motion(motion: Motion, field: LightField, folder: Path, options: ExportOptions) -> None:
-    """Write the film of one frame, while the eye moves."""
-    chosen = chosen_type(options, motion.types)
-    rate = options.fps or RATES[chosen]
-    rounds = 1 if chosen in LOOPING else motion.rounds
-    count = max(2, round((options.seconds or motion.seconds) * rate)) * rounds
-    phases = (number * rounds / count % 1 for number in range(count))
-    _write(motion, ((field, phase) for phase in phases), count, rate, folder, options)
-
-
-def write_motion_of_frames(motion: Motion, fields: Iterator[LightField], count: int, folder: Path,
-                           options: ExportOptions) -> None:
-    """Write the film of ``count`` frames, while the eye moves one or more whole rounds."""
-    rate = options.fps or ANIMATION_RATE
-    rounds = max(1, round(count / rate / (options.seconds or motion.seconds)))
-    places = ((field, rounds * number / count % 1) for number, field in enumerate(fields))
-    _write(motion, places, count, rate, folder, options)
-
-
-def _write(motion: Motion, places: Iterable[tuple[LightField, float]], count: int, rate: float, folder: Path,
-           options: ExportOptions) -> None:
-    """Write ``count`` frames, each the view of a light field from a phase of the eye's round."""
-    places = iter(places)
-    first = next(places)
+def write_motion(motion: Motion, fields: Iterator[LightField], count: int | None, folder: Path,
+                 options: ExportOptions) -> None:
+    """Write the film of ``count`` frames, while the eye moves one or more whole rounds; of one frame for count None."""
+    first, chosen = next(fields), chosen_type(options, motion.types)
+    if count is None:
+        rate: float = options.fps or RATES[chosen]
+        rounds = 1 if chosen in LOOPING else motion.rounds
+        total = max(2, round((options.seconds or motion.seconds) * rate)) * rounds
+        fields = itertools.repeat(first, total)
+    else:
+        rate, total = options.fps or ANIMATION_RATE, count
+        rounds = max(1, round(count / rate / (options.seconds or motion.seconds)))
+        fields = itertools.chain([first], fields)
 
     def frames() -> Iterator[Array]:
-        for number, (field, phase) in enumerate(itertools.chain([first], places)):
-            options.tell(Progress("export", number / count, f"frame {number + 1} of {count}"))
-            view = field.seen_from(*motion.place(field, options, phase))
+        for number, field in enumerate(fields):
+            options.tell(Progress("export", number / total, f"frame {number + 1} of {total}"))
+            view = field.seen_from(*motion.place(field, options, rounds * number / total % 1))
             yield on_screen(view, field.display, options.width or usual_width(field.display))
 
-    write_film(folder / f"{first[0].name}_{motion.name}.{chosen_type(options, motion.types)}", frames(), rate)
+    write_film(folder / f"{first.name}_{motion.name}.{chosen}", frames(), rate)
 
 
 def write_film(path: Path, frames: Iterator[Array], rate: float) -> None:
@@ -95,10 +84,22 @@ def write_film(path: Path, frames: Iterator[Array], rate: float) -> None:
     if path.suffix == ".png":
         for number, frame in enumerate(frames, start=1):
             write_png(path.with_name(f"{path.stem}_{number:04d}.png"), frame)
-    elif path.suffix == ".mp4":
+        return
+    if path.suffix == ".mp4":
         _write_mp4(path, frames, rate)
-    else:
-        _write_animation(path, frames, rate)
+        return
+    try:
+        from PIL import Image
+    except ImportError:
+        raise LfsrError(f"{path.suffix[1:].upper()} needs the package pillow, which this Python lacks: pip install "
+                        "'lfsr[video]', or choose another type") from None
+    first, *others = [Image.fromarray(frame) for frame in frames]
+    quality: dict[str, Any] = {"quality": QUALITY, "method": 4}
+    if path.suffix == ".gif":  # one palette, so that colours do not flicker, and no bands
+        palette = first.quantize()
+        first, *others = [image.quantize(palette=palette) for image in (first, *others)]
+        quality = {"optimize": True}
+    first.save(path, save_all=True, append_images=others, duration=round(1000 / rate), loop=0, **quality)
 
 
 def _write_mp4(path: Path, frames: Iterator[Array], rate: float) -> None:
@@ -127,18 +128,3 @@ def _write_mp4(path: Path, frames: Iterator[Array], rate: float) -> None:
             film.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, format="rgb24").reformat(
                 format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")))
         film.mux(stream.encode())
-
-
-def _write_animation(path: Path, frames: Iterator[Array], rate: float) -> None:
-    try:
-        from PIL import Image
-    except ImportError:
-        raise LfsrError(f"{path.suffix[1:].upper()} needs the package pillow, which this Python lacks: pip install "
-                        "'lfsr[video]', or choose another type") from None
-    first, *others = [Image.fromarray(frame) for frame in frames]
-    quality: dict[str, Any] = {"quality": QUALITY, "method": 4}
-    if path.suffix == ".gif":  # one palette, so that colours do not flicker, and no bands
-        palette = first.quantize()
-        first, *others = [image.quantize(palette=palette) for image in (first, *others)]
-        quality = {"optimize": True}
-    first.save(path, save_all=True, append_images=others, duration=round(1000 / rate), loop=0, **quality)

@@ -12,8 +12,7 @@ import OpenImageIO as oiio
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress
-from lfsr_core.exports.depth import central_disparity
-from lfsr_core.exports.light_field import LightField, camera_places, read_linear_views
+from lfsr_core.exports.light_field import LightField, camera_places, central_disparity, read_linear_views
 from lfsr_core.exports.options import VIEW_TYPES, ExportOptions, chosen_type
 from lfsr_core.images.exr import HALF_MAX
 from lfsr_core.images.png import write_png
@@ -96,16 +95,7 @@ def write_hci(field: LightField, folder: Path, options: ExportOptions) -> None:
         # PFM starts with the bottom row; -1 says little-endian.
         header = f"Pf\n{disparity.shape[1]} {disparity.shape[0]}\n-1\n".encode()
         (folder / DISPARITY_FILE).write_bytes(header + disparity[::-1].astype("<f4").tobytes())
-    parameters = _parameters(field, (across, down), disparity)
-    (folder / PARAMETERS_FILE).write_text(parameters, encoding="ascii", errors="replace")
-    if disparity is None:
-        options.tell(Notice("disparity-missing"))
-
-
-def _parameters(field: LightField, views: tuple[int, int], disparity: Array | None) -> str:
-    """Text of parameters.cfg; ``views``: exported cameras (across, down)."""
-    (across, down), (width, height) = views, field.display.lenses
-    array, mm = field.frame.array, field.mm_per_unit
+    (width, height), array, mm = field.display.lenses, field.frame.array, field.mm_per_unit
     focus, baseline = array.distance * mm, array.spacing * mm * field.count[0] / across
     # The sensor is as wide as the longer side of an image, as the benchmark's programs expect.
     side = 2 * mm * max(array.half_width, array.half_height)
@@ -126,6 +116,9 @@ def _parameters(field: LightField, views: tuple[int, int], disparity: Array | No
         "meta": {"scene": field.name, "category": "lfsr", "date": "", "version": "v0", "authors": "", "contact": "",
                  "cycles_seed": field.frame.seed, "disp_min": farthest, "disp_max": nearest,
                  "frustum_disp_min": farthest, "frustum_disp_max": nearest, "depth_map_scale": 1.0}}
-    return "\n".join(f"[{title}]\n" + "".join(
+    parameters = "\n".join(f"[{title}]\n" + "".join(
         f"{key} = {value:.9g}\n" if isinstance(value, float) else f"{key} = {value}\n"
         for key, value in entries.items()) for title, entries in sections.items())
+    (folder / PARAMETERS_FILE).write_text(parameters, encoding="ascii", errors="replace")
+    if disparity is None:
+        options.tell(Notice("disparity-missing"))

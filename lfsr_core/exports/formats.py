@@ -6,14 +6,14 @@ import contextlib
 import dataclasses
 import fnmatch
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import check_name, replace_files, system_errors
 from lfsr_core.base.notices import Notice, Progress, Tell
-from lfsr_core.exports import depth, films, folders, quilt, stereo
-from lfsr_core.exports.light_field import LightField, read_light_field
+from lfsr_core.exports import films, folders, quilt, stereo
+from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions, default_target
 from lfsr_core.frames.folder import frame_folders, is_sequence, one_display
 from lfsr_core.frames.frame import read_frame
@@ -24,31 +24,28 @@ DEFAULT = ExportOptions()
 
 @dataclasses.dataclass(frozen=True)
 class Format:
-    """A format; its functions fill an empty folder."""
+    """A format; its function fills an empty folder."""
 
-    write: Callable[[LightField, Path, ExportOptions], None]  # writes one frame
+    # Writes one frame: (LightField, folder, ExportOptions); or a film: (iterator of them, their number or None for a
+    # single frame, folder, ExportOptions).
+    write: Callable[..., None]
     options: tuple[str, ...]  # names of the options that it has
     numbered: tuple[str, ...] = ()  # patterns of numbered files: an export removes those of an earlier one
     one_file: bool = False  # one file per frame, so that all files of an animation go into one folder
-    # writes the frames of an animation, and their number, as one film; None where frames are written one by one
-    write_film: Callable[[Iterator[LightField], int, Path, ExportOptions], None] | None = None
-
-
-def _motion(motion: films.Motion, *more: str) -> Format:
-    return Format(functools.partial(films.write_motion, motion), ("width", "type", "seconds", "fps", *more),
-                  (f"*_{motion.name}_*.png",), write_film=functools.partial(films.write_motion_of_frames, motion))
+    is_film: bool = False  # whether all frames are written at once
 
 
 FORMATS = {
     "quilt": Format(quilt.write_quilt, ("views", "grid", "width", "preset"), one_file=True),
-    "quilt-film": Format(lambda field, *rest: quilt.write_quilt_film(iter([field]), 1, *rest),
-                         ("views", "grid", "width", "preset", "type", "fps"), ("*_qs*_*.png",),
-                         write_film=quilt.write_quilt_film),
-    "rgbd": Format(depth.write_rgbd, ("width",), one_file=True),
+    "quilt-film": Format(quilt.write_quilt_film, ("views", "grid", "width", "preset", "type", "fps"),
+                         ("*_qs*_*.png",), is_film=True),
+    "rgbd": Format(stereo.write_rgbd, ("width",), one_file=True),
     **{name: Format(functools.partial(stereo.write, layout), ("eyes_mm", "width"), one_file=True)
        for name, layout in stereo.LAYOUTS.items()},
-    "wiggle": _motion(films.WIGGLE, "eyes_mm"),
-    "sway": _motion(films.SWAY),
+    "wiggle": Format(functools.partial(films.write_motion, films.WIGGLE),
+                     ("width", "type", "seconds", "fps", "eyes_mm"), ("*_wiggle_*.png",), is_film=True),
+    "sway": Format(functools.partial(films.write_motion, films.SWAY), ("width", "type", "seconds", "fps"),
+                   ("*_sway_*.png",), is_film=True),
     "views": Format(folders.write_views, ("views", "type"), ("view_*_*.png",)),
     "hci": Format(folders.write_hci, ("views",), ("input_Cam*.png", folders.DISPARITY_FILE)),
     "stanford": Format(folders.write_stanford, ("views",), ("out_*_*_*_*_.png",)),
@@ -81,32 +78,31 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
         if option not in chosen.options:
             raise LfsrError(f"format {name!r} has no option {option!r}, only {', '.join(chosen.options)}: leave it out")
     target = default_target(folder, name) if target is None else Path(target)
-    if is_sequence(folder):
-        written = _export_animation(frame_folders(folder), chosen, target, options)
-    else:
+    paths = frame_folders(folder) if is_sequence(folder) else None
+    if paths is not None:
+        one_display({path: read_frame(path) for path in paths})
+    if chosen.is_film:
+        # One at a time: an 8K animation would not fit into memory.
+        fields = map(read_light_field, paths or [Path(folder)])
+        written = _write(target, chosen,
+                         lambda staged: chosen.write(fields, paths and len(paths), staged, options))
+    elif paths is None:
         written = _write(target, chosen, lambda staged: chosen.write(read_light_field(folder), staged, options))
+    else:
+        written = []
+        for number, path in enumerate(paths):
+            def tell(told: Progress | Notice, number: int = number) -> None:
+                options.tell(told if isinstance(told, Notice) else Progress(
+                    told.stage, (number + told.fraction) / len(paths), f"frame {number + 1} of {len(paths)}"))
+
+            def write(staged: Path, path: Path = path, tell: Tell = tell) -> None:
+                field = read_light_field(path)
+                named = dataclasses.replace(field, name=f"{field.name}_{path.name}") if chosen.one_file else field
+                chosen.write(named, staged, dataclasses.replace(options, tell=tell))
+
+            written += _write(target if chosen.one_file else target / path.name, chosen, write)
     options.tell(Progress("export", 1.0, name))
     return written
-
-
-def _export_animation(paths: list[Path], chosen: Format, target: Path, options: ExportOptions) -> list[Path]:
-    one_display({path: read_frame(path) for path in paths})
-    write_film, files = chosen.write_film, list[Path]()
-    if write_film is not None:
-        fields = map(read_light_field, paths)  # one at a time: an 8K animation would not fit into memory
-        return _write(target, chosen, lambda staged: write_film(fields, len(paths), staged, options))
-    for number, path in enumerate(paths):
-        def tell(told: Progress | Notice, number: int = number) -> None:
-            options.tell(told if isinstance(told, Notice) else Progress(
-                told.stage, (number + told.fraction) / len(paths), f"frame {number + 1} of {len(paths)}"))
-
-        def write(staged: Path, path: Path = path, tell: Tell = tell) -> None:
-            field = read_light_field(path)
-            named = dataclasses.replace(field, name=f"{field.name}_{path.name}") if chosen.one_file else field
-            chosen.write(named, staged, dataclasses.replace(options, tell=tell))
-
-        files += _write(target if chosen.one_file else target / path.name, chosen, write)
-    return files
 
 
 def _write(target: Path, chosen: Format, write: Callable[[Path], None]) -> list[Path]:
@@ -114,25 +110,19 @@ def _write(target: Path, chosen: Format, write: Callable[[Path], None]) -> list[
     check_name(target)
     if target.exists() and not target.is_dir():
         raise LfsrError(f"{target} is a file, but an export goes into a folder: choose another name")
-    with _new_folder(target.parent), staging_folder(target) as work, system_errors(target):
-        staged = work / "export"
-        staged.mkdir()
-        write(staged)
-        names = sorted(path.name for path in staged.iterdir())
-        numbered = [pattern for pattern in chosen.numbered if fnmatch.filter(names, pattern)]
-        target.mkdir(exist_ok=True)
-        replace_files(staged, target, [path.name for pattern in numbered for path in target.glob(pattern)])
-    return [target / name for name in names]
-
-
-@contextlib.contextmanager
-def _new_folder(folder: Path) -> Iterator[None]:
-    """Remove ``folder`` after an error, if it is empty and did not exist before."""
-    new = not folder.exists()
+    new = not target.parent.exists()
     try:
-        yield
+        with staging_folder(target) as work, system_errors(target):
+            staged = work / "export"
+            staged.mkdir()
+            write(staged)
+            names = sorted(path.name for path in staged.iterdir())
+            numbered = [pattern for pattern in chosen.numbered if fnmatch.filter(names, pattern)]
+            target.mkdir(exist_ok=True)
+            replace_files(staged, target, [path.name for pattern in numbered for path in target.glob(pattern)])
     except BaseException:
-        if new:
+        if new:  # removed after an error, if it is empty
             with contextlib.suppress(OSError):
-                folder.rmdir()
+                target.parent.rmdir()
         raise
+    return [target / name for name in names]

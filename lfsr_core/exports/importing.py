@@ -14,10 +14,9 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import file_digest, read_bytes, replace_files, system_errors
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.exports.folders import PARAMETERS_FILE
-from lfsr_core.exports.light_field import Source, retargeted
-from lfsr_core.exports.quilt import Quilt, read_film, read_quilt
-from lfsr_core.exports.quilt_names import Pair, without_suffix
-from lfsr_core.exports.view_files import ViewFiles, find_views, read_views
+from lfsr_core.exports.light_field import resized, view_between
+from lfsr_core.exports.options import Pair, without_suffix
+from lfsr_core.exports.sources import Quilt, Source, find_views, read_film, read_quilt, read_views
 from lfsr_core.frames.folder import DERIVED_FILES, FrameFolder
 from lfsr_core.frames.frame import (
     EIA_FILE,
@@ -82,10 +81,13 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
     FrameFolder(output).check_free("render")
     if output.resolve() == source.resolve():
         raise LfsrError(f"{output} holds the views themselves, expected another folder for the frame: choose one")
-    hci = _hci_parameters(source / PARAMETERS_FILE)
-    files = find_views(source, hci.columns if hci else None)
+    columns, lengths = _hci_parameters(source / PARAMETERS_FILE)
+    files, known = find_views(source, columns), dict[str, float]()
     files = files.square(tell) if geometry.display is None else files
-    known = hci.geometry(files) if hci else {}
+    if lengths:
+        focal, sensor, baseline, focus = lengths
+        known = {"width_mm": focus * sensor / focal * files.size[0] / max(files.size), "distance_mm": focus,
+                 "angle_deg": 2 * math.degrees(math.atan(baseline * files.count[0] / 2 / focus))}
     display = _display(files.size, files.count, scale, geometry, known, tell)
     taken = Source(read_views(files, tell), files.size[0] / files.size[1], equal_angles=False)
     frame = _frame(display, scale, source.resolve().name)
@@ -122,7 +124,12 @@ def import_film(source: str | Path, output: str | Path, quilt: Quilt, geometry: 
         display = _quilt_display(taken, 1, geometry, quilt, tell if number == 1 else silent)
         frame = dataclasses.replace(_frame(display, 1, without_suffix(source.stem)), frame=number, content=content)
         folder = frame_folder(output, number)
-        if not _holds(folder, frame):
+        if is_there := (folder / FRAME_FILE).exists():
+            FrameFolder(folder).check_free("render")
+            if read_frame(folder) != frame:
+                raise LfsrError(f"{folder} holds a frame of another film, or for another display: choose another "
+                                "folder")
+        if not (is_there and (folder / LOW_RES_FILE).is_file()):
             _write(folder, frame, _views(taken, geometry, geometry.angle_deg))
         if not all((folder / name).is_file() for name in (EIA_FILE, *((PANEL_FILE,) if display.is_woven else ()))):
             finish_frame(folder, "none")
@@ -130,16 +137,6 @@ def import_film(source: str | Path, output: str | Path, quilt: Quilt, geometry: 
         raise LfsrError(f"{source} has no images that can be read: give a film of quilts")
     tell(Progress("import", 1.0, str(output)))
     return display
-
-
-def _holds(folder: Path, frame: Frame) -> bool:
-    """Whether a folder has this frame already; LfsrError where it has another."""
-    if not (folder / FRAME_FILE).exists():
-        return False
-    FrameFolder(folder).check_free("render")
-    if read_frame(folder) != frame:
-        raise LfsrError(f"{folder} holds a frame of another film, or for another display: choose another folder")
-    return (folder / LOW_RES_FILE).is_file()
 
 
 def _frame(display: DisplayProfile, scale: int, name: str) -> Frame:
@@ -204,27 +201,37 @@ def _display(size: Pair, count: Pair, scale: int, given: ImportGeometry, known: 
         chosen["angle_deg"], description=f"{across}×{down} views of another program or camera")
 
 
-@dataclasses.dataclass(frozen=True)
-class _Hci:
-    """The parameters in parameters.cfg; lengths in millimetres."""
+def retargeted(source: Source, display: DisplayProfile, angle_deg: float | None = None, fill: bool = False) -> Array:
+    """Views (py, px, sy, sx, 3) uint8 for ``display``.
 
-    columns: int | None  # cameras across
-    focal: float
-    sensor: float
-    baseline: float
-    focus: float
+    Parameters
+    ----------
+    source : the views
+    display : that they are shown on
+    angle_deg : over which the cameras of ``source`` are spread horizontally; beyond it the outermost view repeats.
+        None: the display's own angle
+    fill : whether the picture fills the display and is cut; else all of it is seen, between black bars
+    """
+    wider = source.aspect / (display.panel_mm[0] / display.panel_mm[1])
+    across = max(1.0, wider) if fill else min(1.0, wider)
+    covers = (across, across / wider)
+    views = np.stack([[resized(view, display.lenses, covers) for view in row] for row in source.views])
+    angle, (down, count) = math.radians(angle_deg or display.viewing_angle_deg), source.views.shape[:2]
+    right, up = ((np.arange(n) + 0.5 - n / 2) * display.camera_spacing_mm / display.viewing_distance_mm
+                 for n in display.views)  # tangents of the display's cameras
+    span = 2 * math.tan(angle / 2)
+    columns = ((np.arctan(right) / angle if source.equal_angles else right / span) + 0.5) * count - 0.5
+    rows = up / span * count + (down - 1) / 2  # as far apart as columns
+    return np.stack([np.stack([view_between(views, column, row) for column in columns]) for row in rows])
 
-    def geometry(self, files: ViewFiles) -> dict[str, float]:
-        """Values of an ``ImportGeometry``, by name."""
-        width = self.focus * self.sensor / self.focal * files.size[0] / max(files.size)
-        angle = 2 * math.degrees(math.atan(self.baseline * files.count[0] / 2 / self.focus))
-        return {"width_mm": width, "distance_mm": self.focus, "angle_deg": angle}
 
+def _hci_parameters(path: Path) -> tuple[int | None, tuple[float, ...]]:
+    """Cameras across, and focal length, sensor, baseline and focus in millimetres, of an HCI light field's parameters.
 
-def _hci_parameters(path: Path) -> _Hci | None:
-    """Parameters of an HCI light field; None where there is no file. LfsrError where it cannot be read."""
+    Nothing where there is no file; LfsrError where it cannot be read.
+    """
     if not path.is_file():
-        return None
+        return None, ()
     parser = configparser.ConfigParser(interpolation=None)
     try:
         parser.read_string(read_bytes(path, "the parameters of an HCI light field", MOST_PARAMETER_BYTES).decode())
@@ -237,4 +244,4 @@ def _hci_parameters(path: Path) -> _Hci | None:
     except (configparser.Error, ValueError, KeyError) as error:
         raise LfsrError(f"{path} cannot be read as the parameters of an HCI light field "
                         f"({str(error).splitlines()[0][:80]}): correct it, or remove it") from None
-    return _Hci(columns, *lengths)
+    return columns, lengths

@@ -1,20 +1,21 @@
-"""The light field of a finished frame, places of its cameras, and its views in other sizes and for other displays."""
+"""The light field of a finished frame, its views in other sizes, and its disparity."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.frame import EIA_LINEAR_FILE, Frame, read_frame
+from lfsr_core.frames.frame import EIA_LINEAR_FILE, LOW_RES_FILE, Frame, read_frame
+from lfsr_core.frames.low_res import low_resolution
 from lfsr_core.frames.views import eia_to_views, read_views
-from lfsr_core.images.exr import read_layers
+from lfsr_core.images.exr import read_finite, read_layers
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.reconstruct.methods.interpolation import cubic
 
@@ -157,35 +158,54 @@ def _weights(size: int, target: int, covers: float = 1) -> Array:
     return matrix
 
 
-@dataclasses.dataclass(frozen=True)
-class Source:
-    """Views of others."""
+def central_disparity(field: LightField) -> Array | None:
+    """Disparity (sy, sx) float32 at the centre of the cameras; None where the frame has no position layer.
 
-    views: Array  # (rows, columns, height, width, 3) uint8, row 0 the topmost cameras, column 0 the leftmost
-    aspect: float  # width / height of the picture, whose pixels need not be square
-    # whether neighbouring cameras differ by one angle, as in quilts; else by one distance
-    equal_angles: bool
-
-
-def retargeted(source: Source, display: DisplayProfile, angle_deg: float | None = None, fill: bool = False) -> Array:
-    """Views (py, px, sy, sx, 3) uint8 for ``display``.
-
-    Parameters
-    ----------
-    source : the views
-    display : that they are shown on
-    angle_deg : over which the cameras of ``source`` are spread horizontally; beyond it the outermost view repeats.
-        None: the display's own angle
-    fill : whether the picture fills the display and is cut; else all of it is seen, between black bars
+    In pixels (lenses) per finished view, positive in front of the display plane: a camera one step to the right sees
+    a point that many pixels further left, one step up that many further down. Empty pixels have that of infinity.
     """
-    wider = source.aspect / (display.panel_mm[0] / display.panel_mm[1])
-    across = max(1.0, wider) if fill else min(1.0, wider)
-    covers = (across, across / wider)
-    views = np.stack([[resized(view, display.lenses, covers) for view in row] for row in source.views])
-    angle, (down, count) = math.radians(angle_deg or display.viewing_angle_deg), source.views.shape[:2]
-    right, up = ((np.arange(n) + 0.5 - n / 2) * display.camera_spacing_mm / display.viewing_distance_mm
-                 for n in display.views)  # tangents of the display's cameras
-    span = 2 * math.tan(angle / 2)
-    columns = ((np.arctan(right) / angle if source.equal_angles else right / span) + 0.5) * count - 0.5
-    rows = up / span * count + (down - 1) / 2  # as far apart as columns
-    return np.stack([np.stack([view_between(views, column, row) for column in columns]) for row in rows])
+    rendered = rendered_disparity(field)
+    if rendered is None:
+        return None
+    seen, array, (sx, sy) = rendered.disparity, field.frame.array, field.display.lenses
+    right, down = (place - (count - 1) / 2 for place, count in zip(rendered.place, field.count, strict=True))
+    down = down * array.half_width / sx / (array.half_height / sy)  # in lenses across, which may not be square
+    # One step of a fixed-point iteration, enough for the fractions of a pixel between the centre and the nearest view.
+    rows, columns = np.indices(seen.shape)
+    column = np.clip(np.rint(columns - right * seen), 0, seen.shape[1] - 1).astype(int)
+    row = np.clip(np.rint(rows - down * seen), 0, seen.shape[0] - 1).astype(int)
+    return np.asarray(seen[row, column])
+
+
+class Rendered(NamedTuple):
+    """Disparity of a rendered view."""
+
+    disparity: Array  # (sy, sx) float32, as of ``central_disparity``
+    place: tuple[float, float]  # of its camera, as numbers of finished views (column, row)
+
+
+def rendered_disparity(field: LightField) -> Rendered | None:
+    """Disparity of the rendered view nearest to the centre; None where the frame has no position layer."""
+    path = field.folder / LOW_RES_FILE
+    if "position" not in field.frame.layers or not path.is_file() or field.frame.lens_list is not None:
+        return None
+    layers, _ = read_finite(path)
+    if "position" not in layers:
+        return None
+    low = low_resolution(layers, field.frame)
+    row, column = low.color.shape[2] // 2, low.color.shape[3] // 2
+    steps = (field.count[0] / low.color.shape[3], field.count[1] / low.color.shape[2])  # in finished views
+    assert low.position is not None, "the layers have it"
+    hit = low.alpha[:, :, row, column, 0] > 0
+    to_array = np.linalg.inv(np.asarray(field.frame.matrix_world, float))
+    distance = low.position[:, :, row, column] @ to_array[2, :3] + to_array[2, 3]  # from the camera plane
+    depth, array = np.where(hit, distance, np.inf), field.frame.array
+    nearness = array.distance / np.maximum(depth, 1e-6 * array.distance)
+    return Rendered(np.asarray((1 - nearness) * infinite_disparity(field.frame), np.float32),
+                    ((column + 0.5) * steps[0] - 0.5, (row + 0.5) * steps[1] - 0.5))
+
+
+def infinite_disparity(frame: Frame) -> float:
+    """Disparity at infinity, in pixels (lenses) per finished view."""
+    pixel = 2 * frame.array.half_width / frame.display.lenses[0]
+    return float(np.float32(-frame.array.spacing / pixel))

@@ -1,9 +1,17 @@
-"""Export formats by name, and their options, in a module that is quick to import, for menus and ``--help``."""
+"""Export formats by name, their options, and names of quilts, in a module that is quick to import, for menus and
+``--help``.
+
+A quilt's name holds columns, rows and the panel's proportions: ``name_qs8x6a0.75.png``. pylightio, which AliceLG reads
+quilts with, knows them by their sizes and takes the numbers in a name for rows and columns in the other order; a quilt
+of another size can be taken for one with rows and columns exchanged.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
+from typing import NamedTuple
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Tell, silent
@@ -42,6 +50,27 @@ MOST_VIEWS = 1000  # a side
 WIDEST_EYES_MM = 1000.0
 MOST_SECONDS = 60.0
 MOST_FPS = 240.0
+Pair = tuple[int, int]
+SUFFIX = re.compile(r"_qs(\d{1,4})x(\d{1,4})(?:a(\d{1,4}(?:\.\d{1,9})?))?(?![\dx])", re.IGNORECASE)
+
+
+class Preset(NamedTuple):
+    """A quilt that other programs know; pairs are (across, down)."""
+
+    panel: Pair  # pixels of the panels that it is for
+    grid: Pair  # tiles
+    tile: Pair  # pixels
+
+
+PRESETS = {
+    "portrait": Preset((1536, 2048), (8, 6), (420, 560)),
+    "8.9": Preset((2560, 1600), (5, 9), (819, 455)),
+    "16": Preset((3840, 2160), (7, 7), (857, 857)),
+    "16-portrait": Preset((2160, 3840), (11, 6), (545, 1000)),
+    "go": Preset((1440, 2560), (11, 6), (372, 682)),
+    "32-portrait": Preset((4320, 7680), (11, 6), (744, 1364)),
+    "65": Preset((7680, 4320), (8, 9), (1024, 910)),
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,7 +79,7 @@ class ExportOptions:
 
     views: tuple[int, int] | None = None  # cameras across and down, evenly spaced over the viewing zone
     grid: tuple[int, int] | None = None  # columns and rows of a quilt
-    preset: str | None = None  # of a quilt, one of quilt_names.PRESETS
+    preset: str | None = None  # of a quilt, one of PRESETS
     eyes_mm: float | None = None  # distance between the eyes of a stereo pair or wiggle
     width: int | None = None  # in pixels, of an image or of a quilt's tile
     type: str | None = None  # file type, in formats that have several
@@ -85,3 +114,35 @@ def chosen_type(options: ExportOptions, choices: tuple[str, ...]) -> str:
 def default_target(folder: str | Path, name: str) -> Path:
     """Default folder for an export of a frame folder in format ``name``."""
     return Path(folder, EXPORT_FOLDER, name)
+
+
+def quilt_name(name: str, grid: Pair, aspect: float) -> str:
+    """Name of a quilt's file without its ending; ``aspect``: the panel's width / height."""
+    return f"{name}_qs{grid[0]}x{grid[1]}a{aspect:.4g}"
+
+
+class QuiltShape(NamedTuple):
+    """What a quilt's name says."""
+
+    grid: Pair  # tiles (across, down)
+    aspect: float | None  # width / height of the panel that it was made for; None: not said
+
+
+def read_quilt_name(name: str) -> QuiltShape | None:
+    """What a file's name says of a quilt; None where it names no tiles."""
+    found = SUFFIX.search(name)
+    if not found:
+        return None
+    across, down, aspect = found.groups()
+    return QuiltShape((int(across), int(down)), float(aspect) if aspect and float(aspect) else None)
+
+
+def without_suffix(name: str) -> str:
+    """A quilt's name without its tiles and aspect ratio."""
+    return SUFFIX.sub("", name)
+
+
+def usual_aspect(grid: Pair) -> float | None:
+    """Aspect ratio of the panel whose quilts have this grid; None where programs know none."""
+    known = [preset.panel for preset in PRESETS.values() if preset.grid == grid]
+    return known[-1][0] / known[-1][1] if known else None

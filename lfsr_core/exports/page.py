@@ -12,7 +12,7 @@ import html
 import json
 import re
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +23,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.frames.folder import frame_folders, one_display
-from lfsr_core.frames.frame import EIA_FILE, VIEWER_FILE, Frame, read_frame
+from lfsr_core.frames.frame import EIA_FILE, VIEWER_FILE, read_frame
 from lfsr_core.images.png import read_png
 from lfsr_core.images.source import opened
 from lfsr_core.optics.display import DisplayProfile
@@ -69,14 +69,31 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
     path = Path(output) if output else Path(folders[0]) / VIEWER_FILE
     frames = {folder: read_frame(folder) for given in folders for folder in frame_folders(given)}
     profile = one_display(frames)
-    images: list[str] = []
+    # Numbers of the frames, or where two have the same, the ends of their folders' paths that tell them apart.
+    labels, paths = [str(frame.frame) for frame in frames.values()], [folder.resolve().parts for folder in frames]
+    for depth in range(1, max(map(len, paths)) + 1):
+        if len(set(labels)) == len(labels):
+            break
+        labels = ["/".join(parts[-depth:]) for parts in paths]
+    images, (width, height) = list[str](), profile.eia_pixels
     for number, folder in enumerate(frames):
         tell(Progress("view", number / len(frames), str(folder)))
-        images.append(base64.b64encode(_webp(folder, profile, quality, tell)).decode("ascii"))
+        pixels = read_png(folder / EIA_FILE)
+        if pixels.shape[:2] != (height, width):
+            raise LfsrError(f"{folder / EIA_FILE} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but display "
+                            f"{profile.name!r} has {width}×{height}: upscale the folder again")
+        if max(width, height) > MOST_SIDE:
+            pixels = fewer_views(pixels, profile)
+            tell(Notice("page-reduced", {"width": pixels.shape[1], "height": pixels.shape[0], "eia_width": width,
+                                         "eia_height": height, "most": MOST_SIDE}))
+        encoded = encode_webp(pixels, quality or USUAL_QUALITY)
+        if quality is None and loss(pixels, encoded, profile.lenses) > MOST_LOSS:
+            encoded = encode_webp(pixels, BEST)
+        images.append(base64.b64encode(encoded).decode("ascii"))
         if sum(map(len, images)) > MOST_PAGE_BYTES:
             raise LfsrError(f"the page would be over {MOST_PAGE_BYTES / 1e6:.0f} MB after {number + 1} of "
                             f"{len(frames)} frames: give fewer frames or a lower quality")
-    text = _page(profile, _labels(frames), still(next(iter(frames)), profile), images)
+    text = _page(profile, labels, still(next(iter(frames)), profile), images)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     tell(Progress("view", 1.0, path.name))
@@ -84,33 +101,6 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
     if size > WARN_BYTES:
         tell(Notice("page-large", {"bytes": size}))
     return Page(path, size)
-
-
-def _webp(folder: Path, profile: DisplayProfile, quality: int | None, tell: Tell) -> bytes:
-    """EIA of a folder as WebP, with fewer views where it is too large."""
-    pixels = read_png(folder / EIA_FILE)
-    width, height = profile.eia_pixels
-    if pixels.shape[:2] != (height, width):
-        raise LfsrError(f"{folder / EIA_FILE} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but display "
-                        f"{profile.name!r} has {width}×{height}: upscale the folder again")
-    if max(width, height) > MOST_SIDE:
-        pixels = fewer_views(pixels, profile)
-        tell(Notice("page-reduced", {"width": pixels.shape[1], "height": pixels.shape[0], "eia_width": width,
-                                     "eia_height": height, "most": MOST_SIDE}))
-    if quality is not None:
-        return encode_webp(pixels, quality)
-    usual = encode_webp(pixels, USUAL_QUALITY)
-    return usual if loss(pixels, usual, profile.lenses) <= MOST_LOSS else encode_webp(pixels, BEST)
-
-
-def _labels(frames: Mapping[Path, Frame]) -> list[str]:
-    """Numbers of the frames, or where two have the same, the ends of their folders' paths that tell them apart."""
-    labels, folders = [str(frame.frame) for frame in frames.values()], [folder.resolve() for folder in frames]
-    for depth in range(1, max(len(folder.parts) for folder in folders) + 1):
-        if len(set(labels)) == len(labels):
-            break
-        labels = ["/".join(folder.parts[-depth:]) for folder in folders]
-    return labels
 
 
 def still(folder: Path, profile: DisplayProfile) -> bytes:
@@ -172,13 +162,10 @@ def _page(profile: DisplayProfile, labels: list[str], first: bytes, images: list
         "angle_deg": profile.viewing_angle_deg, "flipped": profile.ei_order == "flipped",
         "labels": labels}).replace("<", "\\u003c")
     tags = "\n".join(f'<script type="application/octet-stream" class="eia">{image}</script>' for image in images)
-    parts = {"/*STYLE*/": _part("viewer.css"), "/*SHADER*/": _part("viewer.glsl"),
-             "/*SCRIPT*/": _part("viewer.js") + _part("controls.js"), "TITLE": html.escape(profile.name),
-             "ASPECT": f"{profile.panel_mm[0]:g}/{profile.panel_mm[1]:g}",
+    style, shader, script, controls, text = ((PARTS / name).read_text(encoding="utf-8") for name in (
+        "viewer.css", "viewer.glsl", "viewer.js", "controls.js", "viewer.html"))
+    parts = {"/*STYLE*/": style, "/*SHADER*/": shader, "/*SCRIPT*/": script + controls,
+             "TITLE": html.escape(profile.name), "ASPECT": f"{profile.panel_mm[0]:g}/{profile.panel_mm[1]:g}",
              "STILL": url, "DATA": data, "<!--IMAGES-->": tags}
     # All at once, so that nothing inserted is taken for a mark.
-    return re.sub("|".join(map(re.escape, parts)), lambda found: parts[found[0]], _part("viewer.html"))
-
-
-def _part(name: str) -> str:
-    return (PARTS / name).read_text(encoding="utf-8")
+    return re.sub("|".join(map(re.escape, parts)), lambda found: parts[found[0]], text)

@@ -13,8 +13,7 @@ from lfsr_core.base.files import atomic_path, cache_folder
 from lfsr_core.base.notices import Tell, silent
 from lfsr_core.exports.bridge import Bridge, Device, Quilt, chosen
 from lfsr_core.exports.formats import export
-from lfsr_core.exports.options import ExportOptions
-from lfsr_core.exports.quilt_names import read_quilt_name
+from lfsr_core.exports.options import ExportOptions, read_quilt_name
 from lfsr_core.frames.folder import frame_folders
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
 from lfsr_core.images.source import opened

@@ -1,8 +1,7 @@
-"""Stereo pairs, the views of two eyes in front of the display: side by side, one above the other, or as an anaglyph."""
+"""Single images of a light field: stereo pairs of two eyes in front of the display, anaglyphs, and RGB-D."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,12 +9,20 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.exports.light_field import LightField, on_screen, usual_width
+from lfsr_core.base.notices import Notice
+from lfsr_core.exports.light_field import (
+    LightField,
+    infinite_disparity,
+    on_screen,
+    rendered_disparity,
+    usual_width,
+)
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.images.png import write_png
 from lfsr_core.images.srgb import srgb_decode, srgb_encode
 
 EYES_MM = 63.0
+LEAST_SPAN = 1e-6  # of disparities, in pixels per view
 # Left and right eye's linear red, green and blue to those of red-cyan glasses on a liquid crystal display: E. Dubois,
 # "Conversion of a stereo pair to anaglyph with the least-squares projection method", March 2009.
 DUBOIS = np.array([[[0.437, 0.449, 0.164], [-0.062, -0.062, -0.024], [-0.048, -0.050, -0.017]],
@@ -27,15 +34,14 @@ class Layout(NamedTuple):
 
     suffix: str  # in the file's name, by which players know the layout
     size: tuple[float, float]  # of each image, by a whole one's width and height
-    joined: Callable[[Array, Array], Array]
+    axis: int | None  # along which they are joined; None: as an anaglyph
 
 
-def _side_by_side(left: Array, right: Array) -> Array:
-    return np.concatenate([left, right], axis=1)
-
-
-def _top_and_bottom(left: Array, right: Array) -> Array:
-    return np.concatenate([left, right], axis=0)
+LAYOUTS = {
+    "stereo": Layout("stereo", (1, 1), 1), "half-side-by-side": Layout("hsbs", (0.5, 1), 1),
+    "top-bottom": Layout("tab", (1, 1), 0), "half-top-bottom": Layout("htab", (1, 0.5), 0),
+    "anaglyph": Layout("anaglyph", (1, 1), None),
+}
 
 
 def anaglyph(left: Array, right: Array) -> Array:
@@ -45,21 +51,13 @@ def anaglyph(left: Array, right: Array) -> Array:
     return np.asarray(np.rint(srgb_encode(np.clip(mixed, 0, 1)) * 255), np.uint8)
 
 
-LAYOUTS = {
-    "stereo": Layout("stereo", (1, 1), _side_by_side),
-    "half-side-by-side": Layout("hsbs", (0.5, 1), _side_by_side),
-    "top-bottom": Layout("tab", (1, 1), _top_and_bottom),
-    "half-top-bottom": Layout("htab", (1, 0.5), _top_and_bottom),
-    "anaglyph": Layout("anaglyph", (1, 1), anaglyph),
-}
-
-
 def write(layout: Layout, field: LightField, folder: Path, options: ExportOptions) -> None:
     """Write one image, the left eye's half on the left or on top."""
     between = eye_distance(field, options)
     width = options.width or usual_width(field.display)
     pair = [on_screen(field.seen_from(x), field.display, width, layout.size) for x in (-between / 2, between / 2)]
-    write_png(folder / f"{field.name}_{layout.suffix}_{between:g}mm.png", layout.joined(*pair))
+    joined = anaglyph(*pair) if layout.axis is None else np.concatenate(pair, layout.axis)
+    write_png(folder / f"{field.name}_{layout.suffix}_{between:g}mm.png", joined)
 
 
 def eye_distance(field: LightField, options: ExportOptions) -> float:
@@ -70,3 +68,26 @@ def eye_distance(field: LightField, options: ExportOptions) -> float:
         raise LfsrError(f"eyes {between:g} mm apart are outside the viewing zone of display {field.display.name!r}, "
                         f"which is {zone:.0f} mm wide at the viewing distance: choose a smaller distance")
     return between
+
+
+def write_rgbd(field: LightField, folder: Path, options: ExportOptions) -> None:
+    """Write colour left and depth right, near is white, as Looking Glass' programs take them.
+
+    Depth is linear in disparity; tells where on it the display's plane is.
+    """
+    rendered = rendered_disparity(field)
+    if rendered is None:
+        raise LfsrError(f"{field.folder} has no position layer, from which depth comes: render it with the "
+                        "layer position")
+    color = on_screen(field.view_at(*rendered.place), field.display, options.width or usual_width(field.display))
+    disparity, infinite = rendered.disparity, infinite_disparity(field.frame)
+    hit = disparity[disparity > infinite]
+    far, near = (float(hit.min()), float(hit.max())) if hit.size else (infinite, 0.0)
+    if near - far < LEAST_SPAN:  # all at one depth: emptiness is behind it
+        far = min(infinite, near - LEAST_SPAN)
+    nearness = np.clip((disparity - far) / (near - far), 0, 1)  # emptiness is as far as the farthest that is hit
+    rows, columns = (np.arange(size) * count // size
+                     for size, count in zip(color.shape[:2], nearness.shape, strict=True))
+    grey = np.rint(nearness[rows][:, columns] * 255).astype(np.uint8)  # the nearest lens: no depth between two things
+    write_png(folder / f"{field.name}_rgbd.png", np.concatenate([color, np.repeat(grey[..., None], 3, 2)], axis=1))
+    options.tell(Notice("display-plane", {"depth": float(np.clip(-far / (near - far), 0, 1))}))

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.notices import Notice
-from lfsr_core.exports.depth import central_disparity
 from lfsr_core.exports.formats import export
-from lfsr_core.exports.light_field import read_light_field
+from lfsr_core.exports.light_field import central_disparity, read_light_field
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.frame import read_frame, write_frame
 from tests.support.finished import MINI, TALL, finished, picture
