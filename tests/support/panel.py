@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import pytest
 
 import blender_addon
 from blender_addon.jobs import preview, session
@@ -68,6 +69,13 @@ def snapshot(scene: bpy.types.Scene) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     return tuple(value) if hasattr(value, "__len__") and not isinstance(value, (str, set)) else value
+
+
+def refused(pattern: str, operator: Callable[..., Any], **options: Any) -> None:
+    """Press a button that reports an error: one line in which ``pattern`` is found."""
+    with pytest.raises(RuntimeError, match=pattern) as caught:
+        operator(**options)
+    assert str(caught.value).strip().count("\n") == 0
 
 
 def wait_for(condition: Callable[[], bool], look: bool = True) -> None:

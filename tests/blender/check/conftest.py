@@ -1,7 +1,5 @@
 """A scene that the check finds nothing wrong with, to be spoilt by each test."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.support import panel

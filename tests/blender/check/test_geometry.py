@@ -1,7 +1,5 @@
 """Objects that the display cannot show well are found and named."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """The rows of the scene check: findings of one kind are one row, and a change is noticed."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import bpy

@@ -10,6 +10,7 @@ from blender_addon.jobs import asked, session
 from blender_addon.ui.operators import render
 from lfsr_core.frames.finish import Report, write_report
 from lfsr_core.frames.frame import EIA_FILE, write_frame
+from tests.support import panel
 from tests.support.synthetic import frame_of
 from tests.support.told import refuses
 
@@ -17,8 +18,7 @@ from tests.support.told import refuses
 def test_a_missing_interpreter_is_an_error_before_the_render(scene, monkeypatch):
     monkeypatch.setenv("LFSR_PYTHON", "/no/such/python")
     monkeypatch.setattr(session, "run", lambda *_: pytest.fail("it renders"))
-    with pytest.raises(RuntimeError, match="/no/such/python"):
-        bpy.ops.lfsr.render_eia()
+    panel.refused("/no/such/python", bpy.ops.lfsr.render_eia)
 
 
 def test_errors_are_lfsr_errors(scene):

@@ -17,6 +17,7 @@ from blender_addon.ui.operators import finish, render
 from lfsr_core.frames.finish import read_report
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
+from tests.support import panel
 from tests.support.told import refuses
 
 
@@ -48,8 +49,7 @@ def test_with_the_library_nothing_is_asked_and_every_method_finishes(scene):
 def test_the_render_is_refused_before_it_starts(scene, without_library):
     said = f"The method Default needs Open Image Denoise, but {without_library.name} cannot be loaded: "
     for operator in (bpy.ops.lfsr.render_eia, bpy.ops.lfsr.render_animation):
-        with pytest.raises(RuntimeError, match=f"{said}.*blender.org.*preferences"):
-            operator()
+        panel.refused(f"{said}.*blender.org.*preferences", operator)
     assert not folders.scene_folder(scene).exists()
 
 
@@ -109,8 +109,7 @@ def test_a_render_whose_second_stage_failed_is_kept_without_an_older_image_and_f
     assert (folder / "lr_eia.exr").stat().st_mtime_ns == rendered
     assert read_report(folder).method == "pool" and asked.is_decoded(folder)
     assert asked.is_made(*asked.asked(scene)) and not folders.is_unfinished(folder)
-    with pytest.raises(RuntimeError, match="There is no unfinished render in .*: render the EIA"):
-        bpy.ops.lfsr.finish_frame(method="pool")
+    panel.refused("There is no unfinished render in .*: render the EIA", bpy.ops.lfsr.finish_frame, method="pool")
 
 
 def test_the_preference_names_the_library(addon, tmp_path):

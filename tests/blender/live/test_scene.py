@@ -180,8 +180,7 @@ def test_without_an_array_that_can_be_followed_there_is_no_view(scene):
 
 def test_start_without_a_window_says_so(scene):
     before = panel.snapshot(scene)
-    with pytest.raises(RuntimeError, match="without a window"):
-        bpy.ops.lfsr.live_start()
+    panel.refused("without a window", bpy.ops.lfsr.live_start)
     assert not session.is_on() and panel.snapshot(scene) == before
 
 

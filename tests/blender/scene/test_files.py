@@ -1,7 +1,5 @@
 """Files that a scene needs and that cannot be read are said and refused, whatever reads them."""
 
-from __future__ import annotations
-
 import shutil
 import struct
 from pathlib import Path

@@ -65,8 +65,7 @@ def test_two_files_in_one_folder_have_their_own_results(project):
     add_box(bpy.context.scene, (0.3, 0.0, 0.0), (0.4, 0.4, 0.4))
     save(project / "other.blend")
     assert not is_mine()
-    with pytest.raises(RuntimeError, match="There is no image in .*other/Scene/0001 to preview: render the EIA first"):
-        bpy.ops.lfsr.preview_view()
+    panel.refused("There is no image in .*other/Scene/0001 to preview: render the EIA first", bpy.ops.lfsr.preview_view)
     bpy.context.scene.frame_end = 1
     assert bpy.ops.lfsr.render_animation() == {"FINISHED"}
     other = project / "lightfield" / "other" / "Scene" / "0001"
@@ -85,11 +84,9 @@ def test_a_file_of_one_name_elsewhere_does_not_take_results(project, tmp_path):
     assert not is_mine() and not asked.is_made(*asked.asked(scene))
     taken = "Frame 0001 .* is an image of another scene, 'Scene' of shot.blend in the folder project: "
     for operator in (bpy.ops.lfsr.render_eia, bpy.ops.lfsr.render_animation):
-        with pytest.raises(RuntimeError, match=f"{taken}turn on Overwrite, or choose another output folder"):
-            operator()
+        panel.refused(f"{taken}turn on Overwrite, or choose another output folder", operator)
     for operator in (bpy.ops.lfsr.preview_view, bpy.ops.lfsr.open_viewer, bpy.ops.lfsr.render_reference):
-        with pytest.raises(RuntimeError, match=f"{taken}render the EIA first, or choose another output folder"):
-            operator()
+        panel.refused(f"{taken}render the EIA first, or choose another output folder", operator)
     assert (read_png(folders.frame_folder(scene) / "eia.png") == mine).all()
     scene.lfsr.use_overwrite = True
     assert bpy.ops.lfsr.render_animation() == {"FINISHED"}
@@ -126,8 +123,7 @@ def test_a_file_that_was_never_saved_knows_its_results(tmp_path):
     scene = panel.artist_scene(None)
     scene.lfsr.output = str(tmp_path)
     assert not is_mine()
-    with pytest.raises(RuntimeError, match="'Scene' of a file that was never saved: turn on Overwrite"):
-        bpy.ops.lfsr.render_eia()
+    panel.refused("'Scene' of a file that was never saved: turn on Overwrite", bpy.ops.lfsr.render_eia)
 
 
 def test_relative_output_folders(project):

@@ -1,7 +1,5 @@
 """Calibration by a photograph in a real window: the profile is chosen, and what it predicts is shown."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """In a real window: the scene check groups what it finds, notices changes, and is asked before a render."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

@@ -1,7 +1,5 @@
 """An artist's first hour in a real window (see test_window.py): the array, the first render, the labels."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -1,7 +1,5 @@
 """In a real window without Open Image Denoise: whose image it is, what a method needs, and a linked scene."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Labels and tooltips of every operator, panel, menu and property follow Blender's rules."""
 
-from __future__ import annotations
-
 import re
 
 import bpy

@@ -1,7 +1,5 @@
 """The panel Live says what this Blender can do and what to do now."""
 
-from __future__ import annotations
-
 import bpy
 
 from blender_addon.live import nodes, session

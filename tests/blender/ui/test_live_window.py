@@ -3,8 +3,6 @@
     LFSR_WINDOW_BLENDER=DIR python -m pytest -m window tests/blender/ui/test_live_window.py
 """
 
-from __future__ import annotations
-
 import dataclasses
 import shutil
 import time

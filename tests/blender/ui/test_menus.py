@@ -1,7 +1,5 @@
 """Entries in Blender's menus: its search finds what it draws there."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import bpy

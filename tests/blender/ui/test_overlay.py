@@ -1,7 +1,5 @@
 """The frustum as drawn is the array."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

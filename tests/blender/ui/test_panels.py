@@ -1,7 +1,5 @@
 """Every panel draws against real RNA, in every state it can be in."""
 
-from __future__ import annotations
-
 import itertools
 from types import SimpleNamespace
 
@@ -14,11 +12,11 @@ from blender_addon.scene import folders
 from blender_addon.scene import settings as scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.panels import LFSR_MT_scale
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Progress
 from lfsr_core.frames.request import LIGHTS
 from tests.support.problems import found
 from tests.support.recording_layout import RecordingLayout
+from tests.support.told import refuses
 
 
 def draw(cls) -> list:
@@ -125,8 +123,7 @@ def test_the_light_of_the_menu_is_the_jobs(scene, tmp_path):
     assert {"light", "light_file"} <= properties(draw_all()["Quality"])
     for path, sentence in (("", "no light file is chosen"), ("//gone.hdr", "does not exist"), ("//x.jpg", "light is")):
         scene.lfsr.light_file = path
-        with pytest.raises(LfsrError, match=sentence):
-            scene_settings.resolve_for_render(scene)
+        refuses(sentence, scene_settings.resolve_for_render, scene)
         assert sentence in found(scene, "display").reason.lower()
     (tmp_path / "sky.hdr").touch()
     scene.lfsr.light_file = "//sky.hdr"

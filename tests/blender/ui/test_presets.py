@@ -1,7 +1,5 @@
 """Blender presets: saved, loaded and removed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy

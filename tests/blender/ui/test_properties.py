@@ -1,7 +1,5 @@
 """Quality presets set rays and method, and follow them; fixed samples stay as they are."""
 
-from __future__ import annotations
-
 import bpy
 import pytest
 

@@ -1,7 +1,5 @@
 """In a real window: what a render says while it runs and at its end, and that Blender's search finds the buttons."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

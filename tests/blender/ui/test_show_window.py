@@ -1,7 +1,5 @@
 """In a real window: Show on Display after a render for each kind of display, with a stand-in for Bridge."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 

@@ -1,7 +1,5 @@
 """Numbers that the panel shows."""
 
-from __future__ import annotations
-
 import pytest
 
 from blender_addon.scene import folders

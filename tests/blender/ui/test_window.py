@@ -5,8 +5,6 @@
 DIR is the folder that scripts/window_blender.sh made. LFSR_SCREENSHOTS names a folder for the screenshots.
 """
 
-from __future__ import annotations
-
 import shutil
 import time
 

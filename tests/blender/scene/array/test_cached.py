@@ -1,7 +1,5 @@
 """The array that panels draw is the scene's, whatever happened, and is not searched for again meanwhile."""
 
-from __future__ import annotations
-
 import operator
 
 import bpy

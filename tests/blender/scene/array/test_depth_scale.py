@@ -1,7 +1,5 @@
 """The scale that a scene's depth allows, seen by rays from the array's middle."""
 
-from __future__ import annotations
-
 import pytest
 
 from blender_addon.jobs import asked, session

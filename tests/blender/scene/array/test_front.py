@@ -1,7 +1,5 @@
 """Where an array stands that nobody placed."""
 
-from __future__ import annotations
-
 import bpy
 import mathutils
 import numpy as np

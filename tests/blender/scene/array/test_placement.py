@@ -1,7 +1,5 @@
 """Where the camera array stands: fitted to a subject, or at the scene's own camera."""
 
-from __future__ import annotations
-
 import bpy
 import mathutils
 import numpy as np
@@ -15,6 +13,7 @@ from lfsr_core.base.notices import Notice
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_core.optics.rays import CameraArray
 from tests.support.scenes import add_box, add_camera
+from tests.support.told import refuses
 
 SMALL = load_display("small")
 # Not centred, not a cube, deepest in no axis.
@@ -107,13 +106,11 @@ def test_camera_that_cannot_become_an_array_is_refused(scene):
     box = add_box(scene, tuple(CENTRE), tuple(HALF))
     camera = add_camera(scene)
     camera.data.type = "ORTHO"
-    with pytest.raises(LfsrError, match="type ORTHO, but a camera array needs a perspective one"):
-        placement.place_array(scene, SMALL, {box})
+    refuses("type ORTHO, but a camera array needs a perspective one", placement.place_array, scene, SMALL, {box})
     camera.data.type = "PERSP"
     camera.rotation_euler = (-np.pi / 2, 0, 0)
     bpy.context.view_layer.update()
-    with pytest.raises(LfsrError, match="does not see the subject"):
-        placement.place_array(scene, SMALL, {box})
+    refuses("does not see the subject", placement.place_array, scene, SMALL, {box})
 
 
 def test_bounds_see_modifiers_and_instances(scene):
@@ -163,14 +160,12 @@ def test_camera_sees_its_subject_through_a_clipped_wall(scene):
     box = add_box(scene, tuple(CENTRE), tuple(HALF))
     add_box(scene, (1, -4.9, 3), (2, 0.02, 2))
     camera = add_camera(scene)
-    with pytest.raises(LfsrError, match="does not see the subject but item.001: turn"):
-        placement.place_array(scene, SMALL, {box})
+    refuses("does not see the subject but item.001: turn", placement.place_array, scene, SMALL, {box})
     camera.data.clip_start = 0.5
     assert placement.place_array(scene, SMALL, {box})[0].distance == pytest.approx(7 - HALF[1], abs=0.05)
     assert placement.clip_of(scene) == pytest.approx((0.5, camera.data.clip_end))
     camera.data.clip_end = 3.0
-    with pytest.raises(LfsrError, match="does not see the subject"):
-        placement.place_array(scene, SMALL, {box})
+    refuses("does not see the subject", placement.place_array, scene, SMALL, {box})
 
 
 def scaled(scene, item, scale):

@@ -1,17 +1,15 @@
 """The camera array as scene data: moved, saved, chosen; what the render makes of it."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 import pytest
 
 from blender_addon.scene import subject
 from blender_addon.scene.array import edit, placement, rig
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import load_display
 from tests.support import panel
 from tests.support.problems import found
+from tests.support.told import refuses
 
 MINI = load_display("mini")
 
@@ -75,10 +73,8 @@ def test_array_without_a_direction_is_one_sentence(scene):
     array.scale = (0, 0, 0)
     bpy.context.view_layer.update()
     assert scene.lfsr.distance == 0
-    with pytest.raises(LfsrError, match="has no direction.*set the scale to 1"):
-        place(scene)
-    with pytest.raises(RuntimeError, match="has no direction"):
-        bpy.ops.lfsr.array_fit()
+    refuses("has no direction.*set the scale to 1", place, scene)
+    panel.refused("has no direction", bpy.ops.lfsr.array_fit)
     assert "has no direction" in found(scene, "rig").reason
 
 

@@ -1,7 +1,5 @@
 """A file whose frame was rendered by the button, opened again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy

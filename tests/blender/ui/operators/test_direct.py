@@ -1,7 +1,5 @@
 """Direct subpixel rendering: the panel image, an animation, and what the buttons refuse."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import bpy
@@ -78,12 +76,10 @@ def test_an_animation_keeps_the_frame_that_is_there(opened, rendered, capfd):
     ("render_reference", {}, "A reference needs a light field"), ("plan", {}, "A plan needs a light field"),
     ("submit", {"farm": "openjd", "directory": "//job"}, "A farm's job needs a light field")])
 def test_what_needs_a_light_field_says_so(opened, rendered, button, arguments, sentence):
-    with pytest.raises(RuntimeError, match=f"{sentence}.* switch .*off under Display"):
-        getattr(bpy.ops.lfsr, button)(**arguments)
+    panel.refused(f"{sentence}.* switch .*off under Display", getattr(bpy.ops.lfsr, button), **arguments)
     assert not (rendered.parent / "job").exists()
 
 
 def test_an_image_without_views_has_no_reference(opened):
     opened.lfsr.subpixels = False
-    with pytest.raises(RuntimeError, match="no views to compare"):
-        bpy.ops.lfsr.render_reference()
+    panel.refused("no views to compare", bpy.ops.lfsr.render_reference)

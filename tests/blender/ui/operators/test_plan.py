@@ -1,7 +1,5 @@
 """Find Cheapest Settings: its plan, using it, cancelling it with the render that it started."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from pathlib import Path
@@ -56,16 +54,14 @@ def test_a_plan_that_finds_nothing_has_nothing_to_use(scene):
     plan.show(0.95, scene.name, Choice(None, None, Notice("plan-limit-unmeasured")))
     drawn = draw(panels.LFSR_PT_plan)
     assert "Nothing reaches" in labels(drawn) and operators(drawn) == {"lfsr.plan"}
-    with pytest.raises(RuntimeError, match="No settings were found"):
-        bpy.ops.lfsr.plan_use()
+    panel.refused("No settings were found", bpy.ops.lfsr.plan_use)
 
 
 def test_a_plan_of_another_scene_is_not_shown(scene):
     plan.show(0.9, "Other", Choice(Rated(2, 4, DEFAULT_METHOD, 3.0, Estimate(0.95, 0.91, 48)), None))
     drawn = draw(panels.LFSR_PT_plan)
     assert properties(drawn) == {"plan_target"} and "0.91" not in labels(drawn)
-    with pytest.raises(RuntimeError, match="No settings were found for scene 'Scene'"):
-        bpy.ops.lfsr.plan_use()
+    panel.refused("No settings were found for scene 'Scene'", bpy.ops.lfsr.plan_use)
 
 
 def test_cancel_ends_the_render_it_started(scene):
