@@ -23,6 +23,12 @@ from lfsr_core.optics.display import DisplayProfile, PanelShape, proposed_light_
 from lfsr_core.optics.sheet import Lenticular, Subpixels
 
 INCH = 25.4
+# Quilt of the models with so many pixels, by whether they have cells, as those of the third generation; a 16-inch and a
+# 15.6-inch display of earlier ones have the same. See exports.options.PRESETS.
+QUILTS = {((1536, 2048), False): (8, 6, 420, 560), ((1440, 2560), False): (11, 6, 372, 682),
+          ((2560, 1600), False): (5, 9, 819, 455), ((3840, 2160), False): (5, 9, 819, 455),
+          ((3840, 2160), True): (7, 7, 857, 857), ((2160, 3840), True): (11, 6, 545, 1000),
+          ((7680, 4320), True): (7, 7, 1170, 1170), ((4320, 7680), True): (11, 6, 744, 1364)}
 MOST_NUMBER = 1e9
 # The rule for a pixel's cell, by a calibration's mode as older programs read it; other programs differ.
 RULES = {0: "0", 1: "(x+y)%2", 2: "x%2", 3: "(y+2(x%2))%4", 4: "y%2"}
@@ -126,7 +132,8 @@ def profile_from_calibration(calibration: Calibration, name: str) -> DisplayProf
     return DisplayProfile(
         name, pixels, panel_mm, lenses, views, DISTANCE_BY_HEIGHT * panel_mm[1],
         numbers["viewCone"] or CONE,
-        ei_order="direct", description=f"Lenticular display{serial}, from its calibration.", subpixels=subpixels,
+        ei_order="direct", quilt=QUILTS.get((pixels, bool(calibration.cells))),
+        description=f"Lenticular display{serial}, from its calibration.", subpixels=subpixels,
         lenticular=sheet)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import math
 from pathlib import Path
 from typing import Any
@@ -105,6 +106,7 @@ def _imported(arguments: argparse.Namespace) -> DisplayProfile:
     """Profile of a calibration, from a file or a connected display, named after the output file."""
     from lfsr_core.calibration.visual_json import profile_from_calibration, read_calibration
 
+    shape = None
     if arguments.bridge:
         from lfsr_core.exports.bridge import Bridge, chosen
 
@@ -112,13 +114,15 @@ def _imported(arguments: argparse.Namespace) -> DisplayProfile:
         if arguments.display is None and len(devices) > 1:
             listed = ", ".join(f"{device.index} ({device.name})" for device in devices)
             raise LfsrError(f"{len(devices)} displays are connected, but a profile is of one: name one of {listed}")
-        calibration = chosen(devices, arguments.display).calibration
+        device = chosen(devices, arguments.display)
+        calibration, shape = device.calibration, device.shape
     else:
         calibration = read_calibration(arguments.calibration)
     for name, usual in (("fringe", 0), ("invView", 1)):
         if (value := calibration.numbers[name]) != usual:
             print(f"note: {sentence(Notice('number-ignored', {'name': name, 'value': value}))}")
-    return profile_from_calibration(calibration, arguments.output.stem)
+    profile = profile_from_calibration(calibration, arguments.output.stem)
+    return dataclasses.replace(profile, quilt=shape or profile.quilt)
 
 
 def _fitted(arguments: argparse.Namespace) -> DisplayProfile:

@@ -24,6 +24,7 @@ Call = Callable[[str, dict[str, Any]], Any]
 DONE = ("Completion", "Pending")
 MONITOR = "thirdparty"  # hardware of a display without lenses
 STILL_MS = 20_000  # the playlist of one image begins again then
+MOST_SIDE = 16384  # pixels of a quilt
 SAME_ASPECT = 0.02  # within which two proportions are the same
 
 
@@ -37,6 +38,16 @@ class Device:
     corner: tuple[int, int]  # windowCoords: of the upper left corner, in pixels of the desktop
     quilt: Mapping[str, Any]  # defaultQuilt: quiltX, quiltY, tileX, tileY, quiltAspect, as far as they are stated
     data: Any  # calibration, as JSON data
+
+    @property
+    def shape(self) -> tuple[int, int, int, int] | None:
+        """Its quilt as of ``DisplayProfile.quilt``; None where Bridge does not state a possible one."""
+        stated = [self.quilt.get(name) for name in ("tileX", "tileY", "quiltX", "quiltY")]
+        numbers = [int(number) for number in stated if isinstance(number, (int, float)) and 1 <= number <= MOST_SIDE]
+        if len(numbers) < len(stated):
+            return None
+        columns, rows, width, height = numbers
+        return (columns, rows, width // columns, height // rows) if width >= columns and height >= rows else None
 
     @property
     def calibration(self) -> Calibration:

@@ -57,19 +57,24 @@ SUFFIX = re.compile(r"_qs(\d{1,4})x(\d{1,4})(?:a(\d{1,4}(?:\.\d{1,9})?))?(?![\dx
 class Preset(NamedTuple):
     """A quilt that other programs know; pairs are (across, down)."""
 
-    panel: Pair  # pixels of the panels that it is for
     grid: Pair  # tiles
     tile: Pair  # pixels
+    aspect: float = 0.0  # width / height of the panel that it is for
 
 
+# By the model of Looking Glass displays. Sizes that the grid does not divide are rounded down.
 PRESETS = {
-    "portrait": Preset((1536, 2048), (8, 6), (420, 560)),
-    "8.9": Preset((2560, 1600), (5, 9), (819, 455)),
-    "16": Preset((3840, 2160), (7, 7), (857, 857)),
-    "16-portrait": Preset((2160, 3840), (11, 6), (545, 1000)),
-    "go": Preset((1440, 2560), (11, 6), (372, 682)),
-    "32-portrait": Preset((4320, 7680), (11, 6), (744, 1364)),
-    "65": Preset((7680, 4320), (8, 9), (1024, 910)),
+    "portrait": Preset((8, 6), (420, 560), 3 / 4),
+    "go": Preset((11, 6), (372, 682), 9 / 16),
+    "8.9": Preset((5, 9), (819, 455), 8 / 5),
+    "15.6": Preset((5, 9), (819, 455), 16 / 9),
+    "16-gen2": Preset((5, 9), (819, 455), 16 / 9),
+    "16": Preset((7, 7), (857, 857), 16 / 9),
+    "16-portrait": Preset((11, 6), (545, 1000), 9 / 16),
+    "32-gen2": Preset((5, 9), (1638, 910), 16 / 9),
+    "32": Preset((7, 7), (1170, 1170), 16 / 9),
+    "32-portrait": Preset((11, 6), (744, 1364), 9 / 16),
+    "65": Preset((8, 9), (1024, 910), 16 / 9),
 }
 
 
@@ -86,6 +91,8 @@ class ExportOptions:
     seconds: float | None = None  # duration of one sway or wiggle to and fro
     fps: float | None = None  # frames per second of a film
     tell: Tell = silent
+    # of a quilt for a device that states its own, as ``DisplayProfile.quilt``
+    shape: tuple[int, int, int, int] | None = None
 
     def __post_init__(self) -> None:
         for name in ("views", "grid"):
@@ -99,7 +106,7 @@ class ExportOptions:
 
     def given(self) -> list[str]:
         """Names of the options that are not None."""
-        return [name for name, value in vars(self).items() if name != "tell" and value is not None]
+        return [name for name, value in vars(self).items() if name not in ("tell", "shape") and value is not None]
 
 
 def chosen_type(options: ExportOptions, choices: tuple[str, ...]) -> str:
@@ -144,5 +151,4 @@ def without_suffix(name: str) -> str:
 
 def usual_aspect(grid: Pair) -> float | None:
     """Aspect ratio of the panel whose quilts have this grid; None where programs know none."""
-    known = [preset.panel for preset in PRESETS.values() if preset.grid == grid]
-    return known[-1][0] / known[-1][1] if known else None
+    return next((preset.aspect for preset in reversed(PRESETS.values()) if preset.grid == grid), None)

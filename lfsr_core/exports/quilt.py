@@ -18,7 +18,7 @@ from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.notices import Progress
 from lfsr_core.exports.films import ANIMATION_RATE, write_film
 from lfsr_core.exports.light_field import LightField, resized, screen_size
-from lfsr_core.exports.options import PRESETS, QUILT_FILM_TYPES, ExportOptions, Pair, chosen_type, quilt_name
+from lfsr_core.exports.options import PRESETS, QUILT_FILM_TYPES, ExportOptions, Pair, Preset, chosen_type, quilt_name
 from lfsr_core.images.png import write_png
 
 MOST_SIDE = 16384  # pixels; no program takes more
@@ -50,15 +50,15 @@ def _aspect(field: LightField) -> float:
 
 
 def _layout(field: LightField, options: ExportOptions) -> tuple[Pair, Pair]:
-    """Tiles and their pixels: as asked for, the preset of the display's panel, or all views of a display without."""
+    """Tiles and their pixels: as asked for, those of the display's model, or all views of a display without."""
     asked = options.views or options.grid or options.width
     if options.preset and asked:
         raise LfsrError(f"preset {options.preset!r} decides views, grid and width of a quilt: leave these out")
     if options.preset and options.preset not in PRESETS:
         raise LfsrError(f"preset is {options.preset!r}: {did_you_mean(options.preset, PRESETS)}Choose from "
                         f"{', '.join(PRESETS)}")
-    preset = PRESETS[options.preset] if options.preset else next(
-        (preset for preset in PRESETS.values() if preset.panel == field.display.panel_pixels), None)
+    shape = options.shape or field.display.quilt
+    preset = PRESETS[options.preset] if options.preset else shape and Preset(shape[:2], shape[2:])
     if preset and not asked:
         grid, tile = preset.grid, preset.tile
     else:

@@ -58,6 +58,7 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: 
                 raise LfsrError(f"{image.parent} holds no {image.name}, the panel's image: finish it with `lfsr "
                                 "upscale`")
         return _full_screen(path / PAGE, images, 1 / fps)
+    options = dataclasses.replace(options, shape=found[1].shape)  # the device knows its quilt best
     if len(frames) > 1:
         (quilt,) = export(path, "quilt-film", options=options)
     else:

@@ -58,6 +58,8 @@ class DisplayProfile:
     lenslet: Lenslet | None = None
     lenticular: Lenticular | None = None
     weave: str = "views"  # one of WEAVES: what the weave interpolates
+    # the quilt that other programs know of this model: tiles across and down, pixels of a tile across and down
+    quilt: tuple[int, int, int, int] | None = dataclasses.field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         for field, most in (("name", MAX_NAME), ("title", MAX_NAME), ("description", MAX_DESCRIPTION)):
@@ -74,6 +76,10 @@ class DisplayProfile:
         if not 1 / MAX_MM <= self.viewing_distance_mm <= MAX_MM:
             fail("viewing_distance_mm", self.viewing_distance_mm, "it must be a length above 0 in millimetres")
         check_within("viewing_angle_deg", self.viewing_angle_deg, 1, 120)
+        if self.quilt and not (min(self.quilt) >= 1 and max(self.quilt[0] * self.quilt[2],
+                                                           self.quilt[1] * self.quilt[3]) <= MAX_PIXELS):
+            fail("quilt", self.quilt, "it must be tiles across and down and pixels of a tile across and down, at most "
+                                      f"{MAX_PIXELS} pixels a side")
         _check_pixels(self)
         _check_sheet(self)
 

@@ -39,6 +39,9 @@ def test_golden_figures_of_a_real_third_generation_unit(tmp_path):
     profile = profile_from_calibration(read_calibration(new_unit(tmp_path)), "new")
     assert profile.lenticular.lenses_across(profile.panel_mm[0]) == pytest.approx(600.892, abs=5e-4)
     assert profile.lenticular.slant * 2160 / 3840 == pytest.approx(-0.0818233, abs=1e-7)
+    assert profile.quilt == (7, 7, 857, 857)
+    earlier = profile_from_calibration(read_calibration(written(tmp_path, NEW)), "earlier")
+    assert earlier.quilt == (5, 9, 819, 455), "as for panels of its size before the third generation"
 
 
 def formula(numbers, channel, row, column, cells=None):
@@ -143,8 +146,10 @@ def test_a_profile_needs_the_name_of_one(tmp_path):
 
 @pytest.mark.parametrize("name", builtin_names())
 def test_every_built_in_profile_survives_writing(tmp_path, name):
-    write_profile(tmp_path / "own.toml", load_display(name))
-    assert load_display(tmp_path / "own.toml") == load_display(name)
+    profile = load_display(name)
+    write_profile(tmp_path / "own.toml", profile)
+    again = load_display(tmp_path / "own.toml")
+    assert (again, again.title, again.quilt) == (profile, profile.title, profile.quilt)
 
 
 @pytest.mark.parametrize(("change", "told"), [

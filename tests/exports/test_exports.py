@@ -69,13 +69,14 @@ def test_quilt_of_any_number_of_views_across_the_cone(folder, field, tmp_path):
 
 def test_quilts_that_other_programs_know(field, tmp_path):
     """Built-in lenticular displays have the sizes in pylightio's table, which it finds by size or exchanged numbers."""
-    known = {(4, 8): (2048, 2048), (5, 9): (4095, 4095), (8, 6): (3360, 3360), (11, 6): (4092, 4092),
-             (7, 7): (5999, 5999), (8, 9): (8192, 8190)}
-    for name in filter(lambda name: load_display(name).lenticular, builtin_names()):
-        preset = next((one for one in PRESETS.values() if one.panel == load_display(name).panel_pixels), None)
-        if name.startswith("looking-glass"):
-            assert known[preset.grid] == (preset.grid[0] * preset.tile[0], preset.grid[1] * preset.tile[1])
-            assert preset.grid[::-1] not in known or preset.grid == (7, 7), "taken for another quilt by its name"
+    known = {"portrait": (8, 6, 3360, 3360), "go": (11, 6, 4092, 4092), "8.9": (5, 9, 4095, 4095),
+             "15.6": (5, 9, 4095, 4095), "16": (5, 9, 4095, 4095), "16-gen3": (7, 7, 5999, 5999),
+             "32": (5, 9, 8190, 8190), "65": (8, 9, 8192, 8190)}
+    for name in filter(lambda name: name.startswith("looking-glass"), builtin_names()):
+        columns, rows, width, height = load_display(name).quilt
+        assert known.pop(name.removeprefix("looking-glass-")) == (columns, rows, columns * width, rows * height)
+        assert ((columns, rows), (width, height)) in [preset[:2] for preset in PRESETS.values()]
+    assert not known
     (path,) = export(field.folder, "quilt", tmp_path, ExportOptions(preset="portrait"))
     quilt = picture(path)
     assert path.name == "two_depths_qs8x6a1.333.png" and quilt.shape == (3360, 3360, 3)

@@ -90,7 +90,7 @@ def test_a_grid_that_does_not_divide_the_size(tmp_path):
 
 @pytest.mark.parametrize(("name", "shape", "expected", "noted"), [
     ("q_qs8x6a0.75", None, Quilt((8, 6), 0.75), False), ("plain", "8x6a0.5", Quilt((8, 6), 0.5), False),
-    ("q_qs8x6a0.75", "4x12", Quilt((4, 12), 0.75), False), ("plain", "5x9", Quilt((5, 9), 1.6), True)])
+    ("q_qs8x6a0.75", "4x12", Quilt((4, 12), 0.75), False), ("plain", "5x9", Quilt((5, 9), 16 / 9), True)])
 def test_grid_and_aspect(tmp_path, name, shape, expected, noted):
     found = quilt_of(tmp_path / f"{name}.png", shape)
     assert dataclasses.replace(found, assumed=None) == expected and bool(found.assumed) == noted

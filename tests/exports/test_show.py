@@ -69,6 +69,19 @@ def test_a_lenticular_frame_goes_through_bridge_as_a_quilt(bridge, browser, tmp_
     assert browser() == []
 
 
+@pytest.mark.parametrize(("stated", "grid"), [({"tileX": 4, "tileY": 2, "quiltX": 401, "quiltY": 200}, (4, 2)),
+                                              ({"tileX": 4, "tileY": 0, "quiltX": 400, "quiltY": 200}, None),
+                                              ({"tileX": "4", "tileY": 2}, None)])
+def test_a_device_that_states_its_quilt_gets_that(bridge, tmp_path, stated, grid):
+    own = device(3, "LKG-S3", "small", OLD | {"screenW": 240, "screenH": 160}, stated)
+    stand_in = bridge(devices=[own])
+    assert main(["show", str(frame(tmp_path / "frame"))]) == 0
+    entry = next(request["body"] for request in stand_in.requests if request["endpoint"] == "insert_playlist_entry")
+    assert (entry["cols"], entry["rows"]) == grid if grid else entry["view_count"] == DISPLAY.views[0]
+    if grid:
+        assert read_png(stand_in.shown[0]).shape[:2] == (200, 400)
+
+
 def test_a_lenticular_animation_goes_through_bridge_as_a_film_of_quilts(bridge, tmp_path):
     stand_in = bridge(devices=[OWN])
     for number in (1, 2, 3):
