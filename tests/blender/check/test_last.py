@@ -1,7 +1,5 @@
 """The rows of the scene check: findings of one kind are one row, and a change is noticed."""
 
-from types import SimpleNamespace
-
 import bpy
 import pytest
 
@@ -11,7 +9,7 @@ from blender_addon.scene.array import rig
 from blender_addon.ui import panels
 from blender_addon.ui.operators import check
 from lfsr_core.optics.display import load_display
-from tests.support.recording_layout import RecordingLayout
+from tests.blender.ui.test_panels import draw
 from tests.support.scenes import add_box, compositing
 
 RODS = 30
@@ -36,23 +34,23 @@ def rows() -> dict[str, bpy.types.PropertyGroup]:
 
 
 def drawn() -> list[tuple[str, dict]]:
-    layout = RecordingLayout()
-    panels.LFSR_PT_check.draw(SimpleNamespace(layout=layout), bpy.context)
-    return layout.drawn
+    """The panel with its rows opened."""
+    bpy.context.window_manager.lfsr.show_problems = True
+    return draw(panels.LFSR_PT_image)
 
 
-def labels() -> list[str]:
-    return [named["text"] for name, named in drawn() if name == "label"]
+def shown() -> list[str]:
+    return [named["text"] for name, named in drawn() if name in ("label", "operator") and "text" in named]
 
 
 def test_many_objects_are_one_row_that_opens(scene, thin):
     last.check(scene)
     row = rows()["thin"]
     assert (row.title, row.count, row.target) == (f"{RODS} objects are too thin", RODS, "")
-    assert row.title in labels() and "Rod 00" not in labels()
+    assert row.title in shown() and "Rod 00" not in shown()
     row.expanded = True
-    shown = labels()
-    assert shown.count("Rod 00") == 1 and f"and {RODS - panels.MOST_NAMES} more" in shown
+    opened = shown()
+    assert opened.count("Rod 00") == 1 and f"and {RODS - panels.MOST_NAMES} more" in opened
     last.check(scene)
     assert rows()["thin"].expanded, "it stays open"
 
@@ -113,11 +111,11 @@ def test_an_artist_is_asked_once_before_a_render(scene):
 
 def test_a_change_is_said_until_the_next_check(scene):
     last.check(scene)
-    assert not last.has_changed() and "Changed since this check" not in labels()
+    assert not last.has_changed() and "Changed: Check Again" not in shown()
     scene.render.use_motion_blur = True
     bpy.data.objects["Box"].location.x += 0.1
     bpy.context.view_layer.update()
-    assert "Changed since this check" in labels() and "motion" not in rows(), "nothing is done at once"
+    assert "Changed: Check Again" in shown() and "motion" not in rows(), "nothing is done at once"
     last.check(scene)
     assert not last.has_changed() and "motion" in rows()
 
