@@ -149,7 +149,7 @@ def _denoiser(scene: bpy.types.Scene) -> Iterator[Problem]:
         return  # said by _settings, or by the render
     if lacking:
         yield Problem("denoise", "Open Image Denoise", f"{lacking}. {denoiser.where_to_get()}.",
-                      f"Use {title(denoiser.replacement(settings).text)}", ERROR)
+                      f"Use {title(settings.method.undenoised.text)}", ERROR)
 
 
 def _has_cycles() -> bool:

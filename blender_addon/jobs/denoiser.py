@@ -12,7 +12,6 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.process.child import output_of
-from lfsr_core.reconstruct.methods import MethodName
 from lfsr_core.tasks.probe import DENOISER
 
 from ..scene.settings import Resolved, title
@@ -59,26 +58,21 @@ def lacking(settings: Resolved) -> str:
     return f"{name} needs Open Image Denoise, which {owner} does not have"
 
 
-def replacement(settings: Resolved) -> MethodName:
-    """The method of ``settings`` without denoising."""
-    return settings.method.undenoised
-
-
 def is_replaced(scene: bpy.types.Scene) -> bool:
-    """True if ``scene``, where no method was chosen, gets the ``replacement`` unasked: that was answered before."""
+    """True if ``scene``, where no method was chosen, gets one without denoising unasked: that was answered before."""
     return (not scene.lfsr.is_property_set("method")
             and getattr(runtime.preferences_of_addon(), "without_denoiser", False))
 
 
 def remember_answer() -> None:
-    """Give new scenes the ``replacement`` from now on."""
+    """Give new scenes a method without denoising from now on."""
     if (preferences := runtime.preferences_of_addon()) is not None:
         preferences.without_denoiser = True
 
 
 def use_replacement(scene: bpy.types.Scene, settings: Resolved) -> None:
-    """Set the ``replacement`` in ``scene``."""
-    scene.lfsr.method = replacement(settings).text
+    """Set the method of ``settings`` without denoising in ``scene``."""
+    scene.lfsr.method = settings.method.undenoised.text
 
 
 def where_to_get() -> str:

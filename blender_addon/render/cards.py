@@ -297,10 +297,16 @@ def new_panel_card(made: list[bpy.types.ID], card: PanelCard, distance: float, p
                                       _Pair(wiring, numbers).apart[1])
                 at = wiring.vector("MULTIPLY_ADD", moved, (PARTS, 0, 0), at)
             rows, columns = card.table.shape[:2]
+            table = bpy.data.images.new(PANEL_NAME, columns, rows, float_buffer=True, is_data=True)
+            made.append(table)
+            table.alpha_mode = "CHANNEL_PACKED"
+            opaque = np.concatenate([card.table, np.ones((rows, columns, 1))], -1)
+            table.pixels.foreach_set(opaque.astype("f4").ravel())
+            table.pack()  # which no user is then asked to do
             entry = wiring.node("ShaderNodeTexImage", Vector=wiring.vector(
                 "MULTIPLY_ADD", wiring.vector("FLOOR", at), (1 / columns, 1 / rows, 0),
                 (0.5 / columns, 0.5 / rows, 0)))
-            entry.image, entry.interpolation, entry.extension = _table(card, made), "Closest", "REPEAT"
+            entry.image, entry.interpolation, entry.extension = table, "Closest", "REPEAT"
             vector = entry.outputs["Color"]
             if card.stretch is not None:
                 vector = wiring.vector("MULTIPLY_ADD", wiring.vector("FRACTION", at), (*card.stretch, 0), vector)
@@ -353,18 +359,6 @@ def _nearest(wiring: Wiring, counts: bpy.types.NodeSocket, rows: Rows) -> _Pair:
     return _Pair(wiring, apart=(
         wiring.scalar("MULTIPLY_ADD", above, wiring.scalar("SUBTRACT", second, first), first),
         wiring.scalar("SUBTRACT", inside, above)))
-
-
-def _table(card: PanelCard, made: list[bpy.types.ID]) -> bpy.types.Image:
-    """Return the card's table as an image."""
-    rows, columns = card.table.shape[:2]
-    image = bpy.data.images.new(PANEL_NAME, columns, rows, float_buffer=True, is_data=True)
-    made.append(image)
-    image.alpha_mode = "CHANNEL_PACKED"
-    opaque = np.concatenate([card.table, np.ones((rows, columns, 1))], -1)
-    image.pixels.foreach_set(opaque.astype("f4").ravel())
-    image.pack()  # which no user is then asked to do
-    return image
 
 
 def _significant(values: Array, among: Array) -> Array:

@@ -38,7 +38,9 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
     path = check_scene(path)
     check_named_files(path)
     try:
-        READERS[Path(path).suffix.lower()](path)
+        if (suffix := Path(path).suffix.lower()) != ".blend":
+            bpy.ops.wm.read_factory_settings(use_empty=True)
+        READERS[suffix](path)
     except (RuntimeError, ValueError, KeyError, OSError) as error:
         for pattern, (name, command) in COMPRESSIONS.items():
             if re.search(pattern, str(error)):
@@ -80,21 +82,15 @@ def _shown(scene: bpy.types.Scene) -> bpy.types.Scene:
 
 
 def _import_gltf(path: str) -> None:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=path)
     # The importer makes none of the file's cameras active. An array can stand at perspective cameras only.
     scene = bpy.context.scene
     scene.camera = next((item for item in scene.objects if item.type == "CAMERA" and item.data.type == "PERSP"), None)
 
 
-def _import_obj(path: str) -> None:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    bpy.ops.wm.obj_import(filepath=path)
-
-
-READERS: dict[str, Callable[[str], None]] = {
+READERS: dict[str, Callable[[str], object]] = {
     ".blend": lambda path: bpy.ops.wm.open_mainfile(filepath=path, load_ui=False),
-    ".glb": _import_gltf, ".gltf": _import_gltf, ".obj": _import_obj}
+    ".glb": _import_gltf, ".gltf": _import_gltf, ".obj": lambda path: bpy.ops.wm.obj_import(filepath=path)}
 
 
 def choose_camera(scene: bpy.types.Scene, name: str) -> None:

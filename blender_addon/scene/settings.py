@@ -99,8 +99,7 @@ def check(scene: bpy.types.Scene) -> Resolved:
 
 def resolve_for_render(scene: bpy.types.Scene) -> Resolved:
     """Resolve the settings; LfsrError for whatever makes a render impossible before it starts."""
-    if bpy.context.preferences.addons.get("cycles") is None:
-        raise LfsrError("Cycles is switched off in Blender's preferences: switch the Cycles Render Engine add-on on")
+    devices.cycles_preferences()
     resolved = check(scene)
     find_subject(scene)
     color_settings(scene)

@@ -14,7 +14,7 @@ from lfsr_core.frames.folder import FARM_COPY
 from lfsr_core.pipeline.farms import FarmJob, Submission, write_job
 
 from ...jobs import asked, session, show_image
-from ...jobs.copy import save_copy
+from ...jobs.task import save_copy
 from ...scene import folders
 from ...scene import settings as scene_settings
 from ...scene.array.placement import scale_of

@@ -172,7 +172,7 @@ def _denoising(scene: bpy.types.Scene) -> list[Question]:
     if lacking and denoiser.is_replaced(scene):
         _use_replacement(scene, settings)
         return []
-    name = title(denoiser.replacement(settings).text)
+    name = title(settings.method.undenoised.text)
     return [Question(lacking, f"Use {name}", f"choose the method {name}, or get it. {denoiser.where_to_get()}",
                      denoiser.where_to_get(), functools.partial(_use_replacement, scene, settings))
             ] if lacking else []

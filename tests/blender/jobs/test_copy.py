@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs.copy import file_copy
+from blender_addon.jobs.task import file_copy
 from lfsr_core.frames.folder import FrameFolder, scene_stamp
 from lfsr_core.images.exr import write_layers
 

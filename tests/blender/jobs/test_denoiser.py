@@ -82,7 +82,7 @@ def test_the_check_offers_what_this_blender_has(scene, without_library):
 @pytest.mark.parametrize(("method", "other"), [("denoise", "none"), ("denoise+pool", "pool"), ("oidn", "none")])
 def test_the_replacement_is_the_method_without_its_denoiser(scene, method, other):
     scene.lfsr.scale, scene.lfsr.method = "1" if other == "none" else "2", method
-    assert denoiser.replacement(scene_settings.resolve(scene)).text == other
+    assert scene_settings.resolve(scene).method.undenoised.text == other
 
 
 def test_direct_rendering_can_leave_the_noise(scene):

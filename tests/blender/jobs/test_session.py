@@ -12,7 +12,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.jobs import asked, copy, session, task
+from blender_addon.jobs import asked, session, task
 from blender_addon.jobs.task import Job, Task
 from blender_addon.scene import folders
 from blender_addon.scene.words import sentence
@@ -128,7 +128,7 @@ def test_a_cancelled_animation_can_be_continued(scene):
 
 def test_saving_is_announced_before_blender_stops_for_it(scene, monkeypatch):
     saved = []
-    monkeypatch.setattr(copy, "save_copy", lambda path: saved.append(path) or path.touch() or path)
+    monkeypatch.setattr(task, "save_copy", lambda path: saved.append(path) or path.touch() or path)
     running = start(scene)
     assert (saved, running.child, running.ended) == ([], None, False)
     assert session.progress_text(running) == session.TITLES["save"]
@@ -147,15 +147,15 @@ def test_a_copy_has_no_preview_image_and_the_preferences_stay(scene, tmp_path):
     def note(*_: object) -> None:
         seen.append(preferences.filepaths.file_preview_type)
     bpy.app.handlers.save_pre.append(note)
-    copy.save_copy(tmp_path / "copy.blend")
+    task.save_copy(tmp_path / "copy.blend")
     bpy.app.handlers.save_pre.remove(note)
     assert seen == ["NONE"] and (tmp_path / "copy.blend").is_file()
     assert (preferences.filepaths.file_preview_type, preferences.is_dirty) == before
 
 
 def test_a_copy_that_cannot_be_saved_ends_the_task(scene, monkeypatch):
-    monkeypatch.setattr(copy, "save_copy", functools.partial(copy.save_copy, Path("/no/such/folder/copy.blend")))
-    monkeypatch.setattr(copy, "_kept_copy", lambda _: copy.save_copy())
+    monkeypatch.setattr(task, "save_copy", functools.partial(task.save_copy, Path("/no/such/folder/copy.blend")))
+    monkeypatch.setattr(task, "_kept_copy", lambda _: task.save_copy())
     running = start(scene)
     panel.wait_for(lambda: session.current() is None)
     assert running.ended and "cannot be saved" in message()[0] and message()[1]
