@@ -39,8 +39,8 @@ from lfsr_core.process.child import Child
 from lfsr_core.process.protocol import told_of
 
 from ..scene import folders
-from ..scene.open import collections as layer_collections
 from ..scene.overrides import preferred
+from ..scene.subject import collections as layer_collections
 from . import runtime, show_image
 
 SECONDS_TO_STOP = 1.5

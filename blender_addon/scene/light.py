@@ -27,20 +27,6 @@ SCENE_LIGHTS = (AUTO_LIGHT, OWN_LIGHT)  # in which the scene's own light counts
 NAMES = {AUTO_LIGHT: AUTO, OWN_LIGHT: OWN, EVEN.upper(): EVEN, **{name.upper(): name for name in WORLD_IMAGES}}
 
 
-def light_of(scene: bpy.types.Scene) -> str:
-    """Return the light of a scene's settings as a job has it; nothing is checked."""
-    if scene.lfsr.light == FILE_LIGHT:
-        return bpy.path.abspath(scene.lfsr.light_file)
-    return NAMES[scene.lfsr.light]
-
-
-def check_chosen(light: str) -> None:
-    """LfsrError if ``light``, as of ``light_of``, cannot light a scene."""
-    if not light:
-        raise LfsrError("no light file is chosen: give a .hdr or .exr file, or choose another light")
-    check_light(light)
-
-
 def light_items() -> list[tuple[str, str, str, int]]:
     """Enum items; each has a number of its own, so that new lights do not change saved scenes."""
     texts = {AUTO_LIGHT: ("Auto", "The scene's own light. A scene without light is lit with one of Blender's world "

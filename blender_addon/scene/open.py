@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -16,6 +16,7 @@ from lfsr_core.frames.scene_files import check_named_files, check_regular
 
 from .. import compat
 from .array import rig
+from .subject import collections
 
 MOST_NAMES = 5
 MOST_REASON = 100  # characters
@@ -174,10 +175,3 @@ def switched(layer: bpy.types.ViewLayer, switch: str) -> list[bpy.types.LayerCol
     """
     return [child for child in collections(layer.layer_collection) if getattr(child, switch) and any(
         item.type in SHOWN and not item.hide_render for item in child.collection.all_objects)]
-
-
-def collections(root: bpy.types.LayerCollection) -> Iterator[bpy.types.LayerCollection]:
-    """Yield the collections inside ``root``, at any depth."""
-    for child in root.children:
-        yield child
-        yield from collections(child)

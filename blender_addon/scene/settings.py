@@ -13,7 +13,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import SUBPIXELS
-from lfsr_core.frames.request import AUTO, LIGHTS, Request, Sampling, is_light_file
+from lfsr_core.frames.request import AUTO, LIGHTS, Request, Sampling, check_light, is_light_file
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, load_display
@@ -24,7 +24,7 @@ from . import devices
 from .array import rig
 from .displays import DEFAULT_DISPLAY, DIRECT, PROFILE_FILE
 from .folders import absolute
-from .light import check_chosen, light_of
+from .light import FILE_LIGHT, NAMES
 from .subject import GEOMETRY, find_subject
 
 WORKING_SPACE = "Linear Rec.709"
@@ -69,7 +69,7 @@ class Resolved:
 
 def resolve(scene: bpy.types.Scene) -> Resolved:
     """Resolve the settings; LfsrError where the display's profile cannot be read, or the scale is not one of it."""
-    settings, display, device, light = scene.lfsr, display_of(scene), device_of(scene), light_of(scene)
+    settings, display, device, light = scene.lfsr, display_of(scene), device_of(scene), _light_of(scene)
     rays = None if settings.samples else settings.rays
     scale, method = 1, MethodName.parse(settings.method)
     scales: tuple[int, ...] = ()
@@ -88,10 +88,18 @@ def resolve(scene: bpy.types.Scene) -> Resolved:
     return Resolved(request, finish, rays)
 
 
+def _light_of(scene: bpy.types.Scene) -> str:
+    """Return the light of a scene's settings as a request has it; nothing is checked."""
+    light, file = scene.lfsr.light, scene.lfsr.light_file
+    return bpy.path.abspath(file) if light == FILE_LIGHT else NAMES[light]
+
+
 def check(scene: bpy.types.Scene) -> Resolved:
     """Resolve the settings; LfsrError where display, scale and method do not go together, or light is missing."""
-    resolved = resolve(scene)
-    check_chosen(light_of(scene))
+    resolved, light = resolve(scene), _light_of(scene)
+    if not light:
+        raise LfsrError("no light file is chosen: give a .hdr or .exr file, or choose another light")
+    check_light(light)
     if not resolved.subpixels:
         resolved.method.check_scale(resolved.sampling.scale)
     return resolved

@@ -1,6 +1,8 @@
-"""Tell a scene's subject from its background."""
+"""Tell a scene's subject from its background; the collections of a view layer."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import bpy
 
@@ -35,6 +37,13 @@ def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.typ
 def has_background_meshes(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> bool:
     """Return True if geometry outside the subject would be rendered."""
     return any(item.type in GEOMETRY and item not in subject and _rendered(scene, item) for item in scene.objects)
+
+
+def collections(root: bpy.types.LayerCollection) -> Iterator[bpy.types.LayerCollection]:
+    """Yield the collections inside ``root``, at any depth."""
+    for child in root.children:
+        yield child
+        yield from collections(child)
 
 
 def _instanced(item: bpy.types.Object) -> set[bpy.types.Object]:

@@ -18,7 +18,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import rendered_size
 from lfsr_core.plan.options import PlanOptions
 
-from ..jobs import asked, timing
+from ..jobs import asked
 from ..scene import folders
 from ..scene import settings as scene_settings
 from ..scene.array import cached, rig
@@ -36,7 +36,7 @@ def image_text(scene: bpy.types.Scene) -> str:
     """What an eye will see of the image, and how long it takes; LfsrError where the settings are wrong."""
     settings = scene_settings.check(scene)
     width, height = settings.display.panel_pixels if settings.subpixels else settings.display.lenses
-    text, expected = f"{width} × {height} points", timing.expected_seconds(scene)
+    text, expected = f"{width} × {height} points", asked.expected_seconds(scene)
     return text if expected is None else f"{text}, about {duration(expected)}"
 
 

@@ -13,7 +13,7 @@ from ...check import last
 from ...check.fixes import FIXES, OUTSIDE_SCENE, find_object
 from ...check.problem import INFO, MOST_ROWS, Group, Problem, grouped
 from ...check.problems import to_ask
-from ...jobs import timing
+from ...jobs.asked import expected_seconds
 from ...scene.array.rig import check_editable
 from ...scene.words import counted
 from .base import UNDO, Question, Result, activate, reports_errors
@@ -130,7 +130,7 @@ def questions(scene: bpy.types.Scene, frames: int = 1) -> list[Question]:
 
 def _long(scene: bpy.types.Scene, frames: int) -> list[Question]:
     """Ask before images that will take long, again where they will take longer than was accepted."""
-    seconds = frames * (timing.expected_seconds(scene) or 0.0)
+    seconds = frames * (expected_seconds(scene) or 0.0)
     what = "The image" if frames == 1 else f"{frames} images"
     key = scene.name_full, "time", f"{max(seconds, 1.0):.0e}"
     if seconds < LONG or key in _accepted:

@@ -7,7 +7,7 @@ import bpy
 from lfsr_core.base.records import from_data
 from lfsr_core.tasks.estimate import Measured
 
-from ...jobs import asked, timing
+from ...jobs import asked
 from ...jobs.task import Job
 from .base import TaskOperator, add_missing_array
 
@@ -24,7 +24,7 @@ class LFSR_OT_estimate_time(TaskOperator, bpy.types.Operator):
         add_missing_array(scene)
         name = scene.name_full
         return Job("estimate", {"request": asked.asked(scene)[0]},
-                   lambda result: timing.remember(name, from_data(Measured, result, "what was measured")))
+                   lambda result: asked.remember(name, from_data(Measured, result, "what was measured")))
 
 
 CLASSES = (LFSR_OT_estimate_time,)

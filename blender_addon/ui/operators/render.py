@@ -17,7 +17,7 @@ from lfsr_core.base.notices import Notice
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
 
-from ...jobs import asked, denoiser, preview, session, show_image, timing
+from ...jobs import asked, denoiser, preview, session, show_image
 from ...jobs.task import Job
 from ...scene import folders
 from ...scene import settings as scene_settings
@@ -128,7 +128,7 @@ def image_job(scene: bpy.types.Scene, wants_test: bool = False) -> Job:
     folder, name, state = Path(request.output), scene.name_full, bpy.context.window_manager.lfsr
     test_name = f"{folder.parent} {request.display.name}"
     is_seen = (folder / EIA_FILE).is_file() or state.test_shown == test_name
-    is_long = (timing.expected_seconds(scene) or math.inf) > check.LONG
+    is_long = (asked.expected_seconds(scene) or math.inf) > check.LONG
     small = asked.test_request(scene, request) if wants_test and is_long and not is_seen else None
 
     def notice(told: Notice) -> bool:
@@ -141,7 +141,7 @@ def image_job(scene: bpy.types.Scene, wants_test: bool = False) -> Job:
 
     def ended(_result: dict[str, Any]) -> None:
         show_image_of(name, folder)
-        timing.learn(name, FrameFolder(folder).rendered)
+        asked.learn(name, FrameFolder(folder).rendered)
 
     test = {"test": small, "test_views": str(asked.views_file(Path(small.output)))} if small else {}
     return Job("make", {"request": request, "finish": finish, "overwrite": True,

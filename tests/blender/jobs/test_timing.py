@@ -5,7 +5,7 @@ import time
 import bpy
 import pytest
 
-from blender_addon.jobs import asked, timing
+from blender_addon.jobs import asked
 from blender_addon.ui.operators import check
 from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.tasks import estimate
@@ -13,7 +13,7 @@ from tests.support.panels import lenticular, small
 
 
 def remembered(scene, **values) -> None:
-    timing.remember(scene.name_full, estimate.Measured(**({"fixed": 2.0, "per_path": 1e-5, "scale": 2} | values)))
+    asked.remember(scene.name_full, estimate.Measured(**({"fixed": 2.0, "per_path": 1e-5, "scale": 2} | values)))
 
 
 def test_lenses_are_spread_over_the_display(scene):
@@ -30,9 +30,9 @@ def test_lenses_are_spread_over_the_display(scene):
 
 def test_the_button_measures_and_the_image_takes_about_that_long(scene):
     scene.lfsr.display, scene.lfsr.samples = "small", 8
-    assert timing.expected_seconds(scene) is None
+    assert asked.expected_seconds(scene) is None
     assert bpy.ops.lfsr.estimate_time() == {"FINISHED"}
-    expected, started = timing.expected_seconds(scene), time.monotonic()
+    expected, started = asked.expected_seconds(scene), time.monotonic()
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
     took = time.monotonic() - started
     print(f"expected {expected:.1f} s, took {took:.1f} s")
@@ -44,10 +44,10 @@ def test_direct_subpixel_rendering_is_measured_too(scene, tmp_path):
     scene.lfsr.profile_file = str(tmp_path / "own.toml")
     scene.lfsr.display, scene.lfsr.subpixels, scene.lfsr.samples = "FILE", True, 8
     assert bpy.ops.lfsr.estimate_time() == {"FINISHED"}
-    expected = timing.expected_seconds(scene)
+    expected = asked.expected_seconds(scene)
     scene.lfsr.samples = 16
     paths = 8 * 120 * 3 * 80
-    assert timing.expected_seconds(scene) - expected == pytest.approx(
+    assert asked.expected_seconds(scene) - expected == pytest.approx(
         paths * bpy.context.window_manager.lfsr.probe_per_path, rel=1e-3)
 
 
@@ -56,11 +56,11 @@ def test_other_settings_need_no_other_probe(scene):
     remembered(scene)
     scene.lfsr.samples = 100
     pixels = display.eia_pixels[0] * display.eia_pixels[1] / 4
-    few = timing.expected_seconds(scene)
+    few = asked.expected_seconds(scene)
     scene.lfsr.samples = 1100
-    assert timing.expected_seconds(scene) - few == pytest.approx(1000 * pixels * 1e-5, rel=1e-3)
+    assert asked.expected_seconds(scene) - few == pytest.approx(1000 * pixels * 1e-5, rel=1e-3)
     bpy.ops.scene.new(type="EMPTY")
-    assert timing.expected_seconds(bpy.context.scene) is None, "another scene"
+    assert asked.expected_seconds(bpy.context.scene) is None, "another scene"
 
 
 def test_a_long_image_is_asked_about_until_it_is_accepted(scene):

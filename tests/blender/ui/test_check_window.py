@@ -89,9 +89,9 @@ def test_the_time_is_measured_with_a_few_lenses(window):
     assert window.get("list(bpy.ops.lfsr.estimate_time('INVOKE_DEFAULT', True))") == ["FINISHED"]
     window.until(f"{TASK} is None", SECONDS_TO_RENDER)
     assert window.get("bpy.context.window_manager.lfsr.message") == ""
-    seconds = window.get("addon.jobs.timing.expected_seconds(bpy.context.scene)")
+    seconds = window.get("addon.jobs.asked.expected_seconds(bpy.context.scene)")
     window.run("bpy.context.scene.lfsr.samples *= 1000")
-    assert 0 < seconds < window.get("addon.jobs.timing.expected_seconds(bpy.context.scene)")
+    assert 0 < seconds < window.get("addon.jobs.asked.expected_seconds(bpy.context.scene)")
     window.close_others()
     window.run("addon.jobs.show_image.redraw_views()")
     window.screenshot("check-time")
