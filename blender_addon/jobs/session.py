@@ -95,19 +95,15 @@ def _look() -> float | None:
         bpy.context.window_manager.lfsr.outcome = f"Done in {clock(task.seconds)}"
         task.job.finish(task.result or {})
     except LfsrError as error:
-        notify(". ".join(filter(None, (str(error), task.job.kept()))), "ERROR")
+        message = ". ".join(filter(None, (str(error), task.job.kept())))
+        say(message, is_error=True)
+        _pop_up(message, "ERROR")  # no operator can report it
     finally:
         # Also after an unexpected error: a task that cannot go on must not block the next.
         if task.ended:
             _current = None
     redraw()
     return None
-
-
-def notify(message: str, icon: str) -> None:
-    """Show a sentence in the panel and beside the pointer, where no operator can report it."""
-    say(message, is_error=icon == "ERROR")
-    _pop_up(message, icon)
 
 
 def say(message: str, is_error: bool = False) -> None:

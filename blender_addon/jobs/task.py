@@ -39,7 +39,7 @@ from lfsr_core.process.child import Child
 from lfsr_core.process.protocol import told_of
 
 from ..scene import folders
-from ..scene.overrides import preferred
+from ..scene.overrides import overridden
 from ..scene.subject import collections as layer_collections
 from . import runtime, show_image
 
@@ -239,9 +239,11 @@ def file_copy(output: Path | None = None) -> Iterator[Path]:
 
 def save_copy(path: Path) -> Path:
     """Save the file as it is now as ``path``, stay in the open one, and return the path; LfsrError where that fails."""
+    preferences = bpy.context.preferences
     try:
-        # Without the picture for file browsers, which would be rendered.
-        with show_image.wait_cursor(), preferred("filepaths", file_preview_type="NONE"):
+        # Without the picture for file browsers, which would be rendered; the preferences do not count as changed.
+        with (show_image.wait_cursor(), overridden(preferences, {"is_dirty": preferences.is_dirty}),
+              overridden(preferences.filepaths, {"file_preview_type": "NONE"})):
             bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, compress=False)
     except RuntimeError as error:
         raise LfsrError(f"a copy of this file cannot be saved to {path.parent} ({str(error).strip()}): "

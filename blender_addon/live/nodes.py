@@ -25,22 +25,16 @@ def can_interpolate() -> bool:
             and "compositing_node_group" in bpy.types.Scene.bl_rna.properties)
 
 
-def live_group(region: LiveRegion, smooth: bool) -> bpy.types.NodeTree:
-    """Return the scene's compositor: the render over the display's background, interpolated if ``smooth``."""
+def live_group(scene: bpy.types.Scene, region: LiveRegion, smooth: bool) -> bpy.types.NodeTree:
+    """Return the compositor of ``scene``: its render over the display's background, interpolated if ``smooth``."""
     wiring = _Wiring(NAME)
     layers = wiring.node("CompositorNodeRLayers")
+    layers.scene = scene
     image = wiring.node("CompositorNodeAlphaOver", Background=(*region.profile.background, 1.0),
                         Foreground=layers.outputs["Image"]).outputs[0]
     if smooth and region.scale > 1:
         image = wiring.group(_interpolation(region), image)
     return wiring.finish(image)
-
-
-def set_scene(tree: bpy.types.NodeTree, scene: bpy.types.Scene) -> None:
-    """Let the tree show the render of ``scene``."""
-    for node in tree.nodes:
-        if node.bl_idname == "CompositorNodeRLayers":
-            node.scene = scene
 
 
 def _interpolation(region: LiveRegion) -> bpy.types.NodeTree:

@@ -140,11 +140,10 @@ def show(live: bpy.types.Scene, view: View) -> None:
     live.camera = camera
     if nodes.can_interpolate():
         before = set(bpy.data.node_groups)
-        tree = nodes.live_group(region, view.kind == PANEL and live.background_set.lfsr.live_smooth)
+        smooth = view.kind == PANEL and live.background_set.lfsr.live_smooth
+        live.compositing_node_group = nodes.live_group(live, region, smooth)
         for group in set(bpy.data.node_groups) - before:
             group[MARK] = view.kind
-        live.compositing_node_group = tree
-        nodes.set_scene(tree, live)
 
 
 def follow(live: bpy.types.Scene) -> None:

@@ -26,15 +26,6 @@ def overridden(owner: Any, values: Mapping[str, Any]) -> Iterator[None]:
 
 
 @contextmanager
-def preferred(group: str, **values: Any) -> Iterator[None]:
-    """Set Blender's preferences in ``group``, as "view", inside the block; they do not count as changed by it."""
-    preferences = bpy.context.preferences
-    with (overridden(preferences, {"is_dirty": preferences.is_dirty}),
-          overridden(getattr(preferences, group), values)):
-        yield
-
-
-@contextmanager
 def new_data() -> Iterator[list[bpy.types.ID]]:
     """Yield a list of new data, which is removed from the file after the block."""
     made: list[bpy.types.ID] = []

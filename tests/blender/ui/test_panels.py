@@ -224,7 +224,7 @@ def icons(drawn: list, text: str) -> set[str]:
 
 
 def test_what_informs_is_not_drawn_as_an_error(scene):
-    for say, icon in ((session.say, "INFO"), (lambda text: session.notify(text, "ERROR"), "ERROR")):
+    for say, icon in ((session.say, "INFO"), (lambda text: session.say(text, is_error=True), "ERROR")):
         say("a kept frame is older")
         assert icons(draw_all()["Light Field"], "A kept frame") == {icon}
     bpy.context.window_manager.lfsr.message = ""
