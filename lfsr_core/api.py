@@ -8,27 +8,34 @@ from __future__ import annotations
 
 import builtins
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from lfsr_core.base.arrays import Array, Bytes
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Tell, silent
-from lfsr_core.frames.finish import Finish
+from lfsr_core.base.notices import ProgressBar, Tell, silent
+from lfsr_core.commands.arguments import method_of
+from lfsr_core.commands.sentences import sentence
+from lfsr_core.exports.formats import export
+from lfsr_core.exports.options import ExportOptions
+from lfsr_core.frames.finish import Finish, Report
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS
+from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.frames.request import AUTO, Request, Sampling, check_light, check_scene
+from lfsr_core.frames.views import read_views
+from lfsr_core.images.exr import read_layers
+from lfsr_core.images.png import encode_png, read_png
+from lfsr_core.metrics.compare import Metrics, compare_folders
 from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, load_display
-
-if TYPE_CHECKING:
-    from lfsr_core.frames.finish import Report
-    from lfsr_core.frames.low_res import LowResEIA
-    from lfsr_core.metrics.compare import Metrics
-    from lfsr_core.process.blender import Starts
+from lfsr_core.optics.eia import from_elemental_images
+from lfsr_core.optics.eye import eye_view
+from lfsr_core.pipeline.make import finish_frame, make
+from lfsr_core.process.blender import Starts
+from lfsr_core.reconstruct.second_stage import finished_lenses, finished_linear, read_finished_linear
 
 
 class RenderedFrame:
@@ -51,15 +58,11 @@ class RenderedFrame:
     @property
     def views(self) -> Bytes:
         """Views (py, px, sy, sx, 3) uint8, display values; row 0 is the topmost camera, column 0 the leftmost."""
-        from lfsr_core.frames.views import read_views
-
         return read_views(self.folder.path)
 
     @property
     def linear(self) -> Array:
         """Finished EIA (H, W, 3) float32, scene-linear, in view order; made again where eia.exr was not written."""
-        from lfsr_core.reconstruct.second_stage import finished_linear, read_finished_linear
-
         stored = read_finished_linear(self.folder.path)
         return finished_linear(self.folder.path, self.report.finish) if stored is None else stored
 
@@ -68,8 +71,6 @@ class RenderedFrame:
         """Depth (h, w) of the first hit behind each rendered pixel, in view order and scene units from the camera
         plane; NaN where nothing is covered. LfsrError where the frame has no position layer.
         """
-        from lfsr_core.images.exr import read_layers
-
         layers, frame = read_layers(self.folder.path / LOW_RES_FILE), self.folder.frame
         if "position" not in layers:
             raise LfsrError(f"{self.folder.path} has no position layer: render it with layers=('position',)")
@@ -79,9 +80,8 @@ class RenderedFrame:
 
     def finish(self, method: str | None = None, **options: Any) -> RenderedFrame:
         """Finish it with another method, by default the best; ``options`` as of ``Finish``. Returns itself."""
-        from lfsr_core.pipeline.make import finish_frame
-
-        finish_frame(self.folder.path, _finish(method, bool(self.folder.rendered.subpixels), options), self._tell)
+        wanted = Finish(method_of(method, bool(self.folder.rendered.subpixels)), **options)
+        finish_frame(self.folder.path, wanted, self._tell)
         return self
 
     def eye(self, x: float = 0.0, y: float = 0.0, z: float | None = None) -> Bytes:
@@ -90,9 +90,6 @@ class RenderedFrame:
         ``x``, ``y``, ``z``: millimetres to the right, up and towards the viewer from the display's centre; ``z`` None
         for the viewing distance. LfsrError where there is no finished image.
         """
-        from lfsr_core.images.png import read_png
-        from lfsr_core.optics.eye import eye_view
-
         display = self.display
         image = read_png(self.folder.path / PANEL_FILE if display.is_woven else self.folder.image)
         place = (x, y, display.viewing_distance_mm if z is None else z)
@@ -100,21 +97,14 @@ class RenderedFrame:
 
     def compare(self, reference: str | Path | RenderedFrame) -> Metrics:
         """Measure it against a reference folder; the metrics are written into its report too."""
-        from lfsr_core.metrics.compare import compare_folders
-
         other = reference.folder.path if isinstance(reference, RenderedFrame) else Path(reference)
         return compare_folders(self.folder.path, other)
 
     def export(self, format: str, target: str | Path | None = None, **options: Any) -> list[Path]:
         """Write it in an export format, such as "quilt"; ``options`` as of ``ExportOptions``. Returns the files."""
-        from lfsr_core.exports.formats import export
-        from lfsr_core.exports.options import ExportOptions
-
         return export(self.folder.path, format, target, ExportOptions(**options, tell=self._tell))
 
     def _repr_png_(self) -> bytes:
-        from lfsr_core.images.png import encode_png
-
         return b"".join(encode_png(self.eye()))
 
     def __repr__(self) -> str:
@@ -144,8 +134,6 @@ def render(scene: str | Path, output: str | Path | None = None, *, display: str 
 
     LfsrError for bad input, or with Blender's own sentence.
     """
-    from lfsr_core.pipeline.make import make
-
     profile = display if isinstance(display, DisplayProfile) else load_display(str(display))
     subpixels = request.get("layout") == SUBPIXELS
     scales = (scale,) if scale is not None else (1,) if subpixels else scales_up_to(profile)
@@ -155,11 +143,16 @@ def render(scene: str | Path, output: str | Path | None = None, *, display: str 
     sampling = (Sampling(scales[0], samples) if len(scales) == 1 else Sampling(scales[0], samples, scales, rays))
     given = {"device": AUTO, "layers": ("position",)} | request | {"light": check_light(request.get("light", AUTO))}
     asked = Request(str(output or Path(scene).stem), profile, check_scene(scene), sampling=sampling, **given)
-    tell, close = _teller(progress)
+    if progress is None:
+        progress = sys.stderr.isatty() or hasattr(builtins, "__IPYTHON__")  # a notebook
+    bar = ProgressBar(words=sentence) if progress and not callable(progress) else None
+    tell = bar or (progress if callable(progress) else silent)
     try:
-        make(asked, _finish(method, subpixels, finish or {}), blender=blender, tell=tell, overwrite=overwrite)
+        make(asked, Finish(method_of(method, subpixels), **finish or {}), blender=blender, tell=tell,
+             overwrite=overwrite)
     finally:
-        close()
+        if bar:
+            bar.close()
     return RenderedFrame(asked.output, tell)
 
 
@@ -169,31 +162,7 @@ def reconstruct(low: LowResEIA, method: str = "bilinear") -> Array:
     ``low``: as of ``frames.low_res``, with colour and coverage at least; every lens counts as foreground. LfsrError
     for an unknown method.
     """
-    from lfsr_core.optics.eia import from_elemental_images
-    from lfsr_core.reconstruct.second_stage import finished_lenses
-
     rows, columns = low.color.shape[:2]
     lenses = np.argwhere(np.ones((rows, columns), bool))
     images = finished_lenses(low, np.ones(len(lenses), bool), method, lenses)
     return from_elemental_images(images.reshape(rows, columns, *images.shape[1:]))
-
-
-def _finish(method: str | None, subpixels: bool, options: dict[str, Any]) -> Finish:
-    from lfsr_core.commands.arguments import method_of
-
-    return Finish(method_of(method, subpixels), **options)
-
-
-def _teller(progress: Tell | bool | None) -> tuple[Tell, Callable[[], None]]:
-    """Return what shows progress, and what ends its line."""
-    if callable(progress):
-        return progress, lambda: None
-    if progress is None:
-        progress = sys.stderr.isatty() or hasattr(builtins, "__IPYTHON__")  # a notebook
-    if not progress:
-        return silent, lambda: None
-    from lfsr_core.base.notices import ProgressBar
-    from lfsr_core.commands.sentences import sentence
-
-    bar = ProgressBar(words=sentence)
-    return bar, bar.close
