@@ -1,5 +1,5 @@
 # PYTHON_ARGCOMPLETE_OK
-"""The ``lfsr`` command: one verb per module of ``lfsr_core.commands``."""
+"""The ``lfsr`` command, whose verbs are in ``lfsr_core.commands``."""
 
 from __future__ import annotations
 
@@ -19,35 +19,21 @@ from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import check_name, system_errors
 from lfsr_core.base.notices import BOLD, RED, accept_all_letters, be_quiet, is_openjd, styled, tell_openjd
 from lfsr_core.base.records import to_data
-from lfsr_core.commands import (
-    compare,
-    displays,
-    export,
-    farm,
-    import_views,
-    laboratory,
-    merge,
-    plan,
-    reference,
-    render,
-    show,
-    upscale,
-    view,
-    views,
-)
+from lfsr_core.commands import displays, export, farm, laboratory, plan, reference, render, view
+from lfsr_core.commands.arguments import Verb
 from lfsr_core.commands.sentences import cleaned
 from lfsr_core.version import __version__
 
 MOST_LETTERS = 2000  # of an error, which may quote files and devices of others
 
 # What a verb is for, an example, and the verbs; those of the laboratory follow.
-GROUPS: tuple[tuple[str, str, tuple[laboratory.Verb, ...]], ...] = (
-    ("Make an image", "lfsr render scene.blend -o frame", (render, upscale)),
-    ("Look at it", "lfsr view frame --open", (view, views, show)),
-    ("Hand it on", "lfsr export frame --format quilt", (export, import_views)),
-    ("Measure", "lfsr plan scene.blend --target 0.95", (reference, compare, plan)),
-    ("Displays", "lfsr displays looking-glass-portrait", (displays,)),
-    ("Farms", "lfsr farm openjd", (farm, merge)))
+GROUPS: tuple[tuple[str, str, tuple[Verb, ...]], ...] = (
+    ("Make an image", "lfsr render scene.blend -o frame", (render.RENDER, render.UPSCALE)),
+    ("Look at it", "lfsr view frame --open", (view.VIEW, view.VIEWS, view.SHOW)),
+    ("Hand it on", "lfsr export frame --format quilt", (export.EXPORT, export.IMPORT)),
+    ("Measure", "lfsr plan scene.blend --target 0.95", (reference.REFERENCE, reference.COMPARE, plan.PLAN)),
+    ("Displays", "lfsr displays looking-glass-portrait", (displays.DISPLAYS,)),
+    ("Farms", "lfsr farm openjd", (farm.FARM, farm.MERGE)))
 VERBS = tuple(verb for _, _, verbs in GROUPS for verb in verbs)
 
 EXIT_BAD_INPUT, EXIT_INTERRUPTED = 2, 130
@@ -114,7 +100,7 @@ def build_parser() -> argparse.ArgumentParser:
             child.add_argument("--json", action="store_true", help="print one JSON object on standard output")
             child.add_argument("--quiet", action="store_true", help="print nothing but errors and what --json asks")
         child.set_defaults(run=verb.run)
-    if installed := tuple(verb for verb in found if not isinstance(verb, laboratory.MissingVerb)):
+    if installed := tuple(verb for verb in found if verb.HELP != laboratory.MISSING):
         parser.groups = (*GROUPS, ("Laboratory", "lfsr study chart -o DIR scene.blend", installed))
     parser.names = [verb.NAME for verb in (*VERBS, *found)]
     return parser

@@ -1,12 +1,17 @@
-"""Arguments that several verbs have, and the values that they become."""
+"""What a verb is, and arguments that several verbs have, with the values that they become."""
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import os
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+from lfsr_core.base.notices import ProgressBar
+from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import LAYOUTS, VIEW_BY_VIEW
 from lfsr_core.frames.request import AUTO, DEVICES, EVEN, OWN, WORLD_IMAGES, Request, check_light, check_scene
@@ -16,6 +21,23 @@ from lfsr_core.reconstruct.methods import METHODS
 
 FARTHEST_MM = 1e6
 OFFERED_LAYOUTS = tuple(layout for layout in LAYOUTS if layout != VIEW_BY_VIEW)
+
+
+@dataclasses.dataclass(frozen=True)
+class Verb:
+    """A verb of ``lfsr``; it imports slow packages in ``run``."""
+
+    NAME: str
+    HELP: str
+    add_arguments: Callable[[argparse.ArgumentParser], None]
+    # Runs the verb, prints what people want to know, and returns it as a record or JSON-ready data for ``--json``;
+    # LfsrError for bad input.
+    run: Callable[[argparse.Namespace], Any]
+
+
+def progress() -> closing[ProgressBar]:
+    """Return a progress bar for a block, which ends its line after it."""
+    return closing(ProgressBar(words=sentence))
 
 
 def add_scene_arguments(parser: argparse.ArgumentParser) -> None:

@@ -10,16 +10,19 @@ from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
-from lfsr_core.commands.arguments import position
+from lfsr_core.commands.arguments import Verb, position
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.optics.display import DisplayProfile, PanelShape, builtin_names, load_display, proposed_light_field
+from lfsr_core.optics.display import (
+    DisplayProfile,
+    PanelShape,
+    builtin_names,
+    load_display,
+    proposed_light_field,
+    write_profile,
+)
 
-NAME = "displays"
-HELP = "list the display profiles, show one with its derived numbers, import or calibrate one"
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this verb."""
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("display", nargs="?", metavar="NAME|FILE.toml", help="profile to show")
     parser.add_argument("--import", dest="calibration", type=Path, metavar="VISUAL.json",
                         help="make a profile from a Looking Glass calibration; needs -o FILE.toml")
@@ -41,13 +44,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="file to write")
 
 
-def run(arguments: argparse.Namespace) -> Any:
+def _run(arguments: argparse.Namespace) -> Any:
     """List the profiles, show one, or make a profile or a pattern."""
-    from lfsr_core.optics.display import write_profile
+    from lfsr_core.calibration.cubevi import profile_of_c1
+    from lfsr_core.calibration.fit import calibrate
+    from lfsr_core.calibration.patterns import pattern
+    from lfsr_core.calibration.visual_json import profile_from_calibration, read_calibration
+    from lfsr_core.exports.bridge import Bridge, chosen
+    from lfsr_core.images.png import write_png
 
     output = arguments.output
     if arguments.bridge and not output:
-        return _print_connected()
+        devices = Bridge().devices()
+        for device in devices:
+            try:
+                numbers = device.calibration.numbers
+                told = ("{screenW:g}×{screenH:g} px, {viewCone:g}° cone, {pitch:.4f} cylinders per "
+                        "inch".format(**numbers))
+            except LfsrError as error:
+                told = str(error)
+            quilt = [device.quilt.get(name, "?") for name in ("tileX", "tileY", "quiltX", "quiltY")]
+            print(f"{device.index:2}  {device.name} ({device.hardware}), at {device.corner[0]},{device.corner[1]}: "
+                  f"{told}, quilt {quilt[0]}×{quilt[1]} of {quilt[2]}×{quilt[3]} px")
+        return {"displays": devices}
     for name, asked, wanted in (("--import writes a profile", arguments.calibration or arguments.bridge, "FILE.toml"),
                                 ("--cubevi writes a profile", arguments.cubevi, "FILE.toml"),
                                 ("--pattern writes an image", arguments.pattern, "FILE.png")):
@@ -56,23 +75,41 @@ def run(arguments: argparse.Namespace) -> Any:
     if (arguments.pattern or arguments.fit) and not arguments.display:
         raise LfsrError("--pattern and --fit need a display: give its name or FILE.toml")
     if arguments.bridge or arguments.calibration:
-        profile = _imported(arguments)
+        if arguments.bridge:
+            devices = Bridge().devices()
+            if arguments.display is None and len(devices) > 1:
+                listed = ", ".join(f"{device.index} ({device.name})" for device in devices)
+                raise LfsrError(f"{len(devices)} displays are connected, but a profile is of one: name one of {listed}")
+            device = chosen(devices, arguments.display)
+            calibration, shape = device.calibration, device.shape
+        else:
+            calibration, shape = read_calibration(arguments.calibration), None
+        for name, usual in (("fringe", 0), ("invView", 1)):
+            if (value := calibration.numbers[name]) != usual:
+                print(f"note: {sentence(Notice('number-ignored', {'name': name, 'value': value}))}")
+        profile = profile_from_calibration(calibration, output.stem)
+        profile = dataclasses.replace(profile, quilt=shape or profile.quilt)
         write_profile(output, profile)
     elif arguments.cubevi:
-        from lfsr_core.calibration.cubevi import profile_of_c1
-
         slope, interval, x0 = arguments.cubevi
         profile = profile_of_c1(slope, interval, x0, output.stem)
         write_profile(output, profile)
     elif arguments.pattern:
-        from lfsr_core.calibration.patterns import pattern
-        from lfsr_core.images.png import write_png
-
         write_png(output, pattern(load_display(arguments.display), arguments.pattern))
         print(output)
         return {"file": output}
     elif arguments.fit:
-        profile = _fitted(arguments)
+        profile, photos = load_display(arguments.display), arguments.fit
+        places = arguments.places or [(0.0, 0.0, profile.viewing_distance_mm)] * len(photos)
+        if len(places) != len(photos):
+            raise LfsrError(f"{len(photos)} photographs and {len(places)} positions were given: give --from X,Y,Z once "
+                            "for each photograph")
+        if output and output.suffix != ".toml":
+            raise LfsrError(f"{output} cannot be a display profile: end its name in .toml")
+        profile, notices = calibrate(profile, photos, places, output)
+        print("\n".join(map(sentence, notices)))
+        if output:
+            print(f"taken and predicted: {output.with_suffix('.png')}")
     elif arguments.display:
         profile = load_display(arguments.display)
     else:
@@ -85,62 +122,8 @@ def run(arguments: argparse.Namespace) -> Any:
     return profile
 
 
-def _print_connected() -> Any:
-    """A line for each display of Looking Glass Bridge; a calibration that cannot be used is said in its place."""
-    from lfsr_core.exports.bridge import Bridge
-
-    devices = Bridge().devices()
-    for device in devices:
-        try:
-            numbers = device.calibration.numbers
-            told = "{screenW:g}×{screenH:g} px, {viewCone:g}° cone, {pitch:.4f} cylinders per inch".format(**numbers)
-        except LfsrError as error:
-            told = str(error)
-        quilt = [device.quilt.get(name, "?") for name in ("tileX", "tileY", "quiltX", "quiltY")]
-        print(f"{device.index:2}  {device.name} ({device.hardware}), at {device.corner[0]},{device.corner[1]}: "
-              f"{told}, quilt {quilt[0]}×{quilt[1]} of {quilt[2]}×{quilt[3]} px")
-    return {"displays": devices}
-
-
-def _imported(arguments: argparse.Namespace) -> DisplayProfile:
-    """Profile of a calibration, from a file or a connected display, named after the output file."""
-    from lfsr_core.calibration.visual_json import profile_from_calibration, read_calibration
-
-    shape = None
-    if arguments.bridge:
-        from lfsr_core.exports.bridge import Bridge, chosen
-
-        devices = Bridge().devices()
-        if arguments.display is None and len(devices) > 1:
-            listed = ", ".join(f"{device.index} ({device.name})" for device in devices)
-            raise LfsrError(f"{len(devices)} displays are connected, but a profile is of one: name one of {listed}")
-        device = chosen(devices, arguments.display)
-        calibration, shape = device.calibration, device.shape
-    else:
-        calibration = read_calibration(arguments.calibration)
-    for name, usual in (("fringe", 0), ("invView", 1)):
-        if (value := calibration.numbers[name]) != usual:
-            print(f"note: {sentence(Notice('number-ignored', {'name': name, 'value': value}))}")
-    profile = profile_from_calibration(calibration, arguments.output.stem)
-    return dataclasses.replace(profile, quilt=shape or profile.quilt)
-
-
-def _fitted(arguments: argparse.Namespace) -> DisplayProfile:
-    """Profile with the lens sheet of the photographs, written if an output file is given."""
-    from lfsr_core.calibration.fit import calibrate
-
-    profile, photos = load_display(arguments.display), arguments.fit
-    places = arguments.places or [(0.0, 0.0, profile.viewing_distance_mm)] * len(photos)
-    if len(places) != len(photos):
-        raise LfsrError(f"{len(photos)} photographs and {len(places)} positions were given: give --from X,Y,Z once for "
-                        "each photograph")
-    if arguments.output and arguments.output.suffix != ".toml":
-        raise LfsrError(f"{arguments.output} cannot be a display profile: end its name in .toml")
-    fitted, notices = calibrate(profile, photos, places, arguments.output)
-    print("\n".join(map(sentence, notices)))
-    if arguments.output:
-        print(f"taken and predicted: {arguments.output.with_suffix('.png')}")
-    return fitted
+DISPLAYS = Verb("displays", "list the display profiles, show one with its derived numbers, import or calibrate one",
+                _add_arguments, _run)
 
 
 def describe(profile: DisplayProfile) -> list[str]:

@@ -1,23 +1,18 @@
-"""``lfsr export DIR --format NAME``: a finished frame for other displays, other programs, other people."""
+"""``lfsr export`` and ``lfsr import``: frames for other displays, programs and people, and theirs."""
 
 from __future__ import annotations
 
 import argparse
 import os
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.notices import ProgressBar
-from lfsr_core.commands.sentences import sentence
-from lfsr_core.exports.options import DESCRIPTIONS, FILM_TYPES, PRESETS, VIEW_TYPES
-
-NAME = "export"
-HELP = "write a finished frame or an animation as quilt, stereo pair, film or folder of views"
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.commands.arguments import Verb, progress
+from lfsr_core.exports.options import DESCRIPTIONS, FILM_TYPES, PRESETS, VIEW_TYPES, ExportOptions
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this verb."""
+def _add_export_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, metavar="DIR", help="finished frame folder, or an animation's folder")
     parser.add_argument("--format", required=True, choices=DESCRIPTIONS,
                         help="; ".join(f"{name}: {text}" for name, text in DESCRIPTIONS.items()))
@@ -36,22 +31,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, metavar="S", help="of a sway or wiggle to and fro, default: 4 or 0.8")
 
 
-def run(arguments: argparse.Namespace) -> Any:
+def _export(arguments: argparse.Namespace) -> Any:
     """Write the export and print its path."""
     from lfsr_core.exports.formats import export
-    from lfsr_core.exports.options import ExportOptions
 
     views, grid = arguments.views, arguments.grid
     if views and len(views) == 1:
         views = (views[0], 1 if arguments.format.startswith("quilt") else views[0])
     if grid and len(grid) == 1:
         grid = (grid[0], 1)
-    with closing(ProgressBar(words=sentence)) as bar:
+    with progress() as bar:
         options = ExportOptions(views, grid, arguments.preset, arguments.eyes_mm, arguments.width, arguments.type,
                                 arguments.seconds, arguments.fps, bar)
         files = export(arguments.folder, arguments.format, arguments.output, options)
     print(files[0] if len(files) == 1 else f"{os.path.commonpath([file.parent for file in files])}: {len(files)} files")
     return {"files": files}
+
+
+EXPORT = Verb("export", "write a finished frame or an animation as quilt, stereo pair, film or folder of views",
+              _add_export_arguments, _export)
 
 
 def _pair(text: str) -> tuple[int, ...]:
@@ -62,3 +60,63 @@ def _pair(text: str) -> tuple[int, ...]:
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not N or NxM, as 9 or 8x6") from None
     return numbers
+
+
+def _add_import_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("source", type=Path, metavar="SOURCE", help="folder of views, or quilt: an image or a film")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR",
+                        help="frame folder to write; of a film, the folder of its frame folders")
+    parser.add_argument("--display", metavar="NAME|FILE.toml",
+                        help="make the views for this display, and its panel image; default: one of their own size")
+    parser.add_argument("--fill", action="store_true",
+                        help="fill that display and cut the picture; default: all of it, between black bars")
+    parser.add_argument("--quilt", metavar="CxR[aA]",
+                        help="tiles across and down of a quilt, and the aspect ratio; default: as its name says")
+    parser.add_argument("--top-first", action="store_true",
+                        help="the quilt begins at the top left, as those for CubeVi's display; default: bottom left")
+    parser.add_argument("--scale", type=int, default=1, metavar="N",
+                        help="factor by which `lfsr upscale` multiplies the views along each axis; default: "
+                             "%(default)s, which finishes the frame at once")
+    parser.add_argument("--width-mm", type=float, metavar="MM", help="width of the plane without parallax")
+    parser.add_argument("--distance-mm", type=float, metavar="MM", help="from the cameras to that plane")
+    parser.add_argument("--angle-deg", type=float, metavar="DEG", help="over which the cameras are spread")
+    parser.add_argument("--mirror", choices=("x", "y", "xy"), default="",
+                        help="reverse the order of the cameras, if depth comes out inside out")
+
+
+def _import(arguments: argparse.Namespace) -> Any:
+    """Import; finish the frame if there is nothing to upscale; print the next command."""
+    from lfsr_core.exports.importing import ImportGeometry, import_film, import_quilt, import_views
+    from lfsr_core.exports.sources import is_film, quilt_of
+    from lfsr_core.optics.display import load_display
+    from lfsr_core.pipeline.make import finish_frame
+
+    source, folder, scale = arguments.source, arguments.output, arguments.scale
+    target = load_display(arguments.display) if arguments.display else None
+    geometry = ImportGeometry(arguments.width_mm, arguments.distance_mm, arguments.angle_deg, arguments.mirror, target,
+                              arguments.fill)
+    quilt = quilt_of(source, arguments.quilt, arguments.top_first) if source.is_file() else None
+    if quilt is None and (arguments.quilt or arguments.top_first):
+        raise LfsrError(f"{source} is no file, but --quilt and --top-first are for quilts: check the path, or leave "
+                        "them out")
+    film = quilt is not None and is_film(source)
+    if film and scale != 1:
+        raise LfsrError(f"scale is {scale}, but a film of quilts has all its views: leave it out")
+    with progress() as bar:
+        if quilt is None:
+            display = import_views(source, folder, scale, geometry, bar)
+        elif film:
+            display = import_film(source, folder, quilt, geometry, bar)
+        else:
+            display = import_quilt(source, folder, quilt, scale, geometry, bar)
+        if scale == 1 and not film:
+            finish_frame(folder, "none")
+    following = "view" if scale == 1 else "upscale"
+    print(f"{folder}: {display.views[0]}×{display.views[1]} views of {display.lenses[0]}×{display.lenses[1]} pixels; "
+          f"next: lfsr {following} {folder}")
+    return {"folder": folder, "display": display}
+
+
+IMPORT = Verb("import", "make a frame folder from a quilt or a folder of views (HCI, Stanford, JPEG Pleno), or several "
+                        "from a quilt film",
+              _add_import_arguments, _import)

@@ -1,4 +1,4 @@
-"""``lfsr farm NAME -o FILE``: job templates for render farms."""
+"""``lfsr farm`` and ``lfsr merge``: renders on several machines."""
 
 from __future__ import annotations
 
@@ -7,21 +7,19 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.commands.arguments import Verb, progress
+from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.pipeline.farms import TEMPLATES, write_template
 
-NAME = "farm"
-HELP = "write the job template of a render farm: openjd, or flamenco"
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this verb."""
+def _add_farm_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("farm", choices=TEMPLATES, help="openjd: a job template of Open Job Description; flamenco: a "
                                                         "job type of Flamenco 3")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE",
                         help="default: lfsr-openjd.yaml or lfsr-flamenco.js here")
 
 
-def run(arguments: argparse.Namespace) -> Any:
+def _farm(arguments: argparse.Namespace) -> Any:
     """Write the template and print its path."""
     name = TEMPLATES[arguments.farm]
     output = arguments.output or Path(f"lfsr-{name}")
@@ -30,3 +28,33 @@ def run(arguments: argparse.Namespace) -> Any:
     write_template(arguments.farm, output)
     print(f"{output}: see docs/guide/farms.md")
     return {"file": output}
+
+
+FARM = Verb("farm", "write the job template of a render farm: openjd, or flamenco", _add_farm_arguments, _farm)
+
+
+def _add_merge_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("parts", type=Path, nargs="+", metavar="PART",
+                        help="folder of a part, in any order, or a folder of such folders")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="frame folder to write")
+    parser.add_argument("--numbered", action="store_true",
+                        help="write into a folder of DIR named by the frame's number, such as 0001")
+
+
+def _merge(arguments: argparse.Namespace) -> Any:
+    """Join the parts and print the result."""
+    from lfsr_core.pipeline.merge import merge, part_folders
+
+    parts, output = part_folders(arguments.parts), arguments.output
+    if arguments.numbered:
+        output = FrameFolder.of_frame(output, FrameFolder(parts[0]).part.frame).path
+    with progress() as bar:
+        frame = merge(parts, output, bar)
+    print(f"{output}: {len(parts)} parts, {frame.samples} samples, rendered in "
+          f"{frame.seconds.get('render', 0.0):.1f} s in all")
+    return {"folder": output, "parts": len(parts), "frame": frame}
+
+
+MERGE = Verb("merge", "join parts of `lfsr render --rows` or `lfsr reference --rows`, or average references of other "
+                      "seeds",
+             _add_merge_arguments, _merge)

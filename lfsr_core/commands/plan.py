@@ -5,13 +5,11 @@ from __future__ import annotations
 import argparse
 import math
 import shlex
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import ProgressBar
-from lfsr_core.commands.arguments import add_geometry_arguments, make_request, names, numbers, reals
+from lfsr_core.commands.arguments import Verb, add_geometry_arguments, make_request, names, numbers, progress, reals
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.request import Sampling
 
@@ -21,15 +19,13 @@ if TYPE_CHECKING:
     from lfsr_core.plan.options import Candidate, PlanOptions
     from lfsr_core.plan.planner import Planned
 
-NAME = "plan"
-HELP = "find the cheapest scale, samples and method that reach an accuracy, from a small sample of lenses"
 OPTIONS = ("target", "metric", "scales", "samples", "rays", "methods", "most_seconds", "budget", "lenses",
            "reference_samples")
 MOST_ROWS = 5  # so that heading, rows, cost, sentence and command are ten lines
 HEADINGS = ("", "scale", "rays", "spp", "method", "seconds", "accuracy", "95 % above", "")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb; their defaults are those of ``PlanOptions``."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     parser.add_argument("--target", type=float, metavar="0..1", help="accuracy to reach, default: 0.95")
@@ -55,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_geometry_arguments(parser)
 
 
-def run(arguments: argparse.Namespace) -> Any:
+def _run(arguments: argparse.Namespace) -> Any:
     """Plan; print the table and the command that renders the choice."""
     from lfsr_core.pipeline.make import make
     from lfsr_core.plan.options import PlanOptions
@@ -67,12 +63,16 @@ def run(arguments: argparse.Namespace) -> Any:
     options = PlanOptions(**{name: value for name in OPTIONS if (value := getattr(arguments, name)) is not None})
     request = make_request(arguments, output=".", sampling=Sampling(1, 1))
     blender = find_blender(arguments.blender)
-    with closing(ProgressBar(words=sentence)) as bar, work_folder(arguments.work, request, options, bar) as folder:
+    with progress() as bar, work_folder(arguments.work, request, options, bar) as folder:
         planned = make_plan(request, options, lambda one, tell: make(one, blender=blender, tell=tell), folder, bar)
     print(table(planned, request.display, arguments.details))
     if planned.choice.chosen is not None:
         print(render_command(arguments, planned.choice.chosen, request.display))
     return planned
+
+
+PLAN = Verb("plan", "find the cheapest scale, samples and method that reach an accuracy, from a small sample of lenses",
+            _add_arguments, _run)
 
 
 def table(planned: Planned, display: DisplayProfile, details: bool) -> str:

@@ -1,4 +1,4 @@
-"""``lfsr reference SCENE -o DIR``: every view path-traced, as two independent halves."""
+"""``lfsr reference`` and ``lfsr compare``: every view path-traced, as two halves, and metrics against it."""
 
 from __future__ import annotations
 
@@ -8,26 +8,25 @@ import math
 import os
 import sys
 import tempfile
-from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import ProgressBar
 from lfsr_core.commands import arguments as common
+from lfsr_core.commands.arguments import Verb, progress
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
 from lfsr_core.frames.request import Sampling
 from lfsr_core.optics.lenses import check_count, choose_lenses
 
-NAME = "reference"
-HELP = "render the full-resolution reference as two independent halves"
+if TYPE_CHECKING:
+    from lfsr_core.metrics.compare import Metrics
+
 DEFAULT_SAMPLES = 1024
 SCALE_FOR_MASK, SAMPLES_FOR_MASK = 4, 4
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this verb."""
+def _add_reference_arguments(parser: argparse.ArgumentParser) -> None:
     common.add_scene_arguments(parser)
     parser.add_argument("--spp", type=int, default=DEFAULT_SAMPLES, metavar="N",
                         help="samples per pixel, default: %(default)s")
@@ -37,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     common.add_cluster_argument(parser)
 
 
-def run(arguments: argparse.Namespace) -> Any:
+def _reference(arguments: argparse.Namespace) -> Any:
     """Choose lenses if asked to; render them at full resolution, unclamped."""
     from lfsr_core.frames.low_res import foreground_mask
     from lfsr_core.images.exr import read_layers
@@ -51,7 +50,7 @@ def run(arguments: argparse.Namespace) -> Any:
                             "both given: leave out one of them")
     request = common.make_request(arguments, kind="reference", sampling=Sampling(1, arguments.spp), clamp_indirect=0.0)
     display = request.display
-    with closing(ProgressBar(words=sentence)) as bar:
+    with progress() as bar:
         if arguments.lenses is not None:
             check_count(arguments.lenses, math.prod(display.lenses))
             print(f"choosing {arguments.lenses} lenses from a quick render", file=sys.stderr)
@@ -75,3 +74,34 @@ def run(arguments: argparse.Namespace) -> Any:
              len(request.lens_list) if request.lens_list else math.prod(display.lenses))
     print(f"{arguments.output}: {count} lenses, two halves of {request.sampling.samples // 2} samples")
     return {"folder": arguments.output, "lenses": count, "samples": request.sampling.samples}
+
+
+REFERENCE = Verb("reference", "render the full-resolution reference as two independent halves",
+                 _add_reference_arguments, _reference)
+
+
+def _add_compare_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, metavar="DIR", help="finished frame folder")
+    parser.add_argument("reference", type=Path, metavar="REFDIR", help="folder of `lfsr reference`")
+
+
+def _compare(arguments: argparse.Namespace) -> Any:
+    """Compare and print."""
+    from lfsr_core.metrics.compare import compare_folders
+
+    metrics = compare_folders(arguments.folder, arguments.reference)
+    print("\n".join(table(metrics)))
+    return metrics
+
+
+COMPARE = Verb("compare", "measure a finished frame against a reference: print a table, write report.json",
+               _add_compare_arguments, _compare)
+
+
+def table(metrics: Metrics) -> list[str]:
+    """One line per known metric (value, 95 % interval of a sample of lenses, meaning), then one per note."""
+    spread = {name: f" ± {half_width:.4f}" for name, half_width in metrics.ci95.items() if half_width is not None}
+    lines = [f"{field.name:17} {value:8.4f}{spread.get(field.name, ''):10}  {field.metadata['meaning']}"
+             for field in dataclasses.fields(metrics) if field.metadata
+             and (value := getattr(metrics, field.name)) is not None]
+    return [*lines, *map(sentence, metrics.notes)]

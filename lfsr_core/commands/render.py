@@ -1,4 +1,4 @@
-"""``lfsr render SCENE -o DIR``: from a scene to the finished EIA, of one frame or of an animation."""
+"""``lfsr render`` and ``lfsr upscale``: from a scene to finished EIAs, and the second stage alone."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import dataclasses
 import math
 import os
 import time
-from contextlib import closing
+from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import ProgressBar, duration
 from lfsr_core.commands import arguments as common
-from lfsr_core.commands import compare, upscale
+from lfsr_core.commands.arguments import Verb, progress
+from lfsr_core.commands.reference import table
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import SUBPIXELS
@@ -22,13 +23,10 @@ from lfsr_core.optics.depth_scale import USUAL_SAMPLES, USUAL_SCALE, samples_at,
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lenses import check_count, rows_text
 
-NAME = "render"
-HELP = "render a scene's low-resolution EIA with Blender and upscale it to eia.png"
 AUTO_SCALE, CHECK_SAMPLES = "auto", 1024
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this verb."""
+def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
     common.add_scene_arguments(parser)
     parser.add_argument("--rays", type=float, metavar="R",
                         help="rays per finished pixel, which decide noise and time: 1 is 16 samples per rendered pixel "
@@ -62,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     common.add_method_arguments(parser)
 
 
-def run(arguments: argparse.Namespace) -> Any:
+def _render(arguments: argparse.Namespace) -> Any:
     """Make one image or an animation, and print what was made."""
     _check_together(arguments)
     frames = None if arguments.frames is None else parse_frames(arguments.frames)
@@ -74,7 +72,7 @@ def run(arguments: argparse.Namespace) -> Any:
     from lfsr_core.pipeline.make import FAILED, make
 
     started = time.monotonic()
-    with closing(ProgressBar(words=sentence)) as bar:
+    with progress() as bar:
         if arguments.cluster is not None:
             from lfsr_core.pipeline.cluster import make_on
 
@@ -86,12 +84,12 @@ def run(arguments: argparse.Namespace) -> Any:
                         overwrite=arguments.overwrite or frames is None)
         failed = [result for result in made if result.state == FAILED]
         if frames is None and request.rows is None:
-            upscale.show_finished(FrameFolder(request.output), bar)
+            show_finished(FrameFolder(request.output), bar)
             if arguments.check is not None:
                 metrics = compare_with_reference(request, request.output, f"{request.output}_reference",
                                                  arguments.check, CHECK_SAMPLES, arguments.blender, bar)
                 bar.close()
-                print("\n".join(compare.table(metrics)))
+                print("\n".join(table(metrics)))
     if request.rows is not None:
         print(f"{arguments.output}: rows {rows_text(request.rows)} of {request.display.lenses[1]}; join the parts with "
               "`lfsr merge`")
@@ -166,3 +164,48 @@ def _scale(text: str) -> int | str:
 
 def _layers(text: str) -> tuple[str, ...]:
     return () if text.strip() == "none" else common.names(text)
+
+
+RENDER = Verb("render", "render a scene's low-resolution EIA with Blender and upscale it to eia.png",
+              _add_render_arguments, _render)
+
+
+def _add_upscale_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, metavar="DIR", help="frame folder of `lfsr render`")
+    parser.add_argument("--frame", type=int, metavar="N", help="frame N of the animation in DIR")
+    parser.add_argument("--temporal-averaging", type=int, default=0, metavar="N",
+                        help="average with the N frames before and after it where nothing has changed; for an "
+                             "animation rendered with `lfsr render --temporal-averaging`")
+    common.add_method_arguments(parser)
+
+
+def _upscale(arguments: argparse.Namespace) -> Any:
+    """Upscale the folder and print the path of the image."""
+    from lfsr_core.pipeline.make import finish_frame
+
+    number, path = arguments.frame, arguments.folder
+    folder = FrameFolder(path) if number is None else FrameFolder.of_frame(path, number)
+    frame = folder.rendered
+    finish = common.finish_of(arguments, bool(frame.subpixels), frame.scale)
+    with progress() as bar:
+        finish_frame(folder.path, finish, bar)
+        show_finished(folder, bar)
+    return {"folder": folder.path, "image": folder.image, "report": folder.report}
+
+
+UPSCALE = Verb("upscale", "repeat the second stage of a rendered frame folder", _add_upscale_arguments, _upscale)
+
+
+def show_finished(folder: FrameFolder, bar: ProgressBar) -> None:
+    """Print what the second stage has to say, its times and its files."""
+    report, frame = folder.report, folder.rendered
+    for notice in report.notes:
+        if notice not in frame.notes:  # the render has said those
+            bar(notice)
+    times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report.seconds.items())
+    if frame.subpixels:
+        print(f"{folder.image}: the panel's image, traced for its subpixels; {report.method} ({times})")
+        return
+    if frame.display.is_woven:
+        print(f"{folder.path / 'panel.png'}: the panel's image, woven for its lens sheet")
+    print(f"{folder.image}: {report.method}, {report.foreground_fraction:.0%} of the lenses are foreground ({times})")

@@ -27,17 +27,6 @@ def _scale_chosen(values: Values) -> str:
             f"{there}")
 
 
-def _geometry_assumed(values: Values) -> str:
-    assumed = ", ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in values.items())
-    return f"there is no camera geometry, assumed: {assumed}"
-
-
-def _subject_unseen(values: Values) -> str:
-    shown = f"background objects fill {values['background']:.0%} of the image" if values["background"] else (
-        "no object is in sight")
-    return f"no lens sees the subject: {shown}"
-
-
 def older(values: Values) -> str:
     """Return which frames are older."""
     which = "1 frame is" if values["count"] == 1 else f"{values['count']} frames (from {values['first']}) are"
@@ -63,12 +52,6 @@ def _camera_chosen(values: Values) -> str:
             "the array in front of the subject")
 
 
-def _calibrated(values: Values) -> str:
-    count = values["photographs"]
-    return (f"by {count} photograph{'' if count == 1 else 's'}: pitch ±{values['pitch']:.1e} of it, rotation "
-            f"±{values['turn']:.1e}, shift ±{values['shift']:.4f} of a lens pitch (standard deviations)")
-
-
 def replaced(values: Values) -> str:
     """Return in which light a scene is rendered, and why not in its own."""
     reason, light = DARK[values["reason"]], values["light"]
@@ -92,7 +75,9 @@ SENTENCES: dict[str, Wording] = {
     "scale-chosen": _scale_chosen,
     "scale-unseen": "scale {scale}: the middle view sees nothing of the subject",
     # The image
-    "subject-unseen": _subject_unseen,
+    "subject-unseen": lambda values: "no lens sees the subject: " + (
+        f"background objects fill {values['background']:.0%} of the image" if values["background"] else
+        "no object is in sight"),
     "image-extreme": lambda values: f"the image is almost {values['tone']}: make lights or exposure "
                                     f"{'stronger' if values['tone'] == 'black' else 'weaker'}, or check where the "
                                     "camera looks",
@@ -164,12 +149,15 @@ SENTENCES: dict[str, Wording] = {
     "cameras-cut": "only the {side}×{side} cameras in the middle of {across}×{down} are imported: elemental images are "
                    "square",
     "aspect-assumed": "the quilt's name has no aspect ratio, assumed: --quilt {across}x{down}a{aspect:.4g}",
-    "geometry-assumed": _geometry_assumed,
+    "geometry-assumed": lambda values: "there is no camera geometry, assumed: " + listed(
+        [f"--{name.replace('_', '-')} {value:g}" for name, value in values.items()]),
     "angle-assumed": "the angle of the cameras is not known, assumed: that of the display, --angle-deg {angle_deg:g}",
     "browser-missing": "no browser was found here: open that page yourself",
     "flip-missing": "FLIP was not computed: the Python that compared has no package flip-evaluator",
     # Calibrations
-    "calibrated": _calibrated,
+    "calibrated": lambda values: f"by {values['photographs']} photograph{'' if values['photographs'] == 1 else 's'}: "
+                                 f"pitch ±{values['pitch']:.1e} of it, rotation ±{values['turn']:.1e}, shift "
+                                 f"±{values['shift']:.4f} of a lens pitch (standard deviations)",
     "calibrated-at-distance": "an error of 1 mm in the camera's distance changes the pitch by {pitch:.1e} of it",
     "number-ignored": "the calibration's {name} of {value:g} is ignored, as by the maker's programs",
     "photograph-mirrored": "{photograph} is mirrored and was mirrored back; if the panel itself mirrors its image, set "

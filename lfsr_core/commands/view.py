@@ -1,22 +1,18 @@
-"""``lfsr view DIR``: a page that shows the finished EIA in any browser."""
+"""``lfsr view``, ``lfsr views`` and ``lfsr show``: finished images in a browser, as files and on a display."""
 
 from __future__ import annotations
 
 import argparse
 import webbrowser
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.notices import ProgressBar
-from lfsr_core.commands.sentences import sentence
-
-NAME = "view"
-HELP = "write one HTML file that shows finished EIAs as an eye in front of the display sees them"
+from lfsr_core.base.notices import Notice
+from lfsr_core.commands.arguments import Verb, position, progress
+from lfsr_core.frames.views import write_views
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this verb."""
+def _add_view_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folders", type=Path, nargs="+", metavar="DIR",
                         help="finished frame folder; several, or a folder of them, are an animation")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE.html", help="default: view.html in the first DIR")
@@ -25,13 +21,62 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--open", action="store_true", help="open it in the browser")
 
 
-def run(arguments: argparse.Namespace) -> Any:
+def _view(arguments: argparse.Namespace) -> Any:
     """Write the page and print its path."""
     from lfsr_core.exports.page import write_page
 
-    with closing(ProgressBar(words=sentence)) as bar:
+    with progress() as bar:
         page = write_page(arguments.folders, arguments.output, arguments.quality, bar)
     print(f"{page.path}: {page.bytes / 1e6:.1f} MB, opens in a browser")
     if arguments.open:
         webbrowser.open(page.path.resolve().as_uri())
     return page
+
+
+VIEW = Verb("view", "write one HTML file that shows finished EIAs as an eye in front of the display sees them",
+            _add_view_arguments, _view)
+
+
+def _add_views_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("folder", type=Path, metavar="DIR", help="finished frame folder")
+    parser.add_argument("--eye", type=position, metavar="X,Y,Z",
+                        help="millimetres from the display's centre, rightwards, upwards, towards the viewer; "
+                             "negative X: --eye=-50,0,1000")
+
+
+def _views(arguments: argparse.Namespace) -> Any:
+    """Write the images and print their paths."""
+    files = write_views(arguments.folder, arguments.eye)
+    print(*files, sep="\n")
+    return {"files": files}
+
+
+VIEWS = Verb("views", "write a contact sheet of decoded views, a pair of EPIs, and what an eye would see",
+             _add_views_arguments, _views)
+
+
+def _add_show_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("path", type=Path, metavar="FRAME|FILM|QUILT",
+                        help="frame folder, folder of them, quilt or film of quilts; or a panel's own image")
+    parser.add_argument("--display", metavar="NAME|screen",
+                        help="index or name of one of `lfsr displays --bridge`; screen: the panel's own image, full "
+                             "screen in a browser; default: Bridge for lenticular displays, else screen")
+    parser.add_argument("--fps", type=float, default=24.0, metavar="N",
+                        help="frames a second of an animation, default: %(default)g")
+
+
+def _show(arguments: argparse.Namespace) -> Any:
+    """Show it and say where."""
+    from lfsr_core.exports.show import show
+
+    with progress() as bar:
+        shown = show(arguments.path, arguments.display, arguments.fps, bar)
+        print(f"{shown.page}: {shown.sentence}" if shown.page else shown.sentence)
+        if shown.page and not webbrowser.open(shown.page.resolve().as_uri()):
+            bar(Notice("browser-missing"))
+    return shown
+
+
+SHOW = Verb("show", "show a frame, an animation or a quilt on a display: through Looking Glass Bridge, or full screen "
+                    "in a browser",
+            _add_show_arguments, _show)

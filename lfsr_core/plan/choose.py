@@ -92,8 +92,8 @@ def choose(rated: Sequence[Rated], target: float, most_seconds: float = math.inf
     *_, before, last = (best.estimate.mean, *(means[samples] for samples in sorted(means)))
     if last + (last - before) >= target:  # each further step of samples gains about half of the one before it
         return Choice(None, best, Notice("plan-limit-noise", {"samples": best.samples}))
-    limit = "plan-limit-upscaling" if best.scale > 1 else "plan-limit-method"
-    return Choice(None, best, Notice(limit, {"scale": best.scale}))
+    return Choice(None, best, Notice("plan-limit-upscaling" if best.scale > 1 else "plan-limit-method",
+                                     {"scale": best.scale}))
 
 
 @dataclasses.dataclass(frozen=True)
