@@ -109,14 +109,15 @@ def test_settings_that_do_not_go_together(scene):
     fix(scene, "display")
 
 
-def test_nothing_to_render(scene):
-    bpy.data.objects["Box"].hide_render = True
-    fix(scene, "subject")
-
-
-def test_a_broken_array_is_added_again(scene):
-    bpy.data.objects.remove(rig.plane_of(rig.find(scene)))
-    fix(scene, "rig")
+@pytest.mark.parametrize(("code", "spoil"), [
+    ("subject", lambda scene: setattr(bpy.data.objects["Box"], "hide_render", True)),
+    ("rig", lambda scene: bpy.data.objects.remove(rig.plane_of(rig.find(scene)))),
+    ("array", lambda scene: bpy.ops.lfsr.array_remove())])
+def test_without_a_subject_or_an_array(scene, code, spoil):
+    """A broken array is added again."""
+    spoil(scene)
+    assert (found(scene, code).severity == "INFO") == (code == "array")
+    fix(scene, code)
 
 
 def test_too_little_room(scene, monkeypatch):
@@ -165,26 +166,6 @@ def test_missing_texture_and_unsaved_paint(scene):
     texture.image = gone
     bpy.data.objects["Box"].modifiers.new("Bumps", "DISPLACE").texture = texture
     assert found(scene, "texture").target == "gone.png"
-
-
-def test_no_array_then_add(scene):
-    bpy.ops.lfsr.array_remove()
-    assert found(scene, "array").severity == "INFO"
-    fix(scene, "array")
-
-
-def test_what_renders_leave_out_is_listed(scene):
-    scene.sequence_editor_create().strips.new_effect("x", "COLOR", 1, frame_start=1, length=10)
-    scene.camera.data.shift_x = 0.1
-    assert [problem.code for problem in problems.check_scene(scene)] == ["shift", "sequencer"]
-
-
-def test_the_list_in_the_panel(scene):
-    scene.render.use_motion_blur = True
-    assert bpy.ops.lfsr.check_scene() == {"FINISHED"}
-    state = bpy.context.window_manager.lfsr
-    assert state.checked_scene == scene.name
-    assert "motion" in [line.code for line in state.problems]
 
 
 def test_unknown_problems_and_objects_are_refused(scene):

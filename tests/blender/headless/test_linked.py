@@ -122,17 +122,14 @@ def test_linked_data_renders_as_if_it_were_local(library, unlinked, tmp_path, wa
     bpy.context.scene.lfsr.output = str(tmp_path)  # not saved in the library
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     assert bpy.data.libraries
-    _, layers = render(layout)
+    if way is a_scene:
+        bpy.context.scene.lfsr.output = "//lightfield/"
+    folder, layers = render(layout)
     assert layers.keys() == unlinked[layout].keys() >= {"color", "index"}
     for name, pixels in unlinked[layout].items():
         np.testing.assert_array_equal(layers[name], pixels, err_msg=name)
     assert set(np.unique(layers["index"])) >= {1, 2}
-
-
-def test_a_linked_scene_and_a_local_one_of_its_name_have_their_own_folders(library, tmp_path):
-    a_scene(library)
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
-    folder, _ = render("one-pass")
-    assert folder == tmp_path / "lightfield" / "shot" / "Scene_set.blend_" / "0001"
-    assert read_frame(folder).scene_name == "Scene [set.blend]"
-    assert folders.frame_folder(bpy.data.scenes["Scene", None]).parent.name == "Scene"
+    if way is a_scene:
+        assert folder == tmp_path / "lightfield" / "shot" / "Scene_set.blend_" / "0001"
+        assert read_frame(folder).scene_name == "Scene [set.blend]", "which is not the local one's folder"
+        assert folders.frame_folder(bpy.data.scenes["Scene", None]).parent.name == "Scene"

@@ -29,7 +29,7 @@ def test_lenses_are_spread_over_the_display(scene):
 
 
 def test_the_button_measures_and_the_image_takes_about_that_long(scene):
-    scene.lfsr.display, scene.lfsr.samples = "small", 8
+    scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples = "small", "4", 16
     assert asked.expected_seconds(scene) is None
     assert bpy.ops.lfsr.estimate_time() == {"FINISHED"}
     expected, started = asked.expected_seconds(scene), time.monotonic()

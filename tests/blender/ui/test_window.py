@@ -118,17 +118,6 @@ def test_display_plane_is_one_handle(window):
     assert scene_value(window, "lfsr.distance") == pytest.approx(distance, abs=1e-3)
 
 
-def test_scene_check_lists_and_fixes(window):
-    window.run("bpy.ops.lfsr.check_scene('INVOKE_DEFAULT', True)")
-    found = window.get("[(p.code, p.target) for p in bpy.context.window_manager.lfsr.problems]")
-    assert ["background", "Floor"] in found and ["filter", "Pixel Filter"] in found
-    window.screenshot("6-check")
-    window.run("bpy.ops.lfsr.check_fix('INVOKE_DEFAULT', True, code='background', target='Floor')")
-    assert window.get("[c.name for c in bpy.data.objects['Floor'].users_collection]") == ["Background"]
-    found = window.get("[p.code for p in bpy.context.window_manager.lfsr.problems]")
-    assert "background" not in found
-
-
 def test_render_keeps_the_window_alive_and_the_scene_as_it_was(window):
     before = scene_value(window, UNTOUCHED)
     started = time.monotonic()
@@ -208,17 +197,6 @@ bpy.app.timers.register(cancel_then)
     frames = window.folder / "lightfield" / "scene" / "Scene"
     assert sorted(path.name for path in frames.iterdir()) == ["0001", *kept]
     shutil.rmtree(frames / "0007", ignore_errors=True)
-
-
-def test_blender_survives_a_killed_process(window):
-    window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
-    window.until("addon.jobs.session.current().child is not None", SECONDS_TO_ANSWER)
-    window.run("import os, signal; os.killpg(addon.jobs.session.current().child.pid, signal.SIGKILL)")
-    window.until("addon.jobs.session.current() is None", 30)
-    message = window.get("bpy.context.window_manager.lfsr.message")
-    assert "signal 9" in message and "try again" in message
-    window.screenshot("10-killed")
-    assert window.process.poll() is None
 
 
 def test_the_extension_breaks_no_rule_and_goes_without_a_trace(window):

@@ -59,11 +59,6 @@ def test_the_film_is_encoded_by_blender(frame):
     assert abs(frames[30].astype(float) - expected).mean() < 4
 
 
-def test_a_wiggle_is_encoded_by_blender(frame):
-    assert bpy.ops.lfsr.export(format="wiggle") == {"FINISHED"}
-    assert [path.name for path in (frame / "export" / "wiggle").iterdir()] == ["two_depths_wiggle.mp4"]
-
-
 def test_quilts_of_an_animation_become_a_film(frame):
     panel.refused("one image only", bpy.ops.lfsr.export, format="quilt-film")
     second = finished(frame.with_name("0002"), source=read_frame(frame).source, frame=2)
