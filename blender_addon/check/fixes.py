@@ -8,15 +8,18 @@ from typing import Any
 import bpy
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.frames.request import EVEN
 
 from ..jobs import denoiser
 from ..scene import settings as scene_settings
 from ..scene.array import rig
-from ..scene.array.edit import add, remove
+from ..scene.array.edit import add, in_front, put, remove
 from ..scene.array.rig import check_editable
-from ..scene.light import add_light
+from ..scene.array.room import is_inside
+from ..scene.light import DEFAULT_LIGHT, add_light
 from ..scene.open import SWITCHES, switched
-from ..scene.subject import BACKGROUND_COLLECTION, GEOMETRY
+from ..scene.subject import BACKGROUND_COLLECTION, GEOMETRY, find_subject
+from . import look
 
 Fix = Callable[[bpy.types.Scene, str], None]
 
@@ -59,6 +62,27 @@ def _switch_off(switch: str) -> Fix:
 
 def _add_light(scene: bpy.types.Scene, _target: str) -> None:
     add_light(scene).name = "Light Field World"
+
+
+def _light_images(scene: bpy.types.Scene, _target: str) -> None:
+    """In a room no light of a world arrives."""
+    array = rig.find(scene)
+    is_indoors = array is not None and is_inside(scene, array.matrix_world.translation)
+    scene.lfsr.light = (EVEN if is_indoors else DEFAULT_LIGHT).upper()
+
+
+def _leave_out(_scene: bpy.types.Scene, target: str) -> None:
+    item = find_object(target)
+    item.hide_render = item.hide_viewport = True
+    bpy.context.view_layer.update()
+
+
+def _fit(scene: bpy.types.Scene, _target: str) -> None:
+    display = scene_settings.display_of(scene)
+    array = rig.find(scene) or add(scene, display)
+    check_editable(array)
+    subject = find_subject(scene)
+    put(array, in_front(scene, display, set(look.main_objects(scene, subject)) or subject))
 
 
 def _to_background(scene: bpy.types.Scene, target: str) -> None:
@@ -111,7 +135,10 @@ def _use_one_layer(scene: bpy.types.Scene, target: str) -> None:
 
 
 FIXES: dict[str, Fix] = {
-    "array": _add_array, "rig": _add_array, "light": _add_light, "dim": _add_light,
+    "cube": _leave_out, "frame": _fit,
+    "plane": lambda scene, _target: look.move_plane(scene), "deep": lambda scene, _target: look.flatten(scene),
+    "dark": _light_images,
+    "array": _add_array, "rig": _add_array, "light": _add_light,
     "engine": _set("render", engine="CYCLES"), "script": _set("cycles", device="CPU", shading_system=True),
     "dirty": lambda _scene, target: _existing(bpy.data.images, target, "image").pack(), "background": _to_background,
     "denoise": lambda scene, _target: denoiser.use_replacement(scene, scene_settings.resolve(scene)),

@@ -96,19 +96,22 @@ def _problems(scene: bpy.types.Scene, items: list[bpy.types.Object], extents: Ex
     through = (extents.far > np.where(extents.near <= 0, distance, far)) & (extents.near < near)
     background = through | (extents.cover & (extents.far > far + margin))
     seen = finest(extents, settings.display, array, settings.sampling.scale)
+    is_only = not (extents.visible & ~background).any()  # without another subject nothing would be left before it
     for row in np.flatnonzero(extents.visible):
         item = items[row]
         if background[row]:
+            if is_only:
+                continue
             yield _problem("background", item, "It fills the display or its whole depth, so every lens counts as "
                            "foreground. Objects in a collection called Background are reconstructed faster.",
                            "Move to Background")
             continue
         if extents.near[row] < near - margin:
-            yield _problem("depth", item, f"It comes within {length(scene, extents.near[row])} of the viewing "
-                           f"position. The display blurs what is nearer than {length(scene, near)}.")
+            yield _problem("depth", item, f"It reaches {length(scene, distance - extents.near[row])} before the "
+                           f"display, which shows {length(scene, distance - near)} sharp.")
         elif extents.far[row] > far + margin:
-            yield _problem("depth", item, f"It reaches {length(scene, extents.far[row])} from the viewing position. "
-                           f"The display blurs what is farther than {length(scene, far)}.")
+            yield _problem("depth", item, f"It reaches {length(scene, extents.far[row] - distance)} behind the "
+                           f"display, which shows {length(scene, far - distance)} sharp.")
         thickness = sorted(item.dimensions)[1]  # of a rod; of a sheet, its shorter side
         if 0 < thickness < seen[row]:
             yield _problem("thin", item, f"It is {length(scene, thickness)} thick, but at its depth the rendered views "

@@ -16,6 +16,8 @@ SEVERAL = {
     "background": ("{} objects fill the display", "Every lens counts as foreground. Objects in a collection called "
                    "Background are reconstructed faster."),
     "texture": ("{} files are missing", "What needs them looks wrong."),
+    "eevee": ("{} materials have nodes of EEVEE", "Cycles, with which light fields are rendered, shows them black: "
+              "connect shaders of Cycles."),
     "dirty": ("{} images have unsaved changes", "The render would not show them."),
     "script": ("{} materials have Script nodes", "Script nodes need the CPU or OptiX as device, and Open Shading "
                "Language switched on in Render Properties.")}

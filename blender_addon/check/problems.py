@@ -18,17 +18,18 @@ from ..scene import devices, folders
 from ..scene import settings as scene_settings
 from ..scene.array import rig
 from ..scene.files import unreadable
-from ..scene.light import AUTO_LIGHT, OWN_LIGHT, SCENE_LIGHTS, has_light, is_dim
+from ..scene.light import AUTO_LIGHT, OWN_LIGHT, SCENE_LIGHTS, has_light
 from ..scene.open import left_out
 from ..scene.settings import Resolved, color_settings, title
 from ..scene.subject import find_subject
 from ..scene.words import capitalized, sentence
-from . import geometry
-from .problem import ERROR, INFO, SEVERITIES, Problem
+from . import geometry, look
+from .problem import ERROR, INFO, SEVERITIES, WARNING, Problem
 
 # Bytes per rendered pixel of all layers, per finished pixel of an image, of its linear copy, and of its decoded views.
 RENDERED, IMAGE, LINEAR, VIEWS = 48, 3, 6, 3
 GIGABYTE = 1e9
+EEVEE_NODES = ("SHADERTORGB", "EEVEE_SPECULAR")  # which Cycles does not have
 # Code of the problem, title and button of what renders leave out, by the code of its notice.
 LEFT_OUT = {"scripts-off": ("autoexec", "Scripts", "Reload Trusted"),
             "shift-ignored": ("shift", "Camera Shift", "Reset Shift"),
@@ -43,12 +44,13 @@ SWITCHED = {"exclude": ("Excluded Collections", "Include"), "holdout": ("Holdout
 
 def check_scene(scene: bpy.types.Scene) -> list[Problem]:
     """Return everything found, worst first."""
-    return _sorted(problem for check in (*QUICK, _denoiser, _geometry) for problem in check(scene))
+    return _sorted(problem for check in (*QUICK, look.find, _denoiser, _geometry) for problem in check(scene))
 
 
 def to_ask(scene: bpy.types.Scene, frames: int = 1) -> list[Problem]:
     """Return what an artist is asked about before a render of ``frames`` images, worst first."""
-    found = [problem for check in QUICK if check is not _disks for problem in check(scene) if problem.asks]
+    checks = (check for check in (*QUICK, look.find) if check is not _disks)
+    found = [problem for check in checks for problem in check(scene) if problem.asks]
     return _sorted([*found, *_disks(scene, frames)])
 
 
@@ -69,7 +71,7 @@ def _settings(scene: bpy.types.Scene) -> Iterator[Problem]:
     output = ("output", "Choose Folder…") if bpy.data.filepath else ("unsaved", "Save File…")
     for (code, fix), target, check in (
             (("display", "Use Defaults"), "Display", scene_settings.check),
-            (output, "Output", folders.scene_folder),
+            (output, "Output", folders.try_output),
             (("subject", "Show in Renders"), scene.name, find_subject)):
         try:
             check(scene)
@@ -92,27 +94,39 @@ def _array(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 
 def _light(scene: bpy.types.Scene) -> Iterator[Problem]:
-    if scene.lfsr.light not in SCENE_LIGHTS:
-        return
-    if not has_light(scene):
+    if scene.lfsr.light in SCENE_LIGHTS and not has_light(scene):
         becomes = ("It will be lit with one of Blender's world images." if scene.lfsr.light == AUTO_LIGHT
                    else "The image will be black.")
-        yield Problem("light", scene.name, f"The scene has no light. {becomes}", "Add World Light", asks=True)
-    elif is_dim(scene):
-        yield Problem("dim", scene.name, "The world is the only light and almost dark, and so will be the image. "
-                      "Increase its strength or add lights.", "Add World Light", asks=True)
+        yield Problem("light", scene.name, f"The scene has no light. {becomes}", "Add World Light",
+                      severity=INFO if scene.lfsr.light == AUTO_LIGHT else WARNING, asks=scene.lfsr.light != AUTO_LIGHT)
 
 
 def _scripts(scene: bpy.types.Scene) -> Iterator[Problem]:
     if not _has_cycles() or (scene_settings.device_of(scene) in devices.WITH_OSL_CAMERA and devices.has_osl()
                              and getattr(scene.cycles, "shading_system", False)):
         return
-    slots = (slot.material for item in scene.objects if not item.hide_render for slot in item.material_slots)
-    for material in sorted(set(filter(None, slots)), key=lambda material: material.name):
-        if _has_script(material.node_tree):
+    for material in _materials(scene):
+        if any(node.type == "SCRIPT" for node in _nodes(material.node_tree)):
             yield Problem("script", material.name, "The material has a Script node, which needs the CPU or OptiX as "
                           "device, and Open Shading Language switched on in Render Properties.", "Use CPU and OSL",
                           asks=True)
+
+
+def _eevee(scene: bpy.types.Scene) -> Iterator[Problem]:
+    for material in _materials(scene):
+        nodes = list(_nodes(material.node_tree))
+        outputs = {node.target for node in nodes if node.type == "OUTPUT_MATERIAL"}
+        names = [node.label or node.name for node in nodes if node.type in EEVEE_NODES
+                 or (outputs == {"EEVEE"} and node.type == "OUTPUT_MATERIAL")]
+        if names:
+            yield Problem("eevee", material.name, f"Its node {names[0]} works in EEVEE only. Light fields are rendered "
+                          "with Cycles, which shows the material black: connect a shader of Cycles.", asks=True)
+
+
+def _materials(scene: bpy.types.Scene) -> list[bpy.types.Material]:
+    """Materials in use, by name."""
+    slots = (slot.material for item in scene.objects if not item.hide_render for slot in item.material_slots)
+    return sorted(set(filter(None, slots)), key=lambda material: material.name)
 
 
 def _images(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -156,9 +170,13 @@ def _has_cycles() -> bool:
     return bpy.context.preferences.addons.get("cycles") is not None
 
 
-def _has_script(tree: bpy.types.NodeTree | None) -> bool:
-    nodes = (node for node in tree.nodes if not node.mute) if tree is not None else ()
-    return any(node.type == "SCRIPT" or (node.type == "GROUP" and _has_script(node.node_tree)) for node in nodes)
+def _nodes(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
+    """Nodes of a tree that are not muted, with those of its groups."""
+    for node in tree.nodes if tree is not None else ():
+        if not node.mute:
+            yield node
+            if node.type == "GROUP":
+                yield from _nodes(node.node_tree)
 
 
 def _disks(scene: bpy.types.Scene, frames: int = 1) -> Iterator[Problem]:
@@ -243,4 +261,4 @@ def _shows_world(scene: bpy.types.Scene) -> bool:
 
 
 # What takes no longer in a scene of many objects than looking at each of them once.
-QUICK = (_renderer, _settings, _array, _light, _scripts, _images, _disks, _ignored)
+QUICK = (_renderer, _settings, _array, _light, _scripts, _eevee, _images, _disks, _ignored)

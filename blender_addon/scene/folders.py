@@ -6,6 +6,7 @@ import contextlib
 import os
 import re
 import shutil
+import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, PANEL_FILE
 from .displays import DIRECT
 
 UNSAVED = "untitled"
+PROBE_BYTES = 1 << 20
 
 
 def absolute(path: str, what: str) -> Path:
@@ -41,6 +43,23 @@ def scene_folder(scene: bpy.types.Scene) -> Path:
     folder = output / _clean(file_stem()) / _clean(scene.name_full)
     check_name(folder)
     return folder
+
+
+def try_output(scene: bpy.types.Scene) -> None:
+    """LfsrError where this scene's folder cannot be made or written to, which is found out by writing."""
+    folder = scene_folder(scene)
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(bytes(PROBE_BYTES))
+    except OSError as error:
+        raise LfsrError(f"images cannot be written to {folder} ({error.strerror}): free some space there, or choose "
+                        "another output folder") from None
+    finally:
+        for path in missing:
+            with contextlib.suppress(OSError):
+                path.rmdir()
 
 
 def frame_folder(scene: bpy.types.Scene, number: int | None = None) -> Path:

@@ -18,6 +18,7 @@ from .. import compat
 DEFAULT_LIGHT = "city"  # neutral, from all sides: suits glass as well as skin
 # Brightness below which a white surface is almost in the dark. The world of a new file, 0.05, lights less.
 DIM = 0.08
+SKY = 0.5  # radiance of a sky that is an image or a texture
 CERTAIN_SUN, CERTAIN_WORLD = 0.5, 0.1   # W/m² and radiance that show a white surface well above that
 # Lamps of even light: direction from which they shine, in degrees around Z from the front and above the ground, W/m².
 EVEN_LAMPS = ((-40, 50, 2.0), (80, 25, 1.0), (200, 35, 1.0), (0, -80, 0.5))
@@ -42,7 +43,7 @@ def light_items() -> list[tuple[str, str, str, int]]:
 def has_light(scene: bpy.types.Scene) -> bool:
     """Return True if anything in the scene emits light: a lamp, a world, or a material in use."""
     world = scene.world is not None and _shines(scene.world.node_tree, scene.world.color)
-    return world or _has_lamps(scene) or _has_emission(scene)
+    return world or _has_lamps(scene) or has_emission(scene)
 
 
 def _shines(tree: bpy.types.NodeTree | None, plain: tuple[float, ...]) -> bool:
@@ -69,19 +70,20 @@ def is_certain(scene: bpy.types.Scene) -> bool:
     return max(suns, default=0.0) * factor >= CERTAIN_SUN or _plain_world(scene.world) * factor >= CERTAIN_WORLD
 
 
-def is_dim(scene: bpy.types.Scene) -> bool:
-    """Return True if a scene's only light is a world of one colour that is almost dark."""
-    brightness = _plain_world(scene.world) * 2.0**scene.view_settings.exposure
-    return 0 < brightness < DIM and not _has_lamps(scene) and not _has_emission(scene)
-
-
 def _has_lamps(scene: bpy.types.Scene) -> bool:
     return any(item.type == "LIGHT" and not item.hide_render and item.data.energy for item in scene.objects)
 
 
-def _has_emission(scene: bpy.types.Scene) -> bool:
+def has_emission(scene: bpy.types.Scene) -> bool:
+    """Return True if a material in use shines."""
     materials = {slot.material for item in scene.objects if not item.hide_render for slot in item.material_slots}
     return any(material is not None and _shines(material.node_tree, (0, 0, 0)) for material in materials)
+
+
+def world_radiance(world: bpy.types.World | None) -> float:
+    """Return about how bright the sky of a world is: SKY for an image or a texture."""
+    shines = world is not None and _shines(world.node_tree, world.color)
+    return _plain_world(world) or (SKY if shines else 0.0)
 
 
 def _plain_world(world: bpy.types.World | None) -> float:

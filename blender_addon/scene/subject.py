@@ -17,6 +17,8 @@ def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.typ
 
     LfsrError if there is no such collection or if none of its geometry would be rendered.
     """
+    if not any(item.type in GEOMETRY or item.instance_type == "COLLECTION" for item in scene.objects):
+        raise LfsrError(f"scene {scene.name!r} is empty: add or import an object to render")
     if name:
         collections = {c.name: c for c in (scene.collection, *scene.collection.children_recursive)}
         if name not in collections:

@@ -16,7 +16,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
 from ..subject import GEOMETRY, find_subject
-from . import motion, placement, rig
+from . import motion, placement, rig, room
 from .rig import Placement, from_blender, to_blender, upright
 
 ARRAY_NAME, PLANE_NAME = "Light Field Array", "Display Plane"
@@ -95,6 +95,11 @@ def remove(scene: bpy.types.Scene) -> None:
     bpy.data.objects.remove(array)
     if camera.users == 0:
         bpy.data.cameras.remove(camera)
+    remove_planes(scene)
+
+
+def remove_planes(scene: bpy.types.Scene) -> None:
+    """Remove display planes whose array was deleted by hand."""
     for plane in [item for item in scene.objects if rig.PLANE in item and not rig.is_array(item.parent)]:
         bpy.data.objects.remove(plane)
 
@@ -125,6 +130,7 @@ def put(array: bpy.types.Object, placed: Placement) -> None:
 
 def _new_array(scene: bpy.types.Scene) -> bpy.types.Object:
     """Array of the scene, which becomes the active camera if there is none."""
+    remove_planes(scene)
     data = bpy.data.cameras.new(ARRAY_NAME)
     data.sensor_fit = "HORIZONTAL"
     data.show_passepartout = False  # its frame is the scene's, not the display's
@@ -179,13 +185,16 @@ def first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placemen
 def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object]) -> Placement:
     """Return an array in front of the subject without its floors, where nothing hides it; LfsrError if it has no size.
 
-    It looks along +Y with Z up, or is turned around Z where something else stands before the subject.
+    In a room it stands inside. Else it looks along +Y with Z up, or is turned around Z where something else stands
+    before the subject.
     """
     boxes = _boxes(scene, subject)
     chosen = main_part(list(boxes), np.array([(box.min(0), box.max(0)) for box in boxes.values()]))
     points = np.concatenate([boxes[item] for item in chosen] or [np.empty((0, 3))])
     if not len(points):
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
+    if (view := room.view_of_room(scene, points.min(0), points.max(0))) is not None:
+        return placement.array_of_view(scene, profile, subject, view)
     best, most = None, -1
     for degrees in TURNS:
         placed = fit_turned(points, profile, mathutils.Matrix.Rotation(math.radians(degrees), 3, "Z"))
@@ -256,7 +265,15 @@ def _boxes(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> dict[bpy.t
     """World corners (n, 3) of the bounding boxes of what each object of the subject shows, over an animation."""
     corners: dict[bpy.types.Object, list[Array]] = {}
     for _ in motion.frames(scene):
-        for item, owner, matrix in placement.instances(subject):
-            if item.type in GEOMETRY and not owner.hide_render and any(item.dimensions):
-                corners.setdefault(owner, []).append(np.array(item.bound_box) @ matrix[:3, :3].T + matrix[:3, 3])
+        for owner, found in boxes_now(subject).items():
+            corners.setdefault(owner, []).append(found)
+    return {owner: np.concatenate(found) for owner, found in corners.items()}
+
+
+def boxes_now(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
+    """Return world corners (n, 3) of the bounding boxes of what each object of the subject shows in this frame."""
+    corners: dict[bpy.types.Object, list[Array]] = {}
+    for item, owner, matrix in placement.instances(subject):
+        if item.type in GEOMETRY and not owner.hide_render and any(item.dimensions):
+            corners.setdefault(owner, []).append(np.array(item.bound_box) @ matrix[:3, :3].T + matrix[:3, 3])
     return {owner: np.concatenate(found) for owner, found in corners.items()}

@@ -11,6 +11,7 @@ from ...scene import settings as scene_settings
 from ...scene.array import edit, rig
 from ...scene.array.placement import View
 from .. import array_view
+from ..properties import forget_message
 from .base import UNDO, Result, activate, reports_errors
 
 FIT_ITEMS = [
@@ -50,7 +51,8 @@ class LFSR_OT_array_fit(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Fit it; the selection stays."""
+        """Fit it; the selection stays, and what was said of the last image goes."""
+        forget_message()
         scene, display = context.scene, scene_settings.display_of(context.scene)
         if self.to == "CAMERA":
             edit.fit_to_camera(scene, display)

@@ -15,7 +15,7 @@ from ...jobs import session
 from ...jobs.task import Job
 from ...scene import settings as scene_settings
 from ...scene.array import edit, rig
-from ...scene.words import capitalized
+from ...scene.words import capitalized, for_panel
 from ...scene.words import sentence as worded
 from ..drawing import sentence
 
@@ -33,7 +33,7 @@ def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
             with system_errors():
                 return method(self, context)
         except LfsrError as error:
-            self.report({"ERROR"}, capitalized(str(error)))
+            self.report({"ERROR"}, capitalized(str(error)) if bpy.app.background else for_panel(str(error)))
             return {"CANCELLED"}
     return wrapped
 
@@ -47,6 +47,9 @@ class Question:
     advice: str = ""  # what a script can do about it; empty where it goes on without asking
     more: str = ""  # another sentence
     accept: Callable[[], None] = lambda: None  # what the button does before the task starts
+    mend: str = ""  # the operator's property that says whether ``mends`` is done, too
+    title: str = ""  # of that property's check box
+    mends: Callable[[], None] = lambda: None
 
 
 class TaskOperator:
@@ -79,6 +82,9 @@ class TaskOperator:
         self.asked = self._questions(context)
         if not self.asked:
             return self.start(context)
+        for question in self.asked:
+            if question.mend:
+                setattr(self, question.mend, True)
         answer: Result = context.window_manager.invoke_props_dialog(
             self, width=DIALOG_WIDTH, title=self.bl_label, confirm_text=self.asked[0].button)
         return answer
@@ -86,7 +92,10 @@ class TaskOperator:
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the questions."""
         for question in self.asked or ():
-            sentence(self.layout, f"{question.sentence}.", "QUESTION", context, DIALOG_WIDTH)
+            if question.mend:
+                self.layout.prop(self, question.mend, text=question.title)
+            sentence(self.layout, f"{question.sentence}.", "BLANK1" if question.mend else "QUESTION", context,
+                     DIALOG_WIDTH)
             if question.more:
                 sentence(self.layout, f"{question.more}.", "BLANK1", context, DIALOG_WIDTH)
 
@@ -104,16 +113,26 @@ class TaskOperator:
         if self.asked:
             for question in self.asked:
                 question.accept()
+            self._mend(self.asked)
             return self.start(context)
-        for question in self._questions(context):
+        questions = self._questions(context)
+        for question in questions:
             if question.advice:
                 raise LfsrError(f"{question.sentence}: {question.advice}")
+        self._mend(questions)
         if (job := self.prepare(context)) is not None:
             task = session.run(self.bl_label, job)
             for notice in task.notices:
                 self.report({"WARNING"}, worded(notice))
             job.finish(task.result or {})
         return {"FINISHED"}
+
+    def _mend(self, questions: list[Question]) -> None:
+        chosen = [question for question in questions if question.mend and getattr(self, question.mend)]
+        for question in chosen:
+            question.mends()
+        if chosen:
+            bpy.ops.ed.undo_push(message=" and ".join(question.title for question in chosen))
 
     def _questions(self, context: bpy.types.Context) -> list[Question]:
         session.check_idle()

@@ -11,11 +11,12 @@ from lfsr_core.base.notices import duration
 
 from ...check import last
 from ...check.fixes import FIXES, OUTSIDE_SCENE, find_object
+from ...check.look import MENDS
 from ...check.problem import INFO, MOST_ROWS, Group, Problem, grouped
 from ...check.problems import to_ask
 from ...jobs.asked import expected_seconds
 from ...scene.array.rig import check_editable
-from ...scene.words import counted
+from ...scene.words import counted, for_panel
 from .base import UNDO, Question, Result, activate, reports_errors
 
 LONG = 600.0  # seconds of a render that is asked about
@@ -35,7 +36,7 @@ class LFSR_OT_check_scene(bpy.types.Operator):
         serious = [problem for problem in problems if problem.severity != INFO]
         if serious:
             self.report({"WARNING"}, f"{counted(len(serious), 'problem')} found, first {serious[0].target}: "
-                        f"{serious[0].reason}")
+                        f"{for_panel(serious[0].reason)}")
         else:
             ignored = f"; renders ignore {counted(len(problems), 'setting')}" if problems else ""
             self.report({"INFO"}, f"No problems found{ignored}")
@@ -121,8 +122,12 @@ def questions(scene: bpy.types.Scene, frames: int = 1) -> list[Question]:
     """Return what an artist is asked before ``frames`` images of ``scene``, once for each thing in a file."""
     new = [problem for problem in to_ask(scene, frames) if _key(scene, problem) not in _accepted]
     accept = functools.partial(_accepted.update, [_key(scene, problem) for problem in new])
-    rows = grouped(new)
-    asked = [*_long(scene, frames), *(Question(_sentence(row), "Render", accept=accept) for row in rows[:MOST_ROWS])]
+    mends = [problem for code in MENDS for problem in new if problem.code == code]
+    rows = grouped(problem for problem in new if problem.code not in MENDS)
+    asked = [*(Question(problem.reason.rstrip("."), "Render", accept=accept, mend=MENDS[problem.code][0],
+                        title=problem.fix, mends=functools.partial(FIXES[problem.code], scene, problem.target))
+               for problem in mends),
+             *_long(scene, frames), *(Question(_sentence(row), "Render", accept=accept) for row in rows[:MOST_ROWS])]
     if len(rows) > MOST_ROWS:
         asked.append(Question(f"Scene Check lists {len(rows) - MOST_ROWS} more", "Render", accept=accept))
     return asked

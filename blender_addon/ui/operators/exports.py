@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import webbrowser
 from pathlib import Path
 
 import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports.options import DESCRIPTIONS, FILMS, QUILT_FILM, TITLES, default_target
-from lfsr_core.frames.folder import frame_folders
+from lfsr_core.frames.folder import FrameFolder, frame_folders
 
 from ...jobs import session
 from ...jobs.task import Job
 from ...scene import folders
+from ...scene import settings as scene_settings
 from .base import TaskOperator
 
 PURPOSE = "to show or export"
@@ -77,7 +79,11 @@ class LFSR_OT_show(TaskOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Job:
         """Show it, then say where."""
-        folder = folders.shown_frame(context.scene, "to show")
+        folder, display = folders.shown_frame(context.scene, "to show"), scene_settings.display_of(context.scene)
+        made = FrameFolder(folder).rendered.display
+        if (made.name, made.views, made.panel_pixels) != (display.name, display.views, display.panel_pixels):
+            raise LfsrError(f"the image in {folder} is for the display {made.title or made.name}, but the scene's is "
+                            f"{display.title or display.name}: choose that one, or render the EIA again")
         return Job("show", {"path": str(folder.parent if self.animation else folder), "full_screen": self.full_screen,
                             "fps": _rate(context)}, _say_what_is_shown)
 
@@ -112,6 +118,12 @@ def _say_what_is_shown(shown: dict[str, str]) -> None:
 
 def _open(page: Path) -> None:
     print(f"Light Field: {page}")
+    try:
+        webbrowser.get()
+    except webbrowser.Error:
+        session.say(f"there is no browser here: open {page.name}, which lies in the folder {page.parent.name}, in one")
+        bpy.context.window_manager.lfsr.outcome_folder = str(page.parent)
+        return
     if not bpy.app.background:
         bpy.ops.wm.url_open(url=page.as_uri())
 

@@ -6,7 +6,7 @@ import bpy
 
 from ...live import session, window
 from ...live.scene import EYE, PANEL
-from .base import Result, reports_errors
+from .base import Result, add_missing_array, reports_errors
 
 
 class LFSR_OT_live_start(bpy.types.Operator):
@@ -16,7 +16,8 @@ class LFSR_OT_live_start(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Open the window, which follows the scene and its settings."""
+        """Open the window, which follows the scene and its settings. A scene without a camera array gets one."""
+        add_missing_array(context.scene)
         session.start(context.scene, self.kind)
         return {"FINISHED"}
 

@@ -21,6 +21,7 @@ from ...jobs import asked, denoiser, preview, session, show_image
 from ...jobs.task import Job
 from ...scene import folders
 from ...scene import settings as scene_settings
+from ...scene.array import edit, rig
 from ...scene.settings import title
 from ...scene.subject import find_subject
 from ...scene.words import counted
@@ -30,7 +31,26 @@ from .base import Question, Result, TaskOperator, add_missing_array
 TEST_IMAGE = "This is a test image with fewer lenses and views. The full one follows; cancel if this looks wrong"
 
 
-class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
+class Mends:
+    """What a render may change before it starts; its dialog ticks what the scene needs."""
+
+    leave_out_cube: bpy.props.BoolProperty(
+        name="Leave Out Cube", description="Hide the cube of Blender's new file in renders", options={"SKIP_SAVE"})
+    fit_objects: bpy.props.BoolProperty(
+        name="Fit to Objects", description="Move the camera array in front of the objects, or into the room",
+        options={"SKIP_SAVE"})
+    move_plane: bpy.props.BoolProperty(
+        name="Move Display Plane", description="Move the display plane to the middle of the depth that is seen",
+        options={"SKIP_SAVE"})
+    flatten_depth: bpy.props.BoolProperty(
+        name="Flatten Depth", description="Bring the views together, so that the display shows all of the depth; "
+        "objects stay as they are", options={"SKIP_SAVE"})
+    add_light: bpy.props.BoolProperty(
+        name="Add World Light", description="Light the images with one of Blender's world images, or a room with even "
+        "light; the scene keeps its own light", options={"SKIP_SAVE"})
+
+
+class LFSR_OT_render_eia(Mends, TaskOperator, bpy.types.Operator):
     """Render the current frame as the display's elemental image array and open it in the Image Editor"""
 
     bl_idname = "lfsr.render_eia"
@@ -52,7 +72,7 @@ class LFSR_OT_render_eia(TaskOperator, bpy.types.Operator):
         return image_job(context.scene, self.wants_test)
 
 
-class LFSR_OT_render_animation(TaskOperator, bpy.types.Operator):
+class LFSR_OT_render_animation(Mends, TaskOperator, bpy.types.Operator):
     """Render the timeline's frame range; complete frames are not rendered again"""
 
     bl_idname = "lfsr.render_animation"
@@ -122,6 +142,7 @@ class LFSR_OT_cancel(bpy.types.Operator):
 
 def image_job(scene: bpy.types.Scene, wants_test: bool = False) -> Job:
     """Return the job that renders the current frame and shows it; LfsrError where it cannot be rendered."""
+    folders.try_output(scene)
     add_missing_array(scene)
     request, finish = asked.asked(scene)
     finish = dataclasses.replace(finish, temporal_averaging=0)  # only an animation has neighbouring frames
@@ -141,6 +162,8 @@ def image_job(scene: bpy.types.Scene, wants_test: bool = False) -> Job:
 
     def ended(_result: dict[str, Any]) -> None:
         show_image_of(name, folder)
+        if (rendered := _scene(name)) is not None and rig.find(rendered) is None:
+            edit.remove_planes(rendered)  # of an array that was deleted meanwhile
         asked.learn(name, FrameFolder(folder).rendered)
 
     test = {"test": small, "test_views": str(asked.views_file(Path(small.output)))} if small else {}
@@ -163,6 +186,7 @@ def animation_job(scene: bpy.types.Scene) -> Job:
 
 def _asked(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
     find_subject(scene)  # where nothing would be rendered, nothing else matters
+    add_missing_array(scene)
     return [*_denoising(scene), *_overwriting(scene, frames), *check.questions(scene, len(frames))]
 
 

@@ -106,6 +106,8 @@ def test_an_artist_is_asked_once_before_a_render(scene):
     assert check.questions(scene) == []
     scene.view_layers[0].material_override, scene.world = None, None
     bpy.data.objects["Sun"].hide_render = True
+    assert check.questions(scene) == [], "one of Blender's world images lights it"
+    scene.lfsr.light = "OWN"
     assert [question.sentence.startswith("The scene has no light") for question in check.questions(scene)] == [True]
 
 

@@ -8,13 +8,14 @@ import pytest
 
 from blender_addon.check import problems
 from blender_addon.check.fixes import OPERATORS
+from blender_addon.compat import use_nodes
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import rig
 from blender_addon.scene.open import SWITCHES
 from lfsr_core.optics.display import load_display
 from tests.support import panel
 from tests.support.problems import fix, found
-from tests.support.scenes import compositing
+from tests.support.scenes import add_box, compositing
 
 MINI = load_display("mini")
 
@@ -32,14 +33,42 @@ def test_no_light(scene):
 def test_the_world_of_a_new_file_alone(scene):
     scene.collection.objects.unlink(bpy.data.objects["Sun"])
     scene.world = bpy.data.worlds.new("World")
-    assert found(scene, "light") is None and "almost dark" in found(scene, "dim").reason
-    for name, code in (("EVEN", None), ("OWN", "dim")):
+    assert found(scene, "light") is None and "almost black" in found(scene, "dark").reason
+    for name in ("EVEN", "OWN"):
         scene.lfsr.light = name
-        assert (found(scene, "dim") is None) == (code is None)
+        assert (found(scene, "dark") is None) == (name == "EVEN")
     scene.world = None
     assert "will be black" in found(scene, "light").reason
     scene.world, scene.lfsr.light = bpy.data.worlds["World"], "AUTO"
-    fix(scene, "dim")
+    fix(scene, "dark")
+
+
+def test_nodes_of_eevee_are_named_with_their_material(scene):
+    toon(scene)
+    assert "node Shader to RGB" in found(scene, "eevee").reason and found(scene, "eevee").target == "Toon"
+    bpy.data.node_groups["Toon"].nodes["Shader to RGB"].mute = True
+    assert found(scene, "eevee") is None
+    bpy.data.materials["Toon"].node_tree.nodes["Material Output"].target = "EEVEE"
+    assert "node Material Output" in found(scene, "eevee").reason
+
+
+def toon(scene) -> None:
+    """The box is painted as EEVEE alone can show it, by a node in a group."""
+    material, group = bpy.data.materials.new("Toon"), bpy.data.node_groups.new("Toon", "ShaderNodeTree")
+    use_nodes(material)
+    material.node_tree.nodes.new("ShaderNodeGroup").node_tree = group
+    group.nodes.new("ShaderNodeShaderToRGB")
+    bpy.data.objects["Box"].data.materials.append(material)
+
+
+def test_the_only_subject_is_not_background(scene):
+    box = bpy.data.objects["Box"]
+    box.scale = 60, 60, 60
+    bpy.context.view_layer.update()
+    assert found(scene, "background") is None
+    add_box(scene, (0, 0, 0), (0.1, 0.1, 0.1))
+    bpy.context.view_layer.update()
+    assert found(scene, "background").target == "Box"
 
 
 @pytest.mark.parametrize("code, spoil", [

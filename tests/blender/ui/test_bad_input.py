@@ -1,5 +1,7 @@
 """Bad input: one clear sentence, nothing rendered, the scene as it was."""
 
+import resource
+import signal
 from pathlib import Path
 
 import bpy
@@ -7,9 +9,11 @@ import pytest
 
 from blender_addon.check import last
 from blender_addon.jobs import asked, session
+from blender_addon.scene import folders
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.open import choose_scene
 from blender_addon.ui.operators import render
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.optics.display import PROFILE_FOLDER
 from tests.support import panel
@@ -89,13 +93,35 @@ def test_unsaved_file(tmp_path):
 
 
 @pytest.mark.parametrize(("folder", "sentence"), [
-    ("/proc/lfsr", "Scene/0001 cannot be made"),  # not even the superuser can make files there
-    ("taken", "cannot be made"), ("x" * 256, "is too long"), ("link", "is a link to .*nowhere")])
+    ("/proc/lfsr", "cannot be written to"),  # not even the superuser can make files there
+    ("taken", "cannot be written to"), ("x" * 256, "is too long"), ("link", "is a link to .*nowhere")])
 def test_output_that_cannot_be(scene, tmp_path, folder, sentence):
     (tmp_path / "taken").write_text("x")
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
     scene.lfsr.output = str(tmp_path / folder)
     refuse(scene, sentence)
+    assert "output" in [problem.code for problem in last.check(scene)]
+
+
+def test_a_full_disk_is_noticed_before_anything_is_rendered(scene, tmp_path):
+    """With a limit on the size of files, as a quota sets it."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (folders.PROBE_BYTES // 2, limits[1]))
+    try:
+        with pytest.raises(LfsrError, match="cannot be written to .*free some space"):
+            folders.try_output(scene)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+    folders.try_output(scene)
+    assert not (tmp_path / "lightfield").exists(), "what was tried leaves nothing"
+
+
+def test_an_empty_file_says_so(scene):
+    for item in list(scene.objects):
+        bpy.data.objects.remove(item)
+    refuse(scene, "is empty: add or import an object")
 
 
 def test_missing_texture(scene, tmp_path):

@@ -1,5 +1,7 @@
 """Open Viewer and Export without a window: the files they write, and what they say without an image."""
 
+import webbrowser
+
 import av
 import bpy
 import numpy as np
@@ -25,6 +27,14 @@ from tests.support.panels import lenticular, small
 def add_on():
     with panel.registered():
         yield
+
+
+@pytest.fixture(autouse=True)
+def browser(monkeypatch):
+    """A browser that shows nothing; ``webbrowser`` looks for one again."""
+    monkeypatch.setenv("BROWSER", "true")
+    monkeypatch.setattr(webbrowser, "_tryorder", None)
+    return monkeypatch
 
 
 @pytest.fixture
@@ -129,6 +139,20 @@ def test_without_bridge_a_lenticular_display_is_shown_full_screen(lenticular_fra
     assert bpy.ops.lfsr.show(full_screen=True) == {"FINISHED"}
     assert "panel.png" in (lenticular_frame / "show.html").read_text(encoding="utf-8")
     assert said() == "The browser shows it full screen: move its window to the display and click into it"
+
+
+def test_an_image_for_another_display_is_not_shown(frame):
+    bpy.context.scene.lfsr.display = "small"
+    with pytest.raises(RuntimeError, match="is for the display 5″ for Trials, but the scene's is 14″ for Trials"):
+        bpy.ops.lfsr.show()
+
+
+@pytest.mark.parametrize("press", [lambda: bpy.ops.lfsr.open_viewer(), lambda: bpy.ops.lfsr.show()])
+def test_without_a_browser_it_says_where_the_page_is(frame, browser, press, tmp_path):
+    browser.delenv("BROWSER")
+    browser.setenv("PATH", str(tmp_path))
+    assert press() == {"FINISHED"}
+    assert said().startswith("There is no browser here: open ") and said().endswith(", in one")
 
 
 def test_a_lens_array_is_shown_full_screen(frame):

@@ -1,0 +1,297 @@
+"""Look at the scene from its camera array before a render: is the subject in the frame, lit, and not too deep?
+
+Rays through the viewport's geometry tell that in a fraction of a second. What is wrong has a mend, which the dialog of
+a render offers ticked, in the order of MENDS: each is looked for as if those before it were done.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, suppress
+
+import bpy
+import mathutils
+import numpy as np
+
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.rays import CameraArray
+
+from ..render.frame_folder import is_dark
+from ..scene import settings as scene_settings
+from ..scene.array import edit, placement, rig, room
+from ..scene.light import DIM, SCENE_LIGHTS, has_emission, has_light, world_radiance
+from ..scene.overrides import overridden
+from ..scene.settings import length
+from ..scene.subject import GEOMETRY, find_subject
+from ..scene.words import counted
+from .problem import Problem
+
+# Code of the problem: the operator's property that mends it, and its title.
+MENDS = {"cube": ("leave_out_cube", "Leave Out Cube"), "frame": ("fit_objects", "Fit to Objects"),
+         "plane": ("move_plane", "Move Display Plane"), "deep": ("flatten_depth", "Flatten Depth"),
+         "dark": ("add_light", "Add World Light")}
+STARTUP_CAMERA = (7.35889, -6.92579, 4.95831)  # where a new file's camera stands: nobody has aimed it
+TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject of an aimed camera, and of that one, fills
+CUT = 0.6  # least fraction of the subject that is inside the frame of a camera that nobody has aimed
+CLOSE = 0.02  # of the subject's size: what lies nearer than that on the wrong side of a surface surrounds the array
+MUCH = 1.1  # disparity beyond which depth is worth a word
+LEAST_GAIN = 0.9  # of the disparity, that a move of the display plane must leave
+LEAST_SPACING = 0.05
+LIT, LAMPS, SKY = 24, 32, 6  # places, lamps and rays to the sky that tell how much light arrives
+CERTAIN = 1e6  # strength of a lamp that nodes decide
+SHADE = 0.15  # of a lamp's distance: what stands as near to it is its own shade
+UNAIMED = "The camera of the new file was not aimed at it"
+
+
+def find(scene: bpy.types.Scene) -> Iterator[Problem]:
+    """Problems of what the scene's array sees that a mend can remove; none without an array."""
+    with suppress(LfsrError):  # what is broken is found by other checks
+        display, subject = scene_settings.display_of(scene), find_subject(scene)
+        placed = rig.placement(scene, display)
+        if placed is None:
+            return
+        main, cube = main_objects(scene, subject), startup_cube(scene)
+        if cube is not None:
+            yield _problem("cube", cube.name, "The cube of Blender's new file stands in the picture.")
+        with _without(cube):
+            yield from _found(scene, placed, display, subject, main)
+
+
+def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, subject: set[bpy.types.Object],
+           main: list[bpy.types.Object]) -> Iterator[Problem]:
+    is_new = _is_unaimed(scene)  # nobody has lit it either
+    if reason := _out_of_frame(scene, placed, main):
+        is_new = True
+        yield _problem("frame", main[0].name if main else scene.name, reason)
+        placed = edit.in_front(scene, display, set(main))
+    if depths := depths_of(scene, placed, main):
+        yield from _deep(scene, placed, display, *depths)
+    if scene.lfsr.light in SCENE_LIGHTS and has_light(scene) and _is_dark(scene, placed, is_new):
+        yield _problem("dark", scene.name, "Hardly any light reaches what the array sees: the image will be almost "
+                       "black. Images only are lit; the scene keeps its own light.")
+
+
+@contextmanager
+def _without(item: bpy.types.Object | None) -> Iterator[None]:
+    """Hide an object from rays inside the block."""
+    with overridden(item, {"hide_viewport": True}) if item is not None else nullcontext():
+        bpy.context.view_layer.update()
+        yield
+    bpy.context.view_layer.update()
+
+
+def _problem(code: str, target: str, reason: str) -> Problem:
+    return Problem(code, target, reason, MENDS[code][1], asks=True, title={"plane": "Depth", "deep": "Depth",
+                                                                         "dark": "Light"}.get(code, ""))
+
+
+def startup_cube(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """Return the cube of Blender's new file, where it was left in a scene of other things."""
+    cube = scene.objects.get("Cube")
+    others = any(item.type in GEOMETRY and item != cube for item in scene.objects)
+    is_new = (cube is not None and others and cube.type == "MESH" and len(cube.data.vertices) == 8
+              and not cube.hide_render and not cube.modifiers and _is_unaimed(scene)
+              and cube.matrix_world == mathutils.Matrix.Identity(4) and tuple(cube.dimensions) == (2.0, 2.0, 2.0))
+    return cube if is_new else None
+
+
+def _is_unaimed(scene: bpy.types.Scene) -> bool:
+    camera = scene.camera
+    return (camera is not None and camera.type == "CAMERA" and not camera.animation_data
+            and (camera.matrix_world.translation - mathutils.Vector(STARTUP_CAMERA)).length < 1e-3)
+
+
+def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list[bpy.types.Object]:
+    """Return what a picture of the scene is of, largest first: what was imported, which is selected, else no floors."""
+    cube = startup_cube(scene)
+    boxes = {item: box for item, box in edit.boxes_now(subject).items() if item != cube}
+    chosen = [item for item in boxes if item.select_get()] if _is_unaimed(scene) else []
+    chosen = chosen or edit.main_part(list(boxes), np.array([(box.min(0), box.max(0)) for box in boxes.values()]))
+    return sorted(chosen, key=lambda item: -float(np.linalg.norm(np.ptp(boxes[item], axis=0))))
+
+
+def depths_of(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.types.Object]) -> tuple[float, ...]:
+    """Nearest and farthest depth at which the middle of an array sees the main objects; empty where it sees none."""
+    depths = placement.seen_depths(scene, placed, set(main))
+    return tuple(map(float, np.percentile(depths, (2, 98)))) if len(depths) else ()
+
+
+def _out_of_frame(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.types.Object]) -> str:
+    """Why the picture does not show the main objects as it should, "" if it does."""
+    boxes = edit.boxes_now(set(main))
+    if not boxes:
+        return ""
+    array, matrix = placed
+    eye = mathutils.Matrix(matrix)
+    half = array.half_width / array.distance, array.half_height / array.distance
+    ways = [eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))
+            for x in np.linspace(-1, 1, placement.PROBES[0]) for y in np.linspace(-1, 1, placement.PROBES[1])]
+    hits = room.cast(scene, eye.translation, ways)
+    seen = [hit for hit in hits if hit is not None and hit[2] in boxes]
+    share = len(seen) / len(hits)
+    is_unaimed = _is_unaimed(scene) and (eye.translation - scene.camera.matrix_world.translation).length < 1e-3
+    points = np.concatenate(list(boxes.values()))
+    low, high = points.min(0), points.max(0)
+    size = float(np.linalg.norm(high - low))
+    name = main[0].name if len(main) == 1 else f"{main[0].name} with {counted(len(main) - 1, 'other object')}"
+    inner = [hit for hit in hits if hit is not None and not hit[1]]
+    is_in_box = bool((np.array(eye.translation) > low).all() and (np.array(eye.translation) < high).all())
+    if len(inner) > len(hits) / 2 and is_in_box and np.median(
+            [(hit[0] - eye.translation).length for hit in inner]) < (0.5 if is_unaimed else CLOSE) * size and not (
+            room.is_inside(scene, eye.translation, (low, high))):
+        return f"The array stands inside {inner[0][2].name}."
+    if not seen:
+        return f"The array sees nothing of {name}." if is_unaimed or hits.count(None) > len(hits) / 2 else ""
+    if share < (SMALL if is_unaimed else TINY):
+        return f"{name} fills {share:.0%} of the picture." + (f" {UNAIMED}." if is_unaimed else "")
+    if is_unaimed:
+        toward = np.array(eye.inverted())
+        local = points @ toward[:3, :3].T + toward[:3, 3]
+        inside = (local[:, 2] > 0) & (np.abs(local[:, :2]) < np.array(half) * local[:, 2:]).all(1)
+        if not is_in_box and room.view_of_room(scene, low, high) is not None:
+            return f"The array stands outside a room. {UNAIMED}."
+        if inside.mean() < CUT:
+            return f"{1 - inside.mean():.0%} of {name} lies outside the frame. {UNAIMED}."
+    return ""
+
+
+def disparity(array: CameraArray, lenses: tuple[int, int], near: float, far: float,
+              distance: float | None = None) -> float:
+    """Return the largest disparity, in lenses from view to view, of depths from ``near`` to ``far``.
+
+    A display shows at most 1 sharp. ``distance``: of the display plane, by default the array's.
+    """
+    plane = distance or array.distance
+    pitch = min(2 * array.half_width / lenses[0], 2 * array.half_height / lenses[1])
+    return array.spacing / pitch * max((plane - near) / near, (far - plane) / far)
+
+
+def balanced(near: float, far: float) -> float:
+    """Return the distance of the display plane from which both have the same parallax."""
+    return 2 / (1 / near + 1 / far)
+
+
+def _deep(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, near: float,
+          far: float) -> Iterator[Problem]:
+    array = placed[0]
+    now = disparity(array, display.lenses, near, far)
+    if now <= MUCH:
+        return
+    usable = rig.usable_depth(array, display)
+    behind = "any depth" if math.isinf(usable[1]) else length(scene, usable[1] - array.distance)
+    text = (f"The depth reaches {length(scene, max(array.distance - near, 0.0))} before the display and "
+            f"{length(scene, max(far - array.distance, 0.0))} behind it. The display shows "
+            f"{length(scene, array.distance - usable[0])} and {behind}.")
+    plane = balanced(near, far)
+    moved = disparity(array, display.lenses, near, far, plane)
+    if moved < LEAST_GAIN * now and not _meets_walls(scene, placed, display, plane / array.distance):
+        yield _problem("plane", scene.name, text)
+        now = moved
+    if now > MUCH:
+        yield _problem("deep", scene.name, f"{text} Flattened to {100 / now:.0f} %, all of it is sharp.")
+
+
+def _meets_walls(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, times: float) -> bool:
+    """True if an array that grows with its display would reach through a wall."""
+    array, eye = placed[0], mathutils.Matrix(placed[1])
+    for axis, views in enumerate(display.views):
+        ways = [sign * eye.col[axis].to_3d() for sign in (-1, 1)]
+        reach = views * array.spacing * times / 2
+        if any(hit is not None and (hit[0] - eye.translation).length * placement.WALL_MARGIN < reach
+               for hit in room.cast(scene, eye.translation, ways)):
+            return True
+    return False
+
+
+def flatten(scene: bpy.types.Scene) -> None:
+    """Bring the array's views so close together that the display shows all of the depth that is seen."""
+    array, near, far = _seen(scene)
+    now = disparity(array, scene_settings.display_of(scene).lenses, near, far)
+    rig.set_spacing(scene, max(LEAST_SPACING, rig.spacing_of(rig.find(scene)) / max(now, 1.0)))
+
+
+def move_plane(scene: bpy.types.Scene) -> None:
+    """Move the display plane to where what is nearest and what is farthest have the same parallax."""
+    rig.set_distance(scene, balanced(*_seen(scene)[1:]))
+
+
+def _seen(scene: bpy.types.Scene) -> tuple[CameraArray, float, float]:
+    placed = rig.placement(scene, scene_settings.display_of(scene))
+    depths = depths_of(scene, placed, main_objects(scene, find_subject(scene))) if placed else ()
+    if placed is None or not depths:
+        raise LfsrError("the camera array sees nothing of the subject: fit it to the objects first")
+    return placed[0], depths[0], depths[1]
+
+
+def _is_dark(scene: bpy.types.Scene, placed: rig.Placement, is_new: bool) -> bool:
+    """True if hardly any light of lamps and of the world reaches the places that the array sees.
+
+    What rays do not tell, light that is reflected or of a material, a proof of 64 pixels across does, but for a scene
+    that ``is_new``.
+    """
+    if has_emission(scene) and is_new:
+        return False
+    array, matrix = placed
+    eye, depsgraph = mathutils.Matrix(matrix), bpy.context.evaluated_depsgraph_get()
+    half = array.half_width / array.distance, array.half_height / array.distance
+    lamps = sorted((item for item in scene.objects if item.type == "LIGHT" and not item.hide_render),
+                   key=lambda item: -item.data.energy)[:LAMPS]
+    sky, arriving = world_radiance(scene.world), list[float]()
+    generator = np.random.default_rng(0)
+    for x, y in generator.uniform(-0.9, 0.9, (4 * LIT, 2)):
+        way = eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))
+        found, place, normal, _, _, _ = scene.ray_cast(depsgraph, eye.translation, way)
+        if not found or len(arriving) >= LIT:
+            continue
+        normal = -normal if normal.dot(way) > 0 else normal
+        start = place + normal * 1e-3 * (place - eye.translation).length
+        light = sum(_arrives(scene, depsgraph, lamp, start, normal) for lamp in lamps) / math.pi
+        if sky:
+            ways = [mathutils.Vector(way) for way in generator.normal(size=(SKY, 3))]
+            free = [not scene.ray_cast(depsgraph, start, way if way.dot(normal) > 0 else -way)[0] for way in ways]
+            light += sky * sum(free) / SKY
+        arriving.append(light)
+    if not arriving or float(np.median(arriving)) * 2.0**scene.view_settings.exposure >= DIM:
+        return False
+    return is_new or _proof_is_dark(scene)
+
+
+def _proof_is_dark(scene: bpy.types.Scene) -> bool:
+    """Render the proof, in the last slot of Blender's own result, so that the artist's stays."""
+    result = bpy.data.images.get("Render Result")
+    slots = result.render_slots if result is not None else None
+    before = slots.active_index if slots else 0
+    try:
+        if slots:
+            slots.active_index = len(slots) - 1
+        return is_dark(scene, scene_settings.resolve(scene).request)
+    finally:
+        if slots:
+            slots.active_index = before
+
+
+def _arrives(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, lamp: bpy.types.Object, place: mathutils.Vector,
+             normal: mathutils.Vector) -> float:
+    """Irradiance in W/m² of a surface at ``place`` from a lamp."""
+    data, matrix = lamp.data, lamp.matrix_world
+    power = data.energy * max(data.color) * 2.0**getattr(data, "exposure", 0.0)
+    nodes = data.node_tree.nodes if data.node_tree is not None else ()
+    strengths = [node.inputs["Strength"] for node in nodes if node.type == "EMISSION"]
+    power *= max((CERTAIN if strength.is_linked else strength.default_value for strength in strengths), default=1.0)
+    axis = matrix.to_3x3() @ mathutils.Vector((0, 0, 1))
+    way = axis if data.type == "SUN" else matrix.translation - place
+    distance = math.inf if data.type == "SUN" else way.length
+    way = way.normalized()
+    factor = max(normal.dot(way), 0.0) * power
+    if data.type == "AREA":
+        factor *= max(axis.normalized().dot(way), 0.0) * 4
+    elif data.type == "SPOT" and math.acos(min(1.0, max(-1.0, axis.normalized().dot(way)))) > data.spot_size / 2:
+        return 0.0
+    if data.type != "SUN":
+        factor /= 4 * math.pi * max(distance, 1e-6)**2
+    if factor < 1e-4:
+        return 0.0
+    hit, at, _, _, _, _ = scene.ray_cast(depsgraph, place, way)
+    return 0.0 if hit and (at - place).length < distance * (1 - SHADE) else factor

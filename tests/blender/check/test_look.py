@@ -1,0 +1,178 @@
+"""The look before a render: what the array sees of scenes that nobody has prepared, and what mends it."""
+
+import re
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.check import look
+from blender_addon.check.fixes import FIXES
+from blender_addon.jobs import session
+from blender_addon.scene import settings as scene_settings
+from blender_addon.scene.array import edit, placement, rig, room
+from blender_addon.scene.subject import find_subject
+from blender_addon.ui.operators import check
+from tests.support import panel
+from tests.support.scenes import add_camera
+
+
+@pytest.fixture
+def startup():
+    """Blender's new file, with its cube, lamp and camera, for the display that it begins with."""
+    with panel.registered():
+        bpy.ops.wm.read_factory_settings()
+        yield bpy.context.scene
+
+
+def add_box(centre, half):
+    """A closed box, which is selected alone, as importers leave what they bring."""
+    bpy.ops.mesh.primitive_cube_add(size=2, location=centre, scale=half)
+    return bpy.context.object
+
+
+def looked(scene) -> dict[str, str]:
+    """Reasons by code, after an array was added as a render does."""
+    if rig.find(scene) is None:
+        edit.add(scene, scene_settings.display_of(scene))
+    return {problem.code: problem.reason for problem in look.find(scene)}
+
+
+def mend(scene) -> None:
+    """Do what the dialog offers, in its order, until nothing is left to offer."""
+    for problem in list(look.find(scene)):
+        FIXES[problem.code](scene, problem.target)
+    assert not list(look.find(scene))
+
+
+def share_of(scene, item) -> float:
+    """Fraction of the picture that an object fills."""
+    placed = rig.placement(scene, scene_settings.display_of(scene))
+    return len(placement.seen_depths(scene, placed, {item})) / np.prod(placement.PROBES)
+
+
+def test_a_new_file_as_it_is(startup):
+    assert looked(startup) == {}
+
+
+@pytest.mark.parametrize(("centre", "half", "reason"), [
+    ((0, 0, 0), (0.01, 0.01, 0.01), "sees nothing of"), ((0.5, 1.5, 0), (0.15, 0.15, 0.15), r"fills \d%"),
+    ((90, 40, 0), (2, 2, 2), "sees nothing"), ((0, 0, 0), (80, 80, 80), "stands inside"),
+    ((5, -4.5, 3), (0.8, 0.8, 0.8), "outside the frame")])
+def test_a_camera_that_nobody_aimed_is_fitted_to_what_was_imported(startup, centre, half, reason):
+    box = add_box(centre, half)
+    found = looked(startup)
+    assert {"cube", "frame"} <= set(found), found
+    assert re.search(reason, found["frame"]), found["frame"]
+    mend(startup)
+    assert bpy.data.objects["Cube"].hide_render and share_of(startup, box) > 0.2
+
+
+def test_a_camera_that_was_aimed_stays(startup):
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    add_box((0, 0, 0), (0.3, 0.3, 0.3))
+    startup.camera.location, startup.objects["Light"].location = (0, -5, 0), (1, -5, 4)
+    startup.camera.rotation_euler = (np.pi / 2, 0, 0)
+    assert looked(startup) == {}
+
+
+def make_room(scene, lamp: bool) -> None:
+    """Walls around 5 × 7 × 2.7 m, with a table, beside the new file's camera."""
+    items = [add_box(*place) for place in (
+        ((0, 0, -0.1), (2.5, 3.5, 0.1)), ((0, 0, 2.8), (2.5, 3.5, 0.1)), ((-2.6, 0, 1.35), (0.1, 3.5, 1.6)),
+        ((2.6, 0, 1.35), (0.1, 3.5, 1.6)), ((0, -3.6, 1.35), (2.7, 0.1, 1.6)), ((0, 3.6, 1.35), (2.7, 0.1, 1.6)),
+        ((0, 1, 0.7), (0.7, 0.4, 0.03)))]
+    for item in items:
+        item.select_set(True)
+    if lamp:
+        scene.objects["Light"].location = (0, 0, 2.5)
+
+
+@pytest.mark.parametrize("lamp", [True, False])
+def test_of_a_room_the_inside_is_seen(startup, lamp):
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    make_room(startup, lamp)
+    found = looked(startup)
+    assert "outside a room" in found["frame"] and ("dark" in found) != lamp
+    mend(startup)
+    array = rig.find(startup)
+    x, y, z = array.matrix_world.translation
+    assert abs(x) < 2.5 and abs(y) < 3.5 and 0 < z < 2.7
+    assert startup.lfsr.light == ("AUTO" if lamp else "EVEN"), "the light of a world does not reach a room"
+    depths = placement.seen_depths(startup, rig.placement(startup, scene_settings.display_of(startup)),
+                                   find_subject(startup))
+    assert np.median(depths) > 2.5, "the longest view"
+
+
+def test_a_solid_thing_and_a_dome_are_no_rooms(startup):
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=2)
+    assert room.view_of_room(startup, np.full(3, -2.0), np.full(3, 2.0)) is None
+    bpy.ops.object.delete()
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=200)
+    assert room.view_of_room(startup, np.full(3, -1.0), np.full(3, 1.0)) is None
+
+
+def aimed(scene, place=(0, -6, 1)):
+    """A scene of its own camera, which looks along +Y, without the new file's cube."""
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    scene.camera = add_camera(scene, place)
+    scene.objects["Light"].location = (1, -5, 4)
+
+
+def test_too_much_depth_names_its_numbers_and_is_flattened(startup):
+    aimed(startup)
+    for y in range(0, 60, 5):
+        add_box(((-1)**y * (0.7 + y / 8), y, 1), (0.5, 0.5, 1))
+    bpy.context.view_layer.update()
+    before = {item.name: item.matrix_world.copy() for item in startup.objects}
+    found = looked(startup)
+    assert set(found) == {"deep"} and "before the display and" in found["deep"] and " %" in found["deep"]
+    mend(startup)
+    assert 0.2 < startup.lfsr.spacing < 0.9
+    assert all(startup.objects[name].matrix_world == matrix for name, matrix in before.items()), "objects stay"
+
+
+def test_a_display_plane_in_the_wrong_place_is_moved(startup):
+    aimed(startup)
+    add_box((0, 0, 1), (1, 0.5, 1))
+    assert looked(startup) == {}
+    rig.set_distance(startup, 2.0)
+    assert set(looked(startup)) == {"plane"}
+    mend(startup)
+    assert startup.lfsr.distance == pytest.approx(5.5, abs=0.3)
+
+
+@pytest.mark.parametrize(("energy", "world", "exposure", "is_dark"), [
+    (1000, 0, 0, False), (2, 0, 0, True), (2, 0.5, 0, False), (2, 0, 8, False), (0, 0.04, 0, True)])
+def test_hardly_any_light_is_noticed(startup, energy, world, exposure, is_dark):
+    aimed(startup)
+    add_box((0, 0, 1), (1, 0.5, 1))
+    startup.objects["Light"].data.energy, startup.view_settings.exposure = energy, exposure
+    startup.objects["Light"].location = (1, -5, 4)
+    startup.world.node_tree.nodes["Background"].inputs["Color"].default_value = (world, world, world, 1)
+    assert ("dark" in looked(startup)) == is_dark
+    mend(startup)
+    assert startup.lfsr.light == ("CITY" if is_dark else "AUTO")
+
+
+def test_the_dialog_offers_each_mend_ticked_and_asks_once(startup):
+    add_box((90, 40, 0), (2, 2, 2))
+    looked(startup)
+    asked = check.questions(startup)
+    assert [(question.mend, question.title) for question in asked[:2]] == [
+        ("leave_out_cube", "Leave Out Cube"), ("fit_objects", "Fit to Objects")]
+    for question in asked:
+        question.accept()
+    assert check.questions(startup) == [], "what was left as it is is not asked about again"
+
+
+def test_a_script_mends_what_it_asks_for_alone(startup, tmp_path):
+    box = add_box((90, 40, 0), (2, 2, 2))
+    lfsr = startup.lfsr
+    lfsr.output, lfsr.display, lfsr.scale, lfsr.samples, lfsr.method = str(tmp_path), "mini", "2", 1, "bilinear"
+    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
+    assert share_of(startup, box) == 0 and not bpy.data.objects["Cube"].hide_render
+    assert bpy.ops.lfsr.render_eia(fit_objects=True) == {"FINISHED"}
+    assert share_of(startup, box) > 0.2 and not bpy.data.objects["Cube"].hide_render
+    assert session.current() is None
