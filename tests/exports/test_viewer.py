@@ -73,7 +73,8 @@ def shown(page, width, **changes) -> np.ndarray:
 
 def canvas(page, **changes) -> np.ndarray:
     """Pixels (height, width, 3) of the page's canvas with this state."""
-    return decoded(run(page, "changes => { Object.assign(state, changes); resize(); draw(); "
+    return decoded(run(page, "changes => { Object.assign(state, changes); resize(); "
+                             "strip = {from: 0, rows: canvas.height}; draw(); "
                              "return canvas.toDataURL(); }", changes))
 
 
@@ -266,7 +267,7 @@ def test_frames_of_an_animation(browser, folders, tmp_path):
 def test_says_what_the_display_is_and_asks_nothing_of_the_network(mini):
     text = mini.page.inner_text("header")
     size = " × ".join(f"{mm:.0f}" for mm in MINI.panel_mm)
-    assert "mini" in text and f"{size} mm" in text and f"from {MINI.viewing_distance_mm:.0f} mm" in text
+    assert MINI.title in text and f"{size} mm" in text and f"from {MINI.viewing_distance_mm:.0f} mm" in text
     assert all(re.match(r"(file|data|blob):", url) for url in mini.requests)
     assert mini.complaints == []
     circle = mini.page.get_attribute("#map circle", "cy")
@@ -334,6 +335,45 @@ def test_an_aperture_is_drawn_with_fewer_samples_while_it_changes(browser, folde
     page.close()
 
 
+def test_the_image_at_rest_is_drawn_in_strips_over_the_quick_one(browser, folders):
+    """Strips join to the image that is drawn at once, and the page never shows less than the quick one."""
+    page = opened(browser, folders["mini"], viewport={"width": 400, "height": 300})
+    whole = canvas(page, aperture=0.5, focus=20)
+    heights = run(page, """() => new Promise(done => {
+        const heights = [], before = drawStrip, least = [];
+        drawStrip = () => { heights.push(strip.rows); before(); };
+        find('aperture').dispatchEvent(new Event('input'));
+        const look = () => {
+          const pixel = new Uint8Array(4);
+          gl.readPixels(canvas.width / 2, canvas.height / 2, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+          if (!dirty) least.push(Math.max(...pixel.subarray(0, 3)));
+          const isDone = !quick && strip.from >= canvas.height && performance.now() - changed > SETTLED;
+          isDone ? done({heights, least: Math.min(...least)}) : requestAnimationFrame(look);
+        };
+        find('aperture').value = 0.5;
+        find('aperture').dispatchEvent(new Event('input'));
+        look();
+      })""")
+    assert len(heights["heights"]) > 3 and 8 in heights["heights"] and heights["least"] > 0
+    at_rest = decoded(run(page, "() => canvas.toDataURL()"))
+    assert at_rest.shape == whole.shape and difference(at_rest, whole) < 0.05
+    assert page.complaints == []
+    page.close()
+
+
+def test_a_slow_machine_sways_at_a_quarter_of_the_pixels_or_not_at_all(browser, folders):
+    page = opened(browser, folders["mini"])
+    before = run(page, "() => { setSway(true); return canvas.width; }")
+    # As if each image took so long: the paces are what was measured of the last images.
+    run(page, "() => { paces = Array(PACED).fill(FLUENT + 1); }")
+    page.page.wait_for_function("(0, eval)('slow && quick')")
+    assert run(page, "() => canvas.width") < before and state(page)["eye"] != [0, 0, MINI.viewing_distance_mm]
+    run(page, "() => { paces = Array(PACED).fill(STILL + 1); }")
+    page.page.wait_for_function("!(0, eval)('swaying')")
+    assert "stands still" in page.page.inner_text("#note") and page.complaints == []
+    page.close()
+
+
 def drawn_at_display(page) -> np.ndarray:
     """What a picture of the page's window shows where the display is, 16 × 12 pixels."""
     encoded = np.frombuffer(page.screenshot(), np.uint8)
@@ -395,7 +435,7 @@ def test_frames_of_one_number_are_named_after_their_folders(browser, folders, tm
 
 
 def test_changed_geometry_is_in_the_page(tmp_path):
-    far = dataclasses.replace(MINI, name="</script>far", viewing_distance_mm=500.0)
+    far = dataclasses.replace(MINI, title="</script>far", viewing_distance_mm=500.0)
     text = write_page([finished(tmp_path / "far", far)]).path.read_text(encoding="utf-8")
     assert '"distance_mm": 500.0' in text and "\\u003c/script>far" in text
     assert text.count("</script>") == text.count("<script")

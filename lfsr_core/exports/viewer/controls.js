@@ -47,6 +47,7 @@ function drawMap() {
 function setSway(on) {
   swaying = on;
   swayStart = performance.now();
+  paces = [];
   redraw();
 }
 
@@ -164,16 +165,18 @@ function tick(now) {
     played = Infinity;  // the next is due when this one is shown
     setFrame((state.frame + 1) % display.labels.length).then(() => { played = performance.now(); });
   }
-  const hurried = pupilSamples() > 1 && now - changed < SETTLED;
+  const hurried = (pupilSamples() > 1 && now - changed < SETTLED) || (swaying && slow);
   if (hurried !== quick) {
     quick = hurried;
-    resize();
+    if (quick) resize();
+    else enlarge();
   }
   if (dirty) {
     dirty = false;
-    draw();
+    strip = {from: 0, rows: pupilSamples() === PUPIL ? 8 : canvas.height};
     tell();
   }
+  if (strip.from < canvas.height) drawStrip();
   if (!swaying && !playing && now - changed > 4 * SETTLED) speak();
   requestAnimationFrame(tick);
 }

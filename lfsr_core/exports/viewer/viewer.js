@@ -2,7 +2,7 @@
 const find = id => document.getElementById(id);
 const display = JSON.parse(find("data").textContent);
 const canvas = find("image");
-const gl = canvas.getContext("webgl2", {antialias: false, alpha: false});
+const gl = canvas.getContext("webgl2", {antialias: false, alpha: false, preserveDrawingBuffer: true});
 const zone = display.views.map(count => count * display.spacing_mm);  // across and down, at the viewing distance
 const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
 const START = {eye: [0, 0, display.distance_mm], mode: "smooth", stereo: "one", eyes: 63, aperture: 0, focus: 0, frame: 0};
@@ -10,10 +10,14 @@ const START = {eye: [0, 0, display.distance_mm], mode: "smooth", stereo: "one", 
 const DEPTHS = 160, FARTHEST = -0.5, NEAREST = 0.8;
 // Samples of a pupil at rest, and while anything changes: then also a quarter of the pixels, until nothing has for so long.
 const PUPIL = 48, QUICK_PUPIL = 10, SETTLED = 250;
+// Milliseconds that a strip of the image at rest may take, and an image while the eye sways: at more, a quarter of the
+// pixels is drawn, and where that takes over STILL the eye rests.
+const STRIP = 40, FLUENT = 60, STILL = 250, PACED = 4;
 const state = structuredClone(START);
 const layout = {};  // where the display is in the canvas: centre and pixels per millimetre
 const textures = new Map();  // by frame, those used last at the end
 let program, places = {}, dirty = true, changed = 0, quick = false, swaying = false, swayStart = 0, playing = false, showing = -1;
+let strip = {from: Infinity, rows: 0}, paces = [], slow = false;
 
 const between = (value, low, high) => Math.min(Math.max(value, low), high);
 const note = text => { find("note").textContent = text; };
@@ -127,7 +131,7 @@ function pupilSamples() { return !state.aperture || state.mode === "physical" ? 
 // Draw what one eye sees into a viewport; `area` is its lower left corner and millimetres per pixel.
 function drawEye(eye, viewport, area) {
   gl.viewport(...viewport);
-  gl.scissor(...viewport);
+  gl.scissor(viewport[0], Math.max(viewport[1], strip.from), viewport[2], Math.min(viewport[3], strip.rows));
   placeLenses(eye);
   gl.uniform3fv(places.eye, eye);
   gl.uniform1f(places.focus, between(state.focus, -1e6, Math.min(eye[2], display.distance_mm) * 0.9));
@@ -150,6 +154,42 @@ function bind() {
 function eyePair() {
   const [x, y, z] = state.eye, half = state.eyes / 2;
   return [[x - half, y, z], [x + half, y, z]];
+}
+
+// Draw the next strip of the image: all of it, or at rest with a pupil as many rows as take STRIP milliseconds.
+function drawStrip() {
+  const began = performance.now(), all = strip.rows >= canvas.height;
+  draw();
+  if (!all || swaying) gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));  // waits for the image
+  const took = performance.now() - began;
+  strip.from += strip.rows;
+  if (!all) strip.rows = Math.round(between(strip.rows * STRIP / Math.max(took, 1), 1, 4 * strip.rows));
+  else if (swaying && paces.length < PACED) paces.push(took);
+  else if (swaying && Math.min(...paces) > FLUENT) slower();
+}
+
+// Too slow to sway at this size: at a quarter of the pixels, else not at all.
+function slower() {
+  if (slow && Math.min(...paces) > STILL) {
+    setSway(false);
+    note("This machine draws slowly, so the image stands still: drag to look around.");
+  }
+  slow = true;
+  paces = [];
+}
+
+// The canvas at its full size, with the image that it shows until the strips are drawn.
+function enlarge() {
+  const {width, height} = canvas, texture = newTexture(), buffer = gl.createFramebuffer();
+  gl.copyTexImage2D(gl.TEXTURE_2D, 0, gl.RGB, 0, 0, width, height, 0);
+  resize();
+  gl.bindFramebuffer(gl.READ_FRAMEBUFFER, buffer);
+  gl.framebufferTexture2D(gl.READ_FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+  gl.disable(gl.SCISSOR_TEST);
+  gl.blitFramebuffer(0, 0, width, height, 0, 0, canvas.width, canvas.height, gl.COLOR_BUFFER_BIT, gl.LINEAR);
+  gl.bindFramebuffer(gl.READ_FRAMEBUFFER, null);
+  gl.deleteFramebuffer(buffer);
+  gl.deleteTexture(texture);
 }
 
 function draw() {
@@ -179,10 +219,10 @@ function offScreen(width, height, draw_) {
   gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, width, height);
   gl.bindFramebuffer(gl.FRAMEBUFFER, buffer);
   gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
-  const before = quick;
-  quick = false;
+  const before = [quick, strip];
+  [quick, strip] = [false, {from: 0, rows: height}];
   if (bind()) draw_();
-  quick = before;
+  [quick, strip] = before;
   gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
   gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   gl.deleteFramebuffer(buffer);
