@@ -156,7 +156,8 @@ def _page(profile: DisplayProfile, labels: list[str], first: bytes, images: list
     """Text of the page: the files of ``viewer/``, with the data in place of their marks."""
     url = f"data:image/webp;base64,{base64.b64encode(first).decode()}"
     data = json.dumps({  # lengths in millimetres, pairs as (across, down)
-        "name": profile.title or profile.name, "lenses": profile.lenses, "views": profile.views, "panel_mm": profile.panel_mm,
+        "name": profile.title or profile.name, "lenses": profile.lenses, "views": profile.views,
+        "panel_mm": profile.panel_mm,
         "distance_mm": profile.viewing_distance_mm, "gap_mm": gap_mm(profile),
         "spacing_mm": profile.camera_spacing_mm,  # between view positions at the viewing distance
         "angle_deg": profile.viewing_angle_deg, "flipped": profile.ei_order == "flipped",
@@ -165,7 +166,8 @@ def _page(profile: DisplayProfile, labels: list[str], first: bytes, images: list
     style, shader, script, controls, text = ((PARTS / name).read_text(encoding="utf-8") for name in (
         "viewer.css", "viewer.glsl", "viewer.js", "controls.js", "viewer.html"))
     parts = {"/*STYLE*/": style, "/*SHADER*/": shader, "/*SCRIPT*/": script + controls,
-             "TITLE": html.escape(profile.title or profile.name), "ASPECT": f"{profile.panel_mm[0]:g}/{profile.panel_mm[1]:g}",
-             "STILL": url, "DATA": data, "<!--IMAGES-->": tags}
+             "TITLE": html.escape(profile.title or profile.name),
+             "ASPECT": f"{profile.panel_mm[0]:g}/{profile.panel_mm[1]:g}", "STILL": url, "DATA": data,
+             "<!--IMAGES-->": tags}
     # All at once, so that nothing inserted is taken for a mark.
     return re.sub("|".join(map(re.escape, parts)), lambda found: parts[found[0]], text)
