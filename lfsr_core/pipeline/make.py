@@ -61,7 +61,7 @@ class _StoppedError(Exception):
     """The second stage is to stop."""
 
 
-def make(request: Request, finish: Finish | None = None, frames: Sequence[int] | None = None, *,
+def make(request: Request | Sequence[Request], finish: Finish | None = None, frames: Sequence[int] | None = None, *,
          blender: str | Starts | None = None, tell: Tell = silent, overwrite: bool = False, lenient: bool = False,
          chunk: int = CHUNK) -> list[Made]:
     """Render and finish every frame that is not there, and return the outcome of each.
@@ -71,7 +71,8 @@ def make(request: Request, finish: Finish | None = None, frames: Sequence[int] |
 
     Parameters
     ----------
-    request : what is rendered; its output is the frame folder, or the folder of the frames' folders
+    request : what is rendered; its output is the frame folder, or the folder of the frames' folders. Several requests,
+        without ``frames``, are rendered by one Blender and fail together
     finish : how frames are finished, None to render only
     frames : numbers of the frames of an animation, each in a folder such as ``0001``; None for one frame
     blender : executable, what knows how to start Blender, or None for the best there is
@@ -85,8 +86,9 @@ def make(request: Request, finish: Finish | None = None, frames: Sequence[int] |
     error; of an animation, a frame that fails is left out and the others continue. KeyboardInterrupt once Blender is
     stopped: at most the frames in work are lost.
     """
-    content = scene_stamp(check_scene(request.scene))
-    requests = requests_of(request, finish, frames, overwrite)
+    several = (request,) if isinstance(request, Request) else request
+    content = {asked.scene: scene_stamp(check_scene(asked.scene)) for asked in several}
+    requests = [asked for each in several for asked in requests_of(each, finish, frames, overwrite)]
     beside = {asked.output: _beside(asked, requests, finish) for asked in requests}
     kept, waiting, ready, older = set[str](), list[Request](), list[Request](), list[int]()
     for asked in requests:
@@ -94,14 +96,14 @@ def make(request: Request, finish: Finish | None = None, frames: Sequence[int] |
         folder.check_free(asked.kind)
         found = None if overwrite else folder.readable
         if found is not None and not lenient:
-            folder.check_rendered(asked, content, advice="overwrite it, or choose another folder")
+            folder.check_rendered(asked, content[asked.scene], advice="overwrite it, or choose another folder")
         if overwrite or not folder.is_rendered(asked):
             waiting.append(asked)
             continue
         remove_dead(folder.path)
         if finish is None or folder.is_finished(finish, beside[asked.output]):
             kept.add(asked.output)
-            if found is not None and found.content and found.content != content:
+            if found is not None and found.content and found.content != content[asked.scene]:
                 older.append(found.frame)
         else:
             ready.append(asked)
@@ -111,7 +113,8 @@ def make(request: Request, finish: Finish | None = None, frames: Sequence[int] |
     failed, count = dict[str, str](), len(waiting)
     finishing: list[tuple[Request, Future[None]]] = []
     thread, stopped = ThreadPoolExecutor(1, "lfsr-finish"), threading.Event()
-    after = 0.0 if finish is None else seconds(request.display, request.sampling.scale, finish.method, request.layout)
+    first = several[0]
+    after = 0.0 if finish is None else seconds(first.display, first.sampling.scale, finish.method, first.layout)
     time_left, most = TimeLeft(after, is_image=frames is None), [0.0]  # and the largest fraction that was told
 
     def heard(told: Progress | Notice) -> None:

@@ -3,8 +3,6 @@
 One input of most kinds; 10,000 with ``pytest -m long -rP tests/lab/test_fuzz.py``, which prints the outcomes.
 """
 
-from __future__ import annotations
-
 import collections
 import dataclasses
 import hashlib
@@ -31,13 +29,13 @@ from lfsr_core.optics.eia import to_views
 from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.pipeline.staging import INPUTS_FILE, remove_others
 from lfsr_core.reconstruct import denoiser
-from lfsr_lab.experiments.sweeps.sweeps import choose_sweeps, label
+from lfsr_lab.experiments.sweeps.records import choose_sweeps, label
 from lfsr_lab.networks import comparators
 from lfsr_lab.networks.methods import LabMethod
 from lfsr_lab.train.config import CONFIG_FOLDER
 from lfsr_lab.train.denoiser.data import load_scenes
 from tests.calibration.test_fit import CYLINDERS, GOOD
-from tests.lab.train.denoiser.test_denoiser import write_scene
+from tests.lab.train.test_denoiser import write_scene
 from tests.support import chart_folder, damage
 from tests.support.damage import Case
 from tests.support.finished import finished
@@ -49,7 +47,6 @@ from tests.support.telephone import photograph
 from tests.support.training_photographs import write_photographs
 
 SEED, MANY = 29, 10_000
-LINE = {"epoch": 1, "seconds": 0.5, "mse": 0.1}
 PARAMETERS = ("[intrinsics]\nfocal_length_mm = 100\nsensor_size_mm = 35\n[extrinsics]\nnum_cams_x = 3\nnum_cams_y = 3\n"
               "baseline_mm = 10\nfocus_distance_m = 1\n")
 CALIBRATION = {name: {"value": value} for name, value in {
@@ -63,9 +60,9 @@ PLAN = ["--display", "mini", "--scales", "2", "--spps", "4", "--methods", "neare
         "--reference-spp", "16", "--target", "0.5"]
 
 
-def upscaled(folder: Path) -> None:
-    write_apart(folder)
-    assert main(["upscale", str(folder), "--method", "bilinear"]) == 0
+def then(_made: object, words: list[str]) -> None:
+    """Run a command on what was made."""
+    assert main(words) == 0
 
 
 def with_weights(folder: Path) -> None:
@@ -77,19 +74,9 @@ def with_weights(folder: Path) -> None:
     write_json(folder / "mine.json", {"sha256": digest})
 
 
-def with_comparator(folder: Path) -> None:
-    write_render(folder, 4)
-    shutil.copy(comparators.weights_path("paper", 4), folder / "w.safetensors")
-
-
 def finish_by_network(folder: Path) -> None:
     finish, upscaler = LabMethod.parse("paper").ready(folder / "w.safetensors", "cpu")
     finish_frame(folder, finish, upscaler=upscaler)
-
-
-def film(folder: Path) -> None:
-    for number in (1, 2, 3):
-        write_render(folder / f"{number:04}", seed=number, frame=number)
 
 
 def compared(folder: Path) -> None:
@@ -116,7 +103,7 @@ def photographed(folder: Path) -> None:
     write_png(folder / "photo.png", np.rint(photo * 255).astype(np.uint8))
 
 
-def parts(folder: Path, **changes: object) -> None:
+def parts(folder: Path) -> None:
     for name, rows in (("a", (1, 6)), ("b", (7, 12))):
         (folder / name).mkdir()
         render(changed(JOB, output=str(folder / name), scale=2, rows=rows))
@@ -141,19 +128,13 @@ def plan_words(folder: Path) -> list[str]:
 
 
 def planned(folder: Path) -> None:
-    (folder / "scene.glb").write_text("a scene")
-    assert main(plan_words(folder)) == 0
+    then((folder / "scene.glb").write_text("a scene"), plan_words(folder))
 
 
 def sampled(folder: Path) -> None:
     """Renders of a plan that was not finished."""
     planned(folder)
     (folder / "work" / "sample.json").unlink()
-
-
-def charted(folder: Path) -> None:
-    chart_folder.experiment_folder(folder)
-    assert main(chart_folder.arguments(folder)) == 0
 
 
 def stressed(folder: Path) -> None:
@@ -178,16 +159,6 @@ def train_words(folder: Path, epochs: int) -> list[str]:
             f"--set=epochs={epochs}", "--output", f"{folder}/run", *resumed]
 
 
-def scenes(folder: Path) -> None:
-    for number in (1, 9):
-        write_scene(folder, number)
-
-
-def job(folder: Path) -> None:
-    wanted = changed(JOB, layers=("albedo",), lens_list=((0, 0), (1, 1)))
-    write_json(folder / "job.json", to_data(wanted))
-
-
 def export(*words: str) -> Callable[[Path], list[str]]:
     return lambda folder: ["export", str(folder), "-o", f"{folder}/out", "--format", *words]
 
@@ -195,15 +166,19 @@ def export(*words: str) -> Callable[[Path], list[str]]:
 FRAME = frozenset({"frame.json"})
 ENDINGS = ("png", "jpg", "ppm", "tif")
 CASES = {
-    "upscale": Case(upscaled, {"frame.json": "frame.json", "lr_eia.exr": "lr_eia.exr", "world.exr": "world.exr",
+    "upscale": Case(lambda folder: then(write_apart(folder), ["upscale", str(folder), "--method", "bilinear"]),
+                    {"frame.json": "frame.json", "lr_eia.exr": "lr_eia.exr", "world.exr": "world.exr",
                                "report.json": "report.json"},
                     lambda folder: ["upscale", str(folder), "--method", "pool", "--linear-exr"],
                     ("eia.png", "eia.exr"), FRAME),
     "denoiser": Case(with_weights, {"weights .tza": "mine.tza", "weights' .json": "mine.json"}, lambda folder: [
         "upscale", str(folder), "--method", "denoise+bilinear", "--weights", f"{folder}/mine.tza"], ("eia.png",)),
-    "comparator": Case(with_comparator, {"weights .safetensors": "w.safetensors"}, finish_by_network,
-                       ("eia.png",)),
-    "averaging": Case(film, {"neighbour's frame.json": "0001/frame.json", "neighbour's .exr": "0003/lr_eia.exr"},
+    "comparator": Case(lambda folder: shutil.copy(comparators.weights_path("paper", 4),
+                                                  write_render(folder, 4) / "w.safetensors"),
+                       {"weights .safetensors": "w.safetensors"}, finish_by_network, ("eia.png",)),
+    "averaging": Case(lambda folder: [write_render(folder / f"{number:04}", seed=number, frame=number)
+                                      for number in (1, 2, 3)],
+                      {"neighbour's frame.json": "0001/frame.json", "neighbour's .exr": "0003/lr_eia.exr"},
                       lambda folder: ["upscale", str(folder), "--frame", "2", "--temporal-averaging", "1", "--method",
                                       "bilinear"], ("0002/eia.png",), frozenset({"neighbour's frame.json"})),
     "compare": Case(compared, {"compared report.json": "frame/report.json", "compared frame.json": "frame/frame.json",
@@ -239,7 +214,8 @@ CASES = {
                  plan_words, part=0.1),
     "plan anew": Case(sampled, {"plan's .exr": "work/s2-spp4/lr_eia.exr", "plan's world": "work/quick/lr_eia.exr",
                                 "plan's reference": "work/reference-0/reference_a.exr"}, plan_words, part=0.1),
-    "chart": Case(charted, {"chart.json": "chart.json", "chart's cell": "vase/cells/s2-spp1-bicubic.json",
+    "chart": Case(lambda folder: then(chart_folder.experiment_folder(folder), chart_folder.arguments(folder)),
+                  {"chart.json": "chart.json", "chart's cell": "vase/cells/s2-spp1-bicubic.json",
                             "chart's frame.json": "vase/s2-spp1/frame.json"}, chart_folder.arguments, part=0.05),
     "stress": Case(stressed, {"stress settings.json": "settings.json",
                               "stress cell": "wire-2/cells/bicubic-wire-spp16.json",
@@ -249,9 +225,12 @@ CASES = {
                             "checkpoint .pt": "run/checkpoint.pt", "photograph": "photographs/0.png"},
                   lambda folder: train_words(folder, 2), ("run/*.safetensors",),
                   frozenset({"config .toml", "photograph"}), 0.3),
-    "denoiser's training": Case(scenes, {"scene .npz": "scene_000001.npz"},
+    "denoiser's training": Case(lambda folder: [write_scene(folder, number) for number in (1, 9)],
+                                {"scene .npz": "scene_000001.npz"},
                                 lambda folder: load_scenes(folder, guides=True) and None),
-    "job": Case(job, {"job.json": "job.json"}, lambda folder: read_request(folder / "job.json") and None),
+    "job": Case(lambda folder: write_json(folder / "job.json", to_data(
+        changed(JOB, layers=("albedo",), lens_list=((0, 0), (1, 1))))), {"job.json": "job.json"},
+        lambda folder: read_request(folder / "job.json") and None),
     "parts": Case(lambda folder: write_json(folder / "parts" / INPUTS_FILE, {"settings": "a", "scene file": "b"}),
                   {"parts' inputs.json": f"parts/{INPUTS_FILE}"},
                   lambda folder: remove_others(folder / "parts", {"settings": "a"}) and None),

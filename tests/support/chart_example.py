@@ -37,7 +37,7 @@ def example(scenes: int = 6, timed: bool = True, direct: bool = True) -> Chart:
         for index, points in enumerate(every))
     settings = ChartSettings(display="small", scale=4, spps=(1, 4, 16, 64), direct_spps=(1, 4, 16) if direct else (),
                              methods=tuple(LOW_METHODS), direct_methods=tuple(DIRECT_METHODS), ours="oidn+bilinear",
-                             reference_spp=1024, lenses=22, seeds=SEEDS, repeats=3, render_repeats=1)
+                             reference_spp=1024, lenses=22, seeds=SEEDS, repeats=3)
     environment = Environment("Example processor", 2, 24.0, "Linux", "3.11.7", None, {"lfsr": "0.1", "numpy": "1.26.4"})
     skipped = ("paper-gan at scale 4: paper-gan has no weights for it",)
     return Chart(FORMAT, settings, environment, skipped, rows)

@@ -39,8 +39,7 @@ def noisy_render(folder: Path, samples: int, seed: int, scale: int = 2, **change
 
 def arguments(folder: Path, *more: str, scenes=("vase.blend",)) -> list[str]:
     return ["study", "chart", *scenes, "-o", str(folder), "--display", "mini", "--scale", "2", "--spps", "1,4",
-            "--seeds",
-            str(SEEDS), "--direct-spps", "1", "--repeats", "2", "--render-repeats", "0", "--only-measure",
+            "--seeds", str(SEEDS), "--direct-spps", "1", "--repeats", "2", "--only-measure",
             "--methods", "bicubic,nearest", "--ours", "bicubic", *more]
 
 

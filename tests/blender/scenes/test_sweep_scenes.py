@@ -19,7 +19,7 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.low_res import foreground_mask
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_lab.experiments.sweeps.sweeps import SWEEPS
+from lfsr_lab.experiments.sweeps.records import SWEEPS
 from lfsr_lab.scenes.sweeps.space import Space, card_of_motion, hole
 from tests.support.prerequisites import needs_bpy
 from tests.support.requests import make_request

@@ -1,5 +1,7 @@
 """The PyTorch twin against the library, with the library's own weights and with others."""
 
+import itertools
+
 import numpy as np
 import pytest
 import torch
@@ -44,9 +46,8 @@ def by_library(path, color, guides, hdr, **more):
                         input_scale=1.0 if hdr else None, **more)
 
 
-@pytest.mark.parametrize("images", [render, noise])
-@pytest.mark.parametrize("size", twin.SIZES)
-@pytest.mark.parametrize("name", twin.NAMES)
+@pytest.mark.parametrize(("images", "size", "name"),
+                         [*itertools.product((render, noise), twin.SIZES, twin.NAMES)])
 def test_twin_equals_library(tmp_path, name, size, images):
     hdr, guided = name.startswith("hdr"), name.endswith("guided")
     stock = twin.stock_weights(name, size)
@@ -91,27 +92,20 @@ def test_encoding_can_be_undone(value, scale):
     assert float(twin.hdr_decode(encoded, scale)) == pytest.approx(min(value, 65504 / scale), rel=2e-4, abs=1e-9)
 
 
-def test_encoding_rises_and_has_gradients():
+def test_encoding_rises_and_has_gradients_and_the_twin_has_the_tensors_of_the_file():
     values = torch.cat([torch.zeros(1), torch.logspace(-8, 4.8, 400)]).requires_grad_()
     encoded = twin.hdr_encode(values)
     assert (encoded.diff() > 0).all()
     twin.hdr_decode(encoded).sum().backward()
     assert torch.isfinite(values.grad).all() and (values.grad > 0).all()
-
-
-def test_twin_has_the_tensors_of_the_file():
     for widths, inputs in ((BASE, 3), (SMALL, 9)):
         found = twin.Denoiser(widths, inputs).tensors()
         assert {name: value.shape for name, value in found.items()} == network_shapes(widths, inputs)
 
 
-@pytest.mark.parametrize(("name", "size"), [("albedo", "small"), ("hdr", "huge")])
-def test_unknown_stock_weights_are_one_sentence(name, size):
-    with pytest.raises(LfsrError, match="choose hdr, hdr-guided, ldr, ldr-guided"):
-        twin.stock_weights(name, size)
-
-
-def test_stock_weights_without_a_library_are_one_sentence(monkeypatch):
+@pytest.mark.parametrize(("chosen", "message"), [(("albedo", "small"), "choose hdr"), (("hdr", "huge"), "choose hdr"),
+                                                 ((), "install the package pyoidn")])
+def test_stock_weights_that_there_are_not_are_one_sentence(monkeypatch, chosen, message):
     monkeypatch.setattr(oidn, "find_libraries", lambda: iter(()))
-    with pytest.raises(LfsrError, match="install the package pyoidn"):
-        twin.stock_weights()
+    with pytest.raises(LfsrError, match=message):
+        twin.stock_weights(*chosen)

@@ -1,7 +1,6 @@
 """The training loop can be stopped, killed and resumed."""
 
-from __future__ import annotations
-
+import dataclasses
 import os
 import re
 import signal
@@ -11,17 +10,66 @@ import pytest
 import torch
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_lab.networks import comparators
 from lfsr_lab.train import loop
+from lfsr_lab.train.config import DENOISER, DenoiserConfig, builtin_configs, load_config
 from lfsr_lab.train.loop import TrainLog, read_log
+from tests.lab.networks.test_networks import Evil
+
+
+def test_every_builtin_config_is_valid_and_settings_override_with_their_types():
+    assert {"paper", "paper-gan", "paper-short", "espcn", "fsrcnn", "paper-6"} <= set(builtin_configs())
+    for name in {*builtin_configs()} - {DENOISER}:
+        comparators.spec(load_config(name).network)
+    assert isinstance(load_config(DENOISER, ["scenes=SCENES"]), DenoiserConfig)
+    recipe = load_config("paper-gan")
+    assert (recipe.crop, recipe.batch, recipe.epochs, recipe.rate, recipe.adversarial) == (256, 8, 100, 1e-4, 1e-3)
+    assert load_config("paper") == dataclasses.replace(recipe, network="paper", adversarial=0.0)
+    config = load_config("paper", ["epochs=3", "rate=1", "photographs=some/where"])
+    assert (config.epochs, config.rate, config.photographs) == (3, 1.0, "some/where")
+
+
+@pytest.mark.parametrize(("setting", "message"), [
+    ("epoch=3", "unknown key 'epoch': did you mean 'epochs'"), ("epochs=many", "epochs = 'many', .* of type int"),
+    ("photographs=1", "photographs = 1, .* of type str"), ("network=[]", r"network = \[\], .* of type str"),
+    ("epochs", "form key=value"), ("crop=30", "crop 30 is not a multiple of scale 4"),
+    ("schedule=step", "schedule 'step' is unknown")])
+def test_bad_settings(setting, message):
+    with pytest.raises(LfsrError, match=message):
+        load_config("paper", [setting])
+
+
+@pytest.mark.parametrize(("config", "changes"), [
+    ("paper", "rate=-1 rate=nan rate=inf adversarial=nan batch=0 scale=0 crop=0 seed=-1 epochs=0 validate_every=0 "
+              "checkpoint_every=0"),
+    ("denoiser", "steps_per_epoch=0 epochs=0 rate=nan rate=0 seed=-1 side=0 count=-1 validate_every=0 "
+                 "checkpoint_every=0 error_weight=nan error_weight=-1")])
+def test_numbers_that_nothing_can_be_trained_with(config, changes):
+    for change in [*changes.split(), "rate=1" + "0" * 400]:
+        with pytest.raises(LfsrError, match=rf"{change.split('=')[0]} is \S+, but it must be between"):
+            load_config(config, ["scenes=x"] * (config == "denoiser") + [change])
+    with pytest.raises(LfsrError, match="size 'large' is unknown"):
+        load_config("denoiser", ["scenes=x", "size=large"])
+
+
+@pytest.mark.parametrize(("content", "message"), [
+    (None, "no training config .*paper-gan"), ("network = ", "cannot be read"),
+    ('network = "paper"', "has no 'photographs'")])
+def test_missing_and_broken_config(tmp_path, content, message):
+    if content is not None:
+        (tmp_path / "papr.toml").write_text(content)
+    with pytest.raises(LfsrError, match=message):
+        load_config(str(tmp_path / "papr.toml"))
+
 
 RESUME = loop.RunOptions(resume=True)
 
 
 class Counter:
-    """Task of two steps an epoch whose state is the list of what it did."""
+    """Task of two steps an epoch whose state is the list of what it did; at the step ``at`` it calls ``act``."""
 
-    def __init__(self, stop=None, stop_at=None, name="run"):
-        self.done, self._epoch, self._stop, self._stop_at, self._name = [], 0, stop, stop_at, name
+    def __init__(self, at=None, act=None, name="run"):
+        self.done, self._epoch, self._at, self._act, self._name = [], 0, at, act, name
 
     def identity(self):
         return {"name": self._name}
@@ -31,9 +79,9 @@ class Counter:
         return 2
 
     def step(self, index):
+        if 10 * self._epoch + index == self._at:
+            self._act()
         self.done.append(10 * self._epoch + index)
-        if self.done[-1] == self._stop_at:
-            self._stop.asked = True
         return {"loss": torch.tensor(float(self.done[-1]) + 1)}
 
     def validate(self):
@@ -58,10 +106,9 @@ def test_loop_logs_validates_and_draws(tmp_path):
 
 @pytest.mark.parametrize("stop_at", [0, 10, 21, 31])
 def test_stopped_run_resumes_where_it_was(tmp_path, stop_at):
-    stop = loop.Stop()
-    schedule = loop.Schedule(4, validate_every=2, checkpoint_every=3)
-    first = loop.run(Counter(stop, stop_at), schedule, tmp_path, loop.RunOptions(stop=stop))
-    assert first.stopped
+    stop, schedule = loop.Stop(), loop.Schedule(4, validate_every=2, checkpoint_every=3)
+    counter = Counter(stop_at, lambda: setattr(stop, "asked", True))
+    assert loop.run(counter, schedule, tmp_path, loop.RunOptions(stop=stop)).stopped
     again = Counter()
     outcome = loop.run(again, schedule, tmp_path, RESUME)
     assert again.done == [0, 1, 10, 11, 20, 21, 30, 31] and not outcome.stopped
@@ -70,109 +117,75 @@ def test_stopped_run_resumes_where_it_was(tmp_path, stop_at):
 
 
 def test_crash_between_checkpoints_repeats_epochs_without_double_lines(tmp_path):
-    class Crashing(Counter):
-        def step(self, index):
-            if self._epoch == 3:
-                raise RuntimeError("power cut")
-            return super().step(index)
-
-    schedule = loop.Schedule(4, checkpoint_every=2)
-    with pytest.raises(RuntimeError, match="power cut"):
-        loop.run(Crashing(), schedule, tmp_path)
-    again = Counter()
+    again, schedule = Counter(), loop.Schedule(4, checkpoint_every=2)
+    with pytest.raises(ZeroDivisionError):
+        loop.run(Counter(30, lambda: 1 / 0), schedule, tmp_path)
     loop.run(again, schedule, tmp_path, RESUME)
     assert again.done == [0, 1, 10, 11, 20, 21, 30, 31]
     assert [line["epoch"] for line in read_log(tmp_path / "log.jsonl")] == [1, 2, 3, 4]
 
 
 def test_interrupt_signal_ends_the_run_with_a_checkpoint(tmp_path):
-    class Interrupting(Counter):
-        def step(self, index):
-            if self._epoch == 1:
-                os.kill(os.getpid(), signal.SIGINT)
-            return super().step(index)
-
     before = signal.getsignal(signal.SIGINT)
-    outcome = loop.run(Interrupting(), loop.Schedule(4), tmp_path)
+    outcome = loop.run(Counter(10, lambda: os.kill(os.getpid(), signal.SIGINT)), loop.Schedule(4), tmp_path)
     assert outcome.stopped and outcome.epochs == 1
     assert loop.load_checkpoint(tmp_path / "checkpoint.pt")["state"] == {"done": [0, 1, 10]}
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_checkpoint_of_another_run_and_other_mistakes(tmp_path):
-    schedule = loop.Schedule(1)
+@pytest.mark.parametrize(("name", "options", "message"), [
+    ("run", loop.RunOptions(), "already holds a training run"), ("other", RESUME, "other settings or data")])
+def test_a_folder_of_another_run_is_refused(tmp_path, name, options, message):
     with pytest.raises(LfsrError, match="nothing to resume"):
-        loop.run(Counter(), schedule, tmp_path, RESUME)
-    loop.run(Counter(), schedule, tmp_path)
-    with pytest.raises(LfsrError, match="already holds a training run"):
-        loop.run(Counter(), schedule, tmp_path)
-    with pytest.raises(LfsrError, match="other settings or data"):
-        loop.run(Counter(name="other"), schedule, tmp_path, RESUME)
-    path = tmp_path / "checkpoint.pt"
-    path.write_bytes(path.read_bytes()[:100])
-    with pytest.raises(LfsrError, match="cannot be read as a checkpoint"):
-        loop.run(Counter(), schedule, tmp_path, RESUME)
-
-
-def test_checkpoint_version_and_code_in_a_checkpoint(tmp_path):
-    path = tmp_path / "checkpoint.pt"
-    torch.save({"version": 99}, path)
-    with pytest.raises(LfsrError, match="checkpoint version 99, expected 1"):
-        loop.load_checkpoint(path)
-
-    class Evil:
-        def __reduce__(self):
-            return (open, (str(tmp_path / "proof"), "w"))
-
-    torch.save({"version": 1, "state": Evil()}, path)
-    with pytest.raises(LfsrError, match="cannot be read as a checkpoint"):
-        loop.load_checkpoint(path)
-    assert not (tmp_path / "proof").exists()
-
-
-@pytest.mark.parametrize("change", [
-    {"position": {"epoch": 1, "steps": 3}}, {"position": {"epoch": -1}}, {"position": {"epoch": "1"}},
-    {"position": {"sums": [1]}}, {"position": 3}, {"state": {}}, {"state": 7}, {"run": None}, {"version": None}])
-def test_a_checkpoint_of_other_content_is_one_sentence(tmp_path, change):
+        loop.run(Counter(), loop.Schedule(1), tmp_path, RESUME)
     loop.run(Counter(), loop.Schedule(1), tmp_path)
-    path = tmp_path / "checkpoint.pt"
-    torch.save(loop.load_checkpoint(path) | change, path)
-    with pytest.raises(LfsrError, match=r"checkpoint\.pt .*(remove it|another --output)"):
-        loop.run(Counter(), loop.Schedule(3), tmp_path, RESUME)
+    with pytest.raises(LfsrError, match=message):
+        loop.run(Counter(name=name), loop.Schedule(1), tmp_path, options)
 
 
-def test_a_checkpoint_with_a_changed_number_is_refused(tmp_path):
-    path = tmp_path / "checkpoint.pt"
-    torch.save({"version": 1, "run": "x", "position": {}, "state": torch.full((100,), 0.5)}, path)
+def number_changed(path):
+    """Save a checkpoint in which one number is another than its checksum says."""
+    torch.save(WHOLE | {"state": torch.full((100,), 0.5)}, path)
     data = path.read_bytes()
     at = data.index(torch.full((100,), 0.5).numpy().tobytes()) + 41
     path.write_bytes(data[:at] + b"\x01" + data[at + 1:])
-    with pytest.raises(LfsrError, match="it is damaged, .*remove it"):
-        loop.load_checkpoint(path)
 
 
-def test_advice_of_pytorch_is_not_passed_on(tmp_path):
-    path = tmp_path / "checkpoint.pt"
-    torch.save({"version": 1, "run": "x", "position": {}, "state": torch.nn.Linear(1, 1)}, path)
-    with pytest.raises(LfsrError) as refused:
-        loop.load_checkpoint(path)
-    assert not {"weights_only", "arbitrary", "trusted"} & set(re.findall(r"\w+", str(refused.value)))
+WHOLE = {"version": 1, "run": "x", "position": {}, "state": {}}
 
 
-def test_a_checkpoint_or_log_that_is_a_pipe_is_not_waited_for(tmp_path):
-    os.mkfifo(tmp_path / "checkpoint.pt")
-    with pytest.raises(LfsrError, match="not a regular file"):
+@pytest.mark.parametrize(("write", "message"), [
+    (lambda path: torch.save({"version": 99}, path), "checkpoint version 99, expected 1"),
+    (lambda path: torch.save(WHOLE | {"state": Evil(path.parent)}, path), "cannot be read as a checkpoint"),
+    (lambda path: torch.save(WHOLE | {"state": torch.nn.Linear(1, 1)}, path), "cannot be read as a checkpoint"),
+    (lambda path: path.write_bytes(b"PK" * 50), "cannot be read as a checkpoint"),
+    (number_changed, "it is damaged, .*remove it"), (os.mkfifo, "not a regular file")])
+def test_a_damaged_checkpoint_is_one_sentence_and_runs_no_code(tmp_path, write, message):
+    write(tmp_path / "checkpoint.pt")
+    with pytest.raises(LfsrError, match=message) as refused:
         loop.load_checkpoint(tmp_path / "checkpoint.pt")
-    os.mkfifo(tmp_path / "log.jsonl")
-    with pytest.raises(LfsrError, match="not a regular file"):
-        TrainLog(tmp_path)
+    assert not {"weights_only", "arbitrary", "trusted"} & set(re.findall(r"\w+", str(refused.value)))
+    assert not (tmp_path / "proof").exists()
+
+
+def test_a_checkpoint_of_other_content_is_one_sentence(tmp_path):
+    loop.run(Counter(), loop.Schedule(1), tmp_path)
+    path = tmp_path / "checkpoint.pt"
+    whole = loop.load_checkpoint(path)
+    for change in ({"position": {"epoch": 1, "steps": 3}}, {"position": {"epoch": -1}}, {"position": {"epoch": "1"}},
+                   {"position": {"sums": [1]}}, {"position": 3}, {"state": {}}, {"state": 7}, {"run": None},
+                   {"version": None}):
+        torch.save(whole | change, path)
+        with pytest.raises(LfsrError, match=r"checkpoint\.pt .*(remove it|another --output)"):
+            loop.run(Counter(), loop.Schedule(3), tmp_path, RESUME)
 
 
 @pytest.mark.parametrize("line", [
     "{", "[]", "3", "{}", '{"epoch": "1"}', '{"epoch": true}', '{"epoch": 1, "loss": "x"}', '{"epoch": 1, "loss": []}',
-    "[" * 100_000, "\xff", '{"epoch": 1' + "0" * 5000 + "}"])
-def test_log_of_a_damaged_line(tmp_path, line):
-    (tmp_path / "log.jsonl").write_bytes(line.encode("latin-1"))
+    "[" * 100_000, "\xff", '{"epoch": 1' + "0" * 5000 + "}", None])
+def test_log_of_a_damaged_line_or_a_pipe(tmp_path, line):
+    path = tmp_path / "log.jsonl"
+    os.mkfifo(path) if line is None else path.write_bytes(line.encode("latin-1"))
     with pytest.raises(LfsrError, match="training log"):
         TrainLog(tmp_path)
 
@@ -181,5 +194,5 @@ def test_log_on_a_full_disk_is_one_sentence(tmp_path):
     log = TrainLog(tmp_path)
     (tmp_path / "log.jsonl").unlink()
     (tmp_path / "log.jsonl").symlink_to("/dev/full")
-    with pytest.raises(LfsrError, match=r"log\.jsonl cannot be written \(No space left on device\): free some space"):
+    with pytest.raises(LfsrError, match="No space left on device"):
         log.add({"epoch": 1})

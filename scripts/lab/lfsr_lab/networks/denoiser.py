@@ -79,44 +79,31 @@ class Denoiser(nn.Module):
 
 def hdr_encode(color: Tensor, input_scale: float = 1.0) -> Tensor:
     """Scene-linear colour >= 0 as the network sees it with ``hdr``, in [0, 1]."""
-    return _pu_forward((color * input_scale).nan_to_num(0).clamp(0, MOST_LIGHT)) / PU_MOST
+    y, (factor, exponent, offset), (log_factor, shift, log_offset) = (
+        (color * input_scale).nan_to_num(0).clamp(0, MOST_LIGHT), PU_POWER, PU_LOG)
+    # Clamped from below, or else the unused branch makes gradients that are no numbers.
+    power = factor * y.clamp(min=PU_START_POWER) ** exponent + offset
+    log = log_factor * torch.log(y + shift) + log_offset
+    return torch.where(y <= PU_START_POWER, y * PU_LINE, torch.where(y <= PU_START_LOG, power, log)) / PU_MOST
 
 
 def hdr_decode(encoded: Tensor, input_scale: float = 1.0) -> Tensor:
     """Inverse of ``hdr_encode``; values below 0 become 0."""
-    return _pu_inverse(encoded.clamp(min=0) * PU_MOST) / input_scale
+    x, (factor, exponent, offset), (log_factor, shift, log_offset) = encoded.clamp(min=0) * PU_MOST, PU_POWER, PU_LOG
+    start_power, start_log = PU_LINE * PU_START_POWER, factor * PU_START_LOG ** exponent + offset
+    power = ((x.clamp(min=start_power) - offset) / factor) ** (1 / exponent)
+    log = torch.exp((x - log_offset) / log_factor) - shift
+    return torch.where(x <= start_power, x / PU_LINE, torch.where(x <= start_log, power, log)) / input_scale
 
 
 def ldr_encode(color: Tensor) -> Tensor:
-    """Colour that is sRGB-encoded already, as the network sees it without ``hdr``; ``ldr_decode`` is the same."""
+    """Colour that is sRGB-encoded already, as the network sees it without ``hdr``; also its inverse."""
     return color.nan_to_num(0).clamp(0, 1)
-
-
-ldr_decode = ldr_encode
 
 
 def normal_encode(normal: Tensor) -> Tensor:
     """Normal in [-1, 1] as the network sees it, in [0, 1]; an albedo in [0, 1] stays as it is."""
     return normal.nan_to_num(0).clamp(-1, 1) / 2 + 0.5
-
-
-def _pu_forward(y: Tensor) -> Tensor:
-    factor, exponent, offset = PU_POWER
-    # Clamped from below, or else the unused branch makes gradients that are no numbers.
-    power = factor * y.clamp(min=PU_START_POWER) ** exponent + offset
-    log_factor, shift, log_offset = PU_LOG
-    log = log_factor * torch.log(y + shift) + log_offset
-    return torch.where(y <= PU_START_POWER, y * PU_LINE, torch.where(y <= PU_START_LOG, power, log))
-
-
-def _pu_inverse(x: Tensor) -> Tensor:
-    factor, exponent, offset = PU_POWER
-    start_power = PU_LINE * PU_START_POWER
-    power = ((x.clamp(min=start_power) - offset) / factor) ** (1 / exponent)
-    log_factor, shift, log_offset = PU_LOG
-    log = torch.exp((x - log_offset) / log_factor) - shift
-    start_log = factor * PU_START_LOG ** exponent + offset
-    return torch.where(x <= start_power, x / PU_LINE, torch.where(x <= start_log, power, log))
 
 
 CORE = "*OpenImageDenoise_core*"  # holds the weights

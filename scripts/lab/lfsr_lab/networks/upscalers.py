@@ -118,17 +118,13 @@ class PhotographUpscaler(Upscaler):
             return np.zeros((0, linear.shape[1] * scale, linear.shape[2] * scale, 3), np.float32)
         if scale not in self._engines:
             self._engines[scale] = Engine(load(self.name, scale, self._weights), device=self._device)
-        return self._engines[scale](self._finite(linear))
-
-    def _finite(self, values: Array) -> Array:
-        """Replace NaN and infinity by 0, with one note and one warning."""
-        if np.isfinite(values).all():
-            return values
-        note = f"{self.name} met NaN or infinite values in its input and replaced them by 0"
-        if note not in self.notes:
-            self.notes.append(note)
-            warnings.warn(note, stacklevel=4)
-        return np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
+        if not np.isfinite(linear).all():
+            note = f"{self.name} met NaN or infinite values in its input and replaced them by 0"
+            if note not in self.notes:
+                self.notes.append(note)
+                warnings.warn(note, stacklevel=3)
+            linear = np.nan_to_num(linear, nan=0.0, posinf=0.0, neginf=0.0)
+        return self._engines[scale](linear)
 
 
 class WholeEIAUpscaler(PhotographUpscaler):

@@ -18,8 +18,7 @@ import bpy
 import numpy as np
 
 from lfsr_lab.scenes.shared import surfaces
-from lfsr_lab.scenes.shared.light import aim, lamp, world
-from lfsr_lab.scenes.shared.objects import add_object, paint, put
+from lfsr_lab.scenes.shared.objects import add_object, aim, lamp, paint, put, world
 from lfsr_lab.scenes.sweeps.builders import Grid, bodies, every_sort, full_board, printed
 from lfsr_lab.scenes.sweeps.stage import Stage, board, turned, write_scenes
 

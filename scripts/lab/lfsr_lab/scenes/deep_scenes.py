@@ -20,9 +20,7 @@ from mathutils import Vector
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.process.protocol import EXIT_BAD_INPUT, emit
-from lfsr_lab.scenes.shared.light import world
-from lfsr_lab.scenes.shared.objects import add_object, settle
-from lfsr_lab.scenes.shared.script import leave, save, script_arguments
+from lfsr_lab.scenes.shared.objects import add_object, leave, save, script_arguments, settle, world
 
 HELMET, VASE, TREE, HEAD = "FlightHelmet.gltf", "GlassVaseFlowers.gltf", "japaneseMaple.obj", "head.glb"
 # Model, place of its middle (y away from the viewer), longest side, turn in radians.

@@ -16,9 +16,7 @@ sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4)
 
 import bpy
 
-from lfsr_lab.scenes.shared.light import demo_camera, lamp, world
-from lfsr_lab.scenes.shared.objects import paint
-from lfsr_lab.scenes.shared.script import save
+from lfsr_lab.scenes.shared.objects import demo_camera, lamp, paint, save, world
 
 
 def main(path: Path) -> None:

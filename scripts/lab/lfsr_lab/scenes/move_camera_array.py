@@ -26,7 +26,7 @@ from blender_addon.scene.open import open_scene
 from blender_addon.scene.subject import find_subject
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
-from lfsr_lab.scenes.shared.script import script_arguments
+from lfsr_lab.scenes.shared.objects import script_arguments
 
 
 def main(job: dict[str, Any]) -> None:

@@ -22,9 +22,19 @@ from mathutils import Matrix, Vector
 
 from lfsr_core.base.arrays import Array
 from lfsr_lab.scenes.shared import surfaces
-from lfsr_lab.scenes.shared.light import demo_camera, lamp, sun, world
-from lfsr_lab.scenes.shared.objects import again, paint, principled, put, settle
-from lfsr_lab.scenes.shared.script import save, script_arguments
+from lfsr_lab.scenes.shared.objects import (
+    again,
+    demo_camera,
+    lamp,
+    paint,
+    principled,
+    put,
+    save,
+    script_arguments,
+    settle,
+    sun,
+    world,
+)
 
 FILES = {name: f"{name}/glTF/{name}.gltf" for name in (
     "CesiumMan", "CesiumMilkTruck", "Duck", "Monster", "DamagedHelmet", "BoomBox", "Lantern", "VC")}

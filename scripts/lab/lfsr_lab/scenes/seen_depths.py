@@ -21,7 +21,7 @@ from blender_addon.scene.open import open_scene
 from blender_addon.scene.subject import find_subject
 from lfsr_core.base.files import write_json
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_lab.scenes.shared.script import leave, run
+from lfsr_lab.scenes.shared.objects import leave, run
 
 
 def main(job: dict[str, Any]) -> None:

@@ -18,9 +18,18 @@ import bpy
 import numpy as np
 
 from lfsr_lab.scenes.shared import surfaces as shapes
-from lfsr_lab.scenes.shared.light import demo_camera, lamp, sun, world
-from lfsr_lab.scenes.shared.objects import again, paint, principled, put
-from lfsr_lab.scenes.shared.script import save, script_arguments
+from lfsr_lab.scenes.shared.objects import (
+    again,
+    demo_camera,
+    lamp,
+    paint,
+    principled,
+    put,
+    save,
+    script_arguments,
+    sun,
+    world,
+)
 
 Random = np.random.Generator
 

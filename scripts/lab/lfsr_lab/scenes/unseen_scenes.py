@@ -19,9 +19,7 @@ import bpy
 import numpy as np
 
 from lfsr_lab.scenes.shared import surfaces
-from lfsr_lab.scenes.shared.light import demo_camera, lamp, sun, world
-from lfsr_lab.scenes.shared.objects import again, paint, principled, put
-from lfsr_lab.scenes.shared.script import save
+from lfsr_lab.scenes.shared.objects import again, demo_camera, lamp, paint, principled, put, save, sun, world
 
 HALF_WIDTH, HALF_HEIGHT = 3.5, 2.0  # of the display
 SUN = math.radians(0.5)  # across

@@ -1,7 +1,5 @@
 """``lfsr study chart`` on frame folders: measured, timed, resumed, refused."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys
@@ -19,6 +17,7 @@ from lfsr_lab.experiments.engine import timing
 from lfsr_lab.experiments.engine.truth import MEASURES, PARTS, Truth
 from lfsr_lab.networks.methods import LabMethod
 from tests.support.chart_folder import SEEDS, arguments, experiment_folder, main_fails, measured, noisy_render
+from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import fails, write_render
 
 ROOT = Path(__file__).parents[4]
@@ -34,32 +33,21 @@ def undrawn(monkeypatch):
 @pytest.fixture
 def finished(monkeypatch):
     """Names of the methods that really finished a render for its errors."""
-    runs = []
-    real = Truth.finished
-
-    def run(self, folder, name):
-        runs.append(name)
-        return real(self, folder, name)
-
-    monkeypatch.setattr(Truth, "finished", run)
+    runs, real = [], Truth.finished
+    monkeypatch.setattr(Truth, "finished", lambda of, folder, name: runs.append(name) or real(of, folder, name))
     return runs
 
 
 @pytest.fixture
 def timed(monkeypatch):
     """Names of the methods that were really timed."""
-    runs = []
-    real = timing.finish_frame
-
-    def run(folder, finish, **network):
-        runs.append(finish.method)
-        return real(folder, finish, **network)
-
-    monkeypatch.setattr(timing, "finish_frame", run)
+    runs, real = [], timing.finish_frame
+    monkeypatch.setattr(timing, "finish_frame", lambda folder, finish, **network: (
+        runs.append(finish.method) or real(folder, finish, **network)))
     return runs
 
 
-def test_every_cell_is_measured_on_all_seeds_and_the_renders_are_left_as_they_were(tmp_path, finished, timed, capsys):
+def test_every_cell_is_measured_once_on_all_seeds_and_renders_stay_as_they_were(tmp_path, finished, timed, capsys):
     folder = experiment_folder(tmp_path)
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     assert main(arguments(folder)) == 0
@@ -85,19 +73,11 @@ def test_every_cell_is_measured_on_all_seeds_and_the_renders_are_left_as_they_we
     assert set(capsys.readouterr().out.split()) == {str(folder / f"chart.{kind}") for kind in
                                                     ("json", "html", "svg", "md")}
     assert "data:image/png;base64,iVBOR" in (folder / "chart.html").read_text(), "crops"
-
-
-def test_what_is_measured_is_not_measured_again_unless_its_render_changes(tmp_path, finished, undrawn):
-    folder = experiment_folder(tmp_path)
-    main(arguments(folder))
-    first, crops = measured(folder), len(finished) - 12
-    finished.clear()
-    main(arguments(folder))
-    assert len(finished) == crops and measured(folder) == first
+    crops = len(finished) - 12
     finished.clear()
     noisy_render(folder / "vase" / "s2-spp4-seed1", 4, 1, seconds={"open": 0.5, "render": 3.0})
     main(arguments(folder))
-    assert finished[:4] == ["bicubic"] * 2 + ["nearest"] * 2 and len(finished) == 4 + crops
+    assert finished[:4] == ["bicubic"] * 2 + ["nearest"] * 2 and len(finished) == 4 + crops, "of the changed render"
 
 
 def test_times_are_a_pass_of_their_own_that_continues(tmp_path, timed, monkeypatch, undrawn):
@@ -125,20 +105,8 @@ def test_times_are_a_pass_of_their_own_that_continues(tmp_path, timed, monkeypat
     assert main(arguments(folder)) == 0 and timed == [] and measured(folder)["scenes"][0]["cells"] == after
 
 
-def test_renders_are_made_again_for_their_time_once(tmp_path, monkeypatch, undrawn):
-    folder = experiment_folder(tmp_path)
-    (tmp_path / "vase.blend").touch()
-    times = iter([51.0, 61.0, 71.0, 81.0, 91.0, 101.0])
-    monkeypatch.setattr(timing, "_timed_again", lambda *_: next(times))
-    words = [word for word in arguments(folder, "--render-repeats", "2", "--times",
-                                        scenes=(str(tmp_path / "vase.blend"),)) if word != "--only-measure"]
-    for _ in range(2):
-        assert main(words) == 0
-        cells = measured(folder)["scenes"][0]["cells"]
-        assert [int(cell["seconds"]["mean"] // 10) for cell in cells] == [5, 5, 7, 7, 9, 9]
-
-
-def test_an_interrupted_chart_goes_on_where_it_stopped(tmp_path, finished, monkeypatch, undrawn):
+def test_an_interrupted_chart_goes_on_where_it_stopped_and_measures_nothing_again(tmp_path, finished, monkeypatch,
+                                                                                  undrawn):
     folder = experiment_folder(tmp_path)
     real = chart_cells.errors
 
@@ -154,12 +122,18 @@ def test_an_interrupted_chart_goes_on_where_it_stopped(tmp_path, finished, monke
     finished.clear()
     assert main(arguments(folder)) == 0
     assert finished[:2] == ["oidn"] * 2 and finished.count("nearest") == 0
+    first, crops = measured(folder), len(finished) - 2
+    finished.clear()
+    assert main(arguments(folder)) == 0
+    assert len(finished) == crops and measured(folder) == first
 
 
-def test_a_whole_reference_and_one_seed_are_measured_too(tmp_path, undrawn):
-    folder = experiment_folder(tmp_path, lens_list=None)
-    assert main(arguments(folder, "--seeds", "1")) == 0
-    scene, = measured(folder)["scenes"]
+def test_a_whole_reference_and_one_seed_are_measured_too_and_several_scenes_have_a_mean(tmp_path, undrawn):
+    folder = experiment_folder(tmp_path, names=("vase", "head"), lens_list=None)
+    assert main(arguments(folder, "--seeds", "1", scenes=("vase.blend", "head.glb"))) == 0
+    scene, other = measured(folder)["scenes"]
+    assert (scene["scene"], other["scene"]) == ("vase", "head")
+    assert "Mean of 2 scenes" in (folder / "chart.md").read_text()
     assert scene["reference"]["lenses"] is None and scene["reference"]["counted"] > 20
     assert all(cell["errors"].keys() == {*MEASURES} for cell in scene["cells"])
     assert scene["cells"][0]["errors"]["1-ssim"]["spread"] is None
@@ -177,14 +151,6 @@ def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, capsys, undrawn):
     assert "skipped: head has no reference" in capsys.readouterr().err
 
 
-def test_several_scenes_have_a_mean(tmp_path, undrawn):
-    folder, both = experiment_folder(tmp_path, names=("vase", "head")), ("vase.blend", "head.glb")
-    assert main(arguments(folder, scenes=both)) == 0
-    chart = measured(folder)
-    assert [scene["scene"] for scene in chart["scenes"]] == ["vase", "head"]
-    assert "Mean of 2 scenes" in (folder / "chart.md").read_text()
-
-
 def test_two_charts_at_once_and_a_scene_of_the_same_name_are_refused(tmp_path, capsys):
     folder = experiment_folder(tmp_path)
     with staging_folder(folder / "chart"):
@@ -199,43 +165,47 @@ def test_two_charts_at_once_and_a_scene_of_the_same_name_are_refused(tmp_path, c
 
 
 @pytest.mark.parametrize(("more", "said"), [
-    (("--methods", "nothing"), "unknown method 'nothing'"),
-    (("--spps", "4,4"), "different whole numbers"),
-    (("--repeats", "0"), "repeats is 0"),
-    (("--seeds", "0"), "seeds is 0"),
-    (("--scale", "3"), "scale is 3"),
+    (("--methods", "nothing"), "unknown method 'nothing'"), (("--spps", "4,4"), "different whole numbers"),
+    (("--repeats", "0"), "repeats is 0"), (("--seeds", "0"), "seeds is 0"), (("--scale", "3"), "scale is 3"),
     (("--display", "small"), "display mini"),
     (("--subject", "Vase"), "was rendered with no subject, but subject Vase"),
-    (("--world-visible",), "but visible world was asked for"),
-])
+    (("--world-visible",), "but visible world was asked for")])
 def test_bad_input_is_refused_in_a_sentence(tmp_path, capsys, more, said):
     assert said in main_fails(arguments(experiment_folder(tmp_path), *more), capsys)
     assert not (tmp_path / "chart.json").exists()
 
 
-def test_two_scenes_of_one_name_and_nothing_to_measure_are_refused(tmp_path, capsys):
-    assert "no scene could be measured" in main_fails(arguments(tmp_path), capsys)
-    words = arguments(experiment_folder(tmp_path), scenes=("vase.blend", "other/vase.obj"))
+def test_scenes_of_one_name_nothing_to_measure_and_a_scene_that_is_not_there_are_refused(tmp_path, capsys):
+    words = arguments(tmp_path, scenes=("vase.blend", "other/vase.obj"))
     assert "two scenes are called 'vase'" in main_fails(words, capsys)
-
-
-def test_a_scene_that_is_not_there_is_refused_before_anything_is_written(tmp_path, capsys):
+    assert "no scene could be measured" in main_fails(arguments(tmp_path), capsys)
     words = [word for word in arguments(tmp_path / "out") if word != "--only-measure"]
     assert "vase.blend does not exist" in fails(words, capsys)
     assert not (tmp_path / "out").exists()
 
 
-def test_default_methods_are_all_known_and_begin_with_the_default():
+def test_default_methods_begin_with_the_default_and_have_no_network_without_pytorch():
     names = default_methods()
     assert names[0] == DEFAULT_METHOD and len(set(names)) == len(names) > 8
     assert "none" not in names and {"bicubic", "oidn+bilinear", "denoise+bicubic", "paper"} <= set(names)
-    for name in names:
-        assert LabMethod.parse(name).text == name
-
-
-def test_without_pytorch_the_default_methods_have_no_network():
+    assert [LabMethod.parse(name).text for name in names] == list(names)
     source = ("import sys; sys.modules['torch'] = None\n"
               "from lfsr_lab.experiments.chart.cells import default_methods; print(*default_methods())")
     done = subprocess.run([sys.executable, "-c", source], text=True, cwd=ROOT, capture_output=True, check=True)
     assert set(default_methods()) > set(done.stdout.split()) > {"bicubic", "denoise+bilinear"}
     assert "paper" not in done.stdout
+
+
+@needs_bpy
+@pytest.mark.slow
+def test_from_a_scene_to_a_chart(tmp_path):
+    scene = tmp_path / "fan.obj"
+    scene.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\n")
+    words = ["study", "chart", str(scene), "-o", str(tmp_path / "out"), "--display", "mini", "--scale", "4"]
+    words += ["--spps", "1", "--direct-spps", "none", "--seeds", "2", "--reference-spp", "2", "--lenses", "12"]
+    words += ["--repeats", "1", "--times", "--methods", "bicubic", "--ours", "bicubic"]
+    assert main(words) == 0
+    scene, = measured(tmp_path / "out")["scenes"]
+    assert scene["reference"]["samples"] == 2 and scene["reference"]["lenses"] == 12
+    cell, = scene["cells"]
+    assert cell["seconds"]["mean"] > 0 and cell["errors"]["variance"]["mean"] > 0

@@ -1,27 +1,17 @@
-"""The whole comparison on a lenticular panel, its renders played: measured, stored, shown."""
+"""Displays cut down to fewer pixels are the same displays; the comparison on one, its renders played."""
 
-from __future__ import annotations
-
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import read_record
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_lab.experiments.displays import measure
 from lfsr_lab.experiments.displays import study as run
-from lfsr_lab.experiments.displays.measure import (
-    OURS,
-    SUBPIXEL,
-    WAYS,
-    Accuracy,
-    Point,
-    Target,
-    Way,
-    clean_guides,
-    seen,
-    shown,
-)
-from lfsr_lab.experiments.engine.renders import Store
+from lfsr_lab.experiments.engine.records import Store
 from tests.support.panels import whole
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import light_field, write_reference
@@ -29,32 +19,30 @@ from tests.support.synthetic import light_field, write_reference
 PANEL = whole("lenticular")
 
 
-def point(way: Way, cpu: float, ssim: float) -> Point:
-    return Point(way.name, 4, cpu / 2, cpu / 2, Accuracy(30.0, None, ssim))
+def point(way: measure.Way, cpu: float, ssim: float) -> measure.Point:
+    return measure.Point(way.name, 4, cpu / 2, cpu / 2, measure.Accuracy(30.0, None, ssim))
 
 
-def accuracy(target: Target, panel: np.ndarray) -> Accuracy:
-    return target.accuracy(panel, seen(panel, target.profile))
+def accuracy(target: measure.Target, panel: np.ndarray) -> measure.Accuracy:
+    return target.accuracy(panel, measure.seen(panel, target.profile))
 
 
-@pytest.fixture
-def one_kind(monkeypatch):
-    monkeypatch.setattr(run, "FULL_WIDTH", {"lenticular": 128})
-    monkeypatch.setattr(run, "kind", lambda name, width: PANEL)
-
-
-def test_everything_is_measured_once_and_shown(tmp_path, one_kind):
+def test_everything_is_measured_once_and_shown(tmp_path, monkeypatch):
+    monkeypatch.setattr(measure, "FULL_WIDTH", {"lenticular": 128})
+    monkeypatch.setattr(measure, "kind", lambda name, width: PANEL)
     scene = tmp_path / "disc.blend"
     scene.touch()
     blender = tmp_path / "blender"
     store = Store(tmp_path / "out", played_blender(blender))
     found = run.compare(store, None, 256, [scene])
     points = {(of.way, of.samples): of for of in found.rows[0].points}
-    assert {way for way, _ in points} == {way.name for way in WAYS} and len(points) == 10
-    assert points[OURS.name, 64].accuracy.ssim_eye > points[OURS.name, 4].accuracy.ssim_eye > 0.5
-    assert points[SUBPIXEL.name, 16].traced.ssim_eye > points[SUBPIXEL.name, 1].traced.ssim_eye > 0.5
-    assert points[SUBPIXEL.name, 16].traced.psnr_panel > points[SUBPIXEL.name, 16].accuracy.psnr_panel, "at home there"
-    assert (points[OURS.name, 4].scale, points[SUBPIXEL.name, 4].scale) == (2, 1)
+    assert {way for way, _ in points} == {way.name for way in measure.WAYS} and len(points) == 10
+    ours, direct = ({samples: of for (name, samples), of in points.items() if name == way.name}
+                    for way in (measure.OURS, measure.SUBPIXEL))
+    assert ours[64].accuracy.ssim_eye > ours[4].accuracy.ssim_eye > 0.5
+    assert direct[16].traced.ssim_eye > direct[1].traced.ssim_eye > 0.5
+    assert direct[16].traced.psnr_panel > direct[16].accuracy.psnr_panel, "at home there"
+    assert (ours[4].scale, direct[4].scale) == (2, 1)
     assert all(of.finish_cpu > 0 and of.render_cpu >= 0 for of in points.values())
     blender.unlink()
     assert run.compare(store, None, 256, [scene]).rows == found.rows
@@ -65,36 +53,57 @@ def test_everything_is_measured_once_and_shown(tmp_path, one_kind):
 
 
 def test_the_reference_itself_is_perfect_and_less_views_are_not(tmp_path):
-    target = Target.of(write_reference(tmp_path, noise=0.02, display=PANEL))
+    target = measure.Target.of(write_reference(tmp_path, noise=0.02, display=PANEL))
     field = light_field(PANEL)[..., :3]
-    perfect = accuracy(target, shown(field, PANEL, "all"))
+    perfect = accuracy(target, measure.shown(field, PANEL, "all"))
     assert perfect.ssim_eye > 0.99 and (perfect.psnr_panel or 99) > 45
     coarse = field.reshape(96, 16, 8, 3)[:, :, [1, 1, 1, 1, 6, 6, 6, 6]].reshape(field.shape)
-    worse = accuracy(target, shown(coarse, PANEL, "all"))
+    worse = accuracy(target, measure.shown(coarse, PANEL, "all"))
     assert worse.ssim_eye < perfect.ssim_eye and worse.psnr_eye < (perfect.psnr_eye or 99)
 
 
-def test_time_for_an_accuracy_lies_between_those_of_two_points():
-    points = (point(OURS, 1.0, 0.8), point(OURS, 4.0, 0.9))
+def test_time_for_an_accuracy_lies_between_those_of_two_points_and_the_published_comparison_is_read():
+    points = (point(measure.OURS, 1.0, 0.8), point(measure.OURS, 4.0, 0.9))
     assert run.seconds_for(points, 0.85) == pytest.approx(2.0)
     assert run.seconds_for(points, 0.7) == 1.0
     assert run.seconds_for(points, 0.95) is None
+    published = Path(__file__).parents[4] / "docs" / "results" / "measured" / "displays.json"
+    assert read_record(published, run.Comparison, "a comparison").rows[-1].points
 
 
-def test_nearest_views_are_woven_without_mixing():
+def test_nearest_views_are_woven_without_mixing_and_cleaned_normals_keep_their_direction():
     light = np.zeros((96, 128, 3), np.float32)
     light[:, 4:8] = 1.0
-    assert set(np.unique(shown(light, PANEL, "nearest"))) <= {0, 255}
-
-
-def test_cleaned_normals_keep_their_direction():
+    assert set(np.unique(measure.shown(light, PANEL, "nearest"))) <= {0, 255}
     normal = np.zeros((64, 64, 3), np.float32) + np.float32([0, 0, 1])
     normal[:, 32:] = [-1, 0, 0]
     noisy = normal + np.random.default_rng(0).normal(0, 0.2, normal.shape).astype(np.float32)
-    cleaned = clean_guides({"normal": noisy})["normal"]
+    cleaned = measure.clean_guides({"normal": noisy})["normal"]
     assert np.abs(cleaned - normal).mean() < 0.5 * np.abs(noisy - normal).mean()
 
 
-def test_the_published_comparison_is_read():
-    published = Path(__file__).parents[4] / "docs" / "results" / "measured" / "displays.json"
-    assert read_record(published, run.Comparison, "a comparison").rows[-1].points
+def pitch(profile: DisplayProfile) -> tuple[float, float]:
+    return profile.panel_mm[0] / profile.panel_pixels[0], profile.panel_mm[1] / profile.panel_pixels[1]
+
+
+@pytest.mark.parametrize("name", measure.FULL_WIDTH)
+def test_a_smaller_panel_has_the_same_sheet_before_the_same_pixels_and_few_views_keep_its_lenses(name):
+    whole, part = measure.kind(name), measure.kind(name, 384)
+    assert part.panel_pixels == (384, 216)
+    for here, there in zip(pitch(part), pitch(whole), strict=True):
+        assert math.isclose(here, there)
+    assert (part.lenslet, part.subpixels, part.views) == (whole.lenslet, whole.subpixels, whole.views)
+    if name == "lenticular":
+        assert (part.lenticular.pitch_mm, part.lenticular.slant) == (whole.lenticular.pitch_mm, whole.lenticular.slant)
+    else:
+        assert math.isclose(part.panel_mm[0] / part.lenses[0], whole.panel_mm[0] / whole.lenses[0], rel_tol=0.03)
+    assert part.viewing_angle_deg == whole.viewing_angle_deg
+    assert math.isclose(part.viewing_distance_mm / part.panel_mm[0], whole.viewing_distance_mm / whole.panel_mm[0])
+    few = measure.with_few_views(part)
+    assert few.lenses == part.lenses and few.views == (measure.FEW, 1 if name == "lenticular" else measure.FEW)
+
+
+@pytest.mark.parametrize("width", [0, 200, 7680 + 192])
+def test_a_width_without_whole_lenses_is_refused(width):
+    with pytest.raises(LfsrError, match=f"width is {width}, but"):
+        measure.kind("lenticular", width)

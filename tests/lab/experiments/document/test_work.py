@@ -1,27 +1,36 @@
 """Units are measured once, whoever measures them, and go on where they were stopped; one that fails stops no other."""
 
-from __future__ import annotations
-
+import collections
 import hashlib
 import json
 import os
+import re
+import shlex
 import signal
 import subprocess
 import sys
 import time
+from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import write_record
+from lfsr_core.cli import build_parser
+from lfsr_lab.experiments.animations.study import NAMES as ANIMATIONS
+from lfsr_lab.experiments.document import page
 from lfsr_lab.experiments.document import study as document
-from lfsr_lab.experiments.document.studies import SHORT, Table, read_table, units
-from lfsr_lab.experiments.document.work import Work, joined
+from lfsr_lab.experiments.document.work import LONG, SHORT, Table, Unit, Work, joined, read_table, units
+from lfsr_lab.experiments.engine.report import markdown_table
+from lfsr_lab.experiments.sweeps.records import SWEEPS
+from tests.support.browser import CHROMIUM
+from tests.support.chart_example import example
 
 TIMEOUT = 300  # seconds: a busy machine starts Python slowly
-# A unit's command: it counts its runs, keeps what is done, and needs a moment for each of three pieces.
+# A command: it counts its runs, keeps what is done of three pieces, and waits while its folder has a file "wait".
 COMMAND = """
-import json, pathlib, sys, time
+import json, os, pathlib, sys, time
 folder = pathlib.Path(sys.argv[1])
 with (folder / "runs.txt").open("a") as runs: runs.write("run\\n")
 for piece in range(3):
@@ -30,15 +39,11 @@ for piece in range(3):
         time.sleep(0.1)
         part.touch()
         with (folder / "pieces.txt").open("a") as pieces: pieces.write(f"{piece}\\n")
+    if piece == 0: (folder / "pid").write_text(str(os.getpid())); (folder / "begun").touch()
+    while (folder / "wait").exists(): time.sleep(0.05)
 (folder / "images").mkdir(exist_ok=True)
 (folder / "images" / f"{folder.name}.png").write_bytes(b"an image")
 (folder / "record.json").write_text(json.dumps({"found": [folder.name]}))
-"""
-WAITING = """
-import pathlib, sys, time
-folder = pathlib.Path(sys.argv[1])
-with (folder / "runs.txt").open("a") as runs: runs.write("run\\n")
-while not (folder / "go").exists(): time.sleep(0.05)
 """
 DRIVER = """
 import sys
@@ -47,19 +52,14 @@ from lfsr_core.cli import _interrupt
 import signal
 signal.signal(signal.SIGTERM, _interrupt)
 from lfsr_lab.experiments.document import study
-from lfsr_lab.experiments.document.studies import read_table
+from lfsr_lab.experiments.document.work import read_table
 from lfsr_lab.experiments.document.work import Work
 folder, table = map(Path, sys.argv[1:])
 table = read_table(table)
 study.measure(Work(folder, table), "short", table.study)
 """
+ASSET = '[[asset]]\nname = "{name}"\nfile = "{file}"\nlicence = "CC0-1.0"\nsource = "a museum"\n'
 STUDY = """
-[[asset]]
-name = "vase"
-file = "vase/vase.gltf"
-licence = "CC0-1.0"
-source = "a museum"
-
 [[study]]
 name = "study"
 kind = "chart"
@@ -74,17 +74,23 @@ command = "python {script} {{out}} {more}"
 """
 
 
-def table(folder: Path, *each: str, more: str = "") -> Path:
-    script = folder / "command.py"
-    script.write_text(COMMAND, encoding="utf-8")
-    path = folder / "table.toml"
-    path.write_text(STUDY.format(each=", ".join(f'"{name}"' for name in each), script=script, more=more),
-                    encoding="utf-8")
-    return path
+def work_of(folder: Path, *each: str, more: str = "", command: str = COMMAND) -> Work:
+    """Units of these names in ``folder``/out, whose table and command are in ``folder``."""
+    (folder / "command.py").write_text(command, encoding="utf-8")
+    assets = ASSET.format(name="vase", file="vase/vase.gltf") + ASSET.format(name="b", file="b.blend")
+    study = STUDY.format(each=", ".join(f'"{name}"' for name in each), script=folder / "command.py", more=more)
+    (folder / "table.toml").write_text(assets + study, encoding="utf-8")
+    return Work(folder / "out", read_table(folder / "table.toml"), folder / "assets")
 
 
-def driver(folder: Path, path: Path) -> subprocess.Popen[str]:
-    return subprocess.Popen([sys.executable, "-c", DRIVER, str(folder), str(path)], stderr=subprocess.PIPE, text=True)
+def driver(folder: Path) -> subprocess.Popen[str]:
+    """Measure the units of ``work_of`` in another process."""
+    return subprocess.Popen([sys.executable, "-c", DRIVER, str(folder / "out"), str(folder / "table.toml")],
+                            stderr=subprocess.PIPE, text=True)
+
+
+def ended(process: subprocess.Popen[str]) -> str:
+    return process.communicate(timeout=TIMEOUT)[1]
 
 
 def lines(path: Path) -> list[str]:
@@ -102,107 +108,77 @@ def wait_for(path: Path) -> None:
         time.sleep(0.01)
 
 
-def test_two_processes_share_the_units_and_measure_none_twice(tmp_path):
-    path, out = table(tmp_path, "a", "b", "c", "d", "e"), tmp_path / "out"
-    told = [process.communicate(timeout=TIMEOUT)[1] for process in [driver(out, path) for _ in range(2)]]
-    work = Work(out, read_table(path))
-    for process in [driver(out, path)]:  # what the other held when this one looked
-        process.communicate(timeout=TIMEOUT)
+def test_processes_share_the_units_and_measure_none_twice(tmp_path):
+    work = work_of(tmp_path, "a", "b", "c")
+    told = [ended(process) for process in [driver(tmp_path) for _ in range(2)]]
+    document.measure(work, SHORT, work.table.study)  # what the other held when this one looked
     assert all(work.is_whole(unit) for unit in every(work.table))
-    assert [lines(out / "study" / name / "runs.txt") for name in "abcde"] == [["run"]] * 5
+    assert [lines(work.folder / "study" / name / "runs.txt") for name in "abc"] == [["run"]] * 3
     assert "another process measures it" in "".join(told)
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
-def test_a_run_that_was_stopped_goes_on(tmp_path, how):
-    path, out = table(tmp_path, "a", "b"), tmp_path / "out"
-    process = driver(out, path)
-    wait_for(out / "study" / "b" / "piece-0")
-    process.send_signal(how)
-    process.communicate(timeout=TIMEOUT)
-    work = Work(out, read_table(path))
-    first, second = every(work.table)
-    assert work.is_whole(first) and not work.is_whole(second)
-    deadline = time.monotonic() + TIMEOUT
-    while not work.is_whole(second):  # after SIGKILL its command lives on for a moment, and keeps the unit
-        assert time.monotonic() < deadline
-        driver(out, path).communicate(timeout=TIMEOUT)
-    assert lines(out / "study" / "a" / "runs.txt") == ["run"]
-    assert sorted(lines(out / "study" / "b" / "pieces.txt")) == ["0", "1", "2"]  # each once: the unit went on
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="there a job object ends the command")
-def test_a_unit_stays_claimed_while_its_command_outlives_a_killed_run(tmp_path):
-    path, out = table(tmp_path, "a"), tmp_path / "out"
-    (tmp_path / "command.py").write_text(WAITING, encoding="utf-8")
-    process = driver(out, path)
-    wait_for(out / "study/a/runs.txt")
-    process.kill()
-    process.communicate(timeout=TIMEOUT)
-    try:
-        assert "another process measures it" in driver(out, path).communicate(timeout=TIMEOUT)[1]
-        assert lines(out / "study/a/runs.txt") == ["run"]
-    finally:
-        (out / "study/a/go").touch()
-
-
-def test_cancel_ends_the_command(tmp_path):
-    path, out = table(tmp_path, "a"), tmp_path / "out"
-    (tmp_path / "command.py").write_text("import os, pathlib, sys, time\npathlib.Path(sys.argv[1], 'pid')"
-                                         ".write_text(str(os.getpid()))\ntime.sleep(600)\n", encoding="utf-8")
-    process = driver(out, path)
-    wait_for(out / "study" / "a" / "pid")
-    while not (pid := (out / "study" / "a" / "pid").read_text(encoding="utf-8")):
-        time.sleep(0.01)
-    process.send_signal(signal.SIGTERM)
-    process.communicate(timeout=TIMEOUT)
-    with pytest.raises(ProcessLookupError):
-        os.kill(int(pid), 0)
-    assert not (out / "study" / "a" / "unit.json").exists()
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+def test_a_run_that_was_stopped_goes_on(tmp_path, how):
+    """SIGTERM ends the unit's command; after SIGKILL it lives on and keeps its unit claimed."""
+    work = work_of(tmp_path, "a", "b")
+    unit = work.folder / "study" / "b"
+    unit.mkdir(parents=True)
+    (unit / "wait").touch()
+    process = driver(tmp_path)
+    wait_for(unit / "begun")
+    process.send_signal(how)
+    ended(process)
+    first, second = every(work.table)
+    assert work.is_whole(first) and not work.is_whole(second) and not (unit / "unit.json").exists()
+    if how == signal.SIGTERM:
+        with pytest.raises(ProcessLookupError):
+            os.kill(int((unit / "pid").read_text()), 0)
+    else:
+        document.measure(work, SHORT, work.table.study)
+        assert not work.is_whole(second) and lines(unit / "runs.txt") == ["run"]
+    (unit / "wait").unlink()
+    deadline = time.monotonic() + TIMEOUT
+    while not work.is_whole(second):
+        assert time.monotonic() < deadline
+        document.measure(work, SHORT, work.table.study)
+    assert lines(work.folder / "study" / "a" / "runs.txt") == ["run"]
+    assert sorted(lines(unit / "pieces.txt")) == ["0", "1", "2"]  # each once: the unit went on
 
 
 def test_a_missing_asset_is_one_sentence_and_the_others_go_on(tmp_path):
-    path = table(tmp_path, "vase", "b", more="{b}")
-    path.write_text(path.read_text(encoding="utf-8").replace("{b}", "{scene}"), encoding="utf-8")
-    text = path.read_text(encoding="utf-8").replace("[[study]]", '[[asset]]\nname = "b"\nfile = "b.blend"\nlicence = '
-                                                    '"CC0-1.0"\nsource = "here"\n\n[[study]]', 1)
-    path.write_text(text, encoding="utf-8")
+    work = work_of(tmp_path, "vase", "b", more="{scene}")
     (tmp_path / "assets").mkdir()
     (tmp_path / "assets" / "b.blend").write_bytes(b"a scene")
-    work = Work(tmp_path / "out", read_table(path), tmp_path / "assets")
     document.measure(work, SHORT, work.table.study)
     missing, there = (work.ended(unit) for unit in every(work.table))
-    assert missing is not None and there is not None
     assert missing.sentence == ("vase is not there (vase/vase.gltf; CC0-1.0; a museum): put it below the folder that "
                                 "--assets names")
     assert there.sentence == "" and there.inputs == {"b": {"b.blend": hashlib.sha256(b"a scene").hexdigest()}}
     work.gather(every(work.table))
-    assert json.loads((tmp_path / "out/measured/study.json").read_text(encoding="utf-8")) == {"found": ["b"]}
-    assert (tmp_path / "out/images/b.png").read_bytes() == b"an image"
+    assert json.loads((work.folder / "measured/study.json").read_text(encoding="utf-8")) == {"found": ["b"]}
+    assert (work.folder / "images/b.png").read_bytes() == b"an image"
     (tmp_path / "assets" / "vase").mkdir()
     (tmp_path / "assets" / "vase" / "vase.gltf").write_bytes(b"a vase")
     (tmp_path / "assets" / "vase" / "vase.bin").write_bytes(b"its mesh")
     document.measure(work, SHORT, work.table.study)  # what failed is tried again
-    ended = work.ended(every(work.table)[0])
-    assert ended is not None and ended.sentence == ""
-    assert ended.inputs["vase"] == {"vase.gltf": hashlib.sha256(b"a vase").hexdigest(),
+    found = work.ended(every(work.table)[0])
+    assert found.sentence == ""
+    assert found.inputs["vase"] == {"vase.gltf": hashlib.sha256(b"a vase").hexdigest(),
                                     "vase.bin": hashlib.sha256(b"its mesh").hexdigest()}
 
 
 def test_a_command_that_fails_leaves_its_last_words(tmp_path):
-    path = table(tmp_path, "a")
-    (tmp_path / "command.py").write_text("print('out of lamps'); raise SystemExit(2)\n", encoding="utf-8")
-    work = Work(tmp_path / "out", read_table(path))
+    work = work_of(tmp_path, "a", command="print('out of lamps'); raise SystemExit(2)\n")
     document.measure(work, SHORT, work.table.study)
     assert work.ended(every(work.table)[0]).sentence == "out of lamps"
 
 
 def test_a_unit_waits_for_those_that_it_reads(tmp_path):
-    path = table(tmp_path, "a")
+    path = work_of(tmp_path, "a").folder.parent / "table.toml"
     text = path.read_text(encoding="utf-8")
     study = text[text.index("[[study]]"):]
-    reading = study.replace('name = "study"', 'name = "reader"').replace("minutes", 'after = "study"\nminutes')
-    path.write_text(text + reading, encoding="utf-8")
+    path.write_text(text + study.replace('"study"', '"reader"').replace("minutes", 'after = "study"\nminutes'), "utf-8")
     work = Work(tmp_path / "out", read_table(path))
     first, reader = every(work.table)
     document.measure(work, SHORT, [reader.study])
@@ -211,30 +187,120 @@ def test_a_unit_waits_for_those_that_it_reads(tmp_path):
     assert work.is_whole(first) and work.is_whole(reader)
 
 
-def test_parts_cover_all_units_once(tmp_path):
-    path = table(tmp_path, "a", "b", "c")
-    work = Work(tmp_path / "out", read_table(path))
+def test_parts_cover_all_units_once_and_a_folder_keeps_its_form(tmp_path):
+    work = work_of(tmp_path, "a", "b", "c")
     document.measure(work, SHORT, work.table.study, part=(2, 2))
     assert [work.is_whole(unit) for unit in every(work.table)] == [False, True, False]
     document.measure(work, SHORT, work.table.study, part=(1, 2))
     assert all(work.is_whole(unit) for unit in every(work.table))
     assert [lines(work.folder / "study" / name / "runs.txt") for name in "abc"] == [["run"]] * 3
-
-
-def test_a_folder_keeps_its_form(tmp_path):
-    work = Work(tmp_path / "out", read_table(table(tmp_path, "a")))
-    document.measure(work, SHORT, work.table.study)
     with pytest.raises(LfsrError, match="was begun with --short: choose another folder for --long"):
         document.measure(work, "long", work.table.study)
 
 
-def test_records_of_units_are_joined_by_list_or_by_name(tmp_path):
-    study = read_table(table(tmp_path, "a")).study[0]
-    files = []
-    for number, found in enumerate(([1], [2, 3]), start=1):
-        files.append(tmp_path / f"{number}.json")
-        files[-1].write_text(json.dumps({"settings": "same", "found": found}), encoding="utf-8")
-    assert joined(study, files) == {"settings": "same", "found": [1, 2, 3]}
-    for file, found in zip(files, ({"x": 1}, {"y": 2}), strict=True):
-        file.write_text(json.dumps({"found": found}), encoding="utf-8")
-    assert joined(study, files) == {"found": {"x": 1, "y": 2}}
+@pytest.mark.parametrize(("parts", "whole"), [(([1], [2, 3]), [1, 2, 3]), (({"x": 1}, {"y": 2}), {"x": 1, "y": 2})])
+def test_records_of_units_are_joined_by_list_or_by_name(tmp_path, parts, whole):
+    study, files = work_of(tmp_path, "a").table.study[0], [tmp_path / "1.json", tmp_path / "2.json"]
+    for file, found in zip(files, parts, strict=True):
+        file.write_text(json.dumps({"settings": "same", "found": found}), encoding="utf-8")
+    assert joined(study, files) == {"settings": "same", "found": whole}
+
+
+ROOT = Path(__file__).parents[4]
+RESULTS = ROOT / "docs" / "results"
+TABLE = read_table()
+VOID = {"meta", "br", "wbr", "img", "path", "use", "rect"}
+
+
+class Reader(HTMLParser):
+    """What a browser would find."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.ids, self.links, self.tags = collections.Counter[str](), list[str](), list[tuple[str, dict]]()
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.tags.append((tag, given))
+        self.ids.update([given["id"]] if "id" in given else [])
+        self.links += [given[name] for name in ("src", "href", "xlink:href") if name in given]
+
+
+def test_records_are_drawn_with_digest_command_and_seeds_and_one_that_cannot_be_loses_no_other(tmp_path, monkeypatch):
+    monkeypatch.setattr(page.shutil, "which", lambda name: None)  # no browser: a page is enough here
+    kept, work = tmp_path / "measured", Work(tmp_path, TABLE)
+    kept.mkdir()
+    write_record(kept / "small.json", example(2))
+    (kept / "stress.json").write_text('{"format": 1, "measured": "for hours"}', encoding="utf-8")
+    (kept / "denoiser.json").write_text("cut off in the mid", encoding="utf-8")
+    (tmp_path / "manifest.json").write_text('{"form": "short"}', encoding="utf-8")
+    before = {path.name: path.read_bytes() for path in kept.iterdir()}
+    with pytest.raises(LfsrError, match=r"report\.html lacks"):
+        list(document.draw(work))
+    assert {path.name: path.read_bytes() for path in kept.iterdir()} == before
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert text.count("<svg") == 10 and text.count("This record could not be drawn") == 2
+    captions = re.findall(r"<figcaption>(.*?)</figcaption>", text, re.DOTALL)
+    assert len(captions) == 10 and all("Made by <code>lfsr study chart" in caption for caption in captions)
+    facts = json.loads((tmp_path / "manifest.json").read_text(encoding="utf-8"))
+    record = next(record for record in facts["records"] if record["file"] == "small.json")
+    assert record["sha256"] == hashlib.sha256(before["small.json"]).hexdigest()
+    assert record["command"].startswith("lfsr study chart ") and record["machine"] and record["seeds"] == [0, 1, 2]
+    assert {unit["state"] for unit in facts["units"]} == {"not measured"} and len(facts["units"]) > 5
+    for path in kept.iterdir():
+        path.unlink()
+    list(document.draw(work))  # again, and now it can
+    assert "could not be drawn" not in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+def test_it_is_printed_where_there_is_a_browser(tmp_path):
+    (tmp_path / "report.html").write_text("<!doctype html><title>One page</title><p>Hello", encoding="utf-8")
+    printed = page.print_pdf(tmp_path / "report.html")
+    assert printed is not None and printed.read_bytes().startswith(b"%PDF")
+
+
+def test_markdown_becomes_html_and_stays_text():
+    lines = ["## A *b* <c>", "", "One `x<y` and **two**.", "", *markdown_table(["a", "b"], [["x & y", 1.5]], "lr"),
+             "", "- first", "  goes on", "- second"]
+    text = str(page.html("\n".join(lines)))
+    reader = Reader(text)
+    assert [tag for tag, _ in reader.tags if tag in ("h4", "code", "b", "table", "li")] == [
+        "h4", "code", "b", "table", "li", "li"]
+    assert "<li>first goes on</li>" in text
+    assert "A <i>b</i> &lt;c&gt;" in text and "x &amp; y" in text and "<td>1.500</td>" in text
+
+
+def test_commands_of_the_table_are_accepted_and_the_short_form_is_meant_to_end_in_half_an_hour():
+    short, long, shown = units(TABLE.study, SHORT), units(TABLE.study, LONG), Work(Path("out"), TABLE).shown
+    assert 5 < sum(unit.form.minutes for unit in short) <= 30
+    for unit in (*short, *long):
+        _, *words = shlex.split(shown(unit))
+        assert build_parser().parse_args(words).verb == "study", unit.title
+    units_of = {study.name: set(study.long.each) for study in TABLE.study if study.long}
+    assert units_of["stress"] == {sweep.name for sweep in SWEEPS}
+    assert units_of["shots"] <= set(ANIMATIONS)
+    chart, stress = TABLE.study[0], next(study for study in TABLE.study if study.name == "stress")
+    names = ",".join(stress.short.each)
+    assert f"--sweeps {names} " in shown(Unit(stress, names, SHORT)), "the command of a study names all its units"
+    assert "chart SCENE -o DIR" in shown(Unit(chart, ",".join(chart.long.each), LONG))
+
+
+def test_the_report_of_the_documents_shows_the_records_as_they_are_and_can_be_read_alone():
+    facts = json.loads((RESULTS / "manifest.json").read_text(encoding="utf-8"))
+    text = (RESULTS / "report.html").read_text(encoding="utf-8")
+    kept = {kept.file for study in TABLE.study for kept in study.kept}
+    assert {Path(file).name for file in kept} == {record["file"] for record in facts["records"]}
+    for file in kept:
+        digest = hashlib.sha256((RESULTS / "measured" / file).read_bytes()).hexdigest()
+        assert digest in text, f"{file} has changed: run `lfsr study report -o docs/results --draw`"
+    assert "could not be drawn" not in text
+    reader = Reader(text)
+    assert len(text.encode()) <= 3_000_000
+    assert all(link.startswith(("#", "data:")) for link in reader.links)
+    assert [name for name, count in reader.ids.items() if count > 1] == []
+    assert {link[1:] for link in reader.links if link.startswith("#")} <= set(reader.ids)
+    assert not any(tag == "script" for tag, _ in reader.tags)
+    assert all(given.get("aria-label") for tag, given in reader.tags if tag == "svg")
+    assert all(given.get("alt") for tag, given in reader.tags if tag == "img")

@@ -1,5 +1,6 @@
 """The counts, the milliseconds that follow from them, and the measurement on whatever device is here."""
 
+import itertools
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import read_record
 from lfsr_core.optics.display import builtin_names, load_display
-from lfsr_lab.experiments.engine.renders import Store
+from lfsr_lab.experiments.engine.records import Store
 from lfsr_lab.experiments.gpu_budget import counts, study
 from lfsr_lab.experiments.gpu_budget.study import Record, best_device, measure, tensor_steps
 from lfsr_lab.networks.denoiser import Denoiser
@@ -19,41 +20,32 @@ DOCS = Path(__file__).resolve().parents[4] / "docs" / "results"
 DISPLAY = load_display("bupt-32in-8k")
 
 
-def test_the_denoiser_has_the_operations_that_pytorch_counts():
+def test_the_denoiser_has_the_operations_that_pytorch_counts_and_samples_are_those_of_the_rendered_pixels():
     widths, inputs = counts.shipped_network()
     with FlopCounterMode(display=False) as counted, torch.inference_mode():
         Denoiser(widths, inputs)(torch.zeros(1, inputs, 64, 48))
     assert counts.denoiser_work(64 * 48).operations == counted.get_total_flops()
-
-
-def test_samples_are_those_of_the_rendered_pixels():
     assert {work.step: work.samples for work in counts.frame_work(DISPLAY, 4, 16)}[counts.TRACE] == 1920 * 1080 * 16
 
 
-@pytest.mark.parametrize("name", builtin_names())
-def test_each_display_has_its_steps(name):
-    display = load_display(name)
-    scale = display.scales()[0]
-    steps = [work.step for work in counts.frame_work(display, scale, 1)]
-    woven = [counts.WEAVE] if display.is_woven else []
-    assert steps == [counts.TRACE, counts.DENOISE, counts.INTERPOLATE, *woven, counts.SHOW]
-    assert counts.INTERPOLATE not in [work.step for work in counts.frame_work(display, 1, 1)]
-
-
-def test_a_scale_that_does_not_divide_the_views_is_refused():
+def test_each_display_has_its_steps_at_scales_that_divide_its_views():
+    for display in map(load_display, builtin_names()):
+        steps = [work.step for work in counts.frame_work(display, display.scales()[0], 1)]
+        woven = [counts.WEAVE] if display.is_woven else []
+        assert steps == [counts.TRACE, counts.DENOISE, counts.INTERPOLATE, *woven, counts.SHOW]
+        assert counts.INTERPOLATE not in [work.step for work in counts.frame_work(display, 1, 1)]
     with pytest.raises(LfsrError, match="scale is 3"):
         counts.frame_work(DISPLAY, 3, 1)
 
 
-@pytest.mark.parametrize("gpu", counts.read_gpus(), ids=lambda gpu: gpu.name)
-@pytest.mark.parametrize("scale", [2, 4, 8])
-def test_the_samples_that_fit_fill_the_frame(gpu, scale):
-    fitting = counts.fitting_samples(gpu, DISPLAY, scale)
-    at_highest, at_lowest = counts.frame_ms(gpu, counts.frame_work(DISPLAY, scale, 1000))
-    others = sum(gpu.least_ms(work)[0] for work in counts.frame_work(DISPLAY, scale, 1) if work.step != counts.TRACE)
-    for samples, whole in zip(fitting, (at_lowest, at_highest), strict=True):
-        assert others + (whole - others) * samples / 1000 == pytest.approx(counts.FRAME_MS)
-    assert fitting[0] <= fitting[1]
+def test_the_samples_that_fit_fill_the_frame():
+    for gpu, scale in itertools.product(counts.read_gpus(), (2, 4, 8)):
+        fitting, steps = counts.fitting_samples(gpu, DISPLAY, scale), counts.frame_work(DISPLAY, scale, 1000)
+        at_highest, at_lowest = counts.frame_ms(gpu, steps)
+        others = sum(gpu.least_ms(work)[0] for work in steps if work.step != counts.TRACE)
+        for samples, whole in zip(fitting, (at_lowest, at_highest), strict=True):
+            assert others + (whole - others) * samples / 1000 == pytest.approx(counts.FRAME_MS)
+        assert fitting[0] <= fitting[1]
 
 
 def test_tensors_take_every_step_of_a_lenticular_panel():
@@ -64,21 +56,18 @@ def test_tensors_take_every_step_of_a_lenticular_panel():
     assert set(found) == {counts.INTERPOLATE, counts.WEAVE, counts.SHOW} and all(value > 0 for value in found.values())
 
 
-def test_the_page_names_every_gpu_with_a_source_for_each_rate():
-    text = study.markdown(counts.read_gpus(), [])
-    for gpu in counts.read_gpus():
-        assert gpu.name in text and sum("http" in source for source in gpu.sources) >= 2
-
-
-def test_a_measured_frame_has_every_step(tmp_path):
+def test_a_measured_frame_has_every_step_and_its_row_in_the_page(tmp_path):
     scene = tmp_path / "disc.blend"
     scene.touch()
     found = measure(Store(tmp_path / "out", played_blender(tmp_path / "blender")), scene, load_display("mini"), 2, 1)
     assert set(found.milliseconds) == {counts.TRACE, counts.DENOISE, counts.INTERPOLATE, counts.SHOW}
     assert found.samples_per_second > 0
-    assert found.device in study.markdown(counts.read_gpus(), [found])
+    assert f"| {found.device} | {found.tensors} | 2, 1 |" in study.markdown(counts.read_gpus(), [found])
 
 
-def test_the_committed_page_is_that_of_the_committed_record():
+def test_the_committed_page_is_that_of_the_committed_record_with_a_source_for_each_rate():
     record = read_record(DOCS / "measured" / "gpu-budget.json", Record, "measured steps")
-    assert (DOCS / "gpu-budget.md").read_text(encoding="utf-8") == study.markdown(counts.read_gpus(), record.measured)
+    page = study.markdown(counts.read_gpus(), record.measured)
+    assert (DOCS / "gpu-budget.md").read_text(encoding="utf-8") == page
+    for gpu in counts.read_gpus():
+        assert gpu.name in page and sum("http" in source for source in gpu.sources) >= 2

@@ -1,7 +1,5 @@
 """The validation of plans, on a bench folder of synthetic frames: replayed samples, whole frames, verdicts."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import shutil
@@ -21,12 +19,10 @@ from lfsr_core.plan.choose import Choice, Estimate, Rated
 from lfsr_core.plan.options import Candidate, PlanOptions, path_samples
 from lfsr_core.plan.planner import Planned, SampleFacts
 from lfsr_lab.experiments.engine.records import Records
-from lfsr_lab.experiments.engine.timing import Repeats
-from lfsr_lab.experiments.plan_validation import actual
-from lfsr_lab.experiments.plan_validation.actual import Actual
-from lfsr_lab.experiments.plan_validation.study import Validation, judge, summary, wilson
+from lfsr_lab.experiments.plan_validation import study
+from lfsr_lab.experiments.plan_validation.study import Actual, Validation, judge, summary, wilson
 from tests.support.noisy_renders import JOB, render
-from tests.support.synthetic import MINI, frame_of
+from tests.support.synthetic import MINI, fails, write_render
 
 RENDERS = [(2, 4), (2, 16), (2, 64), (4, 4), (4, 16)]
 
@@ -43,15 +39,12 @@ def bench(tmp_path_factory):
     return folder
 
 
-def test_scenes_and_renders_are_found(bench):
-    (scene,) = actual.scenes(bench)
-    assert scene.name == "toy" and sorted(actual.renders(scene)) == RENDERS
-
-
-def test_replay_cuts_the_lenses_out_of_the_frame(bench, tmp_path):
+def test_scenes_and_renders_are_found_and_replay_cuts_the_lenses_out_of_the_frame(bench, tmp_path):
+    (scene,) = study.scenes(bench)
+    assert scene.name == "toy" and sorted(study.renders(scene)) == RENDERS
     lenses = ((2, 3), (5, 5), (6, 9), (7, 1), (11, 15))
     job = dataclasses.replace(JOB, output=str(tmp_path / "cut"), sampling=Sampling(2, 16), lens_list=lenses)
-    actual.replay(bench / "toy", job)
+    study.replay(bench / "toy", job)
     frame = read_frame(tmp_path / "cut")
     cut = to_elemental_images(read_layers(tmp_path / "cut" / LOW_RES_FILE)["color"], frame.rays.tiles)
     whole = to_elemental_images(read_layers(bench / "toy" / "s2-spp16" / LOW_RES_FILE)["color"], MINI.lenses)
@@ -59,27 +52,12 @@ def test_replay_cuts_the_lenses_out_of_the_frame(bench, tmp_path):
         assert np.array_equal(cut[number // cut.shape[1], number % cut.shape[1]], whole[lens])
 
 
-def test_seconds_are_those_of_timed_repeats(bench, tmp_path):
-    scene = bench / "toy"
-    first = read_frame(scene / "s2-spp4").seconds["render"]
-    assert actual.timed_frame(scene / "s2-spp4").seconds["render"] == first
-    records = Records(scene / "render-times", Repeats)
-    try:
-        records.write("s2-spp4", {"first": first}, Repeats(True, (7.0, 9.0, 8.0)))
-        assert actual.timed_frame(scene / "s2-spp4").seconds["render"] == 8
-        records.write("s2-spp4", {"first": first + 1}, Repeats(True, (7.0,)))  # of another render
-        assert actual.timed_frame(scene / "s2-spp4").seconds["render"] == first
-    finally:
-        shutil.rmtree(scene / "render-times")
-
-
-def test_setup_is_what_no_sample_costs(tmp_path, monkeypatch):
-    frames = {tmp_path / f"{scale}-{spp}": frame_of(scale, samples=spp) for scale, spp in ((4, 4), (4, 16), (2, 16))}
-    found = {path: dataclasses.replace(frame, seconds={"render": 0.7 + 1e-5 * path_samples(frame)})
-             for path, frame in frames.items()}
-    monkeypatch.setattr(actual, "renders", lambda scene: dict(enumerate(found)))
-    monkeypatch.setattr(actual, "timed_frame", found.get)
-    assert math.isclose(actual.setup_seconds(tmp_path), 0.7, rel_tol=1e-6)
+def test_setup_is_what_no_sample_costs(tmp_path):
+    for scale, spp in ((4, 4), (4, 16), (2, 16)):
+        folder = write_render(tmp_path / f"s{scale}-spp{spp}", scale, samples=spp)
+        frame = read_frame(folder)
+        write_frame(folder, dataclasses.replace(frame, seconds={"render": 0.7 + 1e-5 * path_samples(frame)}))
+    assert math.isclose(study.setup_seconds(tmp_path), 0.7, rel_tol=1e-6)
 
 
 def test_replayed_references_show_both_halves(bench, tmp_path):
@@ -87,7 +65,7 @@ def test_replayed_references_show_both_halves(bench, tmp_path):
     for part in (0, 1):
         job = dataclasses.replace(JOB, output=str(tmp_path / f"{part}"), kind="reference", sampling=Sampling(1),
                                   seed=JOB.seed + part, lens_list=((5, 8), (6, 9)))
-        actual.replay(bench / "toy", job)
+        study.replay(bench / "toy", job)
         parts = [read_layers(tmp_path / f"{part}" / name)["color"].tobytes() for name in REFERENCE_FILES]
         assert parts[0] == parts[1]
         halves.add(parts[0])
@@ -95,9 +73,8 @@ def test_replayed_references_show_both_halves(bench, tmp_path):
 
 
 def test_plans_are_held_against_whole_frames(bench, tmp_path, capsys):
-    arguments = ["study", "plans", str(bench), "-o", str(tmp_path / "out"), "--json", str(tmp_path / "plans.json"),
-                 "--replay", "--seeds",
-                 "0-3", "--targets", "0.5,0.6,0.9", "--methods", "nearest,bilinear", "--lenses", "40"]
+    words = f"study plans {bench} -o {tmp_path}/out --json {tmp_path}/plans.json --replay --seeds 0-3"
+    arguments = [*words.split(), "--targets", "0.5,0.6,0.9", "--methods", "nearest,bilinear", "--lenses", "40"]
     assert main(arguments) == 0
     data = read_record(tmp_path / "plans.json", Validation, "a validation")
     rows, whole = data.plans, data.summary
@@ -147,29 +124,24 @@ def test_with_a_rate_a_busy_machine_changes_nothing(bench, tmp_path):
     for folder in busy.iterdir():
         frame = read_frame(folder)
         write_frame(folder, dataclasses.replace(frame, seconds={**frame.seconds, "render": 7.0}))
-    assert actual.timed_frame(busy / "s2-spp16", 0.01).seconds["render"] == pytest.approx(
+    assert study.timed_frame(busy / "s2-spp16", 0.01).seconds["render"] == pytest.approx(
         0.01 * path_samples(read_frame(busy / "s2-spp16")))
-    actual.replay(busy, job, 0.01)
+    study.replay(busy, job, 0.01)
     cut = read_frame(tmp_path / "cut")
     assert cut.seconds["render"] == pytest.approx(0.01 * path_samples(cut))
-    (found,) = actual.actuals(busy, [Candidate(2, 16, "bilinear")], Records(tmp_path, Actual), 1000).values()
+    (found,) = study.actuals(busy, [Candidate(2, 16, "bilinear")], Records(tmp_path, Actual), 1000).values()
     assert found.seconds == pytest.approx(1000 * path_samples(read_frame(busy / "s2-spp16")), rel=1e-3)
 
 
 @pytest.mark.parametrize(("true", "count", "expected"), [
-    (35, 36, (0.8583, 0.9951)), (0, 10, (0.0, 0.2775)), (10, 10, (0.7225, 1.0))])
+    (35, 36, (0.8583, 0.9951)), (0, 10, (0.0, 0.2775)), (10, 10, (0.7225, 1.0)), (0, 0, None)])
 def test_intervals_of_fractions_are_wilsons(true, count, expected):
-    assert wilson([index < true for index in range(count)]) == pytest.approx(expected, abs=1e-4)
-    assert wilson([]) is None
+    assert wilson([index < true for index in range(count)]) == (expected and pytest.approx(expected, abs=1e-4))
 
 
-def test_a_bench_without_scenes_is_refused(tmp_path, capsys):
-    assert main(["study", "plans", str(tmp_path), "-o", str(tmp_path), "--json", str(tmp_path / "x.json"),
-                 "--replay"]) == 2
-    assert "has no scene" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("name", ["plan-unseen", "plan-stress", "plan-lenticular"])
-def test_published_validations_are_read(name):
-    published = Path(__file__).parents[4] / "docs" / "results" / "measured" / f"{name}.json"
-    assert read_record(published, Validation, "a validation").plans
+def test_a_bench_without_scenes_is_refused_and_published_validations_are_read(tmp_path, capsys):
+    words = ["study", "plans", str(tmp_path), "-o", str(tmp_path), "--json", str(tmp_path / "x.json"), "--replay"]
+    assert "has no scene" in fails(words, capsys)
+    for name in ("plan-unseen", "plan-stress", "plan-lenticular"):
+        published = Path(__file__).parents[4] / "docs" / "results" / "measured" / f"{name}.json"
+        assert read_record(published, Validation, "a validation").plans

@@ -1,9 +1,8 @@
 """The paper's figures: measured on synthetic frames, resumed, and put into words that follow the numbers."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
+import math
 import statistics
 from unittest.mock import DEFAULT, Mock
 
@@ -17,18 +16,20 @@ from lfsr_core.cli import main
 from lfsr_core.metrics.compare import compare_folders
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES
 from lfsr_core.pipeline.make import finish_frame
-from lfsr_lab.experiments.engine import renders as engine_renders
+from lfsr_lab.experiments.engine import records as engine_records
 from lfsr_lab.experiments.engine import timing
 from lfsr_lab.experiments.engine.plots import save
-from lfsr_lab.experiments.seed_paper import measuring, renders, study, weights
-from lfsr_lab.experiments.seed_paper.figure import LENS_SSIM, Results
-from lfsr_lab.experiments.seed_paper.figures import images
+from lfsr_lab.experiments.seed_paper import measuring, study
+from lfsr_lab.experiments.seed_paper.figure import Difference, holds, overall, paired
+from lfsr_lab.experiments.seed_paper.figures import frames as whole
+from lfsr_lab.experiments.seed_paper.figures import images, networks
+from lfsr_lab.experiments.seed_paper.measuring import LENS_SSIM, RENDER, TOTAL, Results, Row, timed_rows
 from tests.support.synthetic import MINI, write_reference, write_render
 from tests.support.training_photographs import some_photographs
 
 SPP, CLEAN = 4, 8
 FIG9 = images.FIG9
-HALF = renders.resolution(MINI, 2)
+HALF = measuring.resolution(MINI, 2)
 
 
 @pytest.fixture(scope="module")
@@ -46,9 +47,8 @@ def frames(tmp_path_factory):
     write_render(root / "bench" / moved.stem / f"s4-spp{SPP}", 4, samples=SPP)
     for scale in (1, 2, 4):
         write_render(root / f"bench-{HALF.name}" / "toy" / f"s{scale}-spp{SPP}", scale, HALF, samples=SPP)
-    return renders.make_settings(root, True, scenes=(scene,), display=MINI, timing_display=MINI, spp=SPP,
-                                  clean_spp=CLEAN,
-                                  repeats=3, steps=(4, 8), moves=(1.0,), workload=(8, 4), device="cpu")
+    return measuring.make_settings(root, True, scenes=(scene,), display=MINI, timing_display=MINI, spp=SPP,
+                                 clean_spp=CLEAN, repeats=3, steps=(4, 8), moves=(1.0,), workload=(8, 4), device="cpu")
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def measured(frames):
     return {name: figure.measure(frames) for name, figure in study.FIGURES.items()}
 
 
-def test_every_figure_measures_draws_and_speaks(frames, measured, tmp_path):
+def test_every_figure_measures_draws_and_speaks_and_what_is_not_there_is_not_invented(frames, measured, tmp_path):
     for name, figure in study.FIGURES.items():
         results = measured[name]
         assert from_data(Results, json.loads(json.dumps(to_data(results))), name) == results
@@ -65,11 +65,8 @@ def test_every_figure_measures_draws_and_speaks(frames, measured, tmp_path):
         assert figure.line(results).startswith("**")
         if figure.draw:
             path = tmp_path / figure.image
-            save(figure.draw(results.rows, frames.output / renders.CELLS / name), path)
+            save(figure.draw(results.rows, frames.output / measuring.CELLS / name), path)
             assert cv2.imread(str(path)).std() > 5 and path.stat().st_size < 150_000
-
-
-def test_networks_without_weights_are_named_and_not_invented(measured):
     found = measured["fig9"]
     assert [row.method for row in found.rows if not row.values] == ["paper-gan"] * 2
     assert "Not measured, because they have no weights: paper-gan." in FIG9.line(found)
@@ -86,37 +83,29 @@ def test_accuracy_is_what_compare_gives(frames, measured):
     assert statistics.mean(row.series[LENS_SSIM]) == pytest.approx(expected.ssim_lens_fg, abs=0.01)
 
 
-def test_references_of_some_lenses_are_refused(frames, tmp_path):
-    write_reference(tmp_path / "toy" / "reference", lens_list=((1, 2), (3, 4)))
-    with pytest.raises(LfsrError, match="shows only some lenses: give --bench a folder"):
-        FIG9.measure(dataclasses.replace(frames, bench=tmp_path, output=tmp_path))
-
-
-def test_the_middle_lenses_are_shown():
+def test_the_middle_lenses_are_shown_and_references_of_some_lenses_are_refused(frames, tmp_path):
     mask = np.zeros((12, 16), bool)
     mask[6:9, 13:] = True
     assert images.middle(mask, (8, 4)) == (slice(6 * 4, 9 * 4), slice(12 * 8, 16 * 8))
+    write_reference(tmp_path / "toy" / "reference", lens_list=((1, 2), (3, 4)))
+    with pytest.raises(LfsrError, match="shows only some lenses"):
+        FIG9.measure(dataclasses.replace(frames, bench=tmp_path, output=tmp_path))
 
 
-def test_a_second_run_measures_nothing(frames, measured, monkeypatch):
-    def forbidden(*_, **__):
-        raise AssertionError("measured again")
-
-    for module, name in ((measuring, "linear_and_mask"), (timing, "take_turns"), (engine_renders, "render_all")):
-        monkeypatch.setattr(module, name, forbidden)
-    for name, figure in study.FIGURES.items():
-        assert figure.measure(frames) == measured[name], name
-    with pytest.raises(AssertionError, match="measured again"):
-        FIG9.measure(dataclasses.replace(frames, output=frames.output / "other"))
-
-
-def test_stopped_run_keeps_what_is_done(frames, measured, tmp_path, monkeypatch):
+def test_a_second_run_measures_nothing_and_a_stopped_one_keeps_what_is_done(frames, measured, tmp_path, monkeypatch):
     accuracy = Mock(wraps=measuring.accuracy, side_effect=[DEFAULT, DEFAULT, KeyboardInterrupt, DEFAULT, DEFAULT])
     monkeypatch.setattr(measuring, "accuracy", accuracy)
     again = dataclasses.replace(frames, output=tmp_path)
     with pytest.raises(KeyboardInterrupt):
         FIG9.measure(again)
     assert FIG9.measure(again).rows == measured["fig9"].rows and accuracy.call_count == 5
+    forbidden = Mock(side_effect=AssertionError("measured again"))
+    for module, name in ((measuring, "linear_and_mask"), (timing, "take_turns"), (engine_records, "make")):
+        monkeypatch.setattr(module, name, forbidden)
+    for name, figure in study.FIGURES.items():
+        assert figure.measure(frames) == measured[name], name
+    with pytest.raises(AssertionError, match="measured again"):
+        FIG9.measure(dataclasses.replace(frames, output=frames.output / "other"))
 
 
 def test_training_is_labelled_and_done_once(tmp_path, frames):
@@ -125,21 +114,20 @@ def test_training_is_labelled_and_done_once(tmp_path, frames):
     for name, image in zip(some_photographs().names, some_photographs(height=100, width=100).images, strict=True):
         cv2.imwrite(str(photographs / name), image)
     chosen = dataclasses.replace(frames, output=tmp_path, train_epochs=1, photographs=str(photographs))
-    path = weights.weights(chosen, "paper-3")
+    path = measuring.weights(chosen, "paper-3")
     before = path.stat().st_mtime_ns
-    assert weights.weights(chosen, "paper-3") == path and path.stat().st_mtime_ns == before
-    assert weights.schedule(path).startswith("1 epochs of ")
-    assert weights.fingerprints(chosen, "paper-3") != weights.fingerprints(frames, "paper-3")
+    assert measuring.weights(chosen, "paper-3") == path and path.stat().st_mtime_ns == before
+    assert measuring.schedule(path).startswith("1 epochs of ")
+    assert measuring.fingerprints(chosen, "paper-3") != measuring.fingerprints(frames, "paper-3")
     given = dataclasses.replace(frames, weights=path.parent)
-    assert weights.weights(given, "paper-3") == path
-    assert weights.weights(given, "paper-4") is None
+    assert measuring.weights(given, "paper-3") == path
+    assert measuring.weights(given, "paper-4") is None
 
 
 def test_one_command_writes_pages_and_goes_on(frames, tmp_path, capsys):
     words = ["study", "paper", "-o", str(tmp_path / "out"), "--scenes", str(frames.scenes[0]), "--bench",
-             str(frames.bench), "--quick",
-             "--display", "mini", "--timing-display", "mini", "--spp", str(SPP), "--clean-spp", str(CLEAN),
-             "--repeats", "3", "--docs", str(tmp_path / "docs")]
+             str(frames.bench), "--quick", "--display", "mini", "--timing-display", "mini", "--spp", str(SPP),
+             "--clean-spp", str(CLEAN), "--repeats", "3", "--docs", str(tmp_path / "docs")]
     assert [main([*words, "--only", name]) for name in ("table3", "fig9")] == [0, 0]
     text = (tmp_path / "docs" / "notebook" / "paper.md").read_text()
     assert "## Table 3: multiply-adds" in text and "![Fig. 9: residuals](../images/paper-fig9.png)" in text
@@ -155,3 +143,114 @@ def test_bad_input_is_one_sentence(frames, tmp_path, capsys):
                             (["--weights", str(tmp_path / "none")], "is not a folder"),
                             (["--bench", str(frames.bench), "--only", "fig9"], "was rendered with display mini, but")):
         assert main([*common, *words]) == 2 and sentence in capsys.readouterr().err.splitlines()[-1]
+
+
+SEEDS = (0.01, -0.02, 0.015, -0.005, 0.0, 0.012)
+
+
+def accurate(method, level, **values):
+    return Row(scene="toy", method=method, samples=8, series={LENS_SSIM: tuple(level + seed for seed in SEEDS)},
+               values={"ssim_eia_fg": level, "ssim_eia_plain": level, "ssim_ceiling": 0.99, **values})
+
+
+def seconds(level):
+    return tuple(level * (1 + seed) for seed in SEEDS)
+
+
+def fig9(gap):
+    return [accurate(name, 0.9 + gap * index) for index, name in enumerate(images.METHODS)]
+
+
+def fig10a(gap):
+    slow = tuple(value + gap + seed / 5 for value, seed in zip(seconds(1.0), SEEDS, strict=True))
+    return timed_rows({"8": seconds(1.0), "208": slow}).rows
+
+
+def fig10b(gap):
+    return [row for p in (0.2, 0.8) for row in timed_rows(
+        {whole.WITH: seconds(1.0), whole.WITHOUT: tuple(1.0 + gap * (2 - p) + 3 * seed * gap for seed in SEEDS)},
+        scene=f"distance {p}", facts={"p": p}).rows]
+
+
+def fig10c(gap):
+    times = {"paper": seconds(1.0)} | {f"paper-{n}": seconds(1 + n * gap) for n in (3, 4, 5, 6)}
+    return [*timed_rows(times).rows,
+            *(accurate(name, 0.9 + (0.005 - gap / 20) * (name != "paper")) for name in times)]
+
+
+def fig10d(gap):
+    times = {name: seconds(1 + (name != "paper") * gap) for name in ("paper", "espcn", "fsrcnn")}
+    return [*timed_rows(times).rows, *(accurate(name, 0.9 - gap * (name != "paper")) for name in (*times, "bicubic"))]
+
+
+def fig11(gap):
+    errors = {name: tuple(0.01 + (gap / 100 + seed / 1000) * name.endswith("-eia") for seed in SEEDS)
+              for name in images.EPI_METHODS}
+    return [Row(scene="toy", method=name, series={images.EPI: found}) for name, found in errors.items()]
+
+
+def frame(render, second_stage=0.0):
+    return {RENDER: render, TOTAL: render + second_stage}
+
+
+def fig12a(gap):
+    return [Row(scene="7680×4320", method=f"s = {scale}" if scale > 1 else "direct",
+                values={"width": 7680, "scale": scale,
+                        **frame(0.01 * 2 ** (-math.copysign(scale, gap)), 0.001 if gap > 0 else 0.1)})
+            for scale in (1, 2, 4)]
+
+
+def table2(gap):
+    names = (*whole.RIVALS, whole.OURS, whole.PAPER)
+    return [accurate(name, 0.9 + gap, **frame(1 - gap * (name == whole.PAPER))) for name in names]
+
+
+def table3(gap):
+    costs = {"paper": 100.0, "paper-3": 120.0, "espcn": 100 + 100 * gap, "fsrcnn": 100 + 90 * gap}
+    return [Row(method=name, values={networks.PER_PIXEL: value}) for name, value in costs.items()]
+
+
+MADE_UP = {"fig9": fig9, "fig10a": fig10a, "fig10b": fig10b, "fig10c": fig10c, "fig10d": fig10d, "fig11": fig11,
+           "fig12a": fig12a, "fig12b": lambda gap: fig10b(gap)[:2], "table2": table2, "table3": table3}
+
+
+def line(name, gap):
+    """Return the sentence of numbers that favour the claim, or with a ``gap`` below zero speak against it."""
+    return study.FIGURES[name].line(Results(tuple(MADE_UP[name](gap))))
+
+
+@pytest.mark.parametrize("name", MADE_UP)
+def test_sentences_flip_with_the_numbers(name):
+    assert line(name, 0.4).startswith("**Holds.**"), line(name, 0.4)
+    if name != "fig10a":  # whichever step is slower, the step matters
+        assert line(name, -0.4).startswith("**Does not hold.**"), line(name, -0.4)
+    if name in ("fig9", "fig10a", "fig11", "table3"):
+        assert line(name, 0.0).startswith("**Cannot be told.**"), "without a difference nothing is claimed"
+
+
+def test_verdicts():
+    above, below, neither, unknown = (Difference(*pair) for pair in ((1, 0.5), (-1, 0.5), (1, 2), (1, math.inf)))
+    assert [d.sign for d in (above, below, neither, unknown)] == [1, -1, 0, 0]
+    assert overall({"a": above}, {}) == "**Holds; not all of it was measured.**"
+    assert overall({"a": above, "b": below}) == "**Holds in part.**"
+    assert overall({"a": below, "b": neither}) == "**Does not hold.**"
+    assert overall({}) == "**Not measured.**"
+    assert holds({"a": above, "b": below}) == "holds in 1 of 2 (a); the other way round in 1 of 2 (b)"
+    assert paired([1.0, 1.1], [0.0, 0.0]).half == math.inf
+    # Student's t for 3 degrees of freedom is 3.182; the standard error of 1, 2, 3, 4 is 0.6455.
+    assert paired([1.0, 2.0, 3.0, 4.0], [0.0] * 4).half == pytest.approx(2.054, rel=0.01)
+    # A rival wins only with both.
+    for faster, better, sign in ((1, 1, -1), (1, -1, 1), (-1, 1, 1), (-1, 0, 1), (1, 0, 0), (0, 0, 0)):
+        assert networks.worst(Difference(faster, 0.5), Difference(better, 0.5)).sign == sign
+
+
+def test_networks_trained_differently_are_called_so():
+    alike = "9 epochs of 4 96-pixel crops per photograph, rate 0.001 cosine"
+
+    def found(label):
+        schedules = {"paper": f"{alike}, 60 s on CPU", "paper-gan": label}
+        return study.FIGURES["fig9"].line(Results(tuple(fig9(0.4)), schedules=schedules))
+
+    assert "trained" not in found(f"{alike}, 900 s on CPU") and "trained" not in found("no weights")
+    assert "not trained alike" in found(f"{alike.replace('9 epochs', '2 epochs')}, 60 s on CPU")
+    assert "not trained alike" in found("schedule not recorded")

@@ -1,22 +1,117 @@
-"""The sweeps' own figures, on light fields that are known exactly."""
+"""The geometry that the parameter sweeps speak of, and their own figures on light fields that are known exactly."""
 
-from __future__ import annotations
+import itertools
+import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images, to_views
 from lfsr_core.optics.rays import CameraArray, RayLayout, rays
 from lfsr_lab.experiments.sweeps import metrics
+from lfsr_lab.experiments.sweeps.measure import DISPLAY_FILE
 from lfsr_lab.experiments.sweeps.metrics import Compared
-from lfsr_lab.scenes.sweeps.space import Space, card_centre, card_of_motion
+from lfsr_lab.scenes.sweeps.space import Space, card_centre, card_of_motion, hole, rectangle_path
 from tests.support.rays import pixel_rays
+from tests.support.synthetic import FLAT
+
+DISPLAYS = [load_display(DISPLAY_FILE), load_display("mini"), load_display("small")]
+# Rows half as high as columns are wide, as the light field of a lens sheet may have them.
+OBLONG = DisplayProfile("oblong", (96, 72), (59.04, 44.28), (8, 12), (12, 6), 500.0, 40.0)
+
+
+def test_usable_depth_is_the_displays_own():
+    for display, scale in itertools.product(DISPLAYS, (2, 4)):
+        space, pitch = Space.of(display, scale), display.lens_pitch_mm[0]
+        assert (space.front * pitch, space.behind * pitch) == pytest.approx(display.depth_range_mm(scale), rel=1e-3)
+        assert (space.slope(space.depth(1)), space.slope(space.depth(-1))) == pytest.approx((1, -1))
+        assert space.slope(space.depth_of_slope(0.7)) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("display", DISPLAYS, ids=lambda display: display.name)
+@pytest.mark.parametrize("y", [-3.0, 0.0, 5.0])
+def test_footprint_and_window_hold_the_rays_that_are_sent(display, y):
+    space = Space.of(display, 4)
+    layout = RayLayout.for_display(display, CameraArray.for_display(display, display.lenses[0]))
+    width = layout.size[0]
+    # The outermost rays of the first pixel and of the last one in a row.
+    raster, random = np.array([0, 1 - 1e-9, width - 1, width - 1e-9]) / width, np.array([0, 1 - 1e-9, 0, 1 - 1e-9])
+    pixel = [meet(layout, raster[:2], random[order], y) for order in ([0, 1], [1, 0])]
+    assert max(np.ptp(places) for places in pixel) == pytest.approx(space.footprint(y), rel=1e-6)
+    places, numbers = np.meshgrid(np.linspace(0, 1 - 1e-9, 4 * width + 1), (0, 1 - 1e-9))
+    farthest = np.abs(meet(layout, places.ravel(), numbers.ravel(), y)).max()
+    assert space.window(y)[0] - space.footprint(y) <= farthest <= space.window(y)[0] * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("display", [*DISPLAYS, OBLONG, FLAT], ids=lambda display: display.name)
+@pytest.mark.parametrize("y", [0.0, 5.0])
+def test_the_window_is_as_high_as_what_is_seen(display, y):
+    space, layout = Space.of(display, 2), RayLayout.for_display(display, CameraArray.for_display(
+        display, display.lenses[0]))
+    origin, direction = pixel_rays(layout)
+    seen = np.abs(origin + direction * ((layout.array.distance + y) / direction[..., 2:]))[..., 1].max()
+    height = space.window(y)[1]
+    assert height - space.footprint(y, axis=1) <= seen <= height
+    assert space.size == pytest.approx((2 * layout.array.half_width, 2 * layout.array.half_height), rel=1e-3)
+
+
+def meet(layout, raster_x, random_x, y):
+    """Where rays meet the depth ``y``, rightwards."""
+    origin, direction = rays(layout, raster_x, np.full_like(raster_x, 0.5), random_x)
+    depth = layout.array.distance + y
+    return origin[:, 0] + direction[:, 0] / direction[:, 2] * depth
+
+
+def test_a_depth_at_the_viewer_or_a_slope_beyond_the_display_is_refused():
+    space = Space.of(load_display("small"), 4)
+    with pytest.raises(LfsrError, match="at the viewer"):
+        space.depth(-4)
+    with pytest.raises(LfsrError, match="the limit is 2.47"):
+        space.depth_of_slope(4)
+
+
+def test_gratings_beyond_nyquist_alias_in_an_elemental_image():
+    space = Space.of(DISPLAYS[0], 4)
+    y = space.depth(1)
+    low_pixel = space.scale * space.spacing * y / space.distance  # through one point of a lens
+    assert space.nyquist(y) * low_pixel == pytest.approx(0.5)
+
+
+def test_a_hole_is_a_block_of_lenses_of_nearly_that_fraction():
+    for fraction in (1, 0.75, 0.5, 0.25, 0.1, 0.05, 0.02):
+        columns, rows = hole((12, 8), fraction)
+        assert 1 <= columns <= 12 and 1 <= rows <= 8
+        assert columns * rows / 96 == pytest.approx(fraction, abs=0.006)
+
+
+@given(st.integers(2, 40), st.integers(1, 3), st.integers(1, 9), st.integers(1, 9))
+def test_the_path_takes_equal_steps_along_one_axis_and_stays_in_its_room(frames, step, across, down):
+    path = rectangle_path(frames, step, (across, down))
+    assert len(path) == frames and path[0] == (0, 0)
+    for (x0, y0), (x1, y1) in itertools.pairwise(path):
+        assert sorted((abs(x1 - x0), abs(y1 - y0))) == [0, step]
+    assert all(0 <= x <= max(across, step) and 0 <= y <= max(down, step) for x, y in path)
+    assert set(rectangle_path(5, 0, (3, 3))) == {(0, 0)}
+
+
+def test_the_moving_card_fits_the_display_and_its_path_is_centred():
+    space = Space.of(DISPLAYS[0], 4)
+    y, half, path = card_of_motion(space, 1, 24)
+    centres = np.array([card_centre(space, y, place, path) for place in path])
+    assert centres.min(0) + centres.max(0) == pytest.approx([0, 0])
+    assert (np.abs(centres).max(0) + half <= np.array(space.lenses) / 2 * space.magnified(y)).all()
+    # Downwards in lenses is downwards in the scene.
+    first_down = next(index for index, place in enumerate(path) if place[1])
+    assert centres[first_down][1] < centres[first_down - 1][1]
+    assert math.isclose(abs(centres[1][0] - centres[0][0]), space.magnified(y))
+
 
 LENSES, VIEWS, SCALE = (8, 6), (12, 12), 4
 DISPLAY = DisplayProfile("test", (96, 72), (59.04, 44.28), LENSES, VIEWS, 500.0, 40.0)
-# Rows half as high as columns are wide, as the light field of a lens sheet may have them.
-OBLONG = DisplayProfile("oblong", (96, 72), (59.04, 44.28), (8, 12), (12, 6), 500.0, 40.0)
 SPACE = Space.of(DISPLAY, SCALE)
 ALL = np.ones(LENSES[::-1], bool)
 EVEN = np.full((72, 96, 3), 0.5)
@@ -56,11 +151,7 @@ def test_an_error_at_the_borders_is_found_there_and_nowhere_else():
     assert found["border_ratio"] is None and found["ssim_border"] < 0.99
     centre = metrics.border_and_centre(Compared(EVEN + 0.1 * (1 - ring_of(3)), EVEN, EVEN, LENSES, ALL), 3)
     assert centre["rmse_border"] == 0 and centre["rmse_centre"] == pytest.approx(0.1)
-
-
-def test_where_views_differ_along_one_axis_rows_have_no_border():
-    lenses = (8, 72)
-    x = EVEN.copy()
+    x, lenses = EVEN.copy(), (8, 72)  # of views along one axis, whose rows have no border
     to_elemental_images(x, lenses)[..., [0, 1, 2, -3, -2, -1], :] += 0.1
     found = metrics.border_and_centre(Compared(x, EVEN, EVEN, lenses, np.ones((72, 8), bool)), 3)
     assert found["rmse_border"] == pytest.approx(0.1) and found["rmse_centre"] == 0
@@ -84,15 +175,11 @@ def test_borders_count_in_the_foreground_only():
     assert set(nothing.values()) == {None}
 
 
-def test_neighbouring_views_that_differ_as_they_should_have_no_error():
+def test_neighbouring_views_that_differ_as_they_should_have_no_error_and_detail_of_one_view_has():
     known = print_at(*places(3.0))
     assert metrics.neighbour_view_error(Compared(known, known, known, LENSES, ALL)) == 0
     # All views brighter alike: nothing changes as the eye moves.
     assert metrics.neighbour_view_error(Compared(known + 0.1, known, known, LENSES, ALL)) == pytest.approx(0, abs=1e-9)
-
-
-def test_detail_invented_in_every_view_alone_is_an_error():
-    known = print_at(*places(3.0))
     invented = known + noise(0.02, 3)
     halves = known + noise(0.1, 4), known + noise(0.1, 5)
     expected = 0.02 * np.sqrt(2)  # of the difference of two
@@ -102,31 +189,22 @@ def test_detail_invented_in_every_view_alone_is_an_error():
     assert metrics.neighbour_view_error(Compared(invented, known, known, LENSES, ~ALL)) is None
 
 
-@pytest.mark.parametrize("step", [2, 4, 8])
-def test_a_matt_board_has_straight_lines_at_its_own_slope_only(step):
-    y = SPACE.depth_of_slope(SCALE / step)
-    board = print_at(*places(y))
-    assert metrics.epi_straightness(board, LENSES, step) == pytest.approx(1, abs=1e-9)
-    assert metrics.epi_straightness(board, LENSES, 1 if step > 2 else 4) < 0.97
-
-
-def test_noise_bends_the_lines_by_its_share_of_the_variance_and_cancels_between_halves():
-    step, y = 4, SPACE.depth_of_slope(1)
-    board = print_at(*places(y))
+def test_a_matt_board_has_straight_lines_at_its_own_slope_only_and_noise_bends_them():
+    for step in (2, 4, 8):
+        board = print_at(*places(SPACE.depth_of_slope(SCALE / step)))
+        assert metrics.epi_straightness(board, LENSES, step) == pytest.approx(1, abs=1e-9)
+        assert metrics.epi_straightness(board, LENSES, 1 if step > 2 else 4) < 0.97
+    board = print_at(*places(SPACE.depth_of_slope(1)))
     noisy = board + noise(0.1, 6)
-    share = 0.01 / (board.reshape(-1, 3).var(0).mean() + 0.01)
-    assert metrics.epi_straightness(noisy, LENSES, step) == pytest.approx(1 - share, abs=0.01)
-    assert metrics.epi_straightness(noisy, LENSES, step, board + noise(0.1, 7)) == pytest.approx(1, abs=0.02)
+    variance = 0.01 / (board.reshape(-1, 3).var(0).mean() + 0.01)  # of the noise, over all
+    assert metrics.epi_straightness(noisy, LENSES, 4) == pytest.approx(1 - variance, abs=0.01)
+    assert metrics.epi_straightness(noisy, LENSES, 4, board + noise(0.1, 7)) == pytest.approx(1, abs=0.02)
 
 
-def test_lines_along_one_axis_say_the_same_where_the_other_has_none():
-    y = Space.of(OBLONG, SCALE).depth_of_slope(1)
-    board = print_at(*places(y, OBLONG))
+def test_lines_along_one_axis_say_the_same_where_the_other_has_none_and_lines_that_do_not_fit_nothing():
+    board = print_at(*places(Space.of(OBLONG, SCALE).depth_of_slope(1), OBLONG))
     assert metrics.epi_straightness(board, OBLONG.lenses, 4, axes=(1,)) == pytest.approx(1, abs=1e-9)
     assert metrics.epi_straightness(board, OBLONG.lenses, 4) < 0.97, "rows are crossed in half as many views"
-
-
-def test_lines_that_do_not_fit_cannot_be_told():
     assert metrics.epi_straightness(EVEN, LENSES, VIEWS[0]) is None
     assert metrics.epi_straightness(EVEN[:, :VIEWS[0]], (1, LENSES[1]), 2) is None
 
@@ -153,21 +231,14 @@ def test_a_card_that_only_moves_does_not_flicker(display, step):
     assert metrics.flicker(images, display.lenses, path, cards) == pytest.approx(0, abs=1e-9)
 
 
-def test_without_its_motion_taken_back_it_would():
-    images, path, cards = moving_card(1)
-    assert metrics.flicker(images, LENSES, [(0, 0)] * len(path), cards) > 0.05
-
-
-def test_flicker_is_the_change_from_frame_to_frame():
+def test_flicker_is_the_change_from_frame_to_frame_once_the_motion_is_taken_back():
     images, path, cards = moving_card(1, change=0.01)
     assert metrics.flicker(images, LENSES, path, cards) == pytest.approx(0.01)
-    noisy = [image + noise(0.02, seed) for seed, image in enumerate(moving_card(1)[0])]
+    images = moving_card(1)[0]
+    assert metrics.flicker(images, LENSES, [(0, 0)] * len(path), cards) > 0.05
+    noisy = [image + noise(0.02, seed) for seed, image in enumerate(images)]
     assert metrics.flicker(noisy, LENSES, path, cards) == pytest.approx(0.02 * np.sqrt(2), rel=0.03)
-
-
-def test_no_card_in_two_frames_in_a_row_has_no_flicker():
-    images, path, cards = moving_card(0)
-    assert metrics.flicker(images, LENSES, path, [card & False for card in cards]) is None
+    assert metrics.flicker(images, LENSES, path, [card & False for card in cards]) is None, "no card in two frames"
 
 
 @pytest.mark.parametrize("display", [DISPLAY, OBLONG], ids=lambda display: display.name)
@@ -179,12 +250,9 @@ def test_card_pixels_are_those_whose_every_ray_meets_the_card(display):
     width, height = layout.size
     columns, rows = np.meshgrid(np.arange(width), np.arange(height))
     met = np.ones((height, width), bool)
-    for u in (1e-6, 1 - 1e-6):
-        for v in (1e-6, 1 - 1e-6):
-            origin, direction = rays(layout, (columns + u) / width, 1 - (rows + v) / height, u, 1 - v)
-            at = origin + direction * ((layout.array.distance + y) / direction[..., 2:])
-            met &= (np.abs(at[..., 0] - centre[0]) <= half[0]) & (np.abs(at[..., 1] - centre[1]) <= half[1])
-            origin, direction = rays(layout, (columns + u) / width, 1 - (rows + v) / height, 1 - u, v)
+    for u, v in itertools.product((1e-6, 1 - 1e-6), repeat=2):
+        for raster in ((u, 1 - v), (1 - u, v)):
+            origin, direction = rays(layout, (columns + u) / width, 1 - (rows + v) / height, *raster)
             at = origin + direction * ((layout.array.distance + y) / direction[..., 2:])
             met &= (np.abs(at[..., 0] - centre[0]) <= half[0]) & (np.abs(at[..., 1] - centre[1]) <= half[1])
     expected = to_elemental_images(met[..., None], display.lenses)[..., 0]

@@ -27,8 +27,17 @@ from lfsr_core.reconstruct.averaging import average_frames, near, read_low
 from lfsr_core.reconstruct.second_stage import finished_lenses
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.plots import svg
-from lfsr_lab.experiments.engine.records import Cell, Records, StudySettings, measured, method_facts
-from lfsr_lab.experiments.engine.renders import REFERENCE, SCENE_FILE, Store, reference_of
+from lfsr_lab.experiments.engine.records import (
+    REFERENCE,
+    SCENE_FILE,
+    Cell,
+    Records,
+    Store,
+    StudySettings,
+    measured,
+    method_facts,
+    reference_of,
+)
 from lfsr_lab.experiments.engine.report import Environment, environment, markdown_table, write_report
 from lfsr_lab.experiments.engine.timing import cpu_seconds
 from lfsr_lab.experiments.engine.truth import Truth, lens_ssims, split_rms
@@ -46,20 +55,6 @@ class Motion:
     unseen: float | None = None  # split SSIM of lenses that a fitted network did not learn from, in older reports
 
 
-def measure(lows: Sequence[LowResEIA], truths: Sequence[Truth], method: str, reach: int) -> Motion:
-    """Finish every frame, averaged with the 2 · ``reach`` nearest ones, and compare all with the references."""
-    lenses = truths[0].reference.lenses
-    started, everywhere = cpu_seconds(), np.ones(len(lenses), bool)
-    images = []
-    for number, low in enumerate(lows):
-        others = [lows[other] for other in near(number, range(len(lows)), reach)]
-        images.append(finished_lenses(average_frames(low, others)[0], everywhere, method, lenses))
-    seconds = (cpu_seconds() - started) / len(lows)
-    halves = zip(*(truth.reference.elemental_images() for truth in truths), strict=True)
-    return dataclasses.replace(compare(srgb_encode(np.stack(images)), *map(np.stack, halves)),
-                               cpu_seconds=round(seconds, 3))
-
-
 def compare(x: Array, a: Array, b: Array) -> Motion:
     """Return the figures of display values ``x`` (frames, n, py, px, 3) against the halves of the references."""
     ssim = np.stack([lens_ssims(*images) for images in zip(x, a, b, strict=True)])
@@ -71,19 +66,6 @@ def compare(x: Array, a: Array, b: Array) -> Motion:
     change = np.mean(back_a * back_b, dtype=np.float64)
     lag = float(late / change) if change > 0 else 0.0  # of the way back to the frame before
     return Motion(mean_of(ssim), 100 * split_rms(*steps), 100 * split_rms(*means), lag, cpu_seconds=0.0)
-
-
-def cost_of_averaging(display: DisplayProfile, scale: int) -> float:
-    """Return the CPU seconds per neighbour of a frame, files not counted."""
-    random, (sx, sy), (w, h) = np.random.default_rng(0), display.lenses, display.low_views(scale)
-
-    def layer(channels: int) -> Array:
-        return random.random((sy, sx, h, w, channels), dtype=np.float32)
-
-    low, other = (LowResEIA(layer(3), layer(1), 16, scale) for _ in range(2))
-    started = cpu_seconds()
-    average_frames(low, [other])
-    return cpu_seconds() - started
 
 
 METHOD = "denoise+bilinear"
@@ -131,11 +113,6 @@ AVERAGED = Way("averaged over 5 frames, 5 seeds in turn", TURNING, PERIOD // 2)
 WAYS = (FIXED_ALONE, ALONE, AVERAGED)
 
 
-def build_scenes(store: Store, settings: Settings) -> None:
-    store.build("animation_scenes.py", {store.folder / name / SCENE_FILE: {"name": name} for name in NAMES},
-                display=settings.display.to_dict(), scale=SCENE_SCALE, frames=settings.frames)
-
-
 @dataclasses.dataclass(frozen=True)
 class Animation:
     store: Store
@@ -175,7 +152,17 @@ class Animation:
         return [Truth(Path(job.output)) for job in self.references()]
 
     def _measure(self, way: Way, jobs: Sequence[Request]) -> Motion:
-        return measure([read_low(Path(job.output)) for job in jobs], self.truths, METHOD, way.reach)
+        """Finish every frame, averaged with the nearest ones, and compare all with the references."""
+        lows, lenses = [read_low(Path(job.output)) for job in jobs], self.truths[0].reference.lenses
+        started, everywhere = cpu_seconds(), np.ones(len(lenses), bool)
+        images = []
+        for number, low in enumerate(lows):
+            others = [lows[other] for other in near(number, range(len(lows)), way.reach)]
+            images.append(finished_lenses(average_frames(low, others)[0], everywhere, METHOD, lenses))
+        seconds = (cpu_seconds() - started) / len(lows)
+        halves = zip(*(truth.reference.elemental_images() for truth in self.truths), strict=True)
+        return dataclasses.replace(compare(srgb_encode(np.stack(images)), *map(np.stack, halves)),
+                                   cpu_seconds=round(seconds, 3))
 
 
 COST_SCALE = 4
@@ -191,13 +178,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Render and measure what is missing, then write the report."""
     if arguments.cost:
-        seconds = cost_of_averaging(load_display(arguments.cost), COST_SCALE)
+        display, random = load_display(arguments.cost), np.random.default_rng(0)
+        (sx, sy), (w, h) = display.lenses, display.low_views(COST_SCALE)
+        size = (sy, sx, h, w)
+        low, other = (LowResEIA(random.random((*size, 3), np.float32), random.random((*size, 1), np.float32), 16,
+                                COST_SCALE) for _ in range(2))
+        started = cpu_seconds()  # files do not count
+        average_frames(low, [other])
+        seconds = cpu_seconds() - started
         print(f"{arguments.cost}, scale {COST_SCALE}: {seconds:.2f} CPU seconds per neighbouring frame")
         return
     settings = Settings(seed=arguments.seed)
     store = Store(arguments.output or Path("animations"), arguments.blender)
     store.claim(settings)
-    build_scenes(store, settings)
+    store.build("animation_scenes.py", {store.folder / name / SCENE_FILE: {"name": name} for name in NAMES},
+                display=settings.display.to_dict(), scale=SCENE_SCALE, frames=settings.frames)
     found = []
     for name in arguments.only:
         animation = Animation(store, settings, name)

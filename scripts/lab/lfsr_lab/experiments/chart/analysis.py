@@ -45,7 +45,7 @@ class ChartSettings:
     lenses: int | None = None  # number of lenses that the reference samples, None for all
     seeds: int  # renders of each, with seeds from 0 on
     repeats: int  # timed runs of the second stage
-    render_repeats: int  # renders that are made again for their time; 0: those of all seeds are counted
+    render_repeats: int = 0  # renders that were made again for their time, in older charts
     subject: str | None = None  # collection that is the foreground, None for all but one called Background
     world_visible: bool | None = None  # whether the world is seen behind the subject, None for what each scene says
 

@@ -16,9 +16,8 @@ from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.methods import COMPARED, DEFAULT_METHOD, UPSCALER, names
 from lfsr_lab.experiments.chart.analysis import DIRECT, LOW, ChartSettings, Measured, Role, Times, short
-from lfsr_lab.experiments.engine.records import Fingerprint, Records, StudySettings, method_facts
-from lfsr_lab.experiments.engine.renders import frame_digest
-from lfsr_lab.experiments.engine.timing import StageTimes, known_seconds, scratch_copy, second_stage_times
+from lfsr_lab.experiments.engine.records import Fingerprint, Records, StudySettings, frame_digest, method_facts
+from lfsr_lab.experiments.engine.timing import StageTimes, scratch_copy, second_stage_times
 from lfsr_lab.experiments.engine.truth import VERSION, Truth, errors
 from lfsr_lab.networks.comparators import NETWORKS
 
@@ -44,7 +43,7 @@ class Settings(ChartSettings, StudySettings):
             if min(samples, default=1) < 1 or len(set(samples)) < len(samples):
                 raise LfsrError(f"{name} are {', '.join(map(str, samples))}, but they must be different whole numbers "
                                 "from 1")
-        for name, least in (("seeds", 1), ("repeats", 1), ("render_repeats", 0), ("reference_spp", 2)):
+        for name, least in (("seeds", 1), ("repeats", 1), ("reference_spp", 2)):
             if getattr(self, name) < least:
                 raise LfsrError(f"{name} is {getattr(self, name)}, but it must be {least} or more")
         if self.ours not in self.methods:
@@ -135,10 +134,10 @@ def measured(render: Render, name: str, truth: Truth) -> Measured:
 def times(settings: Settings, render: Render, name: str) -> Times | None:
     """Return the times of a render and a method; timed now if ``settings`` say so, None where they are not known.
 
-    The second stage is timed on seed 0. The render counts as often as it was repeated, else with all its seeds.
+    The second stage is timed on seed 0; of the render all seeds count.
     """
     records = Records(render.folders[0].parent / TIMES_FOLDER, StageTimes)
-    facts = {"repeats": settings.repeats, "render_repeats": settings.render_repeats, **render.facts(name)}
+    facts = {"repeats": settings.repeats, **render.facts(name)}
     file = f"{render.name}-{name}"
     stage = records.read(file, facts)
     if stage is None and settings.times:
@@ -147,11 +146,6 @@ def times(settings: Settings, render: Render, name: str) -> Times | None:
         records.write(file, facts, stage)
     if stage is None:
         return None
-    return Times(render_seconds(settings, render), stage.second_stage_seconds, stage.load_average)
+    return Times(tuple(read_frame(folder).seconds["render"] for folder in render.folders), stage.second_stage_seconds,
+                 stage.load_average)
 
-
-def render_seconds(settings: Settings, render: Render) -> tuple[float, ...]:
-    """Return the seconds of every run of a render that counts."""
-    if settings.render_repeats:
-        return tuple(known_seconds(render.folders[0]))
-    return tuple(read_frame(folder).seconds["render"] for folder in render.folders)

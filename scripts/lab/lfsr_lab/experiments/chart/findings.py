@@ -5,10 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 
-from lfsr_lab.experiments.chart.analysis import DIRECT, Cell, Chart, Cost, Duel, Key, MeanDuel, mean_cells, mean_duels
+from lfsr_lab.experiments.chart.analysis import DIRECT, Cell, Chart, Cost, Duel, Key, mean_cells, mean_duels
 from lfsr_lab.experiments.engine.plots import time_text
 from lfsr_lab.experiments.engine.report import UNKNOWN, markdown_table, number
-from lfsr_lab.experiments.engine.seeds import Estimate
 from lfsr_lab.experiments.engine.truth import LABELS, MEASURES, PARTS, SSIM
 
 RIVAL: Key = (DIRECT, "oidn")
@@ -39,18 +38,16 @@ def headline(chart: Chart) -> str:
     found = [duel for duel in mean_duels(chart.scenes) if (duel.measure, duel.role, duel.method) == (SSIM, *RIVAL)]
     if not found:
         return "Direct high-resolution rendering with OIDN was not measured."
-    parts = [f"{cost_text(duel.seconds or duel.rays, percent)} of {'the time' if duel.seconds else 'the rays'} "
-             f"at {duel.samples} sample{'s' if duel.samples > 1 else ''} ({_scenes(duel, chart)})" for duel in found]
+    parts = []
+    for duel in found:
+        ratios = [cost.value for scene in chart.scenes for one in scene.duels
+                  if (one.measure, one.key, one.samples) == (duel.measure, (duel.role, duel.method), duel.samples)
+                  and (cost := one.seconds or one.rays).value is not None]
+        span = f", {percent(min(ratios))} to {percent(max(ratios))}" if len(ratios) > 1 else ""
+        parts.append(f"{cost_text(duel.seconds or duel.rays, percent)} of {'the time' if duel.seconds else 'the rays'} "
+                     f"at {duel.samples} sample{'s' if duel.samples > 1 else ''} ({duel.scenes} of {len(chart.scenes)} "
+                     f"scenes{span})")
     return f"For the same SSIM as rendering every view with OIDN, {chart.settings.ours} needs {'; '.join(parts)}."
-
-
-def _scenes(duel: MeanDuel, chart: Chart) -> str:
-    """Return in how many scenes ours gets there, and the range of ratios over them."""
-    ratios = [cost.value for scene in chart.scenes for one in scene.duels
-              if (one.measure, one.key, one.samples) == (duel.measure, (duel.role, duel.method), duel.samples)
-              and (cost := one.seconds or one.rays).value is not None]
-    words = f"{duel.scenes} of {len(chart.scenes)} scenes"
-    return f"{words}, {percent(min(ratios))} to {percent(max(ratios))}" if len(ratios) > 1 else words
 
 
 def percent(value: float) -> str:
@@ -108,13 +105,10 @@ def equal_error(chart: Chart) -> Table:
         every = {duel.measure: duel for duel in means if (duel.role, duel.method, duel.samples) == (*key, samples)}
         first = every[SSIM]
         rows.append([label(key, ours), str(samples), f"{cost_text(first.rays)}",
-                     *(f"{cost_text(duel.seconds or duel.rays)}{_of(duel, chart)}" for duel in every.values())])
+                     *(cost_text(duel.seconds or duel.rays) + ("" if duel.scenes == len(chart.scenes) else
+                       f", {duel.scenes} of {len(chart.scenes)} scenes") for duel in every.values())])
     header = ("other method", "its samples", "SSIM, rays", *(f"{SHORT[name]}, {cost_name(chart)}" for name in MEASURES))
     return Table(f"What {ours} needs for the same error, over what the other needs", header, rows, "lr")
-
-
-def _of(duel: MeanDuel, chart: Chart) -> str:
-    return "" if duel.scenes == len(chart.scenes) else f", {duel.scenes} of {len(chart.scenes)} scenes"
 
 
 def duels(chart: Chart) -> list[Table]:
@@ -153,21 +147,18 @@ def noise(chart: Chart) -> Table:
 
 def numbers(chart: Chart) -> Iterator[Table]:
     """Yield every cell with its times and errors: of the mean where there are several scenes, then of every scene."""
+    tables: list[tuple[str, Sequence[Cell]]] = [(scene.scene, scene.cells) for scene in chart.scenes]
     if len(chart.scenes) > 1:
-        yield _numbers(f"Mean of {len(chart.scenes)} scenes", mean_cells(chart.scenes), chart)
-    for scene in chart.scenes:
-        yield _numbers(scene.scene, scene.cells, chart)
+        tables.insert(0, (f"Mean of {len(chart.scenes)} scenes", mean_cells(chart.scenes)))
+    for title, cells in tables:
+        names = [name for name in (*MEASURES, *PARTS) if any(name in cell.errors for cell in cells)]
+        header = ("method", "samples", "scale", "rays", "seconds", *(SHORT[name] for name in names))
+        rows = []
+        for cell in cells:
+            errors = [f"{error.mean:.3g} ({error.low:.3g}–{error.high:.3g})"
+                      + (f" ± {error.spread:.1g}" if error.spread else "")
+                      for error in (cell.errors[name] for name in names)]
+            rows.append([label(cell.key, chart.settings.ours), str(cell.samples), str(cell.scale), f"{cell.rays:g}",
+                         number(cell.seconds.mean if cell.seconds else None, digits=2), *errors])
+        yield Table(title, header, rows)
 
-
-def _numbers(title: str, cells: Sequence[Cell], chart: Chart) -> Table:
-    names = [name for name in (*MEASURES, *PARTS) if any(name in cell.errors for cell in cells)]
-    header = ("method", "samples", "scale", "rays", "seconds", *(SHORT[name] for name in names))
-    return Table(title, header, [
-        [label(cell.key, chart.settings.ours), str(cell.samples), str(cell.scale), f"{cell.rays:g}",
-         number(cell.seconds.mean if cell.seconds else None, digits=2), *(_error(cell.errors[name]) for name in names)]
-        for cell in cells])
-
-
-def _error(error: Estimate) -> str:
-    spread = f" ± {error.spread:.1g}" if error.spread else ""
-    return f"{error.mean:.3g} ({error.low:.3g}–{error.high:.3g}){spread}"

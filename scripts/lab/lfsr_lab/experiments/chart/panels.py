@@ -19,22 +19,10 @@ from lfsr_lab.experiments.chart import cells, findings
 from lfsr_lab.experiments.chart.analysis import DIRECT, LOW, Cell, Chart, Key, SceneRow, mean_cells
 from lfsr_lab.experiments.chart.cells import Settings
 from lfsr_lab.experiments.chart.findings import RIVAL, label
-from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.engine import plots, truth
 from lfsr_lab.experiments.engine.plots import Curve
-from lfsr_lab.experiments.engine.renders import REFERENCE
+from lfsr_lab.experiments.engine.records import REFERENCE
 from lfsr_lab.experiments.engine.report import inline_svg, page_html
-from lfsr_lab.experiments.engine.truth import (
-    BIAS,
-    FLIP,
-    LABELS,
-    MEASURES,
-    PARTS,
-    RELMSE,
-    SSIM,
-    VARIANCE,
-    Truth,
-    flip_map,
-)
 
 RULES = {"largest": -1, "median": 0.5, "smallest": 0}
 FLIP_MOST = 0.7  # HDR-FLIP that is drawn white
@@ -59,7 +47,7 @@ class Crops:
         """Return the picture: reference, both images and both error maps of every row."""
         figure, grid = plots.sheet(10.5, 2.35 * len(self.rows), len(self.rows), 5)
         for axes, row in zip(grid, self.rows, strict=True):
-            maps = [flip_map(image, row.reference) for image in row.images]
+            maps = [truth.flip_map(image, row.reference) for image in row.images]
             shown = [srgb_encode(image) for image in (row.reference, *row.images)]
             titles = ["reference", *row.names, *(f"HDR-FLIP {error:.3f}" for error in row.errors)]
             for place, picture, title in zip(axes, [*shown, *maps], titles, strict=True):
@@ -81,7 +69,8 @@ def chosen_crops(chart: Chart, settings: Settings, scenes: Sequence[Path]) -> Cr
     rows = []
     for kind in pairs[0]:
         found = [(difference, path, pair[kind], index) for path, pair in zip(scenes, pairs, strict=True)
-                 for index, difference in enumerate(_differences(settings, path, pair[kind]))]
+                 for index, difference in enumerate(np.subtract(
+                     *(_flips(settings, path, cell) for cell in reversed(pair[kind]))))]
         found.sort(key=lambda each: each[0])
         for rule, share in RULES.items():
             _, path, pair, index = found[-1 if share < 0 else math.floor(share * (len(found) - 1))]
@@ -103,19 +92,13 @@ def _pairs(chart: Chart, scene: SceneRow) -> dict[str, Pair]:
         return min(ours, key=lambda cell: abs(math.log(of(cell) / of(rival)))), rival
 
     cost = ("equal time", lambda cell: cell.seconds.mean) if chart.timed else ("equal rays", lambda cell: cell.rays)
-    return {cost[0]: nearest(cost[1]), "equal error": nearest(lambda cell: cell.errors[FLIP].mean)}
-
-
-def _differences(settings: Settings, scene: Path, pair: Pair) -> Array:
-    """Return the HDR-FLIP of the rival minus that of ours, by lens."""
-    ours, rival = (_flips(settings, scene, cell) for cell in pair)
-    return rival - ours
+    return {cost[0]: nearest(cost[1]), "equal error": nearest(lambda cell: cell.errors[truth.FLIP].mean)}
 
 
 def _flips(settings: Settings, scene: Path, cell: Cell) -> Array:
     render = _render(settings, scene, cell)
-    values = cells.measured(render, cell.method, Truth(settings.output / scene.stem / REFERENCE)).values
-    return np.mean(values[FLIP], 0)
+    values = cells.measured(render, cell.method, truth.Truth(settings.output / scene.stem / REFERENCE)).values
+    return np.mean(values[truth.FLIP], 0)
 
 
 def _render(settings: Settings, scene: Path, cell: Cell) -> cells.Render:
@@ -124,11 +107,11 @@ def _render(settings: Settings, scene: Path, cell: Cell) -> cells.Render:
 
 
 def _row(settings: Settings, scene: Path, pair: Pair, index: int, title: str, ours: str) -> Row:
-    truth = Truth(settings.output / scene.stem / REFERENCE)
-    images = [truth.finished(_render(settings, scene, cell).folders[0], cell.method)[index] for cell in pair]
+    known = truth.Truth(settings.output / scene.stem / REFERENCE)
+    images = [known.finished(_render(settings, scene, cell).folders[0], cell.method)[index] for cell in pair]
     names = [f"{name}, {cell.samples} samples" for name, cell in zip(("ours", label(RIVAL, ours)), pair, strict=True)]
     errors = [float(_flips(settings, scene, cell)[index]) for cell in pair]
-    mean = (truth.halves[0][index] + truth.halves[1][index]) / 2
+    mean = (known.halves[0][index] + known.halves[1][index]) / 2
     return Row(f"{title}\n{scene.stem}", (names[0], names[1]), (errors[0], errors[1]), mean, (images[0], images[1]))
 
 
@@ -146,11 +129,11 @@ class Panel:
 
     @property
     def parts(self) -> bool:
-        return self.measure in PARTS
+        return self.measure in truth.PARTS
 
     @property
     def error(self) -> str:
-        return "bias² and variance, parts of relMSE" if self.parts else LABELS[self.measure]
+        return "bias² and variance, parts of relMSE" if self.parts else truth.LABELS[self.measure]
 
     @property
     def words(self) -> str:
@@ -160,28 +143,22 @@ class Panel:
 def overview(chart: Chart) -> list[Panel]:
     """Return every error against every cost, then bias and variance: means over the scenes."""
     title = f"Mean of {len(chart.scenes)} scenes" if len(chart.scenes) > 1 else chart.scenes[0].scene
-    noise = {name: statistics.fmean(scene.reference.noise[name] for scene in chart.scenes) for name in MEASURES}
+    noise = {name: statistics.fmean(scene.reference.noise[name] for scene in chart.scenes) for name in truth.MEASURES}
     cells = mean_cells(chart.scenes)
-    several = any(BIAS in cell.errors for cell in cells)
+    several = any(truth.BIAS in cell.errors for cell in cells)
     return [Panel(title, cells, noise, measure, seconds)
-            for measure in (*MEASURES, *((BIAS,) if several else ())) for seconds in costs(chart)]
+            for measure in (*truth.MEASURES, *((truth.BIAS,) if several else ())) for seconds in costs(chart)]
 
 
 def of_scene(chart: Chart, scene: SceneRow) -> list[Panel]:
     """Return the panels of one scene: SSIM and relMSE."""
-    return [Panel(scene.scene, scene.cells, scene.reference.noise, measure, chart.timed) for measure in (SSIM, RELMSE)]
+    return [Panel(scene.scene, scene.cells, scene.reference.noise, measure, chart.timed)
+            for measure in (truth.SSIM, truth.RELMSE)]
 
 
 def costs(chart: Chart) -> tuple[bool, ...]:
     """Return the costs that are known: seconds where everything is timed, and rays."""
     return (True, False) if chart.timed else (False,)
-
-
-def styles(chart: Chart) -> dict[Key, tuple[str, str]]:
-    """Return colour and marker of every method drawn with its name: ours, direct rendering, and others in order."""
-    keys: list[Key] = [(LOW, chart.settings.ours), RIVAL, *((DIRECT, name) for name in chart.settings.direct_methods),
-                       *((LOW, name) for name in chart.settings.methods)]
-    return dict(zip(dict.fromkeys(keys), STYLES, strict=False))
 
 
 def image(chart: Chart) -> str:
@@ -203,9 +180,13 @@ def page(chart: Chart, crops: Crops | None) -> str:
 
 def drawn(chart: Chart, shown: Sequence[Panel], footer: str = "") -> str:
     figure, grid = plots.panel_sheet(len(shown), footer=footer)
+    # Of every method drawn with its name, colour and marker: ours, direct rendering, and others in order.
+    keys: list[Key] = [(LOW, chart.settings.ours), RIVAL, *((DIRECT, name) for name in chart.settings.direct_methods),
+                       *((LOW, name) for name in chart.settings.methods)]
+    styles = dict(zip(dict.fromkeys(keys), STYLES, strict=False))
     for axes, panel in zip(grid, shown, strict=True):
-        named = [curve for key, look in styles(chart).items() for curve in _curves(chart, panel, key, look)]
-        noise = panel.noise[RELMSE if panel.parts else panel.measure]
+        named = [curve for key, look in styles.items() for curve in _curves(chart, panel, key, look)]
+        noise = panel.noise[truth.RELMSE if panel.parts else panel.measure]
         ours = [cell for cell in panel.cells if cell.key == (LOW, chart.settings.ours)]
         plots.error_axis(axes, *plots.limits([*(y for curve in named for y in curve.y), noise], 0.06))
         plots.cost_axis(axes, *plots.limits([x for curve in named for x in curve.x], 0.04), panel.seconds)
@@ -220,7 +201,7 @@ def drawn(chart: Chart, shown: Sequence[Panel], footer: str = "") -> str:
         taken = plots.draw_noise(axes, noise)
         start = min(ours, key=lambda cell: cell.samples, default=None)
         if start:
-            measure = VARIANCE if panel.parts else panel.measure
+            measure = truth.VARIANCE if panel.parts else panel.measure
             taken += plots.draw_slopes(axes, measure, (_cost(panel, start), start.errors[measure].mean))
         plots.name_curves(axes, named, taken)
     return plots.svg(figure)
@@ -232,25 +213,20 @@ def _curves(chart: Chart, panel: Panel, key: Key, look: tuple[str, str]) -> list
     if panel.parts and key not in (us, RIVAL):
         return []
     name, found = "ours" if key == us else findings.label(key, chart.settings.ours), []
-    for measure in PARTS if panel.parts else (panel.measure,):
+    for measure in truth.PARTS if panel.parts else (panel.measure,):
         cells = [cell for cell in panel.cells if cell.key == key and measure in cell.errors
                  and cell.errors[measure].mean > 0]
-        color, marker = STYLES[STYLES.index(look) + (2 if measure == VARIANCE else 0)]
-        words = f"{name}: {'variance' if measure == VARIANCE else 'bias²'}" if panel.parts else name
+        color, marker = STYLES[STYLES.index(look) + (2 if measure == truth.VARIANCE else 0)]
+        words = f"{name}: {'variance' if measure == truth.VARIANCE else 'bias²'}" if panel.parts else name
         if cells:
-            found.append(_curve(panel, cells, measure, Curve(
-                words, color, marker, (), (), bold=key == us,
-                notes=[str(cell.samples) for cell in cells] if key in (us, RIVAL) and not panel.parts else ())))
+            errors = [cell.errors[measure] for cell in cells]
+            bottom = min(error.mean for error in errors) / 10
+            found.append(Curve(
+                words, color, marker, [_cost(panel, cell) for cell in cells], [error.mean for error in errors],
+                [(cell.seconds.low, cell.seconds.high) for cell in cells if cell.seconds] if panel.seconds else [],
+                [(max(error.low, bottom), max(error.high, bottom)) for error in errors],
+                [str(cell.samples) for cell in cells] if key in (us, RIVAL) and not panel.parts else (), key == us))
     return found
-
-
-def _curve(panel: Panel, cells: Sequence[Cell], measure: str, look: Curve) -> Curve:
-    """Return a curve that looks like ``look`` through cells, with bars for intervals."""
-    errors, bottom = [cell.errors[measure] for cell in cells], min(cell.errors[measure].mean for cell in cells) / 10
-    spans = [(cell.seconds.low, cell.seconds.high) for cell in cells if cell.seconds] if panel.seconds else []
-    return dataclasses.replace(
-        look, x=[_cost(panel, cell) for cell in cells], y=[error.mean for error in errors], spans=spans,
-        bars=[(max(error.low, bottom), max(error.high, bottom)) for error in errors])
 
 
 def _cost(panel: Panel, cell: Cell) -> float:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Iterator
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
@@ -20,11 +19,10 @@ from lfsr_core.frames.request import check_scene
 from lfsr_core.pipeline.staging import staging_folder
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.chart import analysis, cells, findings, panels
-from lfsr_lab.experiments.chart.cells import DIRECT_METHODS, Render, Settings, default_methods
-from lfsr_lab.experiments.engine.renders import REFERENCE, Store, check_render, reference_of, sampled
+from lfsr_lab.experiments.chart.cells import DIRECT_METHODS, Settings, default_methods
+from lfsr_lab.experiments.engine.records import REFERENCE, Store, check_render, reference_of, sampled
 from lfsr_lab.experiments.engine.report import environment, write_report
 from lfsr_lab.experiments.engine.seeds import blocks_of
-from lfsr_lab.experiments.engine.timing import render_seconds
 from lfsr_lab.experiments.engine.truth import Truth, reference_noise
 from lfsr_lab.networks.methods import LabMethod
 
@@ -52,8 +50,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="show the world behind the subject; default: what each scene says")
     add("--device", default="CPU", metavar="NAME", help="Cycles device, default: %(default)s")
     add("--repeats", type=int, default=3, metavar="N", help="timed runs of the second stage, default: %(default)s")
-    add("--render-repeats", type=int, default=3, metavar="N",
-        help="renders that are made again for their time, default: %(default)s; 0: count all seeds")
     add("--times", action="store_true", help="time what is not timed; without it nothing is timed")
     add("--only-measure", action="store_true", help="render nothing; leave out what is not there")
 
@@ -80,8 +76,15 @@ def run(arguments: argparse.Namespace) -> None:
         if sum(other.stem == scene.stem for other in scenes) > 1:
             raise LfsrError(f"two scenes are called {scene.stem!r}, but each has a folder of its name: rename one file")
     with staging_folder(settings.output / CHART):
-        for scene in scenes:
-            _check_renders(settings.output / scene.stem, scene)
+        for scene in scenes:  # renders of another file, or from before it was changed, are refused
+            content = scene_stamp(scene) if scene.is_file() else ""
+            for path in sorted((settings.output / scene.stem).glob(f"*/{FRAME_FILE}")):
+                found = read_frame(path.parent)
+                if found.scene and found.scene != scene.name:
+                    raise LfsrError(f"{path.parent} was rendered of {found.scene}, but this chart is of {scene}: give "
+                                    "another --output")
+                if is_changed(found.content, content):
+                    raise LfsrError(f"{path.parent} was rendered before {scene} was changed: give another --output")
         measuring = _Run(settings, Store(settings.output, settings.blender, not settings.only_measure),
                          len(scenes) * settings.steps)
         for scene in scenes:
@@ -98,18 +101,6 @@ def run(arguments: argparse.Namespace) -> None:
                 ".html": lambda: panels.page(chart, panels.chosen_crops(chart, settings, shown)),
                 ".svg": lambda: panels.image(chart), ".md": lambda: findings.markdown(chart)}):
             print(path)
-
-
-def _check_renders(folder: Path, scene: Path) -> None:
-    """LfsrError if a render in the ``folder`` of a scene is one of another file, or from before it was changed."""
-    content = scene_stamp(scene) if scene.is_file() else ""
-    for path in sorted(folder.glob(f"*/{FRAME_FILE}")):
-        found = read_frame(path.parent)
-        if found.scene and found.scene != scene.name:
-            raise LfsrError(f"{path.parent} was rendered of {found.scene}, but this chart is of {scene}: give another "
-                            "--output")
-        if is_changed(found.content, content):
-            raise LfsrError(f"{path.parent} was rendered before {scene} was changed: give another --output")
 
 
 @dataclasses.dataclass
@@ -140,9 +131,30 @@ class _Run:
         if not truth.counted.any():
             return self._skip(f"{path.stem} has no foreground in the lenses of its reference")
         blocks = blocks_of(truth.lenses)
-        points = [analysis.Point.of(render.role, name, render.jobs[0].sampling.scale, render.jobs[0].sampling.samples,
-                           cells.measured(render, name, truth), cells.times(self.settings, render, name), blocks)
-                  for render in self._renders(path) for name in self._methods(path, render)]
+        points = []
+        for render in cells.renders(settings, path):
+            job = render.jobs[0]
+            scale, samples = job.sampling.scale, job.sampling.samples
+            self._begin(f"{path.stem}: scale {scale}, {samples} samples")
+            if self.store.may_render:
+                self.store.render_all(render.jobs)
+            if not all(FrameFolder(folder).holds() for folder in render.folders):
+                self._skip(f"{path.stem} has no render at scale {scale} with {samples} samples and {len(render.jobs)} "
+                           "seeds")
+                continue
+            for seed in render.jobs:
+                check_render(seed)
+            for name in settings.direct_methods if render.role == analysis.DIRECT else settings.methods:
+                self._begin(f"{path.stem}: {name} at scale {scale}, {samples} samples")
+                parsed = LabMethod.parse(name)
+                if not parsed.works_with(job.display.parallax):
+                    self._skip(f"{name}: it needs views in two directions")
+                elif parsed.network and not parsed.works_at(scale):
+                    self._skip(f"{name} at scale {scale}: {parsed.network} has no weights for it")
+                else:
+                    points.append(analysis.Point.of(
+                        render.role, name, scale, samples, cells.measured(render, name, truth),
+                        cells.times(settings, render, name), blocks))
         if not points:
             return self._skip(f"{path.stem} has no render that a method could finish")
         frame = truth.reference.frame
@@ -154,34 +166,6 @@ class _Run:
         self.rows[path.stem] = analysis.SceneRow(
             path.stem, truth.reference.frame.blender, used, tuple(point.cell for point in points), tuple(duels),
             tuple(analysis.reaches(points, analysis.FIXED)))
-
-    def _renders(self, scene: Path) -> Iterator[Render]:
-        for render in cells.renders(self.settings, scene):
-            job = render.jobs[0]
-            self._begin(f"{scene.stem}: scale {job.sampling.scale}, {job.sampling.samples} samples")
-            if self.store.may_render:
-                self.store.render_all(render.jobs)
-            if all(FrameFolder(folder).holds() for folder in render.folders):
-                for seed in render.jobs:
-                    check_render(seed)
-                if self.settings.times and self.settings.render_repeats:
-                    render_seconds(render.jobs[0], self.store, self.settings.render_repeats, retime=True)
-                yield render
-            else:
-                self._skip(f"{scene.stem} has no render at scale {job.sampling.scale} with "
-                           f"{job.sampling.samples} samples and {len(render.jobs)} seeds")
-
-    def _methods(self, scene: Path, render: Render) -> Iterator[str]:
-        settings, job = self.settings, render.jobs[0]
-        for name in settings.direct_methods if render.role == analysis.DIRECT else settings.methods:
-            self._begin(f"{scene.stem}: {name} at scale {job.sampling.scale}, {job.sampling.samples} samples")
-            parsed = LabMethod.parse(name)
-            if not parsed.works_with(job.display.parallax):
-                self._skip(f"{name}: it needs views in two directions")
-            elif parsed.network and not parsed.works_at(job.sampling.scale):
-                self._skip(f"{name} at scale {job.sampling.scale}: {parsed.network} has no weights for it")
-            else:
-                yield name
 
     def _begin(self, step: str) -> None:
         self.bar(Progress(CHART, self.done / self.steps, step))

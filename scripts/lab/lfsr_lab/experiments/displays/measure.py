@@ -8,7 +8,6 @@ independent, so that its noise cancels.
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 import shutil
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +19,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, Frame, read_frame, read_rendered
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, read_frame, read_rendered
 from lfsr_core.frames.reference import Reference
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.images.exr import read_finite
@@ -33,8 +32,7 @@ from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.panel.weave import gather_map, weave
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, SUBPIXEL_METHODS, MethodName, oidn
 from lfsr_core.reconstruct.second_stage import finished_linear, linear_panel_image
-from lfsr_lab.experiments.engine.records import Fingerprint, Records
-from lfsr_lab.experiments.engine.renders import REFERENCE, Store, check_render, reference_of
+from lfsr_lab.experiments.engine.records import REFERENCE, Fingerprint, Records, Store, check_render, reference_of
 from lfsr_lab.experiments.engine.timing import children_cpu_seconds, cpu_seconds
 
 FULL_WIDTH = {"integral": 7680, "lenticular": 3840, "hexagonal": 7680}  # pixels of the real panels
@@ -113,9 +111,20 @@ def panel_image(folder: Path, way: Way) -> Array:
     if way == SUBPIXEL:
         return traced(folder, LOW_RES_FILE, SUBPIXEL_METHODS[0])
     frame = read_frame(folder)
-    if way == USUAL:
-        return shown(_view_by_view(folder, frame), frame.display, "nearest")
-    return shown(finished_linear(folder, DEFAULT_METHOD), frame.display)
+    if way != USUAL:
+        return shown(finished_linear(folder, DEFAULT_METHOD), frame.display)
+    # Every view is denoised as Blender does: on its own, by its albedo and normal.
+    layers = read_finite(folder / LOW_RES_FILE)[0]
+    images = {name: to_elemental_images(layers[name][..., :3], frame.rays.tiles)
+              for name in ("color", *GUIDES) if name in layers}
+    py, px = images["color"].shape[2:4]
+    views = np.empty((py, px, *images["color"].shape[:2], 3), np.float32)
+    for row, column in np.ndindex(py, px):
+        view = {name: image[:, :, row, column] for name, image in images.items()}
+        guides = clean_guides({name: view[name] for name in GUIDES if name in view})
+        views[row, column] = oidn.denoise(view["color"], guides.get("albedo"), guides.get("normal"), hdr=True,
+                                          clean_aux=bool(guides), quality="balanced")
+    return shown(from_views(views), frame.display, "nearest")
 
 
 def traced(folder: Path, name: str, method: str = "none") -> Array:
@@ -137,21 +146,6 @@ def shown(linear: Array, display: DisplayProfile, sampling: str | None = None) -
 
 def _encoded(linear: Array) -> Array:
     return np.rint(srgb_encode(linear) * 255).astype(np.uint8)
-
-
-def _view_by_view(folder: Path, frame: Frame) -> Array:
-    """Return the light field with every view denoised as Blender does: on its own, by its albedo and normal."""
-    layers = read_finite(folder / LOW_RES_FILE)[0]
-    images = {name: to_elemental_images(layers[name][..., :3], frame.rays.tiles)
-              for name in ("color", *GUIDES) if name in layers}
-    py, px = images["color"].shape[2:4]
-    views = np.empty((py, px, *images["color"].shape[:2], 3), np.float32)
-    for row, column in np.ndindex(py, px):
-        view = {name: image[:, :, row, column] for name, image in images.items()}
-        guides = clean_guides({name: view[name] for name in GUIDES if name in view})
-        views[row, column] = oidn.denoise(view["color"], guides.get("albedo"), guides.get("normal"), hdr=True,
-                                          clean_aux=bool(guides), quality="balanced")
-    return from_views(views)
 
 
 def clean_guides(guides: Mapping[str, Array]) -> dict[str, Array]:
@@ -235,7 +229,6 @@ def seen(panel: Array, profile: DisplayProfile) -> list[Array]:
 
 
 CPU_FOLDER = "cpu"
-SINGLE = ("opening", "single")  # renders of a few lenses
 FEW = 4
 
 
@@ -243,7 +236,7 @@ FEW = 4
 class Cost:
     """What a render took."""
 
-    cpu: float  # seconds on all cores, in a Blender that has the scene open, beyond those of a few lenses
+    cpu: float  # seconds on all cores beyond those of a few lenses
 
 
 @dataclasses.dataclass(frozen=True)
@@ -279,8 +272,7 @@ class Renders:
         references = [reference_of(self._job(way, self.reference_spp), self.reference_spp, folder)
                       for way, folder in ways if folder]
         every = {job.output: job for job in (*jobs.values(), *usual, *references)}
-        missing = [job for job in every.values() if self._cost(job) is None]
-        if missing:
+        if missing := [job for job in every.values() if self._cost(job) is None]:
             self._render(missing)
         for job in every.values():
             check_render(job)
@@ -294,21 +286,20 @@ class Renders:
         return costs
 
     def _render(self, jobs: Sequence[Request]) -> None:
-        """Render one after the other; first two of a few lenses: the first builds the scene, the second is measured."""
-        lenses = tuple(itertools.product(range(4), range(4)))
-        single = [dataclasses.replace(jobs[0], output=str(self.folder / name), sampling=Sampling(1, 1), kind="render",
-                                      display=self.display, layout="one-pass", lens_list=lenses) for name in SINGLE]
-        seconds = [children_cpu_seconds()]
-
-        def rendered(job: Request) -> None:
-            seconds.append(children_cpu_seconds())
-            if job not in single:
-                cpu = seconds[-1] - seconds[-2] - (seconds[2] - seconds[1])
-                self._costs.write(Path(job.output).name, _mark(job), Cost(max(0.0, cpu)))
-
-        for job in (*single, *jobs):
+        """Render one after the other, each in its own Blender; the seconds of a few lenses alone do not count."""
+        few = dataclasses.replace(jobs[0], output=str(self.folder / "few-lenses"), sampling=Sampling(1, 1),
+                                  kind="render", display=self.display, layout="one-pass",
+                                  lens_list=tuple((row, column) for row in range(4) for column in range(4)))
+        opening = 0.0
+        for job in (few, *jobs):
             shutil.rmtree(job.output, ignore_errors=True)
-        self.store.render_all([*single, *jobs], rendered)
+            started = children_cpu_seconds()
+            self.store.rendered(job)
+            seconds = children_cpu_seconds() - started
+            if job is few:
+                opening = seconds
+            else:
+                self._costs.write(Path(job.output).name, _mark(job), Cost(max(0.0, seconds - opening)))
 
     @property
     def _costs(self) -> Records[Cost]:

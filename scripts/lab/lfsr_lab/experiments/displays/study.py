@@ -19,26 +19,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lfsr_core.base.records import write_record
-from lfsr_lab.experiments.displays.measure import (
-    EVERY_VIEW,
-    FULL_WIDTH,
-    OURS,
-    SUBPIXEL,
-    USUAL,
-    WAYS,
-    Accuracy,
-    Point,
-    Renders,
-    Target,
-    Way,
-    kind,
-    measure,
-    measured_at,
-)
+from lfsr_lab.experiments.displays import measure
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.plots import svg
-from lfsr_lab.experiments.engine.records import Cell, Records, measured, to_stderr
-from lfsr_lab.experiments.engine.renders import Store
+from lfsr_lab.experiments.engine.records import Cell, Records, Store, measured, to_stderr
 from lfsr_lab.experiments.engine.report import Environment, environment, markdown_table, number, write_report
 
 if TYPE_CHECKING:
@@ -48,7 +32,7 @@ if TYPE_CHECKING:
 WOVEN, TRACED = "woven", "traced"  # references: every view, woven or as it is; the panel's subpixels
 HEADER = ("scene", "display", "way", "samples", "scale", "render", "rest", "CPU s", "PSNR panel", "PSNR eye",
           "SSIM eye", "traced: PSNR panel", "PSNR eye", "SSIM eye")
-OTHERS = (EVERY_VIEW, SUBPIXEL, USUAL)
+OTHERS = (measure.EVERY_VIEW, measure.SUBPIXEL, measure.USUAL)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,7 +40,7 @@ class Row:
     scene: str
     kind: str
     panel_pixels: tuple[int, int]
-    points: tuple[Point, ...]
+    points: tuple[measure.Point, ...]
 
     @property
     def references(self) -> tuple[str, ...]:
@@ -73,20 +57,26 @@ class Comparison:
 
 
 def markdown(found: Comparison) -> str:
+    rows = []
+    for row in found.rows:
+        for point in row.points:
+            seconds = (number(value, digits=1) for value in (point.render_cpu, point.finish_cpu, point.cpu))
+            rows.append((row.scene, row.kind, point.way, point.samples, point.scale, *seconds,
+                         *_figures(point.accuracy), *_figures(point.traced)))
     lines = [f"{found.environment.machine}; {found.environment.packages}.", "",
-             *(f"- {way.name}: {way.meaning}." for way in WAYS), "",
+             *(f"- {way.name}: {way.meaning}." for way in measure.WAYS), "",
              *markdown_table(("scene", "display", "reference", "against", "at samples", "its SSIM eye", "its CPU s",
                               "ours CPU s", "times"), _verdicts(found), "llll"), "",
-             *markdown_table(HEADER, _lines(found), "lll")]
+             *markdown_table(HEADER, rows, "lll")]
     return "\n".join(lines) + "\n"
 
 
-def judged(point: Point, reference: str) -> Accuracy:
+def judged(point: measure.Point, reference: str) -> measure.Accuracy:
     """How near it comes to a reference that its row has."""
     return point.traced if reference == TRACED and point.traced else point.accuracy
 
 
-def seconds_for(points: Sequence[Point], value: float, reference: str = WOVEN) -> float | None:
+def seconds_for(points: Sequence[measure.Point], value: float, reference: str = WOVEN) -> float | None:
     """Return the CPU seconds at which a way's curve reaches an ``ssim_eye``; None where it never does.
 
     Between two points the logarithm of time is interpolated; points that are slower and no better do not count.
@@ -115,19 +105,11 @@ def figure(found: Comparison, reference: str = WOVEN) -> Figure | None:
     return figure
 
 
-def _of(row: Row, way: Way) -> tuple[Point, ...]:
+def _of(row: Row, way: measure.Way) -> tuple[measure.Point, ...]:
     return tuple(point for point in row.points if point.way == way.name)
 
 
-def _lines(found: Comparison) -> Iterator[tuple]:
-    for row in found.rows:
-        for point in row.points:
-            seconds = (number(value, digits=1) for value in (point.render_cpu, point.finish_cpu, point.cpu))
-            yield (row.scene, row.kind, point.way, point.samples, point.scale, *seconds, *_figures(point.accuracy),
-                   *_figures(point.traced))
-
-
-def _figures(close: Accuracy | None) -> tuple[str, ...]:
+def _figures(close: measure.Accuracy | None) -> tuple[str, ...]:
     values = (close.psnr_panel, close.psnr_eye, close.ssim_eye) if close else (None,) * 3
     return tuple(number(value, digits=digits) for value, digits in zip(values, (2, 2, 4), strict=True))
 
@@ -138,7 +120,7 @@ def _verdicts(found: Comparison) -> Iterator[tuple]:
         rivals = [point for way in OTHERS for point in _of(row, way)]
         for reference, rival in itertools.product(row.references, rivals):
             its = judged(rival, reference).ssim_eye
-            ours = seconds_for(_of(row, OURS), its, reference)
+            ours = seconds_for(_of(row, measure.OURS), its, reference)
             yield (row.scene, row.kind, reference, rival.way, rival.samples, number(its, digits=4),
                    number(rival.cpu, digits=1), number(ours, digits=1), number(ours and rival.cpu / ours, digits=1))
 
@@ -146,8 +128,8 @@ def _verdicts(found: Comparison) -> Iterator[tuple]:
 def _panel(axes: Axes, row: Row, reference: str) -> None:
     curves = [plots.Curve(way.name, plots.COLORS[index], plots.MARKERS[index], [point.cpu for point in points],
                           [judged(point, reference).ssim_eye for point in points],
-                          notes=[str(point.samples) for point in points], bold=way == OURS)
-              for index, way in enumerate((OURS, *OTHERS)) if (points := _of(row, way))]
+                          notes=[str(point.samples) for point in points], bold=way == measure.OURS)
+              for index, way in enumerate((measure.OURS, *OTHERS)) if (points := _of(row, way))]
     seconds, values = ([value for curve in curves for value in getattr(curve, axis)] for axis in "xy")
     plots.time_axis(axes, min(seconds) / 1.3, max(seconds) * 1.3)
     plots.value_axis(axes, plots.height(min(values)) - 0.3, plots.height(max(values)) + 0.3)
@@ -168,8 +150,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Render and measure what is missing, then write the report and name its files."""
-    for name in FULL_WIDTH:
-        kind(name, arguments.width)
+    for name in measure.FULL_WIDTH:
+        measure.kind(name, arguments.width)
     store = Store(arguments.output, arguments.blender)
     found = compare(store, arguments.width, arguments.reference_spp, arguments.scenes)
     print("\n".join(map(str, write_pages(arguments.output, found))))
@@ -180,9 +162,9 @@ def compare(store: Store, width: int | None, reference_spp: int, scenes: Sequenc
     rows: list[Row] = []
     found = Comparison(width, reference_spp, environment(), ())
     for scene in scenes:
-        for name in FULL_WIDTH:
-            shown = kind(name, width)
-            points = tuple(_points(Renders(store, scene, shown, reference_spp)))
+        for name in measure.FULL_WIDTH:
+            shown = measure.kind(name, width)
+            points = tuple(_points(measure.Renders(store, scene, shown, reference_spp)))
             rows.append(Row(scene.stem, name, shown.panel_pixels, points))
             found = Comparison(width, reference_spp, environment(), tuple(rows))
             write_record(store.folder / f"{STEM}.json", found)
@@ -196,18 +178,18 @@ def write_pages(folder: Path, found: Comparison) -> list[Path]:
     return write_report(folder, STEM, None, {".md": lambda: markdown(found)} | texts)
 
 
-def _points(renders: Renders) -> Iterator[Point]:
-    costs, records = renders.fill(), Records(renders.folder / "points", Point)
+def _points(renders: measure.Renders) -> Iterator[measure.Point]:
+    costs, records = renders.fill(), Records(renders.folder / "points", measure.Point)
 
     @functools.cache
-    def targets() -> list[Target]:
-        return [Target.of(folder) for folder in (renders.reference, renders.traced_reference) if folder]
+    def targets() -> list[measure.Target]:
+        return [measure.Target.of(folder) for folder in (renders.reference, renders.traced_reference) if folder]
 
-    for way, samples in measured_at(renders.display):
+    for way, samples in measure.measured_at(renders.display):
         rendered, cpu = renders.path(way, samples), costs[way.name, samples]
-        cell = Cell(rendered.name if way != USUAL else f"{USUAL.name}-{samples}",
+        cell = Cell(rendered.name if way != measure.USUAL else f"{measure.USUAL.name}-{samples}",
                     {"version": VERSION, "reference": renders.reference_spp, "render": cpu},
-                    functools.partial(measure, way, samples, rendered, cpu, targets))
+                    functools.partial(measure.measure, way, samples, rendered, cpu, targets))
         for point in measured([cell], records, renders.store):
             to_stderr(f"{renders.scene.stem}, {renders.display.name}, {way.name}, {samples} samples: "
                       f"{point.cpu:.2f} s, {point.accuracy.ssim_eye:.4f} (load {records.load or 0:.1f})")

@@ -15,9 +15,23 @@ from typing import Any
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, write_json
 from lfsr_core.commands.arguments import names
-from lfsr_lab.experiments.document import page
-from lfsr_lab.experiments.document.studies import FORMS, LONG, SHORT, Kept, Study, Unit, read_table, units
-from lfsr_lab.experiments.document.work import IMAGES, MEASURED, Ended, Work, commit, digests, inputs, record_facts
+from lfsr_lab.experiments.document.work import (
+    FORMS,
+    IMAGES,
+    LONG,
+    MEASURED,
+    SHORT,
+    Kept,
+    Study,
+    Unit,
+    Work,
+    commit,
+    digests,
+    inputs,
+    read_table,
+    record_facts,
+    units,
+)
 from lfsr_lab.experiments.engine.records import to_stderr
 
 MANIFEST = "manifest.json"
@@ -70,6 +84,8 @@ def measure(work: Work, form: str, studies: Sequence[Study], part: tuple[int, in
 
 def draw(work: Work) -> Iterator[Path]:
     """Join records, write manifest and report, and yield their paths; errors as of ``page.write``."""
+    from lfsr_lab.experiments.document import page  # draws by the code of every study, which is slow to load
+
     before = _manifest(work.folder)
     form = before.get("form", KEPT)
     every = [] if form == KEPT else units(work.table.study, form)
@@ -81,7 +97,11 @@ def draw(work: Work) -> Iterator[Path]:
         known |= {asset.name: digests(path) for asset in work.table.asset
                   if not asset.script and (path := work.assets / asset.file).is_file()}
     facts = {"form": form, "words": WORDS.get(form) or f"The {form} form: {FORMS[form]}. {SECONDS_ARE_ROUGH}",
-             "commit": None if form == KEPT else commit(), "units": [_unit(unit, found.get(unit)) for unit in every],
+             "commit": None if form == KEPT else commit(), "units": [
+                 {"unit": unit.title, "state": (ended.sentence or "whole") if ended else "not measured",
+                  "seconds": ended.seconds if ended else None, "load": ended.load if ended else None,
+                  "threads": ended.threads if ended else "", "machine": ended.environment.machine if ended else "",
+                  "command": ended.command if ended else ""} for unit in every for ended in [found.get(unit)]],
              "inputs": inputs(work.table, known, before.get("inputs", [])),
              "records": [record_facts(work.folder / MEASURED / kept.file, kept.command) for _, kept in rows]}
     write_json(work.folder / MANIFEST, facts)
@@ -105,14 +125,6 @@ def _records(work: Work, form: str) -> Iterator[tuple[Study, Kept]]:
         for kept in every:
             if (work.folder / MEASURED / kept.file).exists():
                 yield study, kept
-
-
-def _unit(unit: Unit, ended: Ended | None) -> dict[str, Any]:
-    if ended is None:
-        return {"unit": unit.title, "state": "not measured", "seconds": None, "load": None, "threads": "",
-                "machine": "", "command": ""}
-    return {"unit": unit.title, "state": ended.sentence or "whole", "seconds": ended.seconds, "load": ended.load,
-            "threads": ended.threads, "machine": ended.environment.machine, "command": ended.command}
 
 
 def _manifest(folder: Path) -> dict[str, Any]:

@@ -5,6 +5,7 @@ A page is one file that loads nothing from elsewhere, light and dark.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import importlib.util
@@ -136,11 +137,22 @@ class Environment:
 
 def environment() -> Environment:
     """Return the environment of this process; a graphics card is named only once PyTorch is loaded."""
-    versions = {"lfsr": __version__} | {name: found for name in PACKAGES if (found := _version(name))}
+    versions, memory = {"lfsr": __version__}, None
+    for name in PACKAGES:
+        with contextlib.suppress(PackageNotFoundError):
+            versions[name] = version(name)
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        named = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+        cpu = next(named, platform.machine())
+    except OSError:
+        cpu = platform.processor() or platform.machine()
+    if sys.platform != "win32":
+        with contextlib.suppress(ValueError, OSError):
+            memory = round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1)
     torch = sys.modules.get("torch")  # not imported only to ask: without it no method used a GPU
-    return Environment(_cpu(), os.cpu_count() or 1, _memory_gib(), platform.system(), platform.python_version(),
-                       torch.cuda.get_device_name() if torch is not None and torch.cuda.is_available() else None,
-                       versions)
+    gpu = torch.cuda.get_device_name() if torch is not None and torch.cuda.is_available() else None
+    return Environment(cpu, os.cpu_count() or 1, memory, platform.system(), platform.python_version(), gpu, versions)
 
 
 def check_packages() -> None:
@@ -154,26 +166,3 @@ def load_average() -> float | None:
     """Return the load average of the last minute, None where it is not known."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
-
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
-
-
-def _cpu() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.processor() or platform.machine()
-    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
-
-
-def _memory_gib() -> float | None:
-    if sys.platform == "win32":
-        return None
-    try:
-        return round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1)
-    except (ValueError, OSError):
-        return None

@@ -40,7 +40,9 @@ def replicates(values: Array, blocks: Array | None = None) -> Array:
 
     ``blocks`` (lenses,): lenses with the same whole number are drawn together, as neighbours that see nearly the same.
     """
-    seeds, lenses = _counts(len(values), 0), _lens_counts(values.shape[1], blocks)
+    seeds = _counts(len(values), 0)
+    lenses = (_counts(values.shape[1], 1) if blocks is None else
+              _counts(int(blocks.max(initial=-1)) + 1, 1)[:, blocks])  # how often each lens is in each draw
     return np.asarray((seeds @ values * lenses).sum(1) / (len(values) * lenses.sum(1)))
 
 
@@ -53,13 +55,6 @@ def interval(drawn: Array) -> tuple[float, float]:
     """Return the ends of the 95 % interval of draws; infinite where the statistic was so in too many of them."""
     low, high = np.quantile(drawn, TAILS, method="nearest")
     return float(low), float(high)
-
-
-def _lens_counts(count: int, blocks: Array | None) -> Array:
-    """Return how often each lens is in each draw, (DRAWS, lenses)."""
-    if blocks is None:
-        return _counts(count, 1)
-    return _counts(int(blocks.max(initial=-1)) + 1, 1)[:, blocks]
 
 
 @functools.cache

@@ -1,4 +1,4 @@
-"""Times: of renders that are repeated, of the second stage, and of rivals that take turns."""
+"""Times: of the second stage, of rivals that take turns, and of processors."""
 
 from __future__ import annotations
 
@@ -17,62 +17,13 @@ from typing import Any
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import FRAME_FILE, read_frame
-from lfsr_core.frames.request import Request
 from lfsr_core.pipeline.make import finish_frame
-from lfsr_lab.experiments.engine.records import Records
-from lfsr_lab.experiments.engine.renders import Store
 from lfsr_lab.experiments.engine.report import load_average
 from lfsr_lab.networks.methods import ready
 
-REPEATS_FOLDER = "render-times"
 STAGES = ("load", "mask", "upscale", "assemble", "color", "write")
 Seconds = dict[str, tuple[float, ...]]
 """Seconds of every run, by the name of what was run."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Repeats:
-    """Seconds of renders that were repeated only to time them."""
-
-    alone: bool = False  # whether the time of the stored render does not count
-    repeats: tuple[float, ...] = ()
-
-    def counted(self, first: float) -> list[float]:
-        """Return all seconds that count, with those of the stored render, ``first``."""
-        return [*(() if self.alone else (first,)), *self.repeats]
-
-
-def render_seconds(job: Request, store: Store, count: int = 1, retime: bool = False) -> list[float]:
-    """Return the Cycles seconds of a render that is there, repeated until ``count`` are known.
-
-    With ``retime`` only those of repeats count, because the machine was busy when the stored one was made.
-    """
-    folder = Path(job.output)
-    records, mark, known = _repeats(folder)
-    first = mark["first"]
-    if retime and not known.alone:
-        known = Repeats(alone=True)
-    while len(known.counted(first)) < count and store.may_render:
-        known = dataclasses.replace(known, repeats=(*known.repeats, _timed_again(job, store)))
-        records.write(folder.name, mark, known)
-    return known.counted(first) or [first]
-
-
-def known_seconds(folder: Path) -> list[float]:
-    """Return the Cycles seconds of a render and of its repeats, as far as they are known."""
-    _, mark, known = _repeats(folder)
-    return known.counted(mark["first"]) or [mark["first"]]
-
-
-def _repeats(folder: Path) -> tuple[Records[Repeats], dict[str, float], Repeats]:
-    records = Records(folder.parent / REPEATS_FOLDER, Repeats)
-    mark = {"first": read_frame(folder).seconds["render"]}
-    return records, mark, records.read(folder.name, mark) or Repeats()
-
-
-def _timed_again(job: Request, store: Store) -> float:
-    with tempfile.TemporaryDirectory(prefix=".again-", dir=store.folder) as name:
-        return read_frame(store.rendered(dataclasses.replace(job, output=str(Path(name) / "frame")))).seconds["render"]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -59,9 +59,21 @@ def errors(images: Array, half_a: Array, half_b: Array) -> dict[str, Array]:
     half_a, half_b : (n, py, px, 3), the halves of the reference, scene-linear
     """
     mean, shown = (half_a + half_b) / 2, [srgb_encode(half) for half in (half_a, half_b)]
-    return {SSIM: np.array([1 - lens_ssims(srgb_encode(image), *shown) for image in images]),
-            **_relative(images, half_a, half_b), SMAPE: np.array([_smape(image, mean) for image in images]),
-            FLIP: np.array([_flips(image, mean) for image in images])}
+    weights = _weights(half_a, half_b)
+    kept = _kept(sum((image - mean)**2 for image in images) * weights)
+
+    def lenses(squares: Array) -> Array:
+        return _lens_means(squares * weights, kept)
+
+    found = {SSIM: np.array([1 - lens_ssims(srgb_encode(image), *shown) for image in images]),
+             RELMSE: np.array([lenses((image - half_a) * (image - half_b)) for image in images]),
+             SMAPE: np.array([_smape(image, mean) for image in images]),
+             FLIP: np.array([_flips(image, mean) for image in images])}
+    if len(images) > 1:
+        middle, variance = images.mean(0, dtype=np.float64), images.var(0, ddof=1, dtype=np.float64)
+        found[BIAS] = lenses((middle - half_a) * (middle - half_b) - variance / len(images))
+        found[VARIANCE] = lenses(variance)
+    return found
 
 
 def reference_noise(half_a: Array, half_b: Array) -> dict[str, float]:
@@ -79,22 +91,6 @@ def reference_noise(half_a: Array, half_b: Array) -> dict[str, float]:
 def lens_ssims(images: Array, half_a: Array, half_b: Array) -> Array:
     """Return the split SSIM (n,) of elemental images (n, py, px, 3) of display values."""
     return np.asarray(stacked_ssim(images, half_a, half_b).mean((1, 2)))
-
-
-def _relative(images: Array, half_a: Array, half_b: Array) -> dict[str, Array]:
-    """Return the relative squared error (seeds, n), and its parts (n,) where there are two or more seeds."""
-    weights, mean = _weights(half_a, half_b), (half_a + half_b) / 2
-    kept = _kept(sum((image - mean)**2 for image in images) * weights)
-
-    def lenses(squares: Array) -> Array:
-        return _lens_means(squares * weights, kept)
-
-    found = {RELMSE: np.array([lenses((image - half_a) * (image - half_b)) for image in images])}
-    if len(images) > 1:
-        middle, variance = images.mean(0, dtype=np.float64), images.var(0, ddof=1, dtype=np.float64)
-        found[BIAS] = lenses((middle - half_a) * (middle - half_b) - variance / len(images))
-        found[VARIANCE] = lenses(variance)
-    return found
 
 
 def _weights(half_a: Array, half_b: Array) -> Array:

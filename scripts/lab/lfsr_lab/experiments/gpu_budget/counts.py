@@ -44,8 +44,11 @@ def frame_work(display: DisplayProfile, scale: int, spp: int) -> list[Work]:
     finished = math.prod(display.eia_pixels)
     rendered = math.prod(display.low_views(scale)) * math.prod(display.lenses)
     steps = [Work(TRACE, rendered * spp, bytes=rendered * LAYER_CHANNELS * FLOAT), denoiser_work(rendered)]
-    if scale > 1:
-        steps.append(interpolation_work(rendered, finished, display.parallax, scale))
+    if scale > 1:  # linear, down and then across, from half floats to 8-bit pixels
+        across, down = display.parallax
+        multiplied = 3 * TAPS * (down * rendered * scale + across * finished)
+        steps.append(Work(INTERPOLATE, operations=2 * multiplied,
+                          bytes=rendered * 3 * HALF + finished * BYTES_PER_PIXEL))
     shown = display.panel_pixels[0] * display.panel_pixels[1]
     if display.is_woven:
         steps.append(Work(WEAVE, bytes=shown * 3 * (INDEX + 1) + shown * BYTES_PER_PIXEL))
@@ -66,13 +69,6 @@ def denoiser_work(pixels: int) -> Work:
         read = entering if layer not in SKIPS else _upsampled(shapes, layer) / 4 + entering - _upsampled(shapes, layer)
         total += Work(DENOISE, 0, round(2 * weights * places), round(HALF * ((read + outputs) * places + weights)))
     return total
-
-
-def interpolation_work(rendered: int, finished: int, parallax: tuple[bool, bool], scale: int) -> Work:
-    """Work of linear interpolation, down and then across, from half floats to 8-bit pixels."""
-    across, down = parallax
-    multiplied = 3 * TAPS * (down * rendered * scale + across * finished)
-    return Work(INTERPOLATE, operations=2 * multiplied, bytes=rendered * 3 * HALF + finished * BYTES_PER_PIXEL)
 
 
 @functools.cache

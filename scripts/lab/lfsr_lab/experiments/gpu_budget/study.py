@@ -23,16 +23,8 @@ from lfsr_core.frames.request import AUTO, GUIDES, Request, Sampling
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.averaging import read_low
 from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution
-from lfsr_lab.experiments.engine import timing
-from lfsr_lab.experiments.engine.renders import Store
-from lfsr_lab.experiments.engine.report import (
-    UNKNOWN,
-    Environment,
-    environment,
-    load_average,
-    markdown_table,
-    write_report,
-)
+from lfsr_lab.experiments.engine import report, timing
+from lfsr_lab.experiments.engine.records import Store
 from lfsr_lab.experiments.gpu_budget import counts
 
 REPEATS = 7
@@ -49,7 +41,7 @@ class Measured:
     started_ms: float  # of a render before the first sample
     milliseconds: dict[str, float]  # by step, medians
     notes: tuple[str, ...]  # of the denoiser
-    environment: Environment
+    environment: report.Environment
     load: float | None  # of the machine
 
 
@@ -70,7 +62,7 @@ def measure(store: Store, scene: Path, display: DisplayProfile, scale: int, spp:
     with torch.inference_mode():
         milliseconds |= tensor_steps(np.asarray(low.color, np.float32), low.factors, display, device)
     return Measured(display.name, scale, spp, frames[0].device, str(device), rate, max(0.0, 1e3 * few
-                    - milliseconds[counts.TRACE]), milliseconds, notes, environment(), load_average())
+                    - milliseconds[counts.TRACE]), milliseconds, notes, report.environment(), report.load_average())
 
 
 def tensor_steps(images: Array, factors: tuple[int, int], display: DisplayProfile,
@@ -139,7 +131,7 @@ def run(arguments: argparse.Namespace) -> None:
         record = Record((*(each for each in record.measured if _place(each) != _place(found)), found))
     write_record(path, record)
     texts = {".md": lambda: markdown(counts.read_gpus(), record.measured)}
-    print("\n".join(map(str, write_report(arguments.output, STEM, None, texts))))
+    print("\n".join(map(str, report.write_report(arguments.output, STEM, None, texts))))
 
 
 def _place(found: Measured) -> tuple[object, ...]:
@@ -156,6 +148,27 @@ def markdown(gpus: Sequence[counts.GPU], measured: Sequence[Measured]) -> str:
     scale, spp = EXAMPLE
     steps = counts.frame_work(display, scale, spp)
     weave = next(work.bytes for work in counts.frame_work(woven, 1, 1) if work.step == counts.WEAVE)
+    counted, rated, fitting = [], [], []
+    for each in SCALES:
+        by_step = {work.step: work for work in counts.frame_work(display, each, 1)}
+        denoised, grown = by_step[counts.DENOISE], by_step.get(counts.INTERPOLATE)
+        counted.append([f"{each}", *(f"{by_step[counts.TRACE].samples * count / 1e6:.1f}" for count in SAMPLES),
+                        f"{denoised.operations / 1e9:.1f}", f"{denoised.bytes / 1e6:.0f}",
+                        f"{grown.operations / 1e9:.1f}" if grown else report.UNKNOWN,
+                        f"{grown.bytes / 1e6:.0f}" if grown else report.UNKNOWN,
+                        f"{by_step[counts.SHOW].bytes / 1e6:.0f}"])
+    for gpu in gpus:
+        best, worst = counts.frame_ms(gpu, steps)
+        slowest = max(steps, key=lambda work: gpu.least_ms(work)[0])
+        rated.append([gpu.name, *(_span(gpu.least_ms(work), 1) for work in steps), _span((best, worst), 0),
+                      _span((1e3 / worst, 1e3 / best), 0), f"{slowest.step} ({gpu.limit(slowest)})"])
+        spans = {each: counts.fitting_samples(gpu, display, each) for each in SCALES}
+        fitting.append([gpu.name, *(f"{_span((low, high), 1)} ({_span((low / each ** 2, high / each ** 2), 2)})"
+                                    for each, (low, high) in spans.items())])
+    rows = [[found.device, found.tensors, f"{found.scale}, {found.spp}", f"{found.samples_per_second / 1e6:.2f}",
+             f"{found.started_ms / 1e3:.1f}", *(
+                 f"{found.milliseconds[work.step]:.0f}" if work.step in found.milliseconds else report.UNKNOWN
+                 for work in steps)] for found in measured]
     lines = [
         "# What 30 frames per second at 8K ask of a GPU", "",
         f"`{COMMAND}` counts and writes this page. It was written without a GPU: the milliseconds are the least that "
@@ -163,20 +176,18 @@ def markdown(gpus: Sequence[counts.GPU], measured: Sequence[Measured]) -> str:
         f"(denoiser and linear interpolation); every lens is foreground. One frame has {counts.FRAME_MS:.1f} ms.", "",
         "## Counts", "",
         f"`{DISPLAY}`, one frame. Samples are paths from the camera, in millions.", "",
-        *markdown_table(["scale", *(f"samples at {count}" for count in SAMPLES), "denoiser: 10⁹ operations", "MB",
-                         "interpolation: 10⁹ operations", "MB", "display: MB"],
-                        [_count_row(display, each) for each in SCALES], "r"), "",
+        *report.markdown_table(["scale", *(f"samples at {count}" for count in SAMPLES), "denoiser: 10⁹ operations",
+                                "MB", "interpolation: 10⁹ operations", "MB", "display: MB"], counted, "r"), "",
         f"The weave of a lenticular 8K panel (`{WOVEN}`) moves {weave / 1e6:.0f} MB more. The denoiser's "
         "bytes are those of layers that are not fused: each reads its inputs and writes its outputs in half "
         "precision.", "",
         "## At published rates", "",
         f"Scale {scale}, {spp} samples per rendered pixel, which is {spp / scale ** 2:g} rays per finished pixel. Two "
         "figures: at the highest and at the lowest published rate of samples.", "",
-        *markdown_table(["GPU", *(work.step for work in steps), "frame, ms", "frames per second", "what limits"],
-                        [_rate_row(gpu, steps) for gpu in gpus], "lr"), "",
+        *report.markdown_table(["GPU", *(work.step for work in steps), "frame, ms", "frames per second", "what limits"],
+                        rated, "lr"), "",
         "What fits beside the other steps, samples per rendered pixel (rays per finished pixel):", "",
-        *markdown_table(["GPU", *(f"scale {each}" for each in SCALES)],
-                        [[gpu.name, *(_fits(gpu, display, each) for each in SCALES)] for gpu in gpus], "lr"), "",
+        *report.markdown_table(["GPU", *(f"scale {each}" for each in SCALES)], fitting, "lr"), "",
         *_conclusion(gpus, display), "",
         "## Sources", "", *(f"- {gpu.name}: {'; '.join(gpu.sources)}." for gpu in gpus), "",
         "The samples are of scenes of production, with other renderers for two of the three; a frame of ours also "
@@ -185,31 +196,9 @@ def markdown(gpus: Sequence[counts.GPU], measured: Sequence[Measured]) -> str:
         "## Measured", "",
         f"`{COMMAND} --measure SCENE -o OUT` measures the same steps on the best device that Cycles, Open Image "
         "Denoise and PyTorch find, and adds a row. Denoising includes the copies to the device and back.", "",
-        *markdown_table(["Cycles on", "PyTorch on", "scale, samples", "10⁶ samples per second",
-                         "before the first sample, s", *(work.step for work in steps)],
-                        [_measured_row(each, steps) for each in measured], "llr")]
+        *report.markdown_table(["Cycles on", "PyTorch on", "scale, samples", "10⁶ samples per second",
+                         "before the first sample, s", *(work.step for work in steps)], rows, "llr")]
     return "\n".join(lines) + "\n"
-
-
-def _count_row(display: DisplayProfile, scale: int) -> list[str]:
-    by_step = {work.step: work for work in counts.frame_work(display, scale, 1)}
-    interpolated = by_step.get(counts.INTERPOLATE)
-    return [f"{scale}", *(f"{by_step[counts.TRACE].samples * count / 1e6:.1f}" for count in SAMPLES),
-            _billions(by_step[counts.DENOISE]), _megabytes(by_step[counts.DENOISE]),
-            *([_billions(interpolated), _megabytes(interpolated)] if interpolated else [UNKNOWN, UNKNOWN]),
-            _megabytes(by_step[counts.SHOW])]
-
-
-def _rate_row(gpu: counts.GPU, steps: Sequence[counts.Work]) -> list[str]:
-    best, worst = counts.frame_ms(gpu, steps)
-    slowest = max(steps, key=lambda work: gpu.least_ms(work)[0])
-    return [gpu.name, *(_span(gpu.least_ms(work), 1) for work in steps), _span((best, worst), 0),
-            _span((1e3 / worst, 1e3 / best), 0), f"{slowest.step} ({gpu.limit(slowest)})"]
-
-
-def _fits(gpu: counts.GPU, display: DisplayProfile, scale: int) -> str:
-    low, high = counts.fitting_samples(gpu, display, scale)
-    return f"{_span((low, high), 1)} ({_span((low / scale ** 2, high / scale ** 2), 2)})"
 
 
 def _conclusion(gpus: Sequence[counts.GPU], display: DisplayProfile) -> Iterable[str]:
@@ -227,20 +216,6 @@ def _conclusion(gpus: Sequence[counts.GPU], display: DisplayProfile) -> Iterable
            "(<https://github.com/GPSnoopy/RayTracingInVulkan/issues/62>), 30 to 50 times the rates above; 16 samples "
            f"at scale {EXAMPLE[0]} then take 10 ms. So the paper's 33 ms fit light scenes at scale 4 and 5, and scenes "
            "of production at scale 8 on the fastest of these.")
-
-
-def _measured_row(found: Measured, steps: Sequence[counts.Work]) -> list[str]:
-    return [found.device, found.tensors, f"{found.scale}, {found.spp}", f"{found.samples_per_second / 1e6:.2f}",
-            f"{found.started_ms / 1e3:.1f}", *(f"{found.milliseconds[work.step]:.0f}" if work.step in found.milliseconds
-                                                else UNKNOWN for work in steps)]
-
-
-def _billions(work: counts.Work) -> str:
-    return f"{work.operations / 1e9:.1f}"
-
-
-def _megabytes(work: counts.Work) -> str:
-    return f"{work.bytes / 1e6:.0f}"
 
 
 def _span(values: tuple[float, float], digits: int) -> str:

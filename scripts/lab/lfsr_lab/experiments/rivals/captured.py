@@ -122,7 +122,12 @@ def _imported(given: Array, ratio: int, name: str) -> Array:
     return srgb_encode(views[margin if len(given) > 1 else slice(None), margin])
 
 
-def likeness(shown: Array, views: Array, ratio: int) -> Likeness:
+def likeness(views: Array, task: Task, name: str, clones: Path) -> Likeness:
+    """Make the views that were left out, and compare them."""
+    return compared(made(views, task, name, clones), views, task.ratio)
+
+
+def compared(shown: Array, views: Array, ratio: int) -> Likeness:
     """Compare the views that were left out, (m, n, H, W, 3) uint8 each."""
     left_out = [place for place in np.ndindex(views.shape[:2]) if any(index % ratio for index in place)]
     # Luma in [0, 1], rounded to 8 bits, without its borders.

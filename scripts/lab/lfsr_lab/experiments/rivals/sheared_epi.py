@@ -101,17 +101,13 @@ def _at(shears: list[Array], row: float, column: float) -> Array:
     for (y, x), own in zip(CORNERS, shears, strict=True):
         there = np.full(own.shape, LOST)
         for shear in np.unique(own):
-            spot = np.argwhere(own == shear) + _rounded(-shear * (row - y), -shear * (column - x))
+            steps = -shear * np.array([row - y, column - x])  # halves are rounded away from zero, as MATLAB does
+            spot = np.argwhere(own == shear) + np.copysign(np.floor(np.abs(steps) + 0.5), steps).astype(int)
             spot = spot[((spot >= 0) & (spot < own.shape)).all(1)]
             there[spot[:, 0], spot[:, 1]] = shear
         weight = np.hypot(y - (1 - row), x - (1 - column)) * (there != LOST)
         total, weights = total + weight * there, weights + weight
     return total / np.where(weights == 0, 1, weights)
-
-
-def _rounded(*values: float) -> Array:
-    """Round halves away from zero, as MATLAB does."""
-    return np.array([int(np.copysign(np.floor(abs(value) + 0.5), value)) for value in values])
 
 
 def _between(ends: Array, shears: Array, axis: int) -> Array:
@@ -130,9 +126,14 @@ def _between(ends: Array, shears: Array, axis: int) -> Array:
         made = _sheared(ends[:, rows], int(shear), len(shears))
         made = np.where(np.isnan(made), resized(ends[:, rows], 0, len(shears)), made)
         shares = _gaussian(mask[:, rows, :, None].astype(float))
-        for total, share, part in zip(blended, shares, _laplacian(made), strict=True):
-            total[:, rows] += share * part
-    return _collapsed(blended)
+        levels = _gaussian(made)
+        details = [*(fine - _wider(coarse) for fine, coarse in itertools.pairwise(levels)), levels[-1]]
+        for total, share, detail in zip(blended, shares, details, strict=True):
+            total[:, rows] += share * detail
+    merged = blended[-1]
+    for level in blended[-2::-1]:
+        merged = level + _wider(merged)
+    return merged
 
 
 def _sheared(ends: Array, shear: int, views: int) -> Array:
@@ -159,14 +160,3 @@ def _gaussian(values: Array) -> list[Array]:
         levels.append(np.asarray(_smoothed(levels[-1]))[:, :, ::2])
     return levels
 
-
-def _laplacian(values: Array) -> list[Array]:
-    levels = _gaussian(values)
-    return [*(fine - _wider(coarse) for fine, coarse in itertools.pairwise(levels)), levels[-1]]
-
-
-def _collapsed(levels: list[Array]) -> Array:
-    whole = levels[-1]
-    for level in levels[-2::-1]:
-        whole = level + _wider(whole)
-    return whole

@@ -23,9 +23,8 @@ from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.optics.depth_scale import LEAST_SAMPLES, MODEL, LossModel, choose_scale, scales_up_to
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.process.blender import find_blender
-from lfsr_lab.experiments.denoiser.measure import SETTINGS, Candidate, Place, Settings, places, read_settings
-from lfsr_lab.experiments.denoiser.study import measured
-from lfsr_lab.experiments.engine.renders import REFERENCE, Store, scene_script
+from lfsr_lab.experiments.denoiser.study import SETTINGS, Candidate, Settings, measured, places, read_settings
+from lfsr_lab.experiments.engine.records import REFERENCE, Store, scene_script
 from lfsr_lab.experiments.engine.report import markdown_table
 from lfsr_lab.scenes import run_script
 
@@ -56,26 +55,20 @@ def collect(settings: Settings, store: Store, folders: Iterable[Path], method: s
     """
     moves, cells, candidate = {}, list[Cell](), Candidate.parse(method)
     for place in places(store, settings, folders):
-        if all(place.scene.profile.parallax) and FrameFolder(place.folder / REFERENCE).holds("reference"):
-            found = _cells(place, settings, candidate)
-            if found:
-                cells += found
-                moves[place.scene.name] = _moves(place.file, place.scene.profile, store.blender)
+        name, profile = place.scene.name, place.scene.profile
+        if not all(profile.parallax) or not FrameFolder(place.folder / REFERENCE).holds("reference"):
+            continue
+        allowed, before = scales_up_to(profile), len(cells)
+        for every in settings.at_rays(place.scene).values():  # of the scales that may be chosen, where two have renders
+            renders = [render for render in every if render.scale in allowed]
+            figures = measured(place, renders, [candidate])
+            rays = max((render.samples / render.scale**2 for render in renders), default=0.0)
+            found = [Cell(name, place.scene.group, rays, render.scale, float(np.mean(figures[key].ssim)))
+                     for render in renders if (key := (name, render, candidate.label)) in figures]
+            cells += found if len(found) > 1 else []
+        if len(cells) > before:
+            moves[name] = _moves(place.file, profile, store.blender)
     return Table(candidate.label, moves, tuple(cells))
-
-
-def _cells(place: Place, settings: Settings, candidate: Candidate) -> list[Cell]:
-    """Return the accuracies of a scene at the scales that may be chosen, where at least two have renders."""
-    name, group, cells = place.scene.name, place.scene.group, []
-    allowed = scales_up_to(place.scene.profile)
-    for every in settings.at_rays(place.scene).values():
-        renders = [render for render in every if render.scale in allowed]
-        figures = measured(place, renders, [candidate])
-        rays = max((render.samples / render.scale**2 for render in renders), default=0.0)
-        found = [Cell(name, group, rays, render.scale, float(np.mean(figures[name, render, candidate.label].ssim)))
-                 for render in renders if (name, render, candidate.label) in figures]
-        cells += found if len(found) > 1 else []
-    return cells
 
 
 def _moves(scene: Path, display: DisplayProfile, blender: str | None) -> tuple[float, ...]:

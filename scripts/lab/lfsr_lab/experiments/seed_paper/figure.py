@@ -10,10 +10,19 @@ from pathlib import Path
 from lfsr_core.metrics.intervals import student_95
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.records import Cell, Records, measured
-from lfsr_lab.experiments.engine.report import markdown_table, number
-from lfsr_lab.experiments.engine.truth import Metrics
-from lfsr_lab.experiments.seed_paper import renders, weights
-from lfsr_lab.experiments.seed_paper.renders import CELLS, VERSION, Settings
+from lfsr_lab.experiments.engine.report import markdown_table
+from lfsr_lab.experiments.seed_paper.measuring import (
+    CELLS,
+    LENS_SSIM,
+    NONE,
+    VERSION,
+    Results,
+    Row,
+    Rows,
+    Settings,
+    schedules,
+    store,
+)
 
 FEWEST = 3  # values that show their own spread
 SINGLE_RUN = 0.10  # fraction of a time taken once that is within its noise
@@ -90,47 +99,6 @@ def span(differences: Differences) -> str:
     return str(found[0]) if len(found) == 1 else f"{found[0].value:+.3g} to {found[-1].value:+.3g}"
 
 
-LENS_SSIM, SECONDS = "split SSIM of lenses", "seconds"  # names of series
-ACCURACY = "ssim_eia_fg"  # the metric that is drawn: split SSIM of the foreground
-LARGE = 100  # numbers from here on have no decimals
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Row:
-    scene: str = ""  # its name, or that of the case
-    method: str = ""  # its name, or that of the row
-    how: str = ""  # how it was made, where the method does not tell
-    samples: int | None = None  # per pixel of the render
-    values: Metrics = dataclasses.field(default_factory=dict)  # by column; empty where nothing was measured
-    # One number per foreground lens, row of lenses or run; those of two methods are compared pair by pair.
-    series: dict[str, tuple[float, ...]] = dataclasses.field(default_factory=dict)
-    image: str | None = None  # file name, in the folder of the figure's measurements
-    has_weights: bool = True  # False: nothing was measured
-
-    def value(self, name: str) -> float:
-        """Return a value, 0 where it is not known."""
-        return self.values.get(name) or 0.0
-
-    def text(self, name: str) -> str:
-        """Return a value as the table shows it."""
-        value = self.values.get(name)
-        return number(value, digits=3 if value is None or abs(value) < LARGE else 0)
-
-
-@dataclasses.dataclass(frozen=True)
-class Rows:
-    """What one cell measures at once."""
-
-    rows: tuple[Row, ...]
-
-
-@dataclasses.dataclass(frozen=True)
-class Results:
-    rows: tuple[Row, ...]
-    load: float | None = None  # highest load average seen after any measurement, None where the system tells none
-    schedules: dict[str, str] = dataclasses.field(default_factory=dict)  # how each method's network was trained
-
-
 @dataclasses.dataclass(frozen=True)
 class Figure:
     id: str  # on the command line and in file names
@@ -152,8 +120,8 @@ class Figure:
         records = Records(settings.output / CELLS / self.id, Rows)
         wanted = (dataclasses.replace(cell, inputs={"version": VERSION, **cell.inputs})
                   for cell in self.cells(settings))
-        found = [row for each in measured(wanted, records, renders.store(settings)) for row in each.rows]
-        return Results(tuple(found), records.load, weights.schedules(settings, self.methods))
+        found = [row for each in measured(wanted, records, store(settings)) for row in each.rows]
+        return Results(tuple(found), records.load, schedules(settings, self.methods))
 
     def table(self, rows: Iterable[Row]) -> list[str]:
         """Return the lines of a Markdown table of the rows that have values."""
@@ -167,7 +135,7 @@ class Figure:
         absent = ", ".join(dict.fromkeys(row.method for row in results.rows if not row.has_weights))
         without = f" Not measured, because they have no weights: {absent}." if absent else ""
         # Seconds and device do not count.
-        recipes = {text.rpartition(", ")[0] for text in results.schedules.values() if text != weights.NONE}
+        recipes = {text.rpartition(", ")[0] for text in results.schedules.values() if text != NONE}
         unequal = " The networks were not trained alike, or it is not recorded how."
         return self.rule(results.rows) + without + (unequal if len(recipes) > 1 or "" in recipes else "")
 

@@ -16,11 +16,11 @@ from lfsr_core.base.files import read_json, write_json
 from lfsr_core.base.records import from_data, to_data
 from lfsr_lab.experiments.engine.plots import save
 from lfsr_lab.experiments.engine.report import Environment, environment, write_text
-from lfsr_lab.experiments.seed_paper import renders
-from lfsr_lab.experiments.seed_paper.figure import Figure, Results
+from lfsr_lab.experiments.seed_paper import measuring
+from lfsr_lab.experiments.seed_paper.figure import Figure
 from lfsr_lab.experiments.seed_paper.figures import frames, images
 from lfsr_lab.experiments.seed_paper.figures.networks import ARCHITECTURE, COST, DEPTH, STEPS
-from lfsr_lab.experiments.seed_paper.renders import SCALE, Settings
+from lfsr_lab.experiments.seed_paper.measuring import SCALE, Results, Settings
 
 FIGURES: dict[str, Figure] = {figure.id: figure for figure in (
     images.FIG9, STEPS, frames.FRACTION, DEPTH, ARCHITECTURE, images.FIG11, frames.SCALES,
@@ -110,10 +110,10 @@ def run(arguments: argparse.Namespace) -> None:
     """Measure, draw and write figure by figure; figures of earlier runs with the same settings stay."""
     figures = chosen(arguments.only)
     if arguments.weights is not None and not arguments.weights.is_dir():
-        raise LfsrError(f"--weights {arguments.weights} is not a folder: give one with NAME-x{renders.SCALE}"
+        raise LfsrError(f"--weights {arguments.weights} is not a folder: give one with NAME-x{SCALE}"
                         ".safetensors files")
-    scenes = tuple(arguments.scenes) or (renders.demo_scene(arguments.output, arguments.blender),)
-    settings = renders.make_settings(**renders.Settings.given(arguments) | {"scenes": scenes})
+    scenes = tuple(arguments.scenes) or (measuring.demo_scene(arguments.output, arguments.blender),)
+    settings = measuring.make_settings(**Settings.given(arguments) | {"scenes": scenes})
     machine = environment()
     text = run_text(settings, machine, arguments.command)
     file, facts = settings.output / RESULTS_FILE, settings.facts()
@@ -128,7 +128,7 @@ def run(arguments: argparse.Namespace) -> None:
         found = results[figure.id] = figure.measure(settings)
         write_json(file, {"settings": facts, "environment": to_data(machine), "command": arguments.command,
                           "figures": {name: to_data(of) for name, of in results.items()}})
-        sheet = figure.draw(found.rows, settings.output / renders.CELLS / figure.id) if figure.draw else None
+        sheet = figure.draw(found.rows, settings.output / measuring.CELLS / figure.id) if figure.draw else None
         pages = {settings.output: (PAGE_FILE, IMAGES)}
         if arguments.docs:
             pages[arguments.docs] = PAGE_IN_DOCS, f"../{IMAGES}"

@@ -15,12 +15,9 @@ from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.reconstruct.methods import COMPARED, DEFAULT_METHOD
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_lab.experiments.engine import records
-from lfsr_lab.experiments.engine.records import Records, method_facts
-from lfsr_lab.experiments.engine.renders import REFERENCE, SCENE_FILE, Store, foreground, reference_of
 from lfsr_lab.experiments.engine.truth import Metrics, Truth, finite
 from lfsr_lab.experiments.sweeps import metrics
-from lfsr_lab.experiments.sweeps.records import Cell, Settings
-from lfsr_lab.experiments.sweeps.sweeps import EYE, MOTION, Sweep
+from lfsr_lab.experiments.sweeps.records import EYE, MOTION, Cell, Settings, Sweep
 from lfsr_lab.networks.comparators import NETWORKS
 from lfsr_lab.networks.methods import LabMethod, ready
 from lfsr_lab.scenes.sweeps.space import Space, card_centre, card_of_motion
@@ -45,7 +42,7 @@ def finished(render: Path, name: str) -> Array:
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    store: Store
+    store: records.Store
     settings: Settings
     sweep: Sweep
     value: float
@@ -59,9 +56,9 @@ class Scene:
         """Yield the cell of every method; what is missing is rendered and measured now."""
         samples = self.sweep.samples(self.value)
         end = f"-seed{self.seed}" if self.seed else ""
-        wanted = [records.Cell(f"{name}-{self.sweep.name}-spp{samples}{end}", method_facts(name),
+        wanted = [records.Cell(f"{name}-{self.sweep.name}-spp{samples}{end}", records.method_facts(name),
                              functools.partial(self.measure, name), self.jobs) for name in methods]
-        yield from records.measured(wanted, Records(self.folder / CELLS, Cell), self.store)
+        yield from records.measured(wanted, records.Records(self.folder / CELLS, Cell), self.store)
 
     @property
     def jobs(self) -> list[Request]:
@@ -72,7 +69,7 @@ class Scene:
 
     @property
     def reference_job(self) -> Request:
-        return reference_of(self.job(), self.settings.reference_samples, self.folder / REFERENCE)
+        return records.reference_of(self.job(), self.settings.reference_samples, self.folder / records.REFERENCE)
 
     def job(self, frame: int = 1, seed: int | None = None) -> Request:
         """Return a low-resolution render: of a frame other than 1 only of the moving card; ``seed`` of its noise."""
@@ -80,7 +77,7 @@ class Scene:
         samples = self.sweep.samples(self.value)
         suffix = "" if (frame, seed) == (1, 0) else f"-frame{frame}-seed{seed}"
         return Request(output=str(folder / f"s{settings.scale}-spp{samples}{suffix}"), display=settings.display,
-                   scene=str((folder / SCENE_FILE).resolve()), sampling=Sampling(settings.scale, samples),
+                   scene=str((folder / records.SCENE_FILE).resolve()), sampling=Sampling(settings.scale, samples),
                    seed=seed, frame=frame, device=settings.device)
 
     @functools.cached_property
@@ -95,30 +92,27 @@ class Scene:
         truth, image = self.truth, finished(Path(self.job().output), name)
         half_a, half_b = map(srgb_encode, truth.whole)
         of = metrics.Compared(srgb_encode(image), half_a, half_b, self.settings.display.lenses, truth.mask)
-        found = self._judged(of) if self.seed else self._every_figure(name, image, of)
+        if self.seed:
+            found = self._judged(of)
+        else:
+            found = self.truth.metrics(image, records.foreground(Path(self.job().output)))
+            found |= metrics.border_and_centre(of, width=self.settings.scale)
+            found["neighbour_error"] = metrics.neighbour_view_error(of)
+            found |= self._straightness(of) if self.sweep.name == EYE else {}
+            found |= self._flicker(name) if self.sweep.name == MOTION else {}
         figures = {key: finite(value) for key, value in found.items()}
         return Cell(self.value, self.sweep.scene_name(self.value), self.sweep.samples(self.value), name, figures,
-                    metrics.worst_lens(of), **method_facts(name))
+                    metrics.worst_lens(of), **records.method_facts(name))
 
     def _judged(self, of: metrics.Compared) -> Metrics:
         """Return the figure by which the sweep is judged, and what costs nothing beside it."""
         if self.sweep.name == EYE:
             return self._straightness(of)
         if self.sweep.judged == "recall":
-            return {"recall": recall(foreground(Path(self.job().output)), of.mask)}
+            return {"recall": recall(records.foreground(Path(self.job().output)), of.mask)}
         if self.sweep.judged == "ssim_border":
             return metrics.border_and_centre(of, width=self.settings.scale)
         return {"ssim_eia_fg": metrics.foreground_ssim(of)}
-
-    def _every_figure(self, name: str, image: Array, of: metrics.Compared) -> Metrics:
-        found = self.truth.metrics(image, foreground(Path(self.job().output)))
-        found |= metrics.border_and_centre(of, width=self.settings.scale)
-        found["neighbour_error"] = metrics.neighbour_view_error(of)
-        if self.sweep.name == EYE:
-            found |= self._straightness(of)
-        if self.sweep.name == MOTION:
-            found |= self._flicker(name)
-        return found
 
     def _straightness(self, of: metrics.Compared) -> Metrics:
         step = self.space.scale / self.value

@@ -18,13 +18,12 @@ from lfsr_core.base.records import read_record, write_record
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.reconstruct.methods import FAST_METHOD
-from lfsr_lab.experiments.engine.renders import Store
+from lfsr_lab.experiments.engine.records import Store
 from lfsr_lab.experiments.engine.report import UNKNOWN, markdown_table, number
 from lfsr_lab.experiments.engine.truth import MAIN_METRICS
 from lfsr_lab.experiments.plan_validation.study import Draws, Validation, Verdict, summary, validate
 from lfsr_lab.experiments.sweeps.measure import Scene
-from lfsr_lab.experiments.sweeps.records import DROP, Report, SweepReport
-from lfsr_lab.experiments.sweeps.sweeps import MOTION, choose_sweeps, label
+from lfsr_lab.experiments.sweeps.records import DROP, MOTION, Report, SweepReport, choose_sweeps, label
 
 SCALES, SPPS, SEEDS = (1, 2, 4), (4, 16, 64), (0, 1, 2)
 JUDGED = "ssim_lens_fg"  # what plans are made for

@@ -14,11 +14,11 @@ from markupsafe import Markup
 from lfsr_core.commands.arguments import names
 from lfsr_core.optics.display import load_display
 from lfsr_lab.experiments.engine.plots import COLORS, MARKERS, Curve, draw_curves, panel_sheet, svg
-from lfsr_lab.experiments.engine.renders import SCENE_FILE, Store
+from lfsr_lab.experiments.engine.records import SCENE_FILE, Store
 from lfsr_lab.experiments.engine.report import environment, inline_svg, markdown_table, write_report
 from lfsr_lab.experiments.sweeps import records
 from lfsr_lab.experiments.sweeps.measure import BASELINE, DISPLAY_FILE, Scene, default_methods
-from lfsr_lab.experiments.sweeps.sweeps import MOTION, Sweep, choose_sweeps, label
+from lfsr_lab.experiments.sweeps.records import MOTION, Sweep, choose_sweeps, label
 from lfsr_lab.networks.methods import LabMethod
 
 STEM = "stress"

@@ -60,26 +60,20 @@ def _grid_faces(columns: int, rows: int, wrap_u: bool, wrap_v: bool) -> Array:
 def tube(path: Array, radius: Array | float, sides: int = 8, closed: bool = False) -> Surface:
     """Tube of ``radius`` (one value or one per point) along a path (N, 3), without end caps."""
     path = np.asarray(path, float)
-    normal, binormal = _frames(path, closed)
+    tangent = np.roll(path, -1, 0) - np.roll(path, 1, 0) if closed else np.gradient(path, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True) + 1e-12
+    normal, side = np.empty_like(path), np.eye(3)[np.argmin(np.abs(tangent[0]))]
+    for index, along in enumerate(tangent):  # across the path, turning as little as possible
+        side = side - along * (side @ along)
+        side = side / (np.linalg.norm(side) + 1e-12)
+        normal[index] = side
+    binormal = np.cross(tangent, normal)
     around = np.linspace(0, 2 * np.pi, sides, endpoint=False)
     reach = np.broadcast_to(np.asarray(radius, float), len(path))[:, None, None]
     ring = normal[:, None] * np.cos(around)[:, None] + binormal[:, None] * np.sin(around)[:, None]
     vertices = (path[:, None] + ring * reach).reshape(-1, 3)
     uv = np.stack(np.meshgrid(around / (2 * np.pi), np.linspace(0, 1, len(path))), -1).reshape(-1, 2)
     return Surface(vertices, _grid_faces(sides, len(path), True, closed), uv)
-
-
-def _frames(path: Array, closed: bool) -> tuple[Array, Array]:
-    """Two unit vectors across the path at each point, turning as little as possible."""
-    tangent = np.roll(path, -1, 0) - np.roll(path, 1, 0) if closed else np.gradient(path, axis=0)
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True) + 1e-12
-    normal = np.empty_like(path)
-    side = np.eye(3)[np.argmin(np.abs(tangent[0]))]
-    for index, along in enumerate(tangent):
-        side = side - along * (side @ along)
-        side = side / (np.linalg.norm(side) + 1e-12)
-        normal[index] = side
-    return normal, np.cross(tangent, normal)
 
 
 def strands(paths: Array, radius: Array, sides: int = 3) -> Surface:
@@ -130,15 +124,10 @@ def wire_tangle(rng: Random, radius: float | None = None) -> Surface:
 def lathe(rng: Random, steps: int = 48) -> Surface:
     """A vase, bottle, bowl or goblet: a smooth random profile turned about Z."""
     knots = rng.uniform(0.15, 0.9, rng.integers(4, 8))
-    height = np.linspace(0, 1, steps)
-    outer = np.interp(_ease(height, len(knots)), np.arange(len(knots)), knots)
+    place = np.linspace(0, 1, steps) * (len(knots) - 1)
+    whole, part = np.floor(place), place % 1
+    outer = np.interp(whole + part * part * (3 - 2 * part), np.arange(len(knots)), knots)
     return revolve(outer, np.linspace(-1, 1, steps), thickness=rng.uniform(0.02, 0.06))
-
-
-def _ease(share: Array, count: int) -> Array:
-    position = share * (count - 1)
-    whole, part = np.floor(position), position % 1
-    return whole + part * part * (3 - 2 * part)
 
 
 def revolve(radius: Array, height: Array, thickness: float, sides: int = 64) -> Surface:
@@ -198,14 +187,10 @@ def blob(rng: Random) -> Surface:
     if rng.random() < 0.4:
         field = 1 - 2 * np.abs(field)
     points = ball.vertices * np.exp(depth * field)[:, None] * rng.uniform(0.55, 1, 3)
-    return dataclasses.replace(ball, vertices=_twist(points, rng.normal(0, 0.8)))
-
-
-def _twist(points: Array, turns: float) -> Array:
-    angle = turns * points[:, 2]
+    angle = rng.normal(0, 0.8) * points[:, 2]
     x = points[:, 0] * np.cos(angle) - points[:, 1] * np.sin(angle)
     y = points[:, 0] * np.sin(angle) + points[:, 1] * np.cos(angle)
-    return np.stack([x, y, points[:, 2]], -1)
+    return dataclasses.replace(ball, vertices=np.stack([x, y, points[:, 2]], -1))
 
 
 def cloth(rng: Random) -> Surface:

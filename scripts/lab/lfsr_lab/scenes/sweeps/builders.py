@@ -12,10 +12,9 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_lab.scenes.shared import surfaces
-from lfsr_lab.scenes.shared.light import sun, world
-from lfsr_lab.scenes.shared.objects import Graph, again, paint, principled, put
+from lfsr_lab.scenes.shared.objects import Graph, again, paint, principled, put, sun, world
 from lfsr_lab.scenes.shared.surfaces import Surface
-from lfsr_lab.scenes.sweeps.space import Space, card_centre, card_of_motion, hole
+from lfsr_lab.scenes.sweeps.space import card_centre, card_of_motion, hole
 from lfsr_lab.scenes.sweeps.stage import Stage, between, board, glow, object_vector, to_background, turned
 
 BODY_SIZE = 0.95  # radius in lenses
@@ -46,20 +45,17 @@ def lattice(stage: Stage, low: float, high: float, grid: Grid) -> Iterator[tuple
 def bodies(stage: Stage, low: float, high: float, materials: Sequence[bpy.types.Material],
            grid: Grid = Grid()) -> list[bpy.types.Object]:
     """Balls, boxes, rings and pillows of the given materials between two depths."""
+    ring = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    circle = np.stack([np.cos(ring), np.sin(ring), 0 * ring], -1) * 0.7
+    shapes = [surfaces.sphere(), surfaces.unit_sized(surfaces.box(0.7, 0.6, 0.5)),
+              surfaces.tube(circle, 0.28, 16, closed=True), surfaces.superquadric(stage.rng)]
     kinds = [put(shape, material, (0, 0, 0), name=f"body {index}")
-             for index, (shape, material) in enumerate(zip(itertools.cycle(_shapes(stage)), materials, strict=False))]
+             for index, (shape, material) in enumerate(zip(itertools.cycle(shapes), materials, strict=False))]
     made = [again(kinds[index % len(kinds)], place, size * BODY_SIZE, np.radians(stage.rng.uniform(0, 180, 3)))
             for index, (place, size) in enumerate(lattice(stage, low, high, grid))]
     for kind in kinds:
         bpy.data.objects.remove(kind)
     return made
-
-
-def _shapes(stage: Stage) -> list[Surface]:
-    ring = np.linspace(0, 2 * np.pi, 48, endpoint=False)
-    circle = np.stack([np.cos(ring), np.sin(ring), 0 * ring], -1) * 0.7
-    return [surfaces.sphere(), surfaces.unit_sized(surfaces.box(0.7, 0.6, 0.5)),
-            surfaces.tube(circle, 0.28, 16, closed=True), surfaces.superquadric(stage.rng)]
 
 
 def print_of(graph: Graph, scale: float) -> bpy.types.NodeSocket:
@@ -101,12 +97,6 @@ def opaque_sorts() -> list[bpy.types.Material]:
     """Printed and plain surfaces, nothing that shows something else's depth."""
     return [printed("print", 1.5), paint("matt blue", (0.05, 0.2, 0.65), 0.9),
             printed("fine print", 4.0), paint("white", (0.8, 0.8, 0.75), 0.9)]
-
-
-def dark_sorts() -> list[bpy.types.Material]:
-    """Surfaces that reflect a fiftieth of the light, matt, glossy and of metal."""
-    return [paint("soot", (0.02, 0.02, 0.02), 1.0, Specular_IOR_Level=0.0), paint("lacquer", (0.02, 0.01, 0.01), 0.1),
-            paint("iron", (0.02, 0.02, 0.025), 0.4, Metallic=1.0), paint("navy", (0.01, 0.015, 0.04), 0.8)]
 
 
 def flakes(stage: Stage, low: float, high: float, half: float, per_lens: float) -> Surface:
@@ -252,7 +242,9 @@ def lamps(stage: Stage, pixels: float) -> None:
     """Small glowing balls among dark bodies in dim light."""
     world(strength=WORLD_STRENGTH / 4)
     space = stage.space
-    bodies(stage, space.depth(0.3), space.depth(0.5), dark_sorts())
+    bodies(stage, space.depth(0.3), space.depth(0.5), [  # that reflect a fiftieth of the light
+        paint("soot", (0.02, 0.02, 0.02), 1.0, Specular_IOR_Level=0.0), paint("lacquer", (0.02, 0.01, 0.01), 0.1),
+        paint("iron", (0.02, 0.02, 0.025), 0.4, Metallic=1.0), paint("navy", (0.01, 0.015, 0.04), 0.8)])
     radius = pixels * space.footprint(0)
     shine = glow("lamp", (1.0, 0.8, 0.5), LAMP_POWER / radius**2)
     ball = put(surfaces.sphere(), shine, (0, 0, 0), name="lamp")
@@ -281,24 +273,18 @@ def fraction(stage: Stage, lenses: float) -> None:
     columns, rows = hole(space.lenses, lenses)
     if (columns, rows) == space.lenses:
         return
-    dark = glow("card", (0.05, 0.05, 0.05), 1.0)
-    to_background(put(frame_about(space, (columns, rows)), dark, (0, 0, 0), name="card"))
-
-
-def frame_about(space: Space, block: tuple[int, int]) -> Surface:
-    """Rectangle over the display, with margin, around a hole of whole lenses in its middle."""
-    inner = []
-    for total, open_, lens in zip(space.lenses, block, space.lens, strict=True):
+    inner = []  # ends of the hole, across and upwards
+    for total, open_, lens in zip(space.lenses, (columns, rows), space.lens, strict=True):
         first = (total - open_) // 2 - total / 2
         # The last row of pixels must not see past the edge through rounding.
         inner.append(((first + 1e-3) * lens, (first + open_ - 1e-3) * lens))
     (left, right), (low, high) = inner
     width, height = space.size
-    outer = [(-width, -height), (width, -height), (width, height), (-width, height)]
-    corners = [*outer, (left, low), (right, low), (right, high), (left, high)]
-    vertices = np.array([(x, 0.0, z) for x, z in corners], float)
+    corners = [(-width, -height), (width, -height), (width, height), (-width, height),
+               (left, low), (right, low), (right, high), (left, high)]
     faces = np.array([[i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i] for i in range(4)])
-    return Surface(vertices, faces, smooth=False)
+    card = Surface(np.array([(x, 0.0, z) for x, z in corners], float), faces, smooth=False)
+    to_background(put(card, glow("card", (0.05, 0.05, 0.05), 1.0), (0, 0, 0), name="card"))
 
 
 def background(stage: Stage, brightness: float) -> None:

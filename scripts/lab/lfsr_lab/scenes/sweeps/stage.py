@@ -21,8 +21,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.process.protocol import emit
 from lfsr_lab.scenes.shared import surfaces
-from lfsr_lab.scenes.shared.objects import Graph, principled, put
-from lfsr_lab.scenes.shared.script import leave, run, save
+from lfsr_lab.scenes.shared.objects import Graph, leave, principled, put, run, save
 from lfsr_lab.scenes.sweeps.space import Space
 
 

@@ -33,8 +33,8 @@ from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
-from lfsr_lab.scenes.training import hard_layouts, layouts
-from lfsr_lab.scenes.training.lights import light_open_scene
+from lfsr_lab.scenes.training import layouts
+from lfsr_lab.scenes.training.materials import light_open_scene
 from lfsr_lab.scenes.training.stage import TRAIN, Stage, training_display
 
 EXPOSURE_SAMPLES = 4
@@ -210,11 +210,11 @@ OWN_BACKGROUND = ("wall", "street", "window")
 
 def compose(stage: Stage) -> None:
     """Fill the stage with one random layout and its light; the first note is the layout's."""
-    choices = layouts.LAYOUTS | hard_layouts.LAYOUTS
+    choices = layouts.LAYOUTS
     name = stage.pick({name: weight for name, (weight, _) in choices.items()})
     stage.note("layout", name=name, front=stage.front, behind=stage.behind)
     choices[name][1](stage)
-    if name not in ("room", *hard_layouts.LIT):
+    if name not in ("room", *layouts.LIT):
         light_open_scene(stage)
         if name not in OWN_BACKGROUND and stage.chance(0.15):
             layouts.backdrop(stage)
@@ -222,4 +222,4 @@ def compose(stage: Stage) -> None:
             stage.pitch = stage.rng.uniform(0, math.radians(35))
             stage.note("pitch", angle=stage.pitch)
     if stage.chance(0.07):
-        hard_layouts.fog(stage)
+        layouts.fog(stage)

@@ -31,7 +31,8 @@ def tree(rng: Random) -> Plant:
     todo = [(np.array([0, 0, -1.0]), np.array([0, 0, 1.0]), rng.uniform(0.4, 0.7), rng.uniform(0.03, 0.08), 0)]
     while todo and len(branches) < MAX_BRANCHES:
         start, along, length, radius, level = todo.pop(0)
-        path = _bent(rng, start, along, length)
+        part = np.linspace(0, 1, 6)[:, None]
+        path = start + along * length * part + rng.normal(0, 0.12, 3) * length * part ** 2
         branches.append((path, np.linspace(radius, radius * shrink, len(path))))
         if level < 6 and length > 0.08:
             for _ in range(rng.integers(2, 4)):
@@ -42,11 +43,6 @@ def tree(rng: Random) -> Plant:
     paths, radii = (np.array(part) for part in zip(*branches, strict=True))
     wood, tips = surfaces.strands(paths, radii, 6), paths[len(paths) // 4:, -1]
     return wood, (leaves(rng, tips, int(rng.integers(300, 1800))) if rng.random() < 0.85 else None)
-
-
-def _bent(rng: Random, start: Array, along: Array, length: float) -> Array:
-    part = np.linspace(0, 1, 6)[:, None]
-    return start + along * length * part + rng.normal(0, 0.12, 3) * length * part ** 2
 
 
 def leaves(rng: Random, places: Array, count: int) -> Surface:

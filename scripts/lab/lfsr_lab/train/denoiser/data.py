@@ -71,14 +71,16 @@ def load_scene(path: Path, *, guides: bool = False) -> Scene:
         known = json.loads(str(file["meta"])).items()
         meta = from_data(_Meta, {name: value for name, value in known if name in _Meta.__dataclass_fields__}, "meta")
         kinds = {"color": 4} | ({"guides": 6} if guides else {})
-        layers = {name: _checked(file[name], kinds[kind]) for name in file.files
-                  if (kind := name.partition("_")[0]) in kinds}
+        layers = {name: file[name] for name in file.files if name.partition("_")[0] in kinds}
+        for name, layer in layers.items():
+            if (layer.ndim != 3 or layer.shape[2] != kinds[name.partition("_")[0]] or layer.dtype.kind != "f"
+                    or not np.isfinite(layer).all()):
+                raise ValueError(f"a layer of shape {layer.shape} and type {layer.dtype}")
         across, down = (1 if meta.is_direct or count == 1 else count // meta.scale for count in meta.views)
-        ei = (down, across)
         present = {name.rpartition("_")[0] for name in layers} | set(layers)
         [(height, width)] = {layer.shape[:2] for layer in layers.values()}
-        if not present >= {"color_target",
-                           *(f"color_{samples}" for samples in SAMPLES)} or height % ei[0] or width % ei[1]:
+        wanted = {"color_target", *(f"color_{samples}" for samples in SAMPLES)}
+        if not present >= wanted or height % down or width % across:
             raise ValueError(f"layers {', '.join(layers)} of {width}×{height} pixels")
         return Scene(layers, (down, across), meta.scale, meta.validates)
 
@@ -95,13 +97,6 @@ class _Meta:
     def __post_init__(self) -> None:
         if min(self.scale, *self.views) < 1 or any(1 < count < self.scale for count in self.views):
             raise LfsrError(f"the scale is {self.scale} and views are {self.views}")
-
-
-def _checked(layer: Array, channels: int) -> Array:
-    """The layer; ValueError unless it is an image of floats that are finite."""
-    if layer.ndim != 3 or layer.shape[2] != channels or layer.dtype.kind != "f" or not np.isfinite(layer).all():
-        raise ValueError(f"a layer of shape {layer.shape} and type {layer.dtype}")
-    return layer
 
 
 def noisy(scene: Scene, samples: int, rng: np.random.Generator) -> Array:

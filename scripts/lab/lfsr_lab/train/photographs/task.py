@@ -57,18 +57,17 @@ def load_photographs(folder: str | Path, long_side: int | None = None) -> Photog
     paths = sorted(path for path in Path(folder).glob("*") if path.suffix.lower() in SUFFIXES)
     if not paths:
         raise LfsrError(f"{folder} holds no photographs ({', '.join(sorted(SUFFIXES))}): give a folder that does")
-    return Photographs(tuple(path.name for path in paths), tuple(_decode(path, long_side) for path in paths))
-
-
-def _decode(path: Path, long_side: int | None) -> Array:
-    with open_data(path, "a photograph", "remove it or get it again") as file:
-        found: Any = cv2.imdecode(np.frombuffer(file.read(), np.uint8), cv2.IMREAD_COLOR)
-        image = np.ascontiguousarray(found[..., ::-1])
-    longest = max(image.shape[:2])
-    if long_side is None or longest <= long_side:
-        return image
-    size = [round(side * long_side / longest) for side in image.shape[1::-1]]
-    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    images = []
+    for path in paths:
+        with open_data(path, "a photograph", "remove it or get it again") as file:
+            found: Any = cv2.imdecode(np.frombuffer(file.read(), np.uint8), cv2.IMREAD_COLOR)
+            image = np.ascontiguousarray(found[..., ::-1])
+        longest = max(image.shape[:2])
+        if long_side is not None and longest > long_side:
+            size = [round(side * long_side / longest) for side in image.shape[1::-1]]
+            image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        images.append(image)
+    return Photographs(tuple(path.name for path in paths), tuple(images))
 
 
 class CropSampler:
@@ -163,7 +162,11 @@ class ComparatorTask:
         self._facts = {"photographs": photographs.facts(), "validation": validation.facts() if validation else None}
         self._origin = {"photographs": photographs.digest}
         self._crops = CropSampler(photographs, config.crop, config.crops_per_photograph, config.seed, device)
-        self._validation = _validation_pairs(validation, config.scale, device) if validation else []
+        self._validation = []  # (low, high) of every photograph, each (1, 3, H, W), cut to a multiple of the scale
+        for image in validation.images if validation else ():
+            rows, columns = (side // config.scale * config.scale for side in image.shape[:2])
+            high = torch.from_numpy(image[:rows, :columns].copy()).to(device).permute(2, 0, 1)[None].float() / 255
+            self._validation.append((downsample(high, config.scale), high))
         self.network = build(config.network, config.scale).to(device)
         if config.start:
             checkpoint.load_into(self.network, config.start, config.scale)
@@ -217,20 +220,16 @@ class ComparatorTask:
         if self.discriminator is None:
             self._update(self._optimizer, mse)
             return {"mse": mse.detach()}
-        return self._adversarial_step(self.discriminator, high, fake, mse)
-
-    def _adversarial_step(self, discriminator: Discriminator, high: Tensor, fake: Tensor,
-                          mse: Tensor) -> dict[str, Tensor]:
         high, fake = (images.contiguous(memory_format=self._layout) for images in (high, fake))
         # Half precision only for the discriminator, which does 99 % of the arithmetic.
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
-            judged = discriminator_loss(discriminator, high, fake)
+            judged = discriminator_loss(self.discriminator, high, fake)
         self._update(self._adversary, judged)
-        discriminator.requires_grad_(False)
+        self.discriminator.requires_grad_(False)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type == "cuda"):
-            fooled = adversarial_loss(discriminator, fake)
+            fooled = adversarial_loss(self.discriminator, fake)
         self._update(self._optimizer, mse + self.config.adversarial * fooled)
-        discriminator.requires_grad_(True)
+        self.discriminator.requires_grad_(True)
         return {"mse": mse.detach(), "adversarial": fooled.detach(), "discriminator": judged.detach()}
 
     @staticmethod
@@ -271,16 +270,6 @@ class ComparatorTask:
         if self.discriminator is not None:
             parts |= {"discriminator": self.discriminator, "adversary": self._adversary}
         return parts
-
-
-def _validation_pairs(photographs: Photographs, scale: int, device: torch.device) -> list[tuple[Tensor, Tensor]]:
-    """(low, high) of every photograph, each (1, 3, H, W), cut to a multiple of the scale."""
-    pairs = []
-    for image in photographs.images:
-        rows, columns = (side // scale * scale for side in image.shape[:2])
-        high = torch.from_numpy(image[:rows, :columns].copy()).to(device).permute(2, 0, 1)[None].float() / 255
-        pairs.append((downsample(high, scale), high))
-    return pairs
 
 
 def discriminator_loss(discriminator: nn.Module, real: Tensor, fake: Tensor) -> Tensor:

@@ -11,12 +11,9 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.reconstruct.second_stage import finished_panel
 from lfsr_lab.experiments.engine import plots, timing
-from lfsr_lab.experiments.engine.records import Cell
-from lfsr_lab.experiments.engine.renders import foreground
+from lfsr_lab.experiments.engine.records import Cell, foreground
 from lfsr_lab.experiments.seed_paper import figure as fig
-from lfsr_lab.experiments.seed_paper import measuring, renders, weights
-from lfsr_lab.experiments.seed_paper.measuring import FRAME_COLUMNS, RENDER, TOTAL
-from lfsr_lab.experiments.seed_paper.renders import SCALE, Settings, View
+from lfsr_lab.experiments.seed_paper import measuring
 from lfsr_lab.networks import comparators
 
 NETWORK, DIRECT = "paper", "direct"
@@ -29,30 +26,30 @@ PAPER, PAPER_PLAIN, OURS = "paper (adversary)", "paper (no adversary)", "this pr
 RIVALS = (DIRECT, BY_VIEW, FEW_SAMPLES)
 PLAIN, ENOUGH_SSIM = "ssim_eia_plain", 0.90
 CLAIM_RIVALS = f"The paper's method is faster than every rival, with an SSIM above {ENOUGH_SSIM:.2f}."
-RIVAL_COLUMNS = (*FRAME_COLUMNS, PLAIN, "ssim_ceiling", "ssim_eia_fg", "psnr_fg")
+RIVAL_COLUMNS = (*measuring.FRAME_COLUMNS, PLAIN, "ssim_ceiling", "ssim_eia_fg", "psnr_fg")
 CLAIM_SCALE = f"Two stages take less time than direct path tracing, and reach {REALTIME} frames per second at 8K."
 
 
-def selection(settings: Settings, scene: Path, distance: float | None = None) -> Cell[fig.Rows]:
+def selection(settings: measuring.Settings, scene: Path, distance: float | None = None) -> Cell[measuring.Rows]:
     """Return the cell of the second stage of one frame with and without foreground selection, in turns."""
     display = settings.timing_display
     name = scene.stem if distance is None else f"distance {distance:g}"
     inputs = {"scene": scene.stem, "distance": distance, "display": display.to_dict(), "spp": settings.spp,
               "repeats": settings.repeats, "device": settings.device, "render_device": settings.render_device}
 
-    def measure() -> fig.Rows:
-        seen = scene if distance is None else renders.moved(settings, scene, distance)
-        folder = renders.rendered(settings, View(seen, settings.spp, display=display))
-        finish, upscaler = weights.untrained_method(settings, NETWORK, SCALE)
+    def measure() -> measuring.Rows:
+        seen = scene if distance is None else measuring.moved(settings, scene, distance)
+        folder = measuring.rendered(settings, measuring.View(seen, settings.spp, display=display))
+        finish, upscaler = measuring.untrained_method(settings, NETWORK, measuring.SCALE)
         runs = {kind: functools.partial(finished_panel, folder, finish, selection=kind == WITH, upscaler=upscaler)
                 for kind in (WITH, WITHOUT)}
-        facts = {"p": float(foreground(folder).mean()), RENDER: read_frame(folder).seconds["render"]}
+        facts = {"p": float(foreground(folder).mean()), measuring.RENDER: read_frame(folder).seconds["render"]}
         return measuring.timed_rows(timing.take_turns(runs, settings.repeats), scene=name, facts=facts)
 
     return Cell(f"{scene.stem}-{name}".replace(" ", "-"), inputs, measure)
 
 
-def draw_selection(rows: Sequence[fig.Row], _folder: Path) -> plots.Figure:
+def draw_selection(rows: Sequence[measuring.Row], _folder: Path) -> plots.Figure:
     """Draw two bars per scene or distance, from the smallest foreground to the largest."""
     sheet, grid = plots.sheet(6, 3)
     for index, kind in enumerate((WITH, WITHOUT)):
@@ -66,9 +63,9 @@ def draw_selection(rows: Sequence[fig.Row], _folder: Path) -> plots.Figure:
     return sheet
 
 
-def rule_fraction(rows: Sequence[fig.Row]) -> str:
+def rule_fraction(rows: Sequence[measuring.Row]) -> str:
     """Return what selection saves, and whether a smaller foreground saves more."""
-    found = fig.gains(rows, WITHOUT, WITH, fig.SECONDS)
+    found = fig.gains(rows, WITHOUT, WITH, measuring.SECONDS)
     least, most = min(rows, key=_p), max(rows, key=_p)
     order = {"": fig.paired(_saved(rows, least), _saved(rows, most))} if _p(least) < _p(most) else {}
     statement = f"It saves more at p = {_p(least):.2f} than at p = {_p(most):.2f}"
@@ -76,56 +73,56 @@ def rule_fraction(rows: Sequence[fig.Row]) -> str:
     return f"{fig.overall(found, order)} {saves} {fig.sentence(statement, order, 's')}"
 
 
-def rule_scenes(rows: Sequence[fig.Row]) -> str:
+def rule_scenes(rows: Sequence[measuring.Row]) -> str:
     """Return what selection saves on each scene, also as a fraction of the frame."""
-    found = fig.gains(rows, WITHOUT, WITH, fig.SECONDS)
-    whole = {row.scene: row.value(RENDER) + row.value("ms") / 1e3 for row in rows if row.method == WITHOUT}
+    found = fig.gains(rows, WITHOUT, WITH, measuring.SECONDS)
+    whole = {row.scene: row.value(measuring.RENDER) + row.value("ms") / 1e3 for row in rows if row.method == WITHOUT}
     percent = [100 * saved.value / whole[scene] for scene, saved in found.items()]
     return (f"{fig.overall(found)} {fig.sentence('Selection saves time', found, 's')} That is {min(percent):.1f} to "
             f"{max(percent):.1f} % of a whole frame with its render.")
 
 
-def _p(row: fig.Row) -> float:
+def _p(row: measuring.Row) -> float:
     return row.value("p")
 
 
-def _saved(rows: Sequence[fig.Row], at: fig.Row) -> list[float]:
+def _saved(rows: Sequence[measuring.Row], at: measuring.Row) -> list[float]:
     """Return the seconds that selection saves in each pair of runs of one scene."""
-    runs = {row.method: row.series[fig.SECONDS] for row in rows if row.scene == at.scene}
+    runs = {row.method: row.series[measuring.SECONDS] for row in rows if row.scene == at.scene}
     return [slow - fast for slow, fast in zip(runs[WITHOUT], runs[WITH], strict=True)]
 
 
-def scale_cells(settings: Settings) -> Iterator[Cell[fig.Rows]]:
+def scale_cells(settings: measuring.Settings) -> Iterator[Cell[measuring.Rows]]:
     """Yield render and second stage of the first scene, every resolution and scale; scale 1 is direct."""
     for divisor in settings.resolutions:
-        display = renders.resolution(settings.timing_display, divisor)
+        display = measuring.resolution(settings.timing_display, divisor)
         for scale in (1, *display.scales()) if display else ():
             if scale == 1 or scale in comparators.SCALES:
-                yield scale_cell(settings, View(settings.scenes[0], settings.spp, scale, display))
+                yield scale_cell(settings, measuring.View(settings.scenes[0], settings.spp, scale, display))
 
 
-def scale_cell(settings: Settings, view: View) -> Cell[fig.Rows]:
+def scale_cell(settings: measuring.Settings, view: measuring.View) -> Cell[measuring.Rows]:
     """Return the cell of one frame; for direct path tracing the second stage runs without an upscaler."""
     display = view.display or settings.display
     width, height = display.eia_pixels
     inputs = {"scene": view.scene.stem, "display": display.to_dict(), "scale": view.scale, "spp": view.spp,
               "device": settings.device, "render_device": settings.render_device, "repeats": settings.repeats}
 
-    def measure() -> fig.Rows:
-        folder = renders.rendered(settings, view)
-        method = weights.untrained_method(settings, NETWORK if view.scale > 1 else "none", view.scale)
+    def measure() -> measuring.Rows:
+        folder = measuring.rendered(settings, view)
+        method = measuring.untrained_method(settings, NETWORK if view.scale > 1 else "none", view.scale)
         name = f"s = {view.scale}" if view.scale > 1 else DIRECT
         values = {"width": width, "scale": view.scale, **measuring.frame_seconds(settings, folder, method)}
-        return fig.Rows((fig.Row(scene=f"{width}×{height}", method=name, samples=view.spp, values=values),))
+        return measuring.Rows((measuring.Row(scene=f"{width}×{height}", method=name, samples=view.spp, values=values),))
 
     return Cell(f"{view.scene.stem}-{height}-s{view.scale}", inputs, measure)
 
 
-def draw_scales(rows: Sequence[fig.Row], _folder: Path) -> plots.Figure:
+def draw_scales(rows: Sequence[measuring.Row], _folder: Path) -> plots.Figure:
     """Draw seconds per frame over the scale factor, a line per resolution."""
     sheet, grid = plots.sheet(5.5, 3.2)
     for color, scene in zip(plots.COLORS, fig.scenes_of(rows), strict=False):
-        points = sorted((row.value("scale"), row.value(TOTAL)) for row in rows if row.scene == scene)
+        points = sorted((row.value("scale"), row.value(measuring.TOTAL)) for row in rows if row.scene == scene)
         grid[0, 0].plot(*zip(*points, strict=True), "o-", color=color, label=scene)
     grid[0, 0].set(xlabel="scale factor (1: direct path tracing)", ylabel="time per frame", yscale="log")
     ticks = plots.time_ticks(*grid[0, 0].get_ylim())
@@ -136,14 +133,15 @@ def draw_scales(rows: Sequence[fig.Row], _folder: Path) -> plots.Figure:
     return sheet
 
 
-def rule_scales(rows: Sequence[fig.Row]) -> str:
+def rule_scales(rows: Sequence[measuring.Row]) -> str:
     """Return direct minus two stages in every cell, and the frame rate."""
-    direct = {row.scene: row.value(TOTAL) for row in rows if row.method == DIRECT}
+    direct = {row.scene: row.value(measuring.TOTAL) for row in rows if row.method == DIRECT}
     ours = [row for row in rows if row.method != DIRECT]
-    found = {f"{row.scene} at {row.method}": fig.single_runs(direct[row.scene], row.value(TOTAL)) for row in ours}
-    times = [direct[row.scene] / row.value(TOTAL) for row in ours]
-    best = max(ours, key=lambda row: (row.value("width"), -row.value(TOTAL)))
-    rate = 1 / best.value(TOTAL)
+    found = {f"{row.scene} at {row.method}": fig.single_runs(direct[row.scene], row.value(measuring.TOTAL))
+             for row in ours}
+    times = [direct[row.scene] / row.value(measuring.TOTAL) for row in ours]
+    best = max(ours, key=lambda row: (row.value("width"), -row.value(measuring.TOTAL)))
+    rate = 1 / best.value(measuring.TOTAL)
     # The bound is for 8K; a smaller frame cannot tell.
     realtime = {"": fig.single_runs(rate, REALTIME)} if best.value("width") >= WIDTH_8K else {}
     return (f"{fig.overall(found, realtime)} {fig.sentence('Two stages take less time', found, 's')} They are "
@@ -151,13 +149,13 @@ def rule_scales(rows: Sequence[fig.Row]) -> str:
             f"{100 * fig.SINGLE_RUN:.0f} % of difference does not count. "
             f"{fig.sentence(f'Above {REALTIME} frames per second at 8K', realtime, 'frames per second')} The fastest "
             f"at {best.scene} is {best.method} with {rate:.3g} frames per second, "
-            f"{100 * best.value(RENDER) / best.value(TOTAL):.0f} % of it the render.")
+            f"{100 * best.value(measuring.RENDER) / best.value(measuring.TOTAL):.0f} % of it the render.")
 
 
-def rival_cells(settings: Settings) -> Iterator[Cell[fig.Rows]]:
+def rival_cells(settings: measuring.Settings) -> Iterator[Cell[measuring.Rows]]:
     """Yield every rival on every scene."""
     for scene in settings.scenes:
-        view = View(scene, settings.spp)
+        view = measuring.View(scene, settings.spp)
         whole = dataclasses.replace(view, scale=1)
         by_view = dataclasses.replace(view, layout="view-by-view")
         for name, seen, method in ((DIRECT, whole, "none"), (BY_VIEW, by_view, "fsrcnn"),
@@ -167,21 +165,21 @@ def rival_cells(settings: Settings) -> Iterator[Cell[fig.Rows]]:
                                 device=settings.device, render_device=settings.render_device, repeats=settings.repeats)
 
 
-def _rival(settings: Settings, made: measuring.Finished) -> fig.Row:
+def _rival(settings: measuring.Settings, made: measuring.Finished) -> measuring.Row:
     found, seconds = measuring.accuracy(made), measuring.frame_seconds(settings, made.folder, made.method)
     return dataclasses.replace(found, how=f"s{made.frame.scale}", values={**found.values, **seconds})
 
 
-def rule_rivals(rows: Sequence[fig.Row]) -> str:
+def rule_rivals(rows: Sequence[measuring.Row]) -> str:
     """Return the paper's method, with its adversary if it was trained, against each rival."""
     measured = [row for row in rows if row.values]
     ours = next((name for name in (PAPER, PAPER_PLAIN) if any(row.method == name for row in measured)), None)
     if ours is None:
         return fig.overall()
-    rivals = {(row.scene, row.method): row for row in measured}
     mine = [row for row in measured if row.method == ours]
-    faster = {rival: {row.scene: fig.single_runs(rivals[row.scene, rival].value(TOTAL), row.value(TOTAL))
-                      for row in mine if (row.scene, rival) in rivals} for rival in RIVALS}
+    total = {(row.scene, row.method): row.value(measuring.TOTAL) for row in measured}
+    faster = {rival: {row.scene: fig.single_runs(total[row.scene, rival], total[row.scene, ours])
+                      for row in mine if (row.scene, rival) in total} for rival in RIVALS}
     # Plain SSIM is the paper's own figure; over all lenses it has no interval.
     enough = {row.scene: fig.Difference(row.value(PLAIN) - ENOUGH_SSIM) for row in mine}
     words = [fig.overall(*faster.values(), enough), f"Of {ours}:"]
@@ -196,8 +194,9 @@ FRACTION = fig.Figure("fig10b", "Fig. 10(b): fraction of foreground", CLAIM_FRAC
     selection(settings, settings.scenes[0], distance) for distance in settings.moves], ("p", "ms"), rule_fraction,
     draw_selection)
 SCALES = fig.Figure("fig12a", "Fig. 12(a): scale factors and resolutions", CLAIM_SCALE, scale_cells,
-                FRAME_COLUMNS, rule_scales, draw_scales)
+                measuring.FRAME_COLUMNS, rule_scales, draw_scales)
 SCENES = fig.Figure("fig12b", "Fig. 12(b): foreground selection", CLAIM_SCENES, lambda settings: [
-    selection(settings, scene) for scene in settings.scenes], ("p", RENDER, "ms"), rule_scenes, draw_selection)
+    selection(settings, scene) for scene in settings.scenes], ("p", measuring.RENDER, "ms"), rule_scenes,
+    draw_selection)
 TABLE2 = fig.Figure("table2", "Table 2: rivals", CLAIM_RIVALS, rival_cells, RIVAL_COLUMNS, rule_rivals,
                 methods=("fsrcnn", "paper-gan", "paper", DEFAULT_METHOD))

@@ -16,9 +16,8 @@ from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.records import Cell
 from lfsr_lab.experiments.seed_paper import measuring
-from lfsr_lab.experiments.seed_paper.figure import ACCURACY, Figure, Row, Rows, gains, overall, scenes_of, sentence
-from lfsr_lab.experiments.seed_paper.measuring import Finished
-from lfsr_lab.experiments.seed_paper.renders import Settings, View
+from lfsr_lab.experiments.seed_paper.figure import Figure, gains, overall, scenes_of, sentence
+from lfsr_lab.experiments.seed_paper.measuring import ACCURACY, Finished, Row, Rows, Settings, View
 
 METHODS = ("bicubic", "paper", "paper-gan")
 PARTS = (("paper", "bicubic"), ("paper-gan", "paper"))
