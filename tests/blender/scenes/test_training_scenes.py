@@ -169,7 +169,7 @@ def test_bad_input_is_one_sentence(inputs, models, scenes, monkeypatch):
     for option, value, pattern in (("--reference-spp", "0", "is 0"), ("--textures", "nowhere", "nowhere"),
                                    ("--spps", "1,x", "'1,x'"), ("--scale", "3", "scale is 3")):
         words = ["--output", str(scenes), "--display", str(inputs / "tiny.toml"), option, value]
-        refuses(pattern, lambda words=words: training_scenes.recipe_of(training_scenes.parse(words)))
+        refuses(pattern, lambda words=words: training_scenes.run(training_scenes.parse(words)))
 
 
 def test_photographs_are_made_small(monkeypatch, tmp_path):

@@ -6,6 +6,7 @@ import json
 import pickle
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -147,15 +148,6 @@ def test_paper_generator_has_the_papers_layers(convolutions):
     assert (up.in_channels, up.out_channels, up.kernel_size, up.stride) == (16, 3, (9, 9), (4, 4))
 
 
-@pytest.mark.parametrize(("make", "message"), [
-    (lambda: comparators.spec("fsrcn"), "did you mean 'fsrcnn'"),
-    (lambda: networks.build("paper", 5), "has no scale 5"),
-    (lambda: networks.PaperGenerator(4, 7), "2 to 6 convolutions, not 7")])
-def test_what_there_is_not_is_refused(make, message):
-    with pytest.raises(LfsrError, match=message):
-        make()
-
-
 @pytest.mark.parametrize(("network", "expected"), [
     (networks.PaperGenerator(4), 25 * 3 * 32 + 9 * 32 * 16 + 81 * 16 * 3),
     (networks.FSRCNN(4), 25 * 3 * 56 + 56 * 12 + 4 * 9 * 12 * 12 + 12 * 56 + 81 * 56 * 3),
@@ -198,13 +190,18 @@ def test_engine_agrees_with_the_network_for_every_step(network, step):
     np.testing.assert_allclose(result, expected(network, low_images()), atol=2e-5)
 
 
-@pytest.mark.parametrize(("settings", "message"), [
-    ({"step": 0}, "step is 0"), ({"device": "tpu"}, "device is 'tpu'"),
-    pytest.param({"device": "cuda"}, "'cuda' is not available",
+@pytest.mark.parametrize(("make", "wrong", "message"), [
+    (comparators.spec, "fsrcn", "did you mean 'fsrcnn'"), (LabMethod.parse, "fsrcn", "did you mean 'fsrcnn'"),
+    (LabMethod.parse, "fsrcnn+bicubic", "put it last"), (LabMethod.parse, "paper+pool", "put it last"),
+    (LabMethod.parse, "bicubic+oidn", "put one upscaler last"), (partial(networks.build, "paper"), 5, "has no scale 5"),
+    (partial(networks.PaperGenerator, 4), 7, "2 to 6 convolutions, not 7"),
+    (lambda step: Engine(PaperGenerator(2), step=step), 0, "step is 0"),
+    (lambda device: Engine(PaperGenerator(2), device=device), "tpu", "device is 'tpu'"),
+    pytest.param(lambda device: Engine(PaperGenerator(2), device=device), "cuda", "'cuda' is not available",
                  marks=pytest.mark.skipif(torch.cuda.is_available(), reason="says what happens without CUDA"))])
-def test_bad_settings(network, settings, message):
+def test_what_there_is_not_is_refused(make, wrong, message):
     with pytest.raises(LfsrError, match=message):
-        Engine(network, **settings)
+        make(wrong)
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs CUDA")
@@ -252,14 +249,6 @@ def test_plain_interpolation_stands_for_a_network():
     method = LabMethod.parse("oidn+fsrcnn")
     assert (method.name.text, method.network) == ("oidn+bilinear", "fsrcnn")
     assert LabMethod.parse("denoise+bicubic").network is None and ready("denoise+bicubic")[1] is None
-
-
-@pytest.mark.parametrize(("text", "message"), [
-    ("fsrcn", "did you mean 'fsrcnn'"), ("fsrcnn+bicubic", "put it last"), ("paper+pool", "put it last"),
-    ("bicubic+oidn", "put one upscaler last")])
-def test_names_that_are_refused(text, message):
-    with pytest.raises(LfsrError, match=message):
-        LabMethod.parse(text)
 
 
 def test_weights_decide_the_digest_and_classical_methods_have_none():

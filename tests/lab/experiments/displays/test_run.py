@@ -8,7 +8,6 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import read_record
-from lfsr_core.optics.display import DisplayProfile
 from lfsr_lab.experiments.displays import measure
 from lfsr_lab.experiments.displays import study as run
 from lfsr_lab.experiments.engine.records import Store
@@ -17,14 +16,6 @@ from tests.support.played_blender import played_blender
 from tests.support.synthetic import light_field, write_reference
 
 PANEL = whole("lenticular")
-
-
-def point(way: measure.Way, cpu: float, ssim: float) -> measure.Point:
-    return measure.Point(way.name, 4, cpu / 2, cpu / 2, measure.Accuracy(30.0, None, ssim))
-
-
-def accuracy(target: measure.Target, panel: np.ndarray) -> measure.Accuracy:
-    return target.accuracy(panel, measure.seen(panel, target.profile))
 
 
 def test_everything_is_measured_once_and_shown(tmp_path, monkeypatch):
@@ -55,15 +46,16 @@ def test_everything_is_measured_once_and_shown(tmp_path, monkeypatch):
 def test_the_reference_itself_is_perfect_and_less_views_are_not(tmp_path):
     target = measure.Target.of(write_reference(tmp_path, noise=0.02, display=PANEL))
     field = light_field(PANEL)[..., :3]
-    perfect = accuracy(target, measure.shown(field, PANEL, "all"))
-    assert perfect.ssim_eye > 0.99 and (perfect.psnr_panel or 99) > 45
     coarse = field.reshape(96, 16, 8, 3)[:, :, [1, 1, 1, 1, 6, 6, 6, 6]].reshape(field.shape)
-    worse = accuracy(target, measure.shown(coarse, PANEL, "all"))
+    panels = [measure.shown(light, PANEL, "all") for light in (field, coarse)]
+    perfect, worse = (target.accuracy(panel, measure.seen(panel, PANEL)) for panel in panels)
+    assert perfect.ssim_eye > 0.99 and (perfect.psnr_panel or 99) > 45
     assert worse.ssim_eye < perfect.ssim_eye and worse.psnr_eye < (perfect.psnr_eye or 99)
 
 
 def test_time_for_an_accuracy_lies_between_those_of_two_points_and_the_published_comparison_is_read():
-    points = (point(measure.OURS, 1.0, 0.8), point(measure.OURS, 4.0, 0.9))
+    points = [measure.Point(measure.OURS.name, 4, cpu / 2, cpu / 2, measure.Accuracy(30.0, None, ssim))
+              for cpu, ssim in ((1.0, 0.8), (4.0, 0.9))]
     assert run.seconds_for(points, 0.85) == pytest.approx(2.0)
     assert run.seconds_for(points, 0.7) == 1.0
     assert run.seconds_for(points, 0.95) is None
@@ -82,15 +74,12 @@ def test_nearest_views_are_woven_without_mixing_and_cleaned_normals_keep_their_d
     assert np.abs(cleaned - normal).mean() < 0.5 * np.abs(noisy - normal).mean()
 
 
-def pitch(profile: DisplayProfile) -> tuple[float, float]:
-    return profile.panel_mm[0] / profile.panel_pixels[0], profile.panel_mm[1] / profile.panel_pixels[1]
-
-
 @pytest.mark.parametrize("name", measure.FULL_WIDTH)
 def test_a_smaller_panel_has_the_same_sheet_before_the_same_pixels_and_few_views_keep_its_lenses(name):
     whole, part = measure.kind(name), measure.kind(name, 384)
     assert part.panel_pixels == (384, 216)
-    for here, there in zip(pitch(part), pitch(whole), strict=True):
+    for axis in (0, 1):
+        here, there = (profile.panel_mm[axis] / profile.panel_pixels[axis] for profile in (part, whole))
         assert math.isclose(here, there)
     assert (part.lenslet, part.subpixels, part.views) == (whole.lenslet, whole.subpixels, whole.views)
     if name == "lenticular":

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.optics.eia import from_elemental_images, to_elemental_images, to_views
+from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
 from lfsr_core.optics.rays import CameraArray, RayLayout, rays
 from lfsr_lab.experiments.sweeps import metrics
 from lfsr_lab.experiments.sweeps.measure import DISPLAY_FILE
@@ -270,11 +270,3 @@ def test_the_worst_lens_is_found_inside_the_foreground():
     mask[4, 1] = False
     assert metrics.worst_lens(Compared(x, EVEN, EVEN, LENSES, mask)) == (2, 5)
     assert metrics.worst_lens(Compared(x, EVEN, EVEN, LENSES, ~ALL)) is None
-
-
-def test_views_are_what_the_figures_think_they_are():
-    """A point behind the display moves rightwards from view to view, as the lines of epi_straightness do."""
-    x, z = places(SPACE.depth_of_slope(1))
-    views = to_views(np.stack([x, z], -1), LENSES)
-    assert views[0, 4, 0, 1] == pytest.approx(views[0, 0, 0, 0])
-    assert views[4, 0, 1, 0] == pytest.approx(views[0, 0, 0, 0])
