@@ -10,7 +10,7 @@ import sys
 from setup import program, ready, run
 
 PLATFORMS = ("linux", "win32", "darwin")
-IN_TWO = ("--numprocesses=2", "--dist=loadfile")
+IN_TWO = ("--numprocesses=2", "--dist=worksteal")
 FAST = ("base", "commands", "docs", "exports", "frames", "images", "metrics", "optics", "pipeline", "plan", "process",
         "reconstruct")
 NOT_FAST = ("docs/test_python.py", "exports/test_screen.py", "exports/test_viewer.py", "pipeline/test_cluster.py")
@@ -27,7 +27,8 @@ def main(arguments: list[str]) -> None:
     # Types on every platform: names that one of them lacks show here. One after the other is as fast as all at once.
     for platform in [sys.platform] if is_fast else PLATFORMS:
         run([python, "-m", "mypy", "--platform", platform, "--cache-dir", f".mypy_cache/{platform}"])
-    # All tests run in two processes, each file in one of them; tests chosen by arguments run in one.
+    # All tests run in two processes, half of the files in each until one is done and takes from the other's rest; tests
+    # chosen by arguments run in one.
     if is_fast:
         chosen += [*IN_TWO, "-m", "not long and not slow", *(f"--ignore=tests/{name}" for name in NOT_FAST),
                    *(f"tests/{name}" for name in FAST)]

@@ -32,7 +32,7 @@ def pytest_unconfigure() -> None:
 
 
 @pytest.fixture
-def bridge(tmp_path, monkeypatch):
+def bridge(monkeypatch):
     """Start a stand-in for Looking Glass Bridge, as ``bridge("hang:show_window")`` or ``bridge(devices=[])``."""
     from lfsr_core.exports import loopback
     from tests.support.bridge import stand_in
@@ -40,7 +40,7 @@ def bridge(tmp_path, monkeypatch):
 
     with contextlib.ExitStack() as stack:
         def start(*faults, devices=DEVICES):
-            found = stack.enter_context(stand_in(tmp_path, devices, *faults))
+            found = stack.enter_context(stand_in(devices, *faults))
             monkeypatch.setenv(loopback.PORT_VARIABLE, str(found.port))
             return found
         yield start

@@ -1,4 +1,7 @@
-"""The notebook's face, on a played Blender and in memory."""
+"""What ``import lfsr_core`` offers, and the notebook's face on a played Blender and in memory."""
+
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -27,9 +30,6 @@ def test_a_scene_becomes_views(frame):
     assert frame.views.shape == (8, 8, 12, 16, 3) and frame.views.dtype == np.uint8
     assert frame.linear.shape == (96, 128, 3) and frame.report.method == "bicubic"
     assert frame._repr_png_().startswith(b"\x89PNG") and "mini" in repr(frame)
-
-
-def test_the_eye_sees_other_images_from_other_places(frame):
     left, right = frame.eye(-40), frame.eye(40)
     assert left.shape == right.shape == frame.eye().shape and (left != right).any()
 
@@ -71,3 +71,19 @@ def test_reconstruction_in_memory_is_that_of_a_folder(tmp_path):
     lenses = frame.linear.reshape(12, 8, 16, 8, 3).any(axis=(1, 3, 4)) & mask.reshape(12, 8, 16, 8).any(axis=(1, 3))
     same = np.isclose(result, frame.linear, atol=1e-5).reshape(12, 8, 16, 8, 3).all(axis=(1, 3, 4))
     assert same[lenses].mean() > 0.9
+
+
+def test_the_list_of_names_is_complete_and_documented():
+    assert {*lfsr_core.__all__} == {"__version__", *lfsr_core._HOMES}
+    with pytest.raises(AttributeError, match="no attribute 'finish_frames'"):
+        _ = lfsr_core.finish_frames
+    for name in lfsr_core.__all__:
+        value = getattr(lfsr_core, name)
+        assert name in dir(lfsr_core)
+        assert isinstance(value, str) or value.__doc__
+
+
+def test_importing_the_package_loads_nothing_heavy():
+    code = "import sys, lfsr_core; print(sorted({'numpy', 'torch', 'bpy', 'OpenImageIO'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,5 +1,6 @@
 """The command as on Windows and macOS, whose functions, locks and open files stand-ins play on Linux."""
 
+import contextlib
 import os
 import signal
 import sys
@@ -11,11 +12,11 @@ import pytest
 
 from lfsr_core.images.png import read_png
 from tests.support.other_systems import FOLDER, SYSTEMS
-from tests.support.played_blender import played_blender
+from tests.support.played_blender import cold_blender
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the stand-ins are of Linux")
-ENDLESS = "import sys, time; from tests.support import noisy_renders\nif '--' in sys.argv: print('LFSR {\"stage\": " \
-          "\"render\", \"fraction\": 0.1}', flush=True); time.sleep(600)\n"
+ENDLESS = "import sys; from tests.support import noisy_renders\nif '--' in sys.argv: print('LFSR {\"stage\": " \
+          "\"render\", \"fraction\": 0.1}', flush=True); sys.stdin.read()\n"
 REFUSED = """
 import mmap, os, sys
 for name in "ab":
@@ -69,30 +70,25 @@ def test_the_stand_in_refuses_what_the_system_does(tmp_path, system, monkeypatch
     assert said[3] == ("False False" if refused else "True True")
 
 
-def test_render_again_upscale_and_view(folder, system):
-    blender = played_blender(folder / "blender")
-    for _ in range(2):
-        said = system.lfsr(*words(folder, blender))
-        assert "eia.png: bicubic" in said and "?" in said, "a letter that the terminal lacks"
+def test_render_again_upscale_view_and_frames(folder, system):
+    render = words(folder, cold_blender(folder / "blender"))
+    said = system.lfsr(render, render)
+    assert said.count("eia.png: bicubic") == 2 and "?" in said, "a letter that the terminal lacks"
     assert names(folder) == ["blender", "frame", "scene.glb"]
     first = read_png(folder / "frame" / "eia.png")
-    system.lfsr("upscale", folder / "frame", "--method", "bilinear")
+    system.lfsr(["upscale", str(folder / "frame"), "--method", "bilinear"], ["view", str(folder / "frame")])
     assert np.any(first != read_png(folder / "frame" / "eia.png"))
-    system.lfsr("view", folder / "frame")
     assert names(folder / "frame") == ["eia.png", "frame.json", "lr_eia.exr", "mask.png", "report.json", "view.html"]
-
-
-def test_frames(folder, system):
-    blender = played_blender(folder / "blender")
-    assert "2 frames: 2 made" in system.lfsr(*words(folder, blender), "--frames", "1-2")
-    assert "3 frames: 1 made, 2 kept" in system.lfsr(*words(folder, blender), "--frames", "1-3")
-    assert names(folder / "frame") == ["0001", "0002", "0003"]
+    render[render.index(str(folder / "frame"))] = str(folder / "film")
+    said = system.lfsr([*render, "--frames", "1-2"], [*render, "--frames", "1-3"])
+    assert "2 frames: 2 made" in said and "3 frames: 1 made, 2 kept" in said
+    assert names(folder / "film") == ["0001", "0002", "0003"]
 
 
 @pytest.fixture
 def rendering(folder, system):
     """A render that does not end, its folder, and its Blender's process id."""
-    blender = Path(played_blender(folder / "blender"))
+    blender = Path(cold_blender(folder / "blender"))
     text = blender.read_text(encoding="utf-8")
     blender.write_text(text.replace("from tests", ENDLESS + "from tests", 1), encoding="utf-8")
     program = system.start("-m", "lfsr_core.cli", *words(folder, str(blender)))
@@ -116,12 +112,13 @@ def test_cancel_ends_blender_and_leaves_nothing(folder, rendering):
 
 def test_a_second_render_is_refused_and_what_a_killed_one_left_goes(folder, system, rendering):
     program, child = rendering
-    again = words(folder, played_blender(folder / "another"))
+    again = words(folder, cold_blender(folder / "another"))
     second = system.start("-m", "lfsr_core.cli", *again)
     assert "another process is writing" in second.communicate(timeout=60)[0] and second.returncode == 2
     program.kill()
-    os.kill(child, signal.SIGKILL)  # a job object would
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(child, signal.SIGKILL)  # a job object would
     program.wait()
     assert len(names(folder)) == 4
-    system.lfsr(*again)
+    system.lfsr(again)
     assert names(folder) == ["another", "blender", "frame", "scene.glb"]

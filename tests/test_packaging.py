@@ -31,11 +31,6 @@ def installed_paths() -> dict[str, str]:
             if path.startswith(folder + "/")}
 
 
-def test_every_folder_of_modules_is_a_package():
-    folders = {PurePosixPath(path).parent for path in installed_paths() if path.endswith(".py")}
-    assert [folder for folder in folders if f"{folder}/__init__.py" not in installed_paths()] == []
-
-
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory):
     """A fresh environment that sees this one's libraries, with the package installed from a copy of the repository."""
@@ -65,14 +60,13 @@ def run(*command: object, cwd: Path) -> str:
     return done.stdout
 
 
-def test_every_file_is_installed(environment):
+def test_every_file_is_installed_and_the_command_answers_outside_the_clone(environment, tmp_path):
     assert [path for path in installed_paths() if not (packages(environment) / path).is_file()] == []
-
-
-@pytest.mark.parametrize(("arguments", "answer"), [(("displays",), "bupt-32in-8k"), (("study", "stress", "--help"),
-                                                                                     "--sweeps")])
-def test_the_command_answers_outside_the_clone(environment, tmp_path, arguments, answer):
-    assert answer in run(environment / "bin/lfsr", *arguments, cwd=tmp_path)
+    folders = {PurePosixPath(path).parent for path in installed_paths() if path.endswith(".py")}
+    assert [folder for folder in folders if f"{folder}/__init__.py" not in installed_paths()] == []
+    for arguments, answer in [(("displays",), "bupt-32in-8k"), (("study", "stress", "--help"),
+                                                                                         "--sweeps")]:
+        assert answer in run(environment / "bin/lfsr", *arguments, cwd=tmp_path)
 
 
 @pytest.mark.slow
@@ -86,11 +80,20 @@ def test_a_scene_of_the_package_renders_outside_the_clone(environment, tmp_path)
 
 
 @needs_bpy
-@pytest.mark.parametrize("script", ["training_scenes.py", "sweep_scenes.py", "animation_scenes.py", "unseen_scenes.py",
-                                    "deep_scenes.py", "move_camera_array.py"])
-def test_scene_scripts_find_the_core_where_they_are_installed(environment, tmp_path, script):
-    # Under another name than __main__ a script only imports what it needs.
-    code = (f"import runpy, sys; sys.argv = [{script!r}]; "
-            f"runpy.run_path({str(packages(environment) / 'lfsr_lab' / 'scenes' / script)!r}); "
-            "import lfsr_core; print(lfsr_core.__file__)")
-    assert run(environment / "bin/python", "-c", code, cwd=tmp_path).startswith(str(packages(environment)))
+def test_scene_scripts_find_the_core_where_they_are_installed(environment, tmp_path):
+    """Under another name than __main__ a script only imports what it needs."""
+    folder = packages(environment) / "lfsr_lab" / "scenes"
+    names = ("training", "sweep", "animation", "unseen", "deep")
+    scripts = [str(folder / f"{name}_scenes.py") for name in names] + [str(folder / "move_camera_array.py")]
+    code = f"""import runpy, sys
+path = list(sys.path)
+for script in {scripts!r}:
+    sys.path[:] = path
+    for name in [name for name, module in sys.modules.items() if {str(environment)!r} in str(module)]:
+        del sys.modules[name]
+    sys.argv = [script]
+    runpy.run_path(script)
+    import lfsr_core
+    print(lfsr_core.__file__)"""
+    found = run(environment / "bin/python", "-c", code, cwd=tmp_path).split()
+    assert len(found) == len(scripts) and all(path.startswith(str(packages(environment))) for path in found)

@@ -23,8 +23,8 @@ PORTABLE = ("tests/base/test_records.py", "tests/frames", "tests/pipeline/test_p
             "tests/pipeline/test_staging.py::test_a_released_folder_locks_nobody_out_and_goes_with_its_process",
             "tests/pipeline/test_staging.py::test_a_folder_goes_at_whatever_moment_its_process_was_killed",
             "tests/pipeline/test_staging.py::test_files_are_replaced_all_or_none",
-            "tests/test_files.py::test_failure_keeps_the_old_file_and_leaves_nothing_else",
-            "tests/test_files.py::test_what_a_killed_writer_left_goes_with_the_next_and_a_living_one_keeps_its_own")
+            "tests/base/test_files.py::test_failure_keeps_the_old_file_and_leaves_nothing_else",
+            "tests/base/test_files.py::test_what_a_killed_writer_left_goes_with_the_next_and_a_living_one_keeps_its_own")
 # A child and its own child, which do not read their input; the first says who they are.
 DEAF = """import subprocess, sys, time
 child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
@@ -90,13 +90,10 @@ def test_portable_tests_pass(tmp_path):
     assert " passed" in said
 
 
-def test_what_it_needs_is_there():
-    assert run("-m", "lfsr_core.tasks.probe").strip().endswith("Open Image Denoise")
-
-
 def test_a_job_ends_with_its_child():
     said = run("-c", STOPPED, "stop").split()
     assert said == ["True", "True", "False", "False"]
+    assert run("-m", "lfsr_core.tasks.probe").strip().endswith("Open Image Denoise")
 
 
 def test_a_job_ends_with_the_process_that_made_it():

@@ -22,7 +22,7 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_written_file_is_whole_readable_and_alone(tmp_path):
+def test_written_file_is_whole_readable_and_alone_and_a_folder_that_is_a_file_named(tmp_path):
     target = tmp_path / "deep" / "er" / "data.bin"
     with atomic_path(target) as temporary:
         assert temporary.parent == target.parent
@@ -32,6 +32,15 @@ def test_written_file_is_whole_readable_and_alone(tmp_path):
     assert target.read_bytes() == b"whole"
     assert stat.S_IMODE(target.stat().st_mode) == 0o644
     assert names(target.parent) == ["data.bin"]
+    before = os.umask(0o077)
+    try:
+        write_json(tmp_path / "data.json", {})
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "data.json").stat().st_mode) == 0o600
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(LfsrError, match="data.bin cannot be written"), atomic_path(tmp_path / "file" / "data.bin"):
+        pytest.fail("the block must not run")
 
 
 @pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt])
@@ -68,12 +77,6 @@ def test_what_a_killed_writer_left_goes_with_the_next_and_a_living_one_keeps_its
     with atomic_path(target) as temporary:
         temporary.write_bytes(b"newer")
     assert names(tmp_path) == [stranger.name, "data.bin"] and target.read_bytes() == b"newer"
-
-
-def test_folder_that_is_a_file_is_named(tmp_path):
-    (tmp_path / "file").write_text("x")
-    with pytest.raises(LfsrError, match="data.bin cannot be written"), atomic_path(tmp_path / "file" / "data.bin"):
-        pytest.fail("the block must not run")
 
 
 @pytest.mark.skipif(AS_ROOT, reason="root may write everywhere")
@@ -160,43 +163,24 @@ def test_full_disk_is_told_and_keeps_the_old_file(tmp_path):
     assert answer.stdout.endswith("""['data.json'] "old"\n"""), answer
 
 
-def test_json_round_trip(tmp_path):
+def test_json_round_trip_and_nan_leaves_no_file(tmp_path):
     data = {"a": [1, 2.5, None, "ü"], "b": {"c": True}}
     write_json(tmp_path / "data.json", data)
     assert read_json(tmp_path / "data.json", "a test") == data
-
-
-def test_json_refuses_nan_and_leaves_no_file(tmp_path):
     with pytest.raises(ValueError, match="JSON"):
-        write_json(tmp_path / "data.json", {"a": float("nan")})
-    assert names(tmp_path) == []
-
-
-@pytest.mark.parametrize(("content", "told"), [
-    (None, "does not exist, expected the report"), (b'{"a": 1', "cannot be read as the report"),
-    (b"\xff\xff", "cannot be read as the report")])
-def test_unreadable_json_says_what_was_expected(tmp_path, content, told):
-    if content is not None:
-        (tmp_path / "data.json").write_bytes(content)
-    refuses(told, read_json, tmp_path / "data.json", "the report")
-
-
-def test_new_file_has_the_permissions_of_the_users_umask(tmp_path):
-    before = os.umask(0o077)
-    try:
-        write_json(tmp_path / "data.json", {})
-    finally:
-        os.umask(before)
-    assert stat.S_IMODE((tmp_path / "data.json").stat().st_mode) == 0o600
+        write_json(tmp_path / "nan.json", {"a": float("nan")})
+    assert names(tmp_path) == ["data.json"]
 
 
 @pytest.mark.parametrize("content", [
-    b"[" * 1000, b"[" * 60 + b"]" * 60, b"NaN", b"[-Infinity]", b"1e999", b"9" * 5000, b"\xef\xbb\xbf{}", b""])
-def test_json_that_is_refused_whole(tmp_path, content):
-    (tmp_path / "data.json").write_bytes(content)
-    with pytest.raises(LfsrError, match="cannot be read as a test") as refused:
-        read_json(tmp_path / "data.json", "a test")
-    assert "sys.set" not in str(refused.value), "advice for programmers"
+    None, b'{"a": 1', b"\xff\xff", b"[" * 1000, b"[" * 60 + b"]" * 60, b"NaN", b"[-Infinity]", b"1e999", b"9" * 5000,
+    b"\xef\xbb\xbf{}", b""])
+def test_unreadable_json_says_what_was_expected(tmp_path, content):
+    if content is not None:
+        (tmp_path / "data.json").write_bytes(content)
+    said = refuses("does not exist, expected the report" if content is None else "cannot be read as the report",
+                   read_json, tmp_path / "data.json", "the report")
+    assert "sys.set" not in said, "advice for programmers"
 
 
 def test_only_regular_files_up_to_a_size_are_read(tmp_path):

@@ -19,7 +19,7 @@ def test_a_render_and_another_into_the_same_folder(scene, tmp_path, system):
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), emission((1, 0.5, 0.2)))
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
     for seed in (1, 2):
-        system.lfsr("render", folder / "scene.blend", "-o", folder / "frame", "--display", "mini", "--scale", "4",
-                    "--spp", "1", "--method", "bicubic", "--seed", seed)
+        system.lfsr(["render", str(folder / "scene.blend"), "-o", str(folder / "frame"), "--display", "mini", "--scale",
+                     "4", "--spp", "1", "--method", "bicubic", "--seed", str(seed)])
         assert read_frame(folder / "frame").seed == seed and read_png(folder / "frame" / "eia.png").any()
     assert sorted(path.name for path in folder.iterdir()) == ["frame", "scene.blend"]

@@ -38,11 +38,8 @@ def test_the_built_in_profile_has_typical_numbers():
     assert off_the_formula(profile, *TYPICAL) < 1e-3
     typed = profile_of_c1(*TYPICAL)
     assert (profile.lenses, profile.panel_mm) == (typed.lenses, pytest.approx(typed.panel_mm))
-
-
-@pytest.mark.parametrize("numbers", [(3, 19.6, 8.9), (0.1, 0, 8.9), (0.1, 19.6, float("nan")), (float("inf"), 19, 1)])
-def test_numbers_that_cannot_be(numbers):
-    refuses("must be between", profile_of_c1, *numbers)
+    for numbers in [(3, 19.6, 8.9), (0.1, 0, 8.9), (0.1, 19.6, float("nan")), (float("inf"), 19, 1)]:
+        refuses("must be between", profile_of_c1, *numbers)
 
 
 def test_the_views_of_a_hologram_printer():

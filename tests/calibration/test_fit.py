@@ -1,16 +1,18 @@
-"""Patterns, and what simulated photographs of them tell of a sheet."""
+"""Patterns, photographs as telephones store them, and what simulated ones tell of a sheet."""
 
 import dataclasses
 import functools
 import math
 
+import cv2
 import numpy as np
 import pytest
+from PIL import Image, ImageOps
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.calibration.fit import Calibration, Photograph, combine, comparison, see
 from lfsr_core.calibration.patterns import PATTERNS, pattern
-from lfsr_core.calibration.photograph import find_panel, fit_homography, project
+from lfsr_core.calibration.photograph import LONGER_SIDE, find_panel, fit_homography, project, read_photograph
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.sheet import Lattice
@@ -25,7 +27,7 @@ CYLINDERS = DisplayProfile.from_dict(LARGE | {"lenticular": {"pitch_mm": 1.6, "s
 LENSES = DisplayProfile.from_dict(LARGE | {"lenslet": {
     "packing": "hexagonal", "gap_mm": 2.75, "lenses": {"pitch_mm": [2.0, 2.0 * math.sqrt(0.75)]}}})
 PLACE = (30.0, -20.0, 520.0)
-GOOD = Shot(PLACE, (900, 640), roll_deg=2.0, aim=(0.02, -0.03), noise=0.004)
+GOOD = Shot(PLACE, (900, 640), roll_deg=2.0, aim=(0.02, -0.03), noise=0.004, rays=1)
 
 
 @functools.cache
@@ -74,7 +76,7 @@ def test_small_lenses_are_found_by_two_photographs():
     pitch = (2.01, 2.0 * math.sqrt(0.75) * 0.997)
     real = dataclasses.replace(LENSES, lenslet=dataclasses.replace(
         LENSES.lenslet, lenses=Lattice(pitch, 0.3, 0.002, (0.5, -0.4))))
-    photographs = [taken(LENSES, real, eye_mm=eye, size=(1200, 850), noise=0.002)
+    photographs = [taken(LENSES, real, eye_mm=eye, size=(1200, 850), noise=0.002, rays=2)
                    for eye in ((30.0, -20.0, 520.0), (-40.0, 20.0, 480.0))]
     both = fit_profile(LENSES, photographs)
     found = both.profile.lenslet.lenses
@@ -106,15 +108,20 @@ def test_a_lens_that_distorts_is_corrected():
     assert found.profile.lenticular.pitch_mm == pytest.approx(1.6, rel=1e-5)
 
 
-def test_photographs_from_other_places_than_said_disagree():
+def test_what_photographs_contradict_is_refused():
     second = dataclasses.replace(taken(eye_mm=(60.0, 0.0, 500.0)), eye_mm=(90.0, 0.0, 500.0))
     refuses("photographs disagree by 0.0|photographs disagree by 0.1", fit_profile, CYLINDERS, [taken(), second])
-
-
-@pytest.mark.parametrize("place", [(-60.0, -20.0, 520.0), (30.0, 90.0, 520.0)])
-def test_a_place_that_the_perspective_contradicts_is_refused(place):
-    with pytest.raises(LfsrError, match=r"taken from about (29|30|31|32|28),-(19|20|21|18|22) by its perspective"):
-        fit_profile(CYLINDERS, [changed(eye_mm=place)])
+    refuses("the pitch is known only to", fit_profile, CYLINDERS, [taken(blur=16.0)])
+    refuses("z = -3", fit_profile, CYLINDERS, [Photograph(np.zeros((9, 9, 3)), (0.0, 0.0, -3.0))])
+    refuses("pattern is 'moire'.*phase, lens, band, rgb, grid", pattern, CYLINDERS, "moire")
+    refuses("'mini' has no lens sheet", pattern, load_display("mini"), "phase")
+    for place in [(-60.0, -20.0, 520.0), (30.0, 90.0, 520.0)]:
+        with pytest.raises(LfsrError, match=r"taken from about (29|30|31|32|28),-(19|20|21|18|22) by its perspective"):
+            fit_profile(CYLINDERS, [changed(eye_mm=place)])
+    for kind in ["band", "rgb", "grid"]:
+        shown = photograph(pattern(CYLINDERS, kind), CYLINDERS, GOOD)
+        refuses("dots are not|no colours|overexposed|no lit panel|too dark", fit_profile, CYLINDERS,
+                [changed(image=shown)])
 
 
 def covered(image):
@@ -136,16 +143,6 @@ def test_what_cannot_be_measured_is_refused(image, told):
     refuses(told, fit_profile, CYLINDERS, [changed(image=image(taken().image))])
 
 
-def test_a_blurred_photograph_is_refused():
-    refuses("the pitch is known only to", fit_profile, CYLINDERS, [taken(blur=16.0)])
-
-
-@pytest.mark.parametrize("kind", ["band", "rgb", "grid"])
-def test_another_pattern_is_refused(kind):
-    shown = photograph(pattern(CYLINDERS, kind), CYLINDERS, GOOD)
-    refuses("dots are not|no colours|overexposed|no lit panel|too dark", fit_profile, CYLINDERS, [changed(image=shown)])
-
-
 @pytest.mark.parametrize("factor", [
     1.12, 0.95, pytest.param(0.88, marks=pytest.mark.long), pytest.param(1.05, marks=pytest.mark.long)])
 def test_a_pitch_far_from_the_makers_is_refused_or_right(factor):
@@ -155,10 +152,6 @@ def test_a_pitch_far_from_the_makers_is_refused_or_right(factor):
     except LfsrError:
         return
     assert found.profile.lenticular.pitch_mm == pytest.approx(1.6 * factor, rel=1e-5)
-
-
-def test_a_camera_behind_the_panel_is_refused():
-    refuses("z = -3", fit_profile, CYLINDERS, [Photograph(np.zeros((9, 9, 3)), (0.0, 0.0, -3.0))])
 
 
 def test_the_predicted_photograph_resembles_the_taken_one_and_another_sheets_does_not():
@@ -188,21 +181,47 @@ def test_every_pattern_on_every_sheet(sheet, kind):
 
 
 @pytest.mark.parametrize("sheet", SHEETS)
-def test_the_band_is_bright_from_the_middle_and_dark_from_the_side(sheet):
+def test_the_band_is_bright_from_the_middle_and_rgb_red_from_the_left(sheet):
     display = SHEETS[sheet]()
     shown = pattern(display, "band")
     middle, side = (eye_view(shown, display, (x, 0.0, 300.0), width=1)[3:-3, 3:-3].mean() for x in (0.0, 60.0))
     assert middle > 150 and side < 30
-
-
-@pytest.mark.parametrize("sheet", SHEETS)
-def test_rgb_is_red_from_the_left_and_blue_from_the_right(sheet):
-    display = SHEETS[sheet]()
     for x, channel in ((-70.0, 0), (0.0, 1), (70.0, 2)):
         color = eye_view(pattern(display, "rgb"), display, (x, 0.0, 300.0), width=1)[3:-3, 3:-3].mean((0, 1))
         assert color.argmax() == channel and color.max() > 2 * np.sort(color)[1]
 
 
-def test_wrong_patterns_and_displays_are_named():
-    refuses("pattern is 'moire'.*phase, lens, band, rgb, grid", pattern, CYLINDERS, "moire")
-    refuses("'mini' has no lens sheet", pattern, load_display("mini"), "phase")
+QUARTERS = np.zeros((40, 60, 3), np.uint8)
+QUARTERS[:20, :30, 0] = QUARTERS[:20, 30:, 1] = QUARTERS[20:, :30, 2] = 255
+
+
+@pytest.mark.parametrize("kind", ["png", "jpg"])
+@pytest.mark.parametrize("orientation", range(10))
+def test_exif_tells_what_is_up(tmp_path, orientation, kind):
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    path = tmp_path / f"photo.{kind}"
+    Image.fromarray(QUARTERS).save(path, exif=exif, quality=100)
+    expected = np.asarray(ImageOps.exif_transpose(Image.open(path))) / 255  # Pillow ignores wrong numbers too
+    np.testing.assert_allclose(read_photograph(path), expected, atol=0.02)
+
+
+def test_pictures_deep_transparent_large_and_none(tmp_path):
+    Image.fromarray(np.dstack([QUARTERS, np.full((40, 60), 255, np.uint8)])).save(tmp_path / "alpha.png")
+    np.testing.assert_allclose(read_photograph(tmp_path / "alpha.png"), QUARTERS / 255, atol=1e-6)
+    cv2.imwrite(str(tmp_path / "deep.png"), QUARTERS[..., ::-1].astype(np.uint16) * 257)
+    np.testing.assert_allclose(read_photograph(tmp_path / "deep.png"), QUARTERS / 255, atol=1e-6)
+    wide = np.zeros((4, 2 * LONGER_SIDE, 3), np.uint8)
+    wide[:, 1::2] = 200
+    Image.fromarray(wide).save(tmp_path / "wide.png")
+    read = read_photograph(tmp_path / "wide.png")
+    assert read.shape == (2, LONGER_SIDE, 3)
+    np.testing.assert_allclose(read, 100 / 255, atol=1e-6)
+    for picture, told in [
+        (Image.new("L", (300, 300)), "has no colours"), (Image.new("1", (300, 300)), "has no colours"),
+        (Image.new("RGB", (11000, 11000)), "may have 120 million")]:
+        picture.save(tmp_path / "photo.png")
+        refuses(told, read_photograph, tmp_path / "photo.png")
+    for content in [b"", b"\xff\xd8\xff\xe0", b"text" * 100]:
+        (tmp_path / "photo.jpg").write_bytes(content)
+        refuses("photo.jpg cannot be read as a photograph", read_photograph, tmp_path / "photo.jpg")

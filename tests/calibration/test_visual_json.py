@@ -35,13 +35,20 @@ def new_unit(folder):
     return written(folder, NEW, CellPatternMode=2, subpixelCells=CELLS)
 
 
-def test_golden_figures_of_a_real_third_generation_unit(tmp_path):
+def test_a_third_generation_unit_has_golden_figures_and_its_own_formula(tmp_path):
     profile = profile_from_calibration(read_calibration(new_unit(tmp_path)), "new")
     assert profile.lenticular.lenses_across(profile.panel_mm[0]) == pytest.approx(600.892, abs=5e-4)
     assert profile.lenticular.slant * 2160 / 3840 == pytest.approx(-0.0818233, abs=1e-7)
     assert profile.quilt == (7, 7, 857, 857)
     earlier = profile_from_calibration(read_calibration(written(tmp_path, NEW)), "earlier")
     assert earlier.quilt == (5, 9, 819, 455), "as for panels of its size before the third generation"
+    agree(profile, lambda *place: formula(NEW, *place, cells=CELLS))
+    assert profile.viewing_angle_deg == 50 and profile.subpixels.cell_rule == "x%2"
+    random = np.random.default_rng(0)
+    row, column = (random.integers(0, size, 20000) for size in profile.panel_pixels[::-1])
+    wrong = [np.mean(np.floor(formula(NEW, channel, row, column) * 49)
+                     != np.floor(formula(NEW, channel, row, column, CELLS) * 49)) for channel in range(3)]
+    assert np.mean(wrong) > 0.7
 
 
 def formula(numbers, channel, row, column, cells=None):
@@ -86,12 +93,6 @@ def test_the_first_generations_formula(tmp_path_factory, flips):
     agree(profile, lambda *place: formula(numbers, *place), flipped=bool(flips["flipImageY"]))
 
 
-def test_the_third_generations_formula(tmp_path):
-    profile = profile_from_calibration(read_calibration(new_unit(tmp_path)), "new")
-    agree(profile, lambda *place: formula(NEW, *place, cells=CELLS))
-    assert profile.viewing_angle_deg == 50 and profile.subpixels.cell_rule == "x%2"
-
-
 @pytest.mark.parametrize(("mode", "count"), [(1, 2), (2, 2), (3, 4), (4, 2)])
 def test_cells_of_a_panel_that_is_upside_down(tmp_path, mode, count):
     cells = [{name: value + 0.02 * number for name, value in CELLS[number % 2].items()} for number in range(count)]
@@ -124,39 +125,17 @@ def test_switches_and_empty_fields_as_other_programs_write_them(tmp_path, change
     assert wanted.flip == (False, True) and wanted.viewing_angle_deg == 40
 
 
-def test_the_old_formula_on_a_new_panel_is_mostly_wrong(tmp_path):
-    profile = profile_from_calibration(read_calibration(new_unit(tmp_path)), "new")
-    random = np.random.default_rng(0)
-    row, column = (random.integers(0, size, 20000) for size in profile.panel_pixels[::-1])
-    wrong = [np.mean(np.floor(formula(NEW, channel, row, column) * 49)
-                     != np.floor(formula(NEW, channel, row, column, CELLS) * 49)) for channel in range(3)]
-    assert np.mean(wrong) > 0.7
-
-
-def test_an_imported_profile_is_read_back(tmp_path):
+def test_imported_and_built_in_profiles_are_read_back_as_written(tmp_path):
     for number, path in enumerate((written(tmp_path, OLD), new_unit(tmp_path))):
         profile = profile_from_calibration(read_calibration(path), f"my {number}")
         write_profile(tmp_path / "my.toml", profile)
         assert load_display(tmp_path / "my.toml") == profile
-
-
-def test_a_profile_needs_the_name_of_one(tmp_path):
     refuses(r"does not end in \.toml", write_profile, tmp_path / "my.txt", load_display("mini"))
-
-
-@pytest.mark.parametrize("name", builtin_names())
-def test_every_built_in_profile_survives_writing(tmp_path, name):
-    profile = load_display(name)
-    write_profile(tmp_path / "own.toml", profile)
-    again = load_display(tmp_path / "own.toml")
-    assert (again, again.title, again.quilt) == (profile, profile.title, profile.quilt)
-
-
-@pytest.mark.parametrize(("change", "told"), [
-    ({"pitch": "wide"}, "pitch is 'wide'"), ({"pitch": -3}, "pitch is -3.0"), ({"screenW": 12.5}, "screenW is 12.5"),
-    ({"slope": 0}, "slope is 0.0"), ({"DPI": True}, "DPI is True")])
-def test_wrong_numbers_are_named(tmp_path, change, told):
-    refuses(told, read_calibration, written(tmp_path, OLD | change))
+    for name in builtin_names():
+        profile = load_display(name)
+        write_profile(tmp_path / "own.toml", profile)
+        again = load_display(tmp_path / "own.toml")
+        assert (again, again.title, again.quilt) == (profile, profile.title, profile.quilt)
 
 
 @given(st.sampled_from(sorted({*OLD} & {*REQUIRED, *OPTIONAL})), st.floats() | st.sampled_from([1e-308, 5e-324, 1e9]))
@@ -174,21 +153,19 @@ def test_a_number_of_any_size_is_a_profile_or_a_sentence(tmp_path_factory, name,
         assert str(error)
 
 
-@pytest.mark.parametrize(("plain", "told"), [
-    ({"CellPatternMode": 9}, "CellPatternMode is 9"), ({"subpixelCells": [3]}, "subpixelCells is"),
-    ({"subpixelCells": [{"ROffsetX": 1}]}, "'ROffsetY' is missing"), ({"CellPatternMode": []}, "CellPatternMode")])
-def test_wrong_cells_are_named(tmp_path, plain, told):
-    refuses(told, read_calibration, written(tmp_path, NEW, **plain))
-
-
-def test_missing_fields_and_other_files_are_named(tmp_path):
+def test_wrong_and_missing_fields_and_files_are_named(tmp_path):
     with pytest.raises(LfsrError, match="'center' is missing"):
         read_calibration(written(tmp_path, {key: value for key, value in OLD.items() if key != "center"}))
     (tmp_path / "list.json").write_text("[]")
     refuses("holds no JSON object", read_calibration, tmp_path / "list.json")
-
-
-def test_a_file_that_is_none_is_said_once(tmp_path):
     with pytest.raises(LfsrError) as refused:
         read_calibration(tmp_path)
     assert str(refused.value).count("cannot be read") == 1
+    for change, told in [
+        ({"pitch": "wide"}, "pitch is 'wide'"), ({"pitch": -3}, "pitch is -3.0"),
+        ({"screenW": 12.5}, "screenW is 12.5"), ({"slope": 0}, "slope is 0.0"), ({"DPI": True}, "DPI is True")]:
+        refuses(told, read_calibration, written(tmp_path, OLD | change))
+    for plain, told in [
+        ({"CellPatternMode": 9}, "CellPatternMode is 9"), ({"subpixelCells": [3]}, "subpixelCells is"),
+        ({"subpixelCells": [{"ROffsetX": 1}]}, "'ROffsetY' is missing"), ({"CellPatternMode": []}, "CellPatternMode")]:
+        refuses(told, read_calibration, written(tmp_path, NEW, **plain))

@@ -1,5 +1,6 @@
 """Every verb from its arguments to its files, with Blender played by a script that copies a folder."""
 
+import importlib.metadata
 import io
 import json
 import os
@@ -13,41 +14,17 @@ import pytest
 
 from lfsr_core.base.notices import BOLD, styled
 from lfsr_core.cli import GROUPS, VERBS, build_parser, main
+from lfsr_core.commands import laboratory
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_mask, read_png
 from lfsr_core.optics.display import builtin_names
 from lfsr_core.optics.eia import flip_order
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
-from tests.support.synthetic import fails, frame_of, light_field, write_render
+from tests.support.played_blender import played_blender
+from tests.support.synthetic import fails, light_field, write_render
 
 ROOT = Path(__file__).parents[2]
-
-# Answers every kind of job with a ready folder of that kind, in which frame.json lists the lenses asked for.
-BLENDER = """#!{python}
-import json, shutil, sys
-from pathlib import Path
-sys.path[:0] = [{root!r}, {tests!r}]
-if "--version" in sys.argv:
-    print("Blender 5.0.1")
-    sys.exit()
-job = json.loads(Path(sys.argv[-1]).read_text())
-with open({log!r}, "a") as log:
-    log.write(json.dumps(job) + "\\n")
-import numpy as np
-from lfsr_core.images.exr import write_layers
-from tests.support.synthetic import write_reference, write_render
-if job["kind"] == "reference":
-    lenses = job["lens_list"]
-    write_reference(Path(job["output"]), lens_list=lenses and tuple(map(tuple, lenses)))
-else:
-    sampling = job["sampling"]
-    write_render(Path(job["output"]), sampling["scale"], samples=sampling["samples"])
-    if job["subject"] == "Unseen":
-        write_layers(Path(job["output"], "lr_eia.exr"), {{"color": np.zeros((48, 64, 4), np.float32)}})
-print('LFSR {{"stage": "done", "folder": "."}}')
-"""
-
 WIDE = """name = "wide"
 panel_pixels = [800_000_000, 800_000_000]
 panel_mm = [1000, 1000]
@@ -68,11 +45,7 @@ def scene(tmp_path):
 @pytest.fixture
 def blender(tmp_path):
     """Path of a stand-in for Blender; the jobs it got are lines of blender.jobs beside it."""
-    path = tmp_path / "blender"
-    path.write_text(BLENDER.format(python=sys.executable, root=str(ROOT), tests=str(ROOT / "tests"),
-                                   log=str(tmp_path / "blender.jobs")))
-    path.chmod(0o755)
-    return str(path)
+    return played_blender(tmp_path / "blender", "copy")
 
 
 def jobs(blender: str) -> list[dict]:
@@ -165,7 +138,8 @@ def test_shells_complete_verbs_and_options(tmp_path):
     assert (tmp_path / "words").read_text().split() == ["--display"]
 
 
-@pytest.mark.parametrize("arguments", [["rendr"], ["views"], ["views", "x", "--eye", "1,2"]])
+@pytest.mark.parametrize("arguments", [["rendr"], ["views"], ["views", "x", "--eye", "1,2"],
+                                       ["render", "x.glb", "-o", "x", "--scale", "some"]])
 def test_wrong_command_line_exits_with_2(arguments, capsys):
     with pytest.raises(SystemExit) as caught:
         main(arguments)
@@ -214,13 +188,6 @@ def test_an_image_without_foreground_is_no_success(scene, blender, tmp_path, cap
     assert "no lens sees the subject" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("light", "sentence"), [
-    ("citty", "'city'"), ("gone.exr", "gone.exr does not exist")])
-def test_a_light_that_there_is_not_is_refused_at_once(scene, blender, tmp_path, capsys, light, sentence):
-    assert sentence in fails(["render", scene, "-o", str(tmp_path / "frame"), "--light", light, "--blender", blender],
-                             capsys)
-
-
 def test_render_defaults(scene, blender, tmp_path):
     assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender]) == 0
     (job,) = jobs(blender)
@@ -230,21 +197,10 @@ def test_render_defaults(scene, blender, tmp_path):
 
 
 def test_a_scene_too_deep_for_any_scale_is_denoised_alone(scene, blender, tmp_path):
-    text = Path(blender).read_text().replace('sampling["scale"], samples', '1, samples')
-    Path(blender).write_text(text)
+    Path(blender + ".scale").write_text("1")
     assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender]) == 0
     report = json.loads((tmp_path / "frame" / "report.json").read_text())
     assert (report["scale"], report["method"]) == (1, "denoise")
-
-
-def test_a_scale_that_is_asked_for_is_the_only_one(scene, blender, tmp_path, capsys):
-    for arguments in (["--scale", "2"], ["--scale", "4", "--seed", "3"]):
-        assert main(["render", scene, "-o", str(tmp_path / "".join(arguments)), "--display", "mini", "--method",
-                     "bilinear", "--blender", blender, *arguments]) == 0
-    assert [job["sampling"]["scales"] for job in jobs(blender)] == [[], []]
-    with pytest.raises(SystemExit):
-        main(["render", scene, "-o", "x", "--scale", "some"])
-    assert "--scale" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("arguments", "expected"), [
@@ -257,19 +213,13 @@ def test_rays_are_per_finished_pixel_and_samples_per_rendered_pixel(scene, blend
     (job,) = jobs(blender)
     sampling = job["sampling"]
     assert (sampling["scale"], sampling["samples"], sampling["scales"], sampling["rays"]) == expected
+    assert job["layers"] == [], "the method looks at none"
 
 
 def test_frames_can_be_named_whose_depth_decides(scene, blender, tmp_path):
     assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender, "--frame",
                  "7", "--scale-frames", "1-9:2"]) == 0
     assert jobs(blender)[0]["sampling"]["frames"] == [1, 3, 5, 7, 9]
-
-
-def test_render_has_the_layers_that_its_method_looks_at(scene, blender, tmp_path):
-    assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--method", "bilinear",
-                 "--blender", blender]) == 0
-    (job,) = jobs(blender)
-    assert job["layers"] == []
 
 
 def test_render_at_scale_1_needs_no_upscaler(scene, blender, tmp_path):
@@ -288,6 +238,8 @@ def test_render_at_scale_1_needs_no_upscaler(scene, blender, tmp_path):
     (["--rays", "0"], "rays per finished pixel are 0"),
     (["--rays", "nan", "--scale", "2"], "rays per finished pixel are nan"),
     (["--scale-frames", "9-1"], "frames are 9-1"), (["--layers", "albdo"], "'albedo'"),
+    (["--light", "citty"], "'city'"),
+    (["--light", "gone.exr"], "gone.exr does not exist"),
     (["--display", "mimi"], "'mini'"), (["--view-aperture", "9"], "view aperture is 9"),
     (["--view-aperture", "nan"], "view aperture is nan"),
     (["--dilate", str(2**32)], "dilation of the foreground mask is 4294967296"),
@@ -310,23 +262,17 @@ def test_missing_scene_is_refused(verb, blender, tmp_path, capsys):
     assert not (tmp_path / "frame").exists()
 
 
-def test_upscale_redoes_the_second_stage_only(tmp_path):
+def test_upscale_redoes_the_second_stage_only_and_dilation_grows_the_mask(tmp_path):
     folder = write_render(tmp_path / "frame")
-    for method in ("nearest", "bicubic"):
+    for method in ("bicubic", "nearest"):
         assert main(["upscale", str(folder), "--method", method]) == 0
         report = json.loads((folder / "report.json").read_text())
         assert report["method"] == method
         assert set(report["seconds"]) == {"render", "load", "mask", "upscale", "assemble", "color", "write"}
-
-
-def test_upscale_dilation_grows_the_mask(tmp_path):
-    folder = write_render(tmp_path / "frame")
-    main(["upscale", str(folder), "--method", "nearest"])
     before = read_mask(folder / "mask.png")
     main(["upscale", str(folder), "--method", "nearest", "--dilate", "1"])
     after = read_mask(folder / "mask.png")
-    assert (after & before == before).all()
-    assert after.sum() > before.sum()
+    assert (after & before == before).all() and after.sum() > before.sum()
 
 
 def test_truncated_render_is_refused_and_keeps_the_old_image(tmp_path, capsys):
@@ -339,21 +285,19 @@ def test_truncated_render_is_refused_and_keeps_the_old_image(tmp_path, capsys):
     assert main(["upscale", str(folder), "--method", "bicubic"]) == 2
     assert "lr_eia.exr cannot be read" in capsys.readouterr().err
     assert (folder / "eia.png").read_bytes() == picture
-
-
-@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
-@pytest.mark.parametrize("words", [["displays"], ["displays", "bupt-32in-8k"], ["render", "--help"]])
-def test_an_output_that_lacks_letters_is_no_error(encoding, words):
-    done = subprocess.run([sys.executable, "-m", "lfsr_core.cli", *words], capture_output=True,
-                          env=os.environ | {"PYTHONIOENCODING": encoding}, cwd=ROOT)
-    assert done.returncode == 0 and done.stdout.decode(encoding), done.stderr
-
-
-def test_upscale_of_a_folder_without_a_frame_is_refused(tmp_path, capsys):
     assert "frame.json does not exist" in fails(["upscale", str(tmp_path)], capsys)
 
 
-def test_reference_of_all_lenses(scene, blender, tmp_path, capsys):
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
+def test_an_output_that_lacks_letters_is_no_error(encoding):
+    code = ("from lfsr_core.cli import main\nfor words in (['displays'], ['displays', 'bupt-32in-8k']):\n"
+            "    assert main(words) == 0\nmain(['render', '--help'])")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, cwd=ROOT,
+                          env=os.environ | {"PYTHONIOENCODING": encoding})
+    assert done.returncode == 0 and "bupt-32in-8k" in (said := done.stdout.decode(encoding)) and "--spp" in said, done
+
+
+def test_reference_of_all_lenses_and_of_too_many(scene, blender, tmp_path, capsys):
     folder = tmp_path / "reference"
     assert main(["reference", scene, "-o", str(folder), "--display", "mini", "--blender", blender]) == 0
     (job,) = jobs(blender)
@@ -361,6 +305,10 @@ def test_reference_of_all_lenses(scene, blender, tmp_path, capsys):
     assert (job["sampling"]["scale"], job["sampling"]["samples"]) == (1, 1024)
     assert "192 lenses, two halves of 512 samples" in capsys.readouterr().out
     assert sorted(path.name for path in folder.iterdir()) == ["frame.json", "reference_a.exr", "reference_b.exr"]
+    assert main(["reference", scene, "-o", str(tmp_path / "another"), "--display", "mini", "--lenses", "193",
+                 "--blender", blender]) == 2
+    assert "number of lenses is 193, but it must be from 1 to the display's 192" in capsys.readouterr().err
+    assert len(jobs(blender)) == 1 and not (tmp_path / "another").exists()
 
 
 def test_reference_of_sampled_lenses_takes_them_from_the_foreground(scene, blender, tmp_path):
@@ -376,16 +324,9 @@ def test_reference_of_sampled_lenses_takes_them_from_the_foreground(scene, blend
     assert sum(alpha[lens] for lens in lenses) == 14, "7 of 8 are foreground"
 
 
-def test_reference_of_too_many_lenses_is_refused(scene, blender, tmp_path, capsys):
-    assert main(["reference", scene, "-o", str(tmp_path / "reference"), "--display", "mini", "--lenses", "193",
-                 "--blender", blender]) == 2
-    assert "number of lenses is 193, but it must be from 1 to the display's 192" in capsys.readouterr().err
-    assert not Path(blender + ".jobs").exists()
-    assert not (tmp_path / "reference").exists()
-
-
-def test_views_writes_its_images(tmp_path, capsys):
+def test_views_writes_its_images_once_the_frame_is_finished(tmp_path, capsys):
     folder = write_render(tmp_path / "frame")
+    assert "eia.png does not exist" in fails(["views", str(folder)], capsys)
     main(["upscale", str(folder), "--method", "bicubic"])
     capsys.readouterr()
     assert main(["views", str(folder)]) == 0
@@ -394,11 +335,26 @@ def test_views_writes_its_images(tmp_path, capsys):
     assert (folder / "eye.png").exists()
 
 
-def test_views_before_upscale_is_refused(tmp_path, capsys):
-    assert "eia.png does not exist" in fails(["views", str(write_render(tmp_path / "frame"))], capsys)
+@pytest.fixture
+def missing(monkeypatch):
+    """A Python without the laboratory."""
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: ())
 
 
-def test_the_synthetic_frame_has_some_foreground():
-    alpha = light_field()[..., 3]
-    assert 0.1 < alpha.mean() < 0.5
-    assert frame_of(2).rays.size == (64, 48)
+def test_without_the_laboratory_the_help_and_its_verbs_say_so(missing, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["--help"])
+    shown = capsys.readouterr().out
+    assert caught.value.code == 0 and "render" in shown
+    assert not any(name in shown.split() for name in laboratory.NAMES)
+    for words in [["study"], ["study", "chart", "a.blend", "-o", "out"],
+                                       ["train", "--help"], ["train", "paper", "--set", "seed=1"]]:
+        told = fails(words, capsys)
+        assert told.startswith(f"lfsr {words[0]}: the verb {words[0]!r} belongs to the laboratory")
+        assert "pip install ./scripts/lab" in told
+
+
+def test_verbs_come_from_the_laboratory():
+    found = {verb.NAME: verb for verb in laboratory.verbs()}
+    assert tuple(found) == laboratory.NAMES
+    assert not any(verb.HELP == laboratory.MISSING for verb in found.values())

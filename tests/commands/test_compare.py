@@ -12,7 +12,8 @@ from tests.support.synthetic import fails, write_reference, write_render
 
 
 @pytest.mark.parametrize("lenses", [None, tuple((row, column) for row in range(3, 9) for column in range(4, 12))])
-def test_compare_writes_and_prints_every_metric(tmp_path, capsys, lenses):
+def test_compare_writes_and_prints_every_metric_also_in_a_python_without_flip(tmp_path, capsys, lenses):
+    """A Python that has no flip-evaluator, as Blender's, compares all the same."""
     folder, reference = write_render(tmp_path / "frame"), write_reference(tmp_path / "reference", lens_list=lenses)
     main(["upscale", str(folder), "--method", "bicubic"])
     capsys.readouterr()
@@ -26,24 +27,15 @@ def test_compare_writes_and_prints_every_metric(tmp_path, capsys, lenses):
     part = "eia" if lenses is None else "lens"
     assert 1 > metrics[f"ssim_{part}"] > metrics[f"ssim_{part}_fg"] > 0.5, "the background is easy"
     assert ("±" in printed) == (lenses is not None)
-
-
-@pytest.mark.parametrize("lenses", [None, tuple((row, column) for row in range(3, 9) for column in range(4, 12))])
-def test_without_its_package_flip_is_reported_as_not_computed(tmp_path, lenses):
-    """A Python that has no flip-evaluator, as Blender's, compares all the same."""
-    folder, reference = write_render(tmp_path / "frame"), write_reference(tmp_path / "reference", lens_list=lenses)
-    main(["upscale", str(folder), "--method", "bicubic"])
-    main(["compare", str(folder), str(reference)])
-    with_flip = json.loads((folder / "report.json").read_text())["metrics"]
     source = ("import sys; sys.modules['flip_evaluator'] = None; from lfsr_core.cli import main; "
               f"sys.exit(main(['compare', {str(folder)!r}, {str(reference)!r}]))")
     done = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=True)
     assert "FLIP was not computed" in done.stdout and "flip  " not in done.stdout
-    metrics = json.loads((folder / "report.json").read_text())["metrics"]
-    assert metrics["flip"] is None and metrics["notes"] == [{"code": "flip-missing", "values": {}}]
+    without = json.loads((folder / "report.json").read_text())["metrics"]
+    assert without["flip"] is None and without["notes"] == [{"code": "flip-missing", "values": {}}]
     left_out = ("flip", "notes", "ci95")
-    assert {name: metrics[name] for name in metrics if name not in left_out} == {
-        name: with_flip[name] for name in with_flip if name not in left_out}
+    assert {name: without[name] for name in without if name not in left_out} == {
+        name: metrics[name] for name in metrics if name not in left_out}
 
 
 @pytest.mark.parametrize("lenses", [((5, 7),), ((0, 0),), ((5, 7), (5, 8))])
@@ -90,13 +82,9 @@ def test_mismatched_reference_is_refused(tmp_path, capsys, changes):
     assert json.loads((folder / "report.json").read_text())["metrics"] == {}
 
 
-def test_compare_with_a_frame_instead_of_a_reference_is_refused(tmp_path, capsys):
-    folder = write_render(tmp_path / "frame")
+def test_compare_before_upscale_or_with_a_frame_instead_of_a_reference_is_refused(tmp_path, capsys):
+    folder, reference = write_render(tmp_path / "frame"), write_reference(tmp_path / "reference")
+    assert "report.json does not exist" in fails(["compare", str(folder), str(reference)], capsys)
     main(["upscale", str(folder), "--method", "nearest"])
     capsys.readouterr()
     assert "scale 2" in fails(["compare", str(folder), str(folder)], capsys)
-
-
-def test_compare_before_upscale_is_refused(tmp_path, capsys):
-    folder, reference = write_render(tmp_path / "frame"), write_reference(tmp_path / "reference")
-    assert "report.json does not exist" in fails(["compare", str(folder), str(reference)], capsys)

@@ -16,14 +16,11 @@ from tests.support.synthetic import fails
 from tests.support.telephone import jpeg
 
 
-def test_a_calibration_becomes_a_profile(tmp_path, capsys):
+def test_a_calibration_becomes_a_profile_and_what_is_not_used_of_it_is_said(tmp_path, capsys):
     assert main(["displays", "--import", str(new_unit(tmp_path)), "-o", str(tmp_path / "desk.toml")]) == 0
     shown = capsys.readouterr().out
     assert "600.892 across (P)" in shown and "-0.0818234" in shown and "crosstalk" in shown
     assert load_display(tmp_path / "desk.toml").name == "desk"
-
-
-def test_what_is_not_used_of_a_calibration_is_said(tmp_path, capsys):
     calibration = written(tmp_path, NEW | {"invView": 0, "fringe": 2})
     assert main(["displays", "--import", str(calibration), "-o", str(tmp_path / "desk.toml")]) == 0
     shown = capsys.readouterr().out
@@ -34,7 +31,7 @@ def test_a_telephones_photograph_of_the_pattern_fits_the_profile(tmp_path, capsy
     profile, panel = tmp_path / "large.toml", tmp_path / "phase.png"
     write_profile(profile, CYLINDERS)
     assert main(["displays", str(profile), "--pattern", "phase", "-o", str(panel)]) == 0
-    shot = dataclasses.replace(GOOD, orientation=6, flagged=False, bend=(0.05, 0.0), quality=95)
+    shot = dataclasses.replace(GOOD, orientation=6, flagged=False, bend=(0.05, 0.0), quality=95, rays=1)
     (tmp_path / "photo.jpg").write_bytes(jpeg(read_png(panel), CYLINDERS, shot))
     fitted = tmp_path / "fitted.toml"
     assert main(["displays", str(profile), "--fit", str(tmp_path / "photo.jpg"), "--from", "30,-20,520",

@@ -21,10 +21,6 @@ def test_view(folder, tmp_path, capsys):
     assert (tmp_path / "film.html").read_text(encoding="utf-8").count('class="eia"') == 2
 
 
-def test_view_of_nothing(tmp_path, capsys):
-    assert "does not exist" in fails(["view", str(tmp_path / "nowhere")], capsys)
-
-
 @pytest.mark.parametrize(("options", "names"), [
     (["quilt"], ["two_depths_qs2x4a1.333.png"]),
     (["quilt", "--views", "6", "--grid", "6x1"], ["two_depths_qs6x1a1.333.png"]),
@@ -35,17 +31,6 @@ def test_export(folder, capsys, options, names):
     target = folder / "export" / options[0]
     assert str(target) in capsys.readouterr().out
     assert sorted(path.name for path in target.iterdir()) == names
-
-
-@pytest.mark.parametrize("options", [["--format", "quitl"], ["--format", "quilt", "--grid", "8by6"], []])
-def test_export_of_words_that_are_none(folder, capsys, options):
-    with pytest.raises(SystemExit) as caught:
-        main(["export", str(folder), *options])
-    assert caught.value.code == 2
-
-
-def test_export_refuses_an_option_of_another_format(folder, capsys):
-    assert "has no option 'width'" in fails(["export", str(folder), "--format", "pleno", "--width", "9"], capsys)
 
 
 def test_there_and_back(folder, tmp_path, capsys):
@@ -60,5 +45,11 @@ def test_there_and_back(folder, tmp_path, capsys):
     assert main(["view", str(tmp_path / "low")]) == 0
 
 
-def test_import_of_nothing(tmp_path, capsys):
+def test_what_cannot_be(folder, tmp_path, capsys):
+    assert "does not exist" in fails(["view", str(tmp_path / "nowhere")], capsys)
+    assert "has no option 'width'" in fails(["export", str(folder), "--format", "pleno", "--width", "9"], capsys)
     assert "is no folder" in fails(["import", str(tmp_path / "nowhere"), "-o", str(tmp_path / "frame")], capsys)
+    for options in [["--format", "quitl"], ["--format", "quilt", "--grid", "8by6"], []]:
+        with pytest.raises(SystemExit) as caught:
+            main(["export", str(folder), *options])
+        assert caught.value.code == 2

@@ -159,10 +159,6 @@ def test_a_changed_scene_is_planned_anew_and_an_old_plan_forgotten(scene, blende
         os.utime(path, (0, 0))
     assert not interrupted(job)
     assert len(list(cache.iterdir())) == 1
-
-
-def test_the_same_plan_twice_at_once_does_not_meet(scene, tmp_path):
-    job, options = make_request(str(tmp_path), load_display("mini"), scene=scene), PlanOptions()
     with work_folder(None, job, options, print) as first, work_folder(None, job, options, print) as second:
         assert first != second and second.is_dir()
     assert not first.exists() and not second.exists()

@@ -80,17 +80,14 @@ def raised() -> set[str]:
                                        else call.args[:1]) if isinstance(code, ast.Constant)}
 
 
-def test_every_notice_has_a_sentence_and_every_sentence_a_notice():
+def test_every_notice_has_a_sentence_every_sentence_a_notice_and_text_from_elsewhere_is_cleaned():
     assert raised() - UNSHOWN == set(SENTENCES) == set(EXAMPLES)
+    assert cleaned("a\x1b[31m\nb\x00") == "a [31m b" and cleaned(["a\rb"]) == ["a b"]
+    assert len(cleaned("x" * 9999)) == MOST_LETTERS
+    assert "\x1b" not in sentence(Notice("camera-mirrored", {"camera": "\x1b[2Jevil"}))
 
 
 @pytest.mark.parametrize("code", EXAMPLES)
 def test_a_sentence_has_its_values(code):
     values, part = EXAMPLES[code]
     assert part in sentence(Notice(code, values))
-
-
-def test_text_from_elsewhere_is_cleaned():
-    assert cleaned("a\x1b[31m\nb\x00") == "a [31m b" and cleaned(["a\rb"]) == ["a b"]
-    assert len(cleaned("x" * 9999)) == MOST_LETTERS
-    assert "\x1b" not in sentence(Notice("camera-mirrored", {"camera": "\x1b[2Jevil"}))

@@ -285,8 +285,8 @@ def scale_groups(name: str) -> list[Group]:
 
 
 @functools.cache
-def left_out(name: str) -> list[float]:
-    return [*fit(scale_groups(name)).left_out.values()]
+def left_out() -> dict[tuple[str, int], float]:
+    return fit(scale_groups("scales")).left_out
 
 
 def lost(values: list[float]) -> Values:
@@ -301,7 +301,7 @@ def group_loss(group: Group) -> float:
 def scale_row(row: list[str]) -> Values:
     fitted = scale_groups("scales")
     return lost({"predicted loss": lambda: [group.lost(MODEL) for group in fitted],
-                 "the same, fitted without that scene": lambda: left_out("scales"),
+                 "the same, fitted without that scene": lambda: [*left_out().values()],
                  "always scale 4": lambda: [group_loss(group) for group in fitted]}[row[0]]())
 
 
@@ -424,7 +424,7 @@ CLAIMS: list[Claim | TableClaim] = [
         plan("stress")["chosen"] * plan("stress")["met"], plan("stress")["plans"]]),
     Claim(STRESS, "keeps the print ({}), the frame's {}.", behind_glass),
     Claim(STRESS, "loses {} when fitted without the scene, and always scale 4 {}", lambda: [
-        statistics.fmean(loss for (scene, _), loss in fit(scale_groups("scales")).left_out.items() if scene != "print"),
+        statistics.fmean(loss for (scene, _), loss in left_out().items() if scene != "print"),
         statistics.fmean(group_loss(group) for group in scale_groups("scales") if group.scene != "print")]),
     TableClaim(POOLING, "| samples | scenes | before | after |", pooling_row, first=2),
     Claim(POOLING, "**{}, {}, {} and {}** with 1, 4, 16 and 64 samples", pooling_gains),

@@ -36,8 +36,10 @@ def scene(tmp_path_factory) -> Path:
     return path
 
 
-def test_there_are_five_programs():
+def test_there_are_five_programs_and_every_public_name():
     assert set(PROGRAMS) == set(FILES)
+    missing = [name for name in lfsr_core.__all__ if not re.search(rf"\b{name}\b", PAGE)]
+    assert missing == ["__version__"]
 
 
 @needs_bpy
@@ -54,11 +56,6 @@ def test_programs_on_a_finished_frame(tmp_path, name):
     lfsr_core.finish_frame(write_render(tmp_path / "frame"), "bilinear")
     run(tmp_path, "-c", PROGRAMS[name])
     assert all((tmp_path / file).exists() for file in FILES[name])
-
-
-def test_every_public_name_is_on_the_page():
-    missing = [name for name in lfsr_core.__all__ if not re.search(rf"\b{name}\b", PAGE)]
-    assert missing == ["__version__"]
 
 
 USER = """import lfsr_core

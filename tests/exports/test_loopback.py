@@ -15,18 +15,15 @@ from tests.support.bridge import TOKEN
 from tests.support.told import refuses
 
 
-def test_a_call_returns_the_answers_data(bridge):
+def test_a_call_to_this_computer_returns_the_answers_data(bridge):
     stand_in = bridge()
     answer = loopback.put("enter_orchestration", {"name": "default"})
     assert answer["payload"]["value"] == TOKEN
     (request,) = stand_in.requests
     assert request["body"] == {"name": "default"} and request["headers"]["Content-Type"] == "application/json"
     assert request["headers"]["Host"] == f"localhost:{stand_in.port}"
-
-
-def test_an_unknown_endpoint_answers_with_nothing(bridge):
-    bridge()
     assert loopback.put("no_such_endpoint", {}) is None
+    assert loopback.ADDRESSES == ("127.0.0.1", "::1")
 
 
 @pytest.mark.parametrize(("fault", "message"), [
@@ -43,14 +40,11 @@ def test_each_fault_is_one_sentence_in_time(bridge, fault, message):
     assert time.monotonic() - started < 20
 
 
-def test_nobody_listens(monkeypatch):
+def test_nobody_listens_there_is_no_other_protocol_or_no_port(monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     monkeypatch.setenv(loopback.PORT_VARIABLE, str(port))
     refuses(f"is not running: nothing listens on port {port} of this computer. Start it", loopback.put, "x", {})
-
-
-def test_a_computer_without_the_other_protocol(monkeypatch):
     def connect(place, seconds, real=socket.create_connection):
         if place[0] == "::1":
             raise OSError(errno.EADDRNOTAVAIL, "Cannot assign requested address")
@@ -59,6 +53,9 @@ def test_a_computer_without_the_other_protocol(monkeypatch):
     monkeypatch.setattr(socket, "create_connection", connect)
     monkeypatch.setenv(loopback.PORT_VARIABLE, "1")
     refuses("is not running: nothing listens on port 1", loopback.put, "x", {})
+    for port in ["", "0", "65536", "-1", "80 ", "example.org:80", "٣", "1e3", "999999999999"]:
+        monkeypatch.setenv(loopback.PORT_VARIABLE, port)
+        refuses("LFSR_BRIDGE_PORT is .* must be a port from 1 to 65535", loopback.put, "x", {})
 
 
 def test_a_server_of_the_other_protocol_is_found(monkeypatch):
@@ -70,16 +67,6 @@ def test_a_server_of_the_other_protocol_is_found(monkeypatch):
         monkeypatch.setenv(loopback.PORT_VARIABLE, str(server.getsockname()[1]))
         refuses("did not answer", loopback.put, "x", {}, 0.2)
         server.accept()[0].close()
-
-
-@pytest.mark.parametrize("port", ["", "0", "65536", "-1", "80 ", "example.org:80", "٣", "1e3", "999999999999"])
-def test_only_a_port_can_be_chosen(monkeypatch, port):
-    monkeypatch.setenv(loopback.PORT_VARIABLE, port)
-    refuses("LFSR_BRIDGE_PORT is .* must be a port from 1 to 65535", loopback.put, "x", {})
-
-
-def test_addresses_are_those_of_this_computer():
-    assert loopback.ADDRESSES == ("127.0.0.1", "::1")
 
 
 WATCHED = """

@@ -4,7 +4,6 @@ import base64
 import io
 import re
 import shutil
-import subprocess
 import sys
 
 import numpy as np
@@ -19,14 +18,10 @@ from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import to_elemental_images
 from tests.support.finished import DIRECT, MINI, TALL, finished
+from tests.support.small_disk import on_a_small_disk
 from tests.support.told import Told, refuses
 
 OVERHEAD = 100_000  # bytes
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return finished(tmp_path_factory.mktemp("finished") / "frame")
 
 
 def images(path) -> list[np.ndarray]:
@@ -41,9 +36,12 @@ def test_size_is_that_of_the_image_and_a_little(folder, tmp_path, quality):
     assert written.bytes == written.path.stat().st_size <= (folder / "eia.png").stat().st_size + OVERHEAD
 
 
-def test_lossless_is_the_image_bit_for_bit(folder, tmp_path):
+def test_lossless_is_the_image_bit_for_bit_and_nothing_is_fetched(folder, tmp_path):
     (image,) = images(write_page([folder], tmp_path / "page.html", 100).path)
     np.testing.assert_array_equal(image, read_png(folder / "eia.png"))
+    text = write_page([folder], tmp_path / "page.html").path.read_text(encoding="utf-8")
+    assert not re.search(r"""(?:src|href)\s*=\s*["'](?!data:)|url\(|@import|https?://|fetch\(|XMLHttp""", text)
+    assert not re.search(r"/\*(?:STYLE|SHADER|SCRIPT)\*/|<!--IMAGES", text)
 
 
 def test_by_default_it_loses_nothing_where_that_would_show(folder, tmp_path):
@@ -57,33 +55,19 @@ def test_by_default_it_loses_nothing_where_that_would_show(folder, tmp_path):
     assert 0 < difference.mean() <= page.MOST_LOSS
 
 
-FULL_FOLDER = """
-import resource, sys
-from lfsr_core.cli import main
-resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)
-sys.exit(main(["view", sys.argv[1], "--quality", "100"]))
-"""
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX limit on file size")
 def test_a_full_temporary_folder_is_told_and_no_page_has_a_cut_image(folder, tmp_path):
     copy = shutil.copytree(folder, tmp_path / "frame")
     blocks = len(page.encode_webp(read_png(copy / "eia.png"), 100)) // 4096
     assert blocks
     for size in (4096, blocks * 4096):  # the image is cut while it is written, and when it is closed
-        done = subprocess.run([sys.executable, "-c", FULL_FOLDER, str(copy), str(size)], capture_output=True, text=True,
-                              check=False)
-        assert done.returncode == 2 and "the EIA cannot be written as WebP" in done.stderr, done
+        said = on_a_small_disk(size, "from lfsr_core.exports.page import write_page\n"
+                               "write_page([sys.argv[2]], quality=100)", copy)
+        assert "refused: the EIA cannot be written as WebP" in said, said
     assert not (copy / "view.html").exists()
 
 
-def test_nothing_is_fetched(folder, tmp_path):
-    text = write_page([folder], tmp_path / "page.html").path.read_text(encoding="utf-8")
-    assert not re.search(r"""(?:src|href)\s*=\s*["'](?!data:)|url\(|@import|https?://|fetch\(|XMLHttp""", text)
-    assert not re.search(r"/\*(?:STYLE|SHADER|SCRIPT)\*/|<!--IMAGES", text)
-
-
-def test_default_place_and_an_animation(tmp_path):
+def test_default_place_an_animation_and_frames_of_one_number(tmp_path):
     for number in (2, 10, 1):
         finished(tmp_path / "Scene" / f"{number:04d}", frame=number)
     (tmp_path / "Scene" / "0005").mkdir()  # one that is not finished
@@ -91,6 +75,9 @@ def test_default_place_and_an_animation(tmp_path):
     assert written.path == tmp_path / "Scene" / "view.html"
     text = written.path.read_text(encoding="utf-8")
     assert '"labels": ["1", "2", "10"]' in text and len(images(written.path)) == 3
+    takes = [finished(tmp_path / take / "frame") for take in "ab"]
+    text = write_page(takes, tmp_path / "both.html").path.read_text(encoding="utf-8")
+    assert '"labels": ["a/frame", "b/frame"]' in text, "they are named after their folders"
 
 
 def test_fewer_views_keep_every_lens():
@@ -106,15 +93,12 @@ def test_fewer_views_keep_every_lens():
     np.testing.assert_array_equal(tiles[0, 0, 0, :, 0], [0, 2, 4])
 
 
-@pytest.mark.parametrize("quality", [0, 101, -5])
-def test_quality_that_cannot_be(folder, tmp_path, quality):
-    refuses(f"quality is {quality}", write_page, [folder], tmp_path / "page.html", quality)
-
-
 def test_refused(folder, tmp_path):
     with pytest.raises(LfsrError, match="shown together: give frames of one display"):
         write_page([folder, finished(tmp_path / "direct", DIRECT)], tmp_path / "page.html")
     (tmp_path / "empty").mkdir()
+    for quality in (0, 101, -5):
+        refuses(f"quality is {quality}", write_page, [folder], tmp_path / "page.html", quality)
     refuses("is no frame folder and holds none", write_page, [tmp_path / "empty"])
     refuses("does not exist", write_page, [tmp_path / "nowhere"])
     write_png(tmp_path / "direct" / "eia.png", np.zeros((96, 64, 3), np.uint8))
@@ -122,13 +106,10 @@ def test_refused(folder, tmp_path):
     assert not list(tmp_path.glob("**/*.html"))
 
 
-def test_too_many_frames_for_one_page(folder, tmp_path, monkeypatch):
-    monkeypatch.setattr(page, "MOST_PAGE_BYTES", 1000)
-    refuses("would be over", write_page, [folder], tmp_path / "page.html")
-
-
-def test_a_large_page_is_noted(folder, tmp_path, monkeypatch):
+def test_a_large_page_is_noted_and_one_that_is_too_large_refused(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(page, "WARN_BYTES", 1000)
     told = Told()
     made = write_page([folder], tmp_path / "page.html", tell=told)
     assert Notice("page-large", {"bytes": made.bytes}) in told.notices
+    monkeypatch.setattr(page, "MOST_PAGE_BYTES", 1000)
+    refuses("would be over", write_page, [folder], tmp_path / "page.html")

@@ -19,10 +19,11 @@ from lfsr_core.exports.options import ExportOptions
 from lfsr_core.exports.sources import Quilt, quilt_of
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
-from lfsr_core.optics.display import load_display
+from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.pipeline.make import finish_frame
 from tests.support.finished import MINI, finished, picture
+from tests.support.panels import lenticular, small
 from tests.support.synthetic import fails
 from tests.support.told import Told, refuses
 
@@ -82,26 +83,20 @@ def test_tiles_in_other_orders(tmp_path, top_first, mirror):
     assert numbers == ([6, 7, 4, 5, 2, 3, 0, 1] if top_first else [7, 6, 5, 4, 3, 2, 1, 0])
 
 
-def test_a_grid_that_does_not_divide_the_size(tmp_path):
+def test_grids_and_aspects_as_names_and_people_give_them(tmp_path):
     path = tmp_path / "q_qs5x9a1.6.png"
     write_png(path, np.zeros((4096 // 8, 4096 // 8, 3), np.uint8))
     assert quilts.read_quilt(path, quilt_of(path)).views.shape == (1, 45, 56, 102, 3)
-
-
-@pytest.mark.parametrize(("name", "shape", "expected", "noted"), [
-    ("q_qs8x6a0.75", None, Quilt((8, 6), 0.75), False), ("plain", "8x6a0.5", Quilt((8, 6), 0.5), False),
-    ("q_qs8x6a0.75", "4x12", Quilt((4, 12), 0.75), False), ("plain", "5x9", Quilt((5, 9), 16 / 9), True)])
-def test_grid_and_aspect(tmp_path, name, shape, expected, noted):
-    found = quilt_of(tmp_path / f"{name}.png", shape)
-    assert dataclasses.replace(found, assumed=None) == expected and bool(found.assumed) == noted
-
-
-@pytest.mark.parametrize(("name", "shape", "message"), [
-    ("plain", None, "does not say how many tiles"), ("plain", "8by6", "quilt is '8by6'"),
-    ("plain", "3x3", "aspect ratio of a quilt of 3x3 tiles is not known"), ("q_qs1x1a1", None, "has no two views"),
-    ("plain", "0x6a1", "has no two views"), ("plain", "_qs8x6", "must be tiles")])
-def test_grids_that_cannot_be(tmp_path, name, shape, message):
-    refuses(message, quilt_of, tmp_path / f"{name}.png", shape)
+    for name, shape, expected, noted in [
+        ("q_qs8x6a0.75", None, Quilt((8, 6), 0.75), False), ("plain", "8x6a0.5", Quilt((8, 6), 0.5), False),
+        ("q_qs8x6a0.75", "4x12", Quilt((4, 12), 0.75), False), ("plain", "5x9", Quilt((5, 9), 16 / 9), True)]:
+        found = quilt_of(tmp_path / f"{name}.png", shape)
+        assert dataclasses.replace(found, assumed=None) == expected and bool(found.assumed) == noted
+    for name, shape, message in [
+        ("plain", None, "does not say how many tiles"), ("plain", "8by6", "quilt is '8by6'"),
+        ("plain", "3x3", "aspect ratio of a quilt of 3x3 tiles is not known"), ("q_qs1x1a1", None, "has no two views"),
+        ("plain", "0x6a1", "has no two views"), ("plain", "_qs8x6", "must be tiles")]:
+        refuses(message, quilt_of, tmp_path / f"{name}.png", shape)
 
 
 def direct(folder, display, width):
@@ -112,7 +107,8 @@ def direct(folder, display, width):
 @pytest.mark.parametrize(("angle", "seen", "most_of_panel"), [(40.0, slice(48), 4.0), (50.0, slice(6, 42), 8.0)])
 def test_woven_for_another_display_as_if_made_for_it(tmp_path, angle, seen, most_of_panel):
     """Beyond the quilt's 40 degrees the outermost view repeats: there the panel of 50 degrees differs."""
-    (quilt,) = export(finished(tmp_path / "portrait", PORTRAIT, scale=1), "quilt", tmp_path)
+    made = finished(tmp_path / "portrait", PORTRAIT, scale=1)
+    (quilt,) = export(made, "quilt", tmp_path, ExportOptions(grid=(8, 6), width=105))
     display = landscape(angle)
     import_quilt(quilt, tmp_path / "frame", quilt_of(quilt), geometry=ImportGeometry(display=display, angle_deg=40.0))
     finish_frame(tmp_path / "frame", "none")
@@ -215,9 +211,10 @@ def test_the_command(film, tmp_path, capsys):
     path = coordinates(tmp_path)
     plain = shutil.copy(path, tmp_path / "plain.png")
     assert "does not say how many tiles" in fails(["import", str(plain), "-o", str(tmp_path / "one")], capsys)
+    write_profile(tmp_path / "own.toml", small(lenticular()))
     assert main(["import", str(plain), "-o", str(tmp_path / "one"), "--quilt", "2x4a0.75", "--display",
-                 "looking-glass-go"]) == 0
-    assert picture(tmp_path / "one" / "panel.png").shape == (2560, 1440, 3)
+                 str(tmp_path / "own.toml")]) == 0
+    assert picture(tmp_path / "one" / "panel.png").shape == (80, 120, 3)
     capsys.readouterr()
     assert "for quilts" in fails(["import", str(tmp_path), "-o", str(tmp_path / "two"), "--quilt", "2x4"], capsys)
     assert "has all its views" in fails(["import", str(film[0]), "-o", str(tmp_path / "two"), "--scale", "2"], capsys)

@@ -35,10 +35,6 @@ def film(tmp_path_factory):
     return folder
 
 
-def test_frames_come_in_their_order(film):
-    assert [folder.name for folder in frame_folders(film)] == list(NAMES)
-
-
 @pytest.mark.parametrize("name", sorted(set(DESCRIPTIONS) - {"sway", "wiggle", "quilt-film"}))
 def test_each_frame_is_what_its_own_export_is(film, tmp_path, name):
     files = export(film, name, tmp_path / "all")
@@ -74,6 +70,7 @@ def test_the_command(film, tmp_path, capsys):
     assert sorted(path.name for path in (tmp_path / "hci").iterdir()) == sorted(NAMES)
     assert main(["view", str(film), "-o", str(tmp_path / "view.html")]) == 0
     assert '"labels": ["2", "10", "10000"]' in (tmp_path / "view.html").read_text()
+    assert [folder.name for folder in frame_folders(film)] == list(NAMES)
 
 
 def test_what_cannot_be_is_said_and_leaves_nothing(film, tmp_path, capsys):

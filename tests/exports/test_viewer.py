@@ -37,14 +37,25 @@ def folders(tmp_path_factory):
     return {display.name: finished(root / display.name, display) for display in (MINI, TALL, DIRECT)}
 
 
-def opened(browser, folder, options="", quality=None, **context):
-    return Page(browser, write_page([folder], quality=quality).path, options, **context)
+@pytest.fixture
+def opened(browser, folders):
+    """Open a display's frame in a page; pages close at the end, and none may have complained."""
+    pages = []
+
+    def opening(name, options="", quality=None, **context):
+        path = write_page([folders.get(name, name)], quality=quality).path
+        pages.append(Page(browser, path, options, **context))
+        return pages[-1]
+    yield opening
+    for page in pages:
+        page.close()
+        assert page.complaints == []
 
 
 @pytest.fixture(scope="module")
 def mini(browser, folders):
     """A page that tests share; each sets the state that it needs."""
-    page = opened(browser, folders["mini"])
+    page = Page(browser, write_page([folders["mini"]]).path)
     yield page
     page.close()
 
@@ -83,9 +94,9 @@ def difference(first, second) -> float:
 
 
 @pytest.mark.parametrize("name", ["mini", "tall", "direct"])
-def test_each_lens_shows_what_the_simulated_eye_sees(browser, folders, name):
+def test_each_lens_shows_what_the_simulated_eye_sees(opened, folders, name):
     profile, panel = read_frame(folders[name]).display, read_png(folders[name] / "eia.png")
-    page = opened(browser, folders[name])
+    page = opened(name)
     for eye in NINE:
         seen = eye_view(panel, profile, eye, width=128)
         pixels = shown(page, 128, eye=eye)
@@ -96,20 +107,13 @@ def test_each_lens_shows_what_the_simulated_eye_sees(browser, folders, name):
         if pixels.shape == seen.shape:
             assert difference(pixels, seen) <= 2, eye
         assert seen.std() > 30
-    assert page.complaints == []
-    page.close()
 
 
-def test_without_loss_the_pixels_are_the_images(browser, folders):
-    page = opened(browser, folders["mini"], quality=100)
+def test_without_loss_the_pixels_are_the_images_and_smooth_is_the_view_where_a_camera_stood(opened, folders):
+    page = opened("mini", quality=100)
     panel = read_png(folders["mini"] / "eia.png")
     for eye in NINE:
         np.testing.assert_array_equal(shown(page, 128, eye=eye), eye_view(panel, MINI, eye, width=128))
-    page.close()
-
-
-def test_smooth_is_the_view_where_a_camera_stood_and_between_them_elsewhere(browser, folders):
-    page = opened(browser, folders["mini"], quality=100)
     field = read_light_field(folders["mini"])
     offset, middles = view_offset(np.arange(8), 8, MINI.camera_spacing_mm), np.s_[1::3, 1::3]
     for row, column in ((0, 0), (2, 5), (7, 3)):
@@ -123,7 +127,6 @@ def test_smooth_is_the_view_where_a_camera_stood_and_between_them_elsewhere(brow
     # Between lenses it lies between them: no steps as wide as a lens.
     steps, lenses = (np.abs(np.diff(image.astype(int), axis=1)).max() for image in (pixels, pixels[middles]))
     assert steps < lenses
-    page.close()
 
 
 def square(pixels) -> tuple[float, float]:
@@ -142,7 +145,7 @@ def test_what_is_near_moves_against_the_eye_and_up_is_up(mini, mode):
     assert up[1] > middle[1] + 8
 
 
-def test_a_click_focuses_on_what_is_there(mini):
+def test_a_click_focuses_on_what_is_there_and_an_aperture_blurs_the_rest(mini):
     far, distance = MINI.viewing_distance_mm, "([x, y]) => depthAt(x, y)"
     run(mini, "eye => { state.eye = eye; }", [1, 1, far])
     per_unit = MINI.panel_mm[0] / 1.6
@@ -151,9 +154,6 @@ def test_a_click_focuses_on_what_is_there(mini):
     wall = run(mini, distance, [0.5 * per_unit, -0.35 * per_unit])
     assert near == pytest.approx(0.2 * far, abs=0.08 * far)
     assert wall == pytest.approx(-0.25 * far, abs=0.12 * far)
-
-
-def test_an_aperture_blurs_what_is_out_of_focus(mini):
     far = MINI.viewing_distance_mm
     def detail(focus, aperture):
         pixels = shown(mini, 128, mode="smooth", eye=(1, 1, far), focus=focus, aperture=aperture).astype(float)
@@ -166,8 +166,8 @@ def state(page) -> dict:
     return run(page, "() => structuredClone(state)")
 
 
-def test_the_keyboard_alone_does_everything(browser, folders):
-    page = opened(browser, folders["mini"])
+def test_the_keyboard_alone_does_everything(opened):
+    page = opened("mini")
     keys = page.page.keyboard
     assert state(page)["eye"] == [0, 0, MINI.viewing_distance_mm]
     for key in ("ArrowRight", "ArrowRight", "ArrowUp", "+", "m", "s", "]", "a"):
@@ -190,12 +190,10 @@ def test_the_keyboard_alone_does_everything(browser, folders):
     page.page.focus("#mode")
     keys.press("ArrowDown")
     assert state(page)["mode"] == "physical"
-    assert page.complaints == []
-    page.close()
 
 
-def test_pointer_wheel_and_touch(browser, folders):
-    page = opened(browser, folders["mini"], has_touch=True)
+def test_pointer_wheel_and_touch(opened):
+    page = opened("mini", has_touch=True)
     mouse = page.page.mouse
     mouse.move(200, 150)
     mouse.down()
@@ -207,12 +205,10 @@ def test_pointer_wheel_and_touch(browser, folders):
     page.page.wait_for_function(f"(0, eval)('state').eye[2] < {z}")
     page.page.touchscreen.tap(200, 150)
     page.page.wait_for_function("(0, eval)('state').aperture > 0")
-    assert page.complaints == []
-    page.close()
 
 
-def test_stereo_draws_each_eye(browser, folders):
-    page = opened(browser, folders["mini"], f"#eye=0,0,{MINI.viewing_distance_mm}")
+def test_stereo_draws_each_eye(opened):
+    page = opened("mini", f"#eye=0,0,{MINI.viewing_distance_mm}")
     far, half = MINI.viewing_distance_mm, 20
     left, right = (canvas(page, stereo="one", eye=[x, 0, far]) for x in (-half, half))
     mixed = canvas(page, stereo="anaglyph", eye=[0, 0, far], eyes=2 * half)
@@ -223,35 +219,39 @@ def test_stereo_draws_each_eye(browser, folders):
     wide = pair.shape[1] // 2
     # The right eye sees what is near further to the left.
     assert square(pair[:, :wide])[0] > square(pair[:, wide:2 * wide])[0] + 4
-    page.close()
 
 
-def test_sway_respects_reduced_motion(browser, folders):
-    still, moving = opened(browser, folders["mini"]), opened(browser, folders["mini"], reduced_motion="no-preference")
+def test_sway_respects_reduced_motion_and_a_screen_reader_is_told_only_where_the_eye_rests(opened):
+    still, moving = opened("mini"), opened("mini", reduced_motion="no-preference")
     moving.page.wait_for_function("Math.abs((0, eval)('state').eye[0]) > 2")
     assert still.page.get_attribute("#sway", "aria-pressed") == "false"
     assert moving.page.get_attribute("#sway", "aria-pressed") == "true"
     assert state(still)["eye"][0] == 0
-    still.close()
-    moving.close()
+    moving.page.evaluate("""() => { window.told = 0; const seen = new MutationObserver(() => { window.told++; });
+        for (const part of document.querySelectorAll('[role=status], [role=alert], [aria-live]'))
+            seen.observe(part, {childList: true, characterData: true, subtree: true}); }""")
+    moving.page.wait_for_timeout(1500)  # it sways
+    assert moving.page.evaluate("window.told") <= 1
+    moving.page.keyboard.press("ArrowRight")
+    moving.page.wait_for_function("document.getElementById('spoken').textContent.startsWith('eye ')")
+    assert moving.page.evaluate("window.told") <= 3
 
 
-def test_a_small_gpu_gets_half_the_image_and_says_so(browser, folders):
-    page = opened(browser, folders["mini"], "#texture=100", quality=100)
+def test_a_small_gpu_gets_half_the_image_and_says_so(opened, folders):
+    page = opened("mini", "#texture=100", quality=100)
     assert "64×48 of 128×96" in page.page.inner_text("#note")
     panel = read_png(folders["mini"] / "eia.png").astype(float)
     halved = panel.reshape(48, 2, 64, 2, 3).mean((1, 3)).repeat(2, axis=0).repeat(2, axis=1)
     assert difference(shown(page, 128, eye=NINE[5]), eye_view(halved, MINI, NINE[5], width=128)) <= 2
-    page.close()
 
 
-def test_frames_of_an_animation(browser, folders, tmp_path):
+def test_frames_of_an_animation(opened, folders, tmp_path):
     for number in (3, 4):
         finished(tmp_path / "Scene" / f"{number:04d}", frame=number,
                  matrix_world=read_frame(folders["mini"]).matrix_world)
     bright = tmp_path / "Scene" / "0004" / "eia.png"
     write_png(bright, 255 - read_png(bright))
-    page = Page(browser, write_page([tmp_path / "Scene"], tmp_path / "film.html").path)
+    page = opened(tmp_path / "Scene")
     assert page.page.inner_text("#frameName") == "3"
     first = shown(page, 64)
     page.page.keyboard.press(".")
@@ -260,8 +260,6 @@ def test_frames_of_an_animation(browser, folders, tmp_path):
     assert difference(shown(page, 64), 255 - first) < 4
     page.page.keyboard.press("p")
     page.page.wait_for_function("(0, eval)('state').frame === 0")
-    assert page.complaints == []
-    page.close()
 
 
 def test_says_what_the_display_is_and_asks_nothing_of_the_network(mini):
@@ -274,9 +272,9 @@ def test_says_what_the_display_is_and_asks_nothing_of_the_network(mini):
     assert math.isfinite(float(circle))
 
 
-def test_the_canvas_shows_the_display_where_the_layout_says(browser, folders):
+def test_the_canvas_shows_the_display_where_the_layout_says(opened, folders):
     eye = NINE[5]
-    page = opened(browser, folders["mini"], "#mode=physical&eye=" + ",".join(map(str, eye)),
+    page = opened("mini", "#mode=physical&eye=" + ",".join(map(str, eye)),
                   viewport={"width": 800, "height": 600})
     place = run(page, "() => ({...layout, bar: find('controls').getBoundingClientRect().top})")
     pixels = cv2.imdecode(np.frombuffer(page.page.screenshot(), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
@@ -288,35 +286,34 @@ def test_the_canvas_shows_the_display_where_the_layout_says(browser, folders):
     assert inside.mean() > 0.6
     drawn = pixels[y[inside].astype(int), x[inside].astype(int)]
     assert difference(drawn, seen[inside]) <= 2
-    page.close()
 
 
-@pytest.mark.parametrize("fragment", ["eye=NaN", "eye=1,2", "eye=1,,3", "eye=0,0,-5", "eye=1,2,x", "mode=upside",
-                                      "stereo=3", "texture=-5", "texture=0", "texture=big"])
-def test_what_the_address_says_wrongly_is_ignored_with_a_note(browser, folders, fragment):
-    page = opened(browser, folders["mini"], f"#{fragment}")
-    assert f"{fragment} in the address was ignored: expected" in page.page.inner_text("#note")
+@pytest.mark.parametrize("fragments", [
+    ["eye=NaN"], ["eye=1,2", "mode=upside"], ["eye=1,,3", "stereo=3", "texture=-5"], ["eye=0,0,-5", "texture=0"],
+    ["eye=1,2,x", "texture=big"]])
+def test_what_the_address_says_wrongly_is_ignored_with_a_note(opened, fragments):
+    page = opened("mini", f"#{'&'.join(fragments)}")
+    said = page.page.inner_text("#note")
+    assert all(f"{fragment} in the address was ignored: expected" in said for fragment in fragments)
     assert state(page) == state(page) | {"eye": [0, 0, MINI.viewing_distance_mm], "mode": "smooth", "stereo": "one"}
-    assert canvas(page).std() > 30 and page.complaints == []
-    page.close()
+    assert canvas(page).std() > 30
 
 
 @pytest.mark.parametrize("size", [(360, 740), (740, 360), (320, 568), (1280, 720)])
-def test_the_caption_covers_neither_map_nor_image(browser, folders, size):
+def test_the_caption_covers_neither_map_nor_image(opened, size):
     """Also on telephones."""
-    page = opened(browser, folders["mini"], viewport=dict(zip(("width", "height"), size, strict=True)),
+    page = opened("mini", viewport=dict(zip(("width", "height"), size, strict=True)),
                   device_scale_factor=2, is_mobile=size[0] < 1000, has_touch=True)
     header, plan = (page.page.locator(name).bounding_box() for name in ("header", "#map"))
     assert header["x"] + header["width"] <= min(plan["x"], size[0]) and header["x"] >= 0
     top = run(page, "() => (layout.y - display.panel_mm[1] / 2 * layout.scale) / layout.ratio")
     assert header["y"] + header["height"] <= top
     assert page.page.evaluate("document.querySelector('header').scrollWidth") <= header["width"] + 1
-    page.close()
 
 
-def test_an_aperture_is_drawn_with_fewer_samples_while_it_changes(browser, folders):
+def test_an_aperture_is_drawn_with_fewer_samples_while_it_changes(opened):
     """48 samples of each pixel take as many times as long; at rest they are all drawn."""
-    page = opened(browser, folders["mini"])
+    page = opened("mini")
     work = "() => canvas.width * canvas.height * pupilSamples()"
     sharp, size = run(page, work), run(page, "() => canvas.width")
     # Until a frame comes soon enough after a change, which a busy machine may delay.
@@ -331,8 +328,6 @@ def test_an_aperture_is_drawn_with_fewer_samples_while_it_changes(browser, folde
     assert page.page.evaluate("window.hurried") <= 3 * sharp
     page.page.wait_for_function("!(0, eval)('quick')")
     assert run(page, work) == 48 * sharp and run(page, "() => canvas.width") == size
-    assert page.complaints == []
-    page.close()
 
 
 def test_the_image_at_rest_is_drawn_in_strips_over_the_quick_one(browser, folders):
@@ -385,7 +380,7 @@ def drawn_at_display(page) -> np.ndarray:
 
 def test_without_webgl_it_shows_a_still_image_and_says_so(browser, folders):
     plain = browser.browser_type.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-3d-apis"])
-    page = opened(plain, folders["mini"])
+    page = Page(plain, write_page([folders["mini"]]).path)
     assert "a still image from the middle" in page.page.inner_text("#note")
     assert not page.page.locator("#controls").is_visible()
     assert difference(drawn_at_display(page.page), read_light_field(folders["mini"]).views[3, 3]) < 15
@@ -411,27 +406,6 @@ def test_a_still_image_is_there_until_the_large_one_is(browser, folders):
     assert place["x"] + place["width"] / 2 == pytest.approx(layout["x"] / layout["ratio"], abs=1)
     assert place["width"] == pytest.approx(MINI.panel_mm[0] * layout["scale"] / layout["ratio"], abs=1)
     context.close()
-
-
-def test_a_screen_reader_is_told_where_the_eye_rests_and_not_every_frame(browser, folders):
-    page = opened(browser, folders["mini"], reduced_motion="no-preference")
-    page.page.evaluate("""() => { window.told = 0; const seen = new MutationObserver(() => { window.told++; });
-        for (const part of document.querySelectorAll('[role=status], [role=alert], [aria-live]'))
-            seen.observe(part, {childList: true, characterData: true, subtree: true}); }""")
-    page.page.wait_for_timeout(1500)  # it sways
-    assert page.page.evaluate("window.told") <= 1
-    page.page.keyboard.press("ArrowRight")
-    page.page.wait_for_function("document.getElementById('spoken').textContent.startsWith('eye ')")
-    assert page.page.evaluate("window.told") <= 3
-    page.close()
-
-
-def test_frames_of_one_number_are_named_after_their_folders(browser, folders, tmp_path):
-    for take in ("a", "b"):
-        finished(tmp_path / take / "frame", matrix_world=read_frame(folders["mini"]).matrix_world)
-    page = Page(browser, write_page([tmp_path / "a" / "frame", tmp_path / "b" / "frame"], tmp_path / "both.html").path)
-    assert run(page, "() => display.labels") == ["a/frame", "b/frame"]
-    page.close()
 
 
 def test_changed_geometry_is_in_the_page(tmp_path):

@@ -34,6 +34,9 @@ def test_any_hit_however_faint_marks_its_lens_and_no_other():
     mask = foreground_mask(layers(alpha=image((0, 2), (5, 9), value=1e-3)), LENSES)
     assert mask.shape == (4, 5)
     assert marked(mask) == {(0, 0), (2, 3)}
+    mask = foreground_mask(layers(alpha=image((0, 0))), LENSES, dilate=1)
+    assert marked(mask) == {(0, 0), (0, 1), (1, 0), (1, 1)}
+    assert foreground_mask(layers(alpha=image((4, 7))), LENSES, dilate=2).sum() == 20
 
 
 def test_a_render_without_its_subject_is_said_with_what_it_shows():
@@ -44,26 +47,14 @@ def test_a_render_without_its_subject_is_said_with_what_it_shows():
     assert unseen_notices(layers(alpha=wall)) == unseen_notices(layers(alpha=wall, index=image((2, 2)))) == []
 
 
-def test_dilation_grows_by_lenses_and_stops_at_the_edge():
-    mask = foreground_mask(layers(alpha=image((0, 0))), LENSES, dilate=1)
-    assert marked(mask) == {(0, 0), (0, 1), (1, 0), (1, 1)}
-    assert foreground_mask(layers(alpha=image((4, 7))), LENSES, dilate=2).sum() == 20
-
-
 def test_background_meshes_are_no_foreground():
     """Everything is covered by a wall (2), an object (1) stands in front of two lenses."""
     index = np.full((8, 15), 2.0)
     index[2, 4] = index[7, 14] = 1
     assert marked(foreground_mask(layers(alpha=np.ones((8, 15)), index=index), LENSES)) == {(1, 1), (3, 4)}
-
-
-def test_without_background_meshes_the_index_hides_no_covered_pixel():
-    """The index holds a pixel's first sample only: a thin part is covered yet has index 0."""
+    # The index holds a pixel's first sample only: a thin part is covered yet has index 0.
     mask = foreground_mask(layers(alpha=image((0, 0), (6, 6), value=0.06), index=image((6, 6))), LENSES)
     assert marked(mask) == {(0, 0), (3, 2)}
-
-
-def test_doubtful_pixels_beside_a_background_mesh_count():
     index = image((0, 0), value=2.0)
     alpha = image((0, 0), (2, 3), value=0.5)
     assert marked(foreground_mask(layers(alpha=alpha, index=index), LENSES)) == {(1, 1)}

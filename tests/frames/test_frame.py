@@ -37,16 +37,13 @@ def test_round_trip_keeps_every_field(tmp_path):
     assert read_part(tmp_path) == FRAME
 
 
-def test_whole_array_has_no_lens_list(tmp_path):
-    write_frame(tmp_path, dataclasses.replace(FRAME, lens_list=None, rows=None))
-    assert read_frame(tmp_path).lens_list is None
-
-
-def test_rays_follow_the_frame():
+def test_rays_follow_the_frame(tmp_path):
     rays = FRAME.rays
     assert rays.views == (4, 4)
     assert rays.spacing == pytest.approx(2 * FRAME.array.spacing)
     assert (rays.convention, rays.view_aperture, rays.lens_list) == ("paper", 0.5, ((1, 2), (3, 4)))
+    write_frame(tmp_path, dataclasses.replace(FRAME, lens_list=None, rows=None))
+    assert read_frame(tmp_path).lens_list is None
 
 
 def damage(folder, change) -> None:
@@ -94,8 +91,5 @@ def test_every_rotation_mirrored_or_not_is_taken_to_single_precision(numbers, ha
 
 def test_folder_without_frame_is_named(tmp_path):
     refuses(r"frame.json does not exist, expected the frame.json of a rendered", read_frame, tmp_path / "nowhere")
-
-
-@pytest.mark.parametrize("clip", [(-1.0, 2.0), (2.0, 1.0), (0.0, float("inf"))])
-def test_depths_that_nothing_lies_between_are_refused(clip):
-    refuses("two depths", dataclasses.replace, FRAME, clip=clip)
+    for clip in [(-1.0, 2.0), (2.0, 1.0), (0.0, float("inf"))]:
+        refuses("two depths", dataclasses.replace, FRAME, clip=clip)

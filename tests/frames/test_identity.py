@@ -76,10 +76,16 @@ def test_what_a_job_leaves_open_may_be_anything(changes, found):
     assert is_same(dataclasses.replace(FRAME, **found), changed(JOB, **changes))
 
 
-def test_another_light_is_another_render(tmp_path):
+def test_another_light_is_another_render_and_a_changed_file_told(tmp_path):
     write_frame(tmp_path, dataclasses.replace(FRAME, light="own"))
     with pytest.raises(LfsrError, match="with light own, but light night was asked for"):
         FrameFolder(tmp_path).check_rendered(changed(JOB, light="night"))
+    write_frame(tmp_path, dataclasses.replace(FRAME, scene="a.blend", content="2 10; 7 10"))
+    FrameFolder(tmp_path).check_rendered(JOB)
+    with pytest.raises(LfsrError, match="was rendered before a.blend was changed: choose another folder"):
+        FrameFolder(tmp_path).check_rendered(JOB, "2 11; 7 10")
+    write_frame(tmp_path, FRAME)
+    FrameFolder(tmp_path).check_rendered(JOB, "2 11; 7 10")
 
 
 def test_a_light_field_is_no_render_of_subpixels():
@@ -88,15 +94,9 @@ def test_a_light_field_is_no_render_of_subpixels():
     assert is_same(frame, changed(job, layout="lens-card"))
     assert not is_same(dataclasses.replace(frame, layout=SUBPIXELS), job)
     assert not is_same(frame, changed(job, layout=SUBPIXELS))
-
-
-def test_a_file_that_has_changed_is_told_where_both_are_known(tmp_path):
-    write_frame(tmp_path, dataclasses.replace(FRAME, scene="a.blend", content="2 10; 7 10"))
-    FrameFolder(tmp_path).check_rendered(JOB)
-    with pytest.raises(LfsrError, match="was rendered before a.blend was changed: choose another folder"):
-        FrameFolder(tmp_path).check_rendered(JOB, "2 11; 7 10")
-    write_frame(tmp_path, FRAME)
-    FrameFolder(tmp_path).check_rendered(JOB, "2 11; 7 10")
+    moved = changed(JOB, output="elsewhere", parts="p", world="w")
+    assert digest(request_facts(JOB)) == digest(request_facts(moved))
+    assert digest(request_facts(JOB)) != digest(request_facts(changed(JOB, seed=1)))
 
 
 def test_a_scene_is_known_by_size_and_time_of_its_files(tmp_path):
@@ -132,12 +132,6 @@ def test_of_displays_that_differ_the_field_is_named_and_no_record_printed():
     assert phrases("display", device, other) == ("no display lenticular flip 0", "display lenticular flip 0")
     sheet = dataclasses.replace(hexagonal(), lenses=stripes.lenses, views=stripes.views)
     assert phrases("display", stripes, sheet) == ("no display lenslet", "display lenslet")
-
-
-def test_a_digest_knows_what_decides_pixels_and_no_path():
-    moved = changed(JOB, output="elsewhere", parts="p", world="w")
-    assert digest(request_facts(JOB)) == digest(request_facts(moved))
-    assert digest(request_facts(JOB)) != digest(request_facts(changed(JOB, seed=1)))
 
 
 @pytest.mark.parametrize(("frame", "job", "own"), [

@@ -1,13 +1,17 @@
-"""A job is refused before Blender is started, or says everything Blender needs."""
+"""Requests, ways to finish and reports are refused before Blender is started, or say everything that is needed."""
 
+import itertools
 import json
 import os
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from lfsr_core.base.notices import Notice
-from lfsr_core.base.records import to_data, write_record
-from lfsr_core.frames.request import check_light, check_scene, read_request
+from lfsr_core.base.records import from_data, to_data, write_record
+from lfsr_core.frames.finish import MOST_AVERAGED, Finish, Report, read_report, write_report
+from lfsr_core.frames.request import check_light, check_scene, parse_frames, read_request, spread
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import load_display
 from tests.support.requests import make_request
@@ -16,12 +20,10 @@ from tests.support.told import refuses
 MINI, DEEP = load_display("mini"), Notice("scale-unseen", {"scale": 2})
 
 JOB = make_request("out", MINI, scene="s.blend", kind="reference", scale=2, samples=9, layers=("albedo",),
-                   layout="view-by-view",
-          convention="paper", view_aperture=0.5, seed=5, frame=3, subject="Things", lens_list=((1, 2), (3, 4)),
-          device="OPTIX", clamp_indirect=0.0, world_visible=True, scene_name="Set", parts="kept",
-          source="../shot.blend",
-          camera="Camera", scales=(4, 2), frames=(1, 9), rays=2.5, reason=DEEP, world="world.exr",
-          light="night")
+                   layout="view-by-view", convention="paper", view_aperture=0.5, seed=5, frame=3, subject="Things",
+                   lens_list=((1, 2), (3, 4)), device="OPTIX", clamp_indirect=0.0, world_visible=True,
+                   scene_name="Set", parts="kept", source="../shot.blend", camera="Camera", scales=(4, 2),
+                   frames=(1, 9), rays=2.5, reason=DEEP, world="world.exr", light="night", allow_missing=True)
 
 
 @pytest.mark.skipif(os.sep == "\\", reason="it separates folders there")
@@ -59,17 +61,9 @@ def test_bad_value_is_named(options, message):
     refuses(message, make_request, "out", MINI, **options)
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    ({"sed": 3}, "unknown field 'sed'; did you mean 'seed'"),
-    ({"zzzz": 3}, "request: unknown field 'zzzz'; the fields are"),
-    ({"display": None}, "request: field 'display' is missing")])
-def test_bad_job_file_is_named(tmp_path, change, message):
-    data = {key: value for key, value in (to_data(JOB) | change).items() if value is not None}
-    (tmp_path / "job.json").write_text(json.dumps(data))
-    refuses(message, read_request, tmp_path / "job.json")
-
-
-def test_job_file_of_another_type_is_named(tmp_path):
+def test_a_bad_job_file_is_named(tmp_path):
+    (tmp_path / "job.json").write_text(json.dumps(to_data(JOB) | {"sed": 3}))
+    refuses("request: unknown field 'sed'", read_request, tmp_path / "job.json")
     (tmp_path / "job.json").write_text("[]")
     refuses("holds a list, but a render request", read_request, tmp_path / "job.json")
 
@@ -101,3 +95,55 @@ def test_a_light_is_a_name_or_a_file_that_is_there(tmp_path, monkeypatch):
     for light, sentence in (("sky.exr", "sky.exr does not exist"), ("a.hdr", "a.hdr is no file"),
                             ("sky", "light is 'sky'"), ("", "light is ''")):
         refuses(sentence, check_light, light)
+
+
+def test_a_finish_is_read_as_it_was_written():
+    finish = Finish("bicubic", 2, "weights.tza", True, 1)
+    assert from_data(Finish, to_data(finish), "finish") == finish and Finish.of("bicubic") == Finish("bicubic")
+    for options in [{"dilate": -1}, {"temporal_averaging": -1},
+                                         {"temporal_averaging": MOST_AVERAGED + 1}, {"temporal_averaging": 10**400}]:
+        refuses("", Finish, "bicubic", **options)
+
+
+@pytest.mark.parametrize("count", range(MOST_AVERAGED + 1))
+def test_frames_that_are_averaged_have_each_seed_once(count):
+    finish, across = Finish("bicubic", temporal_averaging=count), 2 * count + 1
+    for first in (-3, 1, 40):
+        seeds = [finish.seed_of(5, frame) for frame in range(first, first + across)]
+        assert sorted(seeds) == list(range(5, 5 + across))
+    assert 0 <= finish.seed_of(2**31 - 1, 2) < 2**31
+
+
+@pytest.mark.parametrize(("text", "frames"), [
+    ("1-4", (1, 2, 3, 4)), ("1-9x4", (1, 5, 9)), ("1-10x4", (1, 5, 9)), ("1-9:4", (1, 5, 9)), ("7", (7,)),
+    ("9, 1,5-6,5", (9, 1, 5, 6)), ("-3--1", (-3, -2, -1)), ("-1-1", (-1, 0, 1)), ("0", (0,))])
+def test_frames_are_read(text, frames):
+    assert parse_frames(text) == frames
+
+
+@given(st.lists(st.integers(-10**6, 10**6), min_size=1, max_size=20, unique=True))
+def test_lists_keep_their_order(frames):
+    assert parse_frames(",".join(map(str, frames))) == tuple(frames)
+
+
+@pytest.mark.parametrize("text", ["", "a", "4-1", "1-4x0", "1-", "1-2-3", "1,,2", "1-99999999", "0-1000000", "9" * 99])
+def test_what_is_no_frames_is_refused(text):
+    refuses("frames ", parse_frames, text)
+
+
+@given(st.lists(st.integers(), unique=True, max_size=30), st.integers(1, 9))
+def test_a_few_are_spread_over_all(frames, most):
+    few = spread(frames, most)
+    assert len(few) == min(len(frames), most) and set(few) <= set(frames)
+    assert most < 2 or not frames or (few[0], few[-1]) == (frames[0], frames[-1])
+    steps = [frames.index(second) - frames.index(first) for first, second in itertools.pairwise(few)]
+    assert not steps or max(steps) - min(steps) <= 1
+
+
+def test_a_report_comes_back(tmp_path):
+    report = Report(Finish("bicubic", temporal_averaging=2), "bicubic", "mini", 2, 16, {"render": 1.0}, None, 0.5,
+                    (Notice("scale-unseen", {"scale": 2}),), metrics={"p": 0.5})
+    write_report(tmp_path, report)
+    assert read_report(tmp_path) == report
+    data = json.loads((tmp_path / "report.json").read_text())
+    assert (data["foreground_fraction"], data["finish"]["temporal_averaging"]) == (0.5, 2)

@@ -1,3 +1,5 @@
+"""What is shown of scene-linear values."""
+
 import json
 import subprocess
 import sys
@@ -8,7 +10,15 @@ import pytest
 
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.images.png import read_png
-from lfsr_core.images.view_transform import BRIGHTEST, ViewTransform, find_config, is_accurate, random_colors
+from lfsr_core.images.srgb import srgb_decode, srgb_encode
+from lfsr_core.images.view_transform import (
+    BRIGHTEST,
+    ViewTransform,
+    extreme_tone,
+    find_config,
+    is_accurate,
+    random_colors,
+)
 from tests.support.prerequisites import needs_bpy
 from tests.support.told import refuses
 
@@ -60,15 +70,15 @@ def test_float_and_byte_results_agree_and_any_leading_shape_is_kept():
     assert floats.shape == values.shape == linear.shape
     assert np.abs(np.round(floats * 255) - values).max() <= 1
     np.testing.assert_array_equal(values[1, 2:4, ::2], show.to_uint8(linear[1, 2:4, ::2]))
-
-
-@needs_bpy
-def test_look_without_its_views_name_is_found():
     linear = np.random.default_rng(0).random((4, 4, 3)).astype(np.float32)
     short, full, none = (ViewTransform(ColorSettings(view_transform="AgX", look=look))(linear)
                          for look in ("Punchy", "AgX - Punchy", "None"))
     np.testing.assert_array_equal(short, full)
     assert np.abs(full - none).max() > 0.01
+    code = ("import sys; from lfsr_core.images.color_settings import ColorSettings; "
+            "from lfsr_core.images.view_transform import ViewTransform; "
+            "ViewTransform(ColorSettings()); print('bpy' in sys.modules)")
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"
 
 
 @needs_bpy
@@ -86,9 +96,6 @@ def test_configuration_named_by_the_frame_or_the_environment_comes_first(tmp_pat
     monkeypatch.setenv("OCIO", str(tmp_path / "environment.ocio"))
     assert find_config(ColorSettings(config=str(tmp_path / "named.ocio"))).name == "named.ocio"
     assert find_config(ColorSettings(config=str(tmp_path / "gone.ocio"))).name == "environment.ocio"
-
-
-def test_no_configuration_says_how_to_get_one(monkeypatch):
     monkeypatch.delenv("OCIO", raising=False)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     refuses("install the package bpy", find_config, ColorSettings())
@@ -104,23 +111,12 @@ def test_the_plain_view_needs_no_blender(monkeypatch):
     refuses("install the package bpy", ViewTransform, ColorSettings(view_transform="AgX"))
 
 
-@needs_bpy
-def test_finding_the_configuration_does_not_import_blender():
-    code = ("import sys; from lfsr_core.images.color_settings import ColorSettings; "
-            "from lfsr_core.images.view_transform import ViewTransform; "
-            "ViewTransform(ColorSettings()); print('bpy' in sys.modules)")
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"
-
-
 def test_damaged_configuration_is_one_sentence(tmp_path):
     config = tmp_path / "config.ocio"
     config.write_text("ocio_profile_version: 2\nroles: [" + "x" * 1000)
     refuses(r"config\.ocio cannot be used as a colour configuration", ViewTransform, ColorSettings(config=str(config)))
-
-
-@pytest.mark.parametrize("numbers", [{"exposure": float("nan")}, {"exposure": 1e4}, {"gamma": -1.0}])
-def test_numbers_that_show_nothing_are_refused(numbers):
-    refuses("exposure is .* and gamma .*, but they must be between", ColorSettings, **numbers)
+    for numbers in [{"exposure": float("nan")}, {"exposure": 1e4}, {"gamma": -1.0}]:
+        refuses("exposure is .* and gamma .*, but they must be between", ColorSettings, **numbers)
 
 
 MANY = 1 << 25
@@ -152,13 +148,12 @@ def test_what_lies_outside_the_table_is_exact():
     values[0, 1] = [-0.5, 0.2, 0.2]
     outside = (values < 0).any(-1) | (values > 8).any(-1)
     np.testing.assert_array_equal(baked.to_uint8(values)[outside], exact.to_uint8(values)[outside])
-
-
-def test_chain_that_no_table_shows_stays_exact_and_so_do_small_images():
     false_color = ColorSettings(view_transform="False Color")
     assert not ViewTransform(false_color, MANY).table
     assert not ViewTransform(ColorSettings(view_transform="AgX", look="Punchy"), 10_000).table
     assert not ViewTransform(ColorSettings(), MANY).table, "the plain view costs less than a table"
+    tried = random_colors()[0]
+    assert np.mean((tried == 0).any(1)) == 0.5 and tried.max() <= BRIGHTEST
 
 
 @pytest.mark.parametrize(("counts", "near"), [
@@ -169,6 +164,25 @@ def test_a_table_is_accurate_where_steps_are_small_and_large_ones_rarer_still(co
     assert is_accurate(steps) == near
 
 
-def test_half_of_the_colours_that_a_table_is_tried_on_are_pure_lights():
-    tried = random_colors()[0]
-    assert np.mean((tried == 0).any(1)) == 0.5 and tried.max() <= BRIGHTEST
+def test_almost_black_and_almost_white_images_but_for_sparks_and_background():
+    shown = np.zeros((100, 100, 3), np.uint8)
+    shown[:4, :5] = 255
+    assert extreme_tone(shown) == "black"
+    assert extreme_tone(shown, np.zeros(3, np.uint8)) == "white", "all that is not background"
+    shown[:10, :10] = 200
+    assert extreme_tone(shown) == ""
+    assert extreme_tone(np.zeros((4, 4, 3), np.uint8), np.zeros(3, np.uint8)) == "black"
+    assert extreme_tone(np.zeros((0, 3), np.uint8)) == ""
+    for value, tone in [(0, "black"), (8, "black"), (12, ""), (128, ""), (248, ""), (252, "white"),
+                                                 (255, "white")]:
+        shown = np.full((40, 40, 3), value, np.uint8)
+        assert extreme_tone(shown) == tone
+        assert extreme_tone(shown.astype(np.float32) / 255) == tone
+
+
+def test_srgb_curve_at_known_points():
+    np.testing.assert_allclose(srgb_encode(np.array([-1, 0, 0.0031308, 0.18, 0.5, 1, 7])),
+                               [0, 0, 0.04045, 0.46135613, 0.73535698, 1, 1], atol=1e-5)
+    values = np.linspace(0, 1, 1001)
+    np.testing.assert_allclose(srgb_decode(srgb_encode(values)), values, atol=1e-6)
+    assert srgb_encode(np.float32([0.5])).dtype == np.float32

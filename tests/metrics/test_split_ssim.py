@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+import scipy.stats
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
+from lfsr_core.metrics.intervals import NORMAL_ONE_SIDED, student, student_95
 from lfsr_core.metrics.split_ssim import psnr, split_mse, split_ssim, split_ssim_map, ssim, stacked_ssim
 from tests.support.textures import GAUSSIAN, blurred, noisy, textured_image
 
@@ -18,18 +20,20 @@ def test_equal_halves_give_the_ssim_of_scikit_image(shape):
     assert ssim(candidate, image) == pytest.approx(expected, abs=1e-6)
 
 
-def test_local_ssim_is_that_of_scikit_image_at_every_pixel():
-    image = textured_image(600, 64)  # higher than one band
-    _, expected = structural_similarity(blurred(image), image, full=True, **GAUSSIAN)
-    np.testing.assert_allclose(split_ssim_map(blurred(image), image, image), expected, atol=1e-9)
-
-
-def test_identity_bounds_and_symmetry():
+def test_bounds_symmetry_local_ssim_and_psnr_are_scikit_images():
     image, candidate = textured_image(), blurred(textured_image())
     assert ssim(image, image) == pytest.approx(1, abs=1e-12)
     assert -1 <= ssim(candidate, image) < 1
     assert ssim(candidate, image) == pytest.approx(ssim(image, candidate), abs=1e-12)
     assert split_ssim(candidate, image, candidate) == pytest.approx(split_ssim(candidate, candidate, image), abs=1e-12)
+    image = textured_image(600, 64)  # higher than one band
+    _, expected = structural_similarity(blurred(image), image, full=True, **GAUSSIAN)
+    np.testing.assert_allclose(split_ssim_map(blurred(image), image, image), expected, atol=1e-9)
+    image, candidate = textured_image(), blurred(textured_image())
+    expected = peak_signal_noise_ratio(image, candidate, data_range=1)
+    assert psnr(split_mse(candidate, image, image)) == pytest.approx(expected, abs=1e-9)
+    assert psnr(0.0) is None
+    assert psnr(-1e-9) is None
 
 
 @pytest.mark.parametrize(("noise", "tolerance"), [(0.01, 0.001), (0.02, 0.002), (0.03, 0.008), (0.04, 0.02)])
@@ -65,14 +69,6 @@ def test_a_correct_image_is_told_from_a_wrong_one_in_heavy_noise():
     assert split_ssim(image, a, b) > split_ssim(blurred(image, 0.03), a, b) + 0.1
 
 
-def test_psnr_is_that_of_scikit_image_and_knows_its_limit():
-    image, candidate = textured_image(), blurred(textured_image())
-    expected = peak_signal_noise_ratio(image, candidate, data_range=1)
-    assert psnr(split_mse(candidate, image, image)) == pytest.approx(expected, abs=1e-9)
-    assert psnr(0.0) is None
-    assert psnr(-1e-9) is None
-
-
 def test_stacked_images_do_not_see_each_other():
     stack = np.stack([textured_image(20, 24, seed) for seed in range(200)])  # more than one call's worth of channels
     candidates = np.stack([blurred(image) for image in stack])
@@ -80,3 +76,13 @@ def test_stacked_images_do_not_see_each_other():
     for index in (0, 99, 199):
         alone = split_ssim_map(candidates[index], stack[index], stack[index]).mean(-1)
         np.testing.assert_allclose(together[index], alone, atol=1e-12)
+
+
+@pytest.mark.parametrize("freedom", [3, 5, 11, 40, 1000])
+def test_small_samples_get_students_intervals(freedom):
+    assert student_95(freedom) == pytest.approx(scipy.stats.t.ppf(0.975, freedom), rel=0.01)
+
+
+@pytest.mark.parametrize("freedom", [2, 3, 10, 30, 1e6])
+def test_one_sided_quantiles(freedom):
+    assert student(NORMAL_ONE_SIDED, freedom) == pytest.approx(scipy.stats.t.ppf(0.95, freedom), rel=0.02)

@@ -80,12 +80,14 @@ def test_every_scale_is_chosen_at_some_depth():
     moves = disparities(SMALL, array_of(SMALL), depths)
     scales = [choose_scale(SMALL, np.full(5, move), (5, 4, 2, 1), 4).scale for move in moves * 4]
     assert scales == sorted(scales, reverse=True) and set(scales) == {5, 4, 2, 1}
-
-
-def test_a_few_far_points_do_not_decide():
     moves = np.zeros(200)
     moves[:4] = 1e6
     assert choose_scale(SMALL, moves, (4, 2, 1), 1).scale == 4
+    assert choose_scale(SMALL, np.empty(0), (2, 4), 1).scale == 4
+    assert choose_scale(SMALL, np.empty(0), (2, 4), 1).reason.code == "scale-unseen"
+    assert choose_scale(SMALL, np.full(3, 1e9), (3,), 1).scale == 3
+    beside = disparities(SMALL, array_of(SMALL), np.full(3, -1.0))
+    assert choose_scale(SMALL, beside, (4, 1), 4).scale == 1, "beside the viewer is very near"
 
 
 @given(st.sampled_from([1, 4, 16, 64]))
@@ -100,27 +102,13 @@ def test_usual_rays_are_sixteen_samples_at_scale_4():
     assert [samples_at(SMALL, scale, 1) for scale in (1, 2, 4, 5)] == [1, 4, 16, 25]
     assert samples_at(SMALL, 1, 0.1) == 1, "never fewer"
     assert usual_rays(SMALL, 64) == 4
-
-
-@pytest.mark.parametrize("rays", [0.0, -1.0, math.nan, math.inf, 2**22])
-def test_impossible_rays_are_refused(rays):
-    refuses(r"rays per finished pixel are .*, but they must be above 0, and at most 1048", samples_at, SMALL, 4, rays)
-
-
-def test_nothing_seen_or_nothing_to_choose_from():
-    assert choose_scale(SMALL, np.empty(0), (2, 4), 1).scale == 4
-    assert choose_scale(SMALL, np.empty(0), (2, 4), 1).reason.code == "scale-unseen"
-    assert choose_scale(SMALL, np.full(3, 1e9), (3,), 1).scale == 3
-    beside = disparities(SMALL, array_of(SMALL), np.full(3, -1.0))
-    assert choose_scale(SMALL, beside, (4, 1), 4).scale == 1, "beside the viewer is very near"
-
-
-@pytest.mark.parametrize(("views", "scales"), [
-    (8, (2, 1)), (12, (2, 1)), (20, (4, 2, 1)), (15, (3, 1)), (9, (3, 1)), (25, (5, 1)), (40, (5, 4, 2, 1)),
-    (60, (5, 4, 3, 2, 1))])
-def test_scales_leave_enough_views(views, scales):
-    pixels = tuple(count * views for count in SMALL.lenses)
-    assert scales_up_to(dataclasses.replace(SMALL, views=(views, views), panel_pixels=pixels)) == scales
+    for rays in [0.0, -1.0, math.nan, math.inf, 2**22]:
+        refuses(r"rays per finished pixel are .* above 0, and at most 1048", samples_at, SMALL, 4, rays)
+    for views, scales in [
+        (8, (2, 1)), (12, (2, 1)), (20, (4, 2, 1)), (15, (3, 1)), (9, (3, 1)), (25, (5, 1)), (40, (5, 4, 2, 1)),
+        (60, (5, 4, 3, 2, 1))]:
+        pixels = tuple(count * views for count in SMALL.lenses)
+        assert scales_up_to(dataclasses.replace(SMALL, views=(views, views), panel_pixels=pixels)) == scales
 
 
 @given(DISPLAYS)

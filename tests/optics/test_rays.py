@@ -1,11 +1,12 @@
-"""The ray layout by its properties: symmetry, nesting, conventions, lists of lenses."""
+"""The ray layout by its properties, and the lens card, whose quads and sums give the same rays."""
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfsr_core.optics.display import DisplayProfile, load_display
+from lfsr_core.optics.lens_card import RIM, card_rays, lens_card
 from lfsr_core.optics.rays import CameraArray, RayLayout, rays, view_offset
 from tests.support.rays import pixel_rays
 from tests.support.told import refuses
@@ -29,13 +30,10 @@ def views_of(pixels: np.ndarray, views: tuple[int, int]) -> np.ndarray:
     return pixels.reshape(height // views[1], views[1], width // views[0], views[0], channels).swapaxes(1, 2)
 
 
-def test_array_keeps_the_proportions_of_the_display():
+def test_array_keeps_the_proportions_and_the_viewing_angle_of_the_display():
     assert ARRAY.half_height / ARRAY.half_width == pytest.approx(96 / 128)
     assert ARRAY.distance == pytest.approx(3.0 * 180 / 128)
     assert ARRAY.spacing / ARRAY.distance == pytest.approx(PROFILE.camera_spacing_mm / 180)
-
-
-def test_array_at_a_given_distance_keeps_the_viewing_angle():
     near = CameraArray.for_display(PROFILE, width=3.0, distance=1.0)
     assert near.distance == 1.0
     assert near.spacing == pytest.approx(ARRAY.spacing / ARRAY.distance)
@@ -72,31 +70,33 @@ def test_rays_start_on_the_camera_plane_with_unit_directions_towards_the_display
         assert (direction[..., 2] > 0).all()
 
 
-def test_whole_layout_is_point_symmetric():
+def test_whole_layout_is_point_symmetric_with_right_and_up_as_on_the_display():
     origin, direction = pixel_rays(layout())
     np.testing.assert_allclose(origin[::-1, ::-1, :2], -origin[..., :2], atol=1e-12)
     np.testing.assert_allclose(direction[::-1, ::-1, :2], -direction[..., :2], atol=1e-12)
+    origin = views_of(pixel_rays(layout())[0], (8, 8))
+    assert (np.diff(origin[..., 0], axis=3) > 0).all()
+    assert (np.diff(origin[..., 1], axis=2) < 0).all()
+    centre = rays(layout(), 0.5, 0.5, 0.5, 0.5)[0]
+    moved = rays(layout(), 0.5, 0.5, 0.75, 0.75)[0]
+    assert moved[0] > centre[0]
+    assert moved[1] > centre[1]
 
 
-def test_centred_pixels_of_a_lens_meet_at_its_centre_on_the_display():
+def test_pixels_of_a_lens_meet_at_its_centre_or_their_place_on_it():
     points = views_of(hits(*pixel_rays(layout())), (8, 8))
     lens_x = ((np.arange(16) + 0.5) / 16 * 2 - 1) * ARRAY.half_width
     lens_y = -((np.arange(12) + 0.5) / 12 * 2 - 1) * ARRAY.half_height
     np.testing.assert_allclose(points[..., 0], np.broadcast_to(lens_x[None, :, None, None], (12, 16, 8, 8)), atol=1e-9)
     np.testing.assert_allclose(points[..., 1], np.broadcast_to(lens_y[:, None, None, None], (12, 16, 8, 8)), atol=1e-9)
-
-
-def test_pixel_further_right_is_a_camera_further_right_and_row_zero_the_topmost():
-    origin = views_of(pixel_rays(layout())[0], (8, 8))
-    assert (np.diff(origin[..., 0], axis=3) > 0).all()
-    assert (np.diff(origin[..., 1], axis=2) < 0).all()
-
-
-def test_high_views_nest_in_their_low_view():
-    scale = 4
-    low = views_of(pixel_rays(layout(scale))[0], (2, 2))
-    high = views_of(pixel_rays(layout())[0], (8, 8)).reshape(12, 16, 2, scale, 2, scale, 3)
-    np.testing.assert_allclose(high.mean(axis=(3, 5)), low, atol=1e-12)
+    corner = views_of(hits(*pixel_rays(layout(), place=(0.25, 0.75))), (8, 8))
+    lens_x = ((np.arange(16) + 0.25) / 16 * 2 - 1) * ARRAY.half_width
+    lens_y = -((np.arange(12) + 0.75) / 12 * 2 - 1) * ARRAY.half_height
+    np.testing.assert_allclose(corner[..., 0], np.broadcast_to(lens_x[None, :, None, None], (12, 16, 8, 8)), atol=1e-9)
+    np.testing.assert_allclose(corner[..., 1], np.broadcast_to(lens_y[:, None, None, None], (12, 16, 8, 8)), atol=1e-9)
+    points = hits(*pixel_rays(layout(convention="paper"), place=(0.0, 0.0)))
+    expected = (np.arange(128) / 128 * 2 - 1) * ARRAY.half_width  # Eq. (8)
+    np.testing.assert_allclose(points[..., 0], np.broadcast_to(expected, (96, 128)), atol=1e-9)
 
 
 @given(st.lists(st.floats(0.001, 0.999), min_size=4, max_size=4), st.sampled_from([1, 2, 4]))
@@ -112,21 +112,6 @@ def test_every_ray_of_a_pixel_stays_on_its_lens_and_in_its_view_cell(numbers, sc
     assert (np.abs(hits(origin, direction) - hits(*middle)) <= lens_half).all()
 
 
-def test_place_in_the_pixel_is_place_on_the_lens():
-    corner = views_of(hits(*pixel_rays(layout(), place=(0.25, 0.75))), (8, 8))
-    lens_x = ((np.arange(16) + 0.25) / 16 * 2 - 1) * ARRAY.half_width
-    lens_y = -((np.arange(12) + 0.75) / 12 * 2 - 1) * ARRAY.half_height
-    np.testing.assert_allclose(corner[..., 0], np.broadcast_to(lens_x[None, :, None, None], (12, 16, 8, 8)), atol=1e-9)
-    np.testing.assert_allclose(corner[..., 1], np.broadcast_to(lens_y[:, None, None, None], (12, 16, 8, 8)), atol=1e-9)
-
-
-def test_random_numbers_move_right_and_up_like_the_raster():
-    centre = rays(layout(), 0.5, 0.5, 0.5, 0.5)[0]
-    moved = rays(layout(), 0.5, 0.5, 0.75, 0.75)[0]
-    assert moved[0] > centre[0]
-    assert moved[1] > centre[1]
-
-
 def test_view_aperture_zero_is_a_point_and_one_the_whole_cell():
     raster = np.full(50, 0.5 / 128), np.full(50, 0.5)
     numbers = np.linspace(0, 1, 50)
@@ -134,6 +119,9 @@ def test_view_aperture_zero_is_a_point_and_one_the_whole_cell():
     assert np.ptp(point, axis=0).max() == 0
     whole = rays(layout(view_aperture=1.0), *raster, numbers, numbers)[0]
     np.testing.assert_allclose(np.ptp(whole, axis=0)[:2], ARRAY.spacing)
+    coarse = layout(8)
+    assert coarse.views == (1, 1)
+    assert coarse.cell == (ARRAY.spacing, ARRAY.spacing)
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -148,18 +136,6 @@ def test_where_views_differ_along_one_axis_rays_start_on_it(axis):
         assert not origin[:, 1 - axis].any(), "no parallax and no aperture across"
         assert np.ptp(origin[:, axis]) > flat.spacing / 2
         assert flat.cell[axis] == ARRAY.spacing and flat.cell[1 - axis] == 0
-
-
-def test_a_view_covers_its_own_cell_whatever_the_scale():
-    coarse = layout(8)
-    assert coarse.views == (1, 1)
-    assert coarse.cell == (ARRAY.spacing, ARRAY.spacing)
-
-
-def test_paper_target_is_the_pixels_own_place_on_the_panel():
-    points = hits(*pixel_rays(layout(convention="paper"), place=(0.0, 0.0)))
-    expected = (np.arange(128) / 128 * 2 - 1) * ARRAY.half_width  # Eq. (8)
-    np.testing.assert_allclose(points[..., 0], np.broadcast_to(expected, (96, 128)), atol=1e-9)
 
 
 def test_lens_list_places_the_same_rays_in_tiles():
@@ -189,3 +165,72 @@ def test_the_lower_edge_of_a_pixel_belongs_to_it():
     edge, _ = rays(layout(), np.full(height, 0.5 / width), rows / height)
     middle, _ = rays(layout(), np.full(height, 0.5 / width), (rows + 0.5) / height)
     np.testing.assert_allclose(edge[:, 1], middle[:, 1], atol=1e-12)
+    scale = 4
+    low = views_of(pixel_rays(layout(scale))[0], (2, 2))
+    high = views_of(pixel_rays(layout())[0], (8, 8)).reshape(12, 16, 2, scale, 2, scale, 3)
+    np.testing.assert_allclose(high.mean(axis=(3, 5)), low, atol=1e-12)
+
+
+CARD_ARRAY = CameraArray(distance=3.0, half_width=1.2, half_height=0.7, spacing=0.1)
+
+
+@st.composite
+def layouts(draw):
+    lenses, views = (tuple(draw(st.integers(1, most)) for _ in range(2)) for most in (6, 5))
+    lens = st.tuples(st.integers(0, lenses[1] - 1), st.integers(0, lenses[0] - 1))
+    return RayLayout(lenses, views, CARD_ARRAY, draw(st.floats(0.01, 1)), draw(st.sampled_from(("centred", "paper"))),
+                     draw(st.floats(0, 1)), draw(st.none() | st.lists(lens, min_size=1, max_size=9).map(tuple)))
+
+
+def quads_at(card, layout, place):
+    """Attributes (H, W, 2), interpolated at ``place`` of every pixel, and where on the card that is."""
+    across, down = layout.tiles
+    px, py = layout.views
+    column, row = np.meshgrid(np.arange(across * px), np.arange(down * py))
+    quad = row // py * across + column // px
+    wanted = np.stack([column % px + place[0], row % py + place[1]], -1)
+
+    def corners_of(values):
+        return [values[quad, corner] for corner in (0, 1, 3)]
+    upper_left, lower_left, upper_right = corners_of(card.cells)
+    right = (wanted - upper_left)[..., :1] / (upper_right - upper_left)[..., :1]
+    down = (wanted - upper_left)[..., 1:] / (lower_left - upper_left)[..., 1:]
+
+    def at(values):
+        upper_left, lower_left, upper_right = corners_of(values)
+        return upper_left + right * (upper_right - upper_left) + down * (lower_left - upper_left)
+    return at(card.cells), card.targets[quad], at(card.corners)
+
+
+@settings(deadline=None, max_examples=60)
+@given(layouts(), st.floats(0.01, 0.99), st.floats(0.01, 0.99))
+def test_rays_of_the_card_are_those_of_the_layout(layout, right, down):
+    card = lens_card(layout)
+    cells, targets, _ = quads_at(card, layout, (right, down))
+    found = card_rays(card, cells, targets, CARD_ARRAY.distance)
+    for ours, expected in zip(found, pixel_rays(layout, (right, down)), strict=True):
+        assert ours == pytest.approx(expected, abs=1e-9)
+
+
+@settings(deadline=None, max_examples=30)
+@given(layouts())
+def test_pixels_lie_where_an_orthographic_camera_sees_them(layout):
+    """Square pixels as large as a lens, the upper left one first, the card's centre in the middle."""
+    card = lens_card(layout)
+    width, height = layout.size
+    _, _, places = quads_at(card, layout, (0.5, 0.5))
+    right = (np.arange(width) + 0.5 - width / 2) * card.pixel
+    up = (height / 2 - np.arange(height) - 0.5) * card.pixel
+    assert places == pytest.approx(np.stack(np.meshgrid(right, up), -1), abs=1e-9)
+    assert card.pixel == pytest.approx(2 * CARD_ARRAY.half_width / layout.lenses[0])
+    assert np.ptp(card.corners.reshape(-1, 2), axis=0) == pytest.approx((np.array(layout.size) + 2 * RIM) * card.pixel)
+
+
+def test_a_cell_is_filled_from_edge_to_edge():
+    layout = RayLayout((2, 2), (4, 4), CARD_ARRAY, 2 * CARD_ARRAY.spacing, view_aperture=0.5)
+    card = lens_card(layout)
+    corner = np.zeros((1, 2))
+    starts = [card_rays(card, corner, corner, CARD_ARRAY.distance, value)[0][0, :2] for value in (0.0, 1.0)]
+    assert np.abs(starts[1] - starts[0]) == pytest.approx([CARD_ARRAY.spacing / 2] * 2)
+    card = lens_card(RayLayout((2, 2), (4, 4), CARD_ARRAY, 0.4, "paper"))
+    assert card.aperture == (0, 0) and not card.place_in_pixel

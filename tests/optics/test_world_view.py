@@ -59,25 +59,19 @@ def test_pixels_see_the_mean_of_their_rays(display, options):
     assert edge.mean() < 0.015 and edge.max() < 0.35, "of a step of 1, with the noise of 100 rays"
 
 
-def test_lenses_in_any_order_see_the_same():
+def test_lenses_in_any_order_or_tiles_see_the_same_small_image():
     layout = layout_of()
     view = WorldView.of(layout, world_image(layout))
     lenses = np.random.default_rng(1).integers(0, layout.lenses[::-1], (20, 2))
     each = [view.elemental_images(lens[None])[0] for lens in lenses]
     np.testing.assert_array_equal(view.elemental_images(lenses), each)
-
-
-def test_world_images_stay_small():
-    """An 8K light field sees no more of the world than a small image holds."""
-    layout = layout_of(load_display("bupt-32in-8k"))
-    assert np.prod(WorldImage.of(layout).size) < 1e6
-    tiny = dataclasses.replace(layout, array=dataclasses.replace(layout.array, spacing=1e-9), spacing=1e-9)
-    assert max(WorldImage.of(tiny).size) <= 4096
-
-
-def test_tiles_know_their_lenses():
     listed = ((3, 5), (0, 15), (11, 0), (4, 4), (7, 2))
     layout = layout_of(scale=2, lens_list=listed)
     shown = layout.shown_lenses.reshape(-1, 2)
     assert [tuple(place) for place in shown[:5]] == list(listed) and (shown[5:] == listed[-1]).all()
     assert (layout_of().shown_lenses.reshape(-1, 2) == np.argwhere(np.ones((12, 16)))).all()
+    # An 8K light field sees no more of the world than a small image holds.
+    layout = layout_of(load_display("bupt-32in-8k"))
+    assert np.prod(WorldImage.of(layout).size) < 1e6
+    tiny = dataclasses.replace(layout, array=dataclasses.replace(layout.array, spacing=1e-9), spacing=1e-9)
+    assert max(WorldImage.of(tiny).size) <= 4096

@@ -2,11 +2,10 @@
 
 import pytest
 
-from tests.support.warm_lfsr import warm_lfsr
+from tests.support.played_blender import warm_lfsr
 
 
 @pytest.fixture(scope="session")
 def lfsr(tmp_path_factory):
     """The file of the command, with a played Blender in place of the bpy wheel."""
-    with warm_lfsr(tmp_path_factory.mktemp("lfsr")) as path:
-        yield path
+    return warm_lfsr(tmp_path_factory.mktemp("lfsr"))

@@ -15,12 +15,12 @@ import pytest
 
 from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.cli import main
-from lfsr_core.frames.finish import Finish
+from lfsr_core.frames.finish import Finish, read_report
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.frame import write_frame
-from lfsr_core.pipeline.make import FAILED, KEPT, MADE, make, requests_of
+from lfsr_core.frames.frame import read_frame, write_frame
+from lfsr_core.pipeline.make import FAILED, KEPT, MADE, finish_frame, make, requests_of
 from tests.support.animations import FINISH, film, film_request, images, states
-from tests.support.played_blender import played_blender
+from tests.support.played_blender import cold_blender, played_blender
 from tests.support.synthetic import fails
 from tests.support.told import refuses
 
@@ -29,9 +29,9 @@ FRAMES = range(1, 4)
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("finished")
-    made = film(folder, FRAMES, blender=played_blender(folder / "blender"), chunk=2)
-    return folder, made
+    folder, told = tmp_path_factory.mktemp("finished"), []
+    made = film(folder, FRAMES, blender=played_blender(folder / "blender"), chunk=2, tell=told.append)
+    return folder, made, told
 
 
 @pytest.fixture
@@ -43,11 +43,13 @@ def made(finished, tmp_path):
     return tmp_path
 
 
-def test_every_frame_is_made_once(finished):
-    folder, made = finished
+def test_every_frame_is_made_once_and_progress_never_falls(finished):
+    folder, made, told = finished
     assert states(made) == [MADE] * 3 and [result.frame for result in made] == list(FRAMES)
     assert all(result.render > 0 and result.finish > 0 for result in made)
     assert sorted(path.name for path in (folder / "film").iterdir()) == [f"000{frame}" for frame in FRAMES]
+    fractions = [message.fraction for message in told if isinstance(message, Progress)]
+    assert fractions == sorted(fractions) and fractions[-1] == 1
     assert states(film(folder, FRAMES)) == [KEPT] * 3
 
 
@@ -69,13 +71,6 @@ def test_a_render_alone_is_made_once(tmp_path, kind):
     assert FrameFolder(request.output).is_rendered(request) and states(make(request)) == [KEPT]
 
 
-def test_progress_never_falls_and_ends_at_one(tmp_path):
-    told = []
-    film(tmp_path, FRAMES, blender=played_blender(tmp_path / "blender"), chunk=2, tell=told.append)
-    fractions = [message.fraction for message in told if isinstance(message, Progress)]
-    assert fractions == sorted(fractions) and fractions[-1] == 1
-
-
 def cut(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-30])
 
@@ -85,30 +80,18 @@ def pipe(path: Path) -> None:
     os.mkfifo(path)
 
 
-DAMAGES = {
-    "a pipe for a render": lambda folder: pipe(folder / "lr_eia.exr"),
-    "no render": lambda folder: (folder / "lr_eia.exr").unlink(),
-    "render cut short": lambda folder: cut(folder / "lr_eia.exr"),
-    "frame.json cut short": lambda folder: cut(folder / "frame.json"),
-}
-
-
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_a_broken_frame_is_made_again(made, damage):
-    before = images(made / "film")
-    DAMAGES[damage](made / "film" / "0002")
-    assert states(film(made, FRAMES, blender=played_blender(made / "blender"), chunk=2)) == [KEPT, MADE, KEPT]
-    assert images(made / "film") == before and len(before) == 3
-
-
-@pytest.mark.parametrize("damage", [
-    lambda folder: (folder / "eia.png").unlink(), lambda folder: cut(folder / "eia.png"),
-    lambda folder: pipe(folder / "eia.png"), lambda folder: (folder / "report.json").write_text("{}")])
-def test_a_frame_that_lacks_its_picture_is_not_rendered_again(made, damage):
+@pytest.mark.parametrize(("damage", "renders"), [
+    (lambda folder: pipe(folder / "lr_eia.exr"), True), (lambda folder: (folder / "lr_eia.exr").unlink(), True),
+    (lambda folder: cut(folder / "lr_eia.exr"), True), (lambda folder: cut(folder / "frame.json"), True),
+    (lambda folder: (folder / "eia.png").unlink(), False), (lambda folder: cut(folder / "eia.png"), False),
+    (lambda folder: pipe(folder / "eia.png"), False),
+    (lambda folder: (folder / "report.json").write_text("{}"), False)])
+def test_a_broken_frame_is_made_again_and_one_that_lacks_its_picture_not_rendered(made, damage, renders):
     before = images(made / "film")
     damage(made / "film" / "0002")
-    assert states(film(made, FRAMES)) == [KEPT, MADE, KEPT]
-    assert images(made / "film") == before
+    blender = played_blender(made / "blender") if renders else "/must/not/run"
+    assert states(film(made, FRAMES, blender=blender, chunk=2)) == [KEPT, MADE, KEPT]
+    assert images(made / "film") == before and len(before) == 3
 
 
 def test_another_method_finishes_the_same_renders(made):
@@ -141,18 +124,15 @@ def test_frames_at_scale_1_are_denoised_alone(tmp_path):
     assert states(film(tmp_path, (1,), **options)) == [KEPT]
 
 
-def test_overwrite_makes_all_again(made):
+def test_frames_of_another_render_are_refused_replaced_or_all_made_again(made):
+    refuses("seed 5.*overwrite", film, made, FRAMES, changes={"seed": 9})
+    assert states(film(made, FRAMES, changes={"seed": 9}, blender=played_blender(made / "blender"),
+                       lenient=True)) == [MADE] * 3
     before = images(made / "film")
     assert states(film(made, FRAMES, changes={"seed": 7}, blender=played_blender(made / "blender"),
                        overwrite=True)) == [MADE] * 3
     after = images(made / "film")
     assert all(after[name] != before[name] for name in before)
-
-
-def test_frames_of_another_render_are_refused_or_replaced(made):
-    refuses("seed 5.*overwrite", film, made, FRAMES, changes={"seed": 9})
-    assert states(film(made, FRAMES, changes={"seed": 9}, blender=played_blender(made / "blender"),
-                       lenient=True)) == [MADE] * 3
 
 
 def test_frames_of_a_scene_that_has_changed_are_refused_or_told(made):
@@ -161,9 +141,6 @@ def test_frames_of_a_scene_that_has_changed_are_refused_or_told(made):
     refuses("0002.*changed", film, made, FRAMES)
     assert states(film(made, FRAMES, lenient=True, tell=told.append)) == [KEPT] * 3
     assert [message.values for message in told if isinstance(message, Notice)] == [{"count": 1, "first": 2}]
-
-
-def test_a_folder_that_is_a_frame_is_no_place_for_frames(made):
     refuses("0001 is a frame folder itself", film, made, (1,), changes={"output": str(made / "film" / "0001")})
 
 
@@ -215,7 +192,10 @@ def test_a_frame_that_cannot_be_finished_does_not_stop_the_others(made):
 
 @pytest.mark.parametrize(("options", "sentence"), [
     (["--frames", "x"], "frames are 'x'"), (["--frames", "1", "--frame", "2"], "--frames 1 and --frame were both"),
-    (["--frames", "1", "--rows", "1-2"], "--frames 1 and --rows were both")])
+    (["--frames", "1", "--rows", "1-2"], "--frames 1 and --rows were both"),
+    (["--temporal-averaging", "1"], "without --frames"), (["--frames", "1-3", "--temporal-averaging", "9"], "0 to 8"),
+    (["--frame", "2", "--temporal-averaging", "9"], "0 to 8"),
+    (["--frames", "1-3", "--temporal-averaging", "1", "--cluster", "tcp://x"], "cluster")])
 def test_bad_arguments(tmp_path, capsys, options, sentence):
     (tmp_path / "scene.glb").touch()
     said = fails(["render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "film"), "--display", "mini", "--blender",
@@ -237,7 +217,7 @@ noisy_renders.render = render
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_an_interrupted_run_loses_only_the_frame_in_work(tmp_path, number):
-    blender = Path(played_blender(tmp_path / "blender"))
+    blender = Path(cold_blender(tmp_path / "blender"))
     blender.write_text(blender.read_text().replace(IMPORT, IMPORT + SLOW))
     film_request(tmp_path)
     output = tmp_path / "film"
@@ -262,3 +242,47 @@ def test_an_interrupted_run_loses_only_the_frame_in_work(tmp_path, number):
     assert {name: (output / name / "lr_eia.exr").stat().st_mtime_ns for name in rendered} == rendered
     assert sorted(path.name for path in output.iterdir()) == [f"000{frame}" for frame in FRAMES]
     assert all(json.loads((output / f"000{frame}" / "frame.json").read_text())["frame"] == frame for frame in FRAMES)
+
+
+AVERAGED = Finish("bicubic", temporal_averaging=1)
+
+
+@pytest.fixture(scope="module")
+def averaged(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shared")
+    film(folder, range(1, 4), AVERAGED, blender=played_blender(folder / "blender"), chunk=2)
+    return folder
+
+
+@pytest.fixture
+def averaged_film(averaged, tmp_path):
+    for name in ("film", "scene.glb", "blender"):
+        (shutil.copytree if name == "film" else shutil.copy2)(averaged / name, tmp_path / name)
+    return tmp_path
+
+
+def neighbours(folder):
+    return [read_report(path).neighbours for path in sorted((folder / "film").glob("0*"))]
+
+
+def test_every_frame_has_noise_of_its_own_and_sees_those_beside_it(averaged, tmp_path):
+    frames = [read_frame(path) for path in sorted((averaged / "film").glob("0*"))]
+    assert [frame.seed for frame in frames] == [5, 6, 7], "one for each averaged frame, from the job's on"
+    assert neighbours(averaged) == [(2, 3), (1, 3), (1, 2)]
+    assert {request.seed for request in requests_of(film_request(tmp_path), FINISH, range(1, 4))} == {5}
+
+
+def test_the_picture_is_that_of_the_second_stage_alone(averaged_film):
+    before = images(averaged_film / "film")
+    finish_frame(averaged_film / "film" / "0002", AVERAGED)
+    assert images(averaged_film / "film") == before
+    finish_frame(averaged_film / "film" / "0002", FINISH)
+    assert images(averaged_film / "film")["0002"] != before["0002"]
+
+
+def test_frames_of_other_seeds_are_refused_and_more_neighbours_finish_a_frame_again(averaged_film):
+    refuses("seed 6.*seed 5", film, averaged_film, (2,))
+    assert states(film(averaged_film, range(1, 4), AVERAGED)) == [KEPT] * 3
+    made = film(averaged_film, range(1, 5), AVERAGED, blender=str(averaged_film / "blender"))
+    assert states(made) == [KEPT, KEPT, MADE, MADE]
+    assert neighbours(averaged_film) == [(2, 3), (1, 3), (2, 4), (2, 3)]

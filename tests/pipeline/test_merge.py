@@ -63,11 +63,6 @@ def without_image(folder: Path) -> None:
     (folder / "lr_eia.exr").unlink()
 
 
-def cut_image(folder: Path) -> None:
-    path = folder / "lr_eia.exr"
-    path.write_bytes(path.read_bytes()[:-40])
-
-
 def other_size(folder: Path) -> None:
     write_layers(folder / "lr_eia.exr", {"color": read_layers(folder / "lr_eia.exr")["color"][1:]})
 
@@ -91,24 +86,16 @@ def test_parts_that_do_not_belong_together(tmp_path, capsys, damage, sentence):
     assert not list(tmp_path.glob("*merged*"))
 
 
-def test_a_part_that_was_cut_short(tmp_path):
-    folders = parts(tmp_path, 2)
-    cut_image(folders[1])
-    refuses("part1/lr_eia.exr cannot be read", merge, folders, tmp_path / "merged")
-    assert not list(tmp_path.glob("*merged*"))
-
-
-def test_parts_of_other_devices_are_one_frame(tmp_path):
-    folders = parts(tmp_path, 2)
-    change_frame(folders[1], device="OPTIX")
-    assert merge(folders, tmp_path / "merged").device == "CPU+OPTIX"
-
-
-def test_a_part_is_no_frame(tmp_path, capsys):
-    part, _ = parts(tmp_path, 2)
+def test_a_part_is_no_frame_parts_of_other_devices_are_one_and_a_cut_one_is_named(tmp_path, capsys):
+    part, other = parts(tmp_path, 2)
     refuses("holds rows 7-12 of 12 alone: join it", read_frame, part)
     for verb in ("upscale", "view", "views"):
         assert "lfsr merge" in fails([verb, str(part)], capsys)
+    change_frame(other, device="OPTIX")
+    assert merge([part, other], tmp_path / "merged").device == "CPU+OPTIX"
+    (other / "lr_eia.exr").write_bytes((other / "lr_eia.exr").read_bytes()[:-40])
+    refuses("part1/lr_eia.exr cannot be read", merge, [part, other], tmp_path / "cut")
+    assert not list(tmp_path.glob("*cut*"))
 
 
 def test_references_of_other_seeds_become_one_of_all_samples(tmp_path):

@@ -25,6 +25,7 @@ from lfsr_core.process import blender as blender_places
 from lfsr_core.process.blender import Blender, find_blender
 from lfsr_core.process.protocol import parse_progress
 from tests.support.requests import changed, make_request
+from tests.support.small_disk import on_a_small_disk
 from tests.support.told import refuses
 
 READ_JOB = "import json, os, sys, time\nfrom pathlib import Path\njob = json.loads(Path(sys.argv[-1]).read_text())\n"
@@ -65,42 +66,19 @@ def without_wheel(monkeypatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "bpy" else real(name))
 
 
-def test_wheel_is_preferred_over_path(monkeypatch, blender):
-    monkeypatch.setenv("PATH", os.path.dirname(blender(GOOD)))
-    real = importlib.util.find_spec
+def test_the_wheel_then_the_path_but_first_what_is_asked_for(monkeypatch, blender):
+    path, real = blender(GOOD), importlib.util.find_spec
+    monkeypatch.setenv("PATH", os.path.dirname(path))
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: object() if name == "bpy" else real(name))
     assert find_blender() == Blender(None)
     assert find_blender().command(Path("job.json"))[0] == sys.executable
-
-
-def test_executable_on_path_is_used_without_the_wheel(monkeypatch, blender):
-    path = blender(GOOD)
-    without_wheel(monkeypatch)
-    monkeypatch.setenv("PATH", os.path.dirname(path))
+    mine = blender(GOOD, name="blender-mine")
+    assert find_blender(mine) == Blender(mine)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "bpy" else real(name))
     assert find_blender() == Blender(path)
     command = find_blender().command(Path("job.json"))
-    assert command[:2] == [path, "--background"]
-    assert command[-2:] == ["--", "job.json"]
+    assert command[:2] == [path, "--background"] and command[-2:] == ["--", "job.json"]
     assert Path(command[command.index("--python") + 1]).name == "from_sources.py"
-
-
-def test_executable_asked_for_wins_over_the_wheel(monkeypatch, blender):
-    path = blender(GOOD, name="blender-mine")
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: object())
-    assert find_blender(path) == Blender(path)
-
-
-@pytest.mark.parametrize(("version", "message"), [
-    ("Blender 4.4.3", r"is Blender 4\.4, but 4\.5 or newer is needed"), ("Blender 3.6.0", r"is Blender 3\.6"),
-    ("GNU bash 5.2", "does not say that it is Blender")])
-def test_unsuitable_executable_is_refused(blender, version, message):
-    refuses(message, find_blender, blender(GOOD, version))
-
-
-@pytest.mark.parametrize("version", ["Blender 4.5.0", "Blender 5.0.1", "Blender 10.1.0 Alpha"])
-def test_newer_executables_are_accepted(blender, version):
-    path = blender(GOOD, version)
-    assert find_blender(path) == Blender(path)
 
 
 def test_the_newest_installed_blender_is_found(monkeypatch, tmp_path, blender):
@@ -115,12 +93,19 @@ def test_the_newest_installed_blender_is_found(monkeypatch, tmp_path, blender):
     assert find_blender() == Blender(f"{tmp_path}/Program Files/Blender Foundation/Blender 10.1/blender.exe")
 
 
-def test_missing_blender_says_how_to_get_one(monkeypatch, tmp_path):
+def test_missing_unsuitable_and_newer_blenders(monkeypatch, tmp_path, blender):
     without_wheel(monkeypatch)
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(blender_places, "PLACES", {})
     refuses("neither the bpy package nor an installed Blender", find_blender)
     refuses("'/no/blender' was not found", find_blender, "/no/blender")
+    for version, message in [
+        ("Blender 4.4.3", r"is Blender 4\.4, but 4\.5 or newer is needed"), ("Blender 3.6.0", r"is Blender 3\.6"),
+        ("GNU bash 5.2", "does not say that it is Blender")]:
+        refuses(message, find_blender, blender(GOOD, version))
+    for version in ["Blender 4.5.0", "Blender 5.0.1", "Blender 10.1.0 Alpha"]:
+        path = blender(GOOD, version)
+        assert find_blender(path) == Blender(path)
 
 
 @pytest.mark.parametrize(("line", "record"), [
@@ -133,19 +118,12 @@ def test_progress_lines(line, record):
     assert parse_progress(line) == record
 
 
-def test_finished_render_is_moved_in_whole(blender, job):
-    seen = []
-    render_all([job], Blender(blender(GOOD)), seen.append)
-    assert seen == [Progress("render", 0.5, "half")]
-    assert leftovers(job) == ["frame", f"frame/{LOW_RES_FILE}"]
-
-
-def test_warnings_are_passed_on_apart_from_progress(blender, job):
+def test_finished_render_is_moved_in_whole_with_warnings_apart_from_progress(blender, job):
     record = '{"stage": "notice", "notice": "file-unreadable", "values": {"path": "wood.png"}}'
-    body = f"print('LFSR {record}')" + GOOD
     seen = []
-    render_all([job], Blender(blender(body)), seen.append)
+    render_all([job], Blender(blender(f"print('LFSR {record}')" + GOOD)), seen.append)
     assert seen == [Notice("file-unreadable", {"path": "wood.png"}), Progress("render", 0.5, "half")]
+    assert leftovers(job) == ["frame", f"frame/{LOW_RES_FILE}"]
 
 
 def test_job_file_asks_for_the_job(blender, job, tmp_path):
@@ -165,6 +143,8 @@ def test_new_render_replaces_what_was_made_from_the_old_one(blender, job):
     render_all([job], Blender(blender(GOOD)))
     assert (folder / LOW_RES_FILE).read_text() == "new"
     assert leftovers(job) == ["frame", f"frame/{LOW_RES_FILE}", "frame/notes.txt"]
+    refuses("exit code 1", render_all, [job], Blender(blender("sys.exit(1)")))
+    assert (Path(job.output) / LOW_RES_FILE).read_text() == "new"
 
 
 BAD_INPUT = """
@@ -212,35 +192,19 @@ def test_log_of_a_crash_is_not_written_through_a_link(blender, job, tmp_path):
 
 
 LOG_FILLS_THE_DISK = """
-import resource, sys
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.request import Request
 from lfsr_core.optics.display import load_display
-from lfsr_core.process.blender import find_blender
 from lfsr_core.pipeline.make import render_all
-from tests.support.requests import changed, make_request
-found = find_blender(sys.argv[1])
-resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
-try:
-    render_all([make_request(sys.argv[2], load_display("mini"))], found)
-except LfsrError as error:
-    print("one sentence:", error)
+from lfsr_core.process.blender import find_blender
+from tests.support.requests import make_request
+render_all([make_request(sys.argv[3], load_display("mini"))], find_blender(sys.argv[2]))
 """
 
 
 def test_log_that_fills_the_disk_is_one_sentence_and_leaves_nothing(blender, job):
     executable = blender("print('x' * 100_000, flush=True)\n" + GOOD)
-    answer = subprocess.run([sys.executable, "-c", LOG_FILLS_THE_DISK, executable, job.output], capture_output=True,
-                            text=True, check=False)
-    assert answer.stdout.startswith("one sentence: "), answer
-    assert "free some space" in answer.stdout
+    said = on_a_small_disk(50_000, LOG_FILLS_THE_DISK, executable, job.output)
+    assert said.startswith("refused: ") and "free some space" in said, said
     assert leftovers(job) == []
-
-
-def test_crash_keeps_the_older_render(blender, job):
-    render_all([job], Blender(blender(GOOD)))
-    refuses("exit code 1", render_all, [job], Blender(blender("sys.exit(1)")))
-    assert (Path(job.output) / LOW_RES_FILE).read_text() == "new"
 
 
 @pytest.mark.parametrize(("kind", "present"), [("render", REFERENCE_FILES[0]), ("reference", LOW_RES_FILE)])
@@ -263,7 +227,7 @@ SLEEPER = """
 Path(job["output"], "lr_eia.exr").write_text("half")
 Path(os.environ["PID_FILE"]).write_text(str(os.getpid()))
 print('LFSR {"stage": "render", "fraction": 0.1}', flush=True)
-time.sleep(60)
+sys.stdin.read()
 """
 
 

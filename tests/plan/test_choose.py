@@ -12,12 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_core.base.files import read_json
-from lfsr_core.optics.depth_scale import MODEL
+from lfsr_core.optics.depth_scale import MODEL, samples_at
 from lfsr_core.optics.display import load_display
 from lfsr_core.plan import choose as choosing
 from lfsr_core.plan.choose import Estimate, Rated, choose, estimate, first_guess
-from lfsr_core.plan.options import Candidate, PlanOptions
+from lfsr_core.plan.options import FREE_PATHS, Candidate, PlanOptions, default_methods, methods_at
 from lfsr_core.plan.sample import USUAL_LENSES, sampled_lenses
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PLAIN_METHOD
+from tests.support.synthetic import MINI
 from tests.support.told import refuses
 
 METHODS = ("bilinear", "oidn+bilinear", "bicubic")
@@ -56,6 +58,11 @@ def test_of_equally_cheap_candidates_the_simplest_is_taken():
              rated(4, 64, "bilinear", 10.4, 0.96), rated(2, 16, "bilinear", 11.0, 0.96)]
     assert choose(found, 0.95).chosen.candidate == Candidate(4, 64, "bilinear")
     assert choose(found[:2], 0.95).chosen.candidate == Candidate(4, 16, "oidn+bilinear")
+    values = np.linspace(0.8, 1, 20)
+    found = estimate(values, np.ones(20, bool), 20)
+    assert found.low == found.mean == pytest.approx(0.9) and found.lenses == 20
+    for count in (0, 1):
+        refuses(f"{count} of 4 sampled lenses", estimate, values[:4], np.arange(4) < count, 20)
 
 
 @pytest.mark.parametrize(("found", "code"), [
@@ -88,14 +95,6 @@ def test_lower_bound_lies_below_the_truth_in_95_of_100_draws():
     truth = values[hit].mean()
     assert np.mean([each.low <= truth for each in found]) >= 0.95
     assert np.mean([each.mean for each in found]) == pytest.approx(truth, abs=0.003)
-
-
-def test_a_census_is_certain_and_too_few_lenses_are_refused():
-    values = np.linspace(0.8, 1, 20)
-    found = estimate(values, np.ones(20, bool), 20)
-    assert found.low == found.mean == pytest.approx(0.9) and found.lenses == 20
-    for count in (0, 1):
-        refuses(f"{count} of 4 sampled lenses", estimate, values[:4], np.arange(4) < count, 20)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -193,3 +192,37 @@ def test_the_first_guess_is_the_cheapest_that_should_do(move, target):
         assert all(loss[each] > 1 - target for each in found if each.paths(DISPLAY) < chosen.paths(DISPLAY))
     else:
         assert loss[chosen] == min(loss.values())
+
+
+def test_options_methods_and_limits():
+    assert PlanOptions().limit == math.inf and PlanOptions(most_seconds=3).limit == 3
+    assert methods_at(4, ("none", "bilinear")) == ("bilinear",)
+    assert methods_at(1, ("bilinear", "oidn+bilinear")) == ("none", "oidn")
+    found = default_methods()
+    assert found[0] == PLAIN_METHOD and DEFAULT_METHOD in found and len(set(found)) == len(found)
+    assert PlanOptions().most_paths(load_display("mini")) == FREE_PATHS
+    assert PlanOptions().most_paths(load_display("bupt-32in-8k")) > FREE_PATHS
+    for wrong in [{"target": 1.0}, {"target": 0.0}, {"metric": "psnr"}, {"budget": 0.0}, {"lenses": 3},
+                                       {"reference_samples": 3}, {"samples": (0,)}, {"most_seconds": 0.0}]:
+        refuses("but", PlanOptions, **wrong)
+    for wrong in [{"scales": (3,)}, {"methods": ("bilinar",)}, {"rays": (0.0,)},
+                                       {"scales": (2,), "methods": ("none",)}]:
+        refuses("", PlanOptions(**wrong).candidates, MINI)
+
+
+def test_candidates_are_all_combinations_the_display_and_methods_allow():
+    found = PlanOptions(samples=(4, 16), methods=("bilinear", "oidn+bilinear")).candidates(MINI)
+    assert {candidate.scale for candidate in found} == {1, 2, 4, 8}
+    assert {candidate.method for candidate in found if candidate.scale == 1} == {"none", "oidn"}
+    assert {candidate.method for candidate in found if candidate.scale == 2} == {"bilinear", "oidn+bilinear"}
+    costs = [candidate.paths(MINI) for candidate in found]
+    assert costs == sorted(costs) and len(set(found)) == len(found) == 16
+
+
+@given(st.sampled_from((2, 4)), st.integers(1, 4096))
+def test_candidates_of_the_same_rays_cost_the_same(scale, samples):
+    found = PlanOptions(methods=("bilinear",), rays=(1, 4)).candidates(MINI)
+    assert {(each.scale, each.samples) for each in found} == {(1, 1), (1, 4), (2, 4), (2, 16), (4, 16), (4, 64),
+                                                              (8, 64), (8, 256)}
+    assert len({each.paths(MINI) for each in found}) == 2
+    assert samples_at(MINI, scale, Candidate(scale, samples, "bilinear").rays(MINI)) == samples

@@ -90,12 +90,14 @@ def test_random_numbers_of_every_render_are_its_own(tmp_path, rendered):
     assert {job.layers for job in jobs if job.kind == "render"} == {JOB.layers}
 
 
-def test_an_unreachable_target_names_the_best_and_the_limit(tmp_path):
+def test_an_unreachable_target_names_the_best_and_the_limit_in_a_record(tmp_path):
     options = dataclasses.replace(OPTIONS, target=0.9999, scales=(4,))
     planned = plan(JOB, options, render, tmp_path / "sample")
     assert planned.choice.chosen is None
     assert planned.choice.best.method == "bilinear" and planned.choice.best.samples >= 16
     assert planned.choice.limit.code in ("plan-limit-upscaling", "plan-limit-noise")
+    write_record(tmp_path / "plan.json", planned)
+    assert read_record(tmp_path / "plan.json", Planned, "a plan") == planned
 
 
 def test_a_frame_that_takes_too_long_is_not_chosen(tmp_path):
@@ -123,19 +125,14 @@ def test_an_interrupted_plan_goes_on_where_it_stopped(tmp_path, rendered):
     assert {row.candidate: row.estimate for row in resumed.candidates} == by_name
 
 
-def test_a_sample_of_other_settings_is_not_taken(tmp_path):
+def test_a_sample_of_other_settings_is_not_taken_and_a_damaged_one_said(tmp_path):
     folder, options = tmp_path / "sample", dataclasses.replace(OPTIONS, scales=(4,))
     plan(JOB, options, render, folder)
     with pytest.raises(LfsrError, match="sample of another scene or of other options"):
         plan(dataclasses.replace(JOB, scene="other.blend"), options, render, folder)
     again = plan(JOB, dataclasses.replace(options, target=0.3), lambda job: pytest.fail("it renders"), folder)
     assert again.choice.chosen is not None
-
-
-def test_a_damaged_render_of_the_sample_is_said_and_no_fault_of_the_methods(tmp_path):
-    folder, options = tmp_path / "sample", dataclasses.replace(OPTIONS, scales=(4,), target=0.3)
-    plan(JOB, options, render, folder)
-    (folder / "s4-spp4" / LOW_RES_FILE).write_bytes(b"damaged")
+    (folder / "s4-spp4" / LOW_RES_FILE).write_bytes(b"damaged")  # which is no fault of the methods
     refuses(rf"s4-spp4/{LOW_RES_FILE} cannot be read", plan, JOB, options, render, folder)
 
 
@@ -224,9 +221,3 @@ def test_a_black_image_is_no_perfect_one(tmp_path):
             write_layers(path, layers)
 
     refuses("almost black, so that every setting would seem perfect", plan, JOB, OPTIONS, black, tmp_path)
-
-
-def test_a_plan_is_a_record(tmp_path):
-    planned = plan(JOB, dataclasses.replace(OPTIONS, scales=(4,), target=0.999), render, tmp_path / "sample")
-    write_record(tmp_path / "plan.json", planned)
-    assert read_record(tmp_path / "plan.json", Planned, "a plan") == planned

@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 
 from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.display import load_display
+from lfsr_core.plan import sample as plan_sample
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.sample import (
     LEAST_LENSES,
@@ -21,6 +23,7 @@ from lfsr_core.plan.sample import (
     lens_count,
     reach,
     sampled_lenses,
+    split_scores,
     with_neighbours,
 )
 from tests.support.noisy_renders import JOB, render
@@ -73,9 +76,6 @@ def test_neighbours_are_as_many_as_a_denoiser_needs():
     lenticular = load_display("looking-glass-16")
     # A pixel of a view is a lens, at every scale.
     assert [reach(lenticular, scale) for scale in (1, 2, 4)] == [REACH_IN_A_VIEW] * 3
-
-
-def test_a_budget_is_met_by_fewer_lenses():
     display, options = load_display("bupt-32in-8k"), PlanOptions()
     counts = [lens_count(display, dataclasses.replace(options, budget=budget)) for budget in (0.0001, 0.01, 1.0)]
     assert counts == sorted(counts) and counts[0] >= LEAST_LENSES and counts[-1] == USUAL_LENSES
@@ -98,3 +98,16 @@ def test_progress_of_a_render_moves_that_of_the_plan(tmp_path):
     fractions = [each.fraction for each in told if isinstance(each, Progress)]
     assert fractions == sorted(fractions) and fractions[-1] == pytest.approx(
         (2 * 16 + 4 * math.prod(MINI.lenses) * 4) / renders.whole)
+
+
+def test_correction_takes_some_of_the_references_noise_out(monkeypatch):
+    monkeypatch.setattr(plan_sample, "srgb_encode", lambda image: image)  # noise that is normal in display values
+    random, noise = np.random.default_rng(0), 0.08
+    exact = np.full((300, 24, 24, 1), 0.5)
+    exact[:, :, 12:] += 0.2 * np.sin(np.arange(12) / 1.7)[:, None]
+    image = exact + random.normal(0, 0.015, exact.shape)
+    true = float(stacked_ssim(image, exact, exact).mean())
+    quarters = [exact + random.normal(0, noise, exact.shape) for _ in range(4)]
+    plain = float(stacked_ssim(image, *(np.mean(quarters[half], 0) for half in (np.s_[:2], np.s_[2:]))).mean())
+    corrected = float(split_scores(image, quarters).mean())
+    assert plain < true - 0.003 and abs(corrected - true) < abs(plain - true)

@@ -46,14 +46,9 @@ def deviation(low: LowResEIA, clean: np.ndarray) -> float:
 def test_the_noise_of_a_static_scene_goes_down_by_the_root_of_the_frames(count, noise):
     clean = waves(0)
     frames = [frame(clean, seed, noise) for seed in range(count)]
-    ratio = deviation(average_frames(frames[0], frames[1:])[0], clean) / deviation(frames[0], clean)
-    assert ratio == pytest.approx(count**-0.5, rel=0.1)
-
-
-def test_the_mean_is_kept():
-    clean = waves(0)
-    averaged, _ = average_frames(frame(clean, 0), [frame(clean, seed) for seed in range(1, 5)])
-    assert averaged.color.mean() == pytest.approx(clean.mean(), rel=0.01)
+    averaged, _ = average_frames(frames[0], frames[1:])
+    assert deviation(averaged, clean) / deviation(frames[0], clean) == pytest.approx(count**-0.5, rel=0.1)
+    assert averaged.color.mean() == pytest.approx(clean.mean(), rel=0.01 if noise < 1 else 0.03)
     assert averaged.color.dtype == np.float32 and averaged.samples == 16
 
 
@@ -96,12 +91,11 @@ def test_what_moved_in_opacity_alone_is_untouched():
     other[BLOCK] = 0.9
     weight = similarity(frame(clean, 0, opacity=flat), frame(clean, 1, opacity=other))
     assert weight[BLOCK].max() < 0.05 and weight[:, 10:].mean() > 0.9
-
-
-@pytest.mark.parametrize("times", [0.7, 1.2])
-def test_light_that_changed_without_anything_moving_is_detected(times):
     clean = waves(0)
-    assert similarity(frame(clean, 0), frame(clean * np.float32(times), 1)).mean() < 0.2
+    noisy = [frame(clean, seed, opacity=frame(clean, seed + 20).color) for seed in range(4)]
+    averaged, _ = average_frames(noisy[0], noisy[1:])
+    assert np.std(averaged.opacity - clean) < 0.6 * np.std(noisy[0].opacity - clean)
+    assert dataclasses.replace(noisy[0], color=averaged.color).samples == 16
 
 
 def test_a_reflection_that_moved_is_detected():
@@ -109,40 +103,26 @@ def test_a_reflection_that_moved_is_detected():
     clean, moved = waves(0), waves(0)
     moved[BLOCK] = clean[BLOCK][..., ::-1, :]
     assert similarity(frame(clean, 0, 0.1), frame(moved, 1, 0.1))[BLOCK].mean() < 0.1
+    for times in [0.7, 1.2]:
+        clean = waves(0)
+        assert similarity(frame(clean, 0), frame(clean * np.float32(times), 1)).mean() < 0.2
 
 
-def test_similarity_is_symmetrical_and_within_bounds():
+def test_similarity_is_symmetrical_within_bounds_and_whole_for_equal_few_and_dark_lenses():
     ours, other = frame(waves(0), 0), frame(waves(0.3), 1)
     weight = similarity(ours, other)
     np.testing.assert_allclose(weight, similarity(other, ours), rtol=1e-5)
     assert weight.shape == SHAPE[:2] and weight.min() >= 0 and weight.max() <= 1
-
-
-def test_equal_frames_are_averaged_everywhere_and_dark_ones_too():
     assert unchanged(np.zeros(SHAPE, np.float32)).min() == 1
     black = frame(np.zeros(SHAPE, np.float32), 0)
     assert not average_frames(black, [black])[0].color.any()
-
-
-@pytest.mark.parametrize("shape", [(1, 1, 1, 1, 3), (48, 16, 1, 4, 3), (3, 2, 2, 2, 3)])
-def test_few_lenses_and_views_along_one_axis(shape):
-    clean = np.full(shape, 0.5, np.float32)
-    averaged, _ = average_frames(frame(clean, 0), [frame(clean, seed) for seed in (1, 2)])
-    assert averaged.color.shape == shape and np.isfinite(averaged.color).all()
-
-
-def test_without_neighbours_nothing_changes():
     low = frame(waves(0), 0)
     np.testing.assert_array_equal(average_frames(low, [])[0].color, low.color)
     assert average_frames(low, [])[1] == 0
-
-
-def test_opacity_is_averaged_like_colour():
-    clean = waves(0)
-    noisy = [frame(clean, seed, opacity=frame(clean, seed + 20).color) for seed in range(4)]
-    averaged, _ = average_frames(noisy[0], noisy[1:])
-    assert np.std(averaged.opacity - clean) < 0.6 * np.std(noisy[0].opacity - clean)
-    assert dataclasses.replace(noisy[0], color=averaged.color).samples == 16
+    for shape in [(1, 1, 1, 1, 3), (48, 16, 1, 4, 3), (3, 2, 2, 2, 3)]:
+        clean = np.full(shape, 0.5, np.float32)
+        averaged, _ = average_frames(frame(clean, 0), [frame(clean, seed) for seed in (1, 2)])
+        assert averaged.color.shape == shape and np.isfinite(averaged.color).all()
 
 
 def film(folder, numbers, **changes):
@@ -163,15 +143,6 @@ def test_the_nearest_on_both_sides():
     assert near(1, [1, 2, 3, 4, 5, 6], 2) == [2, 3, 4, 5] and near(6, range(1, 7), 2) == [2, 3, 4, 5]
     assert near(1, [1, 2, 3], 2) == [2, 3]
     assert near(1, [1, 2, 3], 0) == []
-
-
-@pytest.mark.parametrize("count", [1, 2, 4])
-def test_frames_near_one_have_every_seed_once(count):
-    numbers = range(-5, 20)
-    for number in numbers:
-        seeds = [Finish("bicubic", temporal_averaging=count).seed_of(7, each) for each in [number, *near(number,
-                numbers, count)]]
-        assert sorted(seeds) == list(range(7, 7 + 2 * count + 1))
 
 
 def test_only_rendered_frames_with_a_number_count(tmp_path):

@@ -4,8 +4,8 @@ import dataclasses
 import hashlib
 import json
 import os
-import sys
 
+import hypothesis.extra.numpy as npst
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,10 +15,9 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images
 from lfsr_core.reconstruct import denoiser
-from lfsr_core.reconstruct.denoiser import write_tza
+from lfsr_core.reconstruct.denoiser import read_tza, write_tza
 from lfsr_core.reconstruct.methods import load_method, oidn
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_low_resolution, mirrored
-from tests.support.prerequisites import needs_bpy
 from tests.support.told import refuses
 
 SMALLEST = (8,) * 15 + (3,)
@@ -67,9 +66,19 @@ def test_a_file_is_read_again_when_it_has_changed(weights):
     assert denoiser.load(weights).content == weights.read_bytes() != first.content
 
 
-def test_single_floats_are_refused_before_the_library_sees_them(tmp_path):
+def test_weights_that_are_missing_too_large_or_cannot_be_stored(tmp_path):
     write_tza(tmp_path / "x.tza", tensors(), half=False)
     refuses("x.tza holds single floats.*takes half floats", denoiser.load, tmp_path / "x.tza")
+    with pytest.raises(LfsrError, match="none.tza does not exist, expected TZA weights"):
+        load_method("denoise+bilinear", weights=tmp_path / "none.tza").prepare(low_resolution())
+    write_tza(tmp_path / "a.tza", {"a": np.full(3, 1e5)}, half=False)
+    np.testing.assert_array_equal(read_tza(tmp_path / "a.tza")["a"], np.float32(1e5))
+    refuses("use a smaller network", write_tza, tmp_path / "a.tza", {"a": np.zeros(denoiser.MOST_BYTES // 2)})
+    (tmp_path / "b.tza").write_bytes(bytes(denoiser.MOST_BYTES + 1))
+    refuses("more than 8000000 bytes", read_tza, tmp_path / "b.tza")
+    for tensor in [np.full(3, np.nan), np.full(3, 1e5), np.ones((2, 2))]:
+        refuses("'a' of shape", write_tza, tmp_path / "c.tza", {"a": tensor})
+        assert not (tmp_path / "c.tza").exists() and len(list(tmp_path.iterdir())) == 3
 
 
 def test_weights_that_changed_since_their_training_are_refused(weights):
@@ -83,22 +92,22 @@ def test_weights_that_changed_since_their_training_are_refused(weights):
     assert len(denoiser.load(weights).content) == len(content)
 
 
-def test_missing_weights_are_one_sentence(tmp_path):
-    with pytest.raises(LfsrError, match="none.tza does not exist, expected TZA weights"):
-        load_method("denoise+bilinear", weights=tmp_path / "none.tza").prepare(low_resolution())
-
-
 @pytest.mark.parametrize("parallax", [(True, True), (True, False)])
-def test_colour_is_denoised_as_one_image_by_our_weights(weights, parallax):
+def test_colour_is_denoised_as_one_image(weights, parallax):
     low = low_resolution(parallax, (6, 8, 5, 5, 3) if all(parallax) else (12, 8, 1, 5, 3))
-    found = load_method("denoise+bilinear", weights=weights).prepare(low)
     rows, columns = low.color.shape[0] * low.color.shape[2], low.color.shape[1] * 5
     image = mirrored(low.color).swapaxes(1, 2).reshape(rows, columns, 3)
-    expected = denoise_eia(image, weights=denoiser.load(weights))
-    np.testing.assert_array_equal(mirrored(found.color).swapaxes(1, 2).reshape(rows, columns, 3), expected)
-    assert found.noisy is low.color
+    found = {}
+    for chosen in (None, weights):
+        found[chosen] = denoise_low_resolution(low, chosen)
+        expected = denoise_eia(image, weights=chosen and denoiser.load(chosen))
+        denoised = mirrored(found[chosen].color).swapaxes(1, 2).reshape(rows, columns, 3)
+        np.testing.assert_allclose(denoised, expected, atol=0 if chosen else 1e-5)
+        assert found[chosen].noisy is low.color and found[chosen].alpha is low.alpha
+    prepared = load_method("denoise+bilinear", weights=weights).prepare(low)
+    np.testing.assert_array_equal(prepared.color, found[weights].color)
     write_tza(weights, tensors(seed=1))
-    assert not np.array_equal(denoise_low_resolution(low, weights).color, found.color)
+    assert not np.array_equal(denoise_low_resolution(low, weights).color, found[weights].color)
 
 
 @given(st.integers(1, 4), st.integers(1, 4), st.integers(1, 5), st.integers(1, 5))
@@ -137,17 +146,71 @@ def test_a_lamp_far_away_changes_nothing(weights):
     assert not np.allclose(lit[:, 340:], dark[:, 340:], rtol=1e-2)
 
 
-@needs_bpy
-def test_library_of_blender_takes_our_weights(monkeypatch, weights):
-    color, content = low_resolution().color.swapaxes(1, 2).reshape(30, 40, 3), denoiser.load(weights)
-    expected = denoise_eia(color, weights=content)
-    monkeypatch.setitem(sys.modules, "pyoidn", None)
-    np.testing.assert_allclose(denoise_eia(color, weights=content), expected, rtol=1e-3, atol=1e-4)
-
-
 def test_shipped_weights_are_those_of_their_provenance():
     facts = json.loads(denoiser.WEIGHTS.with_suffix(".json").read_text(encoding="utf-8"))
     content = denoiser.load().content
     assert facts["sha256"] == hashlib.sha256(content).hexdigest() and len(content) < 2_000_000
     assert facts["command"].startswith("lfsr train denoiser") and facts["data"]["scenes"] > 200
     assert "Apache License" in (denoiser.WEIGHTS.parent / "NOTICE.txt").read_text(encoding="utf-8")
+
+
+NAMES = st.text(st.characters(codec="ascii", exclude_categories=["Cc"]), min_size=1, max_size=30)
+
+
+def shapes():
+    return st.one_of(st.tuples(st.integers(1, 40)), st.tuples(*[st.integers(1, 6)] * 4))
+
+
+@given(st.dictionaries(NAMES, npst.arrays(np.float16, shapes(), elements=st.floats(-9, 9, width=16)), max_size=6),
+       st.booleans())
+def test_what_is_written_is_read(tmp_path_factory, tensors, half):
+    path = tmp_path_factory.mktemp("tza") / "some.tza"
+    write_tza(path, tensors, half=half)
+    found = read_tza(path)
+    assert list(found) == list(tensors)
+    for name, tensor in tensors.items():
+        assert found[name].dtype == (np.float16 if half else np.float32)
+        np.testing.assert_array_equal(found[name], tensor)
+    table = denoiser.HEADER.unpack_from(path.read_bytes())[3]
+    assert len(tensors) == int.from_bytes(path.read_bytes()[table:table + 4], "little")
+
+
+def network(widths=(2,) * 15 + (3,), inputs=3):
+    draw = np.random.default_rng(0)
+    return {name: draw.normal(0, 0.1, shape).astype(np.float32)
+            for name, shape in denoiser.network_shapes(widths, inputs).items()}
+
+
+@pytest.fixture(scope="module")
+def content(tmp_path_factory):
+    path = tmp_path_factory.mktemp("tza") / "network.tza"
+    write_tza(path, network())
+    return path.read_bytes()
+
+
+def check_damaged(damaged):
+    """One sentence, or a network all the same, such as after another value."""
+    try:
+        denoiser.check_network(denoiser.parse_tza(damaged, "x.tza"), "x.tza")
+    except LfsrError as error:
+        assert str(error).startswith("x.tza ") and "\n" not in str(error)
+        return True
+    return False
+
+
+def test_a_cut_file_is_one_sentence(content):
+    for length in [*range(0, 200), *range(200, len(content), 61), len(content) - 1]:
+        assert check_damaged(content[:length]), length
+
+
+@pytest.mark.parametrize(("place", "value", "message"), [
+    (0, 0, "begins with 0x4100 version 2"), (2, 3, "begins with 0x41d7 version 3"), (11, 255, "its table is at byte"),
+    (64, 255, None), (65, 255, "'enc_conv0.weight' has values that are not finite")])
+def test_damage_is_named(content, place, value, message):
+    damaged = bytearray(content)
+    damaged[place] = value
+    if message is None:
+        assert not check_damaged(bytes(damaged))
+        return
+    refuses(rf"x.tza cannot be read as TZA weights \(.*{message}.*get it again", denoiser.parse_tza, bytes(damaged),
+            "x.tza")

@@ -1,8 +1,9 @@
-"""The table of methods: names and their parts, what runs, and what follows from a name."""
+"""The table of methods, what follows from a name, and how the stages of one are run."""
 
 import re
-import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.display import load_display
+from lfsr_core.reconstruct.assembly import StageClock, blas_threads
 from lfsr_core.reconstruct.methods import (
     COMPARED,
     DEFAULT_METHOD,
@@ -37,13 +39,6 @@ def test_a_name_has_parts(text, prefilters, upscaler):
     assert MethodName.parse(f" {text.replace('+', ' + ')}") == name, "blanks do not count"
 
 
-@pytest.mark.parametrize(("text", "message"), [
-    ("oidn+bicubik", "'bicubic'"), ("oidn+", "unknown method ''"),
-    ("bicubic+oidn", "put one upscaler last"), ("oidn+pool+bicubic", "has 'pool' before its last part")])
-def test_names_that_are_refused(text, message):
-    refuses(message, MethodName.parse, text)
-
-
 def test_every_row_makes_what_it_says_and_every_name_that_is_offered_is_one():
     for name, part in METHODS.items():
         assert part.text and part.kind in (PREFILTER, UPSCALER)
@@ -62,14 +57,15 @@ def test_what_follows_from_a_name():
     assert MethodName.parse("oidn").needs_denoiser and not MethodName.parse("pool").needs_denoiser
     assert MethodName.parse("bicubic").works_at(7) and not MethodName.parse("oidn").works_at(4)
     assert MethodName.parse("oidn").scales_of((4, 1)) == (1,)
-
-
-@pytest.mark.parametrize(("text", "left", "steps"), [
-    ("bilinear", "none", 1), ("none", "none", 0), ("oidn+bilinear", "oidn", 2), ("oidn", "oidn", 1),
-    ("denoise+pool", "denoise", 2)])
-def test_what_is_left_at_scale_1_and_how_many_steps_there_are(text, left, steps):
-    name = MethodName.parse(text)
-    assert (name.at_scale(1).text, name.at_scale(2), name.steps) == (left, name, steps)
+    for text, left, steps in [
+        ("bilinear", "none", 1), ("none", "none", 0), ("oidn+bilinear", "oidn", 2), ("oidn", "oidn", 1),
+        ("denoise+pool", "denoise", 2)]:
+        name = MethodName.parse(text)
+        assert (name.at_scale(1).text, name.at_scale(2), name.steps) == (left, name, steps)
+    for text, message in [
+        ("oidn+bicubik", "'bicubic'"), ("oidn+", "unknown method ''"),
+        ("bicubic+oidn", "put one upscaler last"), ("oidn+pool+bicubic", "has 'pool' before its last part")]:
+        refuses(message, MethodName.parse, text)
 
 
 @pytest.mark.parametrize(("name", "other"), [("oidn", "oidn+bilinear"), ("none", "bilinear")])
@@ -84,24 +80,39 @@ def test_weights_are_for_the_denoiser_that_takes_them():
     low = LowResEIA(np.ones((1, 1, 2, 2, 3), np.float32), np.ones((1, 1, 2, 2, 1), np.float32), 16, 4)
     refuses("no.tza does not exist", load_method("denoise+bilinear", "no.tza").prepare, low)
     refuses(r"weights no.tza were given, but method 'oidn\+bilinear' has none", load_method, "oidn+bilinear", "no.tza")
-
-
-def test_another_upscaler_takes_the_place_of_that_in_the_name():
     class Other(Upscaler):
         def __call__(self, low, lenses):
             raise AssertionError
 
     other = Other()
     assert load_method("oidn+bilinear", upscaler=other).upscaler is other
-
-
-def test_larger_displays_and_denoisers_take_longer():
     small, large = load_display("mini"), load_display("fhd")
     told = [seconds(small, 2, "bilinear"), seconds(large, 4, "bilinear"), seconds(large, 4, DEFAULT_METHOD),
             seconds(large, 1, "denoise")]
     assert told == sorted(told) and told[0] < told[-1]
 
 
-def test_importing_the_pipeline_imports_no_torch_and_no_blender():
-    code = "import sys; from lfsr_core.metrics import compare; print({'torch', 'bpy'} & set(sys.modules))"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "set()"
+def test_threads_share_the_clock():
+    clock = StageClock()
+    with clock.shared_by(2), ThreadPoolExecutor(2) as pool:
+        def work(_):
+            with clock("upscale"):
+                time.sleep(0.2)
+        list(pool.map(work, range(2)))
+    assert clock.seconds["upscale"] == pytest.approx(0.2, abs=0.1)
+
+
+def threads() -> set[int]:
+    controller = pytest.importorskip("threadpoolctl").threadpool_info()
+    return {pool["num_threads"] for pool in controller if pool["user_api"] == "blas"}
+
+
+def test_threads_are_limited_inside_the_block(monkeypatch):
+    np.dot(np.ones((2, 2)), np.ones((2, 2)))  # a BLAS library is loaded
+    before = threads()
+    with blas_threads(1):
+        assert threads() == {1}
+    assert threads() == before
+    monkeypatch.setitem(sys.modules, "threadpoolctl", None)
+    with blas_threads(1):
+        pass

@@ -1,7 +1,6 @@
 import dataclasses
 import json
 import re
-import subprocess
 import sys
 import time
 
@@ -25,6 +24,7 @@ from lfsr_core.reconstruct.methods import METHODS
 from lfsr_core.reconstruct.upscaler import Upscaler
 from tests.support.prerequisites import needs_bpy
 from tests.support.slow_way import expected_linear
+from tests.support.small_disk import on_a_small_disk
 from tests.support.synthetic import FLAT, MINI, light_field, write_render
 from tests.support.told import refuses
 
@@ -67,21 +67,14 @@ def test_a_frame_of_a_device_that_is_not_here_is_denoised_on_the_cpu_and_says_so
     np.testing.assert_array_equal(*images.values())
 
 
-@pytest.mark.parametrize("view", ["Standard", "AgX"])
-def test_png_is_the_linear_eia_as_blender_shows_it_in_panel_order(tmp_path, view):
+@pytest.mark.parametrize(("view", "order"), [("Standard", "flipped"), ("AgX", "flipped"), ("Standard", "direct")])
+def test_png_is_the_linear_eia_as_blender_shows_it_in_the_displays_order(tmp_path, view, order):
     color = ColorSettings(view_transform=view, exposure=0.5)
-    write_render(tmp_path, color=color)
+    write_render(tmp_path, color=color, display=dataclasses.replace(MINI, ei_order=order))
     finish_frame(tmp_path, "bicubic")
     shown = ViewTransform(color).to_uint8(second_stage.finished_linear(tmp_path, "bicubic"))
-    np.testing.assert_array_equal(read_png(tmp_path / "eia.png"), eia.flip_order(shown, MINI.lenses))
-
-
-def test_direct_display_gets_view_order(tmp_path):
-    direct = dataclasses.replace(MINI, ei_order="direct")
-    write_render(tmp_path, display=direct)
-    finish_frame(tmp_path, "bicubic")
-    shown = ViewTransform(ColorSettings()).to_uint8(second_stage.finished_linear(tmp_path, "bicubic"))
-    np.testing.assert_array_equal(read_png(tmp_path / "eia.png"), shown)
+    expected = eia.flip_order(shown, MINI.lenses) if order == "flipped" else shown
+    np.testing.assert_array_equal(read_png(tmp_path / "eia.png"), expected)
 
 
 def test_linear_exr_is_in_panel_order_and_an_old_one_goes(tmp_path):
@@ -127,11 +120,14 @@ def test_edges_of_background_meshes_alone_are_no_foreground(tmp_path):
     write_layers(tmp_path / LOW_RES_FILE, layers)
     report = finish_frame(tmp_path, "nearest")
     assert report.foreground_fraction == 0 and report.notes[0].code == "subject-unseen"
+    write_render(tmp_path, notes=(LIT,), scale_reason=DEEP)
+    assert finish_frame(tmp_path, "bicubic").notes == (DEEP, LIT)
 
 
-def test_report_has_what_the_documentation_says(tmp_path):
+def test_report_has_what_the_documentation_says_and_progress_rises_to_the_end(tmp_path):
     write_render(tmp_path, seconds={"open": 0.5, "render": 2.0})
-    finish_frame(tmp_path, "oidn+bicubic")
+    seen = []
+    finish_frame(tmp_path, "oidn+bicubic", seen.append)
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["method"] == "oidn+bicubic"
     assert tuple(report["seconds"]) == STAGES
@@ -140,43 +136,29 @@ def test_report_has_what_the_documentation_says(tmp_path):
     assert report["peak_bytes"] > 50_000_000
     assert report["metrics"] == {}
     assert (report["replaced_pixels"], report["finish"]["dilate"], report["notes"]) == (0, 0, [])
-
-
-DEEP = Notice("scale-unseen", {"scale": 2})
-LIT = Notice("render-note", {"text": "the scene was lit"})
-
-
-def test_notes_of_the_render_are_in_the_report(tmp_path):
-    write_render(tmp_path, notes=(LIT,), scale_reason=DEEP)
-    assert finish_frame(tmp_path, "bicubic").notes == (DEEP, LIT)
-
-
-def test_progress_rises_to_the_end(tmp_path):
-    write_render(tmp_path)
-    seen = []
-    finish_frame(tmp_path, "bicubic", seen.append)
     assert list(dict.fromkeys(told.stage for told in seen)) == ["load", "upscale", "write"]
     fractions = [told.fraction for told in seen if told.stage == "upscale"]
     assert fractions == sorted(fractions) and fractions[-1] == 1
     assert (seen[-1].stage, seen[-1].fraction) == ("write", 1.0)
 
 
-@pytest.mark.parametrize(("scale", "name", "message"), [
-    (2, "bicubik", "did you mean 'bicubic'"),
-    (2, "none", "scale 2 needs an upscaler"),
-])
-def test_bad_method_leaves_the_folder_as_it_was(tmp_path, scale, name, message):
-    write_render(tmp_path, scale)
-    before = {path.name for path in tmp_path.iterdir()}
-    refuses(message, finish_frame, tmp_path, name)
-    assert {path.name for path in tmp_path.iterdir()} == before
+DEEP = Notice("scale-unseen", {"scale": 2})
+LIT = Notice("render-note", {"text": "the scene was lit"})
 
 
-def test_bad_step_and_wrong_size_are_errors(tmp_path):
+def test_bad_methods_steps_and_sizes_are_errors(tmp_path):
     write_render(tmp_path)
     refuses("step is 0", finish_frame, tmp_path, "bicubic", step=0)
     write_layers(tmp_path / LOW_RES_FILE, {"color": np.zeros((48, 60, 4), np.float32)})
     refuses("60×48 pixels, but frame.json says 64×48", finish_frame, tmp_path, "bicubic")
+    for scale, name, message in [
+        (2, "bicubik", "did you mean 'bicubic'"),
+        (2, "none", "scale 2 needs an upscaler"),
+    ]:
+        write_render(tmp_path, scale)
+        before = {path.name for path in tmp_path.iterdir()}
+        refuses(message, finish_frame, tmp_path, name)
+        assert {path.name for path in tmp_path.iterdir()} == before
 
 
 def test_lens_list_is_finished_as_tiles(tmp_path):
@@ -228,17 +210,9 @@ def test_an_upscaler_that_is_not_thread_safe_runs_alone_in_steps(tmp_path):
     assert sum(upscaler.calls) == second_stage.linear_and_mask(tmp_path, "bilinear")[1].sum()
 
 
-FULL_DISK = """
-import resource, sys
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.finish import Finish
+FINISH = """from lfsr_core.frames.finish import Finish
 from lfsr_core.pipeline.make import finish_frame
-resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)
-try:
-    finish_frame(sys.argv[1], Finish("bicubic", linear_exr=True))
-except LfsrError as error:
-    print(error)
-"""
+finish_frame(sys.argv[2], Finish("bicubic", linear_exr=True))"""
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX limit on file size")
@@ -249,8 +223,8 @@ def test_a_full_disk_leaves_all_files_of_the_finish_before(tmp_path):
     assert all(path.stat().st_size < most for path in folder.glob("*.png"))
     finish_frame(folder, "nearest")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    result = subprocess.run([sys.executable, "-c", FULL_DISK, folder, str(most)], capture_output=True, text=True)
-    assert re.search(r"eia\.exr (cannot be written|was not written completely) .*free some", result.stdout), result
+    said = on_a_small_disk(most, FINISH, folder)
+    assert re.search(r"eia\.exr (cannot be written|was not written completely) .*free some", said), said
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     assert [path.name for path in tmp_path.iterdir()] == ["frame"]
 
@@ -271,19 +245,14 @@ def test_only_one_process_finishes_a_folder_at_a_time(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["frame"]
 
 
-def test_a_folder_is_finished_from_inside(tmp_path, monkeypatch):
+def test_what_is_written_can_be_had_without_writing_and_a_folder_finished_from_inside(tmp_path, monkeypatch):
     folder = write_render(tmp_path / "frame")
-    monkeypatch.chdir(folder)
-    finish_frame(".", "nearest")
-    assert (folder / "eia.png").is_file() and [path.name for path in tmp_path.iterdir()] == ["frame"]
-
-
-def test_what_is_written_can_be_had_without_writing(tmp_path):
-    folder = write_render(tmp_path)
     image = second_stage.finished_panel(folder, "bicubic")
     assert not (folder / "eia.png").exists()
-    finish_frame(folder, "bicubic")
+    monkeypatch.chdir(folder)
+    finish_frame(".", "bicubic")
     np.testing.assert_array_equal(image, read_png(folder / "eia.png"))
+    assert [path.name for path in tmp_path.iterdir()] == ["frame"]
 
 
 def test_single_lenses_are_finished_as_in_the_whole_frame(tmp_path):
@@ -296,13 +265,8 @@ def test_single_lenses_are_finished_as_in_the_whole_frame(tmp_path):
     np.testing.assert_allclose(images, expected, atol=1e-6)
 
 
-def test_a_plain_frame_has_no_notes(tmp_path):
-    write_render(tmp_path)
-    assert finish_frame(tmp_path, "denoise+bilinear").notes == ()
-
-
 @pytest.mark.parametrize(("exposure", "tone"), [(-12, "black"), (0, ""), (12, "white")])
-def test_almost_black_and_almost_white_images_say_so(tmp_path, exposure, tone):
+def test_almost_black_and_almost_white_images_say_so_and_plain_frames_nothing(tmp_path, exposure, tone):
     folder = write_render(tmp_path, color=ColorSettings(exposure=exposure))
-    notes = finish_frame(folder, "bilinear").notes
+    notes = finish_frame(folder, "bilinear" if tone else "denoise+bilinear").notes
     assert notes == ((Notice("image-extreme", {"tone": tone}),) if tone else ())

@@ -92,13 +92,7 @@ def test_tests_check_everything_in_turn(played):
     types = [f"python -m mypy --platform {platform} --cache-dir .mypy_cache/{platform}"
              for platform in ("linux", "win32", "darwin")]
     assert played.calls() == ["ruff check .", "lint-imports ", *types,
-                              "python -m pytest --numprocesses=2 --dist=loadfile"]
-
-
-def test_arguments_go_to_pytest(played):
-    folder = played()
-    assert run("test.py", "tests/optics", "-k", "weave", LFSR_VENV=str(folder)).returncode == 0
-    assert played.calls()[-1] == "python -m pytest tests/optics -k weave"
+                              "python -m pytest --numprocesses=2 --dist=worksteal"]
 
 
 def test_the_fast_tests_are_folders_that_exist_and_start_no_blender(played):
@@ -115,6 +109,9 @@ def test_first_failure_ends_the_tests(played):
     folder = played("lint-imports ")
     assert run("test.py", LFSR_VENV=str(folder)).returncode == 1
     assert played.calls() == ["ruff check .", "lint-imports "]
+    folder = played()
+    assert run("test.py", "tests/optics", "-k", "weave", LFSR_VENV=str(folder)).returncode == 0
+    assert played.calls()[-1] == "python -m pytest tests/optics -k weave"
 
 
 def test_demo_takes_every_step(played, tmp_path):
@@ -124,9 +121,6 @@ def test_demo_takes_every_step(played, tmp_path):
     assert [call.split()[1] for call in played.calls() if call.startswith("lfsr")] == [
         "render", "views", "view", "reference", "compare"]
     assert played.calls()[0].endswith(f"demo_scene.py {output / 'scene.blend'}")
-
-
-def test_demo_ends_with_the_step_that_fails(played, tmp_path):
     folder = played("lfsr views")
     done = run("demo.py", str(tmp_path / "demo"), LFSR_VENV=str(folder))
     assert done.returncode == 1 and "Done" not in done.stdout

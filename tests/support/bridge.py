@@ -1,27 +1,19 @@
-"""A stand-in for Looking Glass Bridge: a process that serves HTTP on this computer as Bridge 2.6.3 is known to.
+"""A stand-in for Looking Glass Bridge, which serves HTTP on this computer as Bridge 2.6.3 is known to.
 
-    python tests/support/bridge.py LOG [--devices FILE] [--fault KIND:ENDPOINT]...
-
-It prints its port. What is asked of it and what its displays show is written to LOG, a JSON line per request. Only PUT
-counts: POST and unknown endpoints are answered with 200 and nothing. ``instance_playlist`` of a known name keeps its
-entries, and playing what is playing already changes nothing. After ``delete_playlist`` it answers nothing any more.
+Only PUT counts: POST and unknown endpoints are answered with 200 and nothing. ``instance_playlist`` of a known name
+keeps its entries, and playing what is playing already changes nothing. After ``delete_playlist`` it answers nothing any
+more.
 """
 
-import argparse
 import contextlib
 import json
 import socket
-import subprocess
-import sys
 import threading
-import time
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
+from typing import Any
 
 TOKEN = "3ab41b3c-70a1"
-# hang: no answer; drip: a letter a second; the others as they are called
-FAULTS = ("hang", "drip", "refuse", "nonsense", "empty", "drop", "half", "error", "redirect", "huge", "chunk")
 HUGE = 17_000_000
 
 
@@ -40,7 +32,7 @@ def device(index: int, name: str, hardware: str, calibration: dict | None, quilt
 
 
 class Handler(BaseHTTPRequestHandler):
-    """One request."""
+    """One request; a fault is a method of its name."""
 
     def do_GET(self) -> None:
         self._answer(None)
@@ -52,9 +44,11 @@ class Handler(BaseHTTPRequestHandler):
         body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
         with self.server.lock:
             answer = self.server.answer(endpoint, body)
-            self.server.note(endpoint, body, dict(self.headers))
+            self.server.requests.append({"endpoint": endpoint, "body": body, "shown": self.server.shown,
+                                         "headers": dict(self.headers)})
         fault = "hang" if self.server.deleted else self.server.faults.get(endpoint)
-        getattr(self, f"_{fault}")() if fault else self._answer(answer)
+        with contextlib.suppress(OSError):
+            getattr(self, f"_{fault}")() if fault else self._answer(answer)
 
     def _answer(self, data: object) -> None:
         self._send(b"" if data is None else json.dumps(data).encode())
@@ -68,13 +62,13 @@ class Handler(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def _hang(self) -> None:
-        time.sleep(3600)
+        self.server.ended.wait()
 
     def _drip(self) -> None:
-        with contextlib.suppress(OSError):
-            for letter in b"HTTP/1.0 200 OK\r\n" + 3600 * b"x":
-                self.wfile.write(bytes([letter]))
-                time.sleep(0.2)
+        """A letter at a time."""
+        for letter in b"HTTP/1.0 200 OK\r\n" + 3600 * b"x":
+            self.wfile.write(bytes([letter]))
+            self.server.ended.wait(0.2)
 
     def _refuse(self) -> None:
         self._answer({"status": wrapped("Failure"), "payload": wrapped({"message": wrapped("display is in use")})})
@@ -104,27 +98,32 @@ class Handler(BaseHTTPRequestHandler):
         self._send(b"", 307, Location="http://192.0.2.1:33334/" + self.path)
 
     def _huge(self) -> None:
-        with contextlib.suppress(OSError):
-            self._send(HUGE * b" ")
+        self._send(HUGE * b" ")
 
     def log_message(self, *_: object) -> None:
         """Say nothing."""
 
 
-class Server(ThreadingHTTPServer):
-    """What Bridge knows."""
+class StandIn(ThreadingHTTPServer):
+    """What Bridge knows, and what was asked of it, in order, with the files that were shown after each request."""
 
     daemon_threads = True
 
-    def __init__(self, log: Path, devices: list, faults: dict[str, str]) -> None:
+    def __init__(self, devices: list, faults: dict[str, str]) -> None:
         super().__init__(("127.0.0.1", 0), Handler)
-        self.log, self.devices, self.faults, self.lock = log, devices, faults, threading.Lock()
+        self.devices, self.faults, self.lock, self.ended = devices, faults, threading.Lock(), threading.Event()
+        self.requests: list[dict[str, Any]] = []
         self.playlists: dict[str, list[dict]] = {}
-        self.playing, self.shown, self.deleted = "", None, False
+        self.playing, self.deleted = "", False
+        self.shown: list[str] | None = None
 
-    def note(self, endpoint: str, body: dict, headers: dict[str, str]) -> None:
-        with self.log.open("a", encoding="utf-8") as file:
-            file.write(json.dumps({"endpoint": endpoint, "body": body, "shown": self.shown, "headers": headers}) + "\n")
+    @property
+    def port(self) -> int:
+        return self.server_port
+
+    @property
+    def endpoints(self) -> list[str]:
+        return [request["endpoint"] for request in self.requests]
 
     def answer(self, endpoint: str, body: dict) -> dict | None:
         """Answer to a PUT, None for an unknown endpoint."""
@@ -167,57 +166,13 @@ class Server(ThreadingHTTPServer):
         return {}
 
 
-class StandIn:
-    """A stand-in that runs."""
-
-    def __init__(self, port: int, log: Path) -> None:
-        self.port, self.log = port, log
-
-    @property
-    def requests(self) -> list[dict]:
-        """What was asked, in order."""
-        return [json.loads(line) for line in self.log.read_text(encoding="utf-8").splitlines()]
-
-    @property
-    def endpoints(self) -> list[str]:
-        return [request["endpoint"] for request in self.requests]
-
-    @property
-    def shown(self) -> list[str] | None:
-        """Files that are shown now, after the last request."""
-        return self.requests[-1]["shown"] if self.requests else None
-
-
 @contextlib.contextmanager
-def stand_in(folder: Path, devices: list, *faults: str) -> Iterator[StandIn]:
+def stand_in(devices: list, *faults: str) -> Iterator[StandIn]:
     """Run one; ``faults`` as KIND:ENDPOINT."""
-    log, listed = folder / "bridge.log", folder / "devices.json"
-    log.write_text("", encoding="utf-8")
-    listed.write_text(json.dumps(devices), encoding="utf-8")
-    words = [word for fault in faults for word in ("--fault", fault)]
-    process = subprocess.Popen([sys.executable, __file__, str(log), "--devices", str(listed), *words],
-                               stdout=subprocess.PIPE, text=True)
-    try:
-        yield StandIn(int(process.stdout.readline()), log)
-    finally:
-        process.kill()
-        process.wait()
-        process.stdout.close()
-
-
-def main() -> None:
-    """Serve until the end."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("log", type=Path)
-    parser.add_argument("--devices", type=Path)
-    parser.add_argument("--fault", action="append", default=[])
-    arguments = parser.parse_args()
-    faults = {endpoint: kind for kind, endpoint in (fault.split(":") for fault in arguments.fault)}
-    assert set(faults.values()) <= set(FAULTS)
-    server = Server(arguments.log, json.loads(arguments.devices.read_text(encoding="utf-8")), faults)
-    print(server.server_port, flush=True)
-    server.serve_forever()
-
-
-if __name__ == "__main__":
-    main()
+    with StandIn(devices, {endpoint: kind for kind, endpoint in (fault.split(":") for fault in faults)}) as server:
+        threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True).start()
+        try:
+            yield server
+        finally:
+            server.ended.set()
+            server.shutdown()

@@ -23,10 +23,10 @@ from safetensors.numpy import load_file
 from lfsr_core.base.errors import MOST_CHARACTERS, LfsrError
 from lfsr_core.cli import main
 from lfsr_core.images.exr import read_layers
-from tests.test_fuzz import SPECIAL, places
 
 MOST_SECONDS = 60
-VALUES = [*SPECIAL, 2**64, -2**70, 0.5, 3, "a", "\0", "$x^$", "a\\b", ["x"], {"x": 1}]
+VALUES = ["", "\ud800", "x" * 5000, "../" * 50, -1, 0, 2**32, 10**400, 1e308, -0.0, None, True, [], {}, [[]] * 100,
+          2**64, -2**70, 0.5, 3, "a", "\0", "$x^$", "a\\b", ["x"], {"x": 1}]
 TOKENS = ["NaN", "-Infinity", "1e999", "9" * 400, "[" * 1000, '"\\ud800"', "0x1", "", "inf", "-1", "0", "true", "[]",
           "{}"]
 # Outcomes: the first four are right.
@@ -58,6 +58,12 @@ class Result:
     outcome: str
     said: str  # sentence, or traceback
     pictures: tuple[bytes, ...] = ()
+
+
+def places(data: Any) -> list[tuple[Any, Any]]:
+    """Every (container, key) inside JSON ``data``."""
+    entries = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    return [place for key, value in entries for place in ((data, key), *places(value))]
 
 
 def damaged(data: bytes, name: str, dice: random.Random) -> bytes:

@@ -1,18 +1,21 @@
 """What Blender would write for a job of a synthetic light field: its light with noise that shrinks with the samples."""
 
 import dataclasses
+import json
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, write_frame
 from lfsr_core.frames.request import Request, read_request
 from lfsr_core.images.exr import write_layers
 from lfsr_core.optics.lenses import pixel_rows
 from lfsr_core.process.protocol import RENDERED_STAGE, emit
 from tests.support.requests import make_request
-from tests.support.synthetic import MINI, frame_of, light_field, tiles, traced_panel
+from tests.support.synthetic import MINI, frame_of, light_field, tiles, traced_panel, write_reference, write_render
 
 NOISE = 0.3  # of one sample
 SECONDS_PER_SAMPLE = 1e-5
@@ -60,5 +63,28 @@ def play(arguments: Sequence[str]) -> int:
         render(job)
         if len(jobs) > 1:
             emit(stage=RENDERED_STAGE)
+    emit(stage="done", folder=".")
+    return 0
+
+
+def copy(arguments: Sequence[str]) -> int:
+    """Answer every job with a ready folder of its kind, in which frame.json lists the lenses asked for.
+
+    Jobs are lines of a file beside the executable; where a file NAME.scale is there, every render has its scale.
+    """
+    if "--version" in arguments:
+        print("Blender 5.0.1")
+        return 0
+    job = read_request(arguments[-1])
+    with open(f"{sys.argv[0]}.jobs", "a") as log:
+        log.write(json.dumps(to_data(job)) + "\n")
+    folder, forced = Path(job.output), Path(f"{sys.argv[0]}.scale")
+    if job.kind == "reference":
+        write_reference(folder, lens_list=job.lens_list)
+    else:
+        scale = int(forced.read_text()) if forced.exists() else job.sampling.scale
+        write_render(folder, scale, samples=job.sampling.samples)
+        if job.subject == "Unseen":
+            write_layers(folder / LOW_RES_FILE, {"color": np.zeros((48, 64, 4), np.float32)})
     emit(stage="done", folder=".")
     return 0

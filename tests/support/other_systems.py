@@ -25,9 +25,10 @@ class System:
         return subprocess.Popen([sys.executable, *map(str, words)], env=environment, text=True, encoding="cp1252",
                                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
 
-    def lfsr(self, *words: object) -> str:
-        """Run the command to its end, which must be good, and return what it printed."""
-        program = self.start("-m", "lfsr_core.cli", *words)
+    def lfsr(self, *commands: list[str]) -> str:
+        """Run commands to their end in one process, where each must be good, and return what they printed."""
+        program = self.start("-c", f"from lfsr_core.cli import main\nfor words in {list(commands)!a}:\n"
+                             "    assert main(words) == 0")
         said, _ = program.communicate(timeout=240)
         assert program.returncode == 0 and "Traceback" not in said, said
         return said

@@ -9,6 +9,7 @@ import dataclasses
 import io
 import math
 
+import cv2
 import numpy as np
 from PIL import Image
 
@@ -22,6 +23,7 @@ ORIENTATION = 0x0112  # EXIF's tag
 STRATA = 3  # so that a focus of one pixel meets each of its subpixels once
 ROWS_AT_ONCE = 64
 PANEL_GAMMA = 2.2
+EXPOSURE = 0.9  # of white
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,18 +38,10 @@ class Shot:
     orientation: int = 1  # the way the picture is stored, as EXIF counts it
     flagged: bool = True  # whether EXIF says so
     bend: tuple[float, float] = (0.0, 0.0)  # ideal radius = radius · (1 + a r² + b r⁴), 1 at the sensor's corner
-    off_axis: tuple[float, float] = (0.0, 0.0)  # of the lens, from the sensor's middle, in half diagonals
-    spot: float = 1.0  # pixels of the panel that a lens's focus covers
     blur: float = 0.6  # standard deviation in pixels
-    vignette: float = 0.0  # light lost at the corners
-    exposure: float = 0.9  # of white
-    ambient: float = 0.0  # light that the panel reflects
-    mixing: float = 0.0  # of each channel that the others get
     noise: float = 0.01  # of white; half of it is shot noise
     quality: int = 90  # of the JPEG
     rays: int = 2  # per pixel, across and down, each for STRATA parts of the focus
-    cover: tuple[float, float, float] | None = None  # a finger: place in widths and heights, radius in widths
-    seed: int = 0
 
 
 def jpeg(panel: Array, real: DisplayProfile, shot: Shot) -> bytes:
@@ -72,11 +66,12 @@ def stored(picture: Image.Image, orientation: int) -> Image.Image:
 
 def photograph(panel: Array, real: DisplayProfile, shot: Shot) -> Array:
     """(H, W, 3) from 0 to 1, upright, as the camera encodes it."""
-    random = np.random.default_rng(shot.seed)
-    light = _blurred(exposed(panel, real, shot, random), shot.blur)
-    mixed = light * (1 - 2 * shot.mixing) + shot.mixing * (light.sum(-1, keepdims=True) - light)
-    noise = random.normal(size=light.shape) * shot.noise * np.sqrt((0.5 + np.clip(mixed, 0, None)) / 1.5)
-    seen = np.clip(mixed + noise, 0, 1)
+    random = np.random.default_rng(0)
+    side = 2 * max(1, math.ceil(3 * shot.blur)) + 1
+    light = cv2.GaussianBlur(exposed(panel, real, shot, random), (side, side), shot.blur,
+                             borderType=cv2.BORDER_REPLICATE)
+    noise = random.normal(size=light.shape) * shot.noise * np.sqrt((0.5 + np.clip(light, 0, None)) / 1.5)
+    seen = np.clip(light + noise, 0, 1)
     encoded: Array = np.where(seen <= 0.0031308, 12.92 * seen, 1.055 * seen ** (1 / 2.4) - 0.055)
     return encoded
 
@@ -93,9 +88,7 @@ def exposed(panel: Array, real: DisplayProfile, shot: Shot, random: np.random.Ge
             [(within[0] + stratum) / STRATA - 0.5, within[1] - 0.5, within[2], within[3]]))
             for n in range(count) for within in [np.modf(focus[:, part] + n * GOLDEN[:, None, None])[0]]
             for stratum in range(STRATA)) / count / STRATA
-    x, y = (np.arange(columns) + 0.5) / columns * 2 - 1, (np.arange(rows) + 0.5) / rows * 2 - 1
-    falloff = 1 - shot.vignette * (x ** 2 + y[:, None] ** 2) / 2
-    return np.asarray(light * falloff[..., None] * shot.exposure + shot.ambient)
+    return light * EXPOSURE
 
 
 def _ray(linear: Array, real: DisplayProfile, shot: Shot, place: tuple[int, int], start: int, focus: Array) -> Array:
@@ -106,25 +99,17 @@ def _ray(linear: Array, real: DisplayProfile, shot: Shot, place: tuple[int, int]
     right, down = ((number + within) / shot.rays for number, within in zip(place, focus[2:], strict=True))
     x = (np.arange(columns) + right - columns / 2) / half
     y = (rows / 2 - start - np.arange(focus.shape[1])[:, None] - down) / half
-    x, y = x - shot.off_axis[0], y - shot.off_axis[1]
     square = x ** 2 + y ** 2
     straight = 1 + shot.bend[0] * square + shot.bend[1] * square ** 2
     aim, right, up, zoom = _axes(real, shot)
     ray = aim + zoom * ((x * straight)[..., None] * right + (y * straight)[..., None] * up)
     eye = np.array(shot.eye_mm)
     hit = eye - ray * (eye[2] / ray[..., 2:])
-    seen = trace(real, shot.eye_mm, hit[..., 0], hit[..., 1], (focus[0] * shot.spot, focus[1] * shot.spot))
-    brought = linear[seen.row, seen.column] * (seen.on_panel & ~_covered(real, shot, hit))[..., None]
+    seen = trace(real, shot.eye_mm, hit[..., 0], hit[..., 1], (focus[0], focus[1]))
+    brought = linear[seen.row, seen.column] * seen.on_panel[..., None]
     if real.pixel_layout.count == 1:
         return np.asarray(brought)
     return np.asarray(3 * brought * (seen.channel[..., None] == np.arange(3)))
-
-
-def _covered(real: DisplayProfile, shot: Shot, hit: Array) -> Array:
-    if shot.cover is None:
-        return np.zeros(hit.shape[:2], bool)
-    (width, height), (x, y, radius) = real.panel_mm, shot.cover
-    return np.asarray(np.hypot(hit[..., 0] - x * width, hit[..., 1] - y * height) < radius * width)
 
 
 def _axes(real: DisplayProfile, shot: Shot) -> tuple[Array, Array, Array, float]:
@@ -139,16 +124,3 @@ def _axes(real: DisplayProfile, shot: Shot) -> tuple[Array, Array, Array, float]
     seen = max(width, height * columns / rows) / shot.fill  # of the panel's plane across the sensor
     zoom = seen / 2 / np.linalg.norm(target - eye) * math.hypot(columns, rows) / columns
     return aim, right, np.cross(right, aim), float(zoom)
-
-
-def _blurred(image: Array, sigma: float) -> Array:
-    if sigma <= 0:
-        return image
-    reach = max(1, math.ceil(3 * sigma))
-    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    weights /= weights.sum()
-    for axis in (0, 1):
-        padded = np.pad(image, [(reach, reach) if number == axis else (0, 0) for number in range(3)], mode="edge")
-        image = np.asarray(sum(weight * np.take(padded, np.arange(image.shape[axis]) + step, axis)
-                               for step, weight in enumerate(weights)))
-    return image

@@ -24,11 +24,11 @@ SECONDS_TO_ANSWER, SECONDS_TO_SHOW = 15, 120
 
 
 @pytest.fixture(scope="module")
-def bridges(tmp_path_factory):
+def bridges():
     """Change what Blender finds on its port: ``bridges(window, "hang:show_window")``."""
     with contextlib.ExitStack() as stack:
         def start(window, *faults, devices=(UNIT,)):
-            found = stack.enter_context(stand_in(tmp_path_factory.mktemp("bridge"), [*devices], *faults))
+            found = stack.enter_context(stand_in([*devices], *faults))
             window.run(f"import os; os.environ[{loopback.PORT_VARIABLE!r}] = '{found.port}'")
             return found
         yield start

@@ -29,11 +29,17 @@ def layout_of(display, aperture=1.0):
     return PanelLayout(display, CameraArray.for_display(display, 2.0), aperture)
 
 
+def some(size, count=5000):
+    """Columns and rows, (count, 2), drawn from a grid, with its corners."""
+    drawn = np.random.default_rng(0).integers(0, size, (count, 2))
+    drawn[:4] = [(x * (size[0] - 1), y * (size[1] - 1)) for x in (0, 1) for y in (0, 1)]
+    return drawn
+
+
 @pytest.mark.parametrize("name", DISPLAYS)
 def test_rays_are_those_of_the_layout(name):
     layout = layout_of(DISPLAYS[name])
-    (width, height), place = layout.size, np.array((0.8, 0.3))
-    corner = np.stack(np.broadcast_arrays(np.arange(width), np.arange(height)[:, None]), -1)
+    corner, place = some(layout.size), np.array((0.8, 0.3))
     found, expected = [], []
     # Where the panel mirrors its image, the card mirrors the place in the pixel too.
     mirrored = np.where(layout.display.flip, 1 - place, place)
@@ -49,7 +55,7 @@ def test_rays_are_those_of_the_layout(name):
 def test_a_ray_of_a_whole_pixel_is_that_of_the_subpixel_at_its_place(name):
     layout, place = layout_of(DISPLAYS[name]), np.array((0.8, 0.3))
     card, panel = panel_card(layout, of_subpixels=False), np.array(layout.display.panel_pixels)
-    pixel = np.stack(np.broadcast_arrays(np.arange(panel[0]), np.arange(panel[1])[:, None]), -1)
+    pixel = some(panel)
     mirrored = np.where(layout.display.flip, 1 - place, place)
     for part in range(PARTS):
         inside = (part + place[0]) / PARTS, place[1]

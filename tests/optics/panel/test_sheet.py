@@ -1,6 +1,5 @@
 """Profiles of format 2: what they state, propose and refuse."""
 
-import copy
 import json
 import math
 
@@ -9,17 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import MOST_CHARACTERS, LfsrError
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import from_data, to_data
 from lfsr_core.frames.frame import Frame
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import lattice_point, nearest_point
-from lfsr_core.optics.panel.weave import gather_map
 from lfsr_core.optics.sheet import CELL_RULES, PACKINGS, Lattice, cell_of
 from tests.support.panels import CELLS, SHEETS, hexagonal, lenticular, profile
 from tests.support.synthetic import frame_of
 from tests.support.told import refuses
-from tests.test_fuzz import ODD, places
 
 
 @pytest.mark.parametrize("sheet", SHEETS)
@@ -96,18 +93,3 @@ def test_a_wrong_field_is_named_with_value_and_rule(data, told):
     ({"lenses": {"pitch_mm": [5.0, 5.0], "rotation_deg": 200.0}}, "rotation_deg is 200.0")])
 def test_a_wrong_lattice_is_named(data, told):
     refuses(told, profile, lenslet=HEX["lenslet"] | data)
-
-
-@given(data=st.data())
-def test_damaged_profiles_work_or_say_why(data):
-    damaged = copy.deepcopy(data.draw(st.sampled_from([CYLINDERS, HEX])))
-    for _ in range(data.draw(st.integers(1, 2))):
-        container, key = data.draw(st.sampled_from(places(damaged)))
-        container[key] = copy.deepcopy(data.draw(ODD | st.floats(-10, 10) | st.integers(-3, 300)))
-    try:
-        found = DisplayProfile.from_dict(damaged)
-    except LfsrError as error:
-        assert len(str(error)) <= MOST_CHARACTERS
-        return
-    if found.is_woven and math.prod(found.panel_pixels) < 10**5:
-        assert gather_map(found, "nearest").first.min() >= 0

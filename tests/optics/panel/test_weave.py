@@ -1,4 +1,4 @@
-"""The weave: whole numbers change nothing, and light goes back the way it came."""
+"""The weave: whole numbers change nothing, light goes back the way it came, and maps are kept."""
 
 import dataclasses
 
@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.optics.display import WEAVES
+from lfsr_core.optics.display import WEAVES, builtin_names, load_display
 from lfsr_core.optics.eia import flip_order
+from lfsr_core.optics.panel import weave as weaving
 from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_rays
-from lfsr_core.optics.panel.trace import trace
+from lfsr_core.optics.panel.trace import trace, view_spread
 from lfsr_core.optics.panel.weave import ONE, gather_map, weave
 from tests.support.panels import SHEETS, hexagonal, lenticular, profile, square, whole
 from tests.support.told import refuses
@@ -116,12 +117,10 @@ def test_a_mirrored_panel_is_woven_for_its_mirror():
     eia = noise(plain)
     np.testing.assert_array_equal(weave(eia, gather_map(mirrored, "views"))[::-1, ::-1],
                                   weave(eia, gather_map(plain, "views")))
-
-
-def test_bgr_stripes_are_rgb_stripes_of_a_mirrored_pixel():
     red = subpixel_rays(lenticular(), 0, np.arange(160)[:, None], np.arange(240))
     blue = subpixel_rays(lenticular(subpixels={"stripes": "bgr"}), 2, np.arange(160)[:, None], np.arange(240))
     np.testing.assert_array_equal(red.view_x, blue.view_x)
+    assert Geometry.of(square()).gap == 7.0
 
 
 @pytest.mark.parametrize("change", [lambda eia: eia[1:], lambda eia: eia.astype(float), lambda eia: eia[..., :1]])
@@ -130,5 +129,69 @@ def test_another_eia_is_refused(change):
     refuses("EIA has shape", weave, change(noise(display)), gather_map(display, "nearest"))
 
 
-def test_square_lenses_with_a_gap_of_their_own_keep_it():
-    assert Geometry.of(square()).gap == 7.0
+WOVEN = [name for name in builtin_names() if load_display(name).is_woven]
+
+
+def subpixels_behind_a_lens(display):
+    return 3 * display.panel_pixels[0] / display.lenticular.lenses_across(display.panel_mm[0])
+
+
+@pytest.mark.parametrize("name", WOVEN)
+def test_an_eye_sees_the_view_of_its_place(name):
+    display = load_display(name)
+    spread = view_spread(display)
+    assert spread.own + spread.neighbours + spread.others == pytest.approx(1)
+    assert abs(spread.error) < 0.25, "in views, on average over the panel and the viewing zone"
+    # With as many views as there are subpixels behind a lens, light strays by no more than a subpixel.
+    coarse = dataclasses.replace(display, views=(round(subpixels_behind_a_lens(display) / 2), 1))
+    assert view_spread(coarse).own > 0.5
+    assert view_spread(coarse).others < 0.1
+
+
+def test_crosstalk_of_small_sheets_and_of_whole_numbers():
+    spread = view_spread(whole("lenslet", subpixels={"stripes": "white"}))
+    assert (spread.own, spread.others) == (pytest.approx(1), pytest.approx(0))
+    for sheet in SHEETS:
+        spread = view_spread(SHEETS[sheet]())
+        assert abs(spread.error) < 0.25 and spread.others < 0.45
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("LFSR_CACHE", str(tmp_path))
+    monkeypatch.setattr(weaving, "MIN_SUBPIXELS", 0)
+    return tmp_path / "weave"
+
+
+def same(first, second):
+    np.testing.assert_array_equal(first.first, second.first)
+    assert [axis.stride for axis in first.axes] == [axis.stride for axis in second.axes]
+    for one, two in zip(first.axes, second.axes, strict=True):
+        np.testing.assert_array_equal(one.weights, two.weights)
+
+
+@pytest.mark.parametrize("damage", [lambda path: path.unlink(), lambda path: path.write_bytes(b"x"),
+                                    lambda path: path.write_bytes(path.read_bytes()[:-100])])
+@pytest.mark.parametrize("name", ["first.npy", "axis0.npy", "map.json"])
+def test_a_damaged_map_is_made_again(cache, name, damage):
+    first = weaving.cached_gather_map(lenticular())
+    (path,) = cache.glob(f"*/{name}")
+    damage(path)
+    same(weaving.cached_gather_map(lenticular()), first)
+
+
+def test_only_the_last_few_stay(cache, monkeypatch):
+    for number in range(weaving.MAX_MAPS + 2):
+        weaving.cached_gather_map(lenticular(viewing_distance_mm=300.0 + number))
+    assert len(list(cache.iterdir())) == weaving.MAX_MAPS
+    assert (cache / weaving.digest(lenticular(viewing_distance_mm=304.0))).is_dir()
+    first = weaving.cached_gather_map(lenticular())
+    monkeypatch.setattr(weaving, "gather_map", lambda *_: pytest.fail("it is on disk"))
+    same(weaving.cached_gather_map(lenticular(description="another text")), first)
+
+
+def test_without_a_place_to_write_it_is_only_slower(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("LFSR_CACHE", str(tmp_path / "file"))
+    monkeypatch.setattr(weaving, "MIN_SUBPIXELS", 0)
+    assert weaving.cached_gather_map(lenticular()).axes

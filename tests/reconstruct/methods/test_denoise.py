@@ -11,7 +11,6 @@ from lfsr_core.reconstruct.methods import denoise, oidn
 from lfsr_core.reconstruct.methods.denoise import (
     denoise_eia,
     denoise_low_resolution,
-    mirrored,
     shown_part,
     span,
 )
@@ -46,18 +45,6 @@ def low_resolution():
     """A noisy card as 8×8 lenses."""
     color = noisy_card()[1].reshape(8, 8, 12, 8, 3).swapaxes(1, 2)
     return LowResEIA(color, np.ones((*color.shape[:-1], 1), np.float32), 16, 4)
-
-
-def whole(images):
-    return images.swapaxes(1, 2).reshape(64, 96, 3)
-
-
-def test_low_resolution_eia_is_denoised_as_one_image():
-    low = low_resolution()
-    denoised = denoise_low_resolution(low, None)
-    expected = denoise_eia(whole(mirrored(low.color)))
-    np.testing.assert_allclose(whole(mirrored(denoised.color)), expected, atol=1e-5)
-    assert denoised.noisy is low.color and denoised.alpha is low.alpha and denoised.scale == 4
 
 
 def framed(row=9, column=13):
@@ -105,24 +92,18 @@ def test_nothing_to_denoise_stays_as_it_is():
     low, part = framed()
     empty = dataclasses.replace(low, color=np.full_like(low.color, 0.25))
     np.testing.assert_array_equal(denoise_low_resolution(empty).color, empty.color)
-
-
-@pytest.mark.parametrize("corner", [(0, 0), (3, 9), (9, 13), (22, 28)])
-def test_part_holds_every_lens_that_shows_something(corner):
-    rows, columns = shown_part(framed(*corner)[0].color)
-    for part, start, length, count in ((rows, corner[0], 8, 30), (columns, corner[1], 12, 40)):
-        assert 0 <= part.start <= max(start - 4, 0) and min(start + length + 4, count) <= part.stop <= count
-        assert part.start * 8 % 16 == 0, "the library pools the same pixels as in the whole image"
-
-
-@pytest.mark.parametrize("pixels", [4, 10, 20, 32])
-def test_a_span_has_context_and_begins_where_the_library_pools(pixels):
-    for first in range(20):
-        wanted = np.arange(30) == first
-        found = span(wanted, pixels)
-        assert found.start * pixels % 16 == 0 and found.stop == min(30, first + 1 + -(-32 // pixels))
-        assert found.start <= max(first - 32 // pixels, 0)
-    assert span(np.zeros(5, bool), pixels) == slice(0, 0)
+    for corner in [(0, 0), (3, 9), (9, 13), (22, 28)]:
+        rows, columns = shown_part(framed(*corner)[0].color)
+        for part, start, length, count in ((rows, corner[0], 8, 30), (columns, corner[1], 12, 40)):
+            assert 0 <= part.start <= max(start - 4, 0) and min(start + length + 4, count) <= part.stop <= count
+            assert part.start * 8 % 16 == 0, "the library pools the same pixels as in the whole image"
+    for pixels in [4, 10, 20, 32]:
+        for first in range(20):
+            wanted = np.arange(30) == first
+            found = span(wanted, pixels)
+            assert found.start * pixels % 16 == 0 and found.stop == min(30, first + 1 + -(-32 // pixels))
+            assert found.start <= max(first - 32 // pixels, 0)
+        assert span(np.zeros(5, bool), pixels) == slice(0, 0)
 
 
 @needs_bpy

@@ -26,11 +26,16 @@ def test_image_is_that_of_the_package(quality, guides, hdr):
     np.testing.assert_array_equal(oidn.denoise(COLOR, *guides, **settings), pyoidn.denoise(COLOR, *guides, **settings))
 
 
-def test_library_of_pyoidn_comes_first(monkeypatch):
+def test_library_of_pyoidn_comes_first(monkeypatch, tmp_path):
     pytest.importorskip("pyoidn")
     assert "pyoidn" in str(next(oidn.find_libraries()))
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     assert not any("pyoidn" in str(path) for path in oidn.find_libraries())
+    works = next(oidn.find_libraries())
+    monkeypatch.setenv(oidn.LIBRARY_VARIABLE, str(works))
+    assert list(oidn.find_libraries()) == [works] and oidn.why_missing() == ""
+    monkeypatch.setenv(oidn.LIBRARY_VARIABLE, str(tmp_path / "gone.so"))
+    assert oidn.why_missing().startswith(f"{tmp_path / 'gone.so'} cannot be loaded: ")
 
 
 def test_a_library_that_does_not_load_gives_way_to_the_next(tmp_path, monkeypatch):
@@ -42,14 +47,6 @@ def test_a_library_that_does_not_load_gives_way_to_the_next(tmp_path, monkeypatc
     monkeypatch.setattr(oidn, "find_libraries", lambda: iter((broken,)))
     with pytest.raises(ImportError, match="cannot be loaded"):
         oidn.denoise(COLOR, hdr=True)
-
-
-def test_the_library_that_the_user_names_is_the_only_one(tmp_path, monkeypatch):
-    works = next(oidn.find_libraries())
-    monkeypatch.setenv(oidn.LIBRARY_VARIABLE, str(works))
-    assert list(oidn.find_libraries()) == [works] and oidn.why_missing() == ""
-    monkeypatch.setenv(oidn.LIBRARY_VARIABLE, str(tmp_path / "gone.so"))
-    assert oidn.why_missing().startswith(f"{tmp_path / 'gone.so'} cannot be loaded: ")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the loader's search is that of Linux")
@@ -71,18 +68,11 @@ def test_the_systems_library_is_found_by_its_name(tmp_path):
 def test_input_scale_multiplies_what_the_network_sees():
     scaled = oidn.denoise(COLOR / 8, hdr=True, input_scale=8.0)
     np.testing.assert_allclose(scaled * 8, oidn.denoise(COLOR, hdr=True, input_scale=1.0), rtol=1e-4, atol=1e-4)
-
-
-def test_weights_that_are_none_are_an_error_of_the_library():
     with pytest.raises(RuntimeError, match="error"):
         oidn.denoise(COLOR, hdr=True, weights=bytes(100))
-
-
-@pytest.mark.parametrize(("device", "wanted"), [
-    ("CPU", CPU), ("OPTIX", Wanted("OPTIX", ("a",))), ("CPU+HIP", Wanted("HIP", ("a",))),
-    ("CUDA+OPTIX", Wanted("CUDA", ("a",))), ("", CPU), ("a toaster", CPU)])
-def test_device_of_a_frame(device, wanted):
-    assert Wanted.of(device, ("a",)) == wanted
+    said = []
+    with pytest.raises(RuntimeError, match="error"):
+        oidn.denoise(COLOR, hdr=True, weights=bytes(100), device=REFUSED, note=said.append)
 
 
 def test_a_device_is_made_once():
@@ -92,9 +82,6 @@ def test_a_device_is_made_once():
     np.testing.assert_array_equal(oidn.denoise(COLOR, hdr=True), first)
     larger = oidn.denoise(np.tile(COLOR, (3, 2, 1)), hdr=True)
     assert larger.shape == (120, 100, 3) and np.isfinite(larger).all()
-
-
-def test_a_device_that_refuses_gives_way_to_the_cpu_with_one_notice():
     said = []
     denoised = oidn.denoise(COLOR, hdr=True, device=REFUSED, note=said.append)
     np.testing.assert_array_equal(denoised, oidn.denoise(COLOR, hdr=True))
@@ -133,12 +120,6 @@ def test_images_are_copied_to_a_gpu_and_back(monkeypatch, guides):
     assert (said, copied) == ([], ["oidnWriteBuffer"] * (1 + len(guides)) + ["oidnReadBuffer"])
 
 
-def test_the_cpu_has_nothing_to_give_way_to():
-    said = []
-    with pytest.raises(RuntimeError, match="error"):
-        oidn.denoise(COLOR, hdr=True, weights=bytes(100), device=REFUSED, note=said.append)
-
-
 class Played:
     """Physical devices as the library lists them: type and PCI address, None where it knows none."""
 
@@ -156,16 +137,18 @@ class Played:
         return kind if name == b"type" else address[(b"pciDomain", b"pciBus", b"pciDevice").index(name)]
 
 
-@pytest.mark.parametrize(("wanted", "number"), [
-    (Wanted("OPTIX", ("0000:65:00",)), 2), (Wanted("HIP", ("0000:65:00",)), 3), (Wanted("CUDA", ("0000:01:00",)), 1),
-    (Wanted("ONEAPI", ("0001:03:02",)), 4), (Wanted("CUDA", ("0000:99:00",)), None), (Wanted("CUDA"), None)])
-def test_the_gpu_at_the_address_of_the_render(wanted, number):
-    assert oidn._physical(Played(), wanted) == number
-
-
 def test_every_device_of_this_machine_can_be_asked():
     """Through the real library: its numbers and names are understood."""
     library = oidn._load(tuple(oidn.find_libraries()))
     kinds = [library.oidnGetPhysicalDeviceInt(number, b"type") for number in range(library.oidnGetNumPhysicalDevices())]
     assert TYPES["CPU"] in kinds and set(kinds) <= set(TYPES.values())
     assert oidn._physical(library, Wanted("CUDA", ("ffff:ff:1f",))) is None
+    for device, wanted in [
+        ("CPU", CPU), ("OPTIX", Wanted("OPTIX", ("a",))), ("CPU+HIP", Wanted("HIP", ("a",))),
+        ("CUDA+OPTIX", Wanted("CUDA", ("a",))), ("", CPU), ("a toaster", CPU)]:
+        assert Wanted.of(device, ("a",)) == wanted
+    for wanted, number in [
+        (Wanted("OPTIX", ("0000:65:00",)), 2), (Wanted("HIP", ("0000:65:00",)), 3),
+        (Wanted("CUDA", ("0000:01:00",)), 1), (Wanted("ONEAPI", ("0001:03:02",)), 4),
+        (Wanted("CUDA", ("0000:99:00",)), None), (Wanted("CUDA"), None)]:
+        assert oidn._physical(Played(), wanted) == number

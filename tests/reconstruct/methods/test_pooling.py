@@ -53,11 +53,20 @@ def test_a_print_off_the_display_plane_is_nearer_the_truth_than_interpolated(slo
     assert error["pool"] < (0.4 if abs(slope) > 1 else 1) * error["linear"], error
 
 
-def test_a_wrong_slope_is_no_better_than_interpolation():
+def test_a_wrong_slope_no_depth_and_the_mirrored_light_field():
     low, truth = plane(0.9), views_of(0.9, 1.0, SCALE)
     wrong = dataclasses.replace(low, slope=-low.slope)
     right, mistaken = (np.mean((finished(each)[INNER] - truth[INNER]) ** 2) for each in (low, wrong))
     assert right < 0.5 * mistaken
+    low = plane(0.7, samples=4)
+    linear = finished(low, Interpolation("linear"))
+    for slope in (None, np.full_like(low.slope, np.nan), np.full_like(low.slope, 50)):
+        np.testing.assert_allclose(finished(dataclasses.replace(low, slope=slope)), linear, atol=1e-5)
+    rng = np.random.default_rng(5)
+    slope = rng.uniform(-1.8, 1.8, (*LENSES, *VIEWS, 1)).round(1)
+    low = plane(slope, color=rng.random((*LENSES, *VIEWS, 3), np.float32))
+    turned = low.each(lambda array: array[::-1, ::-1, ::-1, ::-1])
+    np.testing.assert_allclose(finished(turned)[::-1, ::-1, ::-1, ::-1], finished(low), atol=1e-4)
 
 
 @pytest.mark.parametrize("samples", [1, 16])
@@ -66,21 +75,6 @@ def test_one_colour_stays_one_colour(samples):
     slope[slope > 1.5] = np.nan
     low = plane(slope, samples=samples, color=np.full((*LENSES, *VIEWS, 3), 0.3, np.float32))
     np.testing.assert_allclose(finished(low), 0.3, rtol=1e-4)
-
-
-def test_without_depth_it_is_interpolation():
-    low = plane(0.7, samples=4)
-    linear = finished(low, Interpolation("linear"))
-    for slope in (None, np.full_like(low.slope, np.nan), np.full_like(low.slope, 50)):
-        np.testing.assert_allclose(finished(dataclasses.replace(low, slope=slope)), linear, atol=1e-5)
-
-
-def test_the_mirrored_light_field_is_mirrored():
-    rng = np.random.default_rng(5)
-    slope = rng.uniform(-1.8, 1.8, (*LENSES, *VIEWS, 1)).round(1)
-    low = plane(slope, color=rng.random((*LENSES, *VIEWS, 3), np.float32))
-    turned = low.each(lambda array: array[::-1, ::-1, ::-1, ::-1])
-    np.testing.assert_allclose(finished(turned)[::-1, ::-1, ::-1, ::-1], finished(low), atol=1e-4)
 
 
 def test_a_flat_display_pools_along_its_one_axis():

@@ -13,7 +13,7 @@ import pytest
 from blender_addon.ui.operators import farm as buttons
 from lfsr_core.base.files import read_json
 from lfsr_core.pipeline.farms import TEMPLATES
-from tests.pipeline.test_flamenco import STUB, node
+from tests.pipeline.test_farms import STUB, node
 from tests.support import panel
 
 OPENJD = Path(sys.executable).with_name("openjd")

@@ -9,7 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from lfsr_core.base.notices import Notice
+from lfsr_core.process import protocol
+from lfsr_core.process.blender import Blender
 from lfsr_core.process.child import Child, output_of
+from lfsr_core.process.protocol import emit, emit_last, emit_told, parse_progress, repeated
 from tests.support.told import refuses
 
 SPEAKER = """import sys
@@ -42,6 +46,9 @@ def test_a_child_ends_with_its_input():
         assert next(child.records()) == {"stage": "scene", "index": 3} == child.last
         assert child.is_running() and len(lines) == 2
     assert not child.is_running()
+    with Child([sys.executable, "-c", SPEAKER]) as first, Child([sys.executable, "-c", SPEAKER]) as second:
+        threading.Timer(0.2, Child.stop_all).start()
+        assert len(list(first.records())) == len(list(second.records())) == 1
 
 
 def test_a_deaf_child_and_its_own_child_are_killed():
@@ -51,20 +58,11 @@ def test_a_deaf_child_and_its_own_child_are_killed():
         child.stop(0.2)
         assert time.monotonic() - started < 5 and not child.is_running()
     wait_until_gone(pid)
-
-
-def test_a_child_that_is_done_is_not_held_up_by_its_own_child():
     started = time.monotonic()
     with Child(["/bin/sh", "-c", HASTY]) as child:
         assert [record["stage"] for record in child.records()] == ["done"] and child.is_done()
     wait_until_gone(child.last["pid"])
     assert time.monotonic() - started < 30
-
-
-def test_every_child_is_stopped_from_another_thread():
-    with Child([sys.executable, "-c", SPEAKER]) as first, Child([sys.executable, "-c", SPEAKER]) as second:
-        threading.Timer(0.2, Child.stop_all).start()
-        assert len(list(first.records())) == len(list(second.records())) == 1
 
 
 def test_a_child_notices_the_end_of_a_parent_that_dies():
@@ -86,7 +84,7 @@ def test_the_output_of_a_command():
     code = "import os, sys; print(os.environ['GIVEN'], flush=True); print('both', file=sys.stderr); sys.exit(4)"
     assert output_of([sys.executable, "-c", code], os.environ | {"GIVEN": "one"}) == (4, "one\nboth\n")
     with pytest.raises(TimeoutError, match="no answer within 0 s"):
-        output_of([sys.executable, "-c", "import time; time.sleep(60)"], seconds=0.1)
+        output_of([sys.executable, "-c", "import time; time.sleep(1)"], seconds=0.1)
     with pytest.raises(OSError, match="No such file"):
         output_of(["/no/such/program"])
 
@@ -99,3 +97,69 @@ print("LFSR " + json.dumps({"stage": "done", "nice": [os.nice(0), int(child.stdo
     for low_priority in (False, True):
         with Child([sys.executable, "-c", script], low_priority=low_priority) as child:
             assert list(child.records())[-1]["nice"] == [min(19, os.nice(0) + low_priority * 10)] * 2
+
+
+LONG_ENOUGH = 30  # seconds after which a machine is broken, not slow
+
+
+def said(capsys, count: int) -> list[dict]:
+    """At least so many records."""
+    found, end = [], time.monotonic() + LONG_ENOUGH
+    while len(found) < count and time.monotonic() < end:
+        time.sleep(0.01)
+        found += filter(None, map(parse_progress, capsys.readouterr().out.splitlines()))
+    assert len(found) >= count
+    return found
+
+
+def test_the_last_progress_is_said_again_with_its_age(capsys):
+    with repeated(0.01):
+        emit(stage="render", fraction=0.25, message="Updating Scene BVH: Building")
+        emit_told(Notice("file-unreadable", {"path": "wood.png"}))
+        first, warning, *again = said(capsys, 5)
+    assert first["message"] == "Updating Scene BVH: Building" and warning["notice"] == "file-unreadable"
+    for record in again:
+        assert (record["stage"], record["fraction"]) == ("render", 0.25)
+        assert record["message"] == "Updating Scene BVH: Building, for 0 s"
+    capsys.readouterr()
+    time.sleep(0.05)
+    assert capsys.readouterr().out == "", "after the block nothing follows what was said last"
+
+
+def test_after_an_end_nothing_is_said_again(capsys):
+    with repeated(0.01):
+        emit(stage="render", fraction=0.25)
+        emit(stage="rendered", folder="frame")
+        time.sleep(0.1)  # for what was under way
+        capsys.readouterr()
+        time.sleep(0.1)
+        assert capsys.readouterr().out == ""
+
+
+def test_after_the_last_record_nobody_is_heard(capsys, monkeypatch):
+    monkeypatch.setattr(protocol, "_speaking", threading.Lock())
+    emit_last(stage="cancelled", message="stopped")
+    late = threading.Thread(target=emit, kwargs={"stage": "render", "message": "late"}, daemon=True)
+    late.start()
+    late.join(0.2)
+    heard = capsys.readouterr().out
+    protocol._speaking.release()
+    late.join()
+    assert "cancelled" in heard and "late" not in heard
+    assert "late" in capsys.readouterr().out, "only the end of the process silences it"
+
+
+def test_the_last_record_does_not_wait_for_one_that_hangs(capsys, monkeypatch):
+    hung = threading.Lock()
+    monkeypatch.setattr(protocol, "_speaking", hung)
+    monkeypatch.setattr(protocol, "LONGEST_WAIT", 0.01)
+    with hung:
+        emit_last(stage="cancelled", message="stopped")
+    assert "cancelled" in capsys.readouterr().out
+
+
+def test_blenders_own_python_is_told_where_both_packages_lie():
+    words = Blender("/opt/blender").command(Path("job.json"))
+    script = Path(words[words.index("--python") + 1])
+    assert (script.parents[2] / "lfsr_core" / "__init__.py").is_file() and "parents[2]" in script.read_text()
+    assert words[0] == "/opt/blender" and words[-1] == "job.json"

@@ -1,4 +1,7 @@
-"""The second stage after direct subpixel rendering."""
+"""The second stage where a display has a lens sheet: woven, or traced for each subpixel."""
+
+import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -8,13 +11,58 @@ from lfsr_core.frames.finish import Finish, read_report
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame, read_rendered
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_png
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.eia import flip_order
+from lfsr_core.optics.panel.weave import gather_map, weave
 from lfsr_core.pipeline.make import finish_frame
-from tests.support.panels import SHEETS, cells, hexagonal
+from tests.support.panels import SHEETS, cells, hexagonal, lenticular, whole
 from tests.support.prerequisites import needs_bpy
-from tests.support.synthetic import fails, write_reference, write_render, write_traced
+from tests.support.synthetic import MINI, fails, write_reference, write_render, write_traced
 from tests.support.told import refuses
 
 pytestmark = needs_bpy  # for Blender's colour configuration
+
+
+def small(display: DisplayProfile) -> DisplayProfile:
+    """Its light field with fewer lenses and views, the artist's choice."""
+    views = (8, 8) if display.lenslet else (8, 1)
+    return dataclasses.replace(display, lenses=(20, 16), views=views)
+
+
+@pytest.mark.parametrize("display", [small(lenticular()), small(hexagonal())], ids=["lenticular", "hexagonal"])
+def test_the_panels_image_is_woven_from_the_finished_eia(tmp_path, display):
+    write_render(tmp_path, display=display)
+    report = finish_frame(tmp_path, "bilinear")
+    assert read_frame(tmp_path).display == display
+    eia, panel = read_png(tmp_path / "eia.png"), read_png(tmp_path / PANEL_FILE)
+    np.testing.assert_array_equal(panel, weave(eia, gather_map(display, "views")))
+    assert panel.shape == (160, 240, 3) and panel.std() > 10
+    assert {"map", "weave"} <= report.seconds.keys()
+
+
+def test_a_whole_number_sheet_shows_what_a_profile_of_format_1_shows(tmp_path):
+    display = whole("lenslet", subpixels={"stripes": "white"})
+    for name, profile in (("old", MINI), ("new", display)):
+        write_render(tmp_path / name, display=profile)
+        finish_frame(tmp_path / name, "bicubic")
+    assert not (tmp_path / "old" / PANEL_FILE).exists()
+    old, new = (read_png(tmp_path / name) for name in ("old/eia.png", "new/panel.png"))
+    np.testing.assert_array_equal(new, old)
+    np.testing.assert_array_equal(read_png(tmp_path / "new/eia.png"), flip_order(old, MINI.lenses))
+
+
+def test_every_verb_that_reads_a_folder_takes_it(tmp_path, capsys):
+    display = small(lenticular())
+    frame, reference = write_render(tmp_path / "frame", display=display), write_reference(tmp_path / "reference",
+                                                                                         display=display)
+    assert main(["upscale", str(frame)]) == 0
+    assert PANEL_FILE in capsys.readouterr().out
+    assert main(["views", str(frame), "--eye=20,0,300"]) == 0
+    assert read_png(frame / "eye.png").std() > 10
+    assert main(["compare", str(frame), str(reference)]) == 0
+    metrics = json.loads((frame / "report.json").read_text())["metrics"]
+    assert 0.5 < metrics["ssim_eia"] <= 1
+    assert json.loads((frame / "report.json").read_text())["method"] == "denoise+pool"
 
 
 def psnr(first, second):
@@ -56,20 +104,17 @@ def test_noise_goes_from_what_was_traced(tmp_path):
     assert found["oidn"] > found["none"] + 1
 
 
-@pytest.mark.parametrize(("method", "options", "message"), [
-    ("oidn+bicubic", {}, "'oidn.bicubic' needs elemental images.*choose one of oidn, none"),
-    ("none", {"linear_exr": True}, "--linear-exr is for elemental images"), ("none", {"dilate": 1}, "--dilate is for"),
-    ("none", {"temporal_averaging": 2}, "--temporal-averaging is for")])
-def test_what_needs_elemental_images_is_refused(tmp_path, method, options, message):
-    folder = write_traced(tmp_path, cells())
-    refuses(message, finish_frame, folder, Finish(method, **options))
-    assert not (folder / PANEL_FILE).exists()
-
-
-def test_a_render_of_another_size_is_refused(tmp_path):
+def test_another_size_and_what_needs_elemental_images_are_refused(tmp_path):
     folder = write_traced(tmp_path, cells())
     write_layers(folder / "lr_eia.exr", {"color": np.zeros((4, 4, 4), np.float32)})
     refuses("4×4 pixels, but frame.json says 720×160", finish_frame, folder, "none")
+    for method, options, message in [
+        ("oidn+bicubic", {}, "'oidn.bicubic' needs elemental images.*choose one of oidn, none"),
+        ("none", {"linear_exr": True}, "--linear-exr is for"), ("none", {"dilate": 1}, "--dilate is for"),
+        ("none", {"temporal_averaging": 2}, "--temporal-averaging is for")]:
+        folder = write_traced(tmp_path, cells())
+        refuses(message, finish_frame, folder, Finish(method, **options))
+        assert not (folder / PANEL_FILE).exists()
 
 
 def test_verbs_finish_it_show_it_to_an_eye_or_say_why_not(tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""Which lenses the method makes, and what stands in the others: background, world, meshes of the background."""
+"""Which lenses the method makes, and what stands behind: background, world, meshes of the background."""
 
 import dataclasses
 
@@ -7,15 +7,19 @@ import pytest
 
 from lfsr_core.frames import low_res
 from lfsr_core.frames.finish import Finish
-from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
+from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame
+from lfsr_core.frames.low_res import low_resolution, read_world
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_mask, read_png
 from lfsr_core.optics import eia
+from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.reconstruct import second_stage
+from lfsr_core.reconstruct.methods import load_method
+from lfsr_core.reconstruct.second_stage import finished_lenses, finished_linear
 from tests.support.prerequisites import needs_bpy
 from tests.support.slow_way import expected_linear
-from tests.support.synthetic import MINI, light_field, write_render
+from tests.support.synthetic import MINI, light_field, write_apart, write_render
 from tests.support.told import refuses
 
 pytestmark = needs_bpy  # for Blender's colour configuration
@@ -87,3 +91,71 @@ def test_without_selection_every_lens_is_foreground(tmp_path):
     assert every.all() and not mask.all()
     inside = np.repeat(np.repeat(mask, 8, 0), 8, 1)
     np.testing.assert_allclose(linear[inside], whole[inside], atol=1e-6)
+
+
+def whole_world(folder):
+    frame = read_frame(folder)
+    lenses = np.argwhere(np.ones(MINI.lenses[::-1], bool))
+    return read_world(folder, frame).elemental_images(lenses).reshape(*MINI.lenses[::-1], 8, 8, 3)
+
+
+@pytest.mark.parametrize("name", ["bilinear", "oidn+pool"])
+def test_lenses_without_subject_see_the_world_alone(tmp_path, name):
+    write_apart(tmp_path)
+    result = to_elemental_images(finished_linear(tmp_path, name), MINI.lenses)
+    alpha = to_elemental_images(read_layers(tmp_path / LOW_RES_FILE)["color"][..., 3:], MINI.lenses)
+    empty = ~alpha.any((2, 3, 4))
+    assert 0.1 < empty.mean() < 0.9
+    # A denoiser leaves next to nothing where there was nothing.
+    np.testing.assert_allclose(result[empty], whole_world(tmp_path)[empty], atol=1e-6 if name == "bilinear" else 2e-3)
+
+
+def test_an_opaque_subject_hides_it(tmp_path):
+    def opaque(color):
+        return np.concatenate([color[..., :3] + 0.1, np.ones_like(color[..., 3:])], -1)
+    write_apart(tmp_path / "apart", paint=opaque)
+    write_apart(tmp_path / "bright", world=5.0, paint=opaque)
+    np.testing.assert_array_equal(*(finished_linear(tmp_path / name, "bicubic") for name in ("apart", "bright")))
+
+
+@pytest.mark.parametrize("name", ["nearest", "bilinear"])
+def test_a_subject_of_the_worlds_colour_is_not_seen(tmp_path, name):
+    """Colour and what it hides are upscaled alike: no seam is left where they meet."""
+    write_apart(tmp_path, world=1.0, paint=lambda color: np.repeat(color[..., 3:], 4, -1))
+    np.testing.assert_allclose(finished_linear(tmp_path, name), 1.0, atol=1e-5)
+
+
+def test_guides_do_not_show_the_world(tmp_path):
+    """Cycles adds to the albedo what shows of a world that is rendered apart; opacity is denoised without guides."""
+    frame = read_frame(write_apart(tmp_path))
+    layers = read_layers(tmp_path / LOW_RES_FILE)
+    world = layers["environment"]
+    guided = layers | {"albedo": 0.5 * (1 - world) + world, "normal": np.zeros_like(world)}
+    low = low_resolution(guided, frame, read_world(tmp_path, frame))
+    np.testing.assert_allclose(low.guides[..., :3], 0.5 * low.opacity, atol=1e-6)
+    assert low.guides.shape == (*low.color.shape[:4], 6)
+    found, plain = (load_method("denoise+bilinear").prepare(each)
+                    for each in (low, dataclasses.replace(low, guides=None)))
+    np.testing.assert_array_equal(found.opacity, plain.opacity)
+    assert not np.array_equal(found.color, plain.color)
+
+
+def test_sampled_lenses_are_finished_as_those_of_a_frame(tmp_path):
+    """Wherever they lie in a mosaic."""
+    frame = read_frame(write_apart(tmp_path))
+    low = low_resolution(read_layers(tmp_path / LOW_RES_FILE), frame, read_world(tmp_path, frame))
+    lenses = np.array([(3, 5), (6, 9), (0, 0), (6, 8)])
+    mosaic = low.each(lambda layer: layer[lenses[:, 0], lenses[:, 1]][None])
+    found = finished_lenses(mosaic, np.ones(4, bool), "bilinear", np.array([(0, n) for n in range(4)]))
+    whole = to_elemental_images(finished_linear(tmp_path, "bilinear"), MINI.lenses)
+    np.testing.assert_allclose(found, whole[tuple(lenses.T)], atol=1e-6)
+
+
+def test_a_world_that_is_gone_or_of_another_size_is_refused(tmp_path):
+    write_apart(tmp_path)
+    frame = read_frame(tmp_path)
+    write_layers(tmp_path / WORLD_FILE, {"color": np.ones((9, 7, 3), np.float32)})
+    refuses("7×9 pixels, but its frame.json asks for", finished_linear, tmp_path, "bilinear")
+    (tmp_path / WORLD_FILE).unlink()
+    refuses(r"world\.exr", finished_linear, tmp_path, "bilinear")
+    assert read_world(tmp_path, dataclasses.replace(frame, world_apart=False)) is None

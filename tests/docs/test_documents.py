@@ -1,0 +1,137 @@
+"""Documents point to what is there: files, messages, and keys of the JSON files."""
+
+import ast
+import json
+import re
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lfsr_core.frames.finish import Finish
+from lfsr_core.metrics.compare import compare_folders
+from lfsr_core.pipeline.make import finish_frame
+from tests.support.synthetic import write_reference, write_render
+
+ROOT = Path(__file__).parents[2]
+LINK = re.compile(r"\]\(([^)\s#]+)(?:#[^)]*)?\)")
+MENTION = re.compile(r"\bdocs/[\w./-]+\.(?:md|json|svg|png|jpg|webp)\b")
+MODULE = re.compile(r"`((?:lfsr_core|blender_addon|scripts|tests)/[\w./-]+\.\w+)`")
+
+
+def tracked(*patterns):
+    listed = subprocess.run(["git", "ls-files", *patterns], cwd=ROOT, capture_output=True, text=True, check=True)
+    return [name for name in listed.stdout.split() if (ROOT / name).is_file()]
+
+
+@pytest.mark.parametrize("name", tracked("*.md"))
+def test_documents_point_to_what_is_there(name):
+    text = (ROOT / name).read_text(encoding="utf-8")
+    links = [link for link in LINK.findall(text) if "://" not in link]
+    assert [link for link in links if not ((ROOT / name).parent / link).exists()] == []
+    assert [path for path in MODULE.findall(text) if not (ROOT / path).exists()] == []
+
+
+def test_code_points_to_documents_and_those_are_read_in_an_afternoon():
+    mentions = {(name, path) for name in tracked("*.py", "*.sh", "*.toml")
+                for path in MENTION.findall((ROOT / name).read_text(encoding="utf-8"))}
+    assert len(mentions) > 20
+    assert sorted(pair for pair in mentions if not (ROOT / pair[1]).exists()) == []
+    pages = [name for name in tracked("*.md") if not name.startswith("docs/notebook/")]
+    assert sum(len((ROOT / name).read_text(encoding="utf-8").split()) for name in pages) <= 30_000
+    assert len(messages()) > 40
+
+
+PAGE = ROOT / "docs" / "guide" / "troubleshooting.md"
+OWN = ("… is now …", "Exit code")  # made by argparse or described in words
+
+
+def texts() -> str:
+    """Every piece of text between values in the sources of the product."""
+    found = []
+    for package in ("lfsr_core", "blender_addon"):
+        for path in (ROOT / package).rglob("*.py"):
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            found += [node.value for node in ast.walk(tree)
+                      if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+    return "\n".join(found)
+
+
+def messages() -> list[str]:
+    """First cells of the tables that list messages."""
+    sections = PAGE.read_text(encoding="utf-8").split("\n| message |")[1:]
+    return [row.split(" | ")[0].removeprefix("| ") for section in sections
+            for row in section.split("\n\n")[0].splitlines()[2:]]
+
+
+@pytest.fixture(scope="module")
+def sources():
+    return texts()
+
+
+@pytest.mark.parametrize("message", [text for text in messages() if not text.startswith(OWN)])
+def test_a_quoted_message_is_one_of_the_programs(sources, message):
+    pieces = [piece.strip(" ,") for piece in re.split("…", message)]
+    assert max(map(len, pieces)) > 8
+    assert [piece for piece in pieces if len(piece) > 8 and piece not in sources] == []
+
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "reference" / "frame-folder.md"
+TYPES = {"text": str, "integer": int, "number": (int, float), "boolean": bool, "array": list, "object": dict,
+         "null": type(None)}
+STAGES = {"render", "load", "mask", "upscale", "assemble", "color", "write"}
+
+
+def documented(section: str, reference: str = "any") -> dict[str, tuple[str, ...]]:
+    """Key -> names of allowed types, from the table of one section; ``reference``: which metrics, whole or list."""
+    text = DOCUMENT.read_text(encoding="utf-8").split(f"\n## {section}\n")[1].split("\n## ")[0]
+    rows = re.findall(r"^\| `(\w+)` \| ([\w ]+) \| (?:(any|whole|list) \|)?", text, re.M)
+    return {key: tuple(types.split(" or ")) for key, types, kind in rows if kind in ("", "any", reference)}
+
+
+def check(data: dict[str, Any], section: str, reference: str = "any") -> None:
+    table = documented(section, reference)
+    assert set(data) - {"lenses", "ci95"} == set(table)
+    for key, types in table.items():
+        assert any(isinstance(data[key], TYPES[name]) for name in types), (key, data[key])
+        assert isinstance(data[key], bool) <= ("boolean" in types), key
+
+
+def read_data(path: Path) -> dict[str, Any]:
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = write_render(tmp_path_factory.mktemp("frame"))
+    finish_frame(folder, Finish("bicubic", dilate=1))
+    return folder
+
+
+def test_frame(folder):
+    check(read_data(folder / "frame.json"), "frame.json")
+
+
+def test_report(folder):
+    report = read_data(folder / "report.json")
+    check(report, "report.json")
+    assert set(report["seconds"]) == STAGES
+    assert all(value >= 0 for value in report["seconds"].values())
+    assert 0 < report["foreground_fraction"] < 1
+    assert report["finish"]["dilate"] == 1
+
+
+def test_metrics(folder, tmp_path):
+    compare_folders(folder, write_reference(tmp_path))
+    metrics = read_data(folder / "report.json")["metrics"]
+    check(metrics, "metrics", "whole")
+    assert "lenses" not in metrics
+
+
+def test_metrics_of_sampled_lenses(folder, tmp_path):
+    compare_folders(folder, write_reference(tmp_path, lens_list=((3, 5), (4, 6), (5, 7), (0, 0), (1, 1))))
+    metrics = read_data(folder / "report.json")["metrics"]
+    check(metrics, "metrics", "list")
+    assert metrics["lenses"] == 5
+    assert set(metrics["ci95"]) <= set(documented("metrics", "list"))
