@@ -41,11 +41,6 @@ def unload(scene: bpy.types.Scene) -> None:
         _icons.pop(scene.name_full, None)
 
 
-def is_loaded(scene: bpy.types.Scene) -> bool:
-    """True if there are views of ``scene`` for its sliders to show."""
-    return scene.name_full in _files
-
-
 def icon(scene: bpy.types.Scene) -> int:
     """Return the number of the icon that shows the view of ``scene``, 0 where there is none."""
     return _icons[scene.name_full].icon_id if _icons is not None and scene.name_full in _icons else 0

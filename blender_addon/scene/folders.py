@@ -17,7 +17,7 @@ from lfsr_core.base.files import check_name, is_forbidden, read_json, write_json
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, PANEL_FILE
 
-from .displays import DIRECT
+from .words import DIRECT
 
 UNSAVED = "untitled"
 PROBE_BYTES = 1 << 20

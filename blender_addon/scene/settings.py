@@ -6,6 +6,8 @@ import dataclasses
 import functools
 import math
 import os
+import re
+import zlib
 from pathlib import Path
 
 import bpy
@@ -16,17 +18,19 @@ from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.request import AUTO, LIGHTS, Request, Sampling, check_light, is_light_file
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
-from lfsr_core.optics.display import DisplayProfile, load_display
+from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.reconstruct.methods import AS_RENDERED, DEFAULT_METHOD, MENU, MORE, SUBPIXEL_METHODS, MethodName
 
 from .. import compat
 from . import devices
 from .array import rig
-from .displays import DEFAULT_DISPLAY, DIRECT, PROFILE_FILE
 from .folders import absolute
 from .light import FILE_LIGHT, NAMES
 from .subject import GEOMETRY, find_subject
+from .words import DIRECT
 
+PROFILE_FILE = "FILE"
+DEFAULT_DISPLAY = "first-look"  # a new file's: its images take seconds on two cores
 WORKING_SPACE = "Linear Rec.709"
 SCALES = (1, 2, 3, 4, 5, 8)
 AUTO_SCALE = "AUTO"
@@ -181,6 +185,20 @@ def display_of(scene: bpy.types.Scene) -> DisplayProfile:
 def _read(name: str, _changed: int = 0) -> DisplayProfile:
     """Read a display; panels ask on every redraw, and a file is read once per change."""
     return load_display(name)
+
+
+def profile_items() -> list[tuple[str, str, str, str, int]]:
+    """Enum items of the built-in displays by title, then of a profile in a file.
+
+    Each has a number of its own, so that new displays do not change saved scenes.
+    """
+    displays = [load_display(name) for name in builtin_names()]
+    items = [(display.name, display.title or display.name, display.description.rstrip("."), "DESKTOP",
+              zlib.crc32(display.name.encode()) & 0x7FFFFFFF) for display in displays]
+    # Numbers in titles are sorted by their size: 5″ stands before 14″.
+    items.sort(key=lambda item: [(float(part), "") if number % 2 else (-1.0, part) for number, part
+                                 in enumerate(re.split(r"(\d+(?:\.\d+)?)", item[1].casefold()))])
+    return [*items, (PROFILE_FILE, "From File…", "Display profile in a .toml file", "FILE", 0)]
 
 
 def offered_scales(scene: bpy.types.Scene) -> list[str]:

@@ -8,6 +8,7 @@ from lfsr_core.base.notices import Notice
 from lfsr_core.commands import sentences
 from lfsr_core.commands.sentences import DARK, MOST_NAMES, Wording, listed
 
+DIRECT = "Direct Subpixel Rendering"  # of a display with a lens sheet
 # Absolute paths, of which a panel shows the last name only.
 PATH = re.compile(r"(?<![\w.:/\\])(?:[A-Za-z]:)?[\\/](?:[^\\/\s'\"]+[\\/])+([^\\/\s'\",:;)]+)")
 # What differs from the command line, which names its options.

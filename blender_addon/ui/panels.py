@@ -18,8 +18,8 @@ from ..live.scene import EYE
 from ..scene import devices, folders
 from ..scene import settings as scene_settings
 from ..scene.array import cached, rig
-from ..scene.displays import PROFILE_FILE
 from ..scene.light import FILE_LIGHT
+from ..scene.settings import PROFILE_FILE
 from ..scene.words import counted
 from . import array_view, summary
 from .drawing import LightFieldPanel, columns, facts, row_if, sentence

@@ -23,9 +23,9 @@ from lfsr_core.reconstruct.methods import DEFAULT_METHOD, MENU, MORE
 from ..jobs import preview, show_image
 from ..scene import folders
 from ..scene.array import cached, rig
-from ..scene.displays import DEFAULT_DISPLAY, DIRECT, profile_items
 from ..scene.light import AUTO_LIGHT, light_items
-from ..scene.settings import AUTO_SCALE, SCALES, offered_scales, qualities
+from ..scene.settings import AUTO_SCALE, DEFAULT_DISPLAY, SCALES, offered_scales, profile_items, qualities
+from ..scene.words import DIRECT
 
 LIVE_SCALES = (1, 2, 4, 8)  # pixel sizes of Blender's viewport
 

@@ -12,7 +12,7 @@ from lfsr_core.commands.sentences import sentence
 
 from ...jobs import session, show_image
 from ...scene import settings as scene_settings
-from ...scene.displays import PROFILE_FILE
+from ...scene.settings import PROFILE_FILE
 from .base import Result, reports_errors
 
 

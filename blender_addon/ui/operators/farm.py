@@ -18,7 +18,7 @@ from ...jobs.task import save_copy
 from ...scene import folders
 from ...scene import settings as scene_settings
 from ...scene.array.placement import scale_of
-from ...scene.displays import PROFILE_FILE
+from ...scene.settings import PROFILE_FILE
 from .base import Result, reports_errors
 
 COPY_SUFFIX = f"{FARM_COPY}.blend"  # never the name of a file that somebody works on

@@ -36,7 +36,7 @@ def rendered(add_on, tmp_path_factory) -> Path:
     preview.load(scene, views)
     before = panel.snapshot(scene)
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
-    assert panel.snapshot(scene) == before and not preview.is_loaded(scene)
+    assert panel.snapshot(scene) == before and not preview.show(scene, (0, 0))
     assert [image.name for image in bpy.data.images if image.filepath.endswith(PANEL_FILE)] == ["Scene 0001 panel"]
     return folder / "scene.blend"
 

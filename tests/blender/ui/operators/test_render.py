@@ -99,9 +99,9 @@ def test_decoded_views_are_not_mirrored(opened, rendered):
 
 def test_another_file_does_not_show_the_old_ones_views(opened, rendered):
     bpy.ops.lfsr.preview_view()
-    assert preview.is_loaded(opened)
+    assert preview.show(opened, (0, 0))
     bpy.ops.wm.open_mainfile(filepath=str(rendered))
-    assert not preview.is_loaded(bpy.context.scene)
+    assert not preview.show(bpy.context.scene, (0, 0))
 
 
 def stamps(folder: Path) -> dict[str, int]:
@@ -117,7 +117,7 @@ def test_animation_makes_what_is_missing(opened, rendered, capfd):
     # The button sets the range in the copy that it renders, which is not the file of frame 1.
     assert "frames-older" in said or "1 frame is older" in said
     assert [read_frame(film / name).frame for name in ("0001", "0002", "0003")] == [1, 2, 3]
-    assert asked.is_decoded(film / "0003") and preview.is_loaded(opened)
+    assert asked.is_decoded(film / "0003") and preview.show(opened, (0, 0))
 
     before = stamps(film)
     (film / "0002" / "eia.png").unlink()
