@@ -83,20 +83,11 @@ class Shot:
 
 def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, path: str | Path,
                    follow: Follow | None = None, parts: ImageParts | None = None) -> float:
-    """Render the rays of ``shot`` in one pass.
+    """Render the rays of ``shot`` in one pass, and return the seconds that it took; ``scene`` is unchanged afterwards.
 
-    Parameters
-    ----------
-    scene : the scene, unchanged afterwards
-    shot : rays, and from where
-    settings : how Cycles renders
-    path : multi-layer EXR to write, whole or not at all
-    follow : called with (fraction, message) while it renders; an exception that it raises cancels
-    parts : caches finished parts of a long render and has those of an earlier run, None for no cache
-
-    Returns
-    -------
-    Seconds it took.
+    ``path``: multi-layer EXR to write, whole or not at all; ``follow``: called with (fraction, message) while it
+    renders, an exception that it raises cancels; ``parts``: caches finished parts of a long render and has those of an
+    earlier run, None for no cache.
     """
     ending = clip_plane(scene, shot.layout, shot.matrix_world, shot.clip[1]) if shot.clip else nullcontext(False)
     with encoded_camera(scene, shot), ending as ended, cycles_settings(scene, settings, shot.layout.size):
