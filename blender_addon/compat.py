@@ -64,6 +64,11 @@ def whole_sample_range() -> dict[str, Any]:
     return {"use_sample_subset": False} if hasattr(bpy.context.scene.cycles, "use_sample_subset") else {}
 
 
+def no_overrides() -> dict[str, Any]:
+    """Return view layer settings without overrides of materials and, where this Blender has it, of the world."""
+    return {name: None for name in ("material_override", "world_override") if _has(bpy.types.ViewLayer, name)}
+
+
 def whole_textures() -> dict[str, Any]:
     """Return render settings without 5.2's texture cache, which blurs what is seen through a lens."""
     return {"use_texture_cache": False} if _has(bpy.types.RenderSettings, "use_texture_cache") else {}

@@ -17,7 +17,7 @@ from ..scene.array.edit import add, in_front, put, remove
 from ..scene.array.rig import check_editable
 from ..scene.array.room import is_inside
 from ..scene.light import DEFAULT_LIGHT, add_light
-from ..scene.open import SWITCHES, switched
+from ..scene.notices import SWITCHES, switched
 from ..scene.subject import BACKGROUND_COLLECTION, GEOMETRY, find_subject
 from . import look
 
@@ -143,6 +143,9 @@ FIXES: dict[str, Fix] = {
     "dirty": lambda _scene, target: _existing(bpy.data.images, target, "image").pack(), "background": _to_background,
     "denoise": lambda scene, _target: denoiser.use_replacement(scene, scene_settings.resolve(scene)),
     "display": _use_defaults, "subject": _show_subject, "filter": _set("cycles", pixel_filter_type="BOX"),
+    "border": _set("render", use_border=False), "aspect": _set("render", pixel_aspect_x=1, pixel_aspect_y=1),
+    "clamp": _set("cycles", sample_clamp_direct=0, sample_clamp_indirect=10), "world": lambda scene, target: setattr(
+        _existing(scene.view_layers, target, "view layer"), "world_override", None),
     "motion": _set("render", use_motion_blur=False),
     "focus": lambda _scene, target: setattr(_camera(target).dof, "use_dof", False), "shift": _reset_shift,
     "override": lambda scene, target: setattr(_existing(scene.view_layers, target, "view layer"), "material_override",

@@ -19,7 +19,7 @@ from ..scene import settings as scene_settings
 from ..scene.array import rig
 from ..scene.files import unreadable
 from ..scene.light import AUTO_LIGHT, OWN_LIGHT, SCENE_LIGHTS, has_light
-from ..scene.open import left_out
+from ..scene.notices import left_out, materials, nodes_of
 from ..scene.settings import Resolved, color_settings, title
 from ..scene.subject import find_subject
 from ..scene.words import capitalized, sentence
@@ -29,14 +29,27 @@ from .problem import ERROR, INFO, SEVERITIES, WARNING, Problem
 # Bytes per rendered pixel of all layers, per finished pixel of an image, of its linear copy, and of its decoded views.
 RENDERED, IMAGE, LINEAR, VIEWS = 48, 3, 6, 3
 GIGABYTE = 1e9
-EEVEE_NODES = ("SHADERTORGB", "EEVEE_SPECULAR")  # which Cycles does not have
 # Code of the problem, title and button of what renders leave out, by the code of its notice.
 LEFT_OUT = {"scripts-off": ("autoexec", "Scripts", "Reload Trusted"),
+            "engine-ignored": ("engine", "Render Engine", "Use Cycles"),
+            "eevee-nodes": ("eevee", "", ""),
+            "filter-ignored": ("filter", "Pixel Filter", "Use Box"),
+            "clamp-ignored": ("clamp", "Clamping", "Use Defaults"),
+            "motion-ignored": ("motion", "Motion Blur", "Switch Off"),
+            "border-ignored": ("border", "Render Region", "Switch Off"),
+            "aspect-ignored": ("aspect", "Pixel Aspect", "Use Square Pixels"),
+            "lines-left-out": ("lines", "Lines", ""),
+            "coordinates-differ": ("coordinates", "Window Coordinates", ""),
+            "world-negative": ("negative", "Negative Light", ""),
+            "focus-ignored": ("focus", "Depth of Field", "Switch Off"),
+            "camera-sheared": ("sheared", "Sheared Camera", ""),
+            "world-override-ignored": ("world", "World Override", "Clear Override"),
             "shift-ignored": ("shift", "Camera Shift", "Reset Shift"),
             "override-ignored": ("override", "Material Override", "Clear Override"),
             "layers-left-out": ("layers", "View Layers", "Switch Off Others"),
             "compositor-ignored": ("compositor", "Compositor", "Switch Off"),
             "sequencer-ignored": ("sequencer", "Sequencer", "Switch Off")}
+HARMLESS = ("engine", "filter")  # of which nobody is asked
 # Title and button of what a view layer does with collections.
 SWITCHED = {"exclude": ("Excluded Collections", "Include"), "holdout": ("Holdouts", "Switch Off"),
             "indirect_only": ("Indirect-Only Collections", "Switch Off")}
@@ -62,9 +75,6 @@ def _renderer(scene: bpy.types.Scene) -> Iterator[Problem]:
     if not _has_cycles():
         yield Problem("cycles", "Cycles", "Light fields are rendered with Cycles, but the Cycles Render Engine add-on "
                       "is switched off: switch it on.", "Show Add-ons", ERROR)
-    elif scene.render.engine != "CYCLES":
-        yield Problem("engine", scene.name, "Light fields are rendered with Cycles. Materials and lights may look "
-                      "different in the scene's own render engine.", "Use Cycles", INFO)
 
 
 def _settings(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -105,28 +115,11 @@ def _scripts(scene: bpy.types.Scene) -> Iterator[Problem]:
     if not _has_cycles() or (scene_settings.device_of(scene) in devices.WITH_OSL_CAMERA and devices.has_osl()
                              and getattr(scene.cycles, "shading_system", False)):
         return
-    for material in _materials(scene):
-        if any(node.type == "SCRIPT" for node in _nodes(material.node_tree)):
+    for material in materials(scene):
+        if any(node.type == "SCRIPT" for node in nodes_of(material.node_tree)):
             yield Problem("script", material.name, "The material has a Script node, which needs the CPU or OptiX as "
                           "device, and Open Shading Language switched on in Render Properties.", "Use CPU and OSL",
                           asks=True)
-
-
-def _eevee(scene: bpy.types.Scene) -> Iterator[Problem]:
-    for material in _materials(scene):
-        nodes = list(_nodes(material.node_tree))
-        outputs = {node.target for node in nodes if node.type == "OUTPUT_MATERIAL"}
-        names = [node.label or node.name for node in nodes if node.type in EEVEE_NODES
-                 or (outputs == {"EEVEE"} and node.type == "OUTPUT_MATERIAL")]
-        if names:
-            yield Problem("eevee", material.name, f"Its node {names[0]} works in EEVEE only. Light fields are rendered "
-                          "with Cycles, which shows the material black: connect a shader of Cycles.", asks=True)
-
-
-def _materials(scene: bpy.types.Scene) -> list[bpy.types.Material]:
-    """Materials in use, by name."""
-    slots = (slot.material for item in scene.objects if not item.hide_render for slot in item.material_slots)
-    return sorted(set(filter(None, slots)), key=lambda material: material.name)
 
 
 def _images(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -168,15 +161,6 @@ def _denoiser(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 def _has_cycles() -> bool:
     return bpy.context.preferences.addons.get("cycles") is not None
-
-
-def _nodes(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
-    """Nodes of a tree that are not muted, with those of its groups."""
-    for node in tree.nodes if tree is not None else ():
-        if not node.mute:
-            yield node
-            if node.type == "GROUP":
-                yield from _nodes(node.node_tree)
 
 
 def _disks(scene: bpy.types.Scene, frames: int = 1) -> Iterator[Problem]:
@@ -225,16 +209,6 @@ def _full_disk(code: str, disk: str, needed: float, folder: Path, fix: str) -> P
 
 def _ignored(scene: bpy.types.Scene) -> Iterator[Problem]:
     """Everything of ``scene`` that a render does not show as Blender's own would."""
-    cycles, camera = getattr(scene, "cycles", None), scene.camera
-    if cycles is not None and cycles.pixel_filter_type not in (
-            "BOX", cycles.bl_rna.properties["pixel_filter_type"].default):
-        yield Problem("filter", "Pixel Filter", "This filter would mix neighbouring views. Light-field renders use a "
-                      "box of one pixel instead.", "Use Box", INFO)
-    if scene.render.use_motion_blur:
-        yield Problem("motion", "Motion Blur", "Light-field renders ignore motion blur.", "Switch Off", INFO, asks=True)
-    if camera is not None and camera.type == "CAMERA" and camera.data.dof.use_dof:
-        yield Problem("focus", camera.name, "Light-field renders ignore depth of field, since the viewer's eye "
-                      "focuses.", "Switch Off", INFO, is_object=True, asks=True)
     try:
         color_settings(scene, _shows_world(scene))
     except LfsrError as error:
@@ -248,8 +222,9 @@ def _ignored(scene: bpy.types.Scene) -> Iterator[Problem]:
         values = notice.values
         code, title, button = (values["switch"], *SWITCHED[values["switch"]]) if "switch" in values else (
             LEFT_OUT[notice.code])
-        target = values.get("camera") or values.get("layer") or scene.name
-        yield Problem(code, target, f"{sentence(notice)}.", button, INFO, title=title, asks=True)
+        target = next((values[name] for name in ("camera", "layer", "material") if name in values), scene.name)
+        yield Problem(code, target, f"{sentence(notice)}.", button, INFO, is_object="camera" in values, title=title,
+                      asks=code not in HARMLESS)
 
 
 def _shows_world(scene: bpy.types.Scene) -> bool:
@@ -261,4 +236,4 @@ def _shows_world(scene: bpy.types.Scene) -> bool:
 
 
 # What takes no longer in a scene of many objects than looking at each of them once.
-QUICK = (_renderer, _settings, _array, _light, _scripts, _eevee, _images, _disks, _ignored)
+QUICK = (_renderer, _settings, _array, _light, _scripts, _images, _disks, _ignored)

@@ -39,7 +39,8 @@ from ..render.frame_folder import Opened, inputs_before_opening, render_job, set
 from ..render.output import UNFINISHED
 from ..scene.array import placement
 from ..scene.files import check_files
-from ..scene.open import camera_notices, choose_camera, choose_scene, left_out, local_scene, open_scene
+from ..scene.notices import left_out
+from ..scene.open import camera_notices, choose_camera, choose_scene, local_scene, open_scene
 from ..scene.overrides import overridden
 
 STANDARD_INPUT = 0

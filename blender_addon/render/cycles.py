@@ -28,7 +28,7 @@ from lfsr_core.pipeline.staging import ImageParts, Part
 from .. import compat
 from ..scene import devices
 from ..scene.array.rig import Matrix, to_blender
-from ..scene.open import rendered_layer
+from ..scene.notices import rendered_layer
 from ..scene.overrides import new_data, overridden
 from .cards import card_camera, clip_plane
 from .output import Follow, border, render_in_bands, render_to
@@ -176,7 +176,7 @@ def cycles_settings(scene: bpy.types.Scene, settings: RenderSettings, size: tupl
                               (scene.render.image_settings, compat.multilayer_exr(settings.half)),
                               (scene.cycles, cycles),
                               *((other, {"use": False}) for other in scene.view_layers if other != layer),
-                              (layer, passes | {"use": True, "material_override": None}), (layer.cycles, own)):
+                              (layer, passes | {"use": True} | compat.no_overrides()), (layer.cycles, own)):
             stack.enter_context(overridden(owner, values))
         yield
 

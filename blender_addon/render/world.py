@@ -17,6 +17,7 @@ from lfsr_core.optics.world_view import WorldImage
 
 from .. import compat
 from ..scene.array.rig import Matrix
+from ..scene.notices import has_coordinates, nodes_of
 from ..scene.overrides import new_data, overridden
 from .cards import Wiring
 from .cycles import RenderSettings, cycles_settings, pixel_aspect, temporary_camera
@@ -27,17 +28,16 @@ NAME = "LFSR World"
 SAMPLES = 4
 SENSOR_MM = 36.0
 CLIP = 0.1, 1000.0  # scene units; only rounding depends on it
+LEAST_EXPOSURE = 1e-6
 _UNSUITED_COORDINATES = {"Window", "Camera"}
 
 
 def reason_against(scene: bpy.types.Scene) -> str:
     """Return what keeps the scene's visible world from being rendered separately, "" if nothing does."""
-    nodes = list(_nodes(scene.world.node_tree)) if scene.world.node_tree else []
-    outputs = [node for node in nodes if node.bl_idname == "ShaderNodeOutputWorld"]
+    outputs = [node for node in nodes_of(scene.world.node_tree) if node.bl_idname == "ShaderNodeOutputWorld"]
     if any(node.inputs["Volume"].is_linked for node in outputs):
         return "volume"
-    if any(node.bl_idname == "ShaderNodeTexCoord" and node.outputs[name].is_linked
-           for node in nodes for name in _UNSUITED_COORDINATES):
+    if has_coordinates(scene.world.node_tree, _UNSUITED_COORDINATES):
         return "coordinates"
     if any(item.type == "LIGHT" and item.data.type == "SUN" and item.visible_camera and not item.hide_render
            for item in scene.objects):
@@ -45,17 +45,12 @@ def reason_against(scene: bpy.types.Scene) -> str:
     return ""
 
 
-def _nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
-    """Nodes of a tree and of the groups in it."""
-    for node in tree.nodes:
-        yield node
-        if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
-            yield from _nodes(node.node_tree)
-
-
 @contextmanager
 def white_to_camera(scene: bpy.types.Scene) -> Iterator[None]:
-    """Show camera rays a world of radiance 1 inside the block; all other rays see the scene's own."""
+    """Show camera rays a world of radiance 1 inside the block; all other rays see the scene's own.
+
+    It is 1 in the image, to which Cycles applies the film's exposure.
+    """
     with new_data() as made:
         shown = scene.world.copy()
         made.append(shown)
@@ -64,7 +59,8 @@ def white_to_camera(scene: bpy.types.Scene) -> Iterator[None]:
         wiring = Wiring(shown.node_tree)
         output = shown.node_tree.get_output_node("CYCLES") or wiring.node("ShaderNodeOutputWorld")
         seen, mix = wiring.node("ShaderNodeLightPath"), wiring.node("ShaderNodeMixShader")
-        white = wiring.node("ShaderNodeBackground", Color=(1, 1, 1, 1), Strength=1.0)
+        white = wiring.node("ShaderNodeBackground", Color=(1, 1, 1, 1),
+                            Strength=1 / max(scene.cycles.film_exposure, LEAST_EXPOSURE))
         links = output.inputs["Surface"].links
         if plain:
             own = wiring.node("ShaderNodeBackground", Color=(*shown.color, 1))
@@ -85,6 +81,7 @@ def render_world(scene: bpy.types.Scene, image: WorldImage, matrix_world: Matrix
         alone = bpy.data.scenes.new(NAME)
         made.append(alone)
         alone.world = scene.world
+        alone.cycles.film_exposure = scene.cycles.film_exposure
         alone.frame_current, alone.frame_subframe = scene.frame_current, scene.frame_subframe
         # Nothing is lit, so Cycles needs no importance map of the world.
         unlit = {"sampling_method": "NONE"} if scene.world.is_editable else {}

@@ -1,4 +1,4 @@
-"""Open scene files (.blend, glTF, OBJ), and what to tell the user of a scene before it is rendered."""
+"""Open scene files: .blend, glTF and OBJ."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ from lfsr_core.base.notices import Notice
 from lfsr_core.frames.request import FIT, check_scene
 from lfsr_core.frames.scene_files import check_named_files, check_regular
 
-from .. import compat
 from .array import rig
-from .subject import collections
 
 MOST_NAMES = 5
 MOST_REASON = 100  # characters
@@ -26,12 +24,6 @@ MOST_PLACE = 1e15  # scene units: single precision squares what is farther to in
 COMPRESSIONS = {r"meshopt_compression|Meshopt decoder": ("Meshopt", "copy"),
                 r"draco\w*\.(so|dll|dylib)": ("Draco", "copy"),
                 r"KHR_texture_basisu": ("KTX 2", "ktxdecompress")}
-# Nodes of a compositor: its output in 4.5 and since 5.0, and those that pass an image on as it is.
-COMPOSITOR_OUTPUTS = {"CompositorNodeComposite", "NodeGroupOutput"}
-PASSIVE_NODES = {*COMPOSITOR_OUTPUTS, "CompositorNodeRLayers", "NodeReroute"}
-# What a view layer can do with a collection.
-SWITCHES = ("exclude", "holdout", "indirect_only")
-SHOWN = {"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VOLUME", "LIGHT"}
 
 
 def open_scene(path: str | Path) -> bpy.types.Scene:
@@ -41,6 +33,7 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
     try:
         if (suffix := Path(path).suffix.lower()) != ".blend":
             bpy.ops.wm.read_factory_settings(use_empty=True)
+            bpy.context.scene.render.engine = "CYCLES"  # such a file names none
         READERS[suffix](path)
     except (RuntimeError, ValueError, KeyError, OSError) as error:
         for pattern, (name, command) in COMPRESSIONS.items():
@@ -127,51 +120,3 @@ def camera_notices(scene: bpy.types.Scene, asked: str | None, is_imported: bool)
     is_choice = is_imported and asked is None and scene.camera is not None
     chosen = [Notice("camera-chosen", {"camera": scene.camera.name, "others": others})] if is_choice else []
     return [*chosen, *([Notice("camera-mirrored", {"camera": camera.name})] if rig.is_mirrored(camera) else [])]
-
-
-def left_out(scene: bpy.types.Scene) -> list[Notice]:
-    """Return what renders leave out or ignore of the scene."""
-    found = []
-    if bpy.app.autoexec_fail:
-        found.append(Notice("scripts-off", {"reason": bpy.app.autoexec_fail_message.strip()}))
-    camera = scene.camera if scene.camera is not None and scene.camera.type == "CAMERA" else None
-    if camera is not None and (camera.data.shift_x or camera.data.shift_y):
-        found.append(Notice("shift-ignored", {"camera": camera.name, "x": camera.data.shift_x,
-                                              "y": camera.data.shift_y}))
-    layer = rendered_layer(scene)
-    if layer.material_override is not None:
-        found.append(Notice("override-ignored", {"layer": layer.name, "material": layer.material_override.name}))
-    for switch in SWITCHES:
-        if names := sorted(child.name for child in switched(layer, switch)):
-            found.append(Notice("collections-switched", {"layer": layer.name, "switch": switch, "names": names}))
-    if others := [other.name for other in scene.view_layers if other.use and other != layer]:
-        found.append(Notice("layers-left-out", {"layer": layer.name, "names": others}))
-    # Nodes through which an image passes on its way to the compositor's output.
-    tree, passed = compat.compositor(scene), set[bpy.types.Node]()
-    waiting = [node for node in tree.nodes if node.bl_idname in COMPOSITOR_OUTPUTS] if tree is not None else []
-    while waiting:
-        node = waiting.pop()
-        if node not in passed:
-            passed.add(node)
-            waiting += [link.from_node for socket in node.inputs for link in socket.links]
-    if nodes := sorted(node.label or node.name for node in passed
-                       if node.bl_idname not in PASSIVE_NODES and not node.mute):
-        found.append(Notice("compositor-ignored", {"names": nodes}))
-    editor = scene.sequence_editor if scene.render.use_sequencer else None
-    if editor is not None and any(strip.type != "SOUND" and not strip.mute for strip in editor.strips):
-        found.append(Notice("sequencer-ignored"))
-    return found
-
-
-def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
-    """Return the first view layer that is used for rendering, the one that is rendered."""
-    return next((layer for layer in scene.view_layers if layer.use), scene.view_layers[0])
-
-
-def switched(layer: bpy.types.ViewLayer, switch: str) -> list[bpy.types.LayerCollection]:
-    """Return the collections of ``layer`` with geometry or lights that have one of SWITCHES on.
-
-    Not the excluded collections of helpers that importers leave behind.
-    """
-    return [child for child in collections(layer.layer_collection) if getattr(child, switch) and any(
-        item.type in SHOWN and not item.hide_render for item in child.collection.all_objects)]

@@ -113,6 +113,26 @@ SENTENCES: dict[str, Wording] = {
     # The scene
     "file-unreadable": "the {kind} file {path} is {state}, and what needs it looks wrong",
     "scripts-off": "Blender did not run the Python in this file ({reason}), so its drivers and scripts move nothing",
+    "engine-ignored": "light fields are rendered with Cycles. Materials and lights may look different in the scene's "
+                      "own engine, {engine}",
+    "eevee-nodes": "node {node} of material {material!r} works in EEVEE only, and Cycles shows the material black. "
+                   "Connect a shader of Cycles",
+    "filter-ignored": "the pixel filter {filter} is ignored, since it would mix neighbouring views. A box of one pixel "
+                      "is used",
+    "clamp-ignored": "the scene's clamping of light (direct {direct:g}, indirect {indirect:g}) is ignored. Direct "
+                     "light is not clamped, indirect light at 10",
+    "motion-ignored": "motion blur is ignored",
+    "border-ignored": "the render region is ignored. The whole image is rendered",
+    "aspect-ignored": "the pixel aspect {x:g}:{y:g} is ignored. Pixels have the shape of the display's",
+    "lines-left-out": lambda values: f"lines ({listed(values['names'], MOST_NAMES)}) are left out. Cycles draws none",
+    "coordinates-differ": lambda values: f"window coordinates ({listed(values['names'], MOST_NAMES)}) follow the "
+                                         "encoded image, not what the eye sees. Use other coordinates",
+    "world-negative": "the world {world!r} has negative light, which is cut at black where it shows",
+    "focus-ignored": "the depth of field of camera {camera!r} is ignored, since the viewer's eye focuses",
+    "camera-sheared": "camera {camera!r} is sheared by the scale of a parent, but a camera array cannot be. Clear that "
+                      "scale",
+    "world-override-ignored": "the world override {world!r} of view layer {layer!r} is ignored. The scene's world is "
+                              "shown",
     "shift-ignored": "the camera's shift ({x:g}, {y:g}) is ignored. The array looks along the camera's axis",
     "override-ignored": "the material override {material!r} of view layer {layer!r} is ignored. Objects keep their own "
                         "materials",

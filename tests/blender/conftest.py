@@ -43,6 +43,7 @@ def pytest_unconfigure() -> None:
 def scene():
     """An empty scene in an empty file."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.scene.render.engine = "CYCLES"
     return bpy.context.scene
 
 

@@ -11,7 +11,7 @@ from blender_addon.check.fixes import OPERATORS
 from blender_addon.compat import use_nodes
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import rig
-from blender_addon.scene.open import SWITCHES
+from blender_addon.scene.notices import SWITCHES
 from lfsr_core.optics.display import load_display
 from tests.support import panel
 from tests.support.problems import fix, found
@@ -45,11 +45,11 @@ def test_the_world_of_a_new_file_alone(scene):
 
 def test_nodes_of_eevee_are_named_with_their_material(scene):
     toon(scene)
-    assert "node Shader to RGB" in found(scene, "eevee").reason and found(scene, "eevee").target == "Toon"
+    assert "ode Shader to RGB" in found(scene, "eevee").reason and found(scene, "eevee").target == "Toon"
     bpy.data.node_groups["Toon"].nodes["Shader to RGB"].mute = True
     assert found(scene, "eevee") is None
     bpy.data.materials["Toon"].node_tree.nodes["Material Output"].target = "EEVEE"
-    assert "node Material Output" in found(scene, "eevee").reason
+    assert "ode Material Output" in found(scene, "eevee").reason
 
 
 def toon(scene) -> None:
@@ -110,6 +110,10 @@ def compose(scene):
 @pytest.mark.parametrize("code, spoil", [
     ("shift", lambda scene: setattr(scene.camera.data, "shift_x", 0.1)),
     ("override", lambda scene: setattr(scene.view_layers[0], "material_override", bpy.data.materials.new("Clay"))),
+    ("border", lambda scene: setattr(scene.render, "use_border", True)),
+    ("aspect", lambda scene: setattr(scene.render, "pixel_aspect_y", 2)),
+    ("clamp", lambda scene: setattr(scene.cycles, "sample_clamp_direct", 1)),
+    ("world", lambda scene: setattr(scene.view_layers[0], "world_override", bpy.data.worlds.new("Other"))),
     *((switch, switch_on(switch)) for switch in SWITCHES), ("layers", another_layer), ("compositor", compose),
     ("sequencer", lambda scene: scene.sequence_editor_create().strips.new_effect("x", "COLOR", 1, frame_start=1,
                                                                                  length=10))])

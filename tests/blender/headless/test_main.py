@@ -75,8 +75,8 @@ def test_what_the_user_must_know_is_said_before_the_render_and_kept_in_the_frame
     renders = [number for number, record in enumerate(emitted) if record["stage"] == "render" and record["fraction"]]
     assert said[-1] < renders[0]
     notes = [told_of(emitted[number]) for number in said]
-    assert [note.code for note in notes] == ["sequencer-ignored", "array-blind"]
-    assert notes[1].values == {"seen": ["Wall"], "place": "hidden"} and read_frame(tmp_path / "out").notes == (*notes,)
+    assert [note.code for note in notes] == ["focus-ignored", "sequencer-ignored", "array-blind"]
+    assert notes[2].values == {"seen": ["Wall"], "place": "hidden"} and read_frame(tmp_path / "out").notes == (*notes,)
 
 
 def test_a_scene_with_unreadable_files_is_refused_unless_that_is_allowed(scene, tmp_path):

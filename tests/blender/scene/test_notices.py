@@ -3,7 +3,7 @@
 import bpy
 import pytest
 
-from blender_addon.scene.open import SWITCHES, left_out
+from blender_addon.scene.notices import SWITCHES, left_out
 from lfsr_core.base.notices import Notice
 from tests.support.scenes import add_box, add_camera, compositing
 

@@ -1,0 +1,131 @@
+"""Notices for the user before a render: settings of the scene that a light field does not honour."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import bpy
+
+from lfsr_core.base.notices import Notice
+
+from .. import compat
+from .array.rig import is_sheared
+from .subject import collections
+
+# Nodes of a compositor: its output in 4.5 and since 5.0, and those that pass an image on as it is.
+COMPOSITOR_OUTPUTS = {"CompositorNodeComposite", "NodeGroupOutput"}
+PASSIVE_NODES = {*COMPOSITOR_OUTPUTS, "CompositorNodeRLayers", "NodeReroute"}
+# What a view layer can do with a collection.
+SWITCHES = ("exclude", "holdout", "indirect_only")
+EEVEE_NODES = ("SHADERTORGB", "EEVEE_SPECULAR")  # which Cycles does not have
+STROKES = {"GREASEPENCIL", "GPENCIL"}  # drawn over Blender's own render, since 4.3 and before
+SHOWN = {"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VOLUME", "LIGHT"}
+
+
+def left_out(scene: bpy.types.Scene) -> list[Notice]:
+    """Return what renders leave out or ignore of the scene."""
+    found = []
+    if bpy.app.autoexec_fail:
+        found.append(Notice("scripts-off", {"reason": bpy.app.autoexec_fail_message.strip()}))
+    render, cycles = scene.render, getattr(scene, "cycles", None)
+    if render.engine != "CYCLES":
+        found.append(Notice("engine-ignored", {"engine": render.engine}))
+    for material in materials(scene):
+        nodes = list(nodes_of(material.node_tree))
+        outputs = [node for node in nodes if node.type == "OUTPUT_MATERIAL"]
+        of_eevee = outputs if {node.target for node in outputs} == {"EEVEE"} else []
+        for node in [*of_eevee, *(node for node in nodes if node.type in EEVEE_NODES)][:1]:
+            found.append(Notice("eevee-nodes", {"material": material.name, "node": node.label or node.name}))
+    if cycles is not None and cycles.pixel_filter_type not in ("BOX", _default(cycles, "pixel_filter_type")):
+        found.append(Notice("filter-ignored", {"filter": cycles.pixel_filter_type.replace("_", "-").lower()}))
+    clamps = {name: getattr(cycles, f"sample_clamp_{name}") for name in ("direct", "indirect")} if cycles else {}
+    if any(value != _default(cycles, f"sample_clamp_{name}") for name, value in clamps.items()):
+        found.append(Notice("clamp-ignored", clamps))
+    if render.use_motion_blur:
+        found.append(Notice("motion-ignored"))
+    if render.use_border:
+        found.append(Notice("border-ignored"))
+    if render.pixel_aspect_x != render.pixel_aspect_y:
+        found.append(Notice("aspect-ignored", {"x": render.pixel_aspect_x, "y": render.pixel_aspect_y}))
+    lines = [item.name for item in scene.objects if item.type in STROKES and not item.hide_render]
+    if names := [*(["Freestyle"] if render.use_freestyle else []), *sorted(lines)]:
+        found.append(Notice("lines-left-out", {"names": names}))
+    if names := sorted(owner.name for owner in (*bpy.data.materials, scene.world)
+                       if owner and owner.users and has_coordinates(owner.node_tree, ("Window",))):
+        found.append(Notice("coordinates-differ", {"names": names}))
+    if scene.world is not None and any(
+            node.type == "BACKGROUND" and not node.inputs["Strength"].is_linked
+            and node.inputs["Strength"].default_value < 0 for node in nodes_of(scene.world.node_tree)):
+        found.append(Notice("world-negative", {"world": scene.world.name}))
+    camera = scene.camera if scene.camera is not None and scene.camera.type == "CAMERA" else None
+    if camera is not None and camera.data.dof.use_dof:
+        found.append(Notice("focus-ignored", {"camera": camera.name}))
+    if camera is not None and is_sheared(camera):
+        found.append(Notice("camera-sheared", {"camera": camera.name}))
+    if camera is not None and (camera.data.shift_x or camera.data.shift_y):
+        found.append(Notice("shift-ignored", {"camera": camera.name, "x": camera.data.shift_x,
+                                              "y": camera.data.shift_y}))
+    layer = rendered_layer(scene)
+    if layer.material_override is not None:
+        found.append(Notice("override-ignored", {"layer": layer.name, "material": layer.material_override.name}))
+    if getattr(layer, "world_override", None) is not None:
+        found.append(Notice("world-override-ignored", {"layer": layer.name, "world": layer.world_override.name}))
+    for switch in SWITCHES:
+        if names := sorted(child.name for child in switched(layer, switch)):
+            found.append(Notice("collections-switched", {"layer": layer.name, "switch": switch, "names": names}))
+    if others := [other.name for other in scene.view_layers if other.use and other != layer]:
+        found.append(Notice("layers-left-out", {"layer": layer.name, "names": others}))
+    # Nodes through which an image passes on its way to the compositor's output.
+    tree, passed = compat.compositor(scene), set[bpy.types.Node]()
+    waiting = [node for node in tree.nodes if node.bl_idname in COMPOSITOR_OUTPUTS] if tree is not None else []
+    while waiting:
+        node = waiting.pop()
+        if node not in passed:
+            passed.add(node)
+            waiting += [link.from_node for socket in node.inputs for link in socket.links]
+    if nodes := sorted(node.label or node.name for node in passed
+                       if node.bl_idname not in PASSIVE_NODES and not node.mute):
+        found.append(Notice("compositor-ignored", {"names": nodes}))
+    editor = scene.sequence_editor if scene.render.use_sequencer else None
+    if editor is not None and any(strip.type != "SOUND" and not strip.mute for strip in editor.strips):
+        found.append(Notice("sequencer-ignored"))
+    return found
+
+
+def _default(owner: bpy.types.bpy_struct, name: str) -> object:
+    return owner.bl_rna.properties[name].default
+
+
+def materials(scene: bpy.types.Scene) -> list[bpy.types.Material]:
+    """Return the materials of objects that are rendered, by name."""
+    slots = (slot.material for item in scene.objects if not item.hide_render for slot in item.material_slots)
+    return sorted(set(filter(None, slots)), key=lambda material: material.name)
+
+
+def nodes_of(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
+    """Yield the nodes of a shader's tree and of the groups in it that are not muted."""
+    for node in tree.nodes if tree is not None else ():
+        if not node.mute:
+            yield node
+            if node.type == "GROUP":
+                yield from nodes_of(node.node_tree)
+
+
+def has_coordinates(tree: bpy.types.NodeTree | None, names: Iterable[str]) -> bool:
+    """Return True if a shader uses texture coordinates of these names."""
+    return any(node.bl_idname == "ShaderNodeTexCoord" and node.outputs[name].is_linked
+               for node in nodes_of(tree) for name in names)
+
+
+def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
+    """Return the first view layer that is used for rendering, the one that is rendered."""
+    return next((layer for layer in scene.view_layers if layer.use), scene.view_layers[0])
+
+
+def switched(layer: bpy.types.ViewLayer, switch: str) -> list[bpy.types.LayerCollection]:
+    """Return the collections of ``layer`` with geometry or lights that have one of SWITCHES on.
+
+    Not the excluded collections of helpers that importers leave behind.
+    """
+    return [child for child in collections(layer.layer_collection) if getattr(child, switch) and any(
+        item.type in SHOWN and not item.hide_render for item in child.collection.all_objects)]

@@ -1,0 +1,413 @@
+"""What Blender's own camera shows and a light field does not is named before the render.
+
+Each feature of a scene is rendered both ways: through the middle view of a tiny display's finished light field, and
+with Blender's own camera and settings. They agree, or a notice names the feature.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon import compat
+from blender_addon.render.frame_folder import render_job
+from blender_addon.scene.notices import left_out
+from blender_addon.scene.open import camera_notices
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.frames.views import read_views
+from lfsr_core.images.png import read_png
+from lfsr_core.reconstruct.second_stage import finish_into
+from tests.support.requests import make_request
+from tests.support.scenes import MINI, add_box, add_camera, compositing, fresh_scene
+
+LENSES, SAMPLES = (32, 24), 48
+TINY = dataclasses.replace(MINI, name="tiny", lenses=LENSES, views=(3, 3), panel_pixels=(96, 72))
+AGREE = 4.0  # of 255, mean absolute difference of two renders of one scene, with their noise
+
+
+def material(color, **inputs):
+    made = bpy.data.materials.new("material")
+    compat.use_nodes(made)
+    shader = made.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Base Color"].default_value = (*color, 1)
+    for name, value in inputs.items():
+        shader.inputs[name].default_value = value
+    return made
+
+
+def shown(scene):
+    """The box in front, of which features change something."""
+    return scene.objects["item"]
+
+
+def nodes(scene):
+    return shown(scene).data.materials[0].node_tree.nodes
+
+
+def connect(scene, kind, output, socket="Base Color", **values):
+    """Lead an output of a new node into the material of the box."""
+    tree = shown(scene).data.materials[0].node_tree
+    node = tree.nodes.new(kind)
+    for name, value in values.items():
+        setattr(node, name, value)
+    tree.links.new(node.outputs[output], tree.nodes["Principled BSDF"].inputs[socket])
+    return node
+
+
+def world_nodes(scene, kind, output, socket="Color"):
+    tree = scene.world.node_tree
+    node = tree.nodes.new(kind)
+    tree.links.new(node.outputs[output], tree.nodes["Background"].inputs[socket])
+    return node
+
+
+@pytest.fixture
+def base():
+    scene = fresh_scene()
+    add_box(scene, (0, 0, -1.1), (6, 6, 0.1), material((0.5, 0.5, 0.5)))
+    add_box(scene, (1.2, 2, -0.4), (0.4, 0.4, 0.6), material((0.2, 0.3, 0.8))).name = "behind"
+    add_box(scene, (-0.5, 0, -0.4), (0.6, 0.6, 0.6), material((0.8, 0.3, 0.2)))
+    scene.objects["item"].name, scene.objects["item.001"].name = "floor", "item"
+    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+    sun.data.energy, sun.rotation_euler, sun.visible_camera = 3, (0.6, 0.3, 0), False
+    scene.collection.objects.link(sun)
+    scene.world = bpy.data.worlds.new("world")
+    compat.use_nodes(scene.world)
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.3, 0.4, 0.6, 1)
+    add_camera(scene, (0, -6, 0.4), 0.7)
+    scene.render.resolution_x, scene.render.resolution_y = LENSES
+    scene.render.image_settings.file_format, scene.render.film_transparent = "PNG", False
+    cycles = scene.cycles
+    cycles.samples, cycles.use_denoising, cycles.use_adaptive_sampling, cycles.device = SAMPLES, False, False, "CPU"
+    return scene
+
+
+def middle_view(scene, folder):
+    request = make_request(str(folder / "frame"), TINY, scale=3, samples=SAMPLES, view_aperture=0)
+    render_job(scene, request)
+    finish_into(folder / "frame", folder / "frame", "bilinear")
+    return read_views(folder / "frame")[1, 1].astype(float)
+
+
+def own_view(scene, folder):
+    scene.render.filepath = str(folder / "own.png")
+    bpy.ops.render.render(write_still=True)
+    image = read_png(folder / "own.png").astype(float)
+    image = image[..., :3] * image[..., 3:] / 255 if image.shape[2] == 4 else image
+    if image.shape[:2] == LENSES[::-1]:
+        return image
+    rows, columns = (np.arange(size) * image.shape[axis] // size for axis, size in enumerate(LENSES[::-1]))
+    return image[rows][:, columns]
+
+
+def difference(scene, folder):
+    seen = middle_view(scene, folder)
+    return np.abs(seen - own_view(scene, folder)).mean()
+
+
+def lamp(kind, **values):
+    def use(scene):
+        made = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", kind))
+        made.location, made.data.energy = (-1, -2, 2), 300
+        for name, value in values.items():
+            setattr(made.data, name, value)
+        made.rotation_euler = (0.6, 0, 0)
+        scene.collection.objects.link(made)
+        return made
+    return use
+
+
+def put(path, value):
+    """Set a property of the scene."""
+    def use(scene):
+        owner, _, name = path.rpartition(".")
+        setattr(scene.path_resolve(owner) if owner else scene, name, value)
+    return use
+
+
+def camera(**values):
+    def use(scene):
+        for name, value in values.items():
+            owner = scene.camera.data
+            *owners, name = name.split("__")
+            for each in owners:
+                owner = getattr(owner, each)
+            setattr(owner, name, value)
+    return use
+
+
+def moving(scene):
+    item = shown(scene)
+    for frame, place in ((0, -1), (2, 1)):
+        item.location.x = place
+        item.keyframe_insert("location", frame=frame)
+    scene.frame_set(1)
+
+
+def motion_blur(scene):
+    moving(scene)
+    scene.render.use_motion_blur = True
+
+
+def sheared(scene):
+    parent = bpy.data.objects.new("parent", None)
+    parent.scale = (1, 1, 2.5)
+    scene.collection.objects.link(parent)
+    scene.camera.parent = parent
+    scene.camera.rotation_euler.x -= 0.3
+    scene.camera.rotation_euler.z += 0.3
+
+
+def mirrored(scene):
+    scene.camera.scale.x = -1
+
+
+def scaled(scene):
+    scene.camera.scale = (2, 2, 2)
+
+
+def border(scene):
+    scene.render.use_border, scene.render.border_max_x = True, 0.5
+
+
+def crop(scene):
+    border(scene)
+    scene.render.use_crop_to_border = True
+
+
+def aspect(scene):
+    scene.render.pixel_aspect_x = 2
+
+
+def coordinates(output):
+    def use(scene):
+        connect(scene, "ShaderNodeTexCoord", output)
+    return use
+
+
+def world_coordinates(output):
+    def use(scene):
+        light = world_nodes(scene, "ShaderNodeVectorMath", "Vector")
+        light.operation = "ABSOLUTE"
+        tree = scene.world.node_tree
+        tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs[output], light.inputs[0])
+    return use
+
+
+def bright_lamp_behind_glass(scene):
+    lamp("POINT", energy=3e4, shadow_soft_size=0.1)(scene)
+
+
+def clamp(scene):
+    bright_lamp_behind_glass(scene)
+    scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0.2
+
+
+def negative_world(scene):
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = -1
+
+
+def hidden_world(scene):
+    scene.render.film_transparent = True
+
+
+def world_volume(scene):
+    tree = scene.world.node_tree
+    volume = tree.nodes.new("ShaderNodeVolumeScatter")
+    volume.inputs["Density"].default_value = 0.05
+    tree.links.new(volume.outputs[0], tree.nodes["World Output"].inputs["Volume"])
+
+
+def object_volume(scene):
+    tree = shown(scene).data.materials[0].node_tree
+    volume = tree.nodes.new("ShaderNodeVolumePrincipled")
+    tree.links.new(volume.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+    tree.links.remove(tree.nodes["Material Output"].inputs["Surface"].links[0])
+
+
+def sky(scene):
+    world_nodes(scene, "ShaderNodeTexSky", "Color")
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.2
+
+
+def principled(**inputs):
+    def use(scene):
+        shader = nodes(scene)["Principled BSDF"]
+        for name, value in inputs.items():
+            shader.inputs[name.replace("_", " ")].default_value = value
+    return use
+
+
+def catcher(scene):
+    scene.objects["floor"].is_shadow_catcher, scene.render.film_transparent = True, True
+
+
+def holdout(scene):
+    shown(scene).is_holdout = True
+
+
+def unseen(scene):
+    shown(scene).visible_camera = False
+
+
+def instances(scene):
+    copies = bpy.data.objects.new("copies", None)
+    inner = bpy.data.collections.new("inner")
+    inner.objects.link(shown(scene))
+    scene.collection.objects.unlink(shown(scene)) if shown(scene).name in scene.collection.objects else None
+    copies.instance_type, copies.instance_collection, copies.location.x = "COLLECTION", inner, 0.4
+    scene.collection.objects.link(copies)
+
+
+def smooth(scene):
+    modifier = shown(scene).modifiers.new("smooth", "SUBSURF")
+    modifier.levels, modifier.render_levels = 0, 3
+
+
+def simplify(scene):
+    smooth(scene)
+    scene.render.use_simplify, scene.render.simplify_subdivision_render = True, 0
+
+
+def displaced(scene):
+    smooth(scene)
+    connect(scene, "ShaderNodeTexNoise", 0, "Roughness")
+    tree = shown(scene).data.materials[0].node_tree
+    bump = tree.nodes.new("ShaderNodeDisplacement")
+    tree.links.new(tree.nodes["Noise Texture"].outputs[0], bump.inputs["Height"])
+    tree.links.new(bump.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
+    shown(scene).data.materials[0].displacement_method = "BOTH"
+
+
+def grease_pencil(scene):
+    bpy.ops.object.grease_pencil_add(type="MONKEY", location=(0.8, -1, 0), rotation=(math.pi / 2, 0, 0))
+
+
+def hair(scene):
+    item = shown(scene)
+    made = item.modifiers.new("hair", "PARTICLE_SYSTEM").particle_system.settings
+    made.type, made.count, made.hair_length = "HAIR", 300, 0.5
+
+
+def text(scene):
+    made = bpy.data.objects.new("text", bpy.data.curves.new("text", "FONT"))
+    made.data.body, made.location, made.rotation_euler = "ABC", (-0.5, -1, 0.4), (math.pi / 2, 0, 0)
+    scene.collection.objects.link(made)
+
+
+def linked_light(scene):
+    made = lamp("POINT")(scene)
+    made.light_linking.receiver_collection = bpy.data.collections.new("lit")
+    made.light_linking.receiver_collection.objects.link(scene.objects["floor"])
+
+
+def world_override(scene):
+    scene.view_layers[0].world_override = bpy.data.worlds.new("other")
+
+
+def layer_samples(scene):
+    scene.view_layers[0].samples = 1
+
+
+def override(scene):
+    scene.view_layers[0].material_override = material((0, 1, 0))
+
+
+def excluded(scene):
+    inner = bpy.data.collections.new("inner")
+    scene.collection.children.link(inner)
+    inner.objects.link(shown(scene))
+    scene.collection.objects.unlink(shown(scene))
+    scene.view_layers[0].layer_collection.children["inner"].exclude = True
+
+
+def second_layer(scene):
+    scene.view_layers.new("second")
+
+
+def compositor(scene):
+    node, = compositing(scene, "CompositorNodeExposure")
+    next(each for each in node.inputs if each.name == "Exposure").default_value = 2
+
+
+def strips(scene):
+    scene.sequence_editor_create().strips.new_effect("x", "COLOR", 1, frame_start=1, length=10)
+
+
+def light_path(scene):
+    connect(scene, "ShaderNodeLightPath", "Ray Depth")
+
+
+def camera_data(scene):
+    connect(scene, "ShaderNodeCameraData", "View Distance")
+
+
+def world_visibility(scene):
+    scene.world.cycles_visibility.camera = False
+
+
+def freestyle(scene):
+    scene.render.use_freestyle = True
+
+
+def marker(scene):
+    other = scene.camera.copy()
+    other.location.x = 2
+    scene.collection.objects.link(other)
+    scene.timeline_markers.new("cut", frame=1).camera = other
+    scene.frame_set(1)
+
+
+FEATURES = {
+    "nothing": lambda scene: None,
+    # Light
+    **{kind.lower(): lamp(kind) for kind in ("POINT", "SPOT", "AREA")}, "light linking": linked_light,
+    "sky": sky, "world strength": lambda scene: scene.world.node_tree.nodes["Background"].inputs[
+        "Strength"].__setattr__("default_value", 3), "negative world": negative_world, "hidden world": hidden_world,
+    "world volume": world_volume, "world invisible": world_visibility,
+    **{f"world {output}": world_coordinates(output) for output in (
+        "Generated", "Normal", "Camera", "Window", "Reflection", "Object", "UV")},
+    # Materials
+    "glass": principled(Transmission_Weight=1.0, Roughness=0.0), "transparent": principled(Alpha=0.4),
+    "metal": principled(Metallic=1.0, Roughness=0.1), "subsurface": principled(Subsurface_Weight=1.0),
+    "emission": principled(Emission_Color=(1, 1, 0, 1), Emission_Strength=2.0),
+    **{f"material {output}": coordinates(output) for output in (
+        "Generated", "Normal", "Camera", "Window", "Reflection", "Object", "UV")},
+    "camera data": camera_data, "light path": light_path, "displacement": displaced,
+    # Objects
+    "volume": object_volume, "shadow catcher": catcher, "holdout": holdout, "unseen": unseen, "instances": instances,
+    "subdivision": smooth, "simplify": simplify, "hair": hair, "text": text, "grease pencil": grease_pencil,
+    # The camera
+    "depth of field": camera(dof__use_dof=True, dof__aperture_fstop=0.02, dof__focus_distance=3.0),
+    "shift": camera(shift_x=0.2), "vertical fit": camera(sensor_fit="VERTICAL"), "clip": camera(clip_end=6.5),
+    "clip start": camera(clip_start=5.8), "orthographic": camera(type="ORTHO"), "panorama": camera(type="PANO"),
+    "sheared camera": sheared, "mirrored camera": mirrored, "scaled camera": scaled, "marker": marker,
+    # Render settings
+    "motion": moving, "motion blur": motion_blur, "border": border, "crop": crop, "aspect": aspect,
+    "percentage": put("render.resolution_percentage", 50),
+    "filter": put("cycles.pixel_filter_type", "GAUSSIAN"), "filter width": put("cycles.filter_width", 8.0),
+    "clamp": clamp, "bright": bright_lamp_behind_glass, "bounces": put("cycles.max_bounces", 0),
+    "film exposure": put("cycles.film_exposure", 3.0), "less exposure": put("cycles.film_exposure", 0.3),
+    "exposure": put("view_settings.exposure", 1.0),
+    "gamma": put("view_settings.gamma", 2.0), "view": put("view_settings.view_transform", "Standard"),
+    "fast light": put("cycles.use_fast_gi", True), "camera cull": put("cycles.use_camera_cull", True),
+    "workbench": put("render.engine", "BLENDER_WORKBENCH"), "freestyle": freestyle,
+    "layer override": override, "world override": world_override, "layer samples": layer_samples,
+    "excluded": excluded, "second layer": second_layer, "compositor": compositor, "strips": strips,
+}
+
+
+@pytest.mark.parametrize("name", FEATURES)
+def test_a_feature_agrees_or_is_named(base, tmp_path, name):
+    FEATURES[name](base)
+    base.view_layers[0].update()
+    named = [notice.code for notice in (*left_out(base), *camera_notices(base, None, False))]
+    assert name != "nothing" or not named
+    try:
+        assert named or difference(base, tmp_path) < AGREE
+    except LfsrError as error:
+        assert "camera" in str(error)  # refused
