@@ -60,7 +60,10 @@ def main(argv: Sequence[str] | None = None) -> int:
                 signal.signal(getattr(signal, name), _interrupt)
         with system_errors():
             _check_output()
-            _check_paths(arguments)
+            for value in vars(arguments).values():
+                for path in value if isinstance(value, list) else [value]:
+                    if isinstance(path, Path):
+                        check_name(path)
             with contextlib.ExitStack() as stack:
                 if getattr(arguments, "quiet", False):
                     stack.enter_context(be_quiet())
@@ -78,8 +81,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         if is_json and output:
             with contextlib.suppress(OSError):
                 print(json.dumps({"error": text}), file=output)
-        _tell_farm(f"{name} {text}")
-        _drop_output()
+        if is_openjd():
+            with contextlib.suppress(OSError):
+                tell_openjd(fail=f"{name} {text}")
+        try:
+            if sys.stdout:
+                sys.stdout.flush()
+        except OSError:  # dropped, or Python tries again when it ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
         print(f"\nlfsr {arguments.verb}: interrupted; no file is left half-written", file=sys.stderr)
@@ -141,30 +150,6 @@ def _check_output() -> None:
         poll.register(output, 0)
         if any(event & select.POLLERR for _, event in poll.poll(0)):
             raise LfsrError("the reader of standard output has ended: send it to a file or a terminal")
-
-
-def _tell_farm(sentence: str) -> None:
-    """Tell a render farm why its task failed."""
-    if is_openjd():
-        with contextlib.suppress(OSError):
-            tell_openjd(fail=sentence)
-
-
-def _drop_output() -> None:
-    """Discard what cannot be printed, or Python tries again when it ends."""
-    try:
-        if sys.stdout:
-            sys.stdout.flush()
-    except OSError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _check_paths(arguments: argparse.Namespace) -> None:
-    """LfsrError for an impossible path, before any work is done."""
-    for value in vars(arguments).values():
-        for path in value if isinstance(value, list) else [value]:
-            if isinstance(path, Path):
-                check_name(path)
 
 
 def _interrupt(_signal: int, _stack: object) -> None:

@@ -18,7 +18,7 @@ from lfsr_core.commands.reference import table
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import SUBPIXELS
-from lfsr_core.frames.request import LAYERS, Request, Sampling, parse_frames, spread
+from lfsr_core.frames.request import LAYERS, Sampling, parse_frames, spread
 from lfsr_core.optics.depth_scale import USUAL_SAMPLES, USUAL_SCALE, samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lenses import check_count, rows_text
@@ -62,14 +62,50 @@ def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _render(arguments: argparse.Namespace) -> Any:
     """Make one image or an animation, and print what was made."""
-    _check_together(arguments)
-    frames = None if arguments.frames is None else parse_frames(arguments.frames)
-    request = _request(arguments)
-    finish = common.finish_of(arguments, request.layout == SUBPIXELS, request.sampling.scale)
-    if finish.temporal_averaging and frames is None:
-        request = dataclasses.replace(request, seed=finish.seed_of(request.seed, arguments.frame))
     from lfsr_core.metrics.compare import compare_with_reference
     from lfsr_core.pipeline.make import FAILED, make
+    from lfsr_core.reconstruct.methods import MethodName
+
+    # Options that exclude each other, or that need --frames.
+    others = {"--frame": arguments.frame, "--rows": arguments.rows}
+    alone = {"--overwrite": arguments.overwrite or None, "--cluster": arguments.cluster,
+             "--temporal-averaging": arguments.temporal_averaging if arguments.frame is None else None}
+    for name, value in (alone if arguments.frames is None else others).items():
+        if value is not None:
+            raise LfsrError(f"{name} was given without --frames: give the frames, as in --frames 1-48"
+                            if arguments.frames is None else
+                            f"--frames {arguments.frames} and {name} were both given: leave out one of them")
+    if arguments.check is not None:
+        for name, value in {"--frames": arguments.frames, "--rows": arguments.rows}.items():
+            if value is not None:
+                raise LfsrError(f"--check {arguments.check} and {name} {value} were both given: leave out one of them")
+        if arguments.layout == SUBPIXELS:
+            raise LfsrError(f"--check needs a light field, but the layout {SUBPIXELS} renders none: choose another "
+                            "layout")
+        check_count(arguments.check, math.prod(load_display(arguments.display).lenses))
+    if arguments.rays is not None and arguments.spp is not None:
+        raise LfsrError(f"--rays {arguments.rays:g} and --spp {arguments.spp} were both given: leave out one of them")
+
+    # Scale and samples, or scales and rays from which both follow.
+    frames = None if arguments.frames is None else parse_frames(arguments.frames)
+    display, subpixels = load_display(arguments.display), arguments.layout == SUBPIXELS
+    if arguments.scale != AUTO_SCALE:
+        scales: tuple[int, ...] = (int(arguments.scale),)
+    elif subpixels:
+        scales = (1,)
+    else:
+        scales = MethodName.parse(common.method_of(arguments.method, subpixels)).scales_of(scales_up_to(display))
+    usual = USUAL_SAMPLES if subpixels else usual_rays(display)
+    rays = None if arguments.spp is not None else usual if arguments.rays is None else arguments.rays
+    samples = arguments.spp if rays is None else samples_at(display, scales[0], rays)
+    deciding = spread(parse_frames(arguments.scale_frames)) if arguments.scale_frames else ()
+    sampling = (Sampling(scales[0], samples) if len(scales) == 1 else
+                Sampling(scales[0], samples, scales, rays, deciding))
+    output = arguments.output if arguments.frames is None else os.path.abspath(arguments.output)
+    request = common.make_request(arguments, output=output, layers=arguments.layers, sampling=sampling)
+    finish = common.finish_of(arguments, subpixels, request.sampling.scale)
+    if finish.temporal_averaging and frames is None:
+        request = dataclasses.replace(request, seed=finish.seed_of(request.seed, arguments.frame))
 
     started = time.monotonic()
     with progress() as bar:
@@ -111,48 +147,6 @@ def _render(arguments: argparse.Namespace) -> Any:
         raise LfsrError(f"{sentence(unseen[0][0])}. Turn the camera, choose another --camera or --subject, or keep the "
                         f"image in {arguments.output} with --allow-empty")
     return {"made": made, "report": FrameFolder(request.output).report if frames is None else None}
-
-
-def _request(arguments: argparse.Namespace) -> Request:
-    """Scale and samples, or scales and rays from which both follow, with the rest of the arguments."""
-    from lfsr_core.reconstruct.methods import MethodName
-
-    display, subpixels = load_display(arguments.display), arguments.layout == SUBPIXELS
-    if arguments.scale != AUTO_SCALE:
-        scales: tuple[int, ...] = (int(arguments.scale),)
-    elif subpixels:
-        scales = (1,)
-    else:
-        scales = MethodName.parse(common.method_of(arguments.method, subpixels)).scales_of(scales_up_to(display))
-    usual = USUAL_SAMPLES if subpixels else usual_rays(display)
-    rays = None if arguments.spp is not None else usual if arguments.rays is None else arguments.rays
-    samples = arguments.spp if rays is None else samples_at(display, scales[0], rays)
-    frames = spread(parse_frames(arguments.scale_frames)) if arguments.scale_frames else ()
-    sampling = Sampling(scales[0], samples) if len(scales) == 1 else Sampling(scales[0], samples, scales, rays, frames)
-    output = arguments.output if arguments.frames is None else os.path.abspath(arguments.output)
-    return common.make_request(arguments, output=output, layers=arguments.layers, sampling=sampling)
-
-
-def _check_together(arguments: argparse.Namespace) -> None:
-    """LfsrError for options that exclude each other, or that need --frames."""
-    others = {"--frame": arguments.frame, "--rows": arguments.rows}
-    alone = {"--overwrite": arguments.overwrite or None, "--cluster": arguments.cluster,
-             "--temporal-averaging": arguments.temporal_averaging if arguments.frame is None else None}
-    for name, value in (alone if arguments.frames is None else others).items():
-        if value is not None:
-            raise LfsrError(f"{name} was given without --frames: give the frames, as in --frames 1-48"
-                            if arguments.frames is None else
-                            f"--frames {arguments.frames} and {name} were both given: leave out one of them")
-    if arguments.check is not None:
-        for name, value in {"--frames": arguments.frames, "--rows": arguments.rows}.items():
-            if value is not None:
-                raise LfsrError(f"--check {arguments.check} and {name} {value} were both given: leave out one of them")
-        if arguments.layout == SUBPIXELS:
-            raise LfsrError(f"--check needs a light field, but the layout {SUBPIXELS} renders none: choose another "
-                            "layout")
-        check_count(arguments.check, math.prod(load_display(arguments.display).lenses))
-    if arguments.rays is not None and arguments.spp is not None:
-        raise LfsrError(f"--rays {arguments.rays:g} and --spp {arguments.spp} were both given: leave out one of them")
 
 
 def _scale(text: str) -> int | str:

@@ -144,11 +144,26 @@ def _frame(display: DisplayProfile, scale: int, name: str) -> Frame:
 
 
 def _views(taken: Source, geometry: ImportGeometry, angle_deg: float | None) -> Array:
-    """Views (rows, columns, height, width, 3) uint8 in their order, made for the display if one was chosen."""
+    """Views (rows, columns, height, width, 3) uint8 in their order, made for the display if one was chosen.
+
+    ``angle_deg``: over which the cameras are spread horizontally; beyond it the outermost view repeats. None: the
+    display's own angle.
+    """
     views = taken.views[::-1 if "y" in geometry.mirror else 1, ::-1 if "x" in geometry.mirror else 1]
-    if geometry.display is None:
+    display = geometry.display
+    if display is None:
         return views
-    return retargeted(dataclasses.replace(taken, views=views), geometry.display, angle_deg, geometry.fill)
+    wider = taken.aspect / (display.panel_mm[0] / display.panel_mm[1])
+    across = max(1.0, wider) if geometry.fill else min(1.0, wider)
+    covers = (across, across / wider)
+    shown = np.stack([[resized(view, display.lenses, covers) for view in row] for row in views])
+    angle, (down, count) = math.radians(angle_deg or display.viewing_angle_deg), taken.views.shape[:2]
+    right, up = ((np.arange(n) + 0.5 - n / 2) * display.camera_spacing_mm / display.viewing_distance_mm
+                 for n in display.views)  # tangents of the display's cameras
+    span = 2 * math.tan(angle / 2)
+    columns = ((np.arctan(right) / angle if taken.equal_angles else right / span) + 0.5) * count - 0.5
+    rows = up / span * count + (down - 1) / 2  # as far apart as columns
+    return np.stack([np.stack([view_between(shown, column, row) for column in columns]) for row in rows])
 
 
 def _write(output: Path, frame: Frame, views: Array) -> None:
@@ -199,30 +214,6 @@ def _display(size: Pair, count: Pair, scale: int, given: ImportGeometry, known: 
     return DisplayProfile(
         NAME, (width * views[0], height * views[1]), panel_mm, (width, height), views, chosen["distance_mm"],
         chosen["angle_deg"], description=f"{across}×{down} views of another program or camera")
-
-
-def retargeted(source: Source, display: DisplayProfile, angle_deg: float | None = None, fill: bool = False) -> Array:
-    """Views (py, px, sy, sx, 3) uint8 for ``display``.
-
-    Parameters
-    ----------
-    source : the views
-    display : that they are shown on
-    angle_deg : over which the cameras of ``source`` are spread horizontally; beyond it the outermost view repeats.
-        None: the display's own angle
-    fill : whether the picture fills the display and is cut; else all of it is seen, between black bars
-    """
-    wider = source.aspect / (display.panel_mm[0] / display.panel_mm[1])
-    across = max(1.0, wider) if fill else min(1.0, wider)
-    covers = (across, across / wider)
-    views = np.stack([[resized(view, display.lenses, covers) for view in row] for row in source.views])
-    angle, (down, count) = math.radians(angle_deg or display.viewing_angle_deg), source.views.shape[:2]
-    right, up = ((np.arange(n) + 0.5 - n / 2) * display.camera_spacing_mm / display.viewing_distance_mm
-                 for n in display.views)  # tangents of the display's cameras
-    span = 2 * math.tan(angle / 2)
-    columns = ((np.arctan(right) / angle if source.equal_angles else right / span) + 0.5) * count - 0.5
-    rows = up / span * count + (down - 1) / 2  # as far apart as columns
-    return np.stack([np.stack([view_between(views, column, row) for column in columns]) for row in rows])
 
 
 def _hci_parameters(path: Path) -> tuple[int | None, tuple[float, ...]]:

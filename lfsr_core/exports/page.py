@@ -93,7 +93,23 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
         if sum(map(len, images)) > MOST_PAGE_BYTES:
             raise LfsrError(f"the page would be over {MOST_PAGE_BYTES / 1e6:.0f} MB after {number + 1} of "
                             f"{len(frames)} frames: give fewer frames or a lower quality")
-    text = _page(profile, labels, still(next(iter(frames)), profile), images)
+    url = f"data:image/webp;base64,{base64.b64encode(still(next(iter(frames)), profile)).decode()}"
+    data = json.dumps({  # lengths in millimetres, pairs as (across, down)
+        "name": profile.title or profile.name, "lenses": profile.lenses, "views": profile.views,
+        "panel_mm": profile.panel_mm,
+        "distance_mm": profile.viewing_distance_mm, "gap_mm": gap_mm(profile),
+        "spacing_mm": profile.camera_spacing_mm,  # between view positions at the viewing distance
+        "angle_deg": profile.viewing_angle_deg, "flipped": profile.ei_order == "flipped",
+        "labels": labels}).replace("<", "\\u003c")
+    tags = "\n".join(f'<script type="application/octet-stream" class="eia">{image}</script>' for image in images)
+    style, shader, script, controls, text = ((PARTS / name).read_text(encoding="utf-8") for name in (
+        "viewer.css", "viewer.glsl", "viewer.js", "controls.js", "viewer.html"))
+    parts = {"/*STYLE*/": style, "/*SHADER*/": shader, "/*SCRIPT*/": script + controls,
+             "TITLE": html.escape(profile.title or profile.name),
+             "ASPECT": f"{profile.panel_mm[0]:g}/{profile.panel_mm[1]:g}",
+             "STILL": url, "DATA": data, "<!--IMAGES-->": tags}
+    # All at once, so that nothing inserted is taken for a mark.
+    text = re.sub("|".join(map(re.escape, parts)), lambda found: parts[found[0]], text)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     tell(Progress("view", 1.0, path.name))
@@ -150,24 +166,3 @@ def encode_webp(pixels: Array, quality: int) -> bytes:
             raise LfsrError(f"the EIA cannot be written as WebP ({reason.strip()[:100]}): free some space for "
                             "temporary files")
     return encoded
-
-
-def _page(profile: DisplayProfile, labels: list[str], first: bytes, images: list[str]) -> str:
-    """Text of the page: the files of ``viewer/``, with the data in place of their marks."""
-    url = f"data:image/webp;base64,{base64.b64encode(first).decode()}"
-    data = json.dumps({  # lengths in millimetres, pairs as (across, down)
-        "name": profile.title or profile.name, "lenses": profile.lenses, "views": profile.views,
-        "panel_mm": profile.panel_mm,
-        "distance_mm": profile.viewing_distance_mm, "gap_mm": gap_mm(profile),
-        "spacing_mm": profile.camera_spacing_mm,  # between view positions at the viewing distance
-        "angle_deg": profile.viewing_angle_deg, "flipped": profile.ei_order == "flipped",
-        "labels": labels}).replace("<", "\\u003c")
-    tags = "\n".join(f'<script type="application/octet-stream" class="eia">{image}</script>' for image in images)
-    style, shader, script, controls, text = ((PARTS / name).read_text(encoding="utf-8") for name in (
-        "viewer.css", "viewer.glsl", "viewer.js", "controls.js", "viewer.html"))
-    parts = {"/*STYLE*/": style, "/*SHADER*/": shader, "/*SCRIPT*/": script + controls,
-             "TITLE": html.escape(profile.title or profile.name),
-             "ASPECT": f"{profile.panel_mm[0]:g}/{profile.panel_mm[1]:g}", "STILL": url, "DATA": data,
-             "<!--IMAGES-->": tags}
-    # All at once, so that nothing inserted is taken for a mark.
-    return re.sub("|".join(map(re.escape, parts)), lambda found: parts[found[0]], text)

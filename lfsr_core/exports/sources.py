@@ -6,7 +6,7 @@ import dataclasses
 import itertools
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +75,7 @@ def find_views(folder: Path, columns: int | None = None) -> ViewFiles:
     if not folder.is_dir():
         raise LfsrError(f"{folder} is no folder, expected one of views: check the path")
     names = sorted(path.name for path in folder.iterdir())
-    places = _hci(names, columns) or _stanford(names) or _numbered(names)
+    places = _places(names, columns)
     if not places:
         raise LfsrError(f"{folder} has no views with known names, such as input_Cam000.png (HCI), "
                         "out_00_00_-1.5_2.5_.png (Stanford), 000_000.ppm (JPEG Pleno) or view_000_000.png (a title, "
@@ -111,50 +111,38 @@ def read_views(files: ViewFiles, tell: Tell = silent) -> Array:
     return views
 
 
-def _hci(names: list[str], columns: int | None) -> dict[Place, str]:
-    found = [(int(match[1]), name) for match, name in _matching(r"input_cam(\d+)", names)]
-    columns = columns or math.ceil(math.sqrt(max(found, default=(0,))[0] + 1))
-    return _placed((divmod(number, columns), name) for number, name in found)
+def _places(names: list[str], columns: int | None) -> dict[Place, str]:
+    """Names of views by their places, by the first convention that any name follows.
 
+    LfsrError where two have the same place.
+    """
+    def matching(pattern: str) -> list[tuple[re.Match[str], str]]:
+        whole = re.compile(pattern + ENDING, re.IGNORECASE)
+        return [(match, name) for name in names if (match := whole.fullmatch(name))]
 
-def _stanford(names: list[str]) -> dict[Place, str]:
-    """Files by row and column, reversed where the coordinates in the names fall as these rise."""
-    found = _matching(r".*?_?(\d+)_(\d+)_(-?\d+(?:\.\d+)?)_(-?\d+(?:\.\d+)?)_?", names)
-    if not found:
-        return {}
-    rows, columns, y, x = np.array([[float(match[group]) for group in (1, 2, 3, 4)] for match, _ in found]).T
-    places = zip(_directed(rows, y), _directed(columns, x), strict=True)
-    return _placed(zip(places, (name for _, name in found), strict=True))
-
-
-def _placed(found: Iterable[tuple[Place, str]]) -> dict[Place, str]:
-    """Names by their places; LfsrError where two have the same."""
+    found: list[tuple[Place, str]] = []
+    pair = rf"(\d+){SEPARATOR}(\d+)"
+    if hci := matching(r"input_cam(\d+)"):
+        numbers = [int(match[1]) for match, _ in hci]
+        columns = columns or math.ceil(math.sqrt(max(numbers) + 1))
+        found = [(divmod(number, columns), name) for number, (_, name) in zip(numbers, hci, strict=True)]
+    elif stanford := matching(r".*?_?(\d+)_(\d+)_(-?\d+(?:\.\d+)?)_(-?\d+(?:\.\d+)?)_?"):
+        axes = np.array([[float(match[group]) for group in (1, 2, 3, 4)] for match, _ in stanford]).T
+        for counted, coordinates in ((axes[0], axes[2]), (axes[1], axes[3])):
+            # From 0, reversed where the coordinates in the names fall as these rise.
+            falls = np.dot(counted - counted.mean(), coordinates - coordinates.mean()) < 0
+            counted[:] = counted.max() - counted if falls else counted - counted.min()
+        found = [((int(row), int(column)), name) for row, column, (_, name) in zip(*axes[:2], stanford, strict=True)]
+    elif pleno := matching(pair):  # by column and row
+        found = [((int(match[2]), int(match[1])), name) for match, name in pleno]
+    else:  # by a title, row and column, as our exports are
+        found = [((int(match[1]), int(match[2])), name) for match, name in matching(rf".*\D{pair}")]
     places: dict[Place, str] = {}
     for place, name in found:
         if place in places:
             raise LfsrError(f"{places[place]} and {name} belong to the same camera: remove one")
         places[place] = name
     return places
-
-
-def _directed(numbers: Array, coordinates: Array) -> list[int]:
-    """Row or column numbers from 0, reversed where coordinates fall as they rise."""
-    falls = np.dot(numbers - numbers.mean(), coordinates - coordinates.mean()) < 0
-    return [int(number) for number in (numbers.max() - numbers if falls else numbers - numbers.min())]
-
-
-def _numbered(names: list[str]) -> dict[Place, str]:
-    """Files named by column and row, as in JPEG Pleno, or by a title, row and column, as our exports are."""
-    pair = rf"(\d+){SEPARATOR}(\d+)"
-    pleno, titled = _matching(pair, names), _matching(rf".*\D{pair}", names)
-    return _placed([((int(match[2]), int(match[1])), name) for match, name in pleno]
-                   or [((int(match[1]), int(match[2])), name) for match, name in titled])
-
-
-def _matching(pattern: str, names: list[str]) -> list[tuple[re.Match[str], str]]:
-    """Names of images that match a pattern and an ending, in small or capital letters."""
-    whole = re.compile(pattern + ENDING, re.IGNORECASE)
-    return [(match, name) for name in names if (match := whole.fullmatch(name))]
 
 
 def image_size(path: Path) -> tuple[int, int]:

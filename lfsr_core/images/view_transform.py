@@ -64,7 +64,25 @@ class ViewTransform:
         else:
             try:
                 config = ocio.Config.CreateFromFile(str(path))
-                processor = config.getProcessor(_display_chain(config, settings))
+                display, view = settings.display_device, settings.view_transform
+                _check_known("display device", display, config.getDisplays())
+                _check_known("view transform", view, config.getViews(display))
+                chain, space, factor = ocio.GroupTransform(), ocio.ROLE_SCENE_LINEAR, 2.0**settings.exposure
+                chain.appendTransform(ocio.MatrixTransform(np.diag([factor, factor, factor, 1.0]).ravel().tolist()))
+                if settings.look not in NO_LOOK:
+                    look, known = settings.look, list(config.getLookNames())
+                    with_view = f"{view} - {look}"  # Blender's interface omits the view's name
+                    if with_view in known and look not in known:
+                        look = with_view
+                    _check_known("look", look, known)
+                    behind_look = config.getLook(look).getProcessSpace()
+                    chain.appendTransform(ocio.LookTransform(src=space, dst=behind_look, looks=look))
+                    space = behind_look
+                chain.appendTransform(ocio.DisplayViewTransform(src=space, display=display, view=view,
+                                                                looksBypass=True))
+                if settings.gamma != 1:
+                    chain.appendTransform(ocio.ExponentTransform([1 / max(settings.gamma, MIN_GAMMA)] * 3 + [1.0]))
+                processor = config.getProcessor(chain)
             except ocio.Exception as error:
                 raise LfsrError(f"{path} cannot be used as a colour configuration ({str(error)[:100]}): "
                                 "set OCIO to another") from None
@@ -133,28 +151,6 @@ def find_config(settings: ColorSettings) -> Path:
             return path
     raise LfsrError(f"Blender's colour configuration is not at {settings.config or 'a known place'}: install the "
                     f"package bpy, or set OCIO to the {CONFIG_IN_BLENDER} inside Blender's folder")
-
-
-def _display_chain(config: ocio.Config, settings: ColorSettings) -> ocio.GroupTransform:
-    display, view = settings.display_device, settings.view_transform
-    _check_known("display device", display, config.getDisplays())
-    _check_known("view transform", view, config.getViews(display))
-    chain, space = ocio.GroupTransform(), ocio.ROLE_SCENE_LINEAR
-    factor = 2.0**settings.exposure
-    chain.appendTransform(ocio.MatrixTransform(np.diag([factor, factor, factor, 1.0]).ravel().tolist()))
-    if settings.look not in NO_LOOK:
-        look, known = settings.look, list(config.getLookNames())
-        with_view = f"{view} - {look}"  # Blender's interface omits the view's name
-        if with_view in known and look not in known:
-            look = with_view
-        _check_known("look", look, known)
-        behind_look = config.getLook(look).getProcessSpace()
-        chain.appendTransform(ocio.LookTransform(src=space, dst=behind_look, looks=look))
-        space = behind_look
-    chain.appendTransform(ocio.DisplayViewTransform(src=space, display=display, view=view, looksBypass=True))
-    if settings.gamma != 1:
-        chain.appendTransform(ocio.ExponentTransform([1 / max(settings.gamma, MIN_GAMMA)] * 3 + [1.0]))
-    return chain
 
 
 def _check_known(what: str, name: str, known: Iterable[str]) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
-from lfsr_core.metrics.intervals import stratum
+from lfsr_core.metrics.eia_metrics import stratum
 from lfsr_core.optics.depth_scale import MODEL
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.plan.options import Candidate, PlanOptions

@@ -5,7 +5,7 @@ import pytest
 import scipy.stats
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
-from lfsr_core.metrics.intervals import NORMAL_ONE_SIDED, student, student_95
+from lfsr_core.metrics.eia_metrics import NORMAL_ONE_SIDED, student, student_95
 from lfsr_core.metrics.split_ssim import psnr, split_mse, split_ssim, split_ssim_map, ssim, stacked_ssim
 from tests.support.textures import GAUSSIAN, blurred, noisy, textured_image
 

@@ -31,7 +31,7 @@ from lfsr_core.commands.arguments import names, numbers
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame, write_frame
 from lfsr_core.frames.request import Request
 from lfsr_core.images.exr import read_layers, write_layers
-from lfsr_core.metrics.intervals import NORMAL_95
+from lfsr_core.metrics.eia_metrics import NORMAL_95
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.pipeline.make import finish_frame, make

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
-from lfsr_core.metrics.intervals import student_95
+from lfsr_core.metrics.eia_metrics import student_95
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.records import Cell, Records, measured
 from lfsr_lab.experiments.engine.report import markdown_table
