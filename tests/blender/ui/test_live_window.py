@@ -195,6 +195,8 @@ def test_closed_windows_leave_no_screens(window, by):
     before = window.get("state()")
     for kind in ("panel", "panel", "eye", "panel", "panel"):
         start(window, kind=kind)
+        # A screen without a window manager does not make it full; that Blender runs the button is all there is to see.
+        assert kind == "eye" or window.get("list(bpy.ops.lfsr.live_full_screen())") == ["FINISHED"]
         if by == "button":
             window.run(f"live.stop({kind!r})")
         else:
@@ -248,18 +250,6 @@ def test_panel_and_eye_together_and_one_after_the_other(window):
     after = window.get("state()")
     # Blender keeps a count of users from the window that showed the scene during the save.
     assert {key for key in before if after[key] != before[key]} <= {"scene.users"}
-
-
-def test_closing_the_window_by_hand_stops_it(window):
-    before = window.get("state()")
-    start(window)
-    # A screen without a window manager does not make it full; that Blender runs the button is all there is to see.
-    assert window.get("list(bpy.ops.lfsr.live_full_screen())") == ["FINISHED"]
-    window.settle()
-    window.run("with bpy.context.temp_override(window=live_window.find()): bpy.ops.wm.window_close()")
-    window.until("not live.is_on()", 10)
-    window.settle()
-    assert window.get("state()") == before
 
 
 def test_a_save_in_the_middle_holds_nothing_of_it(window):
