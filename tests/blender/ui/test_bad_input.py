@@ -10,12 +10,10 @@ import pytest
 from blender_addon.check import last
 from blender_addon.jobs import asked, session
 from blender_addon.scene import folders
-from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.open import choose_scene
 from blender_addon.ui.operators import render
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.optics.display import PROFILE_FOLDER
 from tests.support import panel
 from tests.support.told import refuses
 
@@ -50,9 +48,18 @@ def link(path: str, scene) -> bpy.types.Collection:
     return wanted.collections[0]
 
 
-def test_display_plane_deleted(scene):
-    bpy.data.objects.remove(bpy.data.objects["Display Plane"])
-    refuse(scene, "has no display plane")
+@pytest.mark.parametrize(("spoil", "sentence"), [
+    (lambda scene: bpy.data.objects.remove(bpy.data.objects["Display Plane"]), "has no display plane"),
+    (lambda scene: bpy.data.batch_remove(list(scene.objects)), "is empty: add or import an object"),
+    (lambda scene: setattr(bpy.data.objects["Box"], "hide_render", True), "Nothing of the subject"),
+    (lambda scene: setattr(scene.lfsr, "display", "FILE"), "No display profile is chosen"),
+    (lambda scene: setattr(scene.lfsr, "scale", "5"), "Scale is 5, .* choose a scale that divides both"),
+    (lambda scene: setattr(scene.lfsr, "method", "denoise"), "Method 'denoise' upscales nothing, but scale 2"),
+    (lambda scene: setattr(scene.view_settings, "use_curve_mapping", True), "view uses curves, .*: switch off curves")])
+def test_what_cannot_be_rendered_is_refused_before_the_render(scene, monkeypatch, spoil, sentence):
+    monkeypatch.setattr(session, "run", lambda *_: pytest.fail("it renders"))
+    spoil(scene)
+    refuse(scene, sentence)
 
 
 def test_linked_array_cannot_be_changed(library, scene):
@@ -118,12 +125,6 @@ def test_a_full_disk_is_noticed_before_anything_is_rendered(scene, tmp_path):
     assert not (tmp_path / "lightfield").exists(), "what was tried leaves nothing"
 
 
-def test_an_empty_file_says_so(scene):
-    for item in list(scene.objects):
-        bpy.data.objects.remove(item)
-    refuse(scene, "is empty: add or import an object")
-
-
 def test_missing_texture(scene, tmp_path):
     material = bpy.data.materials.new("Textured")
     material.use_nodes = True
@@ -158,36 +159,13 @@ class _BusyApp:
         return kind == "RENDER"
 
 
-def test_profile_file_deleted(scene, tmp_path):
-    path = tmp_path / "own.toml"
-    path.write_bytes((PROFILE_FOLDER / "mini.toml").read_bytes())
-    scene.lfsr.display, scene.lfsr.profile_file = "FILE", str(path)
-    assert scene_settings.display_of(scene).name == "mini"
-    path.unlink()
-    refuse(scene, "own.toml cannot be read .*: choose another file or a built-in display")
-
-
-def test_profile_file_wrong_or_not_chosen(scene, tmp_path):
-    scene.lfsr.display = "FILE"
-    refuse(scene, "No display profile is chosen")
+def test_profile_file_wrong_or_deleted(scene, tmp_path):
     path = tmp_path / "own.toml"
     path.write_text("name = 3")
-    scene.lfsr.profile_file = str(path)
+    scene.lfsr.display, scene.lfsr.profile_file = "FILE", str(path)
     refuse(scene, "own.toml: field")
-
-
-@pytest.mark.parametrize(("name", "value", "sentence"), [
-    ("scale", "5", "Scale is 5, .* choose a scale that divides both"),
-    ("method", "denoise", "Method 'denoise' upscales nothing, but scale 2")])
-def test_settings_that_do_not_go_together(scene, name, value, sentence):
-    setattr(scene.lfsr, name, value)
-    refuse(scene, sentence)
-
-
-def test_colours_that_the_image_could_not_show_are_an_error_before_the_render(scene, monkeypatch):
-    monkeypatch.setattr(session, "run", lambda *_: pytest.fail("it renders"))
-    scene.view_settings.use_curve_mapping = True
-    refuse(scene, "view uses curves, .*: switch off curves")
+    path.unlink()
+    refuse(scene, "own.toml cannot be read .*: choose another file or a built-in display")
 
 
 def test_two_scenes_with_different_displays(scene, tmp_path):
@@ -215,11 +193,6 @@ def test_cycles_disabled(scene):
         refuse(scene, "Cycles is switched off in Blender's preferences: switch .* on")
     finally:
         bpy.ops.preferences.addon_enable(module="cycles")
-
-
-def test_nothing_to_see(scene):
-    bpy.data.objects["Box"].hide_render = True
-    refuse(scene, "Nothing of the subject")
 
 
 def test_a_scene_that_is_not_in_the_file(scene):
