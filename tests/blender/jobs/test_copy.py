@@ -72,22 +72,9 @@ def test_it_is_used_again_where_nothing_was_edited(scene, output, steps, unsaved
     assert cancelled(output) == first
 
 
-def move(scene):
-    edit()
-
-
-def deeper(scene):
-    scene.cycles.max_bounces += 1
-
-
 def without_collection(scene):
-    made = bpy.data.collections.new("made")
-    scene.collection.children.link(made)
+    scene.collection.children.link(bpy.data.collections.new("made"))
     bpy.context.view_layer.layer_collection.children["made"].exclude = True
-
-
-def cut(scene):
-    scene.timeline_markers.new("cut", frame=1).camera = scene.camera
 
 
 def paint(scene):
@@ -96,29 +83,23 @@ def paint(scene):
     material.diffuse_color = (1, 0, 0, 1)
 
 
-def expose(scene):
-    scene.view_settings.exposure += 1
-
-
-def hide(scene):
-    bpy.data.objects["Box"].hide_render = True
-
-
-def dent(scene):
-    bpy.data.objects["Box"].data.vertices[0].co.x += 1e-3
-
-
-def key(scene):
-    bpy.data.objects["Box"].keyframe_insert("location", frame=3)
-
-
-def undo(scene):
+def there_and_back(scene):
     edit()
     bpy.context.view_layer.update()
     bpy.data.objects["Box"].location.z -= 0.01
 
 
-@pytest.mark.parametrize("change", [move, deeper, without_collection, cut, paint, expose, hide, dent, key, undo])
+CHANGES = {
+    "move": lambda scene: edit(), "without collection": without_collection, "paint": paint, "back": there_and_back,
+    "bounces": lambda scene: setattr(scene.cycles, "max_bounces", scene.cycles.max_bounces + 1),
+    "cut": lambda scene: setattr(scene.timeline_markers.new("cut", frame=1), "camera", scene.camera),
+    "exposure": lambda scene: setattr(scene.view_settings, "exposure", 1.0),
+    "hide": lambda scene: setattr(bpy.data.objects["Box"], "hide_render", True),
+    "dent": lambda scene: setattr(bpy.data.objects["Box"].data.vertices[0], "co", (9, 9, 9)),
+    "key": lambda scene: bpy.data.objects["Box"].keyframe_insert("location", frame=3)}
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
 def test_an_edit_makes_a_new_one(scene, output, change):
     first = cancelled(output)
     click()
