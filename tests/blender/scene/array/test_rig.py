@@ -4,8 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.scene import subject
-from blender_addon.scene.array import edit, placement, rig
+from blender_addon.scene.array import rig
 from lfsr_core.optics.display import load_display
 from tests.support import panel
 from tests.support.problems import found
@@ -22,13 +21,6 @@ def scene(tmp_path):
 
 def place(scene):
     return rig.placement(scene, MINI)
-
-
-def test_the_render_uses_the_array(scene):
-    scene.lfsr.distance = 2.5
-    array, matrix = placement.place_array(scene, MINI, subject.find_subject(scene))
-    assert array.distance == pytest.approx(2.5)
-    assert (array, matrix) == place(scene)
 
 
 def test_moving_the_plane_keeps_the_framing(scene):
@@ -108,12 +100,3 @@ def test_the_array_is_saved_with_the_file(scene, tmp_path):
     assert np.allclose(place(scene)[1], expected[1])
     assert (scene.lfsr.distance, scene.lfsr.spacing) == (pytest.approx(3.25), pytest.approx(0.75))
     assert (scene.lfsr.samples, scene.lfsr.quality) == (33, "CUSTOM")
-
-
-def test_the_active_camera_decides_between_two_arrays(scene):
-    first = rig.find(scene)
-    second = edit._new_array(scene)
-    scene.camera = second
-    assert rig.find(scene) == second
-    scene.camera = first
-    assert rig.find(scene) == first
