@@ -21,8 +21,8 @@ from PIL import Image
 from lfsr_core.base.errors import MOST_CHARACTERS, LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import to_data
+from lfsr_core.calibration.makers import profile_from_calibration, read_calibration
 from lfsr_core.calibration.photograph import read_photograph
-from lfsr_core.calibration.visual_json import profile_from_calibration, read_calibration
 from lfsr_core.exports import films
 from lfsr_core.exports.sources import quilt_of, read_film, read_quilt
 from lfsr_core.frames.finish import Finish, Report, read_report, write_report

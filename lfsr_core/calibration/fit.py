@@ -1,7 +1,7 @@
 """Measure a lens sheet's pitch, rotation and shift from photographs of the phase pattern taken from known places.
 
 Through each lens a camera sees one point of the panel. The pattern's fringes are slightly closer together than
-elemental images, so the camera sees one fringe over several lenses (``carriers``). Let k be the waves of the elemental
+elemental images, so the camera sees one fringe over several lenses (``tones``). Let k be the waves of the elemental
 images on the panel, K those of the lenses, E the camera's place at height z, b = gap/z and m = 1 + 1/carrier. A lens
 at c shows the panel's point (1 + b)·c − b·E, so in places on the panel the fringes that are seen have the wave
 m·k − K/(1 + b) and, at its centre, the phase K·shift − b·K·E/(1 + b) − m·(phase of k). Both are linear in the unknowns

@@ -93,21 +93,17 @@ def _painted(profile: DisplayProfile, kind: str, channel: int, rows: Array, colu
     return np.asarray((first % LENS_STEP == 0) & (second % LENS_STEP == 0), float)
 
 
-def carriers(profile: DisplayProfile) -> tuple[float, float]:
-    """Lenses that a fringe of the phase pattern's two tones spans for an eye, if the profile is right."""
-    sheet = profile.sheet
-    lenses = (sheet.lenses_across(profile.panel_mm[0]) if isinstance(sheet, Lenticular)
-              else min(profile.panel_mm) / max(sheet.pitches))
-    first = float(np.clip(lenses / FRINGES, MIN_CARRIER, MAX_CARRIER))
-    return first, first * FINER
-
-
 def tones(profile: DisplayProfile, channel: int) -> tuple[tuple[int, float], ...]:
     """(axis of the lenses, carrier) of the fringes in one of FRINGE_CHANNELS of the phase pattern.
 
-    Cylinders: one tone each. Small lenses: both, along different axes.
+    Carrier: lenses that a fringe spans for an eye, if the profile is right. Cylinders have one tone in each channel,
+    small lenses both, along different axes.
     """
-    first, second = carriers(profile)[::1 if channel == FRINGE_CHANNELS[0] else -1]
+    sheet = profile.sheet
+    lenses = (sheet.lenses_across(profile.panel_mm[0]) if isinstance(sheet, Lenticular)
+              else min(profile.panel_mm) / max(sheet.pitches))
+    carrier = float(np.clip(lenses / FRINGES, MIN_CARRIER, MAX_CARRIER))
+    first, second = (carrier, carrier * FINER)[::1 if channel == FRINGE_CHANNELS[0] else -1]
     return ((0, first),) if profile.lenticular else ((0, first), (1, second))
 
 

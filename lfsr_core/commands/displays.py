@@ -46,10 +46,9 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> Any:
     """List the profiles, show one, or make a profile or a pattern."""
-    from lfsr_core.calibration.cubevi import profile_of_c1
     from lfsr_core.calibration.fit import calibrate
+    from lfsr_core.calibration.makers import profile_from_calibration, profile_of_c1, read_calibration
     from lfsr_core.calibration.patterns import pattern
-    from lfsr_core.calibration.visual_json import profile_from_calibration, read_calibration
     from lfsr_core.exports.bridge import Bridge, chosen
     from lfsr_core.images.png import write_png
 

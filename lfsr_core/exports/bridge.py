@@ -16,7 +16,7 @@ from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import parse_json
-from lfsr_core.calibration.visual_json import Calibration, calibration_of
+from lfsr_core.calibration.makers import Calibration, calibration_of
 from lfsr_core.exports import loopback
 from lfsr_core.exports.loopback import PROGRAM
 
@@ -77,8 +77,15 @@ class Bridge:
     def devices(self) -> list[Device]:
         """Displays with lenses, by index; LfsrError if there is none."""
         found = _within(self._put("available_output_devices"), "payload")
-        devices = [_device(entry) for entry in (found.values() if isinstance(found, dict) else ())]
-        devices = [device for device in devices if device.hardware.lower() != MONITOR]
+        devices = []
+        for entry in found.values() if isinstance(found, dict) else ():
+            index, corner, quilt = (_within(entry, name) for name in ("index", "windowCoords", "defaultQuilt"))
+            corner, quilt = corner if isinstance(corner, dict) else {}, _parsed(quilt)
+            device = Device(index if isinstance(index, int) else -1, str(_within(entry, "hwid") or ""),
+                            str(_within(entry, "hardwareVersion") or ""), (corner.get("x", 0), corner.get("y", 0)),
+                            quilt if isinstance(quilt, dict) else {}, _parsed(_within(entry, "calibration")))
+            if device.hardware.lower() != MONITOR:
+                devices.append(device)
         if not devices:
             raise LfsrError(f"{PROGRAM} sees no Looking Glass: connect the display and switch it on, or end {PROGRAM} "
                             "and start it again")
@@ -136,15 +143,6 @@ def _aspect(device: Device, unknown: float) -> float:
     except LfsrError:
         return unknown
     return numbers["screenW"] / numbers["screenH"]
-
-
-def _device(entry: Any) -> Device:
-    index, corner = _within(entry, "index"), _within(entry, "windowCoords")
-    corner = corner if isinstance(corner, dict) else {}
-    quilt = _parsed(_within(entry, "defaultQuilt"))
-    return Device(index if isinstance(index, int) else -1, str(_within(entry, "hwid") or ""),
-                  str(_within(entry, "hardwareVersion") or ""), (corner.get("x", 0), corner.get("y", 0)),
-                  quilt if isinstance(quilt, dict) else {}, _parsed(_within(entry, "calibration")))
 
 
 def _within(data: Any, *names: str) -> Any:

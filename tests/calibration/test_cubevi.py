@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.calibration.cubevi import profile_of_c1
+from lfsr_core.calibration.makers import profile_of_c1
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
 from tests.support.told import refuses

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.calibration.visual_json import OPTIONAL, REQUIRED, RULES, profile_from_calibration, read_calibration
+from lfsr_core.calibration.makers import OPTIONAL, REQUIRED, RULES, profile_from_calibration, read_calibration
 from lfsr_core.optics.display import builtin_names, load_display, write_profile
 from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
 from lfsr_core.optics.sheet import cell_of

@@ -19,8 +19,8 @@ from PIL import Image
 
 from lfsr_core.base.files import write_json
 from lfsr_core.base.records import to_data
+from lfsr_core.calibration.makers import OFFSETS
 from lfsr_core.calibration.patterns import pattern
-from lfsr_core.calibration.visual_json import OFFSETS
 from lfsr_core.cli import main
 from lfsr_core.frames.request import read_request
 from lfsr_core.images.png import write_png

@@ -1,11 +1,15 @@
-"""Display profiles from calibrations of Looking Glass displays, ``visual.json``.
+"""Display profiles from makers' calibrations: ``visual.json`` of Looking Glass displays, three numbers of CubeVi C1s.
 
-Most numbers are wrapped, as in ``"pitch": {"value": 52.6}``; the third generation adds cells of subpixels as plain
-numbers. For x and y from 0 to 1 from the lower left and channel c, the first two generations state
+In a visual.json most numbers are wrapped, as in ``"pitch": {"value": 52.6}``; the third generation adds cells of
+subpixels as plain numbers. For x and y from 0 to 1 from the lower left and channel c, the first two generations state
 a = (x + c / (3·screenW) + y·tilt)·P − center: their stripes begin at the pixel's centre, ours a third of a pixel
 earlier. If a calibration mirrors the image left-right, its coordinates are those of the image; if up-down, those of
 the panel, which shows it upside down. ``invView`` is read and not used: since HoloPlay Core the vendor's shader has
 view 1 − fract(a) for every device.
+
+For the pixel in column i and row j from the top, both from 1, and channel c = 0, 1, 2, CubeVi's shaders state
+fract((3·(i + j·slope) + c + x0) / interval), in subpixels: 0 at the left border of a cylinder, 1 at its right one,
+which is seen from the left.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ from __future__ import annotations
 import codecs
 import contextlib
 import dataclasses
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -20,7 +25,7 @@ from typing import Any
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import MOST_JSON_BYTES, parse_json, read_bytes
 from lfsr_core.optics.display import DisplayProfile, PanelShape, proposed_light_field
-from lfsr_core.optics.sheet import Lenticular, Subpixels
+from lfsr_core.optics.sheet import MAX_SLANT, Lenticular, Subpixels, check_within
 
 INCH = 25.4
 # Quilt of the models with so many pixels, by whether they have cells, as those of the third generation; a 16-inch and a
@@ -41,6 +46,9 @@ LEAST_SLOPE = 1e-3
 REQUIRED = ("pitch", "slope", "center", "DPI", "screenW", "screenH")
 OPTIONAL = {"viewCone": CONE, "invView": 1.0, "verticalAngle": 0.0, "flipImageX": 0.0, "flipImageY": 0.0,
             "flipSubp": 0.0, "fringe": 0.0}
+# Of CubeVi C1s, whose panel has 5.7 inches; the interval is in subpixels.
+C1_PIXELS, C1_PIXEL_MM, C1_VIEWS = (1440, 2560), 0.0493, 40
+LEAST_INTERVAL, MOST_INTERVAL, MOST_SHIFT = 6.0, 200.0, 1e4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -134,6 +142,22 @@ def profile_from_calibration(calibration: Calibration, name: str) -> DisplayProf
         numbers["viewCone"] or CONE,
         ei_order="direct", quilt=QUILTS.get((pixels, bool(calibration.cells))),
         description=f"Lenticular display{serial}, from its calibration.", subpixels=subpixels,
+        lenticular=sheet)
+
+
+def profile_of_c1(slope: float, interval: float, x0: float, name: str = "cubevi-c1") -> DisplayProfile:
+    """Return the profile of a C1 whose programs show these numbers; LfsrError for impossible ones."""
+    check_within("slope (obliquity)", slope, -MAX_SLANT, MAX_SLANT)
+    check_within("interval (lineNumber)", interval, LEAST_INTERVAL, MOST_INTERVAL)
+    check_within("x0 (deviation)", x0, -MOST_SHIFT, MOST_SHIFT)
+    panel_mm = C1_PIXELS[0] * C1_PIXEL_MM, C1_PIXELS[1] * C1_PIXEL_MM
+    # Our stripes begin a third of a pixel earlier, pixels are counted from 0 and rows from the bottom.
+    center = -(x0 + 2.5 + 3 * (C1_PIXELS[1] + 0.5) * slope) / interval
+    sheet = Lenticular(interval / 3 * C1_PIXEL_MM * math.cos(math.atan(slope)), -slope, center % 1)
+    lenses, _ = proposed_light_field(PanelShape(C1_PIXELS, panel_mm), sheet)
+    return DisplayProfile(
+        name, C1_PIXELS, panel_mm, lenses, (C1_VIEWS, 1), DISTANCE_BY_HEIGHT * panel_mm[1], CONE, ei_order="direct",
+        description=f"CubeVi C1 of slope {slope:g}, interval {interval:g}, x0 {x0:g}.", subpixels=Subpixels("rgb"),
         lenticular=sheet)
 
 
