@@ -68,8 +68,7 @@ def window(blender):
 def fresh_file(window: Window) -> None:
     """The scene of these tests in a file of its own; with the file the 3D view is another one."""
     # A rendered image is shown in a window of its own, which stays.
-    window.run("for other in list(bpy.context.window_manager.windows)[1:]:\n"
-               "    with bpy.context.temp_override(window=other): bpy.ops.wm.window_close()")
+    window.close_others()
     window.run("bpy.ops.wm.read_homefile(use_factory_startup=True)")
     window.settle()
     window.run(f"make_scene({str(window.folder / 'scene.blend')!r})")

@@ -46,7 +46,6 @@ def window(tmp_path_factory):
     folder = tmp_path_factory.mktemp("gui")
     with blender_window(folder) as window:
         window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
-        window.run("def scene_(): return bpy.context.scene")
         yield window
 
 

@@ -89,12 +89,6 @@ class Window:
         self.xdotool("windowsize", number, width, height)
         self.xdotool("windowmove", number, 0, 0)
 
-    def place_of(self, number: str) -> dict[str, int]:
-        """A window's place and size: X, Y, WIDTH and HEIGHT."""
-        found = subprocess.run(inside("xdotool", "getwindowgeometry", "--shell", number), env=self._environment,
-                               check=True, timeout=30, capture_output=True, text=True).stdout
-        return {name: int(value) for name, value in (line.split("=") for line in found.split())}
-
     def click(self, x: int, y: int) -> None:
         """Press the left button at pixel (x, y) from the top left."""
         # In two steps, so that Blender notices which button is under the pointer.
