@@ -93,8 +93,8 @@ def test_wires_are_as_thick_as_the_sweep_says(built, pixels):
 
 @pytest.mark.parametrize("usable", [1.5, 0])
 def test_bodies_stand_at_the_sweeps_depth_and_fill_what_the_views_see(built, usable):
-    first, second = ([item.data.materials[0].name.split(".")[0] for item in meshes(built("depth-behind", depth), "body")]
-                     for depth in (0, 1))
+    first, second = ([item.data.materials[0].name.split(".")[0]
+                      for item in meshes(built("depth-behind", depth), "body")] for depth in (0, 1))
     assert set(first) == set(second) and len(second) >= len(first), "a body only changes its depth along the sweep"
     items = meshes(built("depth-behind", usable), "body")
     y = SPACE.depth(usable)
