@@ -14,6 +14,7 @@ from ..jobs import denoiser
 from ..scene import settings as scene_settings
 from ..scene.array import rig
 from ..scene.array.edit import add, in_front, put, remove
+from ..scene.array.ray_cast import Rays
 from ..scene.array.rig import check_editable
 from ..scene.array.room import is_inside
 from ..scene.light import DEFAULT_LIGHT, add_light
@@ -67,7 +68,7 @@ def _add_light(scene: bpy.types.Scene, _target: str) -> None:
 def _light_images(scene: bpy.types.Scene, _target: str) -> None:
     """In a room no light of a world arrives."""
     array = rig.find(scene)
-    is_indoors = array is not None and is_inside(scene, array.matrix_world.translation)
+    is_indoors = array is not None and is_inside(Rays(scene), array.matrix_world.translation)
     scene.lfsr.light = (EVEN if is_indoors else DEFAULT_LIGHT).upper()
 
 

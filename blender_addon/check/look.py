@@ -21,6 +21,7 @@ from lfsr_core.optics.rays import CameraArray
 from ..render.frame_folder import is_dark
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig, room
+from ..scene.array.ray_cast import Rays
 from ..scene.light import DIM, SCENE_LIGHTS, has_emission, has_light, world_radiance
 from ..scene.overrides import overridden
 from ..scene.settings import length
@@ -61,14 +62,14 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, subject: set[bpy.types.Object],
            main: list[bpy.types.Object]) -> Iterator[Problem]:
-    is_new = _is_unaimed(scene)  # nobody has lit it either
-    if reason := _out_of_frame(scene, placed, main):
+    is_new, rays = _is_unaimed(scene), Rays(scene)  # where nobody has aimed the camera, nobody has placed lamps
+    if reason := _out_of_frame(scene, rays, placed, main):
         is_new = True
         yield _problem("frame", main[0].name if main else scene.name, reason)
         placed = edit.in_front(scene, display, set(main))
     if depths := depths_of(scene, placed, main):
-        yield from _deep(scene, placed, display, *depths)
-    if scene.lfsr.light in SCENE_LIGHTS and has_light(scene) and _is_dark(scene, placed, is_new):
+        yield from _deep(scene, rays, placed, display, *depths)
+    if scene.lfsr.light in SCENE_LIGHTS and has_light(scene) and _is_dark(scene, rays, placed, is_new):
         yield _problem("dark", scene.name, "Hardly any light reaches what the array sees: the image will be almost "
                        "black. Images only are lit; the scene keeps its own light.")
 
@@ -118,7 +119,7 @@ def depths_of(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.type
     return tuple(map(float, np.percentile(depths, (2, 98)))) if len(depths) else ()
 
 
-def _out_of_frame(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.types.Object]) -> str:
+def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, main: list[bpy.types.Object]) -> str:
     """Why the picture does not show the main objects as it should, "" if it does."""
     boxes = edit.boxes_now(set(main))
     if not boxes:
@@ -128,7 +129,7 @@ def _out_of_frame(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.
     half = array.half_width / array.distance, array.half_height / array.distance
     ways = [eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))
             for x in np.linspace(-1, 1, placement.PROBES[0]) for y in np.linspace(-1, 1, placement.PROBES[1])]
-    hits = room.cast(scene, eye.translation, ways)
+    hits = room.cast(rays, eye.translation, ways)
     seen = [hit for hit in hits if hit is not None and hit[2] in boxes]
     share = len(seen) / len(hits)
     is_unaimed = _is_unaimed(scene) and (eye.translation - scene.camera.matrix_world.translation).length < 1e-3
@@ -140,7 +141,7 @@ def _out_of_frame(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.
     is_in_box = bool((np.array(eye.translation) > low).all() and (np.array(eye.translation) < high).all())
     if len(inner) > len(hits) / 2 and is_in_box and np.median(
             [(hit[0] - eye.translation).length for hit in inner]) < (0.5 if is_unaimed else CLOSE) * size and not (
-            room.is_inside(scene, eye.translation, (low, high))):
+            room.is_inside(rays, eye.translation, (low, high))):
         return f"The array stands inside {inner[0][2].name}."
     if not seen:
         return f"The array sees nothing of {name}." if is_unaimed or hits.count(None) > len(hits) / 2 else ""
@@ -150,7 +151,7 @@ def _out_of_frame(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.
         toward = np.array(eye.inverted())
         local = points @ toward[:3, :3].T + toward[:3, 3]
         inside = (local[:, 2] > 0) & (np.abs(local[:, :2]) < np.array(half) * local[:, 2:]).all(1)
-        if not is_in_box and room.view_of_room(scene, low, high) is not None:
+        if not is_in_box and room.view_of_room(rays, low, high) is not None:
             return f"The array stands outside a room. {UNAIMED}."
         if inside.mean() < CUT:
             return f"{1 - inside.mean():.0%} of {name} lies outside the frame. {UNAIMED}."
@@ -173,7 +174,7 @@ def balanced(near: float, far: float) -> float:
     return 2 / (1 / near + 1 / far)
 
 
-def _deep(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, near: float,
+def _deep(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, display: DisplayProfile, near: float,
           far: float) -> Iterator[Problem]:
     array = placed[0]
     now = disparity(array, display.lenses, near, far)
@@ -186,21 +187,21 @@ def _deep(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile
             f"{length(scene, array.distance - usable[0])} and {behind}.")
     plane = balanced(near, far)
     moved = disparity(array, display.lenses, near, far, plane)
-    if moved < LEAST_GAIN * now and not _meets_walls(scene, placed, display, plane / array.distance):
+    if moved < LEAST_GAIN * now and not _meets_walls(rays, placed, display, plane / array.distance):
         yield _problem("plane", scene.name, text)
         now = moved
     if now > MUCH:
         yield _problem("deep", scene.name, f"{text} Flattened to {100 / now:.0f} %, all of it is sharp.")
 
 
-def _meets_walls(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, times: float) -> bool:
+def _meets_walls(rays: Rays, placed: rig.Placement, display: DisplayProfile, times: float) -> bool:
     """True if an array that grows with its display would reach through a wall."""
     array, eye = placed[0], mathutils.Matrix(placed[1])
     for axis, views in enumerate(display.views):
         ways = [sign * eye.col[axis].to_3d() for sign in (-1, 1)]
         reach = views * array.spacing * times / 2
         if any(hit is not None and (hit[0] - eye.translation).length * placement.WALL_MARGIN < reach
-               for hit in room.cast(scene, eye.translation, ways)):
+               for hit in room.cast(rays, eye.translation, ways)):
             return True
     return False
 
@@ -225,7 +226,7 @@ def _seen(scene: bpy.types.Scene) -> tuple[CameraArray, float, float]:
     return placed[0], depths[0], depths[1]
 
 
-def _is_dark(scene: bpy.types.Scene, placed: rig.Placement, is_new: bool) -> bool:
+def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: bool) -> bool:
     """True if hardly any light of lamps and of the world reaches the places that the array sees.
 
     What rays do not tell, light that is reflected or of a material, a proof of 64 pixels across does, but for a scene
@@ -234,7 +235,7 @@ def _is_dark(scene: bpy.types.Scene, placed: rig.Placement, is_new: bool) -> boo
     if has_emission(scene) and is_new:
         return False
     array, matrix = placed
-    eye, depsgraph = mathutils.Matrix(matrix), bpy.context.evaluated_depsgraph_get()
+    eye = mathutils.Matrix(matrix)
     half = array.half_width / array.distance, array.half_height / array.distance
     lamps = sorted((item for item in scene.objects if item.type == "LIGHT" and not item.hide_render),
                    key=lambda item: -item.data.energy)[:LAMPS]
@@ -242,15 +243,16 @@ def _is_dark(scene: bpy.types.Scene, placed: rig.Placement, is_new: bool) -> boo
     generator = np.random.default_rng(0)
     for x, y in generator.uniform(-0.9, 0.9, (4 * LIT, 2)):
         way = eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))
-        found, place, normal, _, _, _ = scene.ray_cast(depsgraph, eye.translation, way)
-        if not found or len(arriving) >= LIT:
+        hit = rays.cast(eye.translation, way) if len(arriving) < LIT else None
+        if hit is None:
             continue
+        place, normal, _ = hit
         normal = -normal if normal.dot(way) > 0 else normal
         start = place + normal * 1e-3 * (place - eye.translation).length
-        light = sum(_arrives(scene, depsgraph, lamp, start, normal) for lamp in lamps) / math.pi
+        light = sum(_arrives(rays, lamp, start, normal) for lamp in lamps) / math.pi
         if sky:
             ways = [mathutils.Vector(way) for way in generator.normal(size=(SKY, 3))]
-            free = [not scene.ray_cast(depsgraph, start, way if way.dot(normal) > 0 else -way)[0] for way in ways]
+            free = [rays.cast(start, way if way.dot(normal) > 0 else -way) is None for way in ways]
             light += sky * sum(free) / SKY
         arriving.append(light)
     if not arriving or float(np.median(arriving)) * 2.0**scene.view_settings.exposure >= DIM:
@@ -272,8 +274,7 @@ def _proof_is_dark(scene: bpy.types.Scene) -> bool:
             slots.active_index = before
 
 
-def _arrives(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, lamp: bpy.types.Object, place: mathutils.Vector,
-             normal: mathutils.Vector) -> float:
+def _arrives(rays: Rays, lamp: bpy.types.Object, place: mathutils.Vector, normal: mathutils.Vector) -> float:
     """Irradiance in W/m² of a surface at ``place`` from a lamp."""
     data, matrix = lamp.data, lamp.matrix_world
     power = data.energy * max(data.color) * 2.0**getattr(data, "exposure", 0.0)
@@ -293,5 +294,5 @@ def _arrives(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, lamp: bpy.t
         factor /= 4 * math.pi * max(distance, 1e-6)**2
     if factor < 1e-4:
         return 0.0
-    hit, at, _, _, _, _ = scene.ray_cast(depsgraph, place, way)
-    return 0.0 if hit and (at - place).length < distance * (1 - SHADE) else factor
+    hit = rays.cast(place, way)
+    return 0.0 if hit and (hit[0] - place).length < distance * (1 - SHADE) else factor

@@ -17,6 +17,7 @@ from lfsr_core.optics.rays import CameraArray
 
 from ..subject import GEOMETRY, find_subject
 from . import motion, placement, rig, room
+from .ray_cast import Rays
 from .rig import Placement, from_blender, to_blender, upright
 
 ARRAY_NAME, PLANE_NAME = "Light Field Array", "Display Plane"
@@ -193,7 +194,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     points = np.concatenate([boxes[item] for item in chosen] or [np.empty((0, 3))])
     if not len(points):
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
-    if (view := room.view_of_room(scene, points.min(0), points.max(0))) is not None:
+    if (view := room.view_of_room(Rays(scene), points.min(0), points.max(0))) is not None:
         return placement.array_of_view(scene, profile, subject, view)
     best, most = None, -1
     for degrees in TURNS:

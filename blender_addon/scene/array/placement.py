@@ -23,12 +23,12 @@ from lfsr_core.optics.rays import CameraArray
 
 from ..subject import find_subject
 from . import motion, rig
+from .ray_cast import MOST_REACH, Rays
 from .rig import Placement, from_blender, to_blender, upright
 
 FILL = 0.85           # fraction of the display that the subject may fill, seen from the centre
 LEAST_FILL = 0.5      # a deep subject is made smaller to fit the usable depth, but not below this
 WALL_MARGIN = 0.9     # fraction of the free space around the camera that the array may use
-MOST_REACH = 1.70141e38   # Blender's value for a ray without end
 MOST_NAMES = 3
 PROBES = (32, 18)     # rays across and down that measure the visible depth of the subject
 SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
@@ -60,7 +60,7 @@ def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: Iterab
 def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.types.Object]) -> Array:
     """Return depths (n,) from the camera plane at which the middle of a ``placed`` array sees the subject."""
     array, matrix = placed
-    sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), to_blender(matrix), clip_of(scene))
+    sight = _Sight(scene, Rays(scene), to_blender(matrix), clip_of(scene))
     half = array.half_width / array.distance, array.half_height / array.distance
     return np.array(_depths(sight, half, subject))
 
@@ -81,7 +81,7 @@ def unseen_notice(scene: bpy.types.Scene, profile: DisplayProfile, placed: Place
     None if some of its views see the subject, or if rays could not tell: they meet neither hair nor volumes.
     """
     array, matrix = placed
-    sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), to_blender(matrix), clip_of(scene))
+    sight = _Sight(scene, Rays(scene), to_blender(matrix), clip_of(scene))
     half = array.half_width / array.distance, array.half_height / array.distance
     points = [points.mean(0) for points in world_points(subject)]
     unmet = any(item.type in BOXED for item, _, _ in instances(subject))
@@ -150,7 +150,7 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
     half_width = _half_width(scene, camera.data)
     # The camera's scale does not apply to its clipping depths.
     clip = camera.data.clip_start, camera.data.clip_end
-    sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), upright(camera), clip)
+    sight = _Sight(scene, Rays(scene), upright(camera), clip)
     distance = _focus(camera) or _balanced_depth(sight, _half(half_width, profile), subject)
     return _array_at(sight, profile, half_width, distance)
 
@@ -161,7 +161,7 @@ def array_of_view(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[
 
     The display plane is as of ``array_of_camera``; where the view sees nothing of the subject, at the view's centre.
     """
-    sight = _Sight(scene, bpy.context.evaluated_depsgraph_get(), mathutils.Matrix(view.matrix), view.clip)
+    sight = _Sight(scene, Rays(scene), mathutils.Matrix(view.matrix), view.clip)
     depths = _depths(sight, _half(view.half_width, profile), subject)
     return _array_at(sight, profile, view.half_width, _middle(depths) if depths else view.pivot)
 
@@ -245,7 +245,7 @@ class _Sight:
     """Rays from a camera into what would be rendered."""
 
     scene: bpy.types.Scene
-    depsgraph: bpy.types.Depsgraph
+    rays: Rays
     matrix: mathutils.Matrix  # the camera's world matrix, without scale
     clip: Clip | None = None  # depths between which the camera sees, None for all
 
@@ -264,8 +264,8 @@ class _Sight:
              start: Sequence[float]) -> tuple[mathutils.Vector, bpy.types.Object] | None:
         """World place and object that a ray hits within ``reach``, None for nothing; arguments in camera space."""
         turned, place = self.matrix.to_3x3() @ mathutils.Vector(direction), self.matrix @ mathutils.Vector(start)
-        hit, place, _, _, item, _ = self.scene.ray_cast(self.depsgraph, place, turned, distance=reach)
-        return (place, item) if hit else None
+        hit = self.rays.cast(place, turned, reach)
+        return (hit[0], hit[2]) if hit else None
 
 
 def _balanced_depth(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Object]) -> float:

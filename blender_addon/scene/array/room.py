@@ -12,7 +12,8 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 
-from .placement import MOST_REACH, View
+from .placement import View
+from .ray_cast import MOST_REACH, Rays
 
 GRID, HEIGHT, MARGIN = 5, 0.5, 0.15  # places across the bounding box, at half of its height, away from its sides
 YAWS = 12  # directions of view at each place
@@ -29,22 +30,19 @@ Hit = tuple[mathutils.Vector, bool, bpy.types.Object]  # place, whether the fron
 Box = tuple[Array, Array]  # lowest and highest world corner (3,)
 
 
-def cast(scene: bpy.types.Scene, start: mathutils.Vector, ways: Iterable[mathutils.Vector]) -> list[Hit | None]:
-    """Return what rays from ``start`` meet first in the viewport's geometry."""
-    depsgraph, hits = bpy.context.evaluated_depsgraph_get(), list[Hit | None]()
-    for way in ways:
-        found, place, normal, _, item, _ = scene.ray_cast(depsgraph, start, way, distance=MOST_REACH)
-        hits.append((place, normal.dot(way) < 0, item.original) if found else None)
-    return hits
+def cast(rays: Rays, start: mathutils.Vector, ways: Iterable[mathutils.Vector]) -> list[Hit | None]:
+    """Return what rays from ``start`` meet first."""
+    hits = ((rays.cast(start, way), way) for way in ways)
+    return [(hit[0], hit[1].dot(way) < 0, hit[2]) if hit else None for hit, way in hits]
 
 
-def is_inside(scene: bpy.types.Scene, place: mathutils.Vector, box: Box | None = None) -> bool:
+def is_inside(rays: Rays, place: mathutils.Vector, box: Box | None = None) -> bool:
     """Return True if ``place`` is in a room: closed on all sides, by walls that face it or that hold other things.
 
     With the bounding ``box`` of what stands there only if most walls lie at its sides or not far beyond them, and
     something stands between them: else it is the inside of a solid thing, or of a dome.
     """
-    hits = cast(scene, place, AROUND)
+    hits = cast(rays, place, AROUND)
     met = [hit for hit in hits if hit is not None]
     if len(met) < ENCLOSED * len(hits):
         return False
@@ -61,13 +59,13 @@ def is_inside(scene: bpy.types.Scene, place: mathutils.Vector, box: Box | None =
             and any(faces and item not in walls for _, faces, item in met))
 
 
-def view_of_room(scene: bpy.types.Scene, low: Array, high: Array) -> View | None:
+def view_of_room(rays: Rays, low: Array, high: Array) -> View | None:
     """Return the longest free view inside a box of world corners ``low``, ``high`` (3,); None where that is no room."""
     size = high - low
     shares = np.linspace(MARGIN, 1 - MARGIN, GRID)
     places = [mathutils.Vector((*(low[:2] + size[:2] * (x, y)), low[2] + HEIGHT * size[2]))
               for x, y in itertools.product(shares, repeat=2)]
-    inside = [place for place in places if is_inside(scene, place, (low, high))]
+    inside = [place for place in places if is_inside(rays, place, (low, high))]
     if len(inside) < LEAST_PLACES:
         return None
     best, most = None, 0.0
@@ -75,7 +73,7 @@ def view_of_room(scene: bpy.types.Scene, low: Array, high: Array) -> View | None
         turn = mathutils.Euler((math.pi / 2, 0, math.tau * step / YAWS)).to_matrix()
         ways = [turn @ mathutils.Vector((x, y, -1)) for x in np.linspace(-HALF_WIDTH, HALF_WIDTH, ACROSS)
                 for y in np.linspace(-HALF_WIDTH / 2, HALF_WIDTH / 2, DOWN)]
-        hits = [hit for hit in cast(scene, place, ways) if hit is not None]
+        hits = [hit for hit in cast(rays, place, ways) if hit is not None]
         if len(hits) < len(ways):
             continue  # it looks out of a window or a hole
         nearest, middle = np.percentile([(at - place).length for at, _, _ in hits], (5, 50))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-import webbrowser
+import os
+import shutil
+import sys
 from pathlib import Path
 
 import bpy
@@ -17,6 +19,8 @@ from ...scene import folders
 from ...scene import settings as scene_settings
 from .base import TaskOperator
 
+# What opens pages on Linux. Windows and macOS have a browser.
+BROWSERS = ("xdg-open", "gio", "firefox", "chromium", "google-chrome", "brave-browser", "epiphany")
 PURPOSE = "to show or export"
 FORMAT_ITEMS = [(name, TITLES[name], text[0].upper() + text[1:]) for name, text in DESCRIPTIONS.items()]
 
@@ -118,9 +122,8 @@ def _say_what_is_shown(shown: dict[str, str]) -> None:
 
 def _open(page: Path) -> None:
     print(f"Light Field: {page}")
-    try:
-        webbrowser.get()
-    except webbrowser.Error:
+    names = filter(None, (os.environ.get("BROWSER"), *BROWSERS))
+    if sys.platform not in {"win32", "darwin"} and not any(map(shutil.which, names)):
         session.say(f"there is no browser here: open {page.name}, which lies in the folder {page.parent.name}, in one")
         bpy.context.window_manager.lfsr.outcome_folder = str(page.parent)
         return

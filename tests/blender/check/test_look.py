@@ -3,6 +3,7 @@
 import re
 
 import bpy
+import mathutils
 import numpy as np
 import pytest
 
@@ -10,7 +11,8 @@ from blender_addon.check import look
 from blender_addon.check.fixes import FIXES
 from blender_addon.jobs import session
 from blender_addon.scene import settings as scene_settings
-from blender_addon.scene.array import edit, placement, rig, room
+from blender_addon.scene.array import edit, placement, ray_cast, rig, room
+from blender_addon.scene.array.ray_cast import Rays
 from blender_addon.scene.subject import find_subject
 from blender_addon.ui.operators import check
 from tests.support import panel
@@ -107,10 +109,10 @@ def test_of_a_room_the_inside_is_seen(startup, lamp):
 def test_a_solid_thing_and_a_dome_are_no_rooms(startup):
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     bpy.ops.mesh.primitive_uv_sphere_add(radius=2)
-    assert room.view_of_room(startup, np.full(3, -2.0), np.full(3, 2.0)) is None
+    assert room.view_of_room(Rays(startup), np.full(3, -2.0), np.full(3, 2.0)) is None
     bpy.ops.object.delete()
     bpy.ops.mesh.primitive_uv_sphere_add(radius=200)
-    assert room.view_of_room(startup, np.full(3, -1.0), np.full(3, 1.0)) is None
+    assert room.view_of_room(Rays(startup), np.full(3, -1.0), np.full(3, 1.0)) is None
 
 
 def aimed(scene, place=(0, -6, 1)):
@@ -176,3 +178,29 @@ def test_a_script_mends_what_it_asks_for_alone(startup, tmp_path):
     assert bpy.ops.lfsr.render_eia(fit_objects=True) == {"FINISHED"}
     assert share_of(startup, box) > 0.2 and not bpy.data.objects["Cube"].hide_render
     assert session.current() is None
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_among_many_objects_rays_meet_what_they_meet_alone(startup, turned):
+    ball = bpy.ops.mesh.primitive_uv_sphere_add(radius=1, location=(0, 0, 0)) and bpy.context.object
+    ball.scale = 2, 1, 0.5
+    ball.rotation_euler = (0.3, 0.2, 0.1) if turned else (0, 0, 0)
+    bpy.context.view_layer.update()
+    ways = [mathutils.Vector(way) for way in np.random.default_rng(1).normal(size=(1000, 3))]
+    few, start = Rays(startup), mathutils.Vector((4, 1, 2))
+    expected = [few.cast(start, way) for way in ways]
+    for _ in range(ray_cast.FEW):
+        startup.collection.objects.link(bpy.data.objects.new("far", ball.data))
+        bpy.context.view_layer.update()
+    for item in startup.objects:
+        if item.name.startswith("far"):
+            item.location = (900, 900, 900)
+    bpy.context.view_layer.update()
+    many = Rays(startup)
+    assert many.items and not few.items and sum(map(bool, expected)) > 20
+    for way, hit in zip(ways, expected, strict=True):
+        found = many.cast(start, way)
+        assert (found is None) == (hit is None)
+        if hit is not None:
+            assert found[2] == hit[2] and (found[0] - hit[0]).length < 1e-4
+            assert (found[1].dot(way) < 0) == (hit[1].dot(way) < 0)

@@ -188,6 +188,7 @@ def test_checks_are_one_line_that_opens(scene):
     drawn = draw(panels.LFSR_PT_image)
     assert "1 Note" in texts(drawn) and "lfsr.check_fix" not in operators(drawn)
     scene.collection.objects.unlink(bpy.data.objects["Sun"])
+    scene.lfsr.light = "OWN"
     last.check(scene)
     assert "1 Problem" in texts(draw(panels.LFSR_PT_image))
     state.show_problems = True
