@@ -76,7 +76,7 @@ def test_small_lenses_are_found_by_two_photographs():
     pitch = (2.01, 2.0 * math.sqrt(0.75) * 0.997)
     real = dataclasses.replace(LENSES, lenslet=dataclasses.replace(
         LENSES.lenslet, lenses=Lattice(pitch, 0.3, 0.002, (0.5, -0.4))))
-    photographs = [taken(LENSES, real, eye_mm=eye, size=(1200, 850), noise=0.002, rays=2)
+    photographs = [taken(LENSES, real, eye_mm=eye, size=(1400, 992), noise=0.002)
                    for eye in ((30.0, -20.0, 520.0), (-40.0, 20.0, 480.0))]
     both = fit_profile(LENSES, photographs)
     found = both.profile.lenslet.lenses
@@ -111,7 +111,8 @@ def test_a_lens_that_distorts_is_corrected():
 def test_what_photographs_contradict_is_refused():
     second = dataclasses.replace(taken(eye_mm=(60.0, 0.0, 500.0)), eye_mm=(90.0, 0.0, 500.0))
     refuses("photographs disagree by 0.0|photographs disagree by 0.1", fit_profile, CYLINDERS, [taken(), second])
-    refuses("the pitch is known only to", fit_profile, CYLINDERS, [taken(blur=16.0)])
+    blurred = cv2.GaussianBlur(taken().image, (0, 0), 16.0)
+    refuses("the pitch is known only to", fit_profile, CYLINDERS, [changed(image=blurred)])
     refuses("z = -3", fit_profile, CYLINDERS, [Photograph(np.zeros((9, 9, 3)), (0.0, 0.0, -3.0))])
     refuses("pattern is 'moire'.*phase, lens, band, rgb, grid", pattern, CYLINDERS, "moire")
     refuses("'mini' has no lens sheet", pattern, load_display("mini"), "phase")
@@ -119,7 +120,7 @@ def test_what_photographs_contradict_is_refused():
         with pytest.raises(LfsrError, match=r"taken from about (29|30|31|32|28),-(19|20|21|18|22) by its perspective"):
             fit_profile(CYLINDERS, [changed(eye_mm=place)])
     for kind in ["band", "rgb", "grid"]:
-        shown = photograph(pattern(CYLINDERS, kind), CYLINDERS, GOOD)
+        shown = photograph(pattern(CYLINDERS, kind), CYLINDERS, dataclasses.replace(GOOD, size=(600, 427)))
         refuses("dots are not|no colours|overexposed|no lit panel|too dark", fit_profile, CYLINDERS,
                 [changed(image=shown)])
 

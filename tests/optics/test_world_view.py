@@ -51,9 +51,9 @@ def test_pixels_see_the_mean_of_their_rays(display, options):
         right, down = ray_slopes(layout, seed)
         assert np.abs(right).max() < image.reach[0] and np.abs(down).max() < image.reach[1]
         drawn = drawn + look(right, down) / count
-    lenses = np.argwhere(np.ones(layout.lenses[::-1], bool))
+    lenses = np.argwhere(np.ones(layout.lenses[::-1], bool))[::5]
     seen = WorldView.of(layout, world_image(layout)).elemental_images(lenses)
-    expected = to_elemental_images(drawn, layout.lenses).reshape(seen.shape)
+    expected = to_elemental_images(drawn, layout.lenses)[tuple(lenses.T)]
     smooth, edge = np.abs(seen - expected)[..., :2], np.abs(seen - expected)[..., 2]
     assert smooth.mean() < 0.02 and smooth.max() < 0.16
     assert edge.mean() < 0.015 and edge.max() < 0.35, "of a step of 1, with the noise of 100 rays"
