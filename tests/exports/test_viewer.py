@@ -330,9 +330,9 @@ def test_an_aperture_is_drawn_with_fewer_samples_while_it_changes(opened):
     assert run(page, work) == 48 * sharp and run(page, "() => canvas.width") == size
 
 
-def test_the_image_at_rest_is_drawn_in_strips_over_the_quick_one(browser, folders):
+def test_the_image_at_rest_is_drawn_in_strips_over_the_quick_one(opened):
     """Strips join to the image that is drawn at once, and the page never shows less than the quick one."""
-    page = opened(browser, folders["mini"], viewport={"width": 400, "height": 300})
+    page = opened("mini", viewport={"width": 400, "height": 300})
     whole = canvas(page, aperture=0.5, focus=20)
     heights = run(page, """() => new Promise(done => {
         const heights = [], before = drawStrip, least = [];
@@ -352,12 +352,10 @@ def test_the_image_at_rest_is_drawn_in_strips_over_the_quick_one(browser, folder
     assert len(heights["heights"]) > 3 and 8 in heights["heights"] and heights["least"] > 0
     at_rest = decoded(run(page, "() => canvas.toDataURL()"))
     assert at_rest.shape == whole.shape and difference(at_rest, whole) < 0.05
-    assert page.complaints == []
-    page.close()
 
 
-def test_a_slow_machine_sways_at_a_quarter_of_the_pixels_or_not_at_all(browser, folders):
-    page = opened(browser, folders["mini"])
+def test_a_slow_machine_sways_at_a_quarter_of_the_pixels_or_not_at_all(opened):
+    page = opened("mini")
     before = run(page, "() => { setSway(true); return canvas.width; }")
     # As if each image took so long: the paces are what was measured of the last images.
     run(page, "() => { paces = Array(PACED).fill(FLUENT + 1); }")
@@ -365,8 +363,7 @@ def test_a_slow_machine_sways_at_a_quarter_of_the_pixels_or_not_at_all(browser, 
     assert run(page, "() => canvas.width") < before and state(page)["eye"] != [0, 0, MINI.viewing_distance_mm]
     run(page, "() => { paces = Array(PACED).fill(STILL + 1); }")
     page.page.wait_for_function("!(0, eval)('swaying')")
-    assert "stands still" in page.page.inner_text("#note") and page.complaints == []
-    page.close()
+    assert "stands still" in page.page.inner_text("#note")
 
 
 def drawn_at_display(page) -> np.ndarray:
