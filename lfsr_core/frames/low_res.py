@@ -75,13 +75,17 @@ class LowResEIA:
         return dataclasses.replace(self, **changed)
 
 
-def over_background(layers: Mapping[str, Array], frame: Frame) -> Array:
+def over_background(layers: Mapping[str, Array], frame: Frame, name: str = LOW_RES_FILE) -> Array:
     """Return the opaque scene-linear colour (H, W, 3) >= 0 of a render, over the visible world or the display's colour.
 
     Cycles has weighted the environment layer by what shows of it, so it is added as it is. A world in a file of its
-    own is not added. LfsrError where the environment layer is missing.
+    own is not added. LfsrError where the environment layer is missing, or where the file ``name`` that held the layers
+    has another size than the frame.
     """
-    color = layers["color"]
+    color, (width, height) = layers["color"], frame.rendered_size
+    if color.shape[:2] != (height, width):
+        raise LfsrError(f"{name} has {color.shape[1]}×{color.shape[0]} pixels, but frame.json says {width}×{height}: "
+                        "render the frame again")
     pixels: Array = color[..., :3]
     if frame.world_visible and "environment" not in layers:
         raise LfsrError("frame.json says that the world is visible, but the EXR has no environment layer: "
@@ -100,11 +104,6 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
 
     ``world``: the result of ``read_world`` for the same folder.
     """
-    width, height = frame.rays.size
-    shape = layers["color"].shape
-    if shape[:2] != (height, width):
-        raise LfsrError(f"{LOW_RES_FILE} has {shape[1]}×{shape[0]} pixels, but frame.json says {width}×{height}: "
-                        "render the frame again")
     images = {"color": over_background(layers, frame), "alpha": np.clip(layers["color"][..., 3:], 0, 1)}
     if all(name in layers for name in GUIDES):
         albedo, normal = (layers[name] for name in GUIDES)

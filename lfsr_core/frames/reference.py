@@ -86,12 +86,7 @@ def read_half(path: Path, frame: Frame) -> tuple[Array, Mask]:
     LfsrError where the file is missing or of another size than ``frame``.
     """
     layers = read_finite(path)[0]
-    pixels = over_background(layers, frame)
-    width, height = frame.rays.size
-    if pixels.shape[:2] != (height, width):
-        raise LfsrError(f"{path} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but its frame.json says "
-                        f"{width}×{height}: render the reference again")
-    return pixels, foreground_mask(layers, frame.rays.tiles)
+    return over_background(layers, frame, str(path)), foreground_mask(layers, frame.rays.tiles)
 
 
 def check_reference(frame: Frame, reference: Frame) -> None:

@@ -235,19 +235,19 @@ def _made(asked: Request, error: str, kept: bool, finish: Finish | None) -> Made
                 finish=sum(value for stage, value in seconds.items() if stage != "render"))
 
 
-def finish_frame(folder: str | Path, finish: Finish | str, tell: Tell = silent, *, step: int | None = None,
-                 selection: bool = True, upscaler: Upscaler | None = None) -> Report:
+def finish_frame(folder: str | Path, finish: Finish | str, tell: Tell = silent,
+                 upscaler: Upscaler | None = None) -> Report:
     """Finish a rendered frame folder: write the images of ``finish_into`` and report.json, and return the report.
 
     LfsrError for bad input, or where another process writes into the folder; all files are replaced together or none.
-    ``step``, ``selection``, ``upscaler``: for the laboratory, see ``reconstruct.second_stage``.
+    ``upscaler``: for the laboratory, see ``reconstruct.second_stage``.
     """
     folder = Path(folder)
     direct = read_rendered(folder).subpixels is not None
     with staging_folder(folder) as staging, system_errors(folder):
         staged = staging / "finished"
         staged.mkdir()
-        report = finish_into(folder, staged, finish, tell, step=step, selection=selection, upscaler=upscaler)
+        report = finish_into(folder, staged, finish, tell, upscaler)
         write_report(staged, report)
         replace_files(staged, folder, () if direct else FINISHED_FILES)
     tell(Progress("write", 1.0, PANEL_FILE if direct else EIA_FILE))

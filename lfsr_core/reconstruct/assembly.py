@@ -1,27 +1,18 @@
-"""Assemble the finished EIA in a pre-filled buffer, lens by lens and on every core.
-
-Only a few elemental images at a time exist in linear light: an 8K image of floats would take 400 MB, and longer to
-move than to make.
-"""
+"""Steps of the second stage: one lens finished and placed in a pre-filled buffer, seconds per stage, threads."""
 
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.cores import usable_cores
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Progress, Tell
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.reconstruct.methods.interpolation import decode, encode, interpolated
@@ -31,9 +22,6 @@ if sys.platform != "win32":
     import resource
 
 STAGES = ("render", "load", "mask", "upscale", "assemble", "color", "write")
-MAX_WORKERS = 8
-STEP_IN_CACHE = 24
-Put = Callable[[Array, Array], None]
 
 
 class StageClock:
@@ -79,60 +67,6 @@ def peak_bytes() -> int | None:
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         return peak if sys.platform == "darwin" else peak * 1024
     return None
-
-
-@dataclasses.dataclass(frozen=True)
-class Assembly:
-    """The lenses of a frame and what finishes them."""
-
-    low: LowResEIA  # the low-resolution EIA after every prefilter
-    mask: Array  # (sy, sx) bool, lenses for the upscaler
-    fill: Array  # (sy, sx) bool, lenses for the filler
-    upscaler: Upscaler  # of the method
-    filler: Upscaler  # a cheap one
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """(height, width) of the finished EIA."""
-        (sy, sx), (py, px) = self.low.color.shape[:2], self.low.finished_views
-        return sy * py, sx * px
-
-    def parts(self, step: int | None) -> list[tuple[Upscaler, Array]]:
-        """Upscaler and lenses (n, 2), n <= ``step``, of every call, in reading order.
-
-        By default as many lenses as stay in a core's cache, or one row of the display for an upscaler that uses
-        every core itself. LfsrError for a step < 1.
-        """
-        if step is not None and step < 1:
-            raise LfsrError(f"step is {step}, but it must be 1 or more elemental images per call")
-        parts = []
-        for wanted, upscaler in ((self.mask, self.upscaler), (self.fill, self.filler)):
-            size = step or (STEP_IN_CACHE if upscaler.thread_safe else self.mask.shape[1])
-            lenses = np.argwhere(wanted)
-            parts += [(upscaler, lenses[start:start + size]) for start in range(0, len(lenses), size)]
-        return parts
-
-
-def upscale_all(assembly: Assembly, step: int | None, put: Put, clock: StageClock, tell: Tell) -> None:
-    """Finish every lens of the assembly, in several threads and in any order.
-
-    Upscalers that are not thread-safe run one call at a time. ``step``: see ``Assembly.parts``. ``put``: called
-    with lenses (n, 2) and their elemental images (n, py, px, 3), scene-linear.
-    """
-    parts = assembly.parts(step)
-    workers = max(1, min(usable_cores(), MAX_WORKERS, len(parts)))
-    one_at_a_time = threading.Lock()
-
-    def work(part: tuple[Upscaler, Array]) -> None:
-        upscaler, lenses = part
-        with contextlib.nullcontext() if upscaler.thread_safe else one_at_a_time, clock("upscale"):
-            images = finish_lenses(upscaler, assembly.low, lenses)
-        put(lenses, images)
-
-    most = 1 if assembly.upscaler.thread_safe else None
-    with blas_threads(most), ThreadPoolExecutor(workers) as pool, clock.shared_by(workers):
-        for done, _ in enumerate(pool.map(work, parts), start=1):
-            tell(Progress("upscale", done / len(parts), f"{done} of {len(parts)} steps"))
 
 
 def filled(size: tuple[int, int], color: Array) -> Array:

@@ -1,21 +1,24 @@
 """The second stage: from a rendered frame folder to the finished EIA.
 
-Three arguments are for the laboratory: ``step``, elemental images per call of the method, None for as many as suit it;
-``selection``, False to count every lens as foreground; ``upscaler``, a network in place of the method's upscaler.
+Two arguments are for the laboratory: ``selection``, False to count every lens as foreground; ``upscaler``, a network
+in place of the method's upscaler. Only a few elemental images at a time exist in linear light: an 8K image of floats
+would take 400 MB, and longer to move than to make.
 """
 
 from __future__ import annotations
 
-import dataclasses
+import contextlib
 import math
-from collections.abc import Mapping
+import threading
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.cores import usable_cores
+from lfsr_core.base.cores import MOST_THREADS, in_threads, usable_cores
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.frames.finish import Finish, Report
@@ -45,8 +48,8 @@ from lfsr_core.images.view_transform import ViewTransform, exposure_notices
 from lfsr_core.optics.eia import flip_order, to_elemental_images
 from lfsr_core.optics.panel.subpixel_rays import panel_image
 from lfsr_core.optics.panel.weave import cached_gather_map, weave
-from lfsr_core.reconstruct.assembly import Assembly, StageClock, filled, finish_lenses, peak_bytes, place, upscale_all
-from lfsr_core.reconstruct.averaging import Neighbour, average_frames, averaging_notices, neighbours_of, read_low
+from lfsr_core.reconstruct.assembly import StageClock, blas_threads, filled, finish_lenses, peak_bytes, place
+from lfsr_core.reconstruct.averaging import average_frames, averaging_notices, neighbours_of, read_low
 from lfsr_core.reconstruct.methods import (
     AS_RENDERED,
     METHODS,
@@ -60,14 +63,13 @@ from lfsr_core.reconstruct.methods.denoise import denoise_eia, span
 from lfsr_core.reconstruct.methods.oidn import Note, Wanted
 from lfsr_core.reconstruct.upscaler import Upscaler
 
-FILL_METHOD = PLAIN_METHOD
 MOST_JUDGED = 200  # elemental images that decide whether the image is nearly black or white
 NEED_LENSES = ("dilate", "weights", "linear_exr", "temporal_averaging")
-ROWS_AT_ONCE, MOST_WORKERS = 64, 8
+ROWS_AT_ONCE, STEP_IN_CACHE = 64, 24
 
 
-def finish_into(folder: str | Path, staged: Path, finish: Finish | str, tell: Tell = silent, *,
-                step: int | None = None, selection: bool = True, upscaler: Upscaler | None = None) -> Report:
+def finish_into(folder: str | Path, staged: Path, finish: Finish | str, tell: Tell = silent,
+                upscaler: Upscaler | None = None) -> Report:
     """Write the images of a finished frame folder into ``staged``, and return the report; ``folder`` is only read.
 
     They are eia.png, mask.png, eia.exr where it is asked for, and panel.png for a display with a lens sheet; after
@@ -75,11 +77,10 @@ def finish_into(folder: str | Path, staged: Path, finish: Finish | str, tell: Te
     """
     finish, rendered = Finish.of(finish), read_rendered(folder)
     if rendered.subpixels:
-        return finish_subpixels(Path(folder), staged, rendered, finish, tell)
-    work = _begin(folder, finish, upscaler)
-    frame, clock, show = work.frame, work.clock, _view_transform(work)
-    ready = _prepare(work, tell, selection)
-    pixels, linear = _panel_images(work, ready.assembly, show, tell, step)
+        return _finish_subpixels(Path(folder), staged, rendered, finish, tell)
+    work = _Work(folder, finish, tell, upscaler=upscaler)
+    frame, clock = work.frame, work.clock
+    pixels, linear = work.panel_images(tell)
     if frame.display.is_woven:
         tell(Progress("weave", 0.0, PANEL_FILE))
         with clock("map"):
@@ -89,53 +90,35 @@ def finish_into(folder: str | Path, staged: Path, finish: Finish | str, tell: Te
         with clock("write"):
             write_png(staged / PANEL_FILE, panel)
     tell(Progress("write", 0.0, EIA_FILE))
-    assembly = ready.assembly
     with clock("write"):
         write_png(staged / EIA_FILE, pixels)
-        write_mask(staged / MASK_FILE, assembly.mask)
+        write_mask(staged / MASK_FILE, work.mask)
         if linear is not None:
             write_layers(staged / EIA_LINEAR_FILE, {"color": linear}, half=True)
-    lenses = np.argwhere(assembly.mask | assembly.fill)
+    lenses = np.argwhere(work.mask | work.fill)
     rows, columns = lenses[::len(lenses) // MOST_JUDGED + 1].T
     judged = to_elemental_images(pixels, frame.rays.tiles)[rows, columns]
-    notes = (*filter(None, [frame.scale_reason]), *frame.notes,
-             *replaced_notices(ready.replaced, assembly.low.alpha.size),
-             *(ready.unseen or exposure_notices(judged, show.to_uint8(work.background[None])[0])),
-             *assembly.low.notes, *averaging_notices(ready.neighbours))
-    return Report(
-        finish=finish, method=work.method.name.text, display=frame.display.name, scale=frame.scale,
-        samples=frame.samples,
-        seconds=clock.rounded, peak_bytes=peak_bytes(), foreground_fraction=float(assembly.mask.mean()), notes=notes,
-        replaced_pixels=ready.replaced, layout=frame.layout, device=frame.device,
-        neighbours=tuple(each.number for each in ready.neighbours), averaged=ready.averaged)
+    notes = (*filter(None, [frame.scale_reason]), *frame.notes, *replaced_notices(work.replaced, work.low.alpha.size),
+             *(work.unseen or exposure_notices(judged, work.show.to_uint8(work.background[None])[0])),
+             *work.low.notes, *averaging_notices(work.neighbours))
+    return _report(frame, finish, clock, method=work.method.name.text, notes=notes, replaced_pixels=work.replaced,
+                   foreground_fraction=float(work.mask.mean()),
+                   neighbours=tuple(each.number for each in work.neighbours), averaged=work.averaged)
 
 
-def finished_panel(folder: str | Path, finish: Finish | str, tell: Tell = silent, *, step: int | None = None,
-                   selection: bool = True, upscaler: Upscaler | None = None) -> Array:
+def finished_panel(folder: str | Path, finish: Finish | str, *, selection: bool = True,
+                   upscaler: Upscaler | None = None) -> Array:
     """Pixels of eia.png, (H, W, 3) uint8 in panel order; writes nothing."""
-    work = _begin(folder, Finish.of(finish), upscaler)
-    show = _view_transform(work)
-    return _panel_images(work, _prepare(work, tell, selection).assembly, show, tell, step)[0]
+    return _Work(folder, Finish.of(finish), silent, selection, upscaler).panel_images(silent)[0]
 
 
-def finished_linear(folder: str | Path, finish: Finish | str, tell: Tell = silent, *, step: int | None = None,
-                    selection: bool = True, upscaler: Upscaler | None = None) -> Array:
+def finished_linear(folder: str | Path, finish: Finish | str, tell: Tell = silent, *, selection: bool = True,
+                    upscaler: Upscaler | None = None) -> Array:
     """Finished EIA, (H, W, 3) float32, scene-linear, in view order; writes nothing."""
-    return linear_and_mask(folder, finish, tell, step=step, selection=selection, upscaler=upscaler)[0]
-
-
-def linear_and_mask(folder: str | Path, finish: Finish | str, tell: Tell = silent, *, step: int | None = None,
-                    selection: bool = True, upscaler: Upscaler | None = None) -> tuple[Array, Array]:
-    """EIA like that of ``finished_linear``, and its foreground mask (sy, sx); writes nothing."""
-    work = _begin(folder, Finish.of(finish), upscaler)
-    assembly = _prepare(work, tell, selection).assembly
-    result = filled(assembly.size, work.background)
-
-    def put(lenses: Array, images: Array) -> None:
-        place(result, work.frame.rays.tiles, lenses, images, flipped=False)
-
-    upscale_all(assembly, step, put, work.clock, tell)
-    return result, assembly.mask
+    work = _Work(folder, Finish.of(finish), tell, selection, upscaler, shows=False)
+    result = filled(work.size, work.background)
+    work.upscale_all(lambda lenses, images: place(result, work.frame.rays.tiles, lenses, images, flipped=False), tell)
+    return result
 
 
 def finished_lenses(low: LowResEIA, mask: Array, finish: Finish | str, lenses: Array, *,
@@ -148,7 +131,7 @@ def finished_lenses(low: LowResEIA, mask: Array, finish: Finish | str, lenses: A
     finish = Finish.of(finish)
     name = MethodName.parse(finish.method)
     method = load_method(name if upscaler else name.at_scale(low.scale), finish.weights, upscaler=upscaler,
-                             block=block)
+                         block=block)
     ready = method.prepare(low)
     images = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
     for wanted, chosen in ((mask, method.upscaler), (~mask, _filler(method, low.scale))):
@@ -173,96 +156,105 @@ def read_finished_linear(folder: str | Path) -> Array | None:
     return flip_order(pixels, tiles) if frame.display.ei_order == "flipped" else pixels
 
 
-@dataclasses.dataclass(frozen=True)
 class _Work:
-    """A frame on its way through the second stage."""
+    """A frame on its way through the second stage: read, averaged and prefiltered before its first lens is finished."""
 
-    folder: Path
-    frame: Frame
-    finish: Finish
-    method: Method
-    clock: StageClock
+    def __init__(self, folder: str | Path, finish: Finish, tell: Tell, selection: bool = True,
+                 upscaler: Upscaler | None = None, shows: bool = True) -> None:
+        """``shows``: whether its image is shown as Blender shows it."""
+        folder, frame, name = Path(folder), read_frame(folder), MethodName.parse(finish.method)
+        if upscaler is None:
+            name.check_scale(frame.scale)
+            name = name.at_scale(frame.scale)
+        self.frame, self.finish, self.clock = frame, finish, StageClock(frame.seconds)
+        self.method = load_method(name, finish.weights, upscaler=upscaler)
+        self.filler = _filler(self.method, frame.scale)  # of lenses beside the foreground
+        self.background = np.asarray(frame.display.background, np.float32)  # (3,), scene-linear
+        if shows:
+            with self.clock("color"):
+                self.show = ViewTransform(frame.color, math.prod((*frame.rays.tiles, *frame.display.views)))
+        averaged, count = None, finish.temporal_averaging
+        self.neighbours = neighbours_of(folder, frame, count) if count else []
+        tell(Progress("load", 0.0, LOW_RES_FILE))
+        with self.clock("load"):
+            layers, self.replaced = read_finite(folder / LOW_RES_FILE)  # pixels that were not finite
+            low = low_resolution(layers, frame, read_world(folder, frame))
+        if count:
+            tell(Progress("average", 0.0, "neighbouring frames"))
+            with self.clock("average"):
+                low, averaged = average_frames(low, (read_low(each.folder) for each in self.neighbours if each.usable))
+        self.averaged = averaged  # fraction of the image
+        with self.clock("mask"):
+            self.unseen = unseen_notices(layers)
+            mask = foreground_mask(layers, frame.rays.tiles, finish.dilate)
+            # (sy, sx) bool, lenses for the method's upscaler, and for the filler
+            self.mask = np.full_like(mask, not selection) if self.unseen or not selection else mask
+            self.fill = ~self.mask & (low.alpha.any(axis=(2, 3, 4)) | frame.world_visible)
+        tell(Progress("upscale", 0.0, "+".join(self.method.name.prefilters)))
+        with self.clock("upscale"):
+            self.low = self.method.prepare(low)
 
     @property
-    def background(self) -> Array:
-        """Colour (3,) float32 of the display's background, scene-linear."""
-        return np.asarray(self.frame.display.background, np.float32)
+    def size(self) -> tuple[int, int]:
+        """(height, width) of the finished EIA."""
+        (sy, sx), (py, px) = self.mask.shape, self.low.finished_views
+        return sy * py, sx * px
 
+    def panel_images(self, tell: Tell) -> tuple[Array, Array | None]:
+        """Finished EIA in panel order: uint8 as Blender shows it and, where asked for, scene-linear float16."""
+        show = self.show
+        with self.clock("assemble"):
+            pixels = filled(self.size, show.to_uint8(self.background[None])[0])
+            linear = filled(self.size, self.background.astype(np.float16)) if self.finish.linear_exr else None
+        grid, flipped = self.frame.rays.tiles, self.frame.display.ei_order == "flipped"
 
-@dataclasses.dataclass(frozen=True)
-class _Ready:
-    """A frame before its first lens is finished."""
+        def put(lenses: Array, images: Array) -> None:
+            with self.clock("color"):
+                shown = show.to_uint8(images)
+            with self.clock("assemble"):
+                place(pixels, grid, lenses, shown, flipped)
+                if linear is not None:
+                    place(linear, grid, lenses, np.minimum(images, HALF_MAX), flipped)
 
-    assembly: Assembly
-    replaced: int  # pixels that were not finite
-    unseen: list[Notice]  # where the subject is not seen
-    neighbours: list[Neighbour]  # for temporal averaging
-    averaged: float | None  # fraction of the image that was averaged
+        self.upscale_all(put, tell)
+        return pixels, linear
 
+    def upscale_all(self, put: Callable[[Array, Array], None], tell: Tell) -> None:
+        """Finish every lens, in several threads and in any order.
 
-def _begin(folder: str | Path, finish: Finish, upscaler: Upscaler | None) -> _Work:
-    """Read the frame, and load what the finish's method is at its scale."""
-    frame, name = read_frame(folder), MethodName.parse(finish.method)
-    if upscaler is None:
-        name.check_scale(frame.scale)
-        name = name.at_scale(frame.scale)
-    return _Work(Path(folder), frame, finish, load_method(name, finish.weights, upscaler=upscaler),
-                 StageClock(frame.seconds))
+        ``put`` is called with lenses (n, 2) and their elemental images (n, py, px, 3), scene-linear: as many as stay in
+        a core's cache, or one row of the display for an upscaler that uses every core itself. Such upscalers run one
+        call at a time.
+        """
+        parts: list[tuple[Upscaler, Array]] = []
+        for wanted, upscaler in ((self.mask, self.method.upscaler), (self.fill, self.filler)):
+            size, lenses = STEP_IN_CACHE if upscaler.thread_safe else wanted.shape[1], np.argwhere(wanted)
+            parts += [(upscaler, lenses[start:start + size]) for start in range(0, len(lenses), size)]
+        workers = max(1, min(usable_cores(), MOST_THREADS, len(parts)))
+        one_at_a_time = threading.Lock()
 
+        def work(part: tuple[Upscaler, Array]) -> None:
+            upscaler, lenses = part
+            with contextlib.nullcontext() if upscaler.thread_safe else one_at_a_time, self.clock("upscale"):
+                images = finish_lenses(upscaler, self.low, lenses)
+            put(lenses, images)
 
-def _view_transform(work: _Work) -> ViewTransform:
-    with work.clock("color"):
-        return ViewTransform(work.frame.color, math.prod((*work.frame.rays.tiles, *work.frame.display.views)))
+        most = 1 if self.method.upscaler.thread_safe else None
+        with blas_threads(most), ThreadPoolExecutor(workers) as pool, self.clock.shared_by(workers):
+            for done, _ in enumerate(pool.map(work, parts), start=1):
+                tell(Progress("upscale", done / len(parts), f"{done} of {len(parts)} steps"))
 
 
 def _filler(method: Method, scale: int) -> Upscaler:
     """Upscaler of the lenses beside the foreground."""
-    made: Upscaler = method.upscaler if scale == 1 else METHODS[FILL_METHOD].make(None)
+    made: Upscaler = method.upscaler if scale == 1 else METHODS[PLAIN_METHOD].make(None)
     return made
 
 
-def _prepare(work: _Work, tell: Tell, selection: bool) -> _Ready:
-    frame, clock, method, count = work.frame, work.clock, work.method, work.finish.temporal_averaging
-    averaged, neighbours = None, neighbours_of(work.folder, frame, count) if count else []
-    tell(Progress("load", 0.0, LOW_RES_FILE))
-    with clock("load"):
-        layers, replaced = read_finite(work.folder / LOW_RES_FILE)
-        low = low_resolution(layers, frame, read_world(work.folder, frame))
-    if count:
-        tell(Progress("average", 0.0, "neighbouring frames"))
-        with clock("average"):
-            low, averaged = average_frames(low, (read_low(each.folder) for each in neighbours if each.usable))
-    with clock("mask"):
-        unseen, mask = unseen_notices(layers), foreground_mask(layers, frame.rays.tiles, work.finish.dilate)
-        mask = np.zeros_like(mask) if unseen else mask
-        mask = mask if selection else np.ones_like(mask)
-        fill = ~mask & (low.alpha.any(axis=(2, 3, 4)) | frame.world_visible)
-    tell(Progress("upscale", 0.0, "+".join(method.name.prefilters)))
-    with clock("upscale"):
-        low = method.prepare(low)
-    assembly = Assembly(low, mask, fill, method.upscaler, _filler(method, frame.scale))
-    return _Ready(assembly, replaced, unseen, neighbours, averaged)
-
-
-def _panel_images(work: _Work, assembly: Assembly, show: ViewTransform, tell: Tell,
-                  step: int | None) -> tuple[Array, Array | None]:
-    """Finished EIA in panel order: uint8 as Blender shows it and, where asked for, scene-linear float16."""
-    frame, clock, size = work.frame, work.clock, assembly.size
-    with clock("assemble"):
-        pixels = filled(size, show.to_uint8(work.background[None])[0])
-        linear = filled(size, work.background.astype(np.float16)) if work.finish.linear_exr else None
-    grid, flipped = frame.rays.tiles, frame.display.ei_order == "flipped"
-
-    def put(lenses: Array, images: Array) -> None:
-        with clock("color"):
-            shown = show.to_uint8(images)
-        with clock("assemble"):
-            place(pixels, grid, lenses, shown, flipped)
-            if linear is not None:
-                place(linear, grid, lenses, np.minimum(images, HALF_MAX), flipped)
-
-    upscale_all(assembly, step, put, clock, tell)
-    return pixels, linear
+def _report(frame: Frame, finish: Finish, clock: StageClock, **found: Any) -> Report:
+    """Report of a frame, with what was ``found`` in the second stage."""
+    return Report(finish=finish, display=frame.display.name, scale=frame.scale, samples=frame.samples,
+                  seconds=clock.rounded, peak_bytes=peak_bytes(), layout=frame.layout, device=frame.device, **found)
 
 
 def check_subpixels_finish(finish: Finish) -> None:
@@ -275,7 +267,7 @@ def check_subpixels_finish(finish: Finish) -> None:
                         "have: leave it out")
 
 
-def finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, tell: Tell = silent) -> Report:
+def _finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, tell: Tell) -> Report:
     """Write the panel.png of a frame folder after direct subpixel rendering into the folder ``staged``."""
     check_subpixels_finish(finish)
     clock, said, method = StageClock(frame.seconds), list[Notice](), MethodName.parse(finish.method)
@@ -294,31 +286,20 @@ def finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, t
             rows = slice(start, start + ROWS_AT_ONCE)
             pixels[rows] = show.to_uint8(image[rows])
 
-        with ThreadPoolExecutor(min(usable_cores(), MOST_WORKERS)) as pool:
-            list(pool.map(work, range(0, len(image), ROWS_AT_ONCE)))
+        in_threads(work, range(0, len(image), ROWS_AT_ONCE))
     with clock("write"):
         write_png(staged / PANEL_FILE, pixels)
     background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]
     notes = (*frame.notes, *replaced_notices(replaced, layers["color"][..., 3].size), *said,
              *(unseen_notices(layers) or exposure_notices(pixels, background)))
-    return Report(
-        finish=finish, method=method.text, display=frame.display.name, scale=frame.scale, samples=frame.samples,
-        seconds=clock.rounded, peak_bytes=peak_bytes(),
-        foreground_fraction=float(foreground_pixels(layers).mean()), notes=notes,
-        replaced_pixels=replaced, layout=frame.layout, device=frame.device)
+    return _report(frame, finish, clock, method=method.text, notes=notes, replaced_pixels=replaced,
+                   foreground_fraction=float(foreground_pixels(layers).mean()))
 
 
 def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: MethodName,
                        note: Note = silent) -> Array:
-    """Panel image (H, W, 3), scene-linear, from the layers of a direct subpixel rendering; ``note``: see ``oidn``.
-
-    LfsrError where the layers and the frame differ in size.
-    """
+    """Panel image (H, W, 3), scene-linear, from the layers of a direct subpixel rendering; ``note``: see ``oidn``."""
     assert frame.subpixels is not None, "a frame of direct subpixel rendering has them"
-    (width, height), shape = frame.subpixels.size, layers["color"].shape
-    if shape[:2] != (height, width):
-        raise LfsrError(f"{LOW_RES_FILE} has {shape[1]}×{shape[0]} pixels, but frame.json says {width}×{height}: "
-                        "render the frame again")
     shown = over_background(layers, frame)
     if method.text != AS_RENDERED:
         # Of the rectangle that shows more than the background.

@@ -15,7 +15,7 @@ from lfsr_core.optics import eia
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.reconstruct import second_stage
-from lfsr_core.reconstruct.methods import load_method
+from lfsr_core.reconstruct.methods import PLAIN_METHOD, load_method
 from lfsr_core.reconstruct.second_stage import finished_lenses, finished_linear
 from tests.support.prerequisites import needs_bpy
 from tests.support.slow_way import expected_linear
@@ -67,10 +67,12 @@ def test_background_meshes_are_filled_cheaply_and_objects_by_the_method(tmp_path
     write_layers(tmp_path / LOW_RES_FILE, {"color": color, "index": index})
     result, method_, cheap = (eia.to_elemental_images(x, MINI.lenses) for x in (
         second_stage.finished_linear(tmp_path, "nearest"), expected_linear(tmp_path, "nearest"),
-        expected_linear(tmp_path, second_stage.FILL_METHOD)))
+        expected_linear(tmp_path, PLAIN_METHOD)))
     np.testing.assert_allclose(result[:2, :2], method_[:2, :2], atol=1e-6)
     np.testing.assert_allclose(result[2:], cheap[2:], atol=1e-6)
     np.testing.assert_allclose(result[:2, 2:], cheap[:2, 2:], atol=1e-6)
+    every = second_stage.finished_linear(tmp_path, "nearest", selection=False)
+    np.testing.assert_allclose(every, expected_linear(tmp_path, "nearest"), atol=1e-6)
 
 
 def test_mask_and_dilation_are_written(tmp_path):
@@ -82,15 +84,6 @@ def test_mask_and_dilation_are_written(tmp_path):
     assert report.foreground_fraction == pytest.approx(plain.mean())
     assert finish_frame(tmp_path, Finish("bicubic", dilate=1)).foreground_fraction > plain.mean()
     assert (read_mask(tmp_path / "mask.png") >= plain).all()
-
-
-def test_without_selection_every_lens_is_foreground(tmp_path):
-    folder = write_render(tmp_path)
-    linear, mask = second_stage.linear_and_mask(folder, "bicubic")
-    whole, every = second_stage.linear_and_mask(folder, "bicubic", selection=False)
-    assert every.all() and not mask.all()
-    inside = np.repeat(np.repeat(mask, 8, 0), 8, 1)
-    np.testing.assert_allclose(linear[inside], whole[inside], atol=1e-6)
 
 
 def whole_world(folder):

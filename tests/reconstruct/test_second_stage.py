@@ -32,10 +32,9 @@ pytestmark = needs_bpy  # for Blender's colour configuration
 
 
 @pytest.mark.parametrize("name", ["bicubic", "nearest", "bicubic-eia"])
-@pytest.mark.parametrize("step", [None, 7, 1000])
-def test_finished_eia_is_the_method_on_every_foreground_lens(tmp_path, name, step):
+def test_finished_eia_is_the_method_on_every_foreground_lens(tmp_path, name):
     write_render(tmp_path)
-    result = second_stage.finished_linear(tmp_path, name, step=step)
+    result = second_stage.finished_linear(tmp_path, name)
     np.testing.assert_allclose(result, expected_linear(tmp_path, name), atol=1e-6)
 
 
@@ -146,9 +145,8 @@ DEEP = Notice("scale-unseen", {"scale": 2})
 LIT = Notice("render-note", {"text": "the scene was lit"})
 
 
-def test_bad_methods_steps_and_sizes_are_errors(tmp_path):
+def test_bad_methods_and_sizes_are_errors(tmp_path):
     write_render(tmp_path)
-    refuses("step is 0", finish_frame, tmp_path, "bicubic", step=0)
     write_layers(tmp_path / LOW_RES_FILE, {"color": np.zeros((48, 60, 4), np.float32)})
     refuses("60×48 pixels, but frame.json says 64×48", finish_frame, tmp_path, "bicubic")
     for scale, name, message in [
@@ -204,10 +202,10 @@ class OneAtATime(Upscaler):
 def test_an_upscaler_that_is_not_thread_safe_runs_alone_in_steps(tmp_path):
     write_render(tmp_path)
     upscaler = OneAtATime()
-    second_stage.finished_panel(tmp_path, "bilinear", step=5, upscaler=upscaler)
+    second_stage.finished_panel(tmp_path, "bilinear", upscaler=upscaler)
     assert not upscaler.overlapped
-    assert max(upscaler.calls) == 5
-    assert sum(upscaler.calls) == second_stage.linear_and_mask(tmp_path, "bilinear")[1].sum()
+    assert max(upscaler.calls) == MINI.lenses[0]
+    assert sum(upscaler.calls) == low_res.foreground_mask(read_layers(tmp_path / LOW_RES_FILE), MINI.lenses).sum()
 
 
 FINISH = """from lfsr_core.frames.finish import Finish
@@ -257,8 +255,8 @@ def test_what_is_written_can_be_had_without_writing_and_a_folder_finished_from_i
 
 def test_single_lenses_are_finished_as_in_the_whole_frame(tmp_path):
     folder = write_render(tmp_path)
-    linear, mask = second_stage.linear_and_mask(folder, "bicubic")
-    low = low_res.low_resolution(read_layers(folder / LOW_RES_FILE), read_frame(folder))
+    linear, layers = second_stage.finished_linear(folder, "bicubic"), read_layers(folder / LOW_RES_FILE)
+    low, mask = low_res.low_resolution(layers, read_frame(folder)), low_res.foreground_mask(layers, MINI.lenses)
     lenses = np.concatenate([np.argwhere(mask)[:3], np.argwhere(~mask & low.alpha.any((2, 3, 4)))[:3]])
     images = second_stage.finished_lenses(low, mask[tuple(lenses.T)], "bicubic", lenses)
     expected = eia.to_elemental_images(linear, MINI.lenses)[tuple(lenses.T)]

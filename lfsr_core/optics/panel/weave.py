@@ -9,13 +9,12 @@ import json
 import os
 import shutil
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.cores import usable_cores
+from lfsr_core.base.cores import in_threads
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import cache_folder, parse_json, replace
 from lfsr_core.optics.display import DisplayProfile
@@ -24,7 +23,6 @@ from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
 AT_ONCE = 1 << 17  # subpixels: their data fit into a core's cache
 ONE = 128  # a weight of 1; its product with a difference of bytes fits into 16 bits
 ROWS_AT_ONCE = 64
-MAX_WORKERS = 8
 CHANNELS = 3
 VERSION = 1  # of a map's content: maps of other versions are not read
 MIN_SUBPIXELS = 4_000_000  # a map of fewer is computed faster than it is worth caching
@@ -83,8 +81,7 @@ def gather_map(profile: DisplayProfile, sampling: str) -> GatherMap:
                     next(interpolated)[part, :, channel] = np.rint((inside - whole) * ONE)
             first[part, :, channel] = index
 
-    with ThreadPoolExecutor(min(usable_cores(), MAX_WORKERS)) as pool:
-        list(pool.map(work, range(0, size[0], ROWS_AT_ONCE)))
+    in_threads(work, range(0, size[0], ROWS_AT_ONCE))
     axes = (Axis(stride, weight) for stride, weight in zip(strides, weights, strict=True))
     return GatherMap((columns, rows), first, tuple(axis for axis in axes if axis.weights.any()))
 
@@ -150,8 +147,7 @@ def weave(eia: Array, mapped: GatherMap) -> Array:
         index, mixed = first[part].astype(np.intp), [(stride, weights[part]) for stride, weights in axes]
         shown[part] = _mixed(source, index, mixed)
 
-    with ThreadPoolExecutor(min(usable_cores(), MAX_WORKERS)) as pool:
-        list(pool.map(work, range(0, first.size, AT_ONCE)))
+    in_threads(work, range(0, first.size, AT_ONCE))
     return result
 
 

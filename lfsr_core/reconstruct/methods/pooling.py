@@ -13,14 +13,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.cores import usable_cores
+from lfsr_core.base.cores import in_threads
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.methods.interpolation import decode, encode, interpolated, kernel_matrix
 from lfsr_core.reconstruct.upscaler import Upscaler
@@ -36,7 +35,7 @@ LEAST = 0.05  # sum of weights below which nothing was found
 UNKNOWN, OUTSIDE = 1e6, 1e9  # slopes of samples without depth, and of places beyond the display or its views
 KERNEL, SHARP_KERNEL = "linear", "halfway"
 SHARP_SAMPLES, SHARP_SCALE = 16, 3  # samples per pixel and scale from which noise allows the sharper kernel
-LENSES_IN_CACHE, SAMPLES_IN_CACHE, MAX_WORKERS = 24, 40_000, 8
+LENSES_IN_CACHE, SAMPLES_IN_CACHE = 24, 40_000
 LEAST_SAMPLES = 2  # per pixel from which detail is told from noise
 LEAST_STEEP = 0.1  # lenses per rendered view: below, no other lens is within reach
 LEAST_OTHERS = 0.3  # sum of the weights of other lenses' samples
@@ -91,8 +90,7 @@ class Pooling(Upscaler):
             np.multiply(rays[3], np.float32(low.slope_ratio), out=rays[3], where=rays[3] < UNKNOWN)
             wide[:, index * width:(index + 1) * width, rows, REACH:-REACH] = rays.reshape(4, width, sy, h)
 
-        with ThreadPoolExecutor(min(usable_cores(), MAX_WORKERS)) as pool:
-            list(pool.map(column, range(sx)))
+        in_threads(column, range(sx))
         return PooledEIA(**vars(low) | {"wide": wide, "rows": rows, "seen": known.any((2, 3))})
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
@@ -261,8 +259,7 @@ def _residuals(values: Array, slopes: Array, places: Array, length: int, own: bo
         found[:, row[part], lens[part]] = _sums(planes, stride, taps, starts[part], along,
                                                 np.zeros(along.shape, bool), own)[1]
 
-    with ThreadPoolExecutor(min(usable_cores(), MAX_WORKERS)) as pool:
-        list(pool.map(lenses, np.array_split(np.arange(len(row)), math.ceil(len(row) * views / SAMPLES_IN_CACHE))))
+    in_threads(lenses, np.array_split(np.arange(len(row)), math.ceil(len(row) * views / SAMPLES_IN_CACHE)))
     return found
 
 

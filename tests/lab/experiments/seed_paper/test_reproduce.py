@@ -101,7 +101,7 @@ def test_a_second_run_measures_nothing_and_a_stopped_one_keeps_what_is_done(fram
         FIG9.measure(again)
     assert FIG9.measure(again).rows == measured["fig9"].rows and accuracy.call_count == 5
     forbidden = Mock(side_effect=AssertionError("measured again"))
-    for module, name in ((measuring, "linear_and_mask"), (timing, "take_turns"), (engine_records, "make")):
+    for module, name in ((measuring, "finished_linear"), (timing, "take_turns"), (engine_records, "make")):
         monkeypatch.setattr(module, name, forbidden)
     for name, figure in study.FIGURES.items():
         assert figure.measure(frames) == measured[name], name

@@ -24,7 +24,7 @@ from lfsr_core.frames.request import Request, Sampling, check_scene
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.process.blender import find_blender
-from lfsr_core.reconstruct.second_stage import finished_panel, linear_and_mask
+from lfsr_core.reconstruct.second_stage import finished_linear, finished_panel
 from lfsr_lab.experiments.engine import timing
 from lfsr_lab.experiments.engine.records import REFERENCE, Cell, Store, StudySettings, reference_of, to_stderr
 from lfsr_lab.experiments.engine.report import number
@@ -344,7 +344,7 @@ def accuracy_cell(settings: Settings, figure: str, view: View, name: str, measur
             folder = rendered(settings, view)
             frame = read_frame(folder)
             truth.check(frame)
-            image, _ = linear_and_mask(folder, ready[0], upscaler=ready[1])
+            image = finished_linear(folder, ready[0], upscaler=ready[1])
             file = settings.output / CELLS / figure / f"{key}.png"
             found = measure(Finished(image, folder, frame, ready, truth, file))
         return Rows((dataclasses.replace(found, scene=scene, method=label, samples=view.spp),))
