@@ -233,7 +233,7 @@ def new_card(made: list[bpy.types.ID], card: LensCard, distance: float, place: P
 
 
 def ray_group(place_in_pixel: bool) -> bpy.types.NodeTree:
-    """Return the node group of ``lfsr_core.optics.lens_card.card_rays``: the card's attributes -> a world-space ray."""
+    """Return the node group of ``tests/support/card_rays.py``: the card's attributes -> a world-space ray."""
     tree = bpy.data.node_groups.new(NAME, "ShaderNodeTree")
     for name in ("Lens Step", "First View", "View Step", "Aperture", "Start"):
         tree.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketVector")

@@ -2,7 +2,8 @@
 
 Every tile of the image is one quad. A quad stores where its views begin (``cells``, a UV map that counts views
 from its upper left corner) and where its lens lies on the display plane (``targets``). From these two the card's
-material computes every pixel's ray (``card_rays``), for any lattice of lenses. ``rays.py`` is the reference.
+material computes every pixel's ray, for any lattice of lenses: ``tests/support/card_rays.py`` repeats it, and
+``rays.py`` is the reference.
 """
 
 from __future__ import annotations
@@ -67,24 +68,6 @@ def lens_card(layout: RayLayout, radius: float = math.inf) -> LensCard:
         lens_step=_pair(pitch / views if paper else pitch), first_view=_pair(first * up),
         view_step=_pair(layout.spacing * up),
         aperture=(0.0, 0.0) if paper else _pair(np.multiply(layout.cell, up)), place_in_pixel=not paper)
-
-
-def card_rays(card: LensCard, cells: Array, targets: Array, distance: float,
-              random: Array | float = 0.5) -> tuple[Array, Array]:
-    """Rays of points of the card, as its material computes them: origins and unit directions, (..., 3) each.
-
-    ``cells``, ``targets``: (..., 2) at these points. ``distance``: of the display plane. ``random``: (..., 2) in
-    [0, 1), the point in the view's cell.
-    """
-    views = np.floor(cells)
-    place = cells - views if card.place_in_pixel else cells
-    jitter = np.multiply(card.aperture, np.asarray(random) - 0.5)
-    start = card.first_view + views * card.view_step + jitter
-    end = targets + place * card.lens_step
-    depth = np.full((*start.shape[:-1], 1), float(distance))
-    direction = np.concatenate([end - start, depth], axis=-1)
-    origin = np.concatenate([start, np.zeros_like(depth)], axis=-1)
-    return origin, direction / np.linalg.norm(direction, axis=-1, keepdims=True)
 
 
 def _pair(values: Array) -> tuple[float, float]:

@@ -32,6 +32,7 @@ from lfsr_core.reconstruct.methods import seconds
 from lfsr_core.reconstruct.second_stage import finish_into
 from lfsr_core.reconstruct.upscaler import Upscaler
 
+REQUEST_FILE = "request.json"
 CHUNK = 16  # frames of one Blender
 TRIES = 2  # of a frame of an animation at which Blender crashes
 RENDER_FRACTION = 0.85  # of the time of one frame that is rendered and finished
@@ -89,7 +90,13 @@ def make(request: Request | Sequence[Request], finish: Finish | None = None, fra
     several = (request,) if isinstance(request, Request) else request
     content = {asked.scene: scene_stamp(check_scene(asked.scene)) for asked in several}
     requests = [asked for each in several for asked in requests_of(each, finish, frames, overwrite)]
-    beside = {asked.output: _beside(asked, requests, finish) for asked in requests}
+    # Numbers of the frames, rendered or asked for, that each is averaged with.
+    averaging, beside = finish.temporal_averaging if finish else 0, collections.defaultdict[str, list[int]](list)
+    for asked in requests if averaging else ():
+        if asked.frame is not None:
+            numbers = {*numbered(Path(asked.output).parent),
+                       *(other.frame for other in requests if other.frame is not None)}
+            beside[asked.output] = near(asked.frame, numbers, averaging)
     kept, waiting, ready, older = set[str](), list[Request](), list[Request](), list[int]()
     for asked in requests:
         folder = FrameFolder(asked.output)
@@ -189,7 +196,17 @@ def make(request: Request | Sequence[Request], finish: Finish | None = None, fra
     finally:
         stopped.set()
         thread.shutdown(wait=True, cancel_futures=True)
-    return [_made(asked, failed.get(asked.output, ""), asked.output in kept, finish) for asked in requests]
+    made = []
+    for asked in requests:
+        if asked.output in failed:
+            made.append(Made(asked.frame, asked.output, FAILED, failed[asked.output]))
+            continue
+        folder = FrameFolder(asked.output)
+        spent = folder.report.seconds if finish is not None else {}
+        made.append(Made(asked.frame, asked.output, KEPT if asked.output in kept else MADE,
+                         render=folder.part.seconds.get("render", 0.0),
+                         finish=sum(value for stage, value in spent.items() if stage != "render")))
+    return made
 
 
 def requests_of(request: Request, finish: Finish | None, frames: Sequence[int] | None,
@@ -215,24 +232,6 @@ def requests_of(request: Request, finish: Finish | None, frames: Sequence[int] |
     return [dataclasses.replace(request, frame=number, output=str(FrameFolder.of_frame(output, number).path),
                                 seed=finish.seed_of(request.seed, number) if finish else request.seed)
             for number in frames]
-
-
-def _beside(asked: Request, requests: Sequence[Request], finish: Finish | None) -> list[int]:
-    """Return the numbers of the frames that a frame is averaged with, of those rendered or asked for."""
-    if finish is None or not finish.temporal_averaging or asked.frame is None:
-        return []
-    numbers = {*numbered(Path(asked.output).parent), *(other.frame for other in requests if other.frame is not None)}
-    return near(asked.frame, numbers, finish.temporal_averaging)
-
-
-def _made(asked: Request, error: str, kept: bool, finish: Finish | None) -> Made:
-    if error:
-        return Made(asked.frame, asked.output, FAILED, error)
-    folder = FrameFolder(asked.output)
-    seconds = folder.report.seconds if finish is not None else {}
-    return Made(asked.frame, asked.output, KEPT if kept else MADE,
-                render=folder.part.seconds.get("render", 0.0),
-                finish=sum(value for stage, value in seconds.items() if stage != "render"))
 
 
 def finish_frame(folder: str | Path, finish: Finish | str, tell: Tell = silent,
@@ -281,8 +280,12 @@ def render_all(requests: Sequence[Request], blender: Starts, tell: Tell = silent
         try:
             with system_errors():
                 last = waiting[-1]
-                files = [_request_file(request, staging, folders[request.output].parts)
-                         for request, staging in waiting]
+                for request, staging in waiting:  # Blender fills the folder "frame" beside its request
+                    frame, parts = staging / "frame", folders[request.output].parts
+                    frame.mkdir()
+                    write_record(staging / REQUEST_FILE, dataclasses.replace(
+                        request, output=str(frame.resolve()), parts=str(parts.resolve())))
+                files = [staging / REQUEST_FILE for _, staging in waiting]
                 temporary = last[1] / "temporary"  # not the system's, where a Blender that is killed leaves its files
                 temporary.mkdir()
                 environment = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(temporary.resolve()))
@@ -308,22 +311,6 @@ def render_all(requests: Sequence[Request], blender: Starts, tell: Tell = silent
             raise
 
 
-def _request_file(request: Request, staging: Path, parts: Path) -> Path:
-    """Write the request for Blender, which fills the folder "frame" beside it, and return its path."""
-    frame = staging / "frame"
-    frame.mkdir()
-    path = staging / "request.json"
-    write_record(path, dataclasses.replace(request, output=str(frame.resolve()), parts=str(parts.resolve())))
-    return path
-
-
-@dataclasses.dataclass(frozen=True)
-class _Moment:
-    time: float
-    done: float  # fraction, 0 to 1
-    cpu: float | None  # seconds until then
-
-
 class TimeLeft:
     """Follows one piece of work; every ``now`` is of one clock that only runs forward.
 
@@ -335,7 +322,8 @@ class TimeLeft:
     def __init__(self, after: float = 0.0, is_image: bool = False) -> None:
         """``after``: seconds of what follows the work; ``is_image``: whether it is one image that Cycles renders."""
         self.after, self.is_image = after, is_image
-        self._heard: list[_Moment] = []  # since the work itself began, after scenes were opened and prepared
+        # Time, fraction done and CPU seconds until then, since the work itself began, after scenes were prepared.
+        self._heard: list[tuple[float, float, float | None]] = []
         self._beats: list[tuple[float, float]] = []  # times and CPU seconds of the last reports
         self._ended = self._cpu = 0.0  # CPU seconds of processes that have ended, and of the one that works
 
@@ -350,25 +338,26 @@ class TimeLeft:
             self._beats = [*self._beats[1 - BEATS:], (now, cpu)]
         if told.repeated:
             return
-        if not self._heard or told.fraction <= self._heard[0].done:
-            self._heard = [_Moment(now, told.fraction, cpu)]
-        elif told.fraction > self._heard[-1].done:
-            self._heard.append(_Moment(now, told.fraction, cpu))
+        if not self._heard or told.fraction <= self._heard[0][1]:
+            self._heard = [(now, told.fraction, cpu)]
+        elif told.fraction > self._heard[-1][1]:
+            self._heard.append((now, told.fraction, cpu))
 
     def left(self, now: float) -> float | None:
         """Seconds left, None while they cannot be told."""
         if len(self._heard) < 2:
             return None
-        first, last = self._heard[0], self._heard[-1]
-        silence, spent = now - last.time, last.time - first.time
-        if last.done >= 1:
+        (began, first, cpu_before), (heard, done, cpu) = self._heard[0], self._heard[-1]
+        silence, spent = now - heard, heard - began
+        if done >= 1:
             return max(self.after - silence, LATE * silence, LEAST_LEFT)
-        rest = spent / (last.done - first.done) * (1 - last.done)
+        rest = spent / (done - first) * (1 - done)
         if self.is_image and len(self._heard) > 2:
             rest *= PACE
-        (begin, least), (end, most) = (self._beats[0], self._beats[-1]) if self._beats else ((0.0, 0.0), (0.0, 0.0))
-        if end - begin >= LEAST_BEATS and spent > 0 and first.cpu is not None and last.cpu is not None:
-            late, before = (most - least) / (end - begin), (last.cpu - first.cpu) / spent
-            if late > LEAST_RATE and before > LEAST_RATE:
-                rest *= math.sqrt(before / late)
+        if self._beats and spent > 0 and cpu_before is not None and cpu is not None:
+            (begin, least), (end, most) = self._beats[0], self._beats[-1]
+            if end - begin >= LEAST_BEATS:
+                late, before = (most - least) / (end - begin), (cpu - cpu_before) / spent
+                if late > LEAST_RATE and before > LEAST_RATE:
+                    rest *= math.sqrt(before / late)
         return max(rest - silence, LATE * silence, LEAST_LEFT) + self.after

@@ -10,8 +10,8 @@ from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.eye import eye_view, gap_mm
 from lfsr_core.optics.eye_card import eye_card, eye_place, eye_region
-from lfsr_core.optics.lens_card import card_rays
 from lfsr_core.optics.rays import CameraArray, RayLayout, view_offset
+from tests.support.card_rays import lens_card_rays
 from tests.support.rays import pixel_rays
 from tests.support.told import refuses
 
@@ -127,7 +127,7 @@ def test_every_lens_shows_the_ray_of_the_pixel_that_the_eye_sees(order, place):
     on_panel = flip_order(light, profile.lenses) if order == "flipped" else light
     wanted = eye_view(on_panel, profile, eye, width=profile.lenses[0]).reshape(-1, 7)
     card = eye_card(layout, profile, eye, region)
-    origin, direction = card_rays(card, card.cells.mean(1), card.targets, array.distance)
+    origin, direction = lens_card_rays(card, card.cells.mean(1), card.targets, array.distance)
     shown = wanted[:, 6] > 0
     assert shown.any() and len(card.cells) == shown.sum(), "beyond the panel nothing is seen"
     assert np.allclose(origin, wanted[shown, :3]) and np.allclose(direction, wanted[shown, 3:6])

@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.optics.lens_card import RIM, card_rays, lens_card
+from lfsr_core.optics.lens_card import RIM, lens_card
 from lfsr_core.optics.rays import CameraArray, RayLayout, rays, view_offset
+from tests.support.card_rays import lens_card_rays
 from tests.support.rays import pixel_rays
 from tests.support.told import refuses
 
@@ -207,7 +208,7 @@ def quads_at(card, layout, place):
 def test_rays_of_the_card_are_those_of_the_layout(layout, right, down):
     card = lens_card(layout)
     cells, targets, _ = quads_at(card, layout, (right, down))
-    found = card_rays(card, cells, targets, CARD_ARRAY.distance)
+    found = lens_card_rays(card, cells, targets, CARD_ARRAY.distance)
     for ours, expected in zip(found, pixel_rays(layout, (right, down)), strict=True):
         assert ours == pytest.approx(expected, abs=1e-9)
 
@@ -230,7 +231,7 @@ def test_a_cell_is_filled_from_edge_to_edge():
     layout = RayLayout((2, 2), (4, 4), CARD_ARRAY, 2 * CARD_ARRAY.spacing, view_aperture=0.5)
     card = lens_card(layout)
     corner = np.zeros((1, 2))
-    starts = [card_rays(card, corner, corner, CARD_ARRAY.distance, value)[0][0, :2] for value in (0.0, 1.0)]
+    starts = [lens_card_rays(card, corner, corner, CARD_ARRAY.distance, value)[0][0, :2] for value in (0.0, 1.0)]
     assert np.abs(starts[1] - starts[0]) == pytest.approx([CARD_ARRAY.spacing / 2] * 2)
     card = lens_card(RayLayout((2, 2), (4, 4), CARD_ARRAY, 0.4, "paper"))
     assert card.aperture == (0, 0) and not card.place_in_pixel

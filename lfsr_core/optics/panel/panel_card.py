@@ -1,17 +1,17 @@
 """The panel card: a quad before an orthographic camera that turns its parallel rays into those of a panel's subpixels.
 
-Everything that ``panel_rays.py`` computes is linear in the place on the panel and in how far that place is from the
+Everything that ``panel_rays`` computes is linear in the place on the panel and in how far that place is from the
 centre of its elemental image. So the quad's corners store the linear parts, which Cycles interpolates, and the material
-only rounds, adds and multiplies (``card_rays``). Elemental images are counted along the rows of their lattice, in which
-neighbours are nearest, and from row to row, the first axis square to the second: the nearest centre is then in the row
-below the place or above it.
+only rounds, adds and multiplies; ``tests/support/card_rays.py`` repeats it. Elemental images are counted along the rows
+of their lattice, in which neighbours are nearest, and from row to row, the first axis square to the second: the nearest
+centre is then in the row below the place or above it.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,12 +26,10 @@ from lfsr_core.optics.panel.subpixel_rays import (
     short_steps,
     subpixel_table,
 )
-from lfsr_core.optics.rays import directed
 from lfsr_core.optics.sheet import Lenticular
 
 STRAIGHT = 1e-9  # of a pitch: rows of a lattice that are shifted by less are not shifted
 PARTS = 3  # subpixels of a pixel
-Precision = type[np.floating[Any]]
 
 
 class Rows(NamedTuple):
@@ -173,74 +171,3 @@ def _by_rows(matrix: Array) -> tuple[Array, Rows]:
     square = up - shift * along
     return np.stack([along, square], -1), Rows(shift if abs(shift) > STRAIGHT else 0.0,
                                                float(square @ square / (along @ along)))
-
-
-def card_rays(card: PanelCard, across: Array, up: Array, distance: float, random: tuple[Array, Array] | None = None,
-              precision: Precision = np.float64) -> tuple[Array, Array]:
-    """Rays of points of the card, as its material computes them: origins and unit directions, (..., 3) each.
-
-    ``across``, ``up``: places in the image from 0 to 1, from its left and lower edge. ``distance``: of the display
-    plane. ``random``: two numbers in [0, 1), the point on the lens; None for its middle.
-    """
-    at = _Places(card, np.asarray(across), np.asarray(up), precision)
-    away = nearest(at.linear(card.counts), card.images)
-    start = at.linear(card.starts) + _times(card.start_steps, away, precision)
-    way = at.linear(card.ways) + _times(card.way_steps, away, precision)
-    if random is not None:
-        point = nearest(np.stack(random, -1).astype(precision) - precision(0.5), card.lenses)
-        way = way + _times(card.lens_steps, point, precision)
-    (from_x, from_y), (to_x, to_y) = (np.moveaxis(values, -1, 0) for values in (start, start + way))
-    return directed((from_x, from_y), (to_x, to_y), distance)
-
-
-def nearest(counts: Array, rows: Rows) -> Array:
-    """How far counts (..., 2) are from the lattice point nearest to them, in counts."""
-    across, up = counts[..., 0], counts[..., 1]
-    if not rows.shift:
-        return np.stack([_wrapped(across), _wrapped(up)], -1)
-    shift, square = across.dtype.type(rows.shift), across.dtype.type(rows.square)
-    below = np.floor(up)
-    inside = up - below
-    first = _wrapped(across - shift * below)
-    second = _wrapped(first - shift)
-    above = (second * second - first * first < square * (2 * inside - 1)).astype(across.dtype)
-    return np.stack([first + above * (second - first), inside - above], -1)
-
-
-def _wrapped(values: Array) -> Array:
-    """``values`` less the whole number nearest to them, from -0.5 to 0.5."""
-    wrapped: Array = values - np.floor(values + values.dtype.type(0.5))
-    return wrapped
-
-
-def _times(matrix: Array, values: Array, precision: Precision) -> Array:
-    rounded = matrix.astype(precision)
-    product: Array = values[..., :1] * rounded[:, 0] + values[..., 1:] * rounded[:, 1]
-    return product
-
-
-class _Places:
-    """Interpolates over the quad, in one precision, as a renderer between the corners of a triangle."""
-
-    def __init__(self, card: PanelCard, across: Array, up: Array, precision: Precision) -> None:
-        # The quad is larger than the image by a rim.
-        whole = np.abs(card.corners[2] - card.corners[0]) / card.pixel
-        places = np.stack(np.broadcast_arrays(across, up), -1)
-        self.places, self.precision = ((places * (whole - 2 * RIM) + RIM) / whole).astype(precision), precision
-        self.off: Array | None = None
-        if card.stretch is not None:
-            at = self._corners(card.places)
-            column, row = np.moveaxis(np.floor(at).astype(int), -1, 0)
-            entry = card.table[row % PERIOD, column % (PERIOD * PARTS), :2].astype(precision)
-            self.off = (at - np.floor(at)) * np.array(card.stretch, precision) + entry
-
-    def linear(self, quantity: Linear) -> Array:
-        """``quantity`` where the light of the places comes from."""
-        values = self._corners(quantity.corners)
-        return values if self.off is None else values + _times(quantity.per_pixel, self.off, self.precision)
-
-    def _corners(self, values: Array) -> Array:
-        upper_left, lower_left, lower_right, _ = values.astype(self.precision)
-        across, up = self.places[..., :1], self.places[..., 1:]
-        mixed: Array = (1 - across - up) * lower_left + across * lower_right + up * upper_left
-        return mixed

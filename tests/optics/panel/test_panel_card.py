@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.optics.panel.panel_card import PARTS, Rows, card_rays, nearest, panel_card
+from lfsr_core.optics.panel.panel_card import PARTS, Rows, panel_card
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout, panel_rays
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.optics.sheet import Lattice
+from tests.support.card_rays import nearest, panel_card_rays
 from tests.support.panels import SHEETS, large, lenticular, square
 
 FLIPPED = lenticular(subpixels={"stripes": "bgr"})
@@ -43,9 +44,9 @@ def test_rays_are_those_of_the_layout(name):
     found, expected = [], []
     # Where the panel mirrors its image, the card mirrors the place in the pixel too.
     mirrored = np.where(layout.display.flip, 1 - place, place)
-    for rays, at, inside in ((found, corner + place, card_rays), (expected, corner + mirrored, panel_rays)):
+    for rays, at, inside in ((found, corner + place, panel_card_rays), (expected, corner + mirrored, panel_rays)):
         right, up = np.moveaxis(at / layout.size, -1, 0)
-        rays += inside(panel_card(layout), right, up, layout.array.distance) if inside is card_rays else inside(
+        rays += inside(panel_card(layout), right, up, layout.array.distance) if inside is panel_card_rays else inside(
             layout, right, up)
     for ours, theirs in zip(found, expected, strict=True):
         assert ours == pytest.approx(theirs, abs=1e-9)
@@ -59,7 +60,7 @@ def test_a_ray_of_a_whole_pixel_is_that_of_the_subpixel_at_its_place(name):
     mirrored = np.where(layout.display.flip, 1 - place, place)
     for part in range(PARTS):
         inside = (part + place[0]) / PARTS, place[1]
-        found = card_rays(card, *np.moveaxis((pixel + inside) / panel, -1, 0), layout.array.distance)
+        found = panel_card_rays(card, *np.moveaxis((pixel + inside) / panel, -1, 0), layout.array.distance)
         at = (pixel * (PARTS, 1) + (part, 0) + mirrored) / layout.size
         for ours, theirs in zip(found, panel_rays(layout, *np.moveaxis(at, -1, 0)), strict=True):
             assert ours == pytest.approx(theirs, abs=1e-9)
@@ -71,7 +72,7 @@ def test_random_points_fill_the_lens_as_those_of_the_layout(name):
     layout, random = layout_of(DISPLAYS[name]), np.random.default_rng(0).random((2, 20000))
     place = np.array(0.53)
     ends = [(origin + direction / direction[..., 2:] * layout.array.distance)[..., :2] for origin, direction in (
-        card_rays(panel_card(layout), place, place, layout.array.distance, tuple(random)),
+        panel_card_rays(panel_card(layout), place, place, layout.array.distance, tuple(random)),
         panel_rays(layout, place, place, *random))]
     assert ends[0].mean(0) == pytest.approx(ends[1].mean(0), abs=0.02 * ends[1].std())
     assert np.cov(ends[0].T) == pytest.approx(np.cov(ends[1].T), abs=0.03 * np.var(ends[1]))
@@ -97,7 +98,7 @@ def test_in_single_precision_the_phase_is_right_to_a_thousandth_of_a_cylinder(ce
     across = (np.arange(width) + random.uniform(0.02, 0.98, (len(rows), width))) / width
     up = (rows + random.uniform(0.02, 0.98, rows.shape)) / height
     zone = layout.display.views[0] * layout.array.spacing
-    starts = [card_rays(card, across, up, layout.array.distance, None, precision)[0][..., 0].astype(float) / zone
+    starts = [panel_card_rays(card, across, up, layout.array.distance, None, precision)[0][..., 0].astype(float) / zone
               for precision in (np.float32, np.float64)]
     error = np.abs(starts[0] - starts[1])
     error = np.minimum(error, 1 - error)
