@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import bpy
 
-from lfsr_core.optics.eye_card import LiveRegion
+from lfsr_core.optics.eye import LiveRegion
 
 from ..render.cards import Wiring
 

@@ -17,12 +17,10 @@ import mathutils
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.request import CLAMP_INDIRECT
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.eye import Point
-from lfsr_core.optics.eye_card import LiveRegion, eye_card, eye_place, eye_region
-from lfsr_core.optics.lens_card import LensCard, lens_card
+from lfsr_core.optics.eye import LiveRegion, Point, eye_card, eye_place, eye_region
 from lfsr_core.optics.panel.panel_card import PanelCard, panel_card
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout
-from lfsr_core.optics.rays import RayLayout
+from lfsr_core.optics.rays import LensCard, RayLayout, lens_card
 
 from .. import compat
 from ..render.cards import distance_to_volume, new_camera, new_card, new_panel_card, place_of

@@ -1,7 +1,7 @@
 """Cards: screens before an orthographic camera that send the rays of a ray layout on every device.
 
 The lens card has a quad for each elemental image; the panel card is one quad, whose material sends the rays of a
-panel's subpixels. ``card_rays`` of ``lfsr_core.optics.lens_card`` and of ``lfsr_core.optics.panel.panel_card`` are the
+panel's subpixels. The functions of ``tests/support/card_rays.py`` are the
 references; both must stay the same formulas. The clip plane and the live view are made of the same parts.
 """
 
@@ -18,10 +18,9 @@ import mathutils
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.optics.lens_card import LensCard, lens_card
 from lfsr_core.optics.panel.panel_card import PARTS, Linear, PanelCard, Rows, panel_card
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout
-from lfsr_core.optics.rays import CameraArray, RayLayout
+from lfsr_core.optics.rays import CameraArray, LensCard, RayLayout, lens_card
 
 from .. import compat
 from ..scene.array.rig import Matrix, to_blender

@@ -51,7 +51,14 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     temporary = path.with_name(f"{start}{secrets.token_hex(4)}{UNFINISHED}{path.suffix}")
     with system_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        _remove_dead(path.parent, start)
+        ours, entries = re.compile(rf"({re.escape(start)}[0-9a-f]{{8}}){re.escape(LOCK)}"), list(path.parent.iterdir())
+        for match in filter(None, (ours.fullmatch(entry.name) for entry in entries)):
+            with contextlib.suppress(OSError), path.with_name(match[0]).open("rb") as lock:
+                if locks(lock):  # its process is dead
+                    for entry in entries:
+                        if entry.name.startswith(match[1] + UNFINISHED):
+                            entry.unlink(missing_ok=True)
+                    remove_locked(lock)
         # Not the file itself is locked: Windows replaces no open file.
         with lock_file(temporary).open("xb") as lock:
             try:
@@ -218,19 +225,6 @@ def parse_json(content: bytes) -> Any:
 def without_advice(error: Exception) -> str:
     """Return what is wrong with a file's text, without what Python tells programmers to do about long numbers."""
     return str(error).partition("; use sys.")[0]
-
-
-def _remove_dead(folder: Path, start: str) -> None:
-    """Remove the temporary files of dead processes, whose locks nobody holds."""
-    ours = re.compile(rf"({re.escape(start)}[0-9a-f]{{8}}){re.escape(LOCK)}")
-    entries = list(folder.iterdir())
-    for match in filter(None, (ours.fullmatch(entry.name) for entry in entries)):
-        with contextlib.suppress(OSError), (folder / match[0]).open("rb") as lock:
-            if locks(lock):
-                for entry in entries:
-                    if entry.name.startswith(match[1] + UNFINISHED):
-                        entry.unlink(missing_ok=True)
-                remove_locked(lock)
 
 
 def _finite(text: str) -> float:

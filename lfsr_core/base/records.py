@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import re
 import sys
 import types
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,6 +22,7 @@ from lfsr_core.base.files import read_json, write_json
 Record = TypeVar("Record")
 MOST_VALUE, MOST_PLACE, MOST_RULE = 50, 70, 90  # characters in a sentence
 MOST_TEXT, MOST_WHOLE = 4096, 2**63
+SURROGATE = re.compile("[\ud800-\udfff]")  # which JSON can hold but no file name or terminal
 PLAIN: dict[type, tuple[tuple[type, ...], str]] = {
     str: ((str,), "text"), bool: ((bool,), "true or false"), int: ((int,), "a whole number"),
     float: ((int, float), "a finite number")}
@@ -82,30 +84,37 @@ def _value(value: Any, kind: Any) -> Any:
     if kind is Any:
         return value
     if kind in PLAIN:
-        return _plain(value, kind)
+        allowed, rule = PLAIN[kind]
+        fits = isinstance(value, allowed) and isinstance(value, bool) <= (kind is bool)
+        if not fits or (kind is float and not abs(value) <= sys.float_info.max):
+            raise _value_error(value, rule)
+        if kind is str and (len(value) > MOST_TEXT or SURROGATE.search(value)):
+            raise _value_error(value, f"UTF-8 text of at most {MOST_TEXT} characters")
+        if kind in (int, float) and isinstance(value, int) and abs(value) >= MOST_WHOLE:  # arrays do not hold it
+            raise _value_error(value, "a whole number below 2⁶³" if kind is int
+                               else "a number below 2⁶³, or with a point")
+        return value
     if dataclasses.is_dataclass(kind):
         return _record(value, kind)
-    return COMPOSED[typing.get_origin(kind)](value, typing.get_args(kind))
-
-
-def _plain(value: Any, cls: type) -> Any:
-    kinds, rule = PLAIN[cls]
-    fits = isinstance(value, kinds) and isinstance(value, bool) <= (cls is bool)
-    if not fits or (cls is float and not abs(value) <= sys.float_info.max):
-        raise _value_error(value, rule)
-    if cls is str and not (len(value) <= MOST_TEXT and _encodes(value)):
-        raise _value_error(value, f"UTF-8 text of at most {MOST_TEXT} characters")
-    if cls in (int, float) and isinstance(value, int) and abs(value) >= MOST_WHOLE:  # arrays do not hold it
-        raise _value_error(value, "a whole number below 2⁶³" if cls is int else "a number below 2⁶³, or with a point")
-    return value
-
-
-def _encodes(text: str) -> bool:
-    """False for half a surrogate pair, which JSON can hold but no file name or terminal."""
-    try:
-        return bool(text.encode()) or not text
-    except UnicodeEncodeError:
-        return False
+    origin = typing.get_origin(kind)
+    kinds: tuple[Any, ...] = typing.get_args(kind)
+    if origin is tuple:
+        if not isinstance(value, (list, tuple)):
+            raise _value_error(value, "a list")
+        kinds = kinds[:1] * len(value) if kinds[-1] is Ellipsis else kinds
+        if len(value) != len(kinds):
+            raise _value_error(value, f"a list of {len(kinds)} entries")
+        return tuple(_item(f"[{index}]", *pair) for index, pair in enumerate(zip(value, kinds, strict=True)))
+    if origin is dict:
+        if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
+            raise _value_error(value, "an object")
+        return {key: _item(f".{key}", inner, kinds[1]) for key, inner in value.items()}
+    if origin is typing.Literal:
+        if not any(value == choice and type(value) is type(choice) for choice in kinds):
+            raise _value_error(value, f"one of {', '.join(map(str, kinds))}")
+        return value
+    [other] = [each for each in kinds if each is not types.NoneType]  # None, or the one other type
+    return None if value is None else _value(value, other)
 
 
 def _record(data: Any, cls: Any) -> Any:
@@ -129,38 +138,6 @@ def _key(field: dataclasses.Field[Any]) -> str:
 
 
 _hints = functools.cache(typing.get_type_hints)
-
-
-def _tuple(data: Any, kinds: tuple[Any, ...]) -> tuple[Any, ...]:
-    if not isinstance(data, (list, tuple)):
-        raise _value_error(data, "a list")
-    if kinds[-1] is Ellipsis:
-        kinds = kinds[:1] * len(data)
-    if len(data) != len(kinds):
-        raise _value_error(data, f"a list of {len(kinds)} entries")
-    return tuple(_item(f"[{index}]", value, kind) for index, (value, kind) in enumerate(zip(data, kinds, strict=True)))
-
-
-def _dict(data: Any, kinds: tuple[Any, ...]) -> dict[str, Any]:
-    if not isinstance(data, dict) or not all(isinstance(key, str) for key in data):
-        raise _value_error(data, "an object")
-    return {key: _item(f".{key}", value, kinds[1]) for key, value in data.items()}
-
-
-def _literal(value: Any, choices: tuple[Any, ...]) -> Any:
-    if not any(value == choice and type(value) is type(choice) for choice in choices):
-        raise _value_error(value, f"one of {', '.join(map(str, choices))}")
-    return value
-
-
-def _optional(value: Any, kinds: tuple[Any, ...]) -> Any:
-    """Return None, or a value of the one other type."""
-    [kind] = [kind for kind in kinds if kind is not types.NoneType]
-    return None if value is None else _value(value, kind)
-
-
-COMPOSED: dict[Any, Callable[[Any, tuple[Any, ...]], Any]] = {
-    tuple: _tuple, dict: _dict, typing.Literal: _literal, typing.Union: _optional, types.UnionType: _optional}
 
 
 def _item(place: str, value: Any, kind: Any) -> Any:

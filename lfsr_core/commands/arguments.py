@@ -119,10 +119,10 @@ def method_of(name: str | None, subpixels: bool) -> str:
 
     ``subpixels``: whether the panel's subpixels are rendered.
     """
-    from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PLAIN_METHOD, SUBPIXEL_METHODS, denoise
+    from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PLAIN_METHOD, SUBPIXEL_METHODS, oidn
 
     best, plain = SUBPIXEL_METHODS if subpixels else (DEFAULT_METHOD, PLAIN_METHOD)
-    return name or (best if denoise.is_available() else plain)
+    return name or (plain if oidn.why_missing() else best)
 
 
 def finish_of(arguments: argparse.Namespace, subpixels: bool, scale: int) -> Finish:

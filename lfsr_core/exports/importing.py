@@ -24,7 +24,6 @@ from lfsr_core.frames.frame import (
     LOW_RES_FILE,
     PANEL_FILE,
     Frame,
-    frame_folder,
     read_frame,
     write_frame,
 )
@@ -123,7 +122,7 @@ def import_film(source: str | Path, output: str | Path, quilt: Quilt, geometry: 
         tell(Progress("import", (number - 1) / max(count, number), f"frame {number}{of_all}"))
         display = _quilt_display(taken, 1, geometry, quilt, tell if number == 1 else silent)
         frame = dataclasses.replace(_frame(display, 1, without_suffix(source.stem)), frame=number, content=content)
-        folder = frame_folder(output, number)
+        folder = FrameFolder.of_frame(output, number).path
         if is_there := (folder / FRAME_FILE).exists():
             FrameFolder(folder).check_free("render")
             if read_frame(folder) != frame:

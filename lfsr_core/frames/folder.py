@@ -139,7 +139,11 @@ class FrameFolder:
             return False
         if finish.linear_exr and not is_whole(self.path / files.EIA_LINEAR_FILE):
             return False
-        return _ends_as_png(self.image)
+        image = self.image
+        with contextlib.suppress(OSError, LfsrError), reading(image, "a PNG image") as file:
+            file.seek(-min(len(PNG_END), image.stat().st_size), 2)
+            return file.read() == PNG_END
+        return False
 
     def check_free(self, kind: str) -> None:
         """LfsrError if it is a file or holds another kind of render, which must not be lost."""
@@ -183,7 +187,8 @@ def frame_folders(folder: str | Path, images: Sequence[str] = (files.EIA_FILE,))
     if not found:
         raise LfsrError(f"{folder} is no frame folder and holds none with an {' or '.join(images)}: give one that "
                         "`lfsr render` made")
-    return sorted(found, key=_order)
+    numbers = {path: int(path.name) for path in found if re.fullmatch(r"-?\d+", path.name)}
+    return sorted(found, key=lambda path: (path not in numbers, numbers.get(path, 0), path.name))
 
 
 def one_display(frames: Mapping[Path, Frame]) -> DisplayProfile:
@@ -196,14 +201,6 @@ def one_display(frames: Mapping[Path, Frame]) -> DisplayProfile:
     return frame.display
 
 
-def _order(folder: Path) -> tuple[bool, int, str]:
-    """Sorting key: numbers by value, then other names."""
-    try:
-        return False, int(folder.name), ""
-    except ValueError:
-        return True, 0, folder.name
-
-
 def is_whole(path: Path) -> bool:
     """True if an EXR file can be read to its end."""
     from lfsr_core.images.exr import check_complete  # needs OpenImageIO, which Blender's panel does without
@@ -211,13 +208,6 @@ def is_whole(path: Path) -> bool:
     with contextlib.suppress(LfsrError):
         check_complete(path)
         return True
-    return False
-
-
-def _ends_as_png(path: Path) -> bool:
-    with contextlib.suppress(OSError, LfsrError), reading(path, "a PNG image") as file:
-        file.seek(-min(len(PNG_END), path.stat().st_size), 2)
-        return file.read() == PNG_END
     return False
 
 

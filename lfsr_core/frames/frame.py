@@ -82,7 +82,12 @@ class Frame:
     def __post_init__(self) -> None:
         if len(self.matrix_world) != 4 or any(len(row) != 4 for row in self.matrix_world):
             raise LfsrError("matrix_world must have four rows of four numbers")
-        if not _is_placement(self.matrix_world):
+        # Products of the rotation's columns, each of length 1 and square to the others; then the last row.
+        columns = [[row[index] for row in self.matrix_world[:3]] for index in range(3)]
+        products = [sum(a * b for a, b in zip(one, other, strict=True)) for one in columns for other in columns]
+        if not (all(abs(value - right) <= ROTATION_TOLERANCE for value, right in zip(
+                [*products, *self.matrix_world[3]], (1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1), strict=True))
+                and all(abs(row[3]) <= 1 / LEAST_LENGTH for row in self.matrix_world)):
             raise LfsrError(f"matrix_world is {str(self.matrix_world)[:60]}…, expected a rotation and a place: three "
                             "columns of length 1 at right angles, and the last row 0, 0, 0, 1")
         if self.samples < 1 or self.layout not in LAYOUTS:
@@ -123,15 +128,6 @@ class Frame:
                                      view_aperture=self.view_aperture, lens_list=self.lens_list)
 
 
-def _is_placement(matrix: tuple[tuple[float, ...], ...]) -> bool:
-    """Whether a matrix (4, 4) turns, mirrors and moves, and does nothing else."""
-    columns = [[row[index] for row in matrix[:3]] for index in range(3)]
-    found = [sum(a * b for a, b in zip(one, other, strict=True)) for one in columns for other in columns] + [*matrix[3]]
-    wanted = (1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)
-    return (all(abs(value - right) <= ROTATION_TOLERANCE for value, right in zip(found, wanted, strict=True))
-            and all(abs(row[3]) <= 1 / LEAST_LENGTH for row in matrix))
-
-
 def check_direct(display: DisplayProfile, fields: Mapping[str, object]) -> None:
     """LfsrError unless ``display`` and the ``fields`` of a frame or job allow direct subpixel rendering."""
     check_sheet(display)
@@ -139,11 +135,6 @@ def check_direct(display: DisplayProfile, fields: Mapping[str, object]) -> None:
         if fields[name] != only:
             raise LfsrError(f"{name.replace('_', ' ')} is {str(fields[name])[:40]}, but the layout {SUBPIXELS} traces "
                             "the panel's subpixels, whole and at scale 1: leave it out, or choose another layout")
-
-
-def frame_folder(output: Path, number: int) -> Path:
-    """Return the frame folder of frame ``number`` of an animation in ``output``."""
-    return output / f"{number:04d}"
 
 
 def write_frame(folder: str | Path, frame: Frame) -> None:

@@ -113,7 +113,11 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
     if "position" in layers:
         images["position"] = layers["position"]
     if "position" in layers and frame.convention == "centred":
-        images["slope"] = _slopes(layers["position"], images["alpha"], frame)
+        matrix, distance = np.asarray(frame.matrix_world), frame.array.distance
+        depth = (layers["position"] - matrix[:3, 3]) @ matrix[:3, 2]
+        depth = np.where((images["alpha"][..., 0] >= LEAST_ALPHA) & (depth > 0), depth, np.nan)
+        slopes = (1 - distance / depth) * (frame.rays.spacing / _pitch(frame, 0))
+        images["slope"] = slopes[..., None].astype(np.float32)
     if frame.world_apart:
         images["opacity"] = 1 - np.clip(layers["environment"], 0, 1)
     tiles: dict[str, Any] = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
@@ -121,15 +125,6 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
                      exposure=frame.color.exposure, device=frame.device, gpus=frame.gpus,
                      places=frame.rays.shown_lenses if frame.world_apart else None,
                      slope_ratio=_pitch(frame, 0) / _pitch(frame, 1))
-
-
-def _slopes(position: Array, alpha: Array, frame: Frame) -> Array:
-    """Slopes (H, W, 1) of the points of a position layer, see ``LowResEIA.slope``."""
-    matrix, array = np.asarray(frame.matrix_world), frame.array
-    depth = (position - matrix[:3, 3]) @ matrix[:3, 2]
-    depth = np.where((alpha[..., 0] >= LEAST_ALPHA) & (depth > 0), depth, np.nan)
-    slopes: Array = ((1 - array.distance / depth) * (frame.rays.spacing / _pitch(frame, 0)))[..., None]
-    return slopes.astype(np.float32)
 
 
 def _pitch(frame: Frame, axis: int) -> float:

@@ -100,28 +100,18 @@ def check_reference(frame: Frame, reference: Frame) -> None:
         theirs, ours = phrases(name, vars(reference)[name], vars(frame)[name])
         raise LfsrError(f"the reference was rendered with {theirs}, but the frame with {ours}: "
                         "render the reference of the same frame in the same way")
-    if not np.allclose(_placement(frame), _placement(reference), rtol=1e-5, atol=1e-5 * frame.array.distance):
-        raise LfsrError(_elsewhere(frame, reference))
+    ours_at, theirs_at = ([*vars(of.array).values(), *np.ravel(of.matrix_world)] for of in (frame, reference))
+    if not np.allclose(ours_at, theirs_at, rtol=1e-5, atol=1e-5 * frame.array.distance):
+        if frame.scene != reference.scene:
+            theirs, ours = (of.scene[:MOST_NAME] or "one without a name" for of in (reference, frame))
+            raise LfsrError(f"the reference shows another scene, {theirs}, but the frame {ours}: compare with the "
+                            "reference of the same scene")
+        distances = [of.array.distance for of in (reference, frame)]
+        where = (f"its display plane is {distances[0]:.4g} from the cameras, the frame's {distances[1]:.4g}"
+                 if not math.isclose(*distances, rel_tol=1e-5) else
+                 "its cameras stand or face elsewhere, as with another camera or subject")
+        raise LfsrError(f"the reference does not show what the frame shows: {where}. Render both of the same scene "
+                        "in the same way")
     if frame.lens_list is not None and frame.lens_list != reference.lens_list:
         raise LfsrError(f"the reference shows other lenses than the {len(frame.lens_list)} of the frame: "
                         "render it for the same list")
-
-
-def _placement(frame: Frame) -> list[float]:
-    """Return the lengths of the camera array and the entries of its matrix."""
-    array = frame.array
-    return [array.distance, array.half_width, array.half_height, array.spacing, *np.ravel(frame.matrix_world)]
-
-
-def _elsewhere(frame: Frame, reference: Frame) -> str:
-    """Return the sentence on a reference whose cameras stand elsewhere."""
-    if frame.scene != reference.scene:
-        theirs, ours = (of.scene[:MOST_NAME] or "one without a name" for of in (reference, frame))
-        return (f"the reference shows another scene, {theirs}, but the frame {ours}: compare with the reference of the "
-                "same scene")
-    distances = [of.array.distance for of in (reference, frame)]
-    if math.isclose(*distances, rel_tol=1e-5):
-        where = "its cameras stand or face elsewhere, as with another camera or subject"
-    else:
-        where = f"its display plane is {distances[0]:.4g} from the cameras, the frame's {distances[1]:.4g}"
-    return f"the reference does not show what the frame shows: {where}. Render both of the same scene in the same way"

@@ -95,8 +95,22 @@ class Request:
         if os.sep != "\\" and "\\" in self.output:
             raise LfsrError(f"output {self.output} has a backslash, which Blender takes for a slash: choose another "
                             "folder")
-        _check_numbers(self)
-        for scale in (self.sampling.scale, *self.sampling.scales):
+        least, samples = 2 if self.kind == "reference" else 1, self.sampling.samples
+        if type(samples) is not int or not least <= samples <= MOST_SAMPLES:
+            raise LfsrError(f"samples per pixel is {_shown(samples)}, but a {self.kind} needs a whole number of at "
+                            f"least {least} and at most {MOST_SAMPLES}")
+        scales = (self.sampling.scale, *self.sampling.scales)
+        for scale in scales:
+            if type(scale) is not int:
+                raise LfsrError(f"scale is {scale!r}, but it must be a whole number")
+        for name, most in (("view_aperture", max(scales)), ("seed", MOST_SEED), ("clamp_indirect", MOST_CLAMP)):
+            value = getattr(self, name)
+            if value is not None and not 0 <= value <= most:
+                raise LfsrError(f"{name.replace('_', ' ')} is {_shown(value)}, but it must be between 0 and {most}")
+        for frame in (self.frame, *self.sampling.frames):
+            if frame is not None and abs(frame) > MOST_FRAME:
+                raise LfsrError(f"frame is {_shown(frame)}, but it must be between -{MOST_FRAME} and {MOST_FRAME}")
+        for scale in scales:
             self.display.low_views(scale)
             self.samples_at(scale)
         if self.rows is not None:
@@ -204,24 +218,6 @@ def _check_choice(field: str, value: str, choices: tuple[str, ...]) -> None:
     if value not in choices:
         raise LfsrError(f"{field} is {value!r}: {did_you_mean(str(value), choices)}"
                         f"It must be one of {', '.join(choices)}")
-
-
-def _check_numbers(job: Request) -> None:
-    least, samples = 2 if job.kind == "reference" else 1, job.sampling.samples
-    if type(samples) is not int or not least <= samples <= MOST_SAMPLES:
-        raise LfsrError(f"samples per pixel is {_shown(samples)}, but a {job.kind} needs a whole number of at least "
-                        f"{least} and at most {MOST_SAMPLES}")
-    for scale in (job.sampling.scale, *job.sampling.scales):
-        if type(scale) is not int:
-            raise LfsrError(f"scale is {scale!r}, but it must be a whole number")
-    widest = max((job.sampling.scale, *job.sampling.scales))
-    for name, most in (("view_aperture", widest), ("seed", MOST_SEED), ("clamp_indirect", MOST_CLAMP)):
-        value = getattr(job, name)
-        if value is not None and not 0 <= value <= most:
-            raise LfsrError(f"{name.replace('_', ' ')} is {_shown(value)}, but it must be between 0 and {most}")
-    for frame in (job.frame, *job.sampling.frames):
-        if frame is not None and abs(frame) > MOST_FRAME:
-            raise LfsrError(f"frame is {_shown(frame)}, but it must be between -{MOST_FRAME} and {MOST_FRAME}")
 
 
 def _shown(value: object) -> str:

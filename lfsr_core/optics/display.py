@@ -80,8 +80,40 @@ class DisplayProfile:
                                                            self.quilt[1] * self.quilt[3]) <= MAX_PIXELS):
             fail("quilt", self.quilt, "it must be tiles across and down and pixels of a tile across and down, at most "
                                       f"{MAX_PIXELS} pixels a side")
-        _check_pixels(self)
-        _check_sheet(self)
+        for field in ("panel_pixels", "lenses", "views"):
+            value = getattr(self, field)
+            if not 1 <= min(value) <= max(value) <= MAX_PIXELS:
+                fail(field, value, "it must be two whole numbers of at least 1; Blender renders no more than "
+                                   f"{MAX_PIXELS} pixels a side")
+        for axis, name in enumerate(("width", "height")):
+            product = self.eia_pixels[axis]
+            if product > MAX_PIXELS:
+                fail("views", list(self.views), f"lenses × views are {product} pixels of {name}, and Blender renders "
+                                                f"no more than {MAX_PIXELS}")
+            if not self.is_woven and self.panel_pixels[axis] != product:
+                fail("panel_pixels", list(self.panel_pixels),
+                     f"its {name} must be lenses × views = {self.lenses[axis]} × {self.views[axis]} = {product}")
+        pitch_x, pitch_y = (mm / px for mm, px in zip(self.panel_mm, self.panel_pixels, strict=True))
+        if all(self.parallax) and abs(pitch_x / pitch_y - 1) > MAX_PIXEL_ASPECT_ERROR:
+            fail("panel_mm", list(self.panel_mm),
+                 f"pixels must be square within 1 %, and these are {pitch_x:.4f} × {pitch_y:.4f} mm")
+        if self.lenslet and self.lenticular:
+            raise LfsrError("there are both a table lenslet and a table lenticular, but a panel has one sheet: "
+                            "keep one")
+        if not self.is_woven:
+            if self.subpixels:
+                raise LfsrError("there is a table subpixels but no lens sheet: add a table lenslet or lenticular")
+            return
+        if self.ei_order != "direct":
+            fail("ei_order", self.ei_order, "with a lens sheet the weave orders the pixels: leave it out")
+        if self.lenticular and self.views[1] != 1:
+            fail("views", list(self.views), "a lenticular display has one view vertically: give [N, 1]")
+        pixel, zone = self.panel_mm[0] / self.panel_pixels[0], self.camera_spacing_mm * self.views[0]
+        widest = min(*self.panel_mm, zone / 2)
+        for pitch in self.sheet.pitches:
+            if not pixel <= pitch <= widest:
+                fail("pitch_mm", pitch, f"it must be from a pixel, {pixel:.4g} mm, to the panel's shorter side and "
+                                        f"half the width of the viewing zone, {widest:.4g} mm")
 
     @property
     def is_woven(self) -> bool:
@@ -196,45 +228,6 @@ class DisplayProfile:
             lenses, views = proposed_light_field(shape, read.get("lenslet") or read.get("lenticular"))
             data = {"lenses": list(lenses), "views": list(views)} | data
         return from_data(cls, data, source)
-
-
-def _check_pixels(profile: DisplayProfile) -> None:
-    for field in ("panel_pixels", "lenses", "views"):
-        value = getattr(profile, field)
-        if not 1 <= min(value) <= max(value) <= MAX_PIXELS:
-            fail(field, value, f"it must be two whole numbers of at least 1; Blender renders no more than {MAX_PIXELS} "
-                               "pixels a side")
-    for axis, name in enumerate(("width", "height")):
-        product = profile.eia_pixels[axis]
-        if product > MAX_PIXELS:
-            fail("views", list(profile.views), f"lenses × views are {product} pixels of {name}, and Blender renders "
-                                               f"no more than {MAX_PIXELS}")
-        if not profile.is_woven and profile.panel_pixels[axis] != product:
-            fail("panel_pixels", list(profile.panel_pixels),
-                 f"its {name} must be lenses × views = {profile.lenses[axis]} × {profile.views[axis]} = {product}")
-    pitch_x, pitch_y = (mm / px for mm, px in zip(profile.panel_mm, profile.panel_pixels, strict=True))
-    if all(profile.parallax) and abs(pitch_x / pitch_y - 1) > MAX_PIXEL_ASPECT_ERROR:
-        fail("panel_mm", list(profile.panel_mm),
-             f"pixels must be square within 1 %, and these are {pitch_x:.4f} × {pitch_y:.4f} mm")
-
-
-def _check_sheet(profile: DisplayProfile) -> None:
-    if profile.lenslet and profile.lenticular:
-        raise LfsrError("there are both a table lenslet and a table lenticular, but a panel has one sheet: keep one")
-    if not profile.is_woven:
-        if profile.subpixels:
-            raise LfsrError("there is a table subpixels but no lens sheet: add a table lenslet or lenticular")
-        return
-    if profile.ei_order != "direct":
-        fail("ei_order", profile.ei_order, "with a lens sheet the weave orders the pixels: leave it out")
-    if profile.lenticular and profile.views[1] != 1:
-        fail("views", list(profile.views), "a lenticular display has one view vertically: give [N, 1]")
-    pixel, zone = profile.panel_mm[0] / profile.panel_pixels[0], profile.camera_spacing_mm * profile.views[0]
-    most = min(*profile.panel_mm, zone / 2)
-    for pitch in profile.sheet.pitches:
-        if not pixel <= pitch <= most:
-            fail("pitch_mm", pitch, f"it must be from a pixel, {pixel:.4g} mm, to the panel's shorter side and "
-                                    f"half the width of the viewing zone, {most:.4g} mm")
 
 
 def builtin_names() -> list[str]:

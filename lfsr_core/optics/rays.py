@@ -1,4 +1,4 @@
-"""From a pixel of the encoded EIA to its ray: the reference for ``ray_layout.osl``.
+"""From a pixel of the encoded EIA to its ray: the reference for ``ray_layout.osl`` and for the lens card.
 
 Camera-array space is Cycles' camera space: origin at the viewing position, +X
 right, +Y up, +Z towards the display plane. The camera plane is z = 0, the
@@ -19,6 +19,9 @@ from lfsr_core.optics.display import DisplayProfile
 
 CONVENTIONS = ("centred", "paper")
 LensList = tuple[tuple[int, int], ...]  # (row, column) pairs
+RIM = 0.01  # pixels by which the card is larger than the image, so that no ray misses it by a rounding error
+MIN_SIZE = 1e-3  # of the card, as a fraction of the one on which bumps look as through other cameras
+UNIT = np.array([(0, 0), (0, 1), (1, 1), (1, 0)], float)  # corners of a quad, rightwards and downwards
 
 
 @dataclasses.dataclass(frozen=True)
@@ -188,3 +191,61 @@ def _axis(layout: RayLayout, axis: int, lens: Array, view: Array, place: Array,
         return origin, ((lens * views + view + place) / (lenses * views) * 2 - 1) * half
     jitter = (np.asarray(random) - 0.5) * layout.cell[axis]
     return origin + jitter, ((lens + place) / lenses * 2 - 1) * half
+
+
+@dataclasses.dataclass(frozen=True)
+class LensCard:
+    """A mesh before an orthographic camera that turns its parallel rays into those of a ray layout.
+
+    Every tile of the image is one quad, of any lattice of lenses. From what its corners store and these constants the
+    material computes every pixel's ray; ``tests/support/card_rays.py`` repeats it. Scene units, +X right, +Y up, seen
+    from the camera.
+    """
+
+    pixel: float  # side of a pixel on the card
+    corners: Array  # (quads, 4, 2) around the card's centre: upper left, lower left, lower right, upper right
+    cells: Array  # (quads, 4, 2) views from the upper left, rightwards and downwards
+    targets: Array  # (quads, 2) display-plane point of the first place of a lens
+    lens_step: tuple[float, float]  # from the first to the last place of a lens, or of one of its views ("paper")
+    first_view: tuple[float, float]  # place of view 0 on the camera plane
+    view_step: tuple[float, float]  # from view to view
+    aperture: tuple[float, float]  # size of the cell that a view's rays start in
+    place_in_pixel: bool  # whether the place inside the pixel, not inside the tile, chooses the point on the lens
+
+    @property
+    def spreads(self) -> bool:
+        """Whether a pixel's rays start at different places."""
+        return any(self.aperture)
+
+
+def lens_card(layout: RayLayout, radius: float = math.inf) -> LensCard:
+    """Return the card of ``layout``, within ``radius`` of its centre if every view of every lens is rendered.
+
+    A pixel is as large as a lens on the display plane if the radius allows it. Then the footprint of a ray, by which
+    Cycles filters bumps and dices surfaces, is that of a camera at a view, and the same at every scale.
+    """
+    array, paper = layout.array, layout.convention == "paper"
+    pitch = np.array([2 * array.half_width / layout.lenses[0], -2 * array.half_height / layout.lenses[1]])
+    views, up = np.array(layout.views), np.array([1, -1])
+    first = np.array([view_offset(np.array(0), n, layout.spacing, layout.convention) for n in layout.views])
+    # Pixels from the centre of the whole panel to its corner.
+    scale = layout.spacing / array.spacing
+    every = (count * (scale if moves else 1) for count, moves in zip(layout.views, layout.parallax, strict=True))
+    reach = math.hypot(*(lenses * count / 2 for lenses, count in zip(layout.lenses, every, strict=True)))
+    pixel = float(pitch[0] * min(1, max(MIN_SIZE, radius / reach / pitch[0])))
+    rows, columns = np.divmod(np.arange(layout.tiles[0] * layout.tiles[1]), layout.tiles[0])
+    tiles = np.stack([columns, rows], axis=-1)
+    # Corners (quads, 4, 2) in pixels from the image's upper left corner, rightwards and downwards.
+    places = (tiles[:, None] + UNIT) * layout.views
+    places = places + RIM * ((places == layout.size).astype(float) - (places == 0))
+    return LensCard(
+        pixel=pixel, corners=(places - np.array(layout.size) / 2) * (1, -1) * pixel,
+        cells=places - tiles[:, None] * views,
+        targets=layout.shown_lenses.reshape(-1, 2)[:, ::-1] * pitch - up * array.half_size,
+        lens_step=_pair(pitch / views if paper else pitch), first_view=_pair(first * up),
+        view_step=_pair(layout.spacing * up),
+        aperture=(0.0, 0.0) if paper else _pair(np.multiply(layout.cell, up)), place_in_pixel=not paper)
+
+
+def _pair(values: Array) -> tuple[float, float]:
+    return float(values[0]), float(values[1])

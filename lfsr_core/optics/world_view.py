@@ -84,13 +84,13 @@ class WorldView:
     @functools.cached_property
     def _places(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         """Along each axis, the image's pixel below every (lens, view), and how far past its centre, in pixels."""
-        return self._at(0), self._at(1)
-
-    def _at(self, axis: int) -> tuple[Array, Array]:
-        at = slopes(self.layout, axis) / self.image.step[axis] + (self.image.size[axis] - 1) / 2
-        at = np.clip(at, 0, self.image.size[axis] - 1)
-        first = np.minimum(at.astype(int), self.image.size[axis] - 2)
-        return first, (at - first).astype(np.float32)
+        places = []
+        for axis in (0, 1):
+            last = self.image.size[axis] - 1
+            at = np.clip(slopes(self.layout, axis) / self.image.step[axis] + last / 2, 0, last)
+            first = np.minimum(at.astype(int), last - 1)
+            places.append((first, (at - first).astype(np.float32)))
+        return places[0], places[1]
 
 
 def slopes(layout: RayLayout, axis: int) -> Array:
@@ -122,17 +122,13 @@ def _blur(size: int, widths: list[float]) -> Array:
     """Matrix (size, size) that blurs by boxes of ``widths`` pixels in turn, less the blur that the image has."""
     widths = sorted(widths)
     widths[-1] = math.sqrt(max(widths[-1] ** 2 - OWN_BLUR, 0))
-    return functools.reduce(np.matmul, (_box(size, width) for width in widths))
-
-
-def _box(size: int, width: float) -> Array:
-    """Matrix of the mean over ``width`` pixels around each; beyond the edge the last pixel repeats."""
-    if width <= 1:
-        return np.eye(size)
-    middles, reach = np.arange(size), math.ceil(width / 2) + 1
-    matrix = np.zeros((size, size))
-    for offset in range(-reach, reach + 1):
-        low, high = max(-width / 2, offset - 0.5), min(width / 2, offset + 0.5)
-        if high > low:
-            matrix[middles, np.clip(middles + offset, 0, size - 1)] += (high - low) / width
-    return matrix
+    blur = np.eye(size)
+    for width in (width for width in widths if width > 1):
+        # The mean over so many pixels around each; beyond the edge the last pixel repeats.
+        middles, reach, box = np.arange(size), math.ceil(width / 2) + 1, np.zeros((size, size))
+        for offset in range(-reach, reach + 1):
+            low, high = max(-width / 2, offset - 0.5), min(width / 2, offset + 0.5)
+            if high > low:
+                box[middles, np.clip(middles + offset, 0, size - 1)] += (high - low) / width
+        blur = blur @ box
+    return blur

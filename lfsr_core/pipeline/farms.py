@@ -68,32 +68,28 @@ def write_template(farm: str, output: Path) -> None:
 
 
 def write_job(farm: str, folder: Path, job: FarmJob) -> Submission:
-    """Write the template and the settings of a job into ``folder``; LfsrError where that fails."""
-    return {OPENJD: _openjd, FLAMENCO: _flamenco}[farm](folder, job)
+    """Write the template and the settings of a job into ``folder``; LfsrError where that fails.
 
-
-def _openjd(folder: Path, job: FarmJob) -> Submission:
-    """Write a job bundle: AWS Deadline Cloud reads ``parameter_values``, openjd-cli the plain parameters."""
-    values = {"Scene": job.request.scene, "Frames": _ranges(job.frames)} | job.values
-    template, plain, bundle = folder / "template.yaml", folder / "parameters.json", folder / "parameter_values.json"
-    write_template(OPENJD, template)
-    write_json(plain, values)
-    write_json(bundle, {"parameterValues": [{"name": name, "value": value} for name, value in values.items()]})
-    words = ["openjd", "run", str(template), "-p", f"file://{plain}", "--step", "Finish", "--run-dependencies"]
-    return Submission((template, plain, bundle), shlex.join(words),
-                      f"That runs it on this machine; for AWS Deadline Cloud: deadline bundle gui-submit {folder}")
-
-
-def _flamenco(folder: Path, job: FarmJob) -> Submission:
-    """Write a job type for the manager, and a new job as its interface reads it."""
-    values = {name.lower(): value for name, value in job.values.items()}
+    For OpenJD a job bundle: AWS Deadline Cloud reads ``parameter_values``, openjd-cli the plain parameters. For
+    Flamenco a job type for the manager, and a new job as its interface reads it.
+    """
+    scene, frames = job.request.scene, _ranges(job.frames)
+    if farm == OPENJD:
+        values = {"Scene": scene, "Frames": frames} | job.values
+        template, plain, bundle = folder / "template.yaml", folder / "parameters.json", folder / "parameter_values.json"
+        write_template(OPENJD, template)
+        write_json(plain, values)
+        write_json(bundle, {"parameterValues": [{"name": name, "value": value} for name, value in values.items()]})
+        words = ["openjd", "run", str(template), "-p", f"file://{plain}", "--step", "Finish", "--run-dependencies"]
+        return Submission((template, plain, bundle), shlex.join(words),
+                          f"That runs it on this machine; for AWS Deadline Cloud: deadline bundle gui-submit {folder}")
     script, data = folder / f"{FLAMENCO_TYPE}.js", folder / "flamenco-job.json"
     write_template(FLAMENCO, script)
     write_json(data, {
-        "name": f"{Path(job.request.scene).stem} {_ranges(job.frames)}", "type": FLAMENCO_TYPE,
-        "priority": FLAMENCO_PRIORITY, "submitter_platform": FLAMENCO_PLATFORMS.get(platform.system(), "linux"),
-        "settings": {"blendfile": job.request.scene, "frames": ",".join(map(str, job.frames)),
-                     "lfsr": "lfsr"} | values})
+        "name": f"{Path(scene).stem} {frames}", "type": FLAMENCO_TYPE, "priority": FLAMENCO_PRIORITY,
+        "submitter_platform": FLAMENCO_PLATFORMS.get(platform.system(), "linux"),
+        "settings": {"blendfile": scene, "frames": ",".join(map(str, job.frames)), "lfsr": "lfsr"}
+        | {name.lower(): value for name, value in job.values.items()}})
     words = ["curl", "-H", "Content-Type: application/json", "--data", f"@{data}", "http://MANAGER:8080/api/v3/jobs"]
     return Submission((script, data), shlex.join(words),
                       f"Put your manager in place of MANAGER, once {script.name} is in its folder scripts")

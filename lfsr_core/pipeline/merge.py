@@ -26,7 +26,7 @@ from lfsr_core.frames.frame import (
     write_frame,
 )
 from lfsr_core.images import exr
-from lfsr_core.optics.lenses import Rows, check_cover, pixel_rows, rows_text
+from lfsr_core.optics.lenses import check_cover, pixel_rows, rows_text
 from lfsr_core.pipeline.staging import staging_folder
 
 FREE = {"rows", "seconds", "device", "gpus", "content", "notes"}  # fields in which the parts of one frame may differ
@@ -71,11 +71,28 @@ def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent
         if not rows and part.kind != "reference":
             raise LfsrError(f"{part.folder} is a whole render, not a part of one: merge parts of `lfsr render --rows`, "
                             "or references of other seeds")
-    _check_same(parts, FREE if rows else FREE | {"seed", "samples"})
+    free, (first, *others) = FREE if rows else FREE | {"seed", "samples"}, parts
+    for part in others:
+        if part.kind != kind:
+            raise LfsrError(f"{part.folder} holds a {part.kind}, but {first.folder} a {kind}: leave one out")
+        found, wanted = ({name: value for name, value in vars(of.frame).items() if name not in free}
+                         for of in (part, first))
+        if name := first_difference(found, wanted):
+            here, there = phrases(name, found[name], wanted[name])
+            raise LfsrError(f"{part.folder} was rendered with {here}, but {first.folder} with {there}: "
+                            "render one of them again like the other")
+        if has_other_size(first.frame.content, part.frame.content):
+            raise LfsrError(f"{part.folder} was rendered from another version of {part.frame.scene} than "
+                            f"{first.folder}: render one of them again")
     if rows:
-        check_cover(list(rows.values()), parts[0].frame.display.lenses[1])
+        check_cover(list(rows.values()), first.frame.display.lenses[1])
+        width, height = first.frame.rays.size[0], first.frame.rays.views[1]
         for part in parts:
-            _check_size(part, rows[part.folder])
+            top, below = pixel_rows(rows[part.folder], height)
+            for path in (part.folder / name for name in RENDERED_FILES[kind]):
+                if (size := exr.size(path)) != (width, below - top):
+                    raise LfsrError(f"{path} has {size[0]}×{size[1]} pixels, but rows {rows_text(rows[part.folder])} "
+                                    f"have {width}×{below - top}: render this part again")
         parts.sort(key=lambda part: rows[part.folder])
         frame = _merged(parts, rows=None)
     else:
@@ -116,35 +133,6 @@ def _merged(parts: list[_Part], **changes: int | None) -> Frame:
     fields = {**changes, "notes": notes, "seconds": seconds, "device": DEVICES_JOINED.join(sorted(devices)),
               "gpus": gpus}
     return Frame(**(vars(frames[0]) | fields))
-
-
-def _check_same(parts: list[_Part], free: set[str]) -> None:
-    """LfsrError where a part is of another frame than the first."""
-    first, *others = parts
-    for part in others:
-        if part.kind != first.kind:
-            raise LfsrError(f"{part.folder} holds a {part.kind}, but {first.folder} a {first.kind}: leave one out")
-        found, wanted = ({name: value for name, value in vars(of.frame).items() if name not in free}
-                         for of in (part, first))
-        if name := first_difference(found, wanted):
-            here, there = phrases(name, found[name], wanted[name])
-            raise LfsrError(f"{part.folder} was rendered with {here}, but {first.folder} with {there}: "
-                            "render one of them again like the other")
-        if has_other_size(first.frame.content, part.frame.content):
-            raise LfsrError(f"{part.folder} was rendered from another version of {part.frame.scene} than "
-                            f"{first.folder}: render one of them again")
-
-
-def _check_size(part: _Part, rows: Rows) -> None:
-    """LfsrError where an image of ``part`` has another size than its rows."""
-    layout = part.frame.rays
-    first, last = pixel_rows(rows, layout.views[1])
-    wanted = (layout.size[0], last - first)
-    for name in RENDERED_FILES[part.kind]:
-        size = exr.size(part.folder / name)
-        if size != wanted:
-            raise LfsrError(f"{part.folder / name} has {size[0]}×{size[1]} pixels, but rows {rows_text(rows)} "
-                            f"have {wanted[0]}×{wanted[1]}: render this part again")
 
 
 def _average(parts: list[_Part], name: str) -> dict[str, Array]:

@@ -41,7 +41,7 @@ def staging_folder(target: Path) -> Iterator[Path]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         remove_dead(target)
-        folder = Path(tempfile.mkdtemp(prefix=_prefix(target), dir=_place(target)))
+        folder = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=_place(target)))
     except OSError as error:
         raise LfsrError(f"{target} cannot be made ({error.strerror}): choose another folder") from None
     try:
@@ -77,20 +77,17 @@ def has_parts(folder: Path) -> bool:
 
 def remove_dead(target: Path) -> list[Path]:
     """Remove the staging folders that dead processes left for ``target``, and return those that are in use."""
-    place = _place(target)
+    place, used = _place(target), []
     # The end of a name that tempfile.mkdtemp gives.
-    ours = re.compile(re.escape(_prefix(target)) + r"[a-z0-9_]{8}", re.IGNORECASE if _ignores_case(place) else 0)
-    return [path for path in place.iterdir() if ours.fullmatch(path.name) and _is_held(path)]
-
-
-def _is_held(folder: Path) -> bool:
-    """True if a process works in a staging folder; the folder is removed if its process is dead."""
-    with contextlib.suppress(OSError), (folder / LOCK_FILE).open("rb") as lock:
-        if not locks(lock):
-            return not (folder / RELEASED_FILE).exists()
-        remove(folder)
-    _remove_emptied(folder)  # Windows has kept the lock file, which was open; or it was killed before it had one
-    return False
+    ours = re.compile(re.escape(f".{target.name}-") + r"[a-z0-9_]{8}", re.IGNORECASE if _ignores_case(place) else 0)
+    for folder in [path for path in place.iterdir() if ours.fullmatch(path.name)]:
+        with contextlib.suppress(OSError), (folder / LOCK_FILE).open("rb") as lock:
+            if not locks(lock):
+                used += [] if (folder / RELEASED_FILE).exists() else [folder]
+                continue
+            remove(folder)
+        _remove_emptied(folder)  # Windows has kept the lock file, which was open; or it was killed before it had one
+    return used
 
 
 def _remove_emptied(folder: Path) -> None:
@@ -112,10 +109,6 @@ def _ignores_case(folder: Path) -> bool:
     """True where names that differ in the case of letters are the same, as on Windows and macOS."""
     swapped = str(folder).swapcase()
     return swapped != str(folder) and os.path.exists(swapped)
-
-
-def _prefix(target: Path) -> str:
-    return f".{target.name}-"
 
 
 @dataclasses.dataclass(frozen=True, order=True)

@@ -42,7 +42,11 @@ class Blender:
 
     def command(self, *job_files: Path) -> list[str]:
         """Return the command line that runs the render jobs in ``job_files`` one after the other."""
-        return self.script_command(_entry_script(), *map(str, job_files))
+        spec = importlib.util.find_spec("blender_addon")  # which is not imported here
+        if spec is None or not spec.submodule_search_locations:
+            raise LfsrError("the package blender_addon is not installed beside lfsr_core: install LFSR again")
+        folder = next(iter(spec.submodule_search_locations))
+        return self.script_command(Path(folder, "headless", "from_sources.py"), *map(str, job_files))
 
     def script_command(self, script: Path, *arguments: str) -> list[str]:
         """Return the command line that runs a Python ``script`` inside Blender."""
@@ -81,11 +85,3 @@ def find_blender(executable: str | None = None) -> Blender:
         raise LfsrError(f"{path} is {version[0]}, but 4.5 or newer is needed: "
                         "give another with --blender PATH")
     return Blender(path)
-
-
-def _entry_script() -> Path:
-    """Return the add-on's script that runs a render job inside Blender, without importing the add-on here."""
-    spec = importlib.util.find_spec("blender_addon")
-    if spec is None or not spec.submodule_search_locations:
-        raise LfsrError("the package blender_addon is not installed beside lfsr_core: install LFSR again")
-    return Path(next(iter(spec.submodule_search_locations)), "headless", "from_sources.py")

@@ -39,7 +39,8 @@ if sys.platform == "win32":
             struct.pack_into("<I", limits, self.FLAGS_AT, self.KILL_ON_JOB_CLOSE | low_priority * self.HAS_PRIORITY)
             struct.pack_into("<I", limits, self.PRIORITY_AT, low_priority * subprocess.BELOW_NORMAL_PRIORITY_CLASS)
             self._kernel.SetInformationJobObject(self._job, self.LIMITS, limits, self.BYTES)
-            self._kernel.AssignProcessToJobObject(self._job, _handle(process))
+            handle = ctypes.c_void_p(int(process._handle))  # type: ignore[attr-defined]  # it has no public name
+            self._kernel.AssignProcessToJobObject(self._job, handle)
 
         def kill(self) -> None:
             """Kill the processes that are left."""
@@ -48,9 +49,6 @@ if sys.platform == "win32":
         def __del__(self) -> None:
             self._kernel.CloseHandle(self._job)
 
-    def _handle(process: subprocess.Popen[str]) -> ctypes.c_void_p:
-        """Windows' handle of a process, which has no public name."""
-        return ctypes.c_void_p(int(process._handle))  # type: ignore[attr-defined]
 else:
     START: dict[str, Any] = {"start_new_session": True}
 

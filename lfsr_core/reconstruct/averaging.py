@@ -74,12 +74,7 @@ def _shows(low: LowResEIA) -> Array:
 def unchanged(difference: Array) -> Array:
     """Certainty (sy, sx, h, w) in [0, 1] that a difference of two images (sy, sx, h, w, C) is noise alone."""
     energy = np.einsum("...c,...c->...", difference, difference)
-    excess = NEAR * _near(difference, energy) + WIDE * _wide(difference, energy)[..., None, None]
-    return np.asarray(1 / (1 + excess))
-
-
-def _near(difference: Array, energy: Array) -> Array:
-    """Change over noise (sy, sx, h, w) that a pixel has in common with its neighbours along all four axes."""
+    # What a pixel has in common with its neighbours along all four axes.
     product, pairs = np.zeros_like(energy), np.zeros_like(energy)
     for axis in range(4):
         lower, upper = _at(axis, slice(None, -1)), _at(axis, slice(1, None))
@@ -90,16 +85,14 @@ def _near(difference: Array, energy: Array) -> Array:
     product /= np.maximum(pairs, 1)
     # The spread of the products themselves, as path-traced noise has heavy tails and varies from pixel to pixel.
     spread = NEAR_SPREAD * np.sqrt(_pooled(product * product) / _counts(energy.shape))
-    return _excess(_pooled(product), _pooled(energy), spread)
-
-
-def _wide(difference: Array, energy: Array) -> Array:
-    """Change over noise (sy, sx) that all pixels of a few lenses have in common."""
+    near = _excess(_pooled(product), _pooled(energy), spread)
+    # What all pixels of a few lenses have in common: the squared mean without the part of noise, which is the mean
+    # product of two different pixels.
     mean, own = _pooled(difference.mean((2, 3)), 2), _pooled(energy.mean((2, 3)), 2)
     count = energy.shape[2] * energy.shape[3] * _counts(energy.shape[:2])
-    # The squared mean without the part of noise: the mean product of two different pixels.
     change = (np.einsum("...c,...c->...", mean, mean) * count - own) / np.maximum(count - 1, 1)
-    return _excess(change, own, WIDE_SPREAD / count * own)
+    wide = _excess(change, own, WIDE_SPREAD / count * own)
+    return np.asarray(1 / (1 + (NEAR * near + WIDE * wide[..., None, None])))
 
 
 def _excess(change: Array, energy: Array, spread: Array) -> Array:

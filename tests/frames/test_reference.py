@@ -55,7 +55,7 @@ def test_halves_stay_apart(tmp_path):
 def test_a_reference_that_is_not_whole_or_has_one_image_twice_is_refused(tmp_path):
     folder = write_reference(tmp_path)
     write_frame(folder, frame_of(1, lens_list=LISTED))
-    refuses("but its frame.json says", Reference.read, folder)
+    refuses("but frame.json says", Reference.read, folder)
     write_frame(folder, frame_of(1))
     first, second = (folder / name for name in REFERENCE_FILES)
     second.write_bytes(first.read_bytes())

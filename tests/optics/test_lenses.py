@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.eye_card import LiveRegion
+from lfsr_core.optics.eye import LiveRegion
 from lfsr_core.optics.lenses import check_cover, choose_lenses, parse_rows, pixel_rows
 from tests.support.told import refuses
 

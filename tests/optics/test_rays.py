@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.optics.lens_card import RIM, lens_card
-from lfsr_core.optics.rays import CameraArray, RayLayout, rays, view_offset
+from lfsr_core.optics.rays import RIM, CameraArray, RayLayout, lens_card, rays, view_offset
 from tests.support.card_rays import lens_card_rays
 from tests.support.rays import pixel_rays
 from tests.support.told import refuses

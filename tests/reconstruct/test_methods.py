@@ -11,7 +11,6 @@ import pytest
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.display import load_display
-from lfsr_core.reconstruct.assembly import StageClock, blas_threads
 from lfsr_core.reconstruct.methods import (
     COMPARED,
     DEFAULT_METHOD,
@@ -25,6 +24,7 @@ from lfsr_core.reconstruct.methods import (
     load_method,
     seconds,
 )
+from lfsr_core.reconstruct.second_stage import StageClock, blas_threads
 from lfsr_core.reconstruct.upscaler import Upscaler
 from tests.support.told import refuses
 

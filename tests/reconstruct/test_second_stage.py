@@ -19,8 +19,8 @@ from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics import eia
 from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.reconstruct import second_stage
-from lfsr_core.reconstruct.assembly import STAGES
 from lfsr_core.reconstruct.methods import METHODS
+from lfsr_core.reconstruct.second_stage import STAGES
 from lfsr_core.reconstruct.upscaler import Upscaler
 from tests.support.prerequisites import needs_bpy
 from tests.support.slow_way import expected_linear

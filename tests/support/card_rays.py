@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.optics.lens_card import RIM, LensCard
 from lfsr_core.optics.panel.panel_card import PARTS, Linear, PanelCard, Rows
 from lfsr_core.optics.panel.subpixel_rays import PERIOD
-from lfsr_core.optics.rays import directed
+from lfsr_core.optics.rays import RIM, LensCard, directed
 
 Precision = type[np.floating[Any]]
 

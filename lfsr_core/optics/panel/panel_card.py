@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.optics.lens_card import MIN_SIZE, RIM, UNIT
 from lfsr_core.optics.panel.subpixel_rays import (
     PERIOD,
     Geometry,
@@ -26,6 +25,7 @@ from lfsr_core.optics.panel.subpixel_rays import (
     short_steps,
     subpixel_table,
 )
+from lfsr_core.optics.rays import MIN_SIZE, RIM, UNIT
 from lfsr_core.optics.sheet import Lenticular
 
 STRAIGHT = 1e-9  # of a pitch: rows of a lattice that are shifted by less are not shifted

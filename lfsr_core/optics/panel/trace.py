@@ -15,7 +15,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import Geometry, Pair, subpixel_places, subpixel_rays
-from lfsr_core.optics.sheet import Lenslet, Lenticular
+from lfsr_core.optics.sheet import Lenticular
 
 SAMPLES = 24  # rays per pixel of the result
 # Bases of the generalised golden ratio in four dimensions: points that fill the unit cube evenly.
@@ -80,12 +80,35 @@ def trace(profile: DisplayProfile, eye_mm: Point, x: Array, y: Array,
     ``spread``: pixels (right, up) by which the focus is moved.
     """
     sheet, geometry = profile.sheet, Geometry.of(profile)
+    (across, down), (width, height), behind = profile.panel_pixels, profile.panel_mm, geometry.gap / eye_mm[2]
     if isinstance(sheet, Lenticular):
-        on_x, on_y = _cylinder_focus(profile, sheet, eye_mm, (x, y))
+        (normal, along), nearer = sheet.directions, geometry.nearer
+        # The panel's lower left corner lies ``center`` pitches beyond a border of two elemental images; their centres
+        # are half a pitch further, and from the viewing distance the axes are seen in front of these.
+        start = (-width / 2 * normal[0] - height / 2 * normal[1]) + (sheet.center + 0.5) * sheet.pitch_mm
+        pitch = sheet.pitch_mm * nearer
+        off = x * normal[0] + y * normal[1]
+        axis = start * nearer + np.round((off - start * nearer) / pitch) * pitch
+        length = x * along[0] + y * along[1]
+        focus = axis + (axis - eye_mm[0] * normal[0] - eye_mm[1] * normal[1]) * behind
+        length = length + (length - eye_mm[0] * along[0] - eye_mm[1] * along[1]) * behind
+        on_x, on_y = focus * normal[0] + length * along[0], focus * normal[1] + length * along[1]
     else:
-        on_x, on_y = _lens_focus(profile, sheet, eye_mm, (x, y))
+        matrix, (shift_x, shift_y) = sheet.lenses.matrix(sheet.packing), sheet.lenses.shift_mm
+        right, up = x - shift_x, y - shift_y
+        around = np.round(np.einsum("ij,j...->i...", np.linalg.inv(matrix), np.stack([right, up])))
+        best = np.full(np.shape(right), np.inf)
+        center_x, center_y = np.zeros_like(best), np.zeros_like(best)
+        for one, two in itertools.product((-1, 0, 1), repeat=2):
+            at_x = matrix[0, 0] * (around[0] + one) + matrix[0, 1] * (around[1] + two)
+            at_y = matrix[1, 0] * (around[0] + one) + matrix[1, 1] * (around[1] + two)
+            far = (at_x - right) ** 2 + (at_y - up) ** 2
+            center_x, center_y = np.where(far < best, at_x, center_x), np.where(far < best, at_y, center_y)
+            best = np.minimum(best, far)
+        center_x, center_y = center_x + shift_x, center_y + shift_y
+        on_x = center_x + (center_x - eye_mm[0]) * behind
+        on_y = center_y + (center_y - eye_mm[1]) * behind
     on_x, on_y = on_x + spread[0] * geometry.pixel[0], on_y + spread[1] * geometry.pixel[1]
-    (across, down), (width, height) = profile.panel_pixels, profile.panel_mm
     column = np.floor((on_x / width + 0.5) * across).astype(int)
     row = np.floor((0.5 - on_y / height) * down).astype(int)
     on_panel = (column >= 0) & (column < across) & (row >= 0) & (row < down)
@@ -99,39 +122,6 @@ def trace(profile: DisplayProfile, eye_mm: Point, x: Array, y: Array,
         return SeenSubpixels(*_nearest_subpixel(profile, (on_x, on_y), row, column), on_panel)
     third = np.floor(((on_x / width + 0.5) * across % 1) * 3).astype(int).clip(0, 2)
     return SeenSubpixels(row, column, third if subpixels.stripes == "rgb" else 2 - third, on_panel)
-
-
-def _cylinder_focus(profile: DisplayProfile, sheet: Lenticular, eye: Point, point: Pair) -> Pair:
-    geometry, (width, height), (normal, along) = Geometry.of(profile), profile.panel_mm, sheet.directions
-    # The panel's lower left corner lies ``center`` pitches beyond a border of two elemental images; their centres are
-    # half a pitch further, and from the viewing distance the axes are seen in front of these.
-    start = (-width / 2 * normal[0] - height / 2 * normal[1]) + (sheet.center + 0.5) * sheet.pitch_mm
-    nearer = geometry.nearer
-    pitch = sheet.pitch_mm * nearer
-    off = point[0] * normal[0] + point[1] * normal[1]
-    axis = start * nearer + np.round((off - start * nearer) / pitch) * pitch
-    length = point[0] * along[0] + point[1] * along[1]
-    behind = geometry.gap / eye[2]
-    across = axis + (axis - eye[0] * normal[0] - eye[1] * normal[1]) * behind
-    length = length + (length - eye[0] * along[0] - eye[1] * along[1]) * behind
-    return across * normal[0] + length * along[0], across * normal[1] + length * along[1]
-
-
-def _lens_focus(profile: DisplayProfile, sheet: Lenslet, eye: Point, point: Pair) -> Pair:
-    matrix, (shift_x, shift_y) = sheet.lenses.matrix(sheet.packing), sheet.lenses.shift_mm
-    right, up = point[0] - shift_x, point[1] - shift_y
-    around = [np.round(number) for number in np.einsum("ij,j...->i...", np.linalg.inv(matrix), np.stack([right, up]))]
-    best = np.full(np.shape(right), np.inf)
-    center_x, center_y = np.zeros_like(best), np.zeros_like(best)
-    for one, two in itertools.product((-1, 0, 1), repeat=2):
-        x = matrix[0, 0] * (around[0] + one) + matrix[0, 1] * (around[1] + two)
-        y = matrix[1, 0] * (around[0] + one) + matrix[1, 1] * (around[1] + two)
-        far = (x - right) ** 2 + (y - up) ** 2
-        center_x, center_y = np.where(far < best, x, center_x), np.where(far < best, y, center_y)
-        best = np.minimum(best, far)
-    center_x, center_y = center_x + shift_x, center_y + shift_y
-    behind = Geometry.of(profile).gap / eye[2]
-    return center_x + (center_x - eye[0]) * behind, center_y + (center_y - eye[1]) * behind
 
 
 def _nearest_subpixel(profile: DisplayProfile, point: Pair, near_row: Array,

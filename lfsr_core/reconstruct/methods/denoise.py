@@ -112,8 +112,3 @@ def span(wanted: Array, pixels: int) -> slice:
         return slice(0, 0)
     around, step = math.ceil(CONTEXT / pixels), POOLED // math.gcd(POOLED, pixels)
     return slice(max(places[0] - around, 0) // step * step, min(places[-1] + 1 + around, len(wanted)))
-
-
-def is_available() -> bool:
-    """Whether this Python finds a library that loads."""
-    return not oidn.why_missing()

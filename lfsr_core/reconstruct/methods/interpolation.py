@@ -17,6 +17,8 @@ from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.upscaler import Upscaler
 
 MAX_EXPONENT = 80  # keeps overshoot beside the brightest floats finite
+EIS_IN_CACHE = 8  # per step
+CROSSTALK_REACH = 4  # half the widest kernel
 CUBIC_SHARPNESS = -0.75  # OpenCV's and Blender's choice of Keys' a (1981)
 
 
@@ -96,23 +98,8 @@ def kernel_matrix(kernel: str, size: int, scale: int, margin: int = 0) -> Array:
 
 @functools.lru_cache(maxsize=16)
 def _column_matrix(kernel: str, columns: int, scale: int, margin: int, channels: int) -> Array:
-    return per_channel(kernel_matrix(kernel, columns, scale, margin), channels)
-
-
-def per_channel(weights: Array, channels: int) -> Array:
-    """Matrix (n·channels, m·channels) that applies ``weights`` (m, n) to rows of interleaved channels."""
-    return np.kron(weights.T, np.eye(channels, dtype=np.float32))
-
-
-def apply_matrices(images: Array, down: Array, across: Array, out: Array | None = None) -> Array:
-    """Apply ``down`` (H, h) to the columns and ``across`` (w·C, W·C) to the rows of ``images`` (N, h, w, C).
-
-    ``across``: made by ``per_channel``. Returns (N, H, W, C), in ``out`` if given, which must be contiguous.
-    """
-    count, rows, columns, channels = images.shape
-    tall = (down @ images.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
-    wide = np.matmul(tall, across, out=None if out is None else out.reshape(len(tall), -1))
-    return np.asarray(wide).reshape(count, len(down), across.shape[1] // channels, channels)
+    """``kernel_matrix`` as (w·C, W·C) for rows of interleaved channels."""
+    return np.kron(kernel_matrix(kernel, columns, scale, margin).T, np.eye(channels, dtype=np.float32))
 
 
 def interpolated(images: Array, kernel: str, factors: tuple[int, int], margin: int = 0,
@@ -122,25 +109,12 @@ def interpolated(images: Array, kernel: str, factors: tuple[int, int], margin: i
     ``margin``: pixels around each image that are only looked at. Returns (N, h·vertical, w·horizontal, C), in ``out``
     if given, which must be contiguous.
     """
-    _, rows, columns, channels = images.shape
+    count, rows, columns, channels = images.shape
     down = kernel_matrix(kernel, rows - 2 * margin, factors[1], margin)
-    return apply_matrices(images, down, _column_matrix(kernel, columns - 2 * margin, factors[0], margin, channels), out)
-
-
-def finish_in_steps(low: LowResEIA, lenses: Array, step: int, upscale: Callable[[Array, Array], Array]) -> Array:
-    """Finished EIs (N, h·s, w·s, C) float32, scene-linear, made ``step`` at a time, to stay in a core's cache.
-
-    ``upscale``: takes a few of the ``lenses`` (N, 2) and an array that it may use for the result, returns encoded EIs.
-    """
-    result = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
-    for start in range(0, len(lenses), step):
-        part = slice(start, start + step)
-        decode(upscale(lenses[part], result[part]), out=result[part])
-    return result
-
-
-EIS_IN_CACHE = 8  # per step of an interpolation
-CROSSTALK_REACH = 4  # half the widest kernel
+    across = _column_matrix(kernel, columns - 2 * margin, factors[0], margin, channels)
+    tall = (down @ images.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
+    wide = np.matmul(tall, across, out=None if out is None else out.reshape(len(tall), -1))
+    return np.asarray(wide).reshape(count, len(down), across.shape[1] // channels, channels)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -152,9 +126,13 @@ class Interpolation(Upscaler):
     thread_safe: bool = True
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
-        margin = CROSSTALK_REACH if self.crosstalk else 0
-        return finish_in_steps(low, np.asarray(lenses), EIS_IN_CACHE, lambda part, out: interpolated(
-            encode(_gather(low.color, part, margin)), self.kernel, low.factors, margin, out))
+        lenses, margin = np.asarray(lenses), CROSSTALK_REACH if self.crosstalk else 0
+        result = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
+        for start in range(0, len(lenses), EIS_IN_CACHE):
+            part = slice(start, start + EIS_IN_CACHE)
+            seen = encode(_gather(low.color, lenses[part], margin))
+            decode(interpolated(seen, self.kernel, low.factors, margin, result[part]), out=result[part])
+        return result
 
 
 class NoUpscaling(Interpolation):

@@ -16,8 +16,8 @@ from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.images import exr
 from lfsr_core.optics.display import write_profile
 from lfsr_core.optics.eia import flip_order
-from lfsr_core.optics.lens_card import RIM
 from lfsr_core.optics.panel.subpixel_rays import panel_image
+from lfsr_core.optics.rays import RIM
 from lfsr_core.reconstruct.methods.interpolation import decode, encode
 from tests.support import panel
 from tests.support.panels import cells, hexagonal, small

@@ -15,8 +15,7 @@ from lfsr_core.images.png import read_png
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.optics.eia import to_elemental_images
-from lfsr_core.optics.eye import eye_view
-from lfsr_core.optics.eye_card import eye_place
+from lfsr_core.optics.eye import eye_place, eye_view
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout, panel_image
 from lfsr_core.optics.rays import CameraArray
 from tests.support.panels import cells, hexagonal, small

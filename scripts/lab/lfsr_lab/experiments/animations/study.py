@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.frames.frame import frame_folder
+from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.images.srgb import srgb_encode
@@ -138,13 +138,13 @@ class Animation:
         seed = {FIXED: lambda number: 0, CHANGING: lambda number: number,
                 TURNING: lambda number: 1 + (number - 1) % PERIOD}[seeds]
         settings, scene = self.settings, str((self.folder / SCENE_FILE).resolve())
-        return [Request(str(frame_folder(folder, number)), settings.display, scene,
+        return [Request(str(FrameFolder.of_frame(folder, number).path), settings.display, scene,
                         sampling=Sampling(settings.scale, spp), frame=number,
                         seed=settings.seed * SEED_STEP + seed(number)) for number in range(1, settings.frames + 1)]
 
     def references(self) -> list[Request]:
         settings, folder = self.settings, self.folder / REFERENCE
-        return [reference_of(job, settings.reference_samples, frame_folder(folder, number),
+        return [reference_of(job, settings.reference_samples, FrameFolder.of_frame(folder, number).path,
                              lens_list=settings.lens_list) for number, job in enumerate(self.low(CHANGING, 1), start=1)]
 
     @functools.cached_property
