@@ -13,21 +13,14 @@ import pytest
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import load_display
 from tests.support.prerequisites import needs_bpy
+from tests.support.project_files import ROOT, project_files
 
-ROOT = Path(__file__).parents[1]
 PACKAGES = {"lfsr_core": "lfsr_core", "blender_addon": "blender_addon", "scripts/lab/lfsr_lab": "lfsr_lab"}
-
-
-def sources() -> list[str]:
-    """Paths of every file that git has or would take, relative to the root."""
-    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
-    listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
-    return [path for path in listed if (ROOT / path).is_file()]
 
 
 def installed_paths() -> dict[str, str]:
     """Place among the installed packages of every file of theirs, and its place in the repository."""
-    return {path.replace(folder, package, 1): path for path in sources() for folder, package in PACKAGES.items()
+    return {path.replace(folder, package, 1): path for path in project_files() for folder, package in PACKAGES.items()
             if path.startswith(folder + "/")}
 
 
@@ -35,7 +28,7 @@ def installed_paths() -> dict[str, str]:
 def environment(tmp_path_factory):
     """A fresh environment that sees this one's libraries, with the package installed from a copy of the repository."""
     folder = tmp_path_factory.mktemp("packaging")
-    for path in sources():
+    for path in project_files():
         (folder / "copy" / path).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / path, folder / "copy" / path)
     venv.create(folder / "venv")

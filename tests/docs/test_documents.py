@@ -3,8 +3,7 @@
 import ast
 import json
 import re
-import subprocess
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import pytest
@@ -12,25 +11,33 @@ import pytest
 from lfsr_core.frames.finish import Finish
 from lfsr_core.metrics.compare import compare_folders
 from lfsr_core.pipeline.make import finish_frame
+from tests.support.project_files import ROOT, project_files
 from tests.support.synthetic import write_reference, write_render
 
-ROOT = Path(__file__).parents[2]
-LINK = re.compile(r"\]\(([^)\s#]+)(?:#[^)]*)?\)")
+LINK = re.compile(r"\]\(([^)\s#]*)(?:#([^)]*))?\)")
 MENTION = re.compile(r"\bdocs/[\w./-]+\.(?:md|json|svg|png|jpg|webp)\b")
 MODULE = re.compile(r"`((?:lfsr_core|blender_addon|scripts|tests)/[\w./-]+\.\w+)`")
 
 
 def tracked(*patterns):
-    listed = subprocess.run(["git", "ls-files", *patterns], cwd=ROOT, capture_output=True, text=True, check=True)
-    return [name for name in listed.stdout.split() if (ROOT / name).is_file()]
+    return [name for name in project_files() if any(PurePosixPath(name).match(pattern) for pattern in patterns)]
 
 
 @pytest.mark.parametrize("name", tracked("*.md"))
 def test_documents_point_to_what_is_there(name):
     text = (ROOT / name).read_text(encoding="utf-8")
-    links = [link for link in LINK.findall(text) if "://" not in link]
-    assert [link for link in links if not ((ROOT / name).parent / link).exists()] == []
+    links = [((ROOT / name).parent / link if link else ROOT / name, anchor) for link, anchor in LINK.findall(text)
+             if "://" not in link]
+    assert [str(path) for path, _ in links if not path.exists()] == []
+    assert [f"{path.name}#{anchor}" for path, anchor in links if anchor and path.suffix == ".md"
+            and anchor not in anchors(path)] == []
     assert [path for path in MODULE.findall(text) if not (ROOT / path).exists()] == []
+
+
+def anchors(path):
+    """Anchors of a document's headings, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.*)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 def test_code_points_to_documents_and_those_are_read_in_an_afternoon():

@@ -10,6 +10,8 @@ import pytest
 
 from lfsr_core.base.records import read_record
 from lfsr_core.optics.depth_scale import MODEL
+from lfsr_core.optics.display import load_display
+from lfsr_core.optics.panel.trace import view_spread
 from lfsr_lab.experiments.chart.analysis import Chart, MeanDuel, mean_cells, mean_duels, read_chart
 from lfsr_lab.experiments.denoiser import study as denoiser
 from lfsr_lab.experiments.engine.truth import FLIP, RELMSE, SSIM
@@ -362,7 +364,7 @@ def plan(name: str) -> dict[str, Any]:
 
 
 CLAIMS: list[Claim | TableClaim] = [
-    Claim("README.md", "such a page of an 8K image ({} MB", lambda: [megabytes("docs/examples/viewer.html")]),
+    Claim("README.md", "is a page of `lfsr view` (8K, {} MB;", lambda: [megabytes("docs/examples/viewer.html")]),
     Claim("docs/guide/viewer.md", "96×54 lenses, {} MB)", lambda: [megabytes("docs/examples/viewer.html")]),
     Claim("docs/guide/live.md", "first complete image of *small* appears {} to {} s after an edit", lambda: span([
         second for row in record("live-latency") for second in row["measures"].get("complete", [])])),
@@ -484,6 +486,8 @@ WITHOUT: dict[str, list[str]] = {
     STRESS: [
         ".05 below its own first score", "has at first less .05", "on `small` with .25,", "above .005",
         "lost .0082 here"],
+    "docs/guide/displays.md": ["Looking Glass 15.6″, 16″ gen 2, 8.9″", "`looking-glass-15.6`, `-16`, `-8.9`",
+                               "2.6.3 tests"],
     POOLING: ["HDR-FLIP × .94, .92, .94 and .95", "gains .09 to .23", "(.8 lenses)", "(.5 lenses per",
               "1.5 · samples^−.19"],
 }
@@ -499,3 +503,15 @@ def test_every_number_with_a_point_has_a_record_or_says_why_not(document):
 @pytest.mark.parametrize("document", GENERATED)
 def test_a_generated_page_is_what_its_record_makes(document):
     assert (ROOT / document).read_text(encoding="utf-8") == GENERATED[document]()
+
+
+def test_the_displays_of_the_guide_have_the_depths_and_views_of_their_profiles():
+    rows = re.findall(r"^\| [^|]* \| `([\w.-]+)` \| [^|]* \| (\d+) / (\d+) \| (?:(\d+) %, (\d+) %)?",
+                      (ROOT / "docs/guide/displays.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(rows) == 7
+    for name, front, behind, *views in rows:
+        profile = load_display(name)
+        assert [round(mm) for mm in profile.depth_range_mm()] == [int(front), int(behind)], name
+        if all(views):
+            spread = view_spread(profile)
+            assert [round(100 * spread.own), round(100 * spread.others)] == list(map(int, views)), name

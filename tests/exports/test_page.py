@@ -5,6 +5,7 @@ import io
 import re
 import shutil
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +14,9 @@ from PIL import Image
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.exports import page
-from lfsr_core.exports.page import fewer_views, write_page
+from lfsr_core.exports.page import PARTS, fewer_views, write_page
 from lfsr_core.images.png import read_png, write_png
-from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eia import to_elemental_images
 from tests.support.finished import DIRECT, MINI, TALL, finished
 from tests.support.small_disk import on_a_small_disk
@@ -113,3 +114,11 @@ def test_a_large_page_is_noted_and_one_that_is_too_large_refused(folder, tmp_pat
     assert Notice("page-large", {"bytes": made.bytes}) in told.notices
     monkeypatch.setattr(page, "MOST_PAGE_BYTES", 1000)
     refuses("would be over", write_page, [folder], tmp_path / "page.html")
+
+
+def test_the_documents_example_is_of_this_viewer():
+    """Make it again with the command of README.md where this fails."""
+    page = (Path(__file__).parents[2] / "docs" / "examples" / "viewer.html").read_text(encoding="utf-8")
+    for part in ("viewer.css", "viewer.glsl", "viewer.js", "controls.js"):
+        assert (PARTS / part).read_text(encoding="utf-8") in page, part
+    assert load_display("bupt-32in-8k").title in page
