@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import _thread
 import argparse
 import contextlib
 import io
@@ -11,17 +12,17 @@ import os
 import select
 import signal
 import sys
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import check_name, system_errors
-from lfsr_core.base.notices import BOLD, RED, accept_all_letters, be_quiet, is_openjd, styled, tell_openjd
+from lfsr_core.base.notices import BOLD, RED, accept_all_letters, be_quiet, cleaned, is_openjd, styled, tell_openjd
 from lfsr_core.base.records import to_data
 from lfsr_core.commands import displays, export, farm, laboratory, plan, reference, render, view
 from lfsr_core.commands.arguments import Verb
-from lfsr_core.commands.sentences import cleaned
 from lfsr_core.version import __version__
 
 MOST_LETTERS = 2000  # of an error, which may quote files and devices of others
@@ -36,12 +37,15 @@ GROUPS: tuple[tuple[str, str, tuple[Verb, ...]], ...] = (
     ("Farms", "lfsr farm openjd", (farm.FARM, farm.MERGE)))
 VERBS = tuple(verb for _, _, verbs in GROUPS for verb in verbs)
 
-EXIT_BAD_INPUT, EXIT_INTERRUPTED = 2, 130
+SECONDS_AFTER = 0.1  # a finalizer was interrupted, until it has ended
+EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_UNREAD = 2, 130, 141
 ENDINGS = ("SIGTERM", "SIGHUP", "SIGQUIT")  # signals that interrupt like Ctrl-C
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; return the exit code: 0, 2 after bad input, 130 after Ctrl-C."""
+    if sys.unraisablehook is sys.__unraisablehook__:
+        sys.unraisablehook = _unraisable
     sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115, to the end
     accept_all_letters()
     parser, words = build_parser(), list(sys.argv[1:] if argv is None else argv)
@@ -77,7 +81,9 @@ def main(argv: Sequence[str] | None = None) -> int:
                 output.flush()
     except LfsrError as error:
         name, text = f"lfsr {arguments.verb}:", cleaned(str(error), MOST_LETTERS)
-        print(styled(name, RED, sys.stderr), text, file=sys.stderr)
+        has_enough = isinstance(error.__context__, BrokenPipeError)  # who reads the output, such as `head`
+        if not has_enough:
+            print(styled(name, RED, sys.stderr), text, file=sys.stderr)
         if is_json and output:
             with contextlib.suppress(OSError):
                 print(json.dumps({"error": text}), file=output)
@@ -89,7 +95,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                 sys.stdout.flush()
         except OSError:  # dropped, or Python tries again when it ends
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return EXIT_BAD_INPUT
+        return EXIT_UNREAD if has_enough else EXIT_BAD_INPUT
     except KeyboardInterrupt:
         print(f"\nlfsr {arguments.verb}: interrupted; no file is left half-written", file=sys.stderr)
         return EXIT_INTERRUPTED
@@ -150,6 +156,21 @@ def _check_output() -> None:
         poll.register(output, 0)
         if any(event & select.POLLERR for _, event in poll.poll(0)):
             raise LfsrError("the reader of standard output has ended: send it to a file or a terminal")
+
+
+def _unraisable(found: Any) -> None:
+    """Interrupt again where Python has swallowed it, in a finalizer or in a callback of the garbage collector."""
+    if found.exc_type is KeyboardInterrupt:
+        threading.Timer(SECONDS_AFTER, _interrupt_main).start()
+    else:
+        sys.__unraisablehook__(found)
+
+
+def _interrupt_main() -> None:
+    if hasattr(signal, "pthread_kill"):  # wakes it where it waits
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+    else:
+        _thread.interrupt_main()
 
 
 def _interrupt(_signal: int, _stack: object) -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.notices import Notice, cleaned
 from lfsr_core.commands import sentences
 from lfsr_core.commands.sentences import DARK, MOST_NAMES, Wording, listed
 
 DIRECT = "Direct Subpixel Rendering"  # of a display with a lens sheet
+MOST_TEXT = 2000  # letters of an error, which may quote files and devices of others
 # Absolute paths, of which a panel shows the last name only.
 PATH = re.compile(r"(?<![\w.:/\\])(?:[A-Za-z]:)?[\\/](?:[^\\/\s'\"]+[\\/])+([^\\/\s'\",:;)]+)")
 # What differs from the command line, which names its options.
@@ -40,7 +41,7 @@ def sentence(notice: Notice) -> str:
 
 def for_panel(text: str) -> str:
     """Return a message as the panel shows it: without the folders of its paths, and with a capital."""
-    return capitalized(PATH.sub(r"\1", text))
+    return capitalized(PATH.sub(r"\1", cleaned(text, MOST_TEXT)))
 
 
 def capitalized(text: str) -> str:

@@ -18,6 +18,7 @@ from typing import Any, TextIO
 BAR_WIDTH = 30
 SECONDS_BETWEEN_LINES = 4.0  # a render writes a record each second, so that a line comes every five at the latest
 PROGRESS_VARIABLE, OPENJD = "LFSR_PROGRESS", "openjd"  # environment variable, set by our OpenJD template
+MOST_LETTERS = 300  # of a text from elsewhere, such as a file's or a device's name
 BOLD, RED = "1", "31"  # styles of terminals
 _quiet = False
 
@@ -49,6 +50,16 @@ def silent(_told: Progress | Notice) -> None:
     """Tell nobody."""
 
 
+def cleaned(value: Any, most: int = MOST_LETTERS) -> Any:
+    """Return a value to be shown: text from elsewhere without control characters, cut to ``most`` letters."""
+    if isinstance(value, (list, tuple)):
+        return [cleaned(item, most) for item in value]
+    if not isinstance(value, str):
+        return value
+    text = " ".join("".join(letter if letter.isprintable() else " " for letter in value).split())
+    return text if len(text) <= most else f"{text[:most - 1]}…"
+
+
 class ProgressBar:
     """A ``Tell``: shows progress, and prints each notice once, as ``words`` says it."""
 
@@ -68,7 +79,7 @@ class ProgressBar:
                 self.note(self._words(told))
             return
         left = "" if told.left is None else f"{duration(told.left)} left"
-        fraction, detail = min(max(told.fraction, 0.0), 1.0), ", ".join(filter(None, (told.detail, left)))
+        fraction, detail = min(max(told.fraction, 0.0), 1.0), ", ".join(filter(None, (cleaned(told.detail), left)))
         if self._moving:
             filled = round(BAR_WIDTH * fraction)
             start = "\n" if self._stage not in ("", told.stage) else "\r"

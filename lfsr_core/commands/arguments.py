@@ -98,7 +98,7 @@ def make_request(arguments: argparse.Namespace, **values: Any) -> Request:
 
 def add_cluster_argument(parser: argparse.ArgumentParser, when: str = "") -> None:
     """The scheduler whose workers do the work; ``when``: words of help before it."""
-    parser.add_argument("--cluster", metavar="ADDRESS",
+    parser.add_argument("--cluster", type=_not_empty, metavar="ADDRESS",
                         help=f"{when}on the workers of this Dask scheduler, such as tcp://host:8786")
 
 
@@ -153,18 +153,24 @@ def position(text: str) -> tuple[float, float, float]:
     return x, y, z
 
 
+def _not_empty(text: str) -> str:
+    if not text.strip():
+        raise argparse.ArgumentTypeError("it is empty")
+    return text
+
+
 def numbers(text: str) -> tuple[int, ...]:
-    """Whole numbers such as 1,4,16, for argparse."""
+    """Whole numbers such as 1,4,16, for argparse: each once."""
     try:
-        return tuple(int(part) for part in text.split(","))
+        return tuple(dict.fromkeys(int(part) for part in text.split(",")))
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not a list of whole numbers such as 1,4,16") from None
 
 
 def reals(text: str) -> tuple[float, ...]:
-    """Numbers such as 0.25,1,4, for argparse."""
+    """Numbers such as 0.25,1,4, for argparse: each once."""
     try:
-        return tuple(float(part) for part in text.split(","))
+        return tuple(dict.fromkeys(float(part) for part in text.split(",")))
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not a list of numbers such as 0.25,1,4") from None
 

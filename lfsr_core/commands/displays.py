@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.notices import Notice, cleaned
 from lfsr_core.commands.arguments import Verb, position
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.optics.display import (
@@ -63,8 +63,9 @@ def _run(arguments: argparse.Namespace) -> Any:
             except LfsrError as error:
                 told = str(error)
             quilt = [device.quilt.get(name, "?") for name in ("tileX", "tileY", "quiltX", "quiltY")]
-            print(f"{device.index:2}  {device.name} ({device.hardware}), at {device.corner[0]},{device.corner[1]}: "
-                  f"{told}, quilt {quilt[0]}×{quilt[1]} of {quilt[2]}×{quilt[3]} px")
+            place = f"{device.name} ({device.hardware}), at {device.corner[0]},{device.corner[1]}"
+            told += f", quilt {quilt[0]}×{quilt[1]} of {quilt[2]}×{quilt[3]} px"
+            print(f"{device.index:2}  {cleaned(place)}: {cleaned(told)}")
         return {"displays": devices}
     for name, asked, wanted in (("--import writes a profile", arguments.calibration or arguments.bridge, "FILE.toml"),
                                 ("--cubevi writes a profile", arguments.cubevi, "FILE.toml"),

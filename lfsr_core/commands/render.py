@@ -98,7 +98,7 @@ def _render(arguments: argparse.Namespace) -> Any:
     usual = USUAL_SAMPLES if subpixels else usual_rays(display)
     rays = None if arguments.spp is not None else usual if arguments.rays is None else arguments.rays
     samples = arguments.spp if rays is None else samples_at(display, scales[0], rays)
-    deciding = spread(parse_frames(arguments.scale_frames)) if arguments.scale_frames else ()
+    deciding = spread(parse_frames(arguments.scale_frames)) if arguments.scale_frames is not None else ()
     sampling = (Sampling(scales[0], samples) if len(scales) == 1 else
                 Sampling(scales[0], samples, scales, rays, deciding))
     output = arguments.output if arguments.frames is None else os.path.abspath(arguments.output)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.notices import Notice, cleaned
 
-MOST_LETTERS = 300  # of a text from elsewhere, such as a file's or a device's name
 MOST_NAMES = 3
 EVEN = "even"  # the light of a scene that no world image reaches
 Values = Mapping[str, Any]
@@ -193,13 +192,3 @@ def sentence(notice: Notice, table: Mapping[str, Wording] | None = None) -> str:
     wording = (table or {}).get(notice.code) or SENTENCES[notice.code]
     values = {name: cleaned(value) for name, value in notice.values.items()}
     return wording.format(**values) if isinstance(wording, str) else wording(values)
-
-
-def cleaned(value: Any, most: int = MOST_LETTERS) -> Any:
-    """Return a value for a sentence: text from elsewhere without control characters, cut to ``most`` letters."""
-    if isinstance(value, (list, tuple)):
-        return [cleaned(item, most) for item in value]
-    if not isinstance(value, str):
-        return value
-    text = " ".join("".join(letter if letter.isprintable() else " " for letter in value).split())
-    return text if len(text) <= most else f"{text[:most - 1]}…"

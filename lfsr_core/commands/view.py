@@ -7,7 +7,7 @@ import webbrowser
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.notices import Notice, cleaned
 from lfsr_core.commands.arguments import Verb, position, progress
 from lfsr_core.frames.views import write_views
 
@@ -71,7 +71,7 @@ def _show(arguments: argparse.Namespace) -> Any:
 
     with progress() as bar:
         shown = show(arguments.path, arguments.display, arguments.fps, bar)
-        print(f"{shown.page}: {shown.sentence}" if shown.page else shown.sentence)
+        print(f"{shown.page}: {shown.sentence}" if shown.page else cleaned(shown.sentence))
         if shown.page and not webbrowser.open(shown.page.resolve().as_uri()):
             bar(Notice("browser-missing"))
     return shown

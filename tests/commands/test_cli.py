@@ -1,5 +1,6 @@
 """Every verb from its arguments to its files, with Blender played by a script that copies a folder."""
 
+import errno
 import importlib.metadata
 import io
 import json
@@ -295,6 +296,38 @@ def test_an_output_that_lacks_letters_is_no_error(encoding):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, cwd=ROOT,
                           env=os.environ | {"PYTHONIOENCODING": encoding})
     assert done.returncode == 0 and "bupt-32in-8k" in (said := done.stdout.decode(encoding)) and "--spp" in said, done
+
+
+def test_who_reads_a_part_of_the_output_has_enough(monkeypatch, capsys):
+    class Closed(io.StringIO):
+        def write(self, _text):
+            raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    monkeypatch.setattr(sys, "stdout", Closed())
+    assert main(["displays"]) == 141
+    assert capsys.readouterr().err == ""
+
+
+def test_an_interrupt_in_a_callback_of_the_garbage_collector_is_no_lost_one():
+    code = ("import gc, signal, sys, time\nfrom lfsr_core import cli\n"
+            "class Late:\n    def __del__(self):\n        signal.raise_signal(signal.SIGTERM)\n        time.sleep(0)\n"
+            "def run(arguments):\n    Late()\n    time.sleep(20)\n"
+            "parser = cli.build_parser\n"
+            "def build():\n    made = parser()\n    old = made.parse_args\n"
+            "    def parse(words):\n        found = old(words)\n        found.run = run\n        return found\n"
+            "    made.parse_args = parse\n    return made\n"
+            "cli.build_parser = build\nsys.exit(cli.main(['displays']))\n")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, timeout=15)
+    assert done.returncode == 130 and "interrupted" in done.stderr, done.stderr
+
+
+@pytest.mark.parametrize(("option", "told"), [("--cluster", "it is empty"), ("--scale-frames", "frames are ''")])
+def test_an_empty_option_is_refused(scene, tmp_path, capsys, option, told):
+    try:
+        assert main(["render", str(scene), "-o", str(tmp_path / "out"), option, ""]) == 2
+    except SystemExit as ended:
+        assert ended.code == 2
+    assert told in capsys.readouterr().err
 
 
 def test_reference_of_all_lenses_and_of_too_many(scene, blender, tmp_path, capsys):

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base.notices import Notice
-from lfsr_core.commands.sentences import MOST_LETTERS, SENTENCES, cleaned, sentence
+from lfsr_core.base.notices import MOST_LETTERS, Notice, cleaned
+from lfsr_core.commands.sentences import SENTENCES, sentence
 
 ROOT = Path(__file__).parents[2]
 # Values of each notice, and a word of its sentence that the reader needs.

@@ -24,6 +24,7 @@ from lfsr_core.reconstruct.methods import oidn
 from lfsr_core.reconstruct.methods.oidn import CPU, Note, Wanted
 
 CONTEXT = 32  # pixels around the wanted ones that the denoiser sees too
+LEAST_LEFT, MOST_LOST = 0.1, 0.1  # of an elemental image's light, and fraction of those that may keep less
 POOLED = 16  # pixels that the denoiser's network pools into one
 
 Box = tuple[slice, slice]  # rows and columns of lenses
@@ -69,7 +70,14 @@ def denoise_low_resolution(low: LowResEIA, weights: str | Path | None = denoiser
             guides = from_elemental_images(mirrored(low.guides)[part])
         denoised = denoise_eia(from_elemental_images(images[part]), guides, weights=loaded, exposure=low.exposure,
                                device=Wanted.of(low.device, low.gpus), note=notes.append)
-        images[part] = to_elemental_images(denoised, (columns, rows))
+        made = to_elemental_images(denoised, (columns, rows))
+        before, after = (each.mean((2, 3, 4)) for each in (images[part], made))
+        shine, kept = before > 0, (after > LEAST_LEFT * before) & np.isfinite(after)
+        lost = (shine & ~kept).sum()
+        if weights is not None and Path(weights) != denoiser.WEIGHTS and lost > MOST_LOST * shine.sum():
+            raise LfsrError(f"weights {weights} make {lost} of {shine.sum()} elemental images black or infinite: "
+                            "their numbers overflow. Train them again, or use others")
+        images[part] = made
     return dataclasses.replace(low, color=mirrored(images), noisy=low.color, notes=tuple(notes))
 
 

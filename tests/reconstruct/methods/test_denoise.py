@@ -5,8 +5,9 @@ import sys
 import numpy as np
 import pytest
 
+from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
-from lfsr_core.reconstruct.denoiser import WEIGHTS, load
+from lfsr_core.reconstruct.denoiser import WEIGHTS, load, read_tza, write_tza
 from lfsr_core.reconstruct.methods import denoise, oidn
 from lfsr_core.reconstruct.methods.denoise import (
     denoise_eia,
@@ -76,6 +77,15 @@ def test_only_what_shows_something_is_denoised(monkeypatch, weights):
     monkeypatch.setattr(denoise, "shown_part", lambda _: (slice(None), slice(None)))
     expected = denoise_low_resolution(low, weights).color
     np.testing.assert_allclose(denoised[part], expected[part], rtol=0.1, atol=0.05)
+
+
+@pytest.mark.parametrize("factor", [1e3, 3e4])
+def test_weights_that_overflow_are_refused(tmp_path, factor):
+    tensors = read_tza(WEIGHTS)
+    write_tza(tmp_path / "black.tza", {name: np.clip(tensor.astype(float) * factor, -6e4, 6e4)
+                                       for name, tensor in tensors.items()})
+    with pytest.raises(LfsrError, match="of 96 elemental images black or infinite"):
+        denoise_low_resolution(framed()[0], tmp_path / "black.tza")
 
 
 def test_exposure_is_what_the_weights_see():
