@@ -18,6 +18,7 @@ from ..scene.settings import Resolved, title
 from . import runtime
 
 SECONDS_TO_ANSWER = 60
+RAYS_UNDENOISED = 2.0  # times as many where nothing is denoised
 LIBRARIES = {"win32": "OpenImageDenoise.dll", "darwin": "libOpenImageDenoise.dylib"}
 # Packages of the library, by the ID in /etc/os-release. Debian and those made of it have none.
 PACKAGES = {"fedora": "oidn-libs", "arch": "openimagedenoise", "alpine": "openimagedenoise",
@@ -71,8 +72,10 @@ def remember_answer() -> None:
 
 
 def use_replacement(scene: bpy.types.Scene, settings: Resolved) -> None:
-    """Set the method of ``settings`` without denoising in ``scene``."""
+    """Set the method of ``settings`` without denoising in ``scene``, with more rays: nothing removes their noise."""
     scene.lfsr.method = settings.method.undenoised.text
+    if not scene.lfsr.samples:
+        scene.lfsr.rays *= RAYS_UNDENOISED
 
 
 def where_to_get() -> str:

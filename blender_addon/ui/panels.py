@@ -102,7 +102,7 @@ def _draw_checks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
                  icon="DISCLOSURE_TRI_DOWN" if state.show_problems else "DISCLOSURE_TRI_RIGHT")
     else:
         row.label(text="No problems found", icon="CHECKMARK")
-    row.operator("lfsr.check_scene", text="Changed: Check Again" if last.has_changed() else "", icon="FILE_REFRESH")
+    row.operator("lfsr.check_scene", text="Check Again" if last.has_changed() else "", icon="FILE_REFRESH")
     if not state.show_problems:
         return
     for problem in problems if state.all_problems else problems[:MOST_ROWS]:

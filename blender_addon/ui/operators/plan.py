@@ -1,4 +1,4 @@
-"""Buttons that find the cheapest settings for a scene, and use them."""
+"""Buttons that measure what an image costs, find the cheapest settings for a scene, and use them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from lfsr_core.commands.sentences import sentence
 from lfsr_core.plan.choose import Choice, Guess, Rated
 from lfsr_core.plan.options import Candidate, PlanOptions
 from lfsr_core.reconstruct.methods import AS_RENDERED
+from lfsr_core.tasks.estimate import Measured
 
 from ...jobs import asked, session
 from ...jobs.task import Job
@@ -18,6 +19,21 @@ from ...scene import settings as scene_settings
 from ...scene.settings import title
 from ...scene.words import counted
 from .base import UNDO, Result, TaskOperator, add_missing_array, reports_errors
+
+
+class LFSR_OT_estimate_time(TaskOperator, bpy.types.Operator):
+    """Render a few lenses in the background and tell how long the whole image will take"""
+
+    bl_idname = "lfsr.estimate_time"
+    bl_label = "Estimate Time"
+
+    def prepare(self, context: bpy.types.Context) -> Job:
+        """Measure the current frame."""
+        scene = context.scene
+        add_missing_array(scene)
+        name = scene.name_full
+        return Job("estimate", {"request": asked.asked(scene)[0]},
+                   lambda result: asked.remember(name, from_data(Measured, result, "what was measured")))
 
 
 class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
@@ -113,4 +129,4 @@ def _store(scene_name: str, text: str, chosen: Candidate | None) -> None:
     session.redraw()
 
 
-CLASSES = (LFSR_OT_plan, LFSR_OT_plan_use)
+CLASSES = (LFSR_OT_estimate_time, LFSR_OT_plan, LFSR_OT_plan_use)

@@ -14,8 +14,10 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
+from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
+from lfsr_core.reconstruct.methods import AS_RENDERED, MENU, MORE, SUBPIXEL_METHODS, MethodName
 
 from ...jobs import asked, denoiser, preview, session, show_image
 from ...jobs.task import Job
@@ -124,6 +126,51 @@ class LFSR_OT_preview_view(TaskOperator, bpy.types.Operator):
         return Job("decode", {"folder": str(folder), "views": str(views)}, lambda _: _show_view(name, views))
 
 
+Items = list[tuple[str, str, str]]
+_shown: Items = []  # Blender keeps no copy of the texts of a menu
+
+
+def _items(_operator: bpy.types.Operator, context: bpy.types.Context | None) -> Items:
+    """Methods that can finish the current frame with what this Blender has."""
+    names = methods(context.scene) if context else (*MENU, *MORE)
+    _shown[:] = [(name, title(name), (MENU | MORE)[name][1]) for name in names]
+    return _shown
+
+
+def methods(scene: bpy.types.Scene) -> list[str]:
+    """Names of the methods that can finish the current frame of ``scene``."""
+    try:
+        frame, lacks = read_rendered(folders.frame_folder(scene)), bool(denoiser.why_missing())
+    except LfsrError:
+        return []
+    known = [MethodName.parse(name) for name in (*MENU, *MORE)]
+    if frame.subpixels:
+        fits = [name for name in known if name.text in SUBPIXEL_METHODS]
+    else:
+        fits = [name for name in known if (name.upscaler == AS_RENDERED) == (frame.scale == 1)]
+    return [name.text for name in fits if not (lacks and name.needs_denoiser)]
+
+
+class LFSR_OT_finish_frame(TaskOperator, bpy.types.Operator):
+    """Make the image of the current frame from its render, which was kept when the second stage failed"""
+
+    bl_idname = "lfsr.finish_frame"
+    bl_label = "Finish Frame"
+
+    method: bpy.props.EnumProperty(name="Method", description="How the image is made", items=_items)
+
+    def prepare(self, context: bpy.types.Context) -> Job:
+        """Run the second stage, then show the image; the method becomes the scene's."""
+        scene = context.scene
+        folder = folders.frame_folder(scene)
+        if not folders.is_own(scene, folder) or not folders.is_unfinished(folder):
+            raise LfsrError(f"there is no unfinished render in {folder}: render the EIA")
+        scene.lfsr.method = self.method
+        name, finish = scene.name_full, Finish(self.method, linear_exr=scene.lfsr.linear_exr)
+        return Job("finish", {"folder": str(folder), "finish": finish, "views": str(asked.views_file(folder))},
+                   lambda _: show_image_of(name, folder), output=folder)
+
+
 class LFSR_OT_cancel(bpy.types.Operator):
     """Stop the light-field render; finished frames stay, and a long frame can be continued"""
 
@@ -197,9 +244,9 @@ def _denoising(scene: bpy.types.Scene) -> list[Question]:
         _use_replacement(scene, settings)
         return []
     name = title(settings.method.undenoised.text)
-    return [Question(lacking, f"Use {name}", f"choose the method {name}, or get it. {denoiser.where_to_get()}",
-                     denoiser.where_to_get(), functools.partial(_use_replacement, scene, settings))
-            ] if lacking else []
+    advice = f"choose the method {name}, or get it. {denoiser.where_to_get()}"
+    return [Question(lacking, f"Use {name}", advice, f"{name} takes twice the rays. {denoiser.where_to_get()}",
+                     functools.partial(_use_replacement, scene, settings))] if lacking else []
 
 
 def _use_replacement(scene: bpy.types.Scene, settings: scene_settings.Resolved) -> None:
@@ -260,4 +307,4 @@ def _show_view(scene_name: str, views: Path) -> None:
 
 
 CLASSES = (LFSR_OT_render_eia, LFSR_OT_render_animation, LFSR_OT_render_reference, LFSR_OT_preview_view,
-           LFSR_OT_cancel)
+           LFSR_OT_finish_frame, LFSR_OT_cancel)

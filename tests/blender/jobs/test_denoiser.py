@@ -13,7 +13,7 @@ from blender_addon.jobs import asked, denoiser, runtime
 from blender_addon.jobs.task import Task
 from blender_addon.scene import folders
 from blender_addon.scene import settings as scene_settings
-from blender_addon.ui.operators import finish, render
+from blender_addon.ui.operators import render
 from lfsr_core.frames.finish import read_report
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
@@ -43,7 +43,7 @@ def found(scene: bpy.types.Scene) -> list[str]:
 def test_with_the_library_nothing_is_asked_and_every_method_finishes(scene):
     assert not denoiser.why_missing() and "denoise" not in found(scene)
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
-    assert finish.methods(scene)[0] == DEFAULT_METHOD and "none" not in finish.methods(scene)
+    assert render.methods(scene)[0] == DEFAULT_METHOD and "none" not in render.methods(scene)
 
 
 def test_the_render_is_refused_before_it_starts(scene, without_library):
@@ -89,8 +89,9 @@ def test_direct_rendering_can_leave_the_noise(scene):
     scene.lfsr.display, scene.lfsr.subpixels = "looking-glass-go", True
     settings = scene_settings.resolve(scene)
     assert settings.method.text == "oidn"
+    scene.lfsr.samples, before = 0, scene.lfsr.rays
     denoiser.use_replacement(scene, settings)
-    assert scene_settings.resolve(scene).method.text == "none"
+    assert scene_settings.resolve(scene).method.text == "none" and scene.lfsr.rays == 2 * before
 
 
 def test_a_render_whose_second_stage_failed_is_kept_without_an_older_image_and_finished_by_another_method(
@@ -103,7 +104,7 @@ def test_a_render_whose_second_stage_failed_is_kept_without_an_older_image_and_f
     assert {path.name for path in folder.iterdir()} == {"frame.json", "lr_eia.exr"}
     assert [path.name for path in folder.parent.iterdir()] == ["0001"]
     assert folders.is_unfinished(folder) and "The render is kept" in asked.kept(folder)
-    assert finish.methods(scene) == ["pool", "bilinear", "bicubic", "lanczos", "nearest"]
+    assert render.methods(scene) == ["pool", "bilinear", "bicubic", "lanczos", "nearest"]
     rendered = (folder / "lr_eia.exr").stat().st_mtime_ns
     assert bpy.ops.lfsr.finish_frame(method="pool") == {"FINISHED"}
     assert (folder / "lr_eia.exr").stat().st_mtime_ns == rendered

@@ -74,17 +74,17 @@ def take(window: Window, folder: Path) -> None:
     keep(window, folder, "panel-look")
     window.run("bpy.ops.lfsr.look_through('INVOKE_DEFAULT', True)")
     window.run("bpy.ops.lfsr.check_scene('INVOKE_DEFAULT', True)")
+    window.run("bpy.context.window_manager.lfsr.show_problems = True; addon.jobs.show_image.redraw_views()")
     keep(window, folder, "panel-check", (x - 20, top, width + 20, height))
     window.run("bpy.ops.lfsr.check_fix('INVOKE_DEFAULT', True, code='background', target='Floor')")
     window.run("bpy.context.window_manager.lfsr.checked_scene = ''" + IMAGE_EDITOR)
-    window.run("lfsr = bpy.context.scene.lfsr; lfsr.display, lfsr.scale, lfsr.rays = 'fhd', '4', 1")
-    window.run("lfsr.method = 'bilinear'")   # this Blender has no Open Image Denoise
+    window.run("bpy.context.scene.lfsr.method = 'pool'")   # this Blender has no Open Image Denoise
+    window.run("for asked in addon.ui.operators.check.questions(bpy.context.scene): asked.accept()")
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
     window.until("addon.jobs.session.current().fraction > 0.3", SECONDS_TO_RENDER)
     keep(window, folder, "panel-rendering")
     window.until("addon.jobs.session.current() is None", SECONDS_TO_RENDER)
     keep(window, folder, "panel-rendered")
-    window.run("bpy.context.scene.lfsr.eye_right = -0.8; bpy.ops.lfsr.preview_view('INVOKE_DEFAULT', True)")
 
 
 def live(window: Window, folder: Path) -> None:
