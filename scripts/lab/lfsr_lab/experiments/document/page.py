@@ -60,7 +60,8 @@ class Shown:
 
 def _chart(record: Path, _images: Path) -> Shown:
     chart = read_chart(record)
-    figures = [Drawn(panel.words, inline_svg(panels.drawn(chart, [panel]), panel.words))
+    better = "Lower and further left is better."
+    figures = [Drawn(panel.words, inline_svg(panels.drawn(chart, [panel]), panel.words), better)
                for panel in panels.overview(chart)]
     equal = findings.equal_error(chart)
     table = "\n".join(markdown_table(equal.header, equal.rows, equal.align))
@@ -70,8 +71,9 @@ def _chart(record: Path, _images: Path) -> Shown:
 def _sweeps(record: Path, _images: Path) -> Shown:
     report = read_record(record, Report, "parameter sweeps")
     drawn = [(sweep, sweeps.curves(sweep, report.methods)) for sweep in report.sweeps]
-    return Shown([Drawn(sweep.name, image, f"{sweep.meaning.capitalize()}; values are {sweep.unit}. A ring marks where "
-                        "a method breaks.") for sweep, image in drawn if image], sweeps.markdown(report),
+    return Shown([Drawn(sweep.name, image, f"{sweep.meaning.capitalize()}; values are {sweep.unit}. Higher is better; "
+                        "a ring marks where a method breaks.") for sweep, image in drawn if image],
+                 sweeps.markdown(report),
                  sweeps.markdown(report).split("## ")[1].partition("\n\n")[2])
 
 
@@ -79,8 +81,9 @@ def _animations(record: Path, _images: Path) -> Shown:
     found = read_record(record, animations.Report, "animations").found
     of_each = {animations.TITLES[name]: [each for each in found if each.animation == name]
                for name in dict.fromkeys(each.animation for each in found)}
-    return Shown([Drawn(title, inline_svg(plots.svg(animations.chart(of_one)), title), "Split SSIM and flicker by "
-                        "samples.") for title, of_one in of_each.items()], animations.markdown(found))
+    words = "Split SSIM (higher is better) and flicker (lower is better) by samples."
+    return Shown([Drawn(title, inline_svg(plots.svg(animations.chart(of_one)), title), words)
+                  for title, of_one in of_each.items()], animations.markdown(found))
 
 
 def _displays(record: Path, _images: Path) -> Shown:
