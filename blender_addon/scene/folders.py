@@ -103,7 +103,7 @@ def finished_frame(scene: bpy.types.Scene, purpose: str) -> Path:
     folder = shown_frame(scene, purpose)
     if not (folder / EIA_FILE).is_file():
         raise LfsrError(f"the image in {folder} was made by {DIRECT} and has no views {purpose}: switch that off under "
-                        "Display and render the EIA again")
+                        "Quality, Advanced, and render the EIA again")
     return folder
 
 

@@ -68,7 +68,8 @@ class Resolved:
     def check_light_field(self, what: str) -> None:
         """LfsrError if ``what``, as in "a plan", has no light field to work on."""
         if self.subpixels:
-            raise LfsrError(f"{what} needs a light field, which {DIRECT} does not render: switch it off under Display")
+            raise LfsrError(f"{what} needs a light field, which {DIRECT} does not render: switch it off under Quality, "
+                            "Advanced")
 
 
 def resolve(scene: bpy.types.Scene) -> Resolved:

@@ -76,7 +76,7 @@ def test_an_animation_keeps_the_frame_that_is_there(opened, rendered, capfd):
     ("render_reference", {}, "A reference needs a light field"), ("plan", {}, "A plan needs a light field"),
     ("submit", {"farm": "openjd", "directory": "//job"}, "A farm's job needs a light field")])
 def test_what_needs_a_light_field_says_so(opened, rendered, button, arguments, sentence):
-    panel.refused(f"{sentence}.* switch .*off under Display", getattr(bpy.ops.lfsr, button), **arguments)
+    panel.refused(f"{sentence}.* switch .*off under Quality, Advanced", getattr(bpy.ops.lfsr, button), **arguments)
     assert not (rendered.parent / "job").exists()
 
 
