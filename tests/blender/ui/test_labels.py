@@ -74,6 +74,16 @@ def test_texts_of_buttons_follow_them_too(tmp_path):
     assert [wrong_label(text) for text in texts if wrong_label(text)] == []
 
 
+def test_no_two_check_boxes_have_one_title():
+    with panel.registered():
+        owners = [bpy.types.Scene.bl_rna.properties["lfsr"].fixed_type,
+                  *(getattr(bpy.ops.lfsr, cls.bl_idname.removeprefix("lfsr.")).get_rna_type()
+                    for cls in CLASSES if issubclass(cls, bpy.types.Operator))]
+        titles = [[item.name for item in owner.properties if item.type == "BOOLEAN"
+                   and not {item.is_hidden, item.is_readonly} & {True}] for owner in owners]
+    assert all(len(names) == len(set(names)) for names in titles) and len(titles[0]) > 5
+
+
 PLAIN = re.compile(r"--[a-z]|\[.*\]|(?<![\w/:.])/(?!lightfield)\w+/|\b1 [a-z]+s\b")
 
 

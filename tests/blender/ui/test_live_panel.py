@@ -1,10 +1,12 @@
 """The panel Live says what this Blender can do and what to do now."""
 
 import bpy
+import pytest
 
 from blender_addon.live import nodes, session
 from blender_addon.live.scene import EYE, PANEL
 from blender_addon.scene import devices
+from blender_addon.scene.array import rig
 from blender_addon.ui import panels
 from tests.blender.ui.test_panels import draw, greyed, labels, operators, properties
 
@@ -41,3 +43,10 @@ def test_what_this_blender_cannot_do(scene, monkeypatch):
     monkeypatch.setattr(devices, "has_denoiser", lambda: False)
     text = labels(draw(panels.LFSR_PT_live))
     assert "cannot interpolate" in text and "without a denoiser" in text
+
+
+def test_a_scene_without_an_array_gets_one(scene):
+    bpy.ops.lfsr.array_remove()
+    with pytest.raises(RuntimeError, match="without a window"):
+        bpy.ops.lfsr.live_start()
+    assert rig.find(scene) is not None

@@ -6,11 +6,12 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs import asked, preview
+from blender_addon.jobs import asked, preview, session
 from blender_addon.scene import folders
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import rig
 from blender_addon.ui import summary
+from blender_addon.ui.operators import render
 from lfsr_core.base.files import read_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png
@@ -148,3 +149,11 @@ def test_reference_needs_the_image_of_these_settings(opened):
     opened.frame_set(44)
     panel.refused("render the EIA first", bpy.ops.lfsr.render_reference)
     panel.refused("to preview: render the EIA first", bpy.ops.lfsr.preview_view)
+
+
+def test_an_array_that_is_deleted_meanwhile_leaves_nothing(scene):
+    session.start("Render EIA", render.image_job(scene))
+    panel.wait_for(lambda: session.current() is None or session.current().child is not None)
+    bpy.data.objects.remove(rig.find(scene))
+    panel.wait_for(lambda: session.current() is None)
+    assert not [item for item in bpy.data.objects if rig.PLANE in item]
