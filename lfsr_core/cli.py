@@ -162,7 +162,7 @@ def _unraisable(found: Any) -> None:
     """Interrupt again where Python has swallowed it, in a finalizer or in a callback of the garbage collector."""
     if found.exc_type is KeyboardInterrupt:
         threading.Timer(SECONDS_AFTER, _interrupt_main).start()
-    else:
+    elif not str(getattr(found.object, "__module__", "")).startswith("distributed"):  # a client that never connected
         sys.__unraisablehook__(found)
 
 

@@ -110,7 +110,7 @@ def _import(arguments: argparse.Namespace) -> Any:
         else:
             display = import_quilt(source, folder, quilt, scale, geometry, bar)
         if scale == 1 and not film:
-            finish_frame(folder, "none")
+            finish_frame(folder, "none", bar)
     following = "view" if scale == 1 else "upscale"
     print(f"{folder}: {display.views[0]}×{display.views[1]} views of {display.lenses[0]}×{display.lenses[1]} pixels; "
           f"next: lfsr {following} {folder}")

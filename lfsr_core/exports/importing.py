@@ -100,6 +100,7 @@ def import_quilt(source: str | Path, output: str | Path, quilt: Quilt, scale: in
     """Make a frame folder of a quilt; parameters and errors as of ``import_views``."""
     source, output, geometry = Path(source), Path(output), geometry or ImportGeometry()
     FrameFolder(output).check_free("render")
+    tell(Progress("import", 0.0, source.name))
     taken = read_quilt(source, quilt)
     display = _quilt_display(taken, scale, geometry, quilt, tell)
     _write(output, _frame(display, scale, without_suffix(source.stem)), _views(taken, geometry, geometry.angle_deg))

@@ -121,7 +121,7 @@ def run_on(address: str, output: Path, scene: str, tasks: Callable[[int], Iterat
         stack.callback(logging.disable, before)
         try:
             client = stack.enter_context(package.Client(address, timeout=SECONDS_TO_CONNECT, set_as_default=False))
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, MemoryError) as error:  # MemoryError: a length that another server's bytes state
             raise LfsrError(f"{address} cannot be reached as a Dask scheduler ({error}): start one by `dask scheduler` "
                             "and give its address, as tcp://host:8786") from None
         with system_errors(output):
