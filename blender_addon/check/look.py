@@ -18,7 +18,6 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..render.frame_folder import is_dark
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig, room
 from ..scene.array.ray_cast import Rays
@@ -262,6 +261,8 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: 
 
 def _proof_is_dark(scene: bpy.types.Scene) -> bool:
     """Render the proof, in the last slot of Blender's own result, so that the artist's stays."""
+    from ..render.frame_folder import is_dark  # reads EXR files, which the panel starts without
+
     result = bpy.data.images.get("Render Result")
     slots = result.render_slots if result is not None else None
     before = slots.active_index if slots else 0

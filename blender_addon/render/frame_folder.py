@@ -168,17 +168,16 @@ def settled_light(scene: bpy.types.Scene, request: Request, say: Say) -> str:
     """
     if request.light != AUTO:
         return request.light
-    with _resting(scene):
-        has_own = has_light(scene)
-        if has_own and (is_certain(scene) or not is_dark(scene, request)):
-            return OWN
-        if has_own and Path(request.scene).suffix.lower() in ("", ".blend"):
-            say(Notice("light-weak"))
-            return OWN
-        with lit(scene, DEFAULT_LIGHT):
-            light = EVEN if is_dark(scene, request) else DEFAULT_LIGHT
-        say(Notice("light-replaced", {"reason": "dark" if has_own else "none", "light": light}))
-        return light
+    has_own = has_light(scene)
+    if has_own and (is_certain(scene) or not is_dark(scene, request)):
+        return OWN
+    if has_own and Path(request.scene).suffix.lower() in ("", ".blend"):
+        say(Notice("light-weak"))
+        return OWN
+    with lit(scene, DEFAULT_LIGHT):
+        light = EVEN if is_dark(scene, request) else DEFAULT_LIGHT
+    say(Notice("light-replaced", {"reason": "dark" if has_own else "none", "light": light}))
+    return light
 
 
 def is_dark(scene: bpy.types.Scene, request: Request) -> bool:
@@ -194,7 +193,8 @@ def is_dark(scene: bpy.types.Scene, request: Request) -> bool:
         array, matrix_world = placement.place_array(scene, request.display, subject)
         size = LIGHT_WIDTH, max(round(LIGHT_WIDTH * array.half_height / array.half_width), 4)
         settings = RenderSettings(LIGHT_SAMPLES, layers=("albedo", "index"), device=devices.resolved(request.device))
-        with (pass_indices(subject), temporary_camera(scene, matrix_world, array.distance) as camera,
+        with (_resting(scene), pass_indices(subject),
+              temporary_camera(scene, matrix_world, array.distance) as camera,
               cycles_settings(scene, settings, size)):
             lens, clip = camera.data, placement.clip_of(scene)
             lens.sensor_fit, lens.lens = "HORIZONTAL", lens.sensor_width / 2 * array.distance / array.half_width

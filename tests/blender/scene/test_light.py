@@ -1,6 +1,7 @@
 """Light for scenes that bring none, and what counts as light."""
 
 import os
+import re
 
 import bpy
 import numpy as np
@@ -8,6 +9,7 @@ import OpenImageIO as oiio
 import pytest
 
 from blender_addon.render import frame_folder
+from blender_addon.render.output import heard, sample_fraction
 from blender_addon.scene import light
 from blender_addon.scene.open import open_scene
 from lfsr_core.commands.sentences import sentence
@@ -209,3 +211,16 @@ def test_lamp_that_arrives_is_left_alone(scene, tmp_path):
     assert not light.is_certain(scene)
     brightest, said = brightness(scene, tmp_path)
     assert brightest > 0.05 and not said and scene.world is None
+
+
+def test_keys_of_samples_do_not_make_the_proof_of_light_long(scene, tmp_path):
+    add_camera(scene, (0, 0, 0))
+    add_box(scene, (0, 5, 0), (0.5, 0.5, 0.5))
+    add_lamp(scene, energy=0.001)
+    scene.cycles.samples = 999
+    scene.cycles.keyframe_insert("samples", frame=scene.frame_current)
+    said = []
+    with heard(lambda text, *_: said.append(sample_fraction(text) is not None and text)):
+        assert frame_folder.is_dark(scene, make_request(str(tmp_path), MINI))
+    counts = {match[1] for text in said if text and (match := re.search(r"Sample \d+/(\d+)", text))}
+    assert counts == {str(frame_folder.LIGHT_SAMPLES)} and scene.cycles.samples == 999

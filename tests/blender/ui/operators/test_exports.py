@@ -44,7 +44,7 @@ def frame(add_on, tmp_path):
 def test_the_viewer_is_written_beside_the_image(frame):
     assert bpy.ops.lfsr.open_viewer() == {"FINISHED"}
     assert "two depths" not in (frame / "view.html").read_text(encoding="utf-8")
-    assert '"name": "mini"' in (frame / "view.html").read_text(encoding="utf-8")
+    assert "5\\u2033 for Trials" in (frame / "view.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(("name", "file"), [("quilt", "two_depths_qs*.png"), ("hci", "parameters.cfg"),

@@ -165,7 +165,7 @@ def test_two_charts_at_once_and_a_scene_of_the_same_name_are_refused(tmp_path, c
 
 
 @pytest.mark.parametrize(("more", "said"), [
-    (("--methods", "nothing"), "unknown method 'nothing'"), (("--spps", "4,4"), "different whole numbers"),
+    (("--methods", "nothing"), "unknown method 'nothing'"), (("--spps", "0,4"), "different whole numbers"),
     (("--repeats", "0"), "repeats is 0"), (("--seeds", "0"), "seeds is 0"), (("--scale", "3"), "scale is 3"),
     (("--display", "small"), "display mini"),
     (("--subject", "Vase"), "was rendered with no subject, but subject Vase"),
