@@ -27,7 +27,7 @@ else:
 UNFINISHED, LOCK = ".unfinished", ".lock"  # ends of the names of a file that is being written, and of its lock
 PAUSES = (0.02, 0.1, 0.3, 0.6)  # seconds between attempts to replace a file that a virus scanner may hold
 LONGEST_NAME = 255  # bytes, of the usual file systems
-LONGEST_PATH = 259 if sys.platform == "win32" else 4095  # longer ones need a setting of Windows
+LONGEST_PATH = {"win32": 259, "darwin": 1023}.get(sys.platform, 4095)  # longer ones need a setting of Windows
 # On Windows these are devices, whatever follows a point.
 DEVICES = re.compile(r"(CON|PRN|AUX|NUL|COM[0-9]|LPT[0-9])\s*(\..*)?", re.IGNORECASE)
 FORBIDDEN = re.compile(r'[<>:"|?*\x00-\x1f]|[. ]$')  # in a name on Windows

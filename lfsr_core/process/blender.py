@@ -64,6 +64,8 @@ def find_blender(executable: str | None = None) -> Blender:
     """
     if executable is None and importlib.util.find_spec("bpy") is not None:
         return Blender()
+    if executable and executable.rstrip("/").endswith(".app") and os.path.isdir(executable):  # a bundle of macOS
+        executable = os.path.join(executable, "Contents", "MacOS", "Blender")
     path = shutil.which(executable or "blender")
     if path is None and not executable:
         patterns = (os.path.expanduser(os.path.expandvars(place)) for place in PLACES.get(sys.platform, ()))

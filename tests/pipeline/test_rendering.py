@@ -93,6 +93,13 @@ def test_the_newest_installed_blender_is_found(monkeypatch, tmp_path, blender):
     assert find_blender() == Blender(f"{tmp_path}/Program Files/Blender Foundation/Blender 10.1/blender.exe")
 
 
+def test_a_bundle_of_macos_is_the_blender_inside(tmp_path, blender):
+    inside = tmp_path / "Blender.app" / "Contents" / "MacOS" / "Blender"
+    inside.parent.mkdir(parents=True)
+    Path(blender(GOOD)).rename(inside)
+    assert find_blender(f"{tmp_path}/Blender.app/") == Blender(f"{tmp_path}/Blender.app/Contents/MacOS/Blender")
+
+
 def test_missing_unsuitable_and_newer_blenders(monkeypatch, tmp_path, blender):
     without_wheel(monkeypatch)
     monkeypatch.setenv("PATH", str(tmp_path))
