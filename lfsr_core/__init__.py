@@ -24,11 +24,10 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.exports.importing import ImportGeometry, import_views
     from lfsr_core.exports.options import ExportOptions
     from lfsr_core.exports.page import Page, write_page
-    from lfsr_core.frames.finish import Finish, Report
     from lfsr_core.frames.folder import FrameFolder
     from lfsr_core.frames.frame import Frame
     from lfsr_core.frames.reference import Reference
-    from lfsr_core.frames.request import Request, Sampling
+    from lfsr_core.frames.request import Finish, Report, Request, Sampling
     from lfsr_core.frames.views import eia_to_views, views_to_eia, write_views
     from lfsr_core.images.png import read_png, write_png
     from lfsr_core.metrics.compare import Metrics, compare_folders
@@ -38,7 +37,7 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.pipeline.make import Made, finish_frame, make
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import Planned, make_plan
-    from lfsr_core.process.blender import Blender, find_blender
+    from lfsr_core.process.child import Blender, find_blender
     from lfsr_core.reconstruct.methods import MethodName
 
 __all__ = [
@@ -58,11 +57,10 @@ _MODULES = {
     "exports.importing": "ImportGeometry import_views",
     "exports.options": "ExportOptions",
     "exports.page": "Page write_page",
-    "frames.finish": "Finish Report",
     "frames.folder": "FrameFolder",
     "frames.frame": "Frame",
     "frames.reference": "Reference",
-    "frames.request": "Request Sampling",
+    "frames.request": "Finish Report Request Sampling",
     "frames.views": "eia_to_views views_to_eia write_views",
     "images.png": "read_png write_png",
     "metrics.compare": "Metrics compare_folders",
@@ -72,7 +70,7 @@ _MODULES = {
     "pipeline.make": "Made finish_frame make",
     "plan.options": "PlanOptions",
     "plan.planner": "Planned make_plan",
-    "process.blender": "Blender find_blender",
+    "process.child": "Blender find_blender",
     "reconstruct.methods": "MethodName",
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names.split()}

@@ -20,21 +20,30 @@ from lfsr_core.commands.arguments import method_of
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.exports.formats import export
 from lfsr_core.exports.options import ExportOptions
-from lfsr_core.frames.finish import Finish, Report
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS
 from lfsr_core.frames.low_res import LowResEIA
-from lfsr_core.frames.request import AUTO, Request, Sampling, check_light, check_scene
+from lfsr_core.frames.request import (
+    AUTO,
+    Finish,
+    Report,
+    Request,
+    Sampling,
+    check_light,
+    check_scene,
+    samples_at,
+    scales_up_to,
+    usual_rays,
+)
 from lfsr_core.frames.views import read_views
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import encode_png, read_png
 from lfsr_core.metrics.compare import Metrics, compare_folders
-from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eia import from_elemental_images
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.pipeline.make import finish_frame, make
-from lfsr_core.process.blender import Starts
+from lfsr_core.process.child import Starts
 from lfsr_core.reconstruct.second_stage import finished_lenses, finished_linear, read_finished_linear
 
 

@@ -25,10 +25,9 @@ from lfsr_core.calibration.makers import profile_from_calibration, read_calibrat
 from lfsr_core.calibration.photograph import read_photograph
 from lfsr_core.exports import films
 from lfsr_core.exports.sources import quilt_of, read_film, read_quilt
-from lfsr_core.frames.finish import Finish, Report, read_report, write_report
 from lfsr_core.frames.frame import FRAME_FILE, REPORT_FILE, read_frame
 from lfsr_core.frames.low_res import foreground_mask, low_resolution
-from lfsr_core.frames.request import read_request
+from lfsr_core.frames.request import Finish, Report, read_report, read_request, write_report
 from lfsr_core.images.exr import read_finite, read_layers
 from lfsr_core.images.png import read_mask, read_png, write_mask
 from lfsr_core.optics.display import load_display, write_profile

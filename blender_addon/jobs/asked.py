@@ -13,14 +13,12 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.folder import FrameFolder, is_same
 from lfsr_core.frames.frame import EIA_FILE, Frame
-from lfsr_core.frames.request import Request, spread
-from lfsr_core.optics.depth_scale import samples_at, scales_up_to
+from lfsr_core.frames.request import Finish, Request, samples_at, scales_up_to, spread
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import rendered_size
-from lfsr_core.pipeline.staging import has_parts
+from lfsr_core.pipeline.parts import has_parts
 from lfsr_core.reconstruct.methods import MethodName, seconds
 from lfsr_core.tasks.estimate import Measured
 

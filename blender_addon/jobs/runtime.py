@@ -16,7 +16,7 @@ import bpy
 
 from lfsr_core.base.cores import CORES
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.process.blender import PACKAGES
+from lfsr_core.process.child import PACKAGES
 from lfsr_core.process.protocol import BLENDER_FOLDER
 from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
 

@@ -29,12 +29,12 @@ from typing import Any
 import bpy
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import file_stamp, read_json, write_json
+from lfsr_core.base.files import file_stamp, read_json, remove_dead, write_json
 from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.folder import FrameFolder, digest
 from lfsr_core.frames.request import Request
-from lfsr_core.pipeline.staging import has_parts, remove_dead
+from lfsr_core.pipeline.parts import has_parts
 from lfsr_core.process.child import Child
 from lfsr_core.process.protocol import told_of
 

@@ -23,7 +23,7 @@ from lfsr_core.frames.request import CLAMP_INDIRECT
 from lfsr_core.images import exr
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
-from lfsr_core.pipeline.staging import ImageParts, Part
+from lfsr_core.pipeline.parts import ImageParts, Part
 
 from .. import compat
 from ..scene import devices

@@ -32,7 +32,7 @@ from lfsr_core.frames.request import AUTO, EVEN, GUIDES, OWN, POSITION, Request
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.optics.lenses import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
-from lfsr_core.pipeline.staging import ImageParts, Part, remove_others
+from lfsr_core.pipeline.parts import ImageParts, Part, remove_others
 from lfsr_core.version import __version__
 
 from ..scene import devices

@@ -20,7 +20,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path, lock_file
 from lfsr_core.images import exr
-from lfsr_core.pipeline.staging import ImageParts, Pace, Part, gaps, is_worth_storing
+from lfsr_core.pipeline.parts import ImageParts, Pace, Part, gaps, is_worth_storing
 
 from .. import compat
 from ..scene.overrides import overridden

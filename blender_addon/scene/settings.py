@@ -13,11 +13,20 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import SUBPIXELS
-from lfsr_core.frames.request import AUTO, LIGHTS, Request, Sampling, check_light, is_light_file
+from lfsr_core.frames.request import (
+    AUTO,
+    LIGHTS,
+    Finish,
+    Request,
+    Sampling,
+    check_light,
+    is_light_file,
+    samples_at,
+    scales_up_to,
+    usual_rays,
+)
 from lfsr_core.images.color_settings import ColorSettings
-from lfsr_core.optics.depth_scale import samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.reconstruct.methods import AS_RENDERED, DEFAULT_METHOD, MENU, MORE, SUBPIXEL_METHODS, MethodName
 

@@ -17,7 +17,7 @@ from bpy.props import (
 )
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.finish import MOST_AVERAGED
+from lfsr_core.frames.request import MOST_AVERAGED
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, MENU, MORE
 
 from ..jobs import preview, show_image

@@ -10,10 +10,9 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import duration
-from lfsr_core.frames.finish import read_report
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import REPORT_FILE, SUBPIXELS
-from lfsr_core.optics.depth_scale import samples_at
+from lfsr_core.frames.request import read_report, samples_at
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import rendered_size
 from lfsr_core.plan.options import PlanOptions

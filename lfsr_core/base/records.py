@@ -1,4 +1,4 @@
-"""Read frozen dataclasses from JSON, and write them.
+"""Read frozen dataclasses from JSON, write them, and check their fields.
 
 A field with ``metadata={"key": "name"}`` has another name in JSON than in Python. Values are checked and never
 converted: a field holds the value in the data, or reading fails with one sentence.
@@ -12,9 +12,9 @@ import re
 import sys
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import read_json, write_json
@@ -63,6 +63,24 @@ def write_record(path: str | Path, record: Any) -> None:
     data = to_data(record)
     from_data(type(record), data, str(path))
     write_json(path, data)
+
+
+def fail(field: str, value: Any, rule: str) -> NoReturn:
+    """LfsrError that names a field, its value and the rule that it breaks."""
+    raise LfsrError(f"{field} is {repr(value)[:100]}, but {rule}")
+
+
+def check_choice(field: str, value: str, choices: Sequence[str]) -> None:
+    """LfsrError unless ``value`` is one of ``choices``."""
+    if value not in choices:
+        raise LfsrError(f"{field} is {repr(value)[:100]}: {did_you_mean(str(value), choices)}It must be one of "
+                        f"{', '.join(choices)}")
+
+
+def check_within(field: str, value: float, least: float, most: float) -> None:
+    """LfsrError unless ``value`` lies between ``least`` and ``most``, both included."""
+    if not least <= value <= most:
+        fail(field, value, f"it must be between {least:g} and {most:g}")
 
 
 class _WrongError(Exception):

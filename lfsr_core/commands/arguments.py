@@ -12,9 +12,8 @@ from typing import Any
 
 from lfsr_core.base.notices import ProgressBar
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import LAYOUTS, VIEW_BY_VIEW
-from lfsr_core.frames.request import AUTO, DEVICES, EVEN, OWN, WORLD_IMAGES, Request, check_light, check_scene
+from lfsr_core.frames.request import AUTO, DEVICES, EVEN, OWN, WORLD_IMAGES, Finish, Request, check_light, check_scene
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lenses import parse_rows
 from lfsr_core.reconstruct.methods import METHODS

@@ -56,7 +56,7 @@ def _run(arguments: argparse.Namespace) -> Any:
     from lfsr_core.pipeline.make import make
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import make_plan, work_folder
-    from lfsr_core.process.blender import find_blender
+    from lfsr_core.process.child import find_blender
 
     if arguments.rays is not None and arguments.samples is not None:
         raise LfsrError("--rays and --spps were both given: leave out one of them")

@@ -10,14 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.files import check_name, replace_files, system_errors
+from lfsr_core.base.files import check_name, replace_files, staging_folder, system_errors
 from lfsr_core.base.notices import Notice, Progress, Tell
 from lfsr_core.exports import films, folders, quilt, stereo
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions, default_target
 from lfsr_core.frames.folder import frame_folders, is_sequence, one_display
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.pipeline.staging import staging_folder
 
 DEFAULT = ExportOptions()
 

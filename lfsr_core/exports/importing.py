@@ -11,8 +11,9 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import file_digest, read_bytes, replace_files, system_errors
+from lfsr_core.base.files import file_digest, read_bytes, replace_files, staging_folder, system_errors
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
+from lfsr_core.base.records import check_within
 from lfsr_core.exports.folders import PARAMETERS_FILE
 from lfsr_core.exports.light_field import resized, view_between
 from lfsr_core.exports.options import Pair, without_suffix
@@ -32,9 +33,7 @@ from lfsr_core.images.srgb import srgb_decode
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import from_views
 from lfsr_core.optics.rays import CameraArray
-from lfsr_core.optics.sheet import check_within
 from lfsr_core.pipeline.make import finish_frame
-from lfsr_core.pipeline.staging import staging_folder
 
 NAME = "imported"
 MOST_SCALE = 10

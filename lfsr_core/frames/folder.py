@@ -19,9 +19,8 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import check_name, file_stamp, reading, replace_files, system_errors
 from lfsr_core.base.records import to_data
 from lfsr_core.frames import frame as files
-from lfsr_core.frames.finish import Finish, Report, read_report
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, Frame, read_frame, read_part, read_rendered
-from lfsr_core.frames.request import AUTO, Request
+from lfsr_core.frames.request import AUTO, Finish, Report, Request, read_report
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lenses import rows_text
 

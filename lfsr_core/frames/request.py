@@ -1,4 +1,4 @@
-"""What is rendered, and of which frames: a record that everybody makes, and that Blender reads as JSON."""
+"""What is asked for: ``Request``, what is rendered, which Blender reads as JSON; ``Finish``, how; and report.json."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ import numpy as np
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import read_json
 from lfsr_core.base.notices import Notice
-from lfsr_core.base.records import from_data
-from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, check_direct
-from lfsr_core.optics.depth_scale import MOST_SAMPLES, ScaleChoice, samples_at, usual_rays
+from lfsr_core.base.records import check_choice, from_data, read_record, write_record
+from lfsr_core.frames.frame import LAYOUTS, REPORT_FILE, SUBPIXELS, check_direct
+from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lenses import check_rows, rows_text
 from lfsr_core.optics.rays import CONVENTIONS
@@ -34,13 +34,18 @@ GUIDES = ("albedo", "normal")  # layers that the denoiser sees beside the colour
 POSITION = "position"  # layer along which the missing views are pooled
 LAYERS = (*GUIDES, POSITION, "index")
 # Blender's own limits: it would silently clip larger numbers.
-MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**31 - 1, 1_048_574, 10**8
+MOST_SAMPLES, MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**24, 2**31 - 1, 1_048_574, 10**8
+MOST_SCALE = 5  # that is chosen
+MIN_VIEWS = 5  # along each axis that a scale above 2 must leave (docs/results/displays.md)
+USUAL_SCALE, USUAL_SAMPLES = 4, 16  # the rays of a render for which nothing was asked
 MOST_DIGITS = 30
 CLAMP_INDIRECT = 10.0  # Cycles' default: fewer fireflies at low sample counts
 SCENE_SUFFIXES = (".blend", ".glb", ".gltf", ".obj")
 RANGE = re.compile(r"(-?\d{1,8})(?:-(-?\d{1,8})(?:[x:](\d{1,8}))?)?$")
 MOST_FRAMES = 100_000
 MOST_SPREAD = 5
+MOST_DILATE = 65536  # lenses
+MOST_AVERAGED = 8  # frames to each side
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,9 +92,9 @@ class Request:
 
     def __post_init__(self) -> None:
         for field, choices in (("kind", KINDS), ("layout", LAYOUTS), ("convention", CONVENTIONS)):
-            _check_choice(field, getattr(self, field), choices)
+            check_choice(field, getattr(self, field), choices)
         for layer in self.layers:
-            _check_choice("layer", layer, LAYERS)
+            check_choice("layer", layer, LAYERS)
         if not is_light_file(self.light):
             _check_light_name(self.light)
         if os.sep != "\\" and "\\" in self.output:
@@ -142,6 +147,101 @@ class Request:
         """Return the request at the scale that was chosen."""
         return dataclasses.replace(self, sampling=Sampling(choice.scale, self.samples_at(choice.scale),
                                                            reason=choice.reason))
+
+
+@dataclasses.dataclass(frozen=True)
+class Finish:
+    """The only record of a method and its options; LfsrError on values that no frame can be finished with."""
+
+    method: str  # its name, such as "denoise+pool", see ``reconstruct.methods``
+    dilate: int = 0  # lenses by which the foreground mask grows
+    weights: str | None = None  # file for the method's network, None for the shipped one
+    linear_exr: bool = False  # also write the scene-linear eia.exr
+    temporal_averaging: int = 0  # neighbouring frames to each side that are averaged where nothing has changed
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.dilate <= MOST_DILATE:
+            raise LfsrError(f"dilation of the foreground mask is {str(self.dilate)[:20]}, but it must be 0 to "
+                            f"{MOST_DILATE} lenses")
+        if not 0 <= self.temporal_averaging <= MOST_AVERAGED:
+            raise LfsrError(f"temporal averaging is {str(self.temporal_averaging)[:20]} frames to each side, but it "
+                            f"must be 0 to {MOST_AVERAGED}")
+
+    @classmethod
+    def of(cls, finish: Finish | str) -> Finish:
+        """Return a finish, or that of a method's name with the usual options."""
+        return finish if isinstance(finish, Finish) else cls(finish)
+
+    def seed_of(self, seed: int, frame: int) -> int:
+        """Return the seed of ``frame`` of an animation whose first seed is ``seed``.
+
+        With temporal averaging neighbouring frames have each of 2 · n + 1 seeds once, so that their mean does not
+        flicker where nothing moves; without it all frames have one, so that the noise does not move.
+        """
+        return (seed + (frame - 1) % (2 * self.temporal_averaging + 1)) % (MOST_SEED + 1)
+
+
+@dataclasses.dataclass(frozen=True)
+class Report:
+    """How a frame was finished, see docs/reference/frame-folder.md."""
+
+    finish: Finish  # as it was asked for
+    method: str  # what ran of its method at this scale
+    display: str  # name of the display
+    # scale, samples: of the render
+    scale: int
+    samples: int
+    seconds: dict[str, float]  # of each stage
+    peak_bytes: int | None  # most memory that the process held, None where the system does not say
+    # of the lenses, or of a panel's subpixels, in [0, 1]
+    foreground_fraction: float
+    notes: tuple[Notice, ...] = ()  # what the user should know
+    # against a reference, empty until they are measured
+    metrics: dict[str, Any] = dataclasses.field(default_factory=dict)
+    replaced_pixels: int = 0  # pixels of the render that were not finite
+    # layout, device: what sent the rays, and what Cycles rendered on
+    layout: str = ""
+    device: str = ""
+    neighbours: tuple[int, ...] = ()  # numbers of the frames it was averaged with, and those that could not be
+    averaged: float | None = None  # mean weight of the neighbouring frames where this one shows something, in [0, 1]
+
+
+def write_report(folder: str | Path, report: Report) -> None:
+    """Write ``report.json`` into ``folder``."""
+    write_record(Path(folder) / REPORT_FILE, report)
+
+
+def read_report(folder: str | Path) -> Report:
+    """Read ``report.json``; LfsrError if it is absent or damaged."""
+    return read_record(Path(folder) / REPORT_FILE, Report, "the report of `lfsr render` or `lfsr upscale`")
+
+
+def scales_up_to(display: DisplayProfile) -> tuple[int, ...]:
+    """Scales to choose from, the largest first: those that divide the display's views and leave enough, and 1.
+
+    If there are none, the smallest that divides the views, and 1.
+    """
+    fewest = min((count for count in display.views if count > 1), default=1)
+    usual = [scale for scale in display.scales() if scale <= MOST_SCALE
+             and (scale <= 2 or fewest >= MIN_VIEWS * scale)]
+    return (*sorted(usual or display.scales()[:1], reverse=True), 1)
+
+
+def usual_rays(display: DisplayProfile, samples: int = USUAL_SAMPLES) -> float:
+    """Rays per finished pixel of ``samples`` per pixel at USUAL_SCALE."""
+    return samples / display.finished_pixels(USUAL_SCALE)
+
+
+def samples_at(display: DisplayProfile, scale: int, rays: float) -> int:
+    """Samples per rendered pixel that make ``rays`` per finished pixel: at least 1, rounded.
+
+    LfsrError for rays that are not above 0, or more than Blender can render.
+    """
+    samples = rays * display.finished_pixels(scale)
+    if not 0 < samples <= MOST_SAMPLES:
+        raise LfsrError(f"rays per finished pixel are {rays:g}, but they must be above 0, and at most "
+                        f"{MOST_SAMPLES // display.finished_pixels(scale)} at scale {scale}")
+    return max(1, round(samples))
 
 
 def read_request(path: str | Path) -> Request:
@@ -212,12 +312,6 @@ def _check_light_name(light: str) -> None:
     if light not in LIGHTS:
         raise LfsrError(f"light is {light!r}: {did_you_mean(light, LIGHTS)}It must be one of {', '.join(LIGHTS)}, or a "
                         f"{' or '.join(LIGHT_SUFFIXES)} file")
-
-
-def _check_choice(field: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise LfsrError(f"{field} is {value!r}: {did_you_mean(str(value), choices)}"
-                        f"It must be one of {', '.join(choices)}")
 
 
 def _shown(value: object) -> str:

@@ -11,17 +11,16 @@ import numpy as np
 from lfsr_core.base.arrays import Mask
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Tell, silent
-from lfsr_core.frames.finish import read_report, write_report
 from lfsr_core.frames.frame import MASK_FILE, read_frame
 from lfsr_core.frames.low_res import recall
 from lfsr_core.frames.reference import Reference, check_reference
-from lfsr_core.frames.request import Request, Sampling
+from lfsr_core.frames.request import Request, Sampling, read_report, write_report
 from lfsr_core.images.png import read_mask
 from lfsr_core.metrics.eia_metrics import compare
 from lfsr_core.optics.lenses import choose_lenses
 from lfsr_core.optics.rays import LensList
 from lfsr_core.pipeline.make import make
-from lfsr_core.process.blender import Starts
+from lfsr_core.process.child import Starts
 from lfsr_core.reconstruct.second_stage import finished_linear, read_finished_linear
 
 MIN_SAMPLES = 8

@@ -14,15 +14,10 @@ from collections.abc import Collection
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-MOST_SCALE = 5  # that is chosen
-MIN_VIEWS = 5  # along each axis that a scale above 2 must leave (docs/results/displays.md)
-USUAL_SCALE, USUAL_SAMPLES = 4, 16  # the rays of a render for which nothing was asked
-MOST_SAMPLES = 2**24  # Blender's own limit: it would silently clip larger numbers
 LEAST_SAMPLES = 0.999  # per pixel at a scale that is chosen: quotients of samples and pixels are not exact
 
 
@@ -56,34 +51,6 @@ class ScaleChoice:
 
     scale: int
     reason: Notice | None = None  # None where it was asked for
-
-
-def scales_up_to(display: DisplayProfile) -> tuple[int, ...]:
-    """Scales to choose from, the largest first: those that divide the display's views and leave enough, and 1.
-
-    If there are none, the smallest that divides the views, and 1.
-    """
-    fewest = min((count for count in display.views if count > 1), default=1)
-    usual = [scale for scale in display.scales() if scale <= MOST_SCALE
-             and (scale <= 2 or fewest >= MIN_VIEWS * scale)]
-    return (*sorted(usual or display.scales()[:1], reverse=True), 1)
-
-
-def usual_rays(display: DisplayProfile, samples: int = USUAL_SAMPLES) -> float:
-    """Rays per finished pixel of ``samples`` per pixel at USUAL_SCALE."""
-    return samples / display.finished_pixels(USUAL_SCALE)
-
-
-def samples_at(display: DisplayProfile, scale: int, rays: float) -> int:
-    """Samples per rendered pixel that make ``rays`` per finished pixel: at least 1, rounded.
-
-    LfsrError for rays that are not above 0, or more than Blender can render.
-    """
-    samples = rays * display.finished_pixels(scale)
-    if not 0 < samples <= MOST_SAMPLES:
-        raise LfsrError(f"rays per finished pixel are {rays:g}, but they must be above 0, and at most "
-                        f"{MOST_SAMPLES // display.finished_pixels(scale)} at scale {scale}")
-    return max(1, round(samples))
 
 
 def disparities(display: DisplayProfile, array: CameraArray, depths: Array) -> Array:

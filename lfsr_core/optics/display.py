@@ -17,8 +17,8 @@ from typing import Any
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import atomic_path, read_bytes, without_advice
-from lfsr_core.base.records import from_data, to_data
-from lfsr_core.optics.sheet import Lenslet, Lenticular, Sheet, Subpixels, check_choice, check_within, fail
+from lfsr_core.base.records import check_choice, check_within, fail, from_data, to_data
+from lfsr_core.optics.sheet import Lenslet, Lenticular, Sheet, Subpixels
 
 PROFILE_FOLDER = Path(__file__).parent / "displays"
 EI_ORDERS = ("flipped", "direct")

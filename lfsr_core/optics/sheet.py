@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any, NoReturn
 
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.records import check_choice, check_within, fail
 
 STRIPES = ("rgb", "bgr", "white")
 PACKINGS = ("square", "hexagonal")
@@ -168,23 +167,6 @@ def cell_of(rule: str, rows_from_bottom: Array, columns: Array) -> Array:
     cells: Array = {"0": 0 * x, "(x+y)%2": (x + y) % 2, "x%2": x % 2, "y%2": y % 2, "y%4": y % 4,
                     "(y+2(x%2))%4": (y + 2 * (x % 2)) % 4}[rule]
     return cells
-
-
-def fail(field: str, value: Any, rule: str) -> NoReturn:
-    """LfsrError that names a field, its value and the rule that it breaks."""
-    raise LfsrError(f"{field} is {repr(value)[:100]}, but {rule}")
-
-
-def check_choice(field: str, value: str, choices: tuple[str, ...]) -> None:
-    """LfsrError unless ``value`` is one of ``choices``."""
-    if value not in choices:
-        fail(field, value, f"it must be one of {', '.join(choices)}")
-
-
-def check_within(field: str, value: float, least: float, most: float) -> None:
-    """LfsrError unless ``value`` lies between ``least`` and ``most``, both included."""
-    if not least <= value <= most:
-        fail(field, value, f"it must be between {least:g} and {most:g}")
 
 
 def _check_length(field: str, value: float) -> None:

@@ -20,9 +20,8 @@ from typing import Any
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
 from lfsr_core.base.notices import Progress, Tell
-from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.folder import FrameFolder, digest, request_facts, scene_stamp
-from lfsr_core.frames.request import Request
+from lfsr_core.frames.request import Finish, Request
 from lfsr_core.optics.lenses import parse_rows
 from lfsr_core.pipeline.make import Made, make, requests_of
 from lfsr_core.pipeline.merge import merge

@@ -12,8 +12,7 @@ from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path, write_json
-from lfsr_core.frames.finish import Finish
-from lfsr_core.frames.request import Request
+from lfsr_core.frames.request import Finish, Request
 
 OPENJD, FLAMENCO = "openjd", "flamenco"
 TEMPLATES = {OPENJD: "openjd.yaml", FLAMENCO: "flamenco.js"}

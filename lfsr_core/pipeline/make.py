@@ -15,17 +15,15 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, replace_files, system_errors
+from lfsr_core.base.files import atomic_path, release, remove, remove_dead, replace_files, staging_folder, system_errors
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.base.records import write_record
-from lfsr_core.frames.finish import Finish, Report, write_report
 from lfsr_core.frames.folder import FrameFolder, numbered, scene_stamp
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LOG_FILE, MASK_FILE, PANEL_FILE, read_rendered
-from lfsr_core.frames.request import Request, check_scene, spread
+from lfsr_core.frames.request import Finish, Report, Request, check_scene, spread, write_report
 from lfsr_core.optics.depth_scale import ScaleChoice
-from lfsr_core.pipeline.staging import has_parts, release, remove, remove_dead, staging_folder
-from lfsr_core.process.blender import Starts, find_blender
-from lfsr_core.process.child import Child, CrashError
+from lfsr_core.pipeline.parts import has_parts
+from lfsr_core.process.child import Child, CrashError, Starts, find_blender
 from lfsr_core.process.protocol import RENDERED_STAGE, told_of
 from lfsr_core.reconstruct.averaging import near
 from lfsr_core.reconstruct.methods import seconds

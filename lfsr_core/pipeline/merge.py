@@ -14,7 +14,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import system_errors
+from lfsr_core.base.files import staging_folder, system_errors
 from lfsr_core.base.notices import Progress, Tell, silent
 from lfsr_core.frames.folder import RENDERED_FILES, FrameFolder, first_difference, has_other_size, phrases
 from lfsr_core.frames.frame import (
@@ -27,7 +27,6 @@ from lfsr_core.frames.frame import (
 )
 from lfsr_core.images import exr
 from lfsr_core.optics.lenses import check_cover, pixel_rows, rows_text
-from lfsr_core.pipeline.staging import staging_folder
 
 FREE = {"rows", "seconds", "device", "gpus", "content", "notes"}  # fields in which the parts of one frame may differ
 

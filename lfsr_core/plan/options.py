@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import Frame
-from lfsr_core.optics.depth_scale import samples_at
+from lfsr_core.frames.request import samples_at
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD, PLAIN_METHOD, MethodName, load_method, oidn
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import cache_folder, locks, read_json, write_json
+from lfsr_core.base.files import LOCK_FILE, cache_folder, locks, read_json, write_json
 from lfsr_core.base.notices import Notice, Tell, silent
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.folder import PLACES, digest, request_facts, scene_stamp
@@ -26,7 +26,6 @@ from lfsr_core.images.exr import read_finite
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.images.view_transform import extreme_tone
 from lfsr_core.optics.depth_scale import ScaleChoice
-from lfsr_core.pipeline.staging import LOCK_FILE
 from lfsr_core.plan.choose import Choice, Rated, choose, estimate
 from lfsr_core.plan.options import Candidate, PlanOptions, path_samples, render_seconds
 from lfsr_core.plan.sample import (

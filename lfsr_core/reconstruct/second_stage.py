@@ -24,7 +24,6 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.cores import MOST_THREADS, in_threads, usable_cores
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
-from lfsr_core.frames.finish import Finish, Report
 from lfsr_core.frames.frame import (
     EIA_FILE,
     EIA_LINEAR_FILE,
@@ -45,6 +44,7 @@ from lfsr_core.frames.low_res import (
     read_world,
     unseen_notices,
 )
+from lfsr_core.frames.request import Finish, Report
 from lfsr_core.images.exr import HALF_MAX, read_finite, read_layers, replaced_notices, write_layers
 from lfsr_core.images.png import write_mask, write_png
 from lfsr_core.images.view_transform import ViewTransform, exposure_notices

@@ -14,7 +14,7 @@ from lfsr_core.base.notices import Notice, Progress, Tell
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, read_part
 from lfsr_core.frames.request import Request
 from lfsr_core.plan.options import path_samples, render_seconds
-from lfsr_core.process.blender import Starts
+from lfsr_core.process.child import Starts
 
 PATHS = 600_000  # path samples to measure: a second or two
 SAMPLES = 16  # at most, so that many lenses are seen

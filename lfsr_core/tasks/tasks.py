@@ -18,10 +18,9 @@ from lfsr_core.exports.options import FILM_RATE, FILMS, QUILT_FILM, ExportOption
 from lfsr_core.exports.page import write_page
 from lfsr_core.exports.show import SCREEN, find_display
 from lfsr_core.exports.show import show as show_path
-from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.folder import FrameFolder, frame_folders
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE
-from lfsr_core.frames.request import Request
+from lfsr_core.frames.request import Finish, Request
 from lfsr_core.frames.views import read_views
 from lfsr_core.metrics.compare import compare_with_reference
 from lfsr_core.pipeline.make import FAILED, finish_frame

@@ -15,7 +15,7 @@ import pytest
 
 from lfsr_core.base import notices
 from lfsr_core.cli import build_parser, main
-from lfsr_core.optics.depth_scale import samples_at
+from lfsr_core.frames.request import samples_at
 from lfsr_core.optics.display import load_display
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.planner import work_folder

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from lfsr_core.frames.finish import Finish
+from lfsr_core.frames.request import Finish
 from lfsr_core.metrics.compare import compare_folders
 from lfsr_core.pipeline.make import finish_frame
 from tests.support.project_files import ROOT, project_files

@@ -10,8 +10,18 @@ from hypothesis import strategies as st
 
 from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import from_data, to_data, write_record
-from lfsr_core.frames.finish import MOST_AVERAGED, Finish, Report, read_report, write_report
-from lfsr_core.frames.request import check_light, check_scene, parse_frames, read_request, spread
+from lfsr_core.frames.request import (
+    MOST_AVERAGED,
+    Finish,
+    Report,
+    check_light,
+    check_scene,
+    parse_frames,
+    read_report,
+    read_request,
+    spread,
+    write_report,
+)
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import load_display
 from tests.support.requests import make_request

@@ -27,7 +27,7 @@ from lfsr_core.images.png import write_png
 from lfsr_core.optics.display import write_profile
 from lfsr_core.optics.eia import to_views
 from lfsr_core.pipeline.make import finish_frame
-from lfsr_core.pipeline.staging import INPUTS_FILE, remove_others
+from lfsr_core.pipeline.parts import INPUTS_FILE, remove_others
 from lfsr_core.reconstruct import denoiser
 from lfsr_lab.experiments.sweeps.records import choose_sweeps, label
 from lfsr_lab.networks import comparators

@@ -5,8 +5,8 @@ import pytest
 from skimage.metrics import structural_similarity
 
 from lfsr_core.base.files import read_json
-from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE
+from lfsr_core.frames.request import Finish
 from lfsr_core.images.exr import write_layers
 from lfsr_core.images.png import read_mask, write_mask
 from lfsr_core.images.srgb import srgb_decode, srgb_encode

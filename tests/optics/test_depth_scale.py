@@ -9,17 +9,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from lfsr_core.optics.depth_scale import (
-    LEAST_SAMPLES,
-    MIN_VIEWS,
-    MODEL,
-    MOST_SCALE,
-    choose_scale,
-    disparities,
-    samples_at,
-    scales_up_to,
-    usual_rays,
-)
+from lfsr_core.frames.request import MIN_VIEWS, MOST_SCALE, samples_at, scales_up_to, usual_rays
+from lfsr_core.optics.depth_scale import LEAST_SAMPLES, MODEL, choose_scale, disparities
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray
 from tests.support.synthetic import FLAT, MINI

@@ -15,9 +15,9 @@ import pytest
 
 from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.cli import main
-from lfsr_core.frames.finish import Finish, read_report
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import read_frame, write_frame
+from lfsr_core.frames.request import Finish, read_report
 from lfsr_core.pipeline.make import FAILED, KEPT, MADE, finish_frame, make, requests_of
 from tests.support.animations import FINISH, film, film_request, images, states
 from tests.support.played_blender import cold_blender, played_blender

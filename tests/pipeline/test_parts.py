@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lfsr_core.base.files import staging_folder
 from lfsr_core.base.notices import Progress
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.images.exr import write_layers
 from lfsr_core.pipeline.make import LEAST_LEFT, TimeLeft
-from lfsr_core.pipeline.staging import (
+from lfsr_core.pipeline.parts import (
     ImageParts,
     Pace,
     Part,
@@ -22,7 +23,6 @@ from lfsr_core.pipeline.staging import (
     is_worth_storing,
     remove_others,
     seconds_per_part,
-    staging_folder,
 )
 
 INPUTS = {"settings": "abc", "scene file": "def"}

@@ -21,8 +21,8 @@ from lfsr_core.frames.request import Request
 from lfsr_core.optics.display import load_display
 from lfsr_core.pipeline import make
 from lfsr_core.pipeline.make import render_all
-from lfsr_core.process import blender as blender_places
-from lfsr_core.process.blender import Blender, find_blender
+from lfsr_core.process import child
+from lfsr_core.process.child import Blender, find_blender
 from lfsr_core.process.protocol import parse_progress
 from tests.support.requests import changed, make_request
 from tests.support.small_disk import on_a_small_disk
@@ -85,7 +85,7 @@ def test_the_newest_installed_blender_is_found(monkeypatch, tmp_path, blender):
     without_wheel(monkeypatch)
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("ProgramFiles", f"{tmp_path}/Program Files")
-    monkeypatch.setattr(blender_places, "PLACES", {sys.platform: blender_places.PLACES["win32"]})
+    monkeypatch.setattr(child, "PLACES", {sys.platform: child.PLACES["win32"]})
     for version in ("4.5", "10.1", "5.0"):
         folder = tmp_path / "Program Files" / "Blender Foundation" / f"Blender {version}"
         folder.mkdir(parents=True)
@@ -103,7 +103,7 @@ def test_a_bundle_of_macos_is_the_blender_inside(tmp_path, blender):
 def test_missing_unsuitable_and_newer_blenders(monkeypatch, tmp_path, blender):
     without_wheel(monkeypatch)
     monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setattr(blender_places, "PLACES", {})
+    monkeypatch.setattr(child, "PLACES", {})
     refuses("neither the bpy package nor an installed Blender", find_blender)
     refuses("'/no/blender' was not found", find_blender, "/no/blender")
     for version, message in [
@@ -201,7 +201,7 @@ def test_log_of_a_crash_is_not_written_through_a_link(blender, job, tmp_path):
 LOG_FILLS_THE_DISK = """
 from lfsr_core.optics.display import load_display
 from lfsr_core.pipeline.make import render_all
-from lfsr_core.process.blender import find_blender
+from lfsr_core.process.child import find_blender
 from tests.support.requests import make_request
 render_all([make_request(sys.argv[3], load_display("mini"))], find_blender(sys.argv[2]))
 """

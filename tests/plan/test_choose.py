@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_core.base.files import read_json
-from lfsr_core.optics.depth_scale import MODEL, samples_at
+from lfsr_core.frames.request import samples_at
+from lfsr_core.optics.depth_scale import MODEL
 from lfsr_core.optics.display import load_display
 from lfsr_core.plan import choose as choosing
 from lfsr_core.plan.choose import Estimate, Rated, choose, estimate, first_guess

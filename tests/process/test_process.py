@@ -11,8 +11,7 @@ import pytest
 
 from lfsr_core.base.notices import Notice
 from lfsr_core.process import protocol
-from lfsr_core.process.blender import Blender
-from lfsr_core.process.child import Child, output_of
+from lfsr_core.process.child import Blender, Child, output_of
 from lfsr_core.process.protocol import emit, emit_last, emit_told, parse_progress, repeated
 from tests.support.told import refuses
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.notices import Notice
-from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.low_res import LowResEIA
+from lfsr_core.frames.request import Finish
 from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.reconstruct.averaging import (
     average_frames,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lfsr_core.frames import low_res
-from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame
 from lfsr_core.frames.low_res import low_resolution, read_world
+from lfsr_core.frames.request import Finish
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_mask, read_png
 from lfsr_core.optics import eia

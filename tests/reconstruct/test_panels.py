@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from lfsr_core.cli import main
-from lfsr_core.frames.finish import Finish, read_report
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame, read_rendered
+from lfsr_core.frames.request import Finish, read_report
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import DisplayProfile

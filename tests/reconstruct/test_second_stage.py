@@ -10,8 +10,8 @@ import pytest
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.frames import low_res
-from lfsr_core.frames.finish import Finish, read_report
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame, write_frame
+from lfsr_core.frames.request import Finish, read_report
 from lfsr_core.images.color_settings import ColorSettings
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_png

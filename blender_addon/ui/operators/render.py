@@ -14,9 +14,9 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
-from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
+from lfsr_core.frames.request import Finish
 from lfsr_core.reconstruct.methods import AS_RENDERED, MENU, MORE, SUBPIXEL_METHODS, MethodName
 
 from ...jobs import asked, denoiser, preview, session, show_image

@@ -8,8 +8,8 @@ import time
 import bpy
 import pytest
 
-from lfsr_core.frames.finish import read_report
 from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.request import read_report
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_png
 from tests.support.processes import children, lives, start_lfsr, wait_for

@@ -7,7 +7,7 @@ import pytest
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers
 from lfsr_core.pipeline.make import render_all
-from lfsr_core.process.blender import find_blender
+from lfsr_core.process.child import find_blender
 from tests.support.processes import run_lfsr
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_lamp

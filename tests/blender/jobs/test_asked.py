@@ -8,8 +8,8 @@ import pytest
 
 from blender_addon.jobs import asked, session
 from blender_addon.ui.operators import render
-from lfsr_core.frames.finish import Report, write_report
 from lfsr_core.frames.frame import EIA_FILE, write_frame
+from lfsr_core.frames.request import Report, write_report
 from tests.support import panel
 from tests.support.synthetic import frame_of
 from tests.support.told import refuses

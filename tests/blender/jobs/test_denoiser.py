@@ -14,7 +14,7 @@ from blender_addon.jobs.task import Task
 from blender_addon.scene import folders
 from blender_addon.scene import settings as scene_settings
 from blender_addon.ui.operators import render
-from lfsr_core.frames.finish import read_report
+from lfsr_core.frames.request import read_report
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
 from tests.support import panel

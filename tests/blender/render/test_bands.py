@@ -10,7 +10,7 @@ from lfsr_core.base.notices import Notice
 from lfsr_core.frames.request import LAYERS
 from lfsr_core.images import exr
 from lfsr_core.pipeline.merge import merge
-from lfsr_core.pipeline.staging import Pace, Part
+from lfsr_core.pipeline.parts import Pace, Part
 from tests.support.requests import make_request
 from tests.support.scenes import MINI
 from tests.support.told import Told

@@ -15,7 +15,7 @@ from blender_addon.scene.open import open_scene
 from blender_addon.scene.subject import find_subject
 from lfsr_core.base.files import write_json
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.process.blender import find_blender
+from lfsr_core.process.child import find_blender
 from lfsr_lab.experiments.animations.study import NAMES
 from lfsr_lab.scenes import run_script, scene_script
 from tests.support.prerequisites import needs_bpy

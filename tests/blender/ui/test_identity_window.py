@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.frames.finish import read_report
 from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.request import read_report
 from lfsr_core.images.png import read_png
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, oidn
 from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER

@@ -2,7 +2,7 @@
 
 from blender_addon.scene import folders
 from blender_addon.ui import summary
-from lfsr_core.frames.finish import Finish, Report, write_report
+from lfsr_core.frames.request import Finish, Report, write_report
 from tests.support.synthetic import write_render
 
 

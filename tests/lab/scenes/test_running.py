@@ -3,7 +3,7 @@
 import pytest
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.process.blender import Blender
+from lfsr_core.process.child import Blender
 from lfsr_lab.scenes import run_script
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from lfsr_core.process.blender import Blender
-from lfsr_core.process.child import Child
+from lfsr_core.process.child import Blender, Child
 
 
 def run_script(blender: Blender, script: Path, argument: Path, products: Iterable[Path]) -> None:

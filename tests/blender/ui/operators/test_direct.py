@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from blender_addon.jobs import asked, preview
-from lfsr_core.frames.finish import read_report
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
+from lfsr_core.frames.request import read_report
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import write_profile
 from tests.support import panel

@@ -10,13 +10,13 @@ import dataclasses
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import staging_folder
 from lfsr_core.base.notices import Progress, ProgressBar
 from lfsr_core.base.records import write_record
 from lfsr_core.commands.arguments import names, numbers
 from lfsr_core.frames.folder import FrameFolder, is_changed, scene_stamp
 from lfsr_core.frames.frame import FRAME_FILE, read_frame
 from lfsr_core.frames.request import check_scene
-from lfsr_core.pipeline.staging import staging_folder
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.chart import analysis, cells, findings, panels
 from lfsr_lab.experiments.chart.cells import DIRECT_METHODS, Settings, default_methods

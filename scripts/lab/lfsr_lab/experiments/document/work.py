@@ -30,8 +30,7 @@ from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import atomic_path, locks, read_json, replace, write_json
 from lfsr_core.base.notices import duration
 from lfsr_core.base.records import from_data, read_record, write_record
-from lfsr_core.process.blender import find_blender
-from lfsr_core.process.child import START, ProcessGroup
+from lfsr_core.process.child import START, ProcessGroup, find_blender
 from lfsr_lab.experiments.engine.records import to_stderr
 from lfsr_lab.experiments.engine.report import Environment, environment, load_average
 from lfsr_lab.scenes import run_script, scene_script

@@ -25,7 +25,7 @@ from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.images.exr import read_finite
 from lfsr_core.optics.lenses import choose_lenses
 from lfsr_core.pipeline.make import make
-from lfsr_core.process.blender import find_blender
+from lfsr_core.process.child import find_blender
 from lfsr_lab.experiments.engine.report import load_average
 from lfsr_lab.networks.methods import LabMethod
 from lfsr_lab.scenes import run_script, scene_script

@@ -28,10 +28,10 @@ import flip_evaluator
 import numpy as np
 
 from lfsr_core.base.arrays import Array, Mask
-from lfsr_core.frames.finish import Finish
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
 from lfsr_core.frames.low_res import foreground_mask, low_resolution, read_world, recall
 from lfsr_core.frames.reference import Reference, check_reference
+from lfsr_core.frames.request import Finish
 from lfsr_core.images.exr import clean, read_layers
 from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES, compare

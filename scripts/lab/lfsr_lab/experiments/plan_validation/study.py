@@ -37,7 +37,7 @@ from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.pipeline.make import finish_frame, make
 from lfsr_core.plan.options import Candidate, PlanOptions, path_samples, render_seconds
 from lfsr_core.plan.planner import Planned, make_plan
-from lfsr_core.process.blender import find_blender
+from lfsr_core.process.child import find_blender
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_lab.experiments.engine.records import REFERENCE, Records
 from lfsr_lab.experiments.engine.report import markdown_table

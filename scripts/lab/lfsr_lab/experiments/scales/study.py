@@ -20,9 +20,10 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, write_json
 from lfsr_core.base.records import read_record, write_record
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.optics.depth_scale import LEAST_SAMPLES, MODEL, LossModel, choose_scale, scales_up_to
+from lfsr_core.frames.request import scales_up_to
+from lfsr_core.optics.depth_scale import LEAST_SAMPLES, MODEL, LossModel, choose_scale
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.process.blender import find_blender
+from lfsr_core.process.child import find_blender
 from lfsr_lab.experiments.denoiser.study import SETTINGS, Candidate, Settings, measured, places, read_settings
 from lfsr_lab.experiments.engine.records import REFERENCE, Store, scene_script
 from lfsr_lab.experiments.engine.report import markdown_table

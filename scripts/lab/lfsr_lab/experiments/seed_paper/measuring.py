@@ -23,7 +23,7 @@ from lfsr_core.frames.frame import Frame, read_frame
 from lfsr_core.frames.request import Request, Sampling, check_scene
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.process.blender import find_blender
+from lfsr_core.process.child import find_blender
 from lfsr_core.reconstruct.second_stage import finished_linear, finished_panel
 from lfsr_lab.experiments.engine import timing
 from lfsr_lab.experiments.engine.records import REFERENCE, Cell, Store, StudySettings, reference_of, to_stderr

@@ -7,16 +7,15 @@ from pathlib import Path
 
 import pytest
 
+from lfsr_core.base import files
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import replace_files
-from lfsr_core.pipeline import staging
-from lfsr_core.pipeline.staging import release, remove_dead, staging_folder
+from lfsr_core.base.files import release, remove_dead, replace_files, staging_folder
 from tests.support.told import refuses
 
 HOLDER = """
 import sys, time
 from pathlib import Path
-from lfsr_core.pipeline.staging import staging_folder
+from lfsr_core.base.files import staging_folder
 with staging_folder(Path(sys.argv[1])) as folder:
     print(folder, flush=True)
     time.sleep(60)
@@ -104,7 +103,7 @@ def test_names_that_a_system_takes_for_the_same_lock_each_other(tmp_path, monkey
     with staging_folder(tmp_path / "Frame"):
         with staging_folder(tmp_path / "frame"):
             pass
-        monkeypatch.setattr(staging, "_ignores_case", lambda folder: True)
+        monkeypatch.setattr(files, "_ignores_case", lambda folder: True)
         with pytest.raises(LfsrError, match="another process is writing"), staging_folder(tmp_path / "frame"):
             pass
     for name in ["a[1]", "a*", "[!x]", "ü ?"]:
