@@ -15,8 +15,8 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array, Bytes
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import ProgressBar, Tell, silent
-from lfsr_core.commands.arguments import method_of
+from lfsr_core.base.notices import Tell, silent
+from lfsr_core.commands.common import ProgressBar, method_of
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.exports.formats import export
 from lfsr_core.exports.options import ExportOptions
@@ -31,9 +31,7 @@ from lfsr_core.frames.request import (
     Sampling,
     check_light,
     check_scene,
-    samples_at,
     scales_up_to,
-    usual_rays,
 )
 from lfsr_core.frames.views import read_views
 from lfsr_core.images.exr import read_layers
@@ -146,12 +144,9 @@ def render(scene: str | Path, output: str | Path | None = None, *, display: str 
     profile = display if isinstance(display, DisplayProfile) else load_display(str(display))
     subpixels = request.get("layout") == SUBPIXELS
     scales = (scale,) if scale is not None else (1,) if subpixels else scales_up_to(profile)
-    if samples is None:
-        rays = usual_rays(profile) if rays is None else rays
-        samples = samples_at(profile, scales[0], rays)
-    sampling = (Sampling(scales[0], samples) if len(scales) == 1 else Sampling(scales[0], samples, scales, rays))
     given = {"device": AUTO, "layers": ("position",)} | request | {"light": check_light(request.get("light", AUTO))}
-    asked = Request(str(output or Path(scene).stem), profile, check_scene(scene), sampling=sampling, **given)
+    asked = Request(str(output or Path(scene).stem), profile, check_scene(scene),
+                    sampling=Sampling.of(profile, scales, rays, samples), **given)
     if progress is None:
         progress = sys.stderr.isatty() or hasattr(builtins, "__IPYTHON__")  # a notebook
     bar = ProgressBar(words=sentence) if progress and not callable(progress) else None

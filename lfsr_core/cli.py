@@ -6,6 +6,7 @@ from __future__ import annotations
 import _thread
 import argparse
 import contextlib
+import importlib.metadata
 import io
 import json
 import os
@@ -19,23 +20,42 @@ from typing import Any
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import check_name, system_errors
-from lfsr_core.base.notices import BOLD, RED, accept_all_letters, be_quiet, cleaned, is_openjd, styled, tell_openjd
+from lfsr_core.base.notices import cleaned
 from lfsr_core.base.records import to_data
-from lfsr_core.commands import displays, export, farm, laboratory, plan, reference, render, view
-from lfsr_core.commands.arguments import Verb
+from lfsr_core.commands.common import BOLD, RED, accept_all_letters, be_quiet, is_openjd, styled, tell_openjd
 from lfsr_core.version import __version__
 
 MOST_LETTERS = 2000  # of an error, which may quote files and devices of others
 
-# What a verb is for, an example, and the verbs; those of the laboratory follow.
-GROUPS: tuple[tuple[str, str, tuple[Verb, ...]], ...] = (
-    ("Make an image", "lfsr render scene.blend -o frame", (render.RENDER, render.UPSCALE)),
-    ("Look at it", "lfsr view frame --open", (view.VIEW, view.VIEWS, view.SHOW)),
-    ("Hand it on", "lfsr export frame --format quilt", (export.EXPORT, export.IMPORT)),
-    ("Measure", "lfsr plan scene.blend --target 0.95", (reference.REFERENCE, reference.COMPARE, plan.PLAN)),
-    ("Displays", "lfsr displays looking-glass-portrait", (displays.DISPLAYS,)),
-    ("Farms", "lfsr farm openjd", (farm.FARM, farm.MERGE)))
-VERBS = tuple(verb for _, _, verbs in GROUPS for verb in verbs)
+# What verbs are for, an example, and the verbs, each with its module and one line of text. The module has a ``Verb`` of
+# the verb's name in capitals, and is loaded when that verb is used.
+GROUPS: tuple[tuple[str, str, dict[str, tuple[str, str]]], ...] = (
+    ("Make an image", "lfsr render scene.blend -o frame", {
+        "render": ("render", "render a scene's low-resolution EIA with Blender and upscale it to eia.png"),
+        "upscale": ("render", "repeat the second stage of a rendered frame folder")}),
+    ("Look at it", "lfsr view frame --open", {
+        "view": ("view", "write one HTML file that shows finished EIAs as an eye in front of the display sees them"),
+        "views": ("view", "write a contact sheet of decoded views, a pair of EPIs, and what an eye would see"),
+        "show": ("view", "show a frame, an animation or a quilt on a display: through Looking Glass Bridge, or full "
+                         "screen in a browser")}),
+    ("Hand it on", "lfsr export frame --format quilt", {
+        "export": ("export", "write a finished frame or an animation as quilt, stereo pair, film or folder of views"),
+        "import": ("export", "make a frame folder from a quilt or a folder of views (HCI, Stanford, JPEG Pleno), or "
+                             "several from a quilt film")}),
+    ("Measure", "lfsr plan scene.blend --target 0.95", {
+        "reference": ("reference", "render the full-resolution reference as two independent halves"),
+        "compare": ("reference", "measure a finished frame against a reference: print a table, write report.json"),
+        "plan": ("plan", "find the cheapest scale, samples and method that reach an accuracy, from a small sample of "
+                         "lenses")}),
+    ("Displays", "lfsr displays looking-glass-portrait", {
+        "displays": ("displays", "list the display profiles, show one with its derived numbers, import or calibrate "
+                                 "one")}),
+    ("Farms", "lfsr farm openjd", {
+        "farm": ("farm", "write the job template of a render farm: openjd, or flamenco"),
+        "merge": ("farm", "join parts of `lfsr render --rows` or `lfsr reference --rows`, or average references of "
+                          "other seeds")}))
+VERBS = {name: verb for _, _, verbs in GROUPS for name, verb in verbs.items()}
+LABORATORY = ("study", "train")  # verbs of the package ``lfsr_lab``, found through entry points: the core imports none
 
 SECONDS_AFTER = 0.1  # a finalizer was interrupted, until it has ended
 EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_UNREAD = 2, 130, 141
@@ -48,8 +68,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.unraisablehook = _unraisable
     sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115, to the end
     accept_all_letters()
-    parser, words = build_parser(), list(sys.argv[1:] if argv is None else argv)
-    if "_ARGCOMPLETE" in os.environ:  # a shell asks what can follow
+    words, is_asked = list(sys.argv[1:] if argv is None else argv), "_ARGCOMPLETE" in os.environ
+    parser = build_parser(None if is_asked else words)
+    if is_asked:  # a shell asks what can follow
         import argcomplete
 
         argcomplete.autocomplete(parser)
@@ -102,42 +123,60 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Parser of all verbs, those of the laboratory included."""
+def build_parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
+    """Parser of all verbs; of a command line's ``words``, with the arguments of the verbs among them alone."""
     parser = _Parser(prog="lfsr", description="Light-field images for glasses-free 3D displays.")
     parser.add_argument("--version", action="version", version=f"lfsr {__version__}")
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=argparse.ArgumentParser)
-    found = tuple(laboratory.verbs())
-    for verb in (*VERBS, *found):
-        child = verbs.add_parser(verb.NAME, help=verb.HELP, description=verb.HELP)
-        verb.add_arguments(child)
-        if verb in VERBS:
+    for name, (module, text) in VERBS.items():
+        child = verbs.add_parser(name, description=text)
+        if words is None or name in words:
+            verb = getattr(importlib.import_module(f"lfsr_core.commands.{module}"), name.upper())
+            verb.add_arguments(child)
             child.add_argument("--json", action="store_true", help="print one JSON object on standard output")
             child.add_argument("--quiet", action="store_true", help="print nothing but errors and what --json asks")
-        child.set_defaults(run=verb.run)
-    if installed := tuple(verb for verb in found if verb.HELP != laboratory.MISSING):
-        parser.groups = (*GROUPS, ("Laboratory", "lfsr study chart -o DIR scene.blend", installed))
-    parser.names = [verb.NAME for verb in (*VERBS, *found)]
+            child.set_defaults(run=verb.run)
+    for name in LABORATORY:
+        child = verbs.add_parser(name)
+        if words is None or name in words:
+            if verb := laboratory().get(name):
+                child.description = verb.HELP
+                verb.add_arguments(child)
+            else:
+                child.prefix_chars = "\0"  # so that options, too, are ordinary words
+                child.add_argument("rest", nargs="*", help=argparse.SUPPRESS)
+            child.set_defaults(run=verb.run if verb else _no_laboratory)
     return parser
+
+
+def laboratory() -> dict[str, Any]:
+    """Verbs of the laboratory by name, modules with HELP, ``add_arguments`` and ``run``; none where it is missing."""
+    found = {point.name: point for point in importlib.metadata.entry_points(group="lfsr.verbs")}
+    return {name: found[name].load() for name in LABORATORY if name in found}
+
+
+def _no_laboratory(arguments: argparse.Namespace) -> None:
+    raise LfsrError(f"the verb {arguments.verb!r} belongs to the laboratory, which is not installed: "
+                    "run 'pip install ./scripts/lab' in a clone of LFSR")
 
 
 class _Parser(argparse.ArgumentParser):
     """The parser of `lfsr`, whose help shows the verbs in groups, each with an example."""
 
-    groups, names = GROUPS, list[str]()
-
     def format_help(self) -> str:
         lines = [f"usage: lfsr VERB …    {self.description}"]
-        for title, example, verbs in self.groups:
-            lines += ["", f"{styled(title, BOLD, sys.stdout)}:  {example}"]
-            lines += [f"  {verb.NAME:10} {verb.HELP}" for verb in verbs]
+        found = {name: (name, verb.HELP) for name, verb in laboratory().items()}
+        for title, example, verbs in (*GROUPS, ("Laboratory", "lfsr study chart -o DIR scene.blend", found)):
+            if verbs:
+                lines += ["", f"{styled(title, BOLD, sys.stdout)}:  {example}"]
+                lines += [f"  {name:10} {text}" for name, (_, text) in verbs.items()]
         return "\n".join([*lines, "", "`lfsr VERB --help` lists the options of a verb.", ""])
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse, with a hint where the verb is misspelled."""
-        first = next(iter(args or ()), "-")
-        if not first.startswith("-") and first not in self.names:
-            self.exit(EXIT_BAD_INPUT, f"lfsr: there is no verb {first!r}: {did_you_mean(first, self.names)}"
+        first, names = next(iter(args or ()), "-"), (*VERBS, *LABORATORY)
+        if not first.startswith("-") and first not in names:
+            self.exit(EXIT_BAD_INPUT, f"lfsr: there is no verb {first!r}: {did_you_mean(first, names)}"
                                       "`lfsr` alone lists the verbs\n")
         return super().parse_known_args(args, namespace)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, cleaned
-from lfsr_core.commands.arguments import Verb, position
+from lfsr_core.commands.common import Verb, position
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.optics.display import (
     DisplayProfile,
@@ -122,8 +122,7 @@ def _run(arguments: argparse.Namespace) -> Any:
     return profile
 
 
-DISPLAYS = Verb("displays", "list the display profiles, show one with its derived numbers, import or calibrate one",
-                _add_arguments, _run)
+DISPLAYS = Verb(_add_arguments, _run)
 
 
 def describe(profile: DisplayProfile) -> list[str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.commands.arguments import Verb, progress
+from lfsr_core.commands.common import Verb, progress
 from lfsr_core.exports.options import DESCRIPTIONS, FILM_TYPES, PRESETS, VIEW_TYPES, ExportOptions
 
 
@@ -48,8 +48,7 @@ def _export(arguments: argparse.Namespace) -> Any:
     return {"files": files}
 
 
-EXPORT = Verb("export", "write a finished frame or an animation as quilt, stereo pair, film or folder of views",
-              _add_export_arguments, _export)
+EXPORT = Verb(_add_export_arguments, _export)
 
 
 def _pair(text: str) -> tuple[int, ...]:
@@ -117,6 +116,4 @@ def _import(arguments: argparse.Namespace) -> Any:
     return {"folder": folder, "display": display}
 
 
-IMPORT = Verb("import", "make a frame folder from a quilt or a folder of views (HCI, Stanford, JPEG Pleno), or several "
-                        "from a quilt film",
-              _add_import_arguments, _import)
+IMPORT = Verb(_add_import_arguments, _import)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.commands.arguments import Verb, progress
+from lfsr_core.commands.common import Verb, progress
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.pipeline.farms import TEMPLATES, write_template
 
@@ -30,7 +30,7 @@ def _farm(arguments: argparse.Namespace) -> Any:
     return {"file": output}
 
 
-FARM = Verb("farm", "write the job template of a render farm: openjd, or flamenco", _add_farm_arguments, _farm)
+FARM = Verb(_add_farm_arguments, _farm)
 
 
 def _add_merge_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,6 +55,4 @@ def _merge(arguments: argparse.Namespace) -> Any:
     return {"folder": output, "parts": len(parts), "frame": frame}
 
 
-MERGE = Verb("merge", "join parts of `lfsr render --rows` or `lfsr reference --rows`, or average references of other "
-                      "seeds",
-             _add_merge_arguments, _merge)
+MERGE = Verb(_add_merge_arguments, _merge)

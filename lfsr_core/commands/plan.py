@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.commands.arguments import Verb, add_geometry_arguments, make_request, names, numbers, progress, reals
+from lfsr_core.commands.common import Verb, add_geometry_arguments, make_request, names, numbers, progress, reals
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.request import Sampling
 
@@ -71,8 +71,7 @@ def _run(arguments: argparse.Namespace) -> Any:
     return planned
 
 
-PLAN = Verb("plan", "find the cheapest scale, samples and method that reach an accuracy, from a small sample of lenses",
-            _add_arguments, _run)
+PLAN = Verb(_add_arguments, _run)
 
 
 def table(planned: Planned, display: DisplayProfile, details: bool) -> str:

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.commands import arguments as common
-from lfsr_core.commands.arguments import Verb, progress
+from lfsr_core.commands import common
+from lfsr_core.commands.common import Verb, progress
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
 from lfsr_core.frames.request import Sampling
@@ -76,8 +76,7 @@ def _reference(arguments: argparse.Namespace) -> Any:
     return {"folder": arguments.output, "lenses": count, "samples": request.sampling.samples}
 
 
-REFERENCE = Verb("reference", "render the full-resolution reference as two independent halves",
-                 _add_reference_arguments, _reference)
+REFERENCE = Verb(_add_reference_arguments, _reference)
 
 
 def _add_compare_arguments(parser: argparse.ArgumentParser) -> None:
@@ -94,8 +93,7 @@ def _compare(arguments: argparse.Namespace) -> Any:
     return metrics
 
 
-COMPARE = Verb("compare", "measure a finished frame against a reference: print a table, write report.json",
-               _add_compare_arguments, _compare)
+COMPARE = Verb(_add_compare_arguments, _compare)
 
 
 def table(metrics: Metrics) -> list[str]:

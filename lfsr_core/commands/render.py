@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import ProgressBar, duration
-from lfsr_core.commands import arguments as common
-from lfsr_core.commands.arguments import Verb, progress
+from lfsr_core.base.notices import duration
+from lfsr_core.commands import common
+from lfsr_core.commands.common import ProgressBar, Verb, progress
 from lfsr_core.commands.reference import table
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.folder import FrameFolder
@@ -24,10 +24,8 @@ from lfsr_core.frames.request import (
     USUAL_SCALE,
     Sampling,
     parse_frames,
-    samples_at,
     scales_up_to,
     spread,
-    usual_rays,
 )
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lenses import check_count, rows_text
@@ -104,12 +102,9 @@ def _render(arguments: argparse.Namespace) -> Any:
         scales = (1,)
     else:
         scales = MethodName.parse(common.method_of(arguments.method, subpixels)).scales_of(scales_up_to(display))
-    usual = USUAL_SAMPLES if subpixels else usual_rays(display)
-    rays = None if arguments.spp is not None else usual if arguments.rays is None else arguments.rays
-    samples = arguments.spp if rays is None else samples_at(display, scales[0], rays)
+    rays = USUAL_SAMPLES if subpixels and arguments.rays is None else arguments.rays
     deciding = spread(parse_frames(arguments.scale_frames)) if arguments.scale_frames is not None else ()
-    sampling = (Sampling(scales[0], samples) if len(scales) == 1 else
-                Sampling(scales[0], samples, scales, rays, deciding))
+    sampling = Sampling.of(display, scales, rays, arguments.spp, deciding)
     output = arguments.output if arguments.frames is None else os.path.abspath(arguments.output)
     request = common.make_request(arguments, output=output, layers=arguments.layers, sampling=sampling)
     finish = common.finish_of(arguments, subpixels, request.sampling.scale)
@@ -169,8 +164,7 @@ def _layers(text: str) -> tuple[str, ...]:
     return () if text.strip() == "none" else common.names(text)
 
 
-RENDER = Verb("render", "render a scene's low-resolution EIA with Blender and upscale it to eia.png",
-              _add_render_arguments, _render)
+RENDER = Verb(_add_render_arguments, _render)
 
 
 def _add_upscale_arguments(parser: argparse.ArgumentParser) -> None:
@@ -196,7 +190,7 @@ def _upscale(arguments: argparse.Namespace) -> Any:
     return {"folder": folder.path, "image": folder.image, "report": folder.report}
 
 
-UPSCALE = Verb("upscale", "repeat the second stage of a rendered frame folder", _add_upscale_arguments, _upscale)
+UPSCALE = Verb(_add_upscale_arguments, _upscale)
 
 
 def show_finished(folder: FrameFolder, bar: ProgressBar) -> None:

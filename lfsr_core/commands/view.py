@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.notices import Notice, cleaned
-from lfsr_core.commands.arguments import Verb, position, progress
+from lfsr_core.commands.common import Verb, position, progress
 from lfsr_core.frames.views import write_views
 
 
@@ -33,8 +33,7 @@ def _view(arguments: argparse.Namespace) -> Any:
     return page
 
 
-VIEW = Verb("view", "write one HTML file that shows finished EIAs as an eye in front of the display sees them",
-            _add_view_arguments, _view)
+VIEW = Verb(_add_view_arguments, _view)
 
 
 def _add_views_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,8 +50,7 @@ def _views(arguments: argparse.Namespace) -> Any:
     return {"files": files}
 
 
-VIEWS = Verb("views", "write a contact sheet of decoded views, a pair of EPIs, and what an eye would see",
-             _add_views_arguments, _views)
+VIEWS = Verb(_add_views_arguments, _views)
 
 
 def _add_show_arguments(parser: argparse.ArgumentParser) -> None:
@@ -77,6 +75,4 @@ def _show(arguments: argparse.Namespace) -> Any:
     return shown
 
 
-SHOW = Verb("show", "show a frame, an animation or a quilt on a display: through Looking Glass Bridge, or full screen "
-                    "in a browser",
-            _add_show_arguments, _show)
+SHOW = Verb(_add_show_arguments, _show)

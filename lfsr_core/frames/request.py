@@ -59,6 +59,20 @@ class Sampling:
     frames: tuple[int, ...] = ()  # frames whose depth decides the scale, none for the rendered frame alone
     reason: Notice | None = None  # why the scale was chosen, for frame.json; None where it was asked for
 
+    @classmethod
+    def of(cls, display: DisplayProfile, scales: tuple[int, ...], rays: float | None, samples: int | None,
+           frames: tuple[int, ...] = ()) -> Sampling:
+        """Return the sampling at one of ``scales``, with ``samples`` per pixel or else ``rays`` per finished pixel.
+
+        Of several scales the depth of the scene decides, in ``frames``. LfsrError for impossible rays.
+        """
+        if samples is not None:
+            rays = None
+        else:
+            rays = usual_rays(display) if rays is None else rays
+            samples = samples_at(display, scales[0], rays)
+        return cls(scales[0], samples) if len(scales) == 1 else cls(scales[0], samples, scales, rays, frames)
+
 
 @dataclasses.dataclass(frozen=True)
 class Request:

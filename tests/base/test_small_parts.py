@@ -9,7 +9,8 @@ import pytest
 
 from lfsr_core.base.cores import CORES, usable_cores
 from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.notices import Notice, Progress, ProgressBar
+from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.commands.common import ProgressBar
 
 
 class Terminal(io.StringIO):

@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.base.notices import BOLD, styled
-from lfsr_core.cli import GROUPS, VERBS, build_parser, main
-from lfsr_core.commands import laboratory
+from lfsr_core.cli import GROUPS, LABORATORY, VERBS, build_parser, laboratory, main
+from lfsr_core.commands.common import BOLD, styled
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_mask, read_png
@@ -54,11 +53,11 @@ def jobs(blender: str) -> list[dict]:
 
 
 def test_every_verb_has_help(capsys):
-    for verb in VERBS:
+    for name, (_, text) in VERBS.items():
         with pytest.raises(SystemExit) as caught:
-            main([verb.NAME, "--help"])
+            main([name, "--help"])
         assert caught.value.code == 0
-        assert verb.HELP.split()[0] in capsys.readouterr().out
+        assert text.split()[0] in capsys.readouterr().out
 
 
 def test_lfsr_alone_shows_every_verb_in_its_group_with_an_example(capsys):
@@ -67,7 +66,7 @@ def test_lfsr_alone_shows_every_verb_in_its_group_with_an_example(capsys):
     assert "\x1b" not in shown, "no terminal, no colour"
     for title, example, verbs in GROUPS:
         build_parser().parse_args(example.split()[1:])
-        assert f"{title}:  {example}\n" + "".join(f"  {verb.NAME:10} {verb.HELP}\n" for verb in verbs) in shown
+        assert f"{title}:  {example}\n" + "".join(f"  {name:10} {text}\n" for name, (_, text) in verbs.items()) in shown
 
 
 def test_a_misspelled_verb_is_recognised(capsys):
@@ -313,7 +312,7 @@ def test_an_interrupt_in_a_callback_of_the_garbage_collector_is_no_lost_one():
             "class Late:\n    def __del__(self):\n        signal.raise_signal(signal.SIGTERM)\n        time.sleep(0)\n"
             "def run(arguments):\n    Late()\n    time.sleep(20)\n"
             "parser = cli.build_parser\n"
-            "def build():\n    made = parser()\n    old = made.parse_args\n"
+            "def build(given):\n    made = parser(given)\n    old = made.parse_args\n"
             "    def parse(words):\n        found = old(words)\n        found.run = run\n        return found\n"
             "    made.parse_args = parse\n    return made\n"
             "cli.build_parser = build\nsys.exit(cli.main(['displays']))\n")
@@ -379,7 +378,7 @@ def test_without_the_laboratory_the_help_and_its_verbs_say_so(missing, capsys):
         main(["--help"])
     shown = capsys.readouterr().out
     assert caught.value.code == 0 and "render" in shown
-    assert not any(name in shown.split() for name in laboratory.NAMES)
+    assert not any(name in shown.split() for name in LABORATORY)
     for words in [["study"], ["study", "chart", "a.blend", "-o", "out"],
                                        ["train", "--help"], ["train", "paper", "--set", "seed=1"]]:
         told = fails(words, capsys)
@@ -388,6 +387,4 @@ def test_without_the_laboratory_the_help_and_its_verbs_say_so(missing, capsys):
 
 
 def test_verbs_come_from_the_laboratory():
-    found = {verb.NAME: verb for verb in laboratory.verbs()}
-    assert tuple(found) == laboratory.NAMES
-    assert not any(verb.HELP == laboratory.MISSING for verb in found.values())
+    assert tuple(laboratory()) == LABORATORY

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base import notices
 from lfsr_core.cli import build_parser, main
+from lfsr_core.commands import common
 from lfsr_core.frames.request import samples_at
 from lfsr_core.optics.display import load_display
 from lfsr_core.plan.options import PlanOptions
@@ -75,7 +75,7 @@ def test_plan_ends_with_the_command_that_renders_the_choice(scene, blender, tmp_
 
 
 def test_progress_moves_and_speaks_of_as_many_lenses_as_the_result(scene, blender, capsys, monkeypatch):
-    monkeypatch.setattr(notices, "SECONDS_BETWEEN_LINES", 0.0)
+    monkeypatch.setattr(common, "SECONDS_BETWEEN_LINES", 0.0)
     assert main(["plan", scene, "--target", "0.5", *FEW, "--blender", blender]) == 0
     captured = capsys.readouterr()
     lenses = re.search(r"sampled (\d+) lenses", captured.out)[1]

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base.notices import OPENJD as OPENJD_PROGRESS
-from lfsr_core.base.notices import PROGRESS_VARIABLE
 from lfsr_core.cli import main
+from lfsr_core.commands.common import OPENJD as OPENJD_PROGRESS
+from lfsr_core.commands.common import PROGRESS_VARIABLE
 from lfsr_core.frames.request import read_report
 from lfsr_core.reconstruct.averaging import near
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD

@@ -8,7 +8,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import ProgressBar
+from lfsr_core.commands.common import ProgressBar
 
 NAME = "train"
 HELP = "train a network as a TOML config says"

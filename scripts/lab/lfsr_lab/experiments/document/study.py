@@ -14,7 +14,7 @@ from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, write_json
-from lfsr_core.commands.arguments import names
+from lfsr_core.commands.common import names
 from lfsr_lab.experiments.document.work import (
     FORMS,
     IMAGES,

@@ -27,7 +27,7 @@ from einops import rearrange
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Tell
 from lfsr_core.base.records import to_data, write_record
-from lfsr_core.commands.arguments import names, numbers
+from lfsr_core.commands.common import names, numbers
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame, write_frame
 from lfsr_core.frames.request import Request
 from lfsr_core.images.exr import read_layers, write_layers

@@ -18,7 +18,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, write_json
-from lfsr_core.base.notices import ProgressBar
+from lfsr_core.commands.common import ProgressBar
 from lfsr_core.frames.frame import Frame, read_frame
 from lfsr_core.frames.request import Request, Sampling, check_scene
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES

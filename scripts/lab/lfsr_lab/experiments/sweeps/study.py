@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from markupsafe import Markup
 
-from lfsr_core.commands.arguments import names
+from lfsr_core.commands.common import names
 from lfsr_core.optics.display import load_display
 from lfsr_lab.experiments.engine.plots import COLORS, MARKERS, Curve, draw_curves, panel_sheet, svg
 from lfsr_lab.experiments.engine.records import SCENE_FILE, Store

@@ -1,42 +1,53 @@
-"""What a verb is, and arguments that several verbs have, with the values that they become."""
+"""What verbs share: arguments and the values that they become, the progress bar, and how terminals are written to."""
 
 from __future__ import annotations
 
 import argparse
-import dataclasses
+import contextlib
+import io
 import os
-from collections.abc import Callable
-from contextlib import closing
+import sys
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TextIO
 
-from lfsr_core.base.notices import ProgressBar
+from lfsr_core.base.notices import Notice, Progress, cleaned, duration
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LAYOUTS, VIEW_BY_VIEW
 from lfsr_core.frames.request import AUTO, DEVICES, EVEN, OWN, WORLD_IMAGES, Finish, Request, check_light, check_scene
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lenses import parse_rows
-from lfsr_core.reconstruct.methods import METHODS
+from lfsr_core.reconstruct.methods import (
+    DEFAULT_METHOD,
+    METHODS,
+    PLAIN_METHOD,
+    SUBPIXEL_METHODS,
+    MethodName,
+    oidn,
+)
 
 FARTHEST_MM = 1e6
+BAR_WIDTH = 30
+SECONDS_BETWEEN_LINES = 4.0  # a render writes a record each second, so that a line comes every five at the latest
+PROGRESS_VARIABLE, OPENJD = "LFSR_PROGRESS", "openjd"  # environment variable, set by our OpenJD template
+BOLD, RED = "1", "31"  # styles of terminals
+_quiet = False
 OFFERED_LAYOUTS = tuple(layout for layout in LAYOUTS if layout != VIEW_BY_VIEW)
 
 
-@dataclasses.dataclass(frozen=True)
-class Verb:
+class Verb(NamedTuple):
     """A verb of ``lfsr``; it imports slow packages in ``run``."""
 
-    NAME: str
-    HELP: str
     add_arguments: Callable[[argparse.ArgumentParser], None]
     # Runs the verb, prints what people want to know, and returns it as a record or JSON-ready data for ``--json``;
     # LfsrError for bad input.
     run: Callable[[argparse.Namespace], Any]
 
 
-def progress() -> closing[ProgressBar]:
+def progress() -> contextlib.closing[ProgressBar]:
     """Return a progress bar for a block, which ends its line after it."""
-    return closing(ProgressBar(words=sentence))
+    return contextlib.closing(ProgressBar(words=sentence))
 
 
 def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
@@ -118,25 +129,21 @@ def method_of(name: str | None, subpixels: bool) -> str:
 
     ``subpixels``: whether the panel's subpixels are rendered.
     """
-    from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PLAIN_METHOD, SUBPIXEL_METHODS, oidn
-
     best, plain = SUBPIXEL_METHODS if subpixels else (DEFAULT_METHOD, PLAIN_METHOD)
     return name or (plain if oidn.why_missing() else best)
 
 
 def finish_of(arguments: argparse.Namespace, subpixels: bool, scale: int) -> Finish:
     """Return the finish that the arguments ask for; LfsrError for a method that cannot finish a render at ``scale``."""
-    from lfsr_core.reconstruct.methods import load_method
-    from lfsr_core.reconstruct.second_stage import check_subpixels_finish
-
-    name = method_of(arguments.method, subpixels)
-    finish = Finish(name, arguments.dilate, os.path.abspath(arguments.weights) if arguments.weights else None,
-                    arguments.linear_exr, arguments.temporal_averaging or 0)
-    chosen = load_method(name).name
+    finish = Finish(method_of(arguments.method, subpixels), arguments.dilate,
+                    os.path.abspath(arguments.weights) if arguments.weights else None, arguments.linear_exr,
+                    arguments.temporal_averaging or 0)
     if subpixels:
+        from lfsr_core.reconstruct.second_stage import check_subpixels_finish
+
         check_subpixels_finish(finish)
     else:
-        chosen.check_scale(scale)
+        MethodName.parse(finish.method).check_scale(scale)
     return finish
 
 
@@ -177,3 +184,87 @@ def reals(text: str) -> tuple[float, ...]:
 def names(text: str) -> tuple[str, ...]:
     """Names such as oidn,bilinear, for argparse: each once, empty ones left out."""
     return tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
+
+
+class ProgressBar:
+    """A ``Tell``: shows progress, and prints each notice once, as ``words`` says it."""
+
+    def __init__(self, stream: TextIO | None = None, words: Callable[[Notice], str] = str) -> None:
+        self._words, self._stream = words, stream or sys.stderr
+        self._moving = self._stream.isatty()
+        self._stage, self._shown_at, self._most = "", 0.0, 0.0
+        self._told: list[Notice] = []
+
+    def __call__(self, told: Progress | Notice) -> None:
+        """Show progress, elsewhere than on a terminal only at a new stage, at the end, and every few seconds."""
+        if _quiet:
+            return
+        if isinstance(told, Notice):
+            if told not in self._told:
+                self._told.append(told)
+                self.note(self._words(told))
+            return
+        left = "" if told.left is None else f"{duration(told.left)} left"
+        fraction, detail = min(max(told.fraction, 0.0), 1.0), ", ".join(filter(None, (cleaned(told.detail), left)))
+        if self._moving:
+            filled = round(BAR_WIDTH * fraction)
+            start = "\n" if self._stage not in ("", told.stage) else "\r"
+            bar = "█" * filled + "░" * (BAR_WIDTH - filled)
+            self._stream.write(f"{start}{told.stage:10} {bar} {fraction:4.0%}  {detail[:60]}\x1b[K")
+            self._stream.flush()
+        elif told.stage != self._stage or fraction >= 1 or time.monotonic() - self._shown_at >= SECONDS_BETWEEN_LINES:
+            if is_openjd():
+                # A farm shows one number for the whole task: it must not fall where a new stage begins.
+                self._most = max(self._most, fraction)
+                tell_openjd(progress=f"{100 * self._most:.1f}", status=f"{told.stage} {detail}")
+            else:
+                print(f"{told.stage:10} {fraction:4.0%}  {detail}".rstrip(), file=self._stream, flush=True)
+            self._shown_at = time.monotonic()
+        self._stage = told.stage
+
+    def note(self, message: str) -> None:
+        """Print a line that stays."""
+        self.close()
+        print(f"note: {message}", file=self._stream, flush=True)
+
+    def close(self) -> None:
+        """End the moving line, so that the next print starts on its own line."""
+        if self._moving and self._stage:
+            print(file=self._stream)
+        self._stage = ""
+
+
+@contextlib.contextmanager
+def be_quiet() -> Iterator[None]:
+    """Show neither progress nor notices inside the block."""
+    global _quiet
+    _quiet = True
+    try:
+        yield
+    finally:
+        _quiet = False
+
+
+def styled(text: str, style: str, stream: TextIO | None) -> str:
+    """Return a text in BOLD or RED where ``stream`` is a terminal and NO_COLOR (no-color.org) is not set."""
+    is_plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not (stream and stream.isatty())
+    return text if is_plain else f"\x1b[{style}m{text}\x1b[0m"
+
+
+def accept_all_letters() -> None:
+    """Print "?" for letters that standard output or error lacks, instead of failing."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            with contextlib.suppress(OSError):  # a file that became a pipe
+                stream.reconfigure(errors="replace")
+
+
+def is_openjd() -> bool:
+    """True inside a task of our OpenJD template."""
+    return os.environ.get(PROGRESS_VARIABLE) == OPENJD
+
+
+def tell_openjd(**messages: str) -> None:
+    """Print messages of Open Job Description by their kind: ``progress`` (0 to 100), ``status``, ``fail``."""
+    for kind, message in messages.items():
+        print(f"openjd_{kind}: {' '.join(message.split())}", flush=True)
