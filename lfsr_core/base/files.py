@@ -37,6 +37,7 @@ FORBIDDEN = re.compile(r'[<>:"|?*\x00-\x1f]|[. ]$')  # in a name on Windows
 IN_USE = (5, 32, 33, 1224)  # errors of Windows: refused, open in another program, locked, mapped
 MOST_JSON_BYTES = 16_000_000
 MOST_BRACKETS = 50  # one inside the other
+WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)  # of a file system, as some network folders are
 ADVICE = {errno.EPIPE: "send it to a file or a terminal",
           **dict.fromkeys((errno.EACCES, errno.EROFS), "choose a folder you may write to"),
           **dict.fromkeys((errno.ENOSPC, errno.EFBIG, errno.EDQUOT), "free some space or choose another folder")}
@@ -109,15 +110,18 @@ def replace_files(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None
         replace(path, folder / path.name)
 
 
-def locks(file: IO[bytes]) -> bool:
-    """Lock an empty file and return True, or False if another process has locked it; the lock ends with its process."""
+def locks(file: IO[bytes], otherwise: bool = False) -> bool:
+    """Lock an empty file and return True, or False if another process has locked it; the lock ends with its process.
+
+    ``otherwise``: what to return where the file system has no locks.
+    """
     try:
         if sys.platform == "win32":
             msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
         else:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
+    except OSError as error:
+        return otherwise and error.errno in WITHOUT_LOCKS
     return os.fstat(file.fileno()).st_nlink > 0
 
 
@@ -133,8 +137,8 @@ def remove_locked(file: IO[bytes]) -> None:
 def staging_folder(target: Path) -> Iterator[Path]:
     """Make a hidden folder beside ``target``, or in it where that cannot be, and remove it after the block.
 
-    Folders of dead processes go first. It is the target's lock. LfsrError where it cannot be made, or another process
-    has one for ``target``.
+    Folders of dead processes go first. It is the target's lock, by its name alone where the file system has no locks:
+    there those of dead processes stay. LfsrError where it cannot be made, or another process has one for ``target``.
     """
     target = target.absolute()  # "." has no name
     try:
@@ -146,7 +150,7 @@ def staging_folder(target: Path) -> Iterator[Path]:
     try:
         folder.mkdir(exist_ok=True)  # another process removes empty folders
         with (folder / LOCK_FILE).open("wb") as lock:
-            if not locks(lock) or any(found != folder for found in remove_dead(target)):
+            if not locks(lock, otherwise=True) or any(found != folder for found in remove_dead(target)):
                 raise LfsrError(f"another process is writing {target}: wait for it, or choose another folder")
             yield folder
     finally:
@@ -175,9 +179,10 @@ def remove_dead(target: Path) -> list[Path]:
     # The end of a name that tempfile.mkdtemp gives.
     ours = re.compile(re.escape(f".{target.name}-") + r"[a-z0-9_]{8}", re.IGNORECASE if _ignores_case(place) else 0)
     for folder in [path for path in place.iterdir() if ours.fullmatch(path.name)]:
+        is_released = (folder / RELEASED_FILE).exists()  # before its lock, because it goes after it
         with contextlib.suppress(OSError), (folder / LOCK_FILE).open("rb") as lock:
             if not locks(lock):
-                used += [] if (folder / RELEASED_FILE).exists() else [folder]
+                used += [] if is_released else [folder]
                 continue
             remove(folder)
         _remove_emptied(folder)  # Windows has kept the lock file, which was open; or it was killed before it had one

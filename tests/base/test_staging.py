@@ -1,5 +1,6 @@
 """Staging folders: one render into a folder at a time, and nothing left of dead ones."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -9,7 +10,7 @@ import pytest
 
 from lfsr_core.base import files
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import release, remove_dead, replace_files, staging_folder
+from lfsr_core.base.files import release, remove_dead, replace_files, staging_folder, write_json
 from tests.support.told import refuses
 
 HOLDER = """
@@ -60,6 +61,21 @@ def test_a_second_render_into_the_same_folder_is_refused_and_what_a_dead_one_lef
         assert names(tmp_path) == [folder.name]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows locks in another way")
+def test_where_the_file_system_has_no_locks_the_name_is_the_lock(tmp_path, monkeypatch):
+    # A network folder without locks cannot be mounted here: the call fails as the kernel makes it fail there.
+    def fail(_file, _operation):
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr("fcntl.flock", fail)
+    with staging_folder(tmp_path / "frame") as folder:
+        with pytest.raises(LfsrError, match="another process is writing"), staging_folder(tmp_path / "frame"):
+            pass
+        assert names(tmp_path) == [folder.name]
+        write_json(folder / "data.json", [1])
+    assert names(tmp_path) == []
+
+
 @pytest.mark.skipif(not os.path.ismount("/dev/shm"), reason="needs a mounted folder that all may write to")
 def test_a_mounted_folder_has_it_inside():
     with staging_folder(Path("/dev/shm")) as folder:
@@ -97,6 +113,17 @@ def test_a_released_folder_locks_nobody_out_and_goes_with_its_process(tmp_path, 
     process.wait()
     with staging_folder(tmp_path / "frame") as folder:
         assert names(tmp_path) == [folder.name]
+
+
+def test_a_released_folder_that_goes_while_it_is_looked_at_locks_nobody_out(tmp_path, holder, monkeypatch):
+    release(Path(holder[1]))
+
+    def held_until_now(_lock):
+        (Path(holder[1]) / "released").unlink()
+        return False
+
+    monkeypatch.setattr(files, "locks", held_until_now)
+    assert remove_dead(tmp_path / "frame") == []
 
 
 def test_names_that_a_system_takes_for_the_same_lock_each_other(tmp_path, monkeypatch):
