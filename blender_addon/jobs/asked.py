@@ -1,6 +1,5 @@
 """What a button asks for, from a scene's settings of now: the request and the finish of its frames, and their seconds.
 
-The test image shows the same array with fewer lenses and views, rendered in seconds before an image that takes longer.
 How long an image takes follows from a render of its scene or of a few of its lenses, else from this machine's last.
 """
 
@@ -15,8 +14,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.folder import FrameFolder, is_same
 from lfsr_core.frames.frame import EIA_FILE, Frame
-from lfsr_core.frames.request import Finish, Request, samples_at, scales_up_to, spread
-from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.frames.request import Finish, Request, samples_at, spread
 from lfsr_core.optics.panel.subpixel_rays import rendered_size
 from lfsr_core.pipeline.parts import has_parts
 from lfsr_core.reconstruct.methods import MethodName, seconds
@@ -28,8 +26,6 @@ from ..scene.files import unreadable
 from ..scene.settings import Resolved
 from . import runtime
 
-MOST_LENSES, LEAST_VIEWS = 6000, 8  # of a test image
-LEAST_PATHS = 10**6  # of an image, below which it needs no test image
 START = 4.0  # seconds until another Blender has opened a small scene, on two cores
 TELLING_PATHS = 10**5  # of a render that tells how fast this machine is
 SAME = 0.2  # relative change of that below which the preference stays
@@ -60,46 +56,6 @@ def asked_animation(scene: bpy.types.Scene) -> tuple[Request, Finish, tuple[int,
     request = dataclasses.replace(request, output=str(Path(request.output).parent))
     return (request.sampled(frames=spread(frames) if request.sampling.scales else ()),
             finish, frames)
-
-
-def test_request(scene: bpy.types.Scene, request: Request) -> Request | None:
-    """Request of the test image of a frame, among this session's temporary files; None where it needs none."""
-    settings = reduced(scene_settings.resolve(scene))
-    if settings is None:
-        return None
-    folder = Path(request.output)
-    output = runtime.temporary("test", folder) / folder.parent.name / "Test"
-    return dataclasses.replace(settings.request, output=str(output), frame=request.frame, source=request.source)
-
-
-def reduced(settings: Resolved) -> Resolved | None:
-    """Return the settings of the test image of an image; None where the image itself is small, or has no lenses."""
-    if settings.subpixels or paths_of(settings) < LEAST_PATHS:
-        return None
-    display, sampling = reduced_display(settings.display), settings.sampling
-    scales = settings.method.scales_of(scales_up_to(display))
-    scale = scales[0] if sampling.scales else max(scale for scale in scales if scale <= sampling.scale)
-    samples = sampling.samples if settings.rays is None else samples_at(display, scale, settings.rays)
-    sampling = dataclasses.replace(sampling, scale=scale, scales=scales if sampling.scales else (), samples=samples)
-    request = dataclasses.replace(settings.request, display=display, sampling=sampling)
-    return dataclasses.replace(settings, request=request)
-
-
-def reduced_display(display: DisplayProfile) -> DisplayProfile:
-    """Return a display that shows the same with at most about MOST_LENSES lenses, and few views of each."""
-    step = math.ceil(math.sqrt(math.prod(display.lenses) / MOST_LENSES))
-    lenses = max(1, display.lenses[0] // step), max(1, display.lenses[1] // step)
-    many = [count for count in display.views if count > 1]
-    every = max((n for n in range(1, max(many, default=1) + 1)
-                 if not any(count % n or count // n < LEAST_VIEWS for count in many)), default=1)
-    across, down = (count // every if count > 1 else 1 for count in display.views)
-    if display.is_woven:  # its panel stays, and is woven from fewer lenses
-        return dataclasses.replace(display, lenses=lenses, views=(across, down))
-    # Lenses that the step leaves over are cut off, so that pixels stay square.
-    width, height = (mm * step * few / count for mm, few, count in
-                     zip(display.panel_mm, lenses, display.lenses, strict=True))
-    return dataclasses.replace(display, lenses=lenses, views=(across, down), panel_mm=(width, height),
-                               panel_pixels=(lenses[0] * across, lenses[1] * down))
 
 
 def paths_of(settings: Resolved) -> float:

@@ -25,8 +25,8 @@ TITLES = {"save": "Saving a copy of the file", "open": "Opening the scene", "ren
           "average": "Averaging frames", "upscale": "Upscaling", "denoise": "Denoising", "color": "Finishing",
           "weave": "Finishing", "write": "Finishing", "views": "Decoding views", "decode": "Decoding views",
           "compare": "Comparing", "view": "Writing viewer", "export": "Exporting", "encode": "Encoding",
-          "show": "Showing", "test": "Test image", "plan": "Measuring lenses", "estimate": "Measuring lenses"}
-ALONE = ("save", "open")  # stages that say more than their fractions
+          "show": "Showing", "first": "First view", "plan": "Measuring lenses", "estimate": "Measuring lenses"}
+ALONE = ("save", "open", "first")  # stages that say more than their fractions
 
 _current: Task | None = None
 

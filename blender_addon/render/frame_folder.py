@@ -29,7 +29,8 @@ from lfsr_core.frames.frame import (
 )
 from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.frames.request import AUTO, EVEN, GUIDES, OWN, POSITION, Request
-from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.exr import Layers, clean, read_layers
+from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.lenses import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.pipeline.parts import ImageParts, Part, remove_others
@@ -37,6 +38,7 @@ from lfsr_core.version import __version__
 
 from ..scene import devices
 from ..scene.array import motion, placement
+from ..scene.array.rig import Placement
 from ..scene.files import check_files, image_files
 from ..scene.light import DEFAULT_LIGHT, DIM, has_light, is_certain, lit
 from ..scene.overrides import overridden
@@ -45,6 +47,7 @@ from ..scene.subject import find_subject, has_background_meshes
 from . import world
 from .cycles import (
     FOREGROUND,
+    LEAST_PIXELS,
     RenderSettings,
     Shot,
     cycles_settings,
@@ -61,6 +64,7 @@ HALF_SEED = 1 << 20
 SETTLED = ("scene", "device", "light", "sampling")
 SOURCES = ("render", "scene")  # packages of the add-on that decide pixels
 LIGHT_WIDTH, LIGHT_SAMPLES = 64, 4  # pixels across, and samples per pixel, of the measurement of light
+FIRST_WIDTH, FIRST_SAMPLES = 160, 24  # of the first view
 # Darker surfaces count as if they reflected this much: black things in good light are not in the dark.
 LEAST_ALBEDO = 0.1
 Say = Callable[[Notice], object]
@@ -93,6 +97,10 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
             tell(notice)
 
     with prepared(scene, request, say) as frame:
+        if request.first_view is not None:
+            tell(Progress("first"))
+            _write_first_view(scene, frame, request.first_view)
+            tell(Notice("first-view", {"path": request.first_view}))
         inputs = None
         if request.parts and opened.content:
             resolved = to_data(dataclasses.replace(frame, seconds={}, gpus=()))
@@ -187,25 +195,45 @@ def is_dark(scene: bpy.types.Scene, request: Request) -> bool:
     not count by its brightness but by its size: half of the subject decides. False also where the subject is not in
     sight; the render says that.
     """
-    # In Blender's own temporary folder, which is removed even if Blender crashes.
-    with (suppress(LfsrError), tempfile.TemporaryDirectory(prefix="lfsr-light-", dir=bpy.app.tempdir or None) as name):
-        subject, path = find_subject(scene, request.subject), Path(name, "light.exr")
-        array, matrix_world = placement.place_array(scene, request.display, subject)
-        size = LIGHT_WIDTH, max(round(LIGHT_WIDTH * array.half_height / array.half_width), 4)
+    with suppress(LfsrError):
+        subject = find_subject(scene, request.subject)
+        placed = placement.place_array(scene, request.display, subject)
         settings = RenderSettings(LIGHT_SAMPLES, layers=("albedo", "index"), device=devices.resolved(request.device))
-        with (_resting(scene), pass_indices(subject),
-              temporary_camera(scene, matrix_world, array.distance) as camera,
-              cycles_settings(scene, settings, size)):
-            lens, clip = camera.data, placement.clip_of(scene)
-            lens.sensor_fit, lens.lens = "HORIZONTAL", lens.sensor_width / 2 * array.distance / array.half_width
-            lens.clip_start, lens.clip_end = clip or (lens.clip_start, lens.clip_end)
-            render_to(scene, path)
-        layers = clean(read_layers(path))[0]
+        with _resting(scene), pass_indices(subject):
+            layers = _seen_from_middle(scene, placed, settings, LIGHT_WIDTH)
         seen = (layers["color"][..., 3] > 0.5) & (layers["index"][..., 0] == FOREGROUND)
         color, albedo = layers["color"][seen][:, :3].max(-1), layers["albedo"][seen].max(-1)
         light = color / np.maximum(albedo, LEAST_ALBEDO)
         return bool(light.size and np.median(light) * 2.0**scene.view_settings.exposure < DIM)
     return False
+
+
+def _seen_from_middle(scene: bpy.types.Scene, placed: Placement, settings: RenderSettings, width: int) -> Layers:
+    """Render what an eye in front of the middle of a ``placed`` array sees, ``width`` pixels across."""
+    array, matrix_world = placed
+    size = width, max(round(width * array.half_height / array.half_width), LEAST_PIXELS)
+    # In Blender's own temporary folder, which is removed even if Blender crashes.
+    with tempfile.TemporaryDirectory(prefix="lfsr-middle-", dir=bpy.app.tempdir or None) as name:
+        path = Path(name, "middle.exr")
+        with (temporary_camera(scene, matrix_world, array.distance) as camera,
+              cycles_settings(scene, settings, size)):
+            lens, clip = camera.data, placement.clip_of(scene)
+            lens.sensor_fit, lens.lens = "HORIZONTAL", lens.sensor_width / 2 * array.distance / array.half_width
+            lens.clip_start, lens.clip_end = clip or (lens.clip_start, lens.clip_end)
+            render_to(scene, path)
+        return clean(read_layers(path))[0]
+
+
+def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> None:
+    """Write that as decoded views are, uint8 (1, 1, sy, sx, 3): few pixels, so that it is there at once."""
+    settings = RenderSettings(FIRST_SAMPLES, frame.seed, device=frame.device, world_visible=frame.world_visible)
+    layers = _seen_from_middle(scene, (frame.array, frame.matrix_world), settings,
+                               min(FIRST_WIDTH, frame.display.lenses[0]))
+    color = layers["color"]
+    behind = layers["environment"] if frame.world_visible else (1 - color[..., 3:]) * frame.display.background
+    shown = ViewTransform(frame.color).to_uint8(np.maximum(color[..., :3] + behind, 0).astype(np.float32))
+    with unfinished(path) as temporary, temporary.open("wb") as file:
+        np.save(file, shown[None, None])
 
 
 def inputs_before_opening(request: Request, content: str) -> dict[str, str]:

@@ -278,7 +278,6 @@ class SessionState(bpy.types.PropertyGroup):
     probe_fixed: FloatProperty(name="Fixed Time", description="Seconds before the first sample of an image")
     probe_per_path: FloatProperty(name="Time per Path", description="Seconds of a path sample", precision=6)
     probe_scale: IntProperty(name="Measured Scale", description="Scale at which the time was measured")
-    test_shown: StringProperty(name="Test Image", description="Folder and display of the last test image")
     plan_scene: StringProperty(name="Planned Scene", description="Scene that the last plan is for")
     plan_text: StringProperty(name="Plan", description="What the last plan found")
     plan_scale: IntProperty(name="Planned Scale", description="Scale that the last plan found")

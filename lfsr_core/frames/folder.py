@@ -34,7 +34,7 @@ NUMBERED = re.compile(r"-?\d{3,}$")  # names of the folders of an animation's fr
 Facts = Mapping[str, object]  # what decides pixels, by name
 # Facts of the rays and their number; a render's folder is compared by these unless more are asked for.
 RAYS = ("display", "convention", "layout", "lens_list", "rows", "scale", "samples")
-PLACES = ("output", "parts", "world", "source", "allow_missing")  # fields of a job on which no pixel depends
+PLACES = ("output", "parts", "world", "source", "allow_missing", "first_view")  # no pixel depends on them
 PLURAL = ("samples", "lens_list", "rows", "layers")
 SAMPLES = " samples per pixel"
 FARM_COPY = ".farm"  # ends the name of the copy of a file that a farm renders

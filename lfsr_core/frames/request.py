@@ -103,6 +103,7 @@ class Request:
     light: str = AUTO  # of LIGHTS, or the file of a world image; AUTO: the scene's own unless it is too dark
     allow_missing: bool = False  # whether files of the scene may be missing or damaged
     parts: str | None = None  # folder for the finished parts of a long render, None to store none
+    first_view: str | None = None  # .npy of what an eye in the middle sees, to write before the render; None for none
 
     def __post_init__(self) -> None:
         for field, choices in (("kind", KINDS), ("layout", LAYOUTS), ("convention", CONVENTIONS)):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.files import atomic_path
-from lfsr_core.base.notices import Notice, Progress, Tell
+from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.base.records import from_data, to_data, write_record
 from lfsr_core.exports.formats import export as export_frames
 from lfsr_core.exports.options import FILM_RATE, FILMS, QUILT_FILM, ExportOptions, default_target
@@ -31,8 +31,6 @@ from lfsr_core.plan.planner import make_plan
 from lfsr_core.process.child import Child
 from lfsr_core.process.protocol import LAST_STAGES, emit_told, told_of
 from lfsr_core.tasks.estimate import measure
-
-TEST_FRACTION = 0.05  # of the time of an image, its test image
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,38 +55,19 @@ class RenderCommand:
 
 
 def make(request: dict[str, Any], finish: dict[str, Any], command: list[str], frames: list[int] | None = None,
-         overwrite: bool = False, views: str | None = None, test: dict[str, Any] | None = None,
-         test_views: str | None = None) -> dict[str, Any]:
+         overwrite: bool = False, views: str | None = None) -> dict[str, Any]:
     """Make an image, or the ``frames`` of an animation that are not there; see ``pipeline.make``.
 
     ``command``: words that start a render, before the request files; ``views``: file for the decoded views of the last
-    frame; ``test``: request of a small image that is made first, told by the notice "test-made", and its views. Frames
-    of other settings are rendered again, since the panel shows what is wanted. Returns {"made": data of each ``Made``}.
+    frame. Frames of other settings are rendered again, since the panel shows what is wanted. Returns {"made": data of
+    each ``Made``}.
     """
-    blender, wanted = RenderCommand(tuple(command)), from_data(Finish, finish, "the finish")
-    if test is not None:
-        small = from_data(Request, test, "the request of the test image")
-        make_frames(small, dataclasses.replace(wanted, linear_exr=False), blender=blender, overwrite=True,
-                    tell=part_of(emit_told, 0.0, TEST_FRACTION, "test"))
-        if test_views:
-            decode(small.output, test_views)
-        emit_told(Notice("test-made", {"folder": small.output}))
-    made = make_frames(from_data(Request, request, "the request"), wanted, frames, blender=blender,
-                       overwrite=overwrite or frames is None, lenient=True,
-                       tell=emit_told if test is None else part_of(emit_told, TEST_FRACTION, 1.0))
+    made = make_frames(from_data(Request, request, "the request"), from_data(Finish, finish, "the finish"), frames,
+                       blender=RenderCommand(tuple(command)), overwrite=overwrite or frames is None, lenient=True,
+                       tell=emit_told)
     if views and made[-1].state != FAILED and not FrameFolder(made[-1].folder).rendered.subpixels:
         decode(made[-1].folder, views)
     return {"made": [to_data(result) for result in made]}
-
-
-def part_of(tell: Tell, begin: float, end: float, stage: str = "") -> Tell:
-    """Return what tells progress as that of a part of the work; ``stage``: its name in place of those of the work."""
-    def told(one: Progress | Notice) -> None:
-        if isinstance(one, Progress):
-            one = dataclasses.replace(one, fraction=begin + (end - begin) * one.fraction, stage=stage or one.stage,
-                                      left=None if stage else one.left)
-        tell(one)
-    return told
 
 
 def reference(request: dict[str, Any], output: str, lenses: int, samples: int, command: list[str]) -> dict[str, Any]:

@@ -81,7 +81,7 @@ EXAMPLES = {
     "views-nearest": ({}, "not interpolated"),
     "world-inside": ({"reason": "volume"}, "the world has a volume"),
 }
-UNSHOWN = {"first-guess", "test-made"}  # notices that a program acts on
+UNSHOWN = {"first-guess", "first-view"}  # notices that a program acts on
 
 
 def raised() -> set[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +18,7 @@ from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
 from lfsr_core.frames.request import Finish
 from lfsr_core.reconstruct.methods import AS_RENDERED, MENU, MORE, SUBPIXEL_METHODS, MethodName
 
-from ...jobs import asked, denoiser, preview, session, show_image
+from ...jobs import asked, denoiser, preview, runtime, session, show_image
 from ...jobs.task import Job
 from ...scene import folders
 from ...scene import settings as scene_settings
@@ -30,7 +29,7 @@ from ...scene.words import counted
 from . import check
 from .base import Question, Result, TaskOperator, add_missing_array
 
-TEST_IMAGE = "This is a test image with fewer lenses and views. The full one follows; cancel if this looks wrong"
+FIRST_VIEW = "A first view from the middle, with few rays. The image follows; cancel if this looks wrong"
 
 
 class Mends:
@@ -62,16 +61,16 @@ class LFSR_OT_render_eia(Mends, TaskOperator, bpy.types.Operator):
         """Ask before another scene's image is overwritten, where the method cannot run, and on what is left out."""
         return _asked(context.scene, (context.scene.frame_current,))
 
-    wants_test = False
+    shows_first = False
 
     def start(self, context: bpy.types.Context) -> Result:
-        """Start it with a test image, where the first image takes long."""
-        self.wants_test = True
+        """Start it with a first view."""
+        self.shows_first = True
         return super().start(context)
 
     def prepare(self, context: bpy.types.Context) -> Job:
         """Render one frame, then show its image. A scene without a camera array gets one."""
-        return image_job(context.scene, self.wants_test)
+        return image_job(context.scene, self.shows_first)
 
 
 class LFSR_OT_render_animation(Mends, TaskOperator, bpy.types.Operator):
@@ -187,25 +186,24 @@ class LFSR_OT_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def image_job(scene: bpy.types.Scene, wants_test: bool = False) -> Job:
-    """Return the job that renders the current frame and shows it; LfsrError where it cannot be rendered."""
+def image_job(scene: bpy.types.Scene, shows_first: bool = False) -> Job:
+    """Return the job that renders the current frame and shows it; LfsrError where it cannot be rendered.
+
+    ``shows_first``: a rough view of its middle, before the image is rendered.
+    """
     folders.try_output(scene)
     add_missing_array(scene)
     request, finish = asked.asked(scene)
     finish = dataclasses.replace(finish, temporal_averaging=0)  # only an animation has neighbouring frames
-    folder, name, state = Path(request.output), scene.name_full, bpy.context.window_manager.lfsr
-    test_name = f"{folder.parent} {request.display.name}"
-    is_seen = (folder / EIA_FILE).is_file() or state.test_shown == test_name
-    is_long = (asked.expected_seconds(scene) or math.inf) > check.LONG
-    small = asked.test_request(scene, request) if wants_test and is_long and not is_seen else None
+    folder, name = Path(request.output), scene.name_full
+    if shows_first:
+        request = dataclasses.replace(request, first_view=str(runtime.temporary("first", folder).with_suffix(".npy")))
 
     def notice(told: Notice) -> bool:
-        if told.code == "test-made":
-            show_image_of(name, Path(told.values["folder"]))
-            state = bpy.context.window_manager.lfsr
-            state.test_shown, state.outcome_folder = test_name, ""  # that one is temporary
-            session.say(TEST_IMAGE)
-        return told.code == "test-made"
+        if told.code == "first-view":
+            _show_view(name, Path(told.values["path"]))
+            session.say(FIRST_VIEW)
+        return told.code == "first-view"
 
     def ended(_result: dict[str, Any]) -> None:
         show_image_of(name, folder)
@@ -213,9 +211,8 @@ def image_job(scene: bpy.types.Scene, wants_test: bool = False) -> Job:
             edit.remove_planes(rendered)  # of an array that was deleted meanwhile
         asked.learn(name, FrameFolder(folder).rendered)
 
-    test = {"test": small, "test_views": str(asked.views_file(Path(small.output)))} if small else {}
     return Job("make", {"request": request, "finish": finish, "overwrite": True,
-                        "views": str(asked.views_file(folder))} | test,
+                        "views": str(asked.views_file(folder))},
                ended, notice, folder, kept=functools.partial(asked.kept, folder))
 
 

@@ -1,12 +1,17 @@
 """A reference is two halves with independent noise."""
 
+import dataclasses
+
 import bpy
 import numpy as np
 import pytest
 
 from blender_addon.render import frame_folder
+from lfsr_core.base.notices import Notice
 from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.views import read_views
 from lfsr_core.images import exr
+from lfsr_core.pipeline.make import finish_frame
 from tests.support.requests import make_request
 from tests.support.scenes import MINI
 
@@ -77,6 +82,25 @@ def test_halves_share_the_samples_and_are_not_clamped(lit, tmp_path):
     seen = [each for each in seen if each[0] != frame_folder.LIGHT_SAMPLES]
     assert [each[:2] for each in seen] == [(1, 10.0), (3, 0.0), (2, 0.0), (1, 3.0)]
     assert len({seed for _, _, seed in seen[:3]}) == 3
+
+
+@pytest.mark.parametrize("world_visible", [False, True])
+def test_the_first_view_is_the_middle_of_the_image_which_keeps_its_bytes(lit, tmp_path, world_visible):
+    first, told = tmp_path / "first.npy", []
+    options = {"samples": 64, "scale": 1, "world_visible": world_visible}
+    request = make_request(str(tmp_path / "with"), MINI, **options)
+    frame_folder.render_job(lit, dataclasses.replace(request, first_view=str(first)), tell=told.append)
+    assert Notice("first-view", {"path": str(first)}) in told
+    without = rendered(lit, tmp_path / "without", **options)["lr_eia"]
+    np.testing.assert_array_equal(exr.read_layers(tmp_path / "with" / "lr_eia.exr")["color"][..., :3], without)
+    view = np.load(first)
+    assert view.dtype == np.uint8 and view.shape == (1, 1, MINI.lenses[1], MINI.lenses[0], 3)
+    finish_frame(tmp_path / "with", "none")
+    views = read_views(tmp_path / "with").astype(float)
+    middle = views[3:5, 3:5].mean((0, 1))
+    border = views[0, 0]
+    error = [np.abs(view[0, 0] - other).mean() for other in (middle, border)]
+    assert error[0] < 8 and error[0] < error[1] / 2
 
 
 @pytest.mark.parametrize("layout", ["one-pass", "view-by-view"])

@@ -131,14 +131,14 @@ def test_what_was_imported_is_mended_with_a_second_press(window):
     assert np.linalg.norm(np.subtract(place, (30, 20, 0))) < 0.2, "the array stands before it"
 
 
-def test_an_image_that_takes_long_begins_with_a_test_image(window):
+def test_an_image_begins_with_a_first_view(window):
     window.run("bpy.ops.wm.read_homefile(app_template='')")
     window.run("bpy.context.scene.lfsr.method, bpy.context.scene.lfsr.display = 'bilinear', 'bupt-32in-8k'")
-    window.run("bpy.context.scene.lfsr.rays = 64; addon.jobs.runtime.preferences_of_addon().seconds_per_path = 0")
+    window.run("bpy.context.scene.lfsr.rays = 64; addon.jobs.preview.forget()")
     assert window.get(PRESS) == ["FINISHED"]
-    window.until(f"{TASK} is None or {STATE}.test_shown", SECONDS_TO_RENDER)
-    assert "is a test image" in window.get(f"{STATE}.message") and window.get(TASK + " is not None")
-    window.screenshot("test-image")
+    window.until(f"{TASK} is None or addon.jobs.preview.icon(bpy.context.scene)", SECONDS_TO_RENDER)
+    assert "first view" in window.get(f"{STATE}.message") and window.get(TASK + " is not None")
+    window.screenshot("first-view")
     assert window.run(VIEW)["brightest"] > 0.2
     window.run("bpy.ops.lfsr.cancel()")
 

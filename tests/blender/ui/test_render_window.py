@@ -57,7 +57,7 @@ def test_the_search_finds_the_render_and_it_says_how_long_it_takes(window):
 def test_a_cancel_says_how_to_go_on(window):
     window.run("bpy.ops.lfsr.cancel()")
     assert window.get(f"{STATE}.message").startswith("Cancelled") and not window.get(f"{STATE}.message_is_error")
-    window.close_others()  # the test image's
+    window.close_others()
     window.scroll_down()
     window.screenshot("cancelled")
 
