@@ -32,8 +32,9 @@ MINI, DEEP = load_display("mini"), Notice("scale-unseen", {"scale": 2})
 JOB = make_request("out", MINI, scene="s.blend", kind="reference", scale=2, samples=9, layers=("albedo",),
                    layout="view-by-view", convention="paper", view_aperture=0.5, seed=5, frame=3, subject="Things",
                    lens_list=((1, 2), (3, 4)), device="OPTIX", clamp_indirect=0.0, world_visible=True,
-                   scene_name="Set", first_view="first.npy", parts="kept", source="../shot.blend", camera="Camera", scales=(4, 2),
-                   frames=(1, 9), rays=2.5, reason=DEEP, world="world.exr", light="night", allow_missing=True)
+                   scene_name="Set", first_view="first.npy", parts="kept", source="../shot.blend", camera="Camera",
+                   scales=(4, 2), frames=(1, 9), rays=2.5, reason=DEEP, world="world.exr", light="night",
+                   allow_missing=True)
 
 
 @pytest.mark.skipif(os.sep == "\\", reason="it separates folders there")
