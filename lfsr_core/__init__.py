@@ -30,7 +30,7 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.frames.request import Finish, Report, Request, Sampling
     from lfsr_core.frames.views import eia_to_views, views_to_eia, write_views
     from lfsr_core.images.png import read_png, write_png
-    from lfsr_core.metrics.compare import Metrics, compare_folders
+    from lfsr_core.metrics.eia_metrics import Metrics, compare_folders
     from lfsr_core.optics.display import DisplayProfile, load_display
     from lfsr_core.optics.eye import eye_view
     from lfsr_core.optics.rays import CameraArray, RayLayout
@@ -50,6 +50,7 @@ __all__ = [
 ]
 
 _MODULES = {
+    "metrics.eia_metrics": "Metrics compare_folders",
     "api": "RenderedFrame render",
     "base.errors": "LfsrError",
     "base.notices": "Notice Progress",
@@ -63,7 +64,6 @@ _MODULES = {
     "frames.request": "Finish Report Request Sampling",
     "frames.views": "eia_to_views views_to_eia write_views",
     "images.png": "read_png write_png",
-    "metrics.compare": "Metrics compare_folders",
     "optics.display": "DisplayProfile load_display",
     "optics.eye": "eye_view",
     "optics.rays": "CameraArray RayLayout",

@@ -36,7 +36,7 @@ from lfsr_core.frames.request import (
 from lfsr_core.frames.views import read_views
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import encode_png, read_png
-from lfsr_core.metrics.compare import Metrics, compare_folders
+from lfsr_core.metrics.eia_metrics import Metrics, compare_folders
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eia import from_elemental_images
 from lfsr_core.optics.eye import eye_view

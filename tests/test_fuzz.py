@@ -24,7 +24,7 @@ from lfsr_core.base.records import to_data
 from lfsr_core.calibration.makers import profile_from_calibration, read_calibration
 from lfsr_core.calibration.photograph import read_photograph
 from lfsr_core.exports import films
-from lfsr_core.exports.sources import quilt_of, read_film, read_quilt
+from lfsr_core.exports.importing import quilt_of, read_film, read_quilt
 from lfsr_core.frames.frame import FRAME_FILE, REPORT_FILE, read_frame
 from lfsr_core.frames.low_res import foreground_mask, low_resolution
 from lfsr_core.frames.request import Finish, Report, read_report, read_request, write_report

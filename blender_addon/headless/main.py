@@ -23,7 +23,7 @@ from lfsr_core.frames.folder import PLACES, digest, request_facts, scene_stamp
 from lfsr_core.frames.request import Request, read_request
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.parts import remove_others
-from lfsr_core.process.protocol import (
+from lfsr_core.process.child import (
     ENDS_WITH_INPUT,
     EXIT_BAD_INPUT,
     EXIT_CANCELLED,

@@ -17,8 +17,8 @@ from lfsr_core.frames.frame import EIA_FILE, Frame
 from lfsr_core.frames.request import Finish, Request, samples_at, spread
 from lfsr_core.optics.panel.subpixel_rays import rendered_size
 from lfsr_core.pipeline.parts import has_parts
+from lfsr_core.plan.options import Measured
 from lfsr_core.reconstruct.methods import MethodName, seconds
-from lfsr_core.tasks.estimate import Measured
 
 from ..scene import folders
 from ..scene import settings as scene_settings

@@ -16,8 +16,7 @@ import bpy
 
 from lfsr_core.base.cores import CORES
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.process.child import PACKAGES
-from lfsr_core.process.protocol import BLENDER_FOLDER
+from lfsr_core.process.child import BLENDER_FOLDER, PACKAGES
 from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
 
 PACKAGE = __package__.rpartition(".")[0]  # the add-on, under the name that Blender gave it

@@ -35,8 +35,7 @@ from lfsr_core.base.records import to_data
 from lfsr_core.frames.folder import FrameFolder, digest
 from lfsr_core.frames.request import Request
 from lfsr_core.pipeline.parts import has_parts
-from lfsr_core.process.child import Child
-from lfsr_core.process.protocol import told_of
+from lfsr_core.process.child import Child, told_of
 
 from ..scene import folders
 from ..scene.overrides import overridden

@@ -146,7 +146,7 @@ def _at_frame(path: Path, user: bpy.types.ImageUser, frame: int) -> Path:
 
 def _is_damaged_inside(item: bpy.types.ID) -> bool:
     """True if Blender cannot read what is packed, or what nobody else knows to read."""
-    from lfsr_core.images.source import readable_suffixes
+    from lfsr_core.images.png import readable_suffixes
 
     if item.id_type == "VOLUME":
         grids = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).grids
@@ -168,7 +168,7 @@ def _is_damaged_inside(item: bpy.types.ID) -> bool:
 @functools.cache
 def _is_damaged(path: str, _stamp: str) -> bool:
     """True if a file does not hold what its suffix says; other files and folders are left to Blender."""
-    from lfsr_core.images.source import readable_suffixes, why_unreadable  # needs what the panel does without
+    from lfsr_core.images.png import readable_suffixes, why_unreadable  # needs what the panel does without
 
     suffix = Path(path).suffix.lower()
     if not Path(path).is_file():

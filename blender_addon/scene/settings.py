@@ -26,7 +26,7 @@ from lfsr_core.frames.request import (
     scales_up_to,
     usual_rays,
 )
-from lfsr_core.images.color_settings import ColorSettings
+from lfsr_core.images.color import ColorSettings
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.reconstruct.methods import AS_RENDERED, DEFAULT_METHOD, MENU, MORE, SUBPIXEL_METHODS, MethodName
 

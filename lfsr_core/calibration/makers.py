@@ -25,8 +25,7 @@ from typing import Any
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import MOST_JSON_BYTES, parse_json, read_bytes
 from lfsr_core.base.records import check_within
-from lfsr_core.optics.display import DisplayProfile, PanelShape, proposed_light_field
-from lfsr_core.optics.sheet import MAX_SLANT, Lenticular, Subpixels
+from lfsr_core.optics.display import MAX_SLANT, DisplayProfile, Lenticular, PanelShape, Subpixels, proposed_light_field
 
 INCH = 25.4
 # Quilt of the models with so many pixels, by whether they have cells, as those of the third generation; a 16-inch and a

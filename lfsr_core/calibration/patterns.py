@@ -16,7 +16,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.display import DisplayProfile, Lenslet, Lenticular
 from lfsr_core.optics.panel.subpixel_rays import (
     Geometry,
     elemental_lattice,
@@ -25,7 +25,6 @@ from lfsr_core.optics.panel.subpixel_rays import (
     subpixel_places,
     subpixel_rays,
 )
-from lfsr_core.optics.sheet import Lenslet, Lenticular
 
 PATTERNS = ("phase", "lens", "band", "rgb", "grid")
 LENS_STEP = 8

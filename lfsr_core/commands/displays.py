@@ -49,7 +49,7 @@ def _run(arguments: argparse.Namespace) -> Any:
     from lfsr_core.calibration.fit import calibrate
     from lfsr_core.calibration.makers import profile_from_calibration, profile_of_c1, read_calibration
     from lfsr_core.calibration.patterns import pattern
-    from lfsr_core.exports.bridge import Bridge, chosen
+    from lfsr_core.exports.show import Bridge, chosen
     from lfsr_core.images.png import write_png
 
     output = arguments.output

@@ -85,8 +85,7 @@ def _add_import_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _import(arguments: argparse.Namespace) -> Any:
     """Import; finish the frame if there is nothing to upscale; print the next command."""
-    from lfsr_core.exports.importing import ImportGeometry, import_film, import_quilt, import_views
-    from lfsr_core.exports.sources import is_film, quilt_of
+    from lfsr_core.exports.importing import ImportGeometry, import_film, import_quilt, import_views, is_film, quilt_of
     from lfsr_core.optics.display import load_display
     from lfsr_core.pipeline.make import finish_frame
 

@@ -15,8 +15,7 @@ from lfsr_core.frames.request import Sampling
 
 if TYPE_CHECKING:
     from lfsr_core.optics.display import DisplayProfile
-    from lfsr_core.plan.choose import Choice, Rated
-    from lfsr_core.plan.options import Candidate, PlanOptions
+    from lfsr_core.plan.options import Candidate, Choice, PlanOptions, Rated
     from lfsr_core.plan.planner import Planned
 
 OPTIONS = ("target", "metric", "scales", "samples", "rays", "methods", "most_seconds", "budget", "lenses",

@@ -20,7 +20,7 @@ from lfsr_core.frames.request import Sampling
 from lfsr_core.optics.lenses import check_count, choose_lenses
 
 if TYPE_CHECKING:
-    from lfsr_core.metrics.compare import Metrics
+    from lfsr_core.metrics.eia_metrics import Metrics
 
 DEFAULT_SAMPLES = 1024
 SCALE_FOR_MASK, SAMPLES_FOR_MASK = 4, 4
@@ -86,7 +86,7 @@ def _add_compare_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _compare(arguments: argparse.Namespace) -> Any:
     """Compare and print."""
-    from lfsr_core.metrics.compare import compare_folders
+    from lfsr_core.metrics.eia_metrics import compare_folders
 
     metrics = compare_folders(arguments.folder, arguments.reference)
     print("\n".join(table(metrics)))

@@ -69,7 +69,7 @@ def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _render(arguments: argparse.Namespace) -> Any:
     """Make one image or an animation, and print what was made."""
-    from lfsr_core.metrics.compare import compare_with_reference
+    from lfsr_core.metrics.eia_metrics import compare_with_reference
     from lfsr_core.pipeline.make import FAILED, make
     from lfsr_core.reconstruct.methods import MethodName
 

@@ -1,13 +1,17 @@
-"""Import the views of other programs or cameras: a folder of views, a quilt or a film of quilts."""
+"""Import the views of other programs or cameras: a folder of views, by their names, a quilt or a film of quilts."""
 
 from __future__ import annotations
 
 import configparser
 import dataclasses
+import itertools
 import math
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
@@ -16,8 +20,7 @@ from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.base.records import check_within
 from lfsr_core.exports.folders import PARAMETERS_FILE
 from lfsr_core.exports.light_field import resized, view_between
-from lfsr_core.exports.options import Pair, without_suffix
-from lfsr_core.exports.sources import Quilt, Source, find_views, read_film, read_quilt, read_views
+from lfsr_core.exports.options import Pair, read_quilt_name, usual_aspect, without_suffix
 from lfsr_core.frames.folder import DERIVED_FILES, FrameFolder
 from lfsr_core.frames.frame import (
     EIA_FILE,
@@ -28,9 +31,10 @@ from lfsr_core.frames.frame import (
     read_frame,
     write_frame,
 )
+from lfsr_core.images.color import srgb_decode
 from lfsr_core.images.exr import write_layers
-from lfsr_core.images.srgb import srgb_decode
-from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.images.png import opened
+from lfsr_core.optics.display import MAX_PIXELS, DisplayProfile
 from lfsr_core.optics.eia import from_views
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.pipeline.make import finish_frame
@@ -40,6 +44,241 @@ MOST_SCALE = 10
 SAMPLES = 1024  # per pixel, like a render almost without noise
 IDENTITY = tuple(tuple(float(row == column) for column in range(4)) for row in range(4))
 MOST_PARAMETER_BYTES = 100_000
+MOST_CAMERAS = 65536
+MOST_BYTES = 2**35  # of all views together
+SEPARATOR, ENDING = "[-_. x]", r"\.(?:png|jpe?g|ppm|tiff?)"
+Place = tuple[int, int]  # row from the top, column from the left
+# FFmpeg's readers by the ending of a film's name; without one it would also follow playlists to other files.
+FILMS = {".mp4": "mov", ".mov": "mov", ".m4v": "mov", ".mkv": "matroska", ".webm": "matroska", ".avi": "avi"}
+MOST_SIDE, LEAST_TILE = 16384, 2  # pixels; no program takes more
+BT709, UNKNOWN = "ITU709", 2  # a film's colour matrix, and FFmpeg's number for one that it does not say
+HIGH_DEFINITION = 720  # rows from which films without a word on it have BT.709
+
+
+@dataclasses.dataclass(frozen=True)
+class Source:
+    """Views of others, and how they were taken."""
+
+    views: Array  # (rows, columns, height, width, 3) uint8, row 0 the topmost cameras, column 0 the leftmost
+    aspect: float  # width / height of the picture, whose pixels need not be square
+    # whether neighbouring cameras differ by one angle, as in quilts; else by one distance
+    equal_angles: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class ViewFiles:
+    """A full grid of view files of one size."""
+
+    paths: tuple[tuple[Path, ...], ...]  # rows from the topmost cameras, each from the left
+    size: tuple[int, int]  # (width, height) of every view
+
+    @property
+    def count(self) -> tuple[int, int]:
+        """Cameras (across, down)."""
+        return len(self.paths[0]), len(self.paths)
+
+    def square(self, tell: Tell = silent) -> ViewFiles:
+        """A single row, or the cameras in the middle, as many down as across; LfsrError for a single column or view."""
+        across, down = self.count
+        least = min(across, down)
+        if across == 1:
+            raise LfsrError(f"the folder has {across}×{down} cameras, but a display needs at least two beside each "
+                            "other: check the names")
+        if down in (across, 1):
+            return self
+        top, left = (down - least) // 2, (across - least) // 2
+        paths = tuple(row[left:left + least] for row in self.paths[top:top + least])
+        tell(Notice("cameras-cut", {"side": least, "across": across, "down": down}))
+        return dataclasses.replace(self, paths=paths)
+
+
+def find_views(folder: Path, columns: int | None = None) -> ViewFiles:
+    """Find the views in a folder by their names; LfsrError where one is missing or differs in size.
+
+    ``columns``: cameras across, for names that are mere numbers; None: as many as down.
+    """
+    if not folder.is_dir():
+        raise LfsrError(f"{folder} is no folder, expected one of views: check the path")
+    names = sorted(path.name for path in folder.iterdir())
+    places = _places(names, columns)
+    if not places:
+        raise LfsrError(f"{folder} has no views with known names, such as input_Cam000.png (HCI), "
+                        "out_00_00_-1.5_2.5_.png (Stanford), 000_000.ppm (JPEG Pleno) or view_000_000.png (a title, "
+                        "row and column): rename them")
+    down, across = (range(min(numbers), max(numbers) + 1) for numbers in zip(*places, strict=True))
+    if len(down) * len(across) > MOST_CAMERAS:
+        raise LfsrError(f"{folder} names {len(across)}×{len(down)} cameras, more than {MOST_CAMERAS}: check the names")
+    for row, column in itertools.product(down, across):
+        if (row, column) not in places:
+            raise LfsrError(f"{folder} has {len(places)} views, but the one in row {row}, column {column} of "
+                            f"{len(down)} rows of {len(across)} is missing (another is {min(places.values())}): add "
+                            "it, or remove its whole row or column")
+    paths = tuple(tuple(folder / places[row, column] for column in across) for row in down)
+    first = image_size(paths[0][0])  # from the header
+    for path in itertools.chain(*paths):
+        if (size := image_size(path)) != first:
+            raise LfsrError(f"{path.name} has {size[0]}×{size[1]} pixels, but {paths[0][0].name} has "
+                            f"{first[0]}×{first[1]}: all views must have one size")
+    if max(first) > MAX_PIXELS or first[0] * first[1] * len(paths) * len(paths[0]) * 3 > MOST_BYTES:
+        raise LfsrError(f"{len(paths[0])}×{len(paths)} views of {first[0]}×{first[1]} pixels are too many to import: "
+                        "make them smaller")
+    return ViewFiles(paths, first)
+
+
+def read_views(files: ViewFiles, tell: Tell = silent) -> Array:
+    """Views (rows, columns, height, width, 3) uint8 display values."""
+    (across, down), (width, height) = files.count, files.size
+    views = np.empty((down, across, height, width, 3), np.uint8)
+    for row, paths in enumerate(files.paths):
+        tell(Progress("import", row / down, paths[0].name))
+        for column, path in enumerate(paths):
+            views[row, column] = read_image(path)
+    return views
+
+
+def _places(names: list[str], columns: int | None) -> dict[Place, str]:
+    """Names of views by their places, by the first convention that any name follows.
+
+    LfsrError where two have the same place.
+    """
+    def matching(pattern: str) -> list[tuple[re.Match[str], str]]:
+        whole = re.compile(pattern + ENDING, re.IGNORECASE)
+        return [(match, name) for name in names if (match := whole.fullmatch(name))]
+
+    found: list[tuple[Place, str]] = []
+    pair = rf"(\d+){SEPARATOR}(\d+)"
+    if hci := matching(r"input_cam(\d+)"):
+        numbers = [int(match[1]) for match, _ in hci]
+        columns = columns or math.ceil(math.sqrt(max(numbers) + 1))
+        found = [(divmod(number, columns), name) for number, (_, name) in zip(numbers, hci, strict=True)]
+    elif stanford := matching(r".*?_?(\d+)_(\d+)_(-?\d+(?:\.\d+)?)_(-?\d+(?:\.\d+)?)_?"):
+        axes = np.array([[float(match[group]) for group in (1, 2, 3, 4)] for match, _ in stanford]).T
+        for counted, coordinates in ((axes[0], axes[2]), (axes[1], axes[3])):
+            # From 0, reversed where the coordinates in the names fall as these rise.
+            falls = np.dot(counted - counted.mean(), coordinates - coordinates.mean()) < 0
+            counted[:] = counted.max() - counted if falls else counted - counted.min()
+        found = [((int(row), int(column)), name) for row, column, (_, name) in zip(*axes[:2], stanford, strict=True)]
+    elif pleno := matching(pair):  # by column and row
+        found = [((int(match[2]), int(match[1])), name) for match, name in pleno]
+    else:  # by a title, row and column, as our exports are
+        found = [((int(match[1]), int(match[2])), name) for match, name in matching(rf".*\D{pair}")]
+    places: dict[Place, str] = {}
+    for place, name in found:
+        if place in places:
+            raise LfsrError(f"{places[place]} and {name} belong to the same camera: remove one")
+        places[place] = name
+    return places
+
+
+def image_size(path: Path) -> tuple[int, int]:
+    with opened(path) as source:
+        if source is None:
+            oiio.geterror()
+            raise LfsrError(f"{path} is no readable image: replace it")
+        return source.spec().width, source.spec().height
+
+
+def read_image(path: Path) -> Array:
+    """(height, width, 3) uint8."""
+    with opened(path) as source:
+        pixels = source.read_image("uint8") if source else None
+        # A JPEG that was cut short is read, its rest grey. Extraneous bytes, which some cameras write, change nothing.
+        if source and source.has_error and "extraneous" not in source.geterror():
+            pixels = None
+    if pixels is None:
+        oiio.geterror()
+        raise LfsrError(f"{path} is damaged: replace it")
+    pixels = np.asarray(pixels).reshape(*pixels.shape[:2], -1)
+    return pixels[..., :3] if pixels.shape[2] >= 3 else pixels[..., :1].repeat(3, axis=2)
+
+
+@dataclasses.dataclass(frozen=True)
+class Quilt:
+    """How to read a quilt."""
+
+    grid: tuple[int, int]  # tiles across and down
+    aspect: float  # of the picture, width / height
+    top_first: bool = False  # whether tile 0 is at the top left, as in quilts for CubeVi's display
+    assumed: Notice | None = None  # that its name had no aspect ratio
+
+
+def is_film(path: Path) -> bool:
+    """Whether a file's name is that of a film."""
+    return path.suffix.lower() in FILMS
+
+
+def quilt_of(path: Path, shape: str | None = None, top_first: bool = False) -> Quilt:
+    """How to read the quilt in ``path``, by ``shape``, as 8x6 or 8x6a0.75, else by its name; LfsrError for neither."""
+    said = read_quilt_name(f"_qs{shape}" if shape is not None else path.stem)
+    if said is None or (shape is not None and not re.fullmatch(r"[\dxa.]+", shape, re.IGNORECASE)):
+        if shape is not None:
+            raise LfsrError(f"quilt is {shape[:30]!r}, but it must be tiles across and down, and perhaps the aspect "
+                            "ratio, as 8x6 or 8x6a0.75")
+        raise LfsrError(f"the name {path.name} does not say how many tiles the quilt has, as name_qs8x6a0.75.png does: "
+                        "give --quilt, as 8x6 or 8x6a0.75")
+    if said.grid[0] * said.grid[1] < 2:
+        raise LfsrError(f"a quilt of {said.grid[0]}x{said.grid[1]} tiles has no two views: give --quilt, as 8x6")
+    named = read_quilt_name(path.stem)
+    aspect = said.aspect or (named.aspect if named else None)
+    if aspect is not None:
+        return Quilt(said.grid, aspect, top_first)
+    aspect, (across, down) = usual_aspect(said.grid), said.grid
+    if aspect is None:
+        raise LfsrError(f"the aspect ratio of a quilt of {across}x{down} tiles is not known: give --quilt with it, as "
+                        f"{across}x{down}a0.75")
+    return Quilt(said.grid, aspect, top_first,
+                 Notice("aspect-assumed", {"across": across, "down": down, "aspect": aspect}))
+
+
+def read_quilt(path: Path, quilt: Quilt) -> Source:
+    """Views of a quilt that is an image; LfsrError where it cannot be read or is too large or too small."""
+    _check_quilt(path, image_size(path), quilt)
+    return Source(_tiles(read_image(path), quilt), quilt.aspect, equal_angles=True)
+
+
+def read_film(path: Path, quilt: Quilt) -> Iterator[tuple[Source, int]]:
+    """Views of each frame of a film of quilts, and the film's number of frames, 0 if not known; LfsrError as above."""
+    try:
+        import av
+    except ImportError:
+        raise LfsrError("films need the package av, which this Python lacks: pip install 'lfsr[video]', or import "
+                        "single images") from None
+    try:
+        with av.open(str(path), format=FILMS[path.suffix.lower()], metadata_errors="replace") as film:
+            stream = next((stream for stream in film.streams.video if stream.codec_context), None)
+            if stream is None:
+                raise LfsrError(f"{path} has no images that can be read: give a film of quilts")
+            _check_quilt(path, (stream.width, stream.height), quilt)
+            for frame in film.decode(stream):
+                _check_quilt(path, (frame.width, frame.height), quilt)
+                matrix = BT709 if frame.colorspace == UNKNOWN and frame.height >= HIGH_DEFINITION else None
+                pixels = frame.reformat(format="rgb24", src_colorspace=matrix).to_ndarray()
+                yield Source(_tiles(pixels, quilt), quilt.aspect, equal_angles=True), stream.frames
+    except av.FFmpegError as error:
+        raise LfsrError(f"{path} is no readable film ({error.strerror}): replace it") from None
+
+
+def _check_quilt(path: Path, size: tuple[int, int], quilt: Quilt) -> None:
+    if max(size) > MOST_SIDE:
+        raise LfsrError(f"{path} has {size[0]}×{size[1]} pixels, but a quilt has at most {MOST_SIDE} a side: make it "
+                        "smaller")
+    if any(pixels < LEAST_TILE * tiles for pixels, tiles in zip(size, quilt.grid, strict=True)):
+        raise LfsrError(f"{path} has {size[0]}×{size[1]} pixels, too few for {quilt.grid[0]}x{quilt.grid[1]} tiles: "
+                        "give the right --quilt")
+
+
+def _tiles(pixels: Array, quilt: Quilt) -> Array:
+    """Views (1, n, height, width, 3), the leftmost first, of a quilt (H, W, 3) uint8.
+
+    Where the grid does not divide the size, tiles begin at the nearest pixel.
+    """
+    (columns, rows), (high, wide) = quilt.grid, pixels.shape[:2]
+    width, height = wide // columns, high // rows
+    left = [min(round(column * wide / columns), wide - width) for column in range(columns)]
+    top = [min(round(row * high / rows), high - height) for row in range(rows)]
+    lines = top if quilt.top_first else top[::-1]
+    views: Array = np.stack([pixels[y:y + height, x:x + width] for y in lines for x in left])[None]
+    return views
 
 
 @dataclasses.dataclass(frozen=True)

@@ -24,8 +24,7 @@ from lfsr_core.base.files import atomic_path
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.frames.folder import frame_folders, one_display
 from lfsr_core.frames.frame import EIA_FILE, VIEWER_FILE, read_frame
-from lfsr_core.images.png import read_png
-from lfsr_core.images.source import opened
+from lfsr_core.images.png import opened, read_png
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.eye import gap_mm

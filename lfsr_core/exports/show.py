@@ -5,22 +5,171 @@ from __future__ import annotations
 import dataclasses
 import html
 import json
-from collections.abc import Sequence
+import secrets
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, cache_folder
+from lfsr_core.base.files import atomic_path, cache_folder, parse_json
 from lfsr_core.base.notices import Tell, silent
-from lfsr_core.exports.bridge import Bridge, Device, Quilt, chosen
+from lfsr_core.calibration.makers import Calibration, calibration_of
+from lfsr_core.exports import loopback
 from lfsr_core.exports.formats import export
+from lfsr_core.exports.loopback import PROGRAM
 from lfsr_core.exports.options import ExportOptions, read_quilt_name
 from lfsr_core.frames.folder import frame_folders
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
-from lfsr_core.images.source import opened
+from lfsr_core.images.png import opened
 
 SCREEN = "screen"  # instead of a display's name: full screen, without Bridge
 PAGE, TEMPLATE = "show.html", Path(__file__).with_name("screen.html")
 FILMS = (".mp4", ".webm", ".mov", ".avi")
+Call = Callable[[str, dict[str, Any]], Any]
+DONE = ("Completion", "Pending")
+MONITOR = "thirdparty"  # hardware of a display without lenses
+STILL_MS = 20_000  # the playlist of one image begins again then
+MOST_SIDE = 16384  # pixels of a quilt
+SAME_ASPECT = 0.02  # within which two proportions are the same
+
+
+@dataclasses.dataclass(frozen=True)
+class Device:
+    """A display that Bridge reports; only those with lenses are kept."""
+
+    index: int  # its "head"
+    name: str  # hwid
+    hardware: str  # hardwareVersion, as "portrait"
+    corner: tuple[int, int]  # windowCoords: of the upper left corner, in pixels of the desktop
+    quilt: Mapping[str, Any]  # defaultQuilt: quiltX, quiltY, tileX, tileY, quiltAspect, as far as they are stated
+    data: Any  # calibration, as JSON data
+
+    @property
+    def shape(self) -> tuple[int, int, int, int] | None:
+        """Its quilt as of ``DisplayProfile.quilt``; None where Bridge does not state a possible one."""
+        stated = [self.quilt.get(name) for name in ("tileX", "tileY", "quiltX", "quiltY")]
+        numbers = [int(number) for number in stated if isinstance(number, (int, float)) and 1 <= number <= MOST_SIDE]
+        if len(numbers) < len(stated):
+            return None
+        columns, rows, width, height = numbers
+        return (columns, rows, width // columns, height // rows) if width >= columns and height >= rows else None
+
+    @property
+    def calibration(self) -> Calibration:
+        """Calibration of this unit; LfsrError if Bridge has none or a wrong one."""
+        return calibration_of(self.data, f"the calibration of display {self.name!r} in Bridge")
+
+
+@dataclasses.dataclass(frozen=True)
+class Quilt:
+    """A file that holds a quilt, or a film of quilts."""
+
+    path: Path
+    grid: tuple[int, int]  # columns and rows
+    aspect: float | None  # width / height of a view as it is seen, None for the panel's
+
+
+class Bridge:
+    """A session with Bridge, the maker's program; LfsrError if it does not run.
+
+    Every call but the first carries the token of a session, the orchestration. An unknown endpoint is answered with
+    nothing, so each answer must say that it is done. Bridge keeps a playlist until it ends: a second one of the same
+    name would go on with the first one's quilt, and ``delete_playlist`` has hung Bridge 2.6.3. So each show fills a
+    playlist of a new name, while the last one is still shown, and plays it then, without a gap.
+    """
+
+    def __init__(self, call: Call = loopback.put) -> None:
+        self._call = call
+        token = _within(call("enter_orchestration", {"name": "default"}), "payload")
+        if not isinstance(token, str) or not token:
+            raise LfsrError(f"{PROGRAM} opened no session: update it to version 2.2 or newer")
+        self._session = {"orchestration": token}
+
+    def devices(self) -> list[Device]:
+        """Displays with lenses, by index; LfsrError if there is none."""
+        found = _within(self._put("available_output_devices"), "payload")
+        devices = []
+        for entry in found.values() if isinstance(found, dict) else ():
+            index, corner, quilt = (_within(entry, name) for name in ("index", "windowCoords", "defaultQuilt"))
+            corner, quilt = corner if isinstance(corner, dict) else {}, _parsed(quilt)
+            device = Device(index if isinstance(index, int) else -1, str(_within(entry, "hwid") or ""),
+                            str(_within(entry, "hardwareVersion") or ""), (corner.get("x", 0), corner.get("y", 0)),
+                            quilt if isinstance(quilt, dict) else {}, _parsed(_within(entry, "calibration")))
+            if device.hardware.lower() != MONITOR:
+                devices.append(device)
+        if not devices:
+            raise LfsrError(f"{PROGRAM} sees no Looking Glass: connect the display and switch it on, or end {PROGRAM} "
+                            "and start it again")
+        return sorted(devices, key=lambda device: device.index)
+
+    def play(self, quilt: Quilt, device: Device) -> None:
+        """Show a quilt, or a film of quilts over and over, instead of what is shown now."""
+        name = f"lfsr-{secrets.token_hex(8)}"
+        self._put("instance_playlist", name=name, loop=True)
+        columns, rows = quilt.grid
+        self._put("insert_playlist_entry", name=name, id=0, index=0, uri=str(quilt.path.resolve()), rows=rows,
+                  cols=columns, aspect=quilt.aspect or _aspect(device, 1.0), view_count=columns * rows, isRGBD=0,
+                  focus=0, zoom=1, crop_pos_x=0, crop_pos_y=0, tag="", durationMS=STILL_MS)
+        self._put("show_window", show_window=True, head_index=device.index)
+        self._put("play_playlist", name=name, head_index=device.index)
+
+    def _put(self, endpoint: str, **body: Any) -> Any:
+        """Answer to a call of this session; LfsrError unless it says that it is done."""
+        answer = self._call(endpoint, self._session | body)
+        status = _within(answer, "status")
+        if status is None:
+            raise LfsrError(f"{PROGRAM} answers {endpoint} with nothing: update it to version 2.2 or newer")
+        if status not in DONE:
+            message = _within(answer, "payload", "message")
+            raise LfsrError(f"{PROGRAM} refuses {endpoint} ({status}{f': {message}' if message else ''}): end other "
+                            "programs that use the display, or start it again")
+        return answer
+
+
+def chosen(devices: Sequence[Device], wanted: str | None, aspect: float | None = None) -> Device:
+    """Display of an index or name; by default the first that has the proportions, width / height, of the image.
+
+    LfsrError if there is none, or if the display that is wanted has others.
+    """
+    found = [device for device in devices if wanted is None or wanted.lower() in (str(device.index),
+                                                                                   device.name.lower())]
+    known = ", ".join(f"{device.index} ({device.name})" for device in devices)
+    if wanted is not None and len(found) > 1:
+        found = [device for device in found if wanted == str(device.index)]
+        if len(found) != 1:
+            raise LfsrError(f"{PROGRAM} has several displays called {wanted!r}: choose one of {known} by its number")
+    if not found:
+        raise LfsrError(f"display {wanted!r} is not among those of {PROGRAM}: choose one of {known}")
+    fitting = [device for device in found if aspect is None or abs(_aspect(device, aspect) / aspect - 1) <= SAME_ASPECT]
+    if not fitting:
+        raise LfsrError(f"the image is made for a panel of width / height {aspect:.3f}, but display {found[0].name!r} "
+                        f"has {_aspect(found[0], 0):.3f}: render it with that display's own profile")
+    return fitting[0]
+
+
+def _aspect(device: Device, unknown: float) -> float:
+    """Width / height of the panel; ``unknown`` where Bridge does not tell."""
+    try:
+        numbers = device.calibration.numbers
+    except LfsrError:
+        return unknown
+    return numbers["screenW"] / numbers["screenH"]
+
+
+def _within(data: Any, *names: str) -> Any:
+    """Value of a nested field, None where it is missing: Bridge wraps each in an object with the key "value"."""
+    for name in names:
+        data = data.get("value", data) if isinstance(data, dict) else None
+        data = data.get(name) if isinstance(data, dict) else None
+    return data.get("value") if isinstance(data, dict) else data
+
+
+def _parsed(text: Any) -> Any:
+    """Data of JSON text, as Bridge writes calibrations; None where it is none."""
+    try:
+        return parse_json(text.encode()) if isinstance(text, str) else text
+    except ValueError:
+        return None
 
 
 @dataclasses.dataclass(frozen=True)

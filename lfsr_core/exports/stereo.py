@@ -18,8 +18,8 @@ from lfsr_core.exports.light_field import (
     usual_width,
 )
 from lfsr_core.exports.options import ExportOptions
+from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.png import write_png
-from lfsr_core.images.srgb import srgb_decode, srgb_encode
 
 EYES_MM = 63.0
 LEAST_SPAN = 1e-6  # of disparities, in pixels per view

@@ -13,7 +13,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, write_json
 from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import from_data, to_data
-from lfsr_core.images.color_settings import ColorSettings
+from lfsr_core.images.color import ColorSettings
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lenses import check_rows, rows_text
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout, check_sheet

@@ -13,8 +13,8 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.folder import first_difference, phrases
 from lfsr_core.frames.frame import REFERENCE_FILES, Frame, read_frame
 from lfsr_core.frames.low_res import foreground_mask, over_background
+from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.exr import read_finite
-from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import to_elemental_images
 
 SAME_AS_REFERENCE = ("display", "convention", "frame", "world_visible", "light")

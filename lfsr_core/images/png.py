@@ -1,4 +1,4 @@
-"""PNG images, and an encoder that uses every core: rows are filtered and deflated in bands.
+"""Image files of 8 bits, and a PNG encoder that uses every core: rows are filtered and deflated in bands.
 
 A deflate stream can be cut at full flushes (RFC 1950, 1951), so the standard library's zlib, which
 releases the GIL, compresses bands in parallel. For the EIA of an 8K display this takes 2.4 s; OpenImageIO, on one
@@ -7,10 +7,13 @@ core, takes 6.4 s.
 
 from __future__ import annotations
 
+import functools
 import os
 import struct
 import zlib
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +22,6 @@ import OpenImageIO as oiio
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path, reading
-from lfsr_core.images.source import opened
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 BAND_ROWS = 64
@@ -27,6 +29,36 @@ MAX_SIDE, MAX_COMPRESSION = 65536, 1032  # of deflate
 CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # by colour type; a palette's index is one
 COLOR_TYPES = {1: 0, 3: 2}
 ADLER_PRIME = 65521
+
+
+@contextmanager
+def opened(path: str | Path) -> Iterator[oiio.ImageInput | None]:
+    """Open an image file inside the block; None where OpenImageIO cannot, whose ``geterror`` then says why.
+
+    A pipe, for which it would wait, is no file.
+    """
+    source = oiio.ImageInput.open(str(path)) if Path(path).is_file() else None
+    try:
+        yield source
+    finally:
+        if source is not None:
+            source.close()
+
+
+@functools.cache
+def readable_suffixes() -> frozenset[str]:
+    """Return the suffixes, without the point, of the formats that OpenImageIO reads."""
+    formats = oiio.get_string_attribute("extension_list").split(";")
+    return frozenset(suffix for each in formats for suffix in each.split(":")[1].split(","))
+
+
+def why_unreadable(path: str | Path) -> str:
+    """Return why an image file cannot be read to its end, "" if it can."""
+    with opened(path) as source:
+        if source is None:
+            return oiio.geterror() or "no file"
+        pixels = source.read_image(oiio.UNKNOWN)
+        return source.geterror() or ("no pixels" if pixels is None else "")
 
 
 def encode_png(pixels: Array) -> list[bytes]:

@@ -18,7 +18,7 @@ import PyOpenColorIO as ocio
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.notices import Notice
-from lfsr_core.images.color_settings import ColorSettings
+from lfsr_core.images.color import ColorSettings
 
 CONFIG_IN_BLENDER = "datafiles/colormanagement/config.ocio"
 NO_LOOK = ("", "None")

@@ -23,8 +23,7 @@ from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LOG_FILE, MASK_FIL
 from lfsr_core.frames.request import Finish, Report, Request, check_scene, spread, write_report
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.parts import has_parts
-from lfsr_core.process.child import Child, CrashError, Starts, find_blender
-from lfsr_core.process.protocol import RENDERED_STAGE, told_of
+from lfsr_core.process.child import RENDERED_STAGE, Child, CrashError, Starts, find_blender, told_of
 from lfsr_core.reconstruct.averaging import near
 from lfsr_core.reconstruct.methods import seconds
 from lfsr_core.reconstruct.second_stage import finish_into
@@ -132,7 +131,7 @@ def make(request: Request | Sequence[Request], finish: Finish | None = None, fra
         time_left.hear(whole, time.monotonic())
         left = time_left.left(time.monotonic())
         if frames is None:
-            tell(dataclasses.replace(told, fraction=told.fraction * (RENDER_FRACTION if finish else 1.0), left=left))
+            tell(dataclasses.replace(whole, fraction=whole.fraction * (RENDER_FRACTION if finish else 1.0), left=left))
         else:
             detail = f"frame {waiting[0].frame}, {done + 1} of {count}"
             tell(dataclasses.replace(whole, stage="frames", detail=detail, left=left))

@@ -7,44 +7,230 @@ import math
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator
+import zlib
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import LOCK_FILE, cache_folder, locks, read_json, write_json
-from lfsr_core.base.notices import Notice, Tell, silent
+from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.base.records import to_data
-from lfsr_core.frames.folder import PLACES, digest, request_facts, scene_stamp
-from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
-from lfsr_core.frames.low_res import foreground_mask
-from lfsr_core.frames.request import Request
+from lfsr_core.frames.folder import PLACES, FrameFolder, digest, request_facts, scene_stamp
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, read_frame
+from lfsr_core.frames.low_res import LowResEIA, foreground_mask, low_resolution, read_world
+from lfsr_core.frames.reference import listed_images, read_half
+from lfsr_core.frames.request import Request, Sampling
+from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.exr import read_finite
-from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.images.view_transform import extreme_tone
+from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.depth_scale import ScaleChoice
-from lfsr_core.plan.choose import Choice, Rated, choose, estimate
-from lfsr_core.plan.options import Candidate, PlanOptions, path_samples, render_seconds
-from lfsr_core.plan.sample import (
-    LEAST_LENSES,
-    Mosaic,
-    Render,
-    SampleRenders,
-    lens_count,
-    paths_per_lens,
-    reach,
-    sampled_lenses,
-    scores,
-    with_neighbours,
-)
+from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.lenses import systematic_sample
+from lfsr_core.plan.options import Candidate, Choice, PlanOptions, Rated, choose, estimate, path_samples, render_seconds
 from lfsr_core.reconstruct.methods import seconds as finish_seconds
+from lfsr_core.reconstruct.second_stage import finished_lenses
 from lfsr_core.version import __version__
 
 SAMPLE_FILE = "sample.json"
 SECONDS_CACHED = 24 * 3600  # changes of textures and linked files are not noticed, so old renders are not reused
+CONTEXT = 16  # low-resolution pixels around a sampled lens that a denoiser should see
+WIDE_ENOUGH = 32  # pixels across an elemental image that needs no neighbours: most of it is far from the border
+MOST_REACH = 2  # lenses on each side; more neighbours would cost more than the lens
+REACH_IN_A_VIEW = 4  # for displays with parallax along one axis, whose elemental images are one pixel high
+LEAST_LENSES, USUAL_LENSES = 12, 48
+QUICK_SCALE, QUICK_SAMPLES = 4, 4
+REFERENCE_PARTS = 2  # renders of two independent halves each: four quarters
+CORRECTED = 0.5  # fraction of the loss by the reference's remaining noise that is added to the metric
+
+Lens = tuple[int, int]
+Quarters = Sequence[Array]  # four independent renders of the sampled lenses (n, py, px, 3), scene-linear
+Render = Callable[[Request, Tell], object]  # renders a request into its folder, all or nothing
+
+
+def reach(display: DisplayProfile, scale: int) -> int:
+    """Neighbours on each side of a sampled lens at ``scale``."""
+    if not all(display.parallax):
+        return REACH_IN_A_VIEW
+    width = min(display.low_views(scale))
+    return 0 if width >= WIDE_ENOUGH else min(math.ceil(CONTEXT / width), MOST_REACH)
+
+
+def paths_per_lens(display: DisplayProfile, scale: int, samples: int) -> int:
+    """Path samples of a render for each sampled lens, with its neighbours."""
+    return (2 * reach(display, scale) + 1) ** 2 * math.prod(display.low_views(scale)) * samples
+
+
+def lens_count(display: DisplayProfile, options: PlanOptions) -> int:
+    """Number of lenses to sample: as many as were asked for, else the usual number or what the budget allows."""
+    if options.lenses is not None:
+        return options.lenses
+    reference = math.prod(display.views) * options.reference_samples
+    costs = [paths_per_lens(display, scale, samples) for scale, samples in
+             {(candidate.scale, candidate.samples) for candidate in options.candidates(display)}]
+    # Renders that cost more than the reference are rarely needed.
+    usual = reference + sum(cost for cost in costs if cost < reference)
+    return min(max(int(options.most_paths(display) / usual), LEAST_LENSES), USUAL_LENSES)
+
+
+def sampled_lenses(mask: Array, count: int, seed: int) -> list[Lens]:
+    """Choose ``count`` random lenses, (row, column), spread over ``mask`` (sy, sx), or all of it where it has fewer."""
+    places = np.argwhere(mask)
+    chosen = systematic_sample(places, min(count, len(places)), np.random.default_rng(seed))
+    return sorted((int(row), int(column)) for row, column in chosen)
+
+
+def with_neighbours(lenses: Sequence[Lens], reach_: int, grid: tuple[int, int]) -> tuple[list[Lens], Array]:
+    """Lenses to render, and the index into them of each lens of each block, (n, 2·reach + 1, 2·reach + 1).
+
+    ``grid`` (sx, sy). Beyond the display's edge a block repeats the lens at the edge.
+    """
+    offsets = np.arange(-reach_, reach_ + 1)
+    places = np.asarray(lenses)
+    rows = np.clip(places[:, 0, None] + offsets, 0, grid[1] - 1)[:, :, None]
+    columns = np.clip(places[:, 1, None] + offsets, 0, grid[0] - 1)[:, None, :]
+    flat = np.broadcast_to(rows * grid[0] + columns, (len(places), len(offsets), len(offsets)))
+    listed, index = np.unique(flat, return_inverse=True)
+    return [(int(n) // grid[0], int(n) % grid[0]) for n in listed], index.reshape(flat.shape)
+
+
+@dataclasses.dataclass(frozen=True)
+class Mosaic:
+    """Blocks of lenses side by side, as one small EIA, on which a method runs as on a whole frame.
+
+    A denoiser looks at the neighbours of a lens. So a sampled lens is rendered with a block of lenses around it.
+    """
+
+    index: Array  # (rows, columns) of its lenses, into a list of rendered ones
+    centres: Array  # (n, 2) row and column of each block's middle
+
+    @classmethod
+    def of(cls, blocks: Array) -> Mosaic:
+        """Nearly square mosaic of ``blocks`` (n, side, side); unused places repeat the last block."""
+        count, side, _ = blocks.shape
+        across = math.isqrt(count - 1) + 1
+        down = math.ceil(count / across)
+        filled = blocks[np.minimum(np.arange(across * down), count - 1)].reshape(down, across, side, side)
+        places = np.stack(np.divmod(np.arange(count), across), -1) * side + side // 2
+        return cls(filled.transpose(0, 2, 1, 3).reshape(down * side, across * side), places)
+
+    @property
+    def side(self) -> int:
+        """Lenses across a block."""
+        return 2 * int(self.centres[0, 0]) + 1
+
+    def of_render(self, low: LowResEIA) -> LowResEIA:
+        """The mosaic of a rendered list of lenses, whose tiles ``low`` holds in reading order."""
+        return low.each(lambda layer: layer.reshape(-1, *layer.shape[2:])[self.index])
+
+    def of_mask(self, tiles: Array) -> Array:
+        """(n,) bool: the values of a mask (rows, columns) of the rendered tiles at each block's centre."""
+        centres: Array = tiles.reshape(-1)[self.index[tuple(self.centres.T)]]
+        return centres
+
+
+class SampleRenders:
+    """Frame folders of the sample in ``folder``, each rendered when it is first needed."""
+
+    def __init__(self, folder: Path, request: Request, render: Render, tell: Tell) -> None:
+        self.frames: list[Frame] = []
+        self.whole = 1.0  # path samples of the plan, if all candidates are rendered
+        self._folder, self._request, self._render, self._tell = folder, request, render, tell
+        self._world: str | None = None  # file of the world, the same for all lenses and samples, where it is apart
+
+    def quick(self) -> tuple[Path, Frame]:
+        """Every lens, with few samples."""
+        display = self._request.display
+        scale = min(display.scales() or [1], key=lambda scale: abs(scale - QUICK_SCALE))
+        folder, frame = self._rendered("quick", "every lens", sampling=Sampling(scale, QUICK_SAMPLES))
+        self._world = str(folder / WORLD_FILE) if frame.world_apart else None
+        return folder, frame
+
+    def reference(self, samples: int, lenses: Sequence[Lens]) -> tuple[Quarters, Array, Frame]:
+        """Quarters of the lenses' reference, with ``samples`` together, which lenses (n,) show any foreground, and a
+        frame of theirs."""
+        quarters, hits = list[Array](), []
+        for part in range(REFERENCE_PARTS):
+            folder, frame = self._rendered(
+                f"reference-{part}", f"reference of {len(lenses)} lenses, part {part + 1} of {REFERENCE_PARTS}",
+                kind="reference", layers=(), clamp_indirect=0.0, lens_list=tuple(lenses),
+                sampling=Sampling(1, max(2, samples // REFERENCE_PARTS)))
+            for name in REFERENCE_FILES:
+                image, hit = read_half(folder / name, frame)
+                quarters.append(listed_images(image, frame)[:len(lenses)])
+                hits.append(hit)
+        return quarters, np.any(hits, 0).reshape(-1)[:len(lenses)], frame
+
+    def sampled(self, scale: int, samples: int, lenses: Sequence[Lens], count: int) -> Path:
+        """``count`` lenses and their neighbours, all in ``lenses``, at one scale and sample count."""
+        message = f"{count} lenses at scale {scale}, {samples} samples"
+        return self._rendered(f"s{scale}-spp{samples}", message, sampling=Sampling(scale, samples),
+                              lens_list=tuple(lenses))[0]
+
+    @property
+    def seconds(self) -> float:
+        """Seconds of all renders so far, including loading the scene."""
+        return sum(frame.seconds["open"] + frame.seconds["render"] for frame in self.frames)
+
+    @property
+    def paths(self) -> int:
+        """Path samples of all renders so far."""
+        return sum(map(path_samples, self.frames))
+
+    def _rendered(self, name: str, message: str, **changes: Any) -> tuple[Path, Frame]:
+        """Folder of the request with ``changes``, rendered unless it is there; its name decides its random numbers."""
+        seed = (self._request.seed + zlib.crc32(name.encode())) % 2**31
+        request = dataclasses.replace(self._request, output=str(self._folder / name), seed=seed, world=self._world,
+                                      **changes)
+        lenses = math.prod(request.display.lenses) if request.lens_list is None else len(request.lens_list)
+        scale, samples = request.sampling.scale, request.sampling.samples
+        begun, paths = self.paths, lenses * math.prod(request.display.low_views(scale)) * samples
+
+        def tell(told: Progress | Notice) -> None:
+            if isinstance(told, Progress):
+                done = min((begun + told.fraction * paths) / self.whole, 1.0)
+                told = Progress("plan", done, f"{message}: {told.detail}" if told.detail else message)
+            self._tell(told)
+        tell(Progress("plan"))
+        folder = FrameFolder(request.output)
+        if not folder.holds(request.kind):
+            self._render(request, tell)
+        folder.check_rendered(request)
+        self.frames.append(folder.frame)
+        return folder.path, folder.frame
+
+
+def scores(folder: Path, name: str, mosaic: Mosaic, quarters: Quarters) -> Array:
+    """Accuracy (n,) of the method ``name`` on each sampled lens, from a render of them and their neighbours."""
+    frame = read_frame(folder)
+    layers, _ = read_finite(folder / LOW_RES_FILE)
+    low = mosaic.of_render(low_resolution(layers, frame, read_world(folder, frame)))
+    mask = mosaic.of_mask(foreground_mask(layers, frame.rays.tiles))
+    images = finished_lenses(low, mask, name, mosaic.centres, block=mosaic.side)
+    return split_scores(srgb_encode(images), quarters)
+
+
+def split_scores(images: Array, quarters: Quarters) -> Array:
+    """Split SSIM (n,) of images (n, py, px, 3) in [0, 1], corrected for the noise of the reference.
+
+    That noise lowers the metric about in proportion to its variance. So what the metric gains from halves of one
+    quarter to halves of two is missing once more. CORRECTED of that gain is added: adding all of it would sometimes
+    promise too much (docs/notebook/plan.md).
+    """
+    def ssim(first: Sequence[int], second: Sequence[int]) -> Array:
+        half_a, half_b = (srgb_encode(np.mean([quarters[n] for n in half], 0)) for half in (first, second))
+        means: Array = stacked_ssim(images, half_a, half_b).mean((1, 2))
+        return means
+
+    full, less = ssim((0, 1), (2, 3)), (ssim((0,), (2,)) + ssim((1,), (3,))) / 2
+    # Strong noise, whose variances are cut off at 0, raises the metric: then there is no gain to extrapolate.
+    corrected: Array = full + CORRECTED * (full - less) if np.mean(full - less) > 0 else full
+    return corrected
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 
-from lfsr_core.process.protocol import BLENDER_FOLDER
+from lfsr_core.process.child import BLENDER_FOLDER
 
 if sys.platform == "win32" and (_folder := os.environ.get(BLENDER_FOLDER)):
     # Outside Blender its OpenImageIO finds Blender's libraries only where their folder is added.

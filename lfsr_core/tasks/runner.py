@@ -1,4 +1,4 @@
-"""Run one task of the add-on in a process of its own.
+"""The add-on's tasks, each run in a process of its own.
 
     python -m lfsr_core.tasks.runner TASK.json
 
@@ -9,25 +9,231 @@ The process ends when its standard input does, so that it does not outlive Blend
 from __future__ import annotations
 
 import _thread
+import dataclasses
+import math
 import os
+import shutil
 import signal
 import sys
+import tempfile
 import threading
+import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import read_json, system_errors
-from lfsr_core.process.child import Child
-from lfsr_core.process.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, emit, repeated
-from lfsr_core.tasks import tasks
+from lfsr_core.base.files import atomic_path, read_json, system_errors
+from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.records import from_data, to_data, write_record
+from lfsr_core.exports.formats import export as export_frames
+from lfsr_core.exports.options import FILM_RATE, FILMS, QUILT_FILM, ExportOptions, default_target
+from lfsr_core.exports.page import write_page
+from lfsr_core.exports.show import SCREEN, find_display
+from lfsr_core.exports.show import show as show_path
+from lfsr_core.frames.folder import FrameFolder, frame_folders
+from lfsr_core.frames.frame import EIA_FILE, LAYOUTS, PANEL_FILE, SUBPIXELS, read_part
+from lfsr_core.frames.request import Finish, Request
+from lfsr_core.frames.views import read_views
+from lfsr_core.metrics.eia_metrics import compare_with_reference
+from lfsr_core.pipeline.make import FAILED, finish_frame
+from lfsr_core.pipeline.make import make as make_frames
+from lfsr_core.plan.options import Measured, PlanOptions, first_guess, path_samples, render_seconds
+from lfsr_core.plan.planner import make_plan
+from lfsr_core.process.child import (
+    EXIT_BAD_INPUT,
+    EXIT_CANCELLED,
+    LAST_STAGES,
+    Child,
+    emit,
+    emit_told,
+    repeated,
+    told_of,
+)
 
 SECONDS_TO_STOP = 1.0  # less than the add-on waits for the task itself
-# A task takes the entries of its file and returns JSON-ready data.
+PATHS = 600_000  # path samples to measure: a second or two
+SAMPLES = 16  # at most, so that many lenses are seen
+LEAST_SIDE, SOME = 4, 4  # pixels that Blender renders, which lenses with a single row of views reach together
+
+
+@dataclasses.dataclass(frozen=True)
+class RenderCommand:
+    """Command of the add-on that starts Blender; a ``process.child.Starts``."""
+
+    words: tuple[str, ...]
+
+    def command(self, *request_files: Path) -> list[str]:
+        """Return the command line that renders ``request_files``."""
+        return [*self.words, *map(str, request_files)]
+
+    def run(self, *words: str) -> dict[str, Any]:
+        """Run another job of Blender's, such as the encoding of a film; return what it answers."""
+        with Child([*self.words, *words]) as child:
+            for record in child.records():
+                if record["stage"] not in LAST_STAGES and (told := told_of(record)) is not None:
+                    emit_told(told)
+            if not child.is_done():
+                raise child.crash("Blender stopped with", "try again")
+            return child.last
+
+
+def make(request: dict[str, Any], finish: dict[str, Any], command: list[str], frames: list[int] | None = None,
+         overwrite: bool = False, views: str | None = None) -> dict[str, Any]:
+    """Make an image, or the ``frames`` of an animation that are not there; see ``pipeline.make``.
+
+    ``command``: words that start a render, before the request files; ``views``: file for the decoded views of the last
+    frame. Frames of other settings are rendered again, since the panel shows what is wanted. Returns {"made": data of
+    each ``Made``}.
+    """
+    made = make_frames(from_data(Request, request, "the request"), from_data(Finish, finish, "the finish"), frames,
+                       blender=RenderCommand(tuple(command)), overwrite=overwrite or frames is None, lenient=True,
+                       tell=emit_told)
+    if views and made[-1].state != FAILED and not FrameFolder(made[-1].folder).rendered.subpixels:
+        decode(made[-1].folder, views)
+    return {"made": [to_data(result) for result in made]}
+
+
+def reference(request: dict[str, Any], output: str, lenses: int, samples: int, command: list[str]) -> dict[str, Any]:
+    """Render the reference of the finished frame of a request, see ``metrics.eia_metrics.compare_with_reference``.
+
+    Returns the "metrics" of the frame's report.
+    """
+    wanted = from_data(Request, request, "the request")
+    compare_with_reference(wanted, wanted.output, output, lenses, samples, RenderCommand(tuple(command)), emit_told)
+    return {"metrics": FrameFolder(wanted.output).report.metrics}
+
+
+def estimate(request: dict[str, Any], command: list[str]) -> dict[str, Any]:
+    """Measure how fast the scene of a request renders, from a few lenses; return data of a ``Measured``.
+
+    First one lens or a few, which prepare the scene, then some and many: their difference is that of their samples
+    alone, since a change of lenses makes Cycles prepare some things again. Of a panel's subpixels lenses too: their
+    paths are those of a light field of the same scene.
+    """
+    asked, started = from_data(Request, request, "the request"), time.monotonic()
+    asked = dataclasses.replace(asked, layout=LAYOUTS[0] if asked.layout == SUBPIXELS else asked.layout)
+    asked, many = asked.sampled(rays=None, samples=samples_of(asked)), lenses_of(asked)
+    few = max(math.ceil(LEAST_SIDE / views) for views in asked.display.low_views(asked.sampling.scale)) ** 2
+
+    def heard(told: Progress | Notice) -> None:
+        if isinstance(told, Progress) and told.stage == "render":
+            told = dataclasses.replace(told, stage="estimate")
+        emit_told(told)
+
+    with tempfile.TemporaryDirectory() as folder:
+        requests = [dataclasses.replace(asked, output=str(Path(folder, str(len(lenses)))), lens_list=tuple(lenses))
+                    for lenses in (many[:few], many[::SOME], many)]
+        make_frames(requests, blender=RenderCommand(tuple(command)), tell=heard)
+        _, some, whole = (read_part(one.output) for one in requests)
+    sampling = max(render_seconds(whole) - render_seconds(some), 0.0)
+    # All but these two renders is needed once by the image too.
+    fixed = max(time.monotonic() - started - some.seconds["render"] - whole.seconds["render"], 0.0)
+    per_path = sampling / max(path_samples(whole) - path_samples(some), 1)
+    return dataclasses.asdict(Measured(fixed, per_path, whole.scale))
+
+
+def plan(request: dict[str, Any], options: dict[str, Any], command: list[str]) -> dict[str, Any]:
+    """Plan for the scene of a request, with ``PlanOptions``; return data of a ``plan.choose.Choice``.
+
+    ``command``: words that start a render, before the request files. A first guess, from the depth of the scene, is
+    told before anything is measured, by the notice "first-guess".
+    """
+    wanted, blender = from_data(PlanOptions, options, "options of the plan"), RenderCommand(tuple(command))
+    asked = from_data(Request, request, "the request")
+    with tempfile.TemporaryDirectory() as work:
+        file = Path(work, "request.json")
+        write_record(file, asked)
+        moves = np.array(blender.run("depth", str(file))["moves"])
+        emit_told(Notice("first-guess", to_data(first_guess(asked.display, moves, wanted))))
+        choice = make_plan(asked, wanted, lambda one, tell: make_frames(one, blender=blender, tell=tell), work,
+                           emit_told).choice
+    found: dict[str, Any] = to_data(choice)
+    return found
+
+
+def finish(folder: str, finish: dict[str, Any], views: str | None = None) -> dict[str, Any]:
+    """Finish a rendered frame folder, and ``decode`` it into the file ``views``; return the "method" that ran."""
+    report = finish_frame(folder, from_data(Finish, finish, "the finish"), emit_told)
+    if views and not FrameFolder(folder).rendered.subpixels:
+        decode(folder, views)
+    return {"method": report.method}
+
+
+def decode(folder: str, views: str) -> dict[str, Any]:
+    """Write the views of a finished folder as a .npy, uint8 (py, px, sy, sx, 3); return their "shape".
+
+    Row 0 is the topmost camera. One view is contiguous: a reader that maps the file touches a few kB per view.
+    """
+    emit_told(Progress("views", 0.0, "decoding views"))
+    decoded = read_views(folder)
+    with atomic_path(views) as temporary, temporary.open("wb") as file:
+        np.save(file, decoded)
+    return {"shape": list(decoded.shape)}
+
+
+def view(folder: str) -> dict[str, Any]:
+    """Write the viewer of a finished frame folder; return its "path"."""
+    return {"path": str(write_page([folder], tell=emit_told).path)}
+
+
+def export(folder: str, name: str, target: str, fps: float | None, command: list[str]) -> dict[str, Any]:
+    """Write a finished frame folder in format ``name`` into ``target``; return the "first" file.
+
+    Of films Blender encodes the frames, ``fps`` a second or as usual: this Python has no encoder. ``command``: words
+    that start it.
+    """
+    is_film = name in (*FILMS, QUILT_FILM)
+    with tempfile.TemporaryDirectory() as frames:
+        options = ExportOptions(type="png" if is_film else None, tell=emit_told)
+        files = export_frames(folder, name, frames if is_film else target, options)
+        if not is_film:
+            return {"first": str(files[0])}
+        film = Path(frames, f"{files[0].stem.rpartition('_')[0]}.mp4")
+        RenderCommand(tuple(command)).run("encode", frames, str(film), str(fps or FILM_RATE))
+        Path(target).mkdir(parents=True, exist_ok=True)
+        with atomic_path(Path(target, film.name)) as temporary:
+            shutil.copyfile(film, temporary)
+    return {"first": str(Path(target, film.name))}
+
+
+def show(path: str, full_screen: bool, fps: float, command: list[str]) -> dict[str, Any]:
+    """Show a frame folder or all frames in a folder; return the "sentence" and the "page" to open, or None.
+
+    ``full_screen``: the panel's own image, also where views could go through Looking Glass Bridge; ``fps`` and
+    ``command`` as of ``export``.
+    """
+    frames = frame_folders(Path(path), (EIA_FILE, PANEL_FILE))
+    if len(frames) > 1 and not full_screen and find_display(frames[0]) is not None:
+        path = export(path, QUILT_FILM, str(default_target(path, QUILT_FILM)), fps, command)["first"]
+    shown = show_path(path, SCREEN if full_screen else None, fps, emit_told)
+    return {"sentence": shown.sentence, "page": shown.page and str(shown.page.absolute())}
+
+
+def lenses_of(request: Request) -> list[tuple[int, int]]:
+    """Lenses (row, column) spread evenly over the display, enough for PATHS path samples."""
+    columns, rows = request.display.lenses
+    views = request.display.low_views(request.sampling.scale)
+    count = min(max(PATHS // (views[0] * views[1] * samples_of(request)), 1), rows * columns)
+    across = min(columns, max(1, round((count * columns / rows) ** 0.5)))
+    down = min(rows, max(1, round(count / across)))
+    places = [((np.arange(number) + 0.5) / number * total).astype(int)
+              for number, total in ((down, rows), (across, columns))]
+    return [(int(row), int(column)) for row in places[0] for column in places[1]]
+
+
+def samples_of(request: Request) -> int:
+    """Samples per pixel: as many as the image's, so that Cycles works as for it, and more where it has few pixels."""
+    rendered = math.prod(request.display.eia_pixels) // request.display.finished_pixels(request.sampling.scale)
+    return max(min(SAMPLES, request.sampling.samples), PATHS // rendered)
+
+
+# A task takes the entries of its file and returns JSON-ready data. Some start processes.
 Task = Callable[..., dict[str, Any]]
-STARTING: dict[str, Task] = {task.__name__: task for task in (
-    tasks.make, tasks.reference, tasks.estimate, tasks.plan, tasks.export, tasks.show)}  # start processes
-TASKS: dict[str, Task] = STARTING | {task.__name__: task for task in (tasks.finish, tasks.decode, tasks.view)}
+STARTING: dict[str, Task] = {task.__name__: task for task in (make, reference, estimate, plan, export, show)}
+TASKS: dict[str, Task] = STARTING | {task.__name__: task for task in (finish, decode, view)}
 
 
 def main(arguments: list[str]) -> int:

@@ -13,9 +13,8 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.calibration.fit import Calibration, Photograph, combine, comparison, see
 from lfsr_core.calibration.patterns import PATTERNS, pattern
 from lfsr_core.calibration.photograph import LONGER_SIDE, find_panel, fit_homography, project, read_photograph
-from lfsr_core.optics.display import DisplayProfile, load_display
+from lfsr_core.optics.display import DisplayProfile, Lattice, load_display
 from lfsr_core.optics.eye import eye_view
-from lfsr_core.optics.sheet import Lattice
 from tests.support.panels import SHEETS
 from tests.support.telephone import Shot, photograph
 from tests.support.told import refuses

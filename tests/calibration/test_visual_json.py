@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.calibration.makers import OPTIONAL, REQUIRED, RULES, profile_from_calibration, read_calibration
-from lfsr_core.optics.display import builtin_names, load_display, write_profile
+from lfsr_core.optics.display import builtin_names, cell_of, load_display, write_profile
 from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
-from lfsr_core.optics.sheet import cell_of
 from tests.support.told import refuses
 
 OLD = {"pitch": 52.59267044067383, "slope": -7.083540916442871, "center": 0.8167931437492371, "DPI": 324,

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from lfsr_core.frames.request import Finish
-from lfsr_core.metrics.compare import compare_folders
+from lfsr_core.metrics.eia_metrics import compare_folders
 from lfsr_core.pipeline.make import finish_frame
 from tests.support.project_files import ROOT, project_files
 from tests.support.synthetic import write_reference, write_render

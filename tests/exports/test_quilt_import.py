@@ -11,12 +11,11 @@ from PIL import Image
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.cli import main
-from lfsr_core.exports import sources as quilts
+from lfsr_core.exports import importing as quilts
 from lfsr_core.exports.formats import export
-from lfsr_core.exports.importing import ImportGeometry, import_film, import_quilt, import_views
+from lfsr_core.exports.importing import ImportGeometry, Quilt, import_film, import_quilt, import_views, quilt_of
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
-from lfsr_core.exports.sources import Quilt, quilt_of
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.display import load_display, write_profile

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from lfsr_core.base.notices import Notice
 from lfsr_core.frames.frame import FRAME_FILE, Frame, read_frame, read_part, write_frame
-from lfsr_core.images.color_settings import ColorSettings
+from lfsr_core.images.color import ColorSettings
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray
 from tests.support.told import refuses

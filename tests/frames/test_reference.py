@@ -8,7 +8,7 @@ import pytest
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import REFERENCE_FILES, write_frame
 from lfsr_core.frames.reference import Reference, check_reference
-from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.images.color import srgb_encode
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.rays import CameraArray

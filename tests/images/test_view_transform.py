@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.images.color_settings import ColorSettings
+from lfsr_core.images.color import ColorSettings, srgb_decode, srgb_encode
 from lfsr_core.images.png import read_png
-from lfsr_core.images.srgb import srgb_decode, srgb_encode
 from lfsr_core.images.view_transform import (
     BRIGHTEST,
     ViewTransform,
@@ -75,7 +74,7 @@ def test_float_and_byte_results_agree_and_any_leading_shape_is_kept():
                          for look in ("Punchy", "AgX - Punchy", "None"))
     np.testing.assert_array_equal(short, full)
     assert np.abs(full - none).max() > 0.01
-    code = ("import sys; from lfsr_core.images.color_settings import ColorSettings; "
+    code = ("import sys; from lfsr_core.images.color import ColorSettings; "
             "from lfsr_core.images.view_transform import ViewTransform; "
             "ViewTransform(ColorSettings()); print('bpy' in sys.modules)")
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"

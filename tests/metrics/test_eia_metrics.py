@@ -7,12 +7,11 @@ from skimage.metrics import structural_similarity
 from lfsr_core.base.files import read_json
 from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE
 from lfsr_core.frames.request import Finish
+from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.exr import write_layers
 from lfsr_core.images.png import read_mask, write_mask
-from lfsr_core.images.srgb import srgb_decode, srgb_encode
-from lfsr_core.metrics import compare as compare_module
 from lfsr_core.metrics import eia_metrics
-from lfsr_core.metrics.compare import compare_folders, sampled_recall
+from lfsr_core.metrics.eia_metrics import compare_folders, sampled_recall
 from lfsr_core.metrics.split_ssim import psnr, split_ssim, split_ssim_map
 from lfsr_core.optics.eia import to_views
 from lfsr_core.pipeline.make import finish_frame
@@ -179,12 +178,12 @@ def test_a_lens_lost_by_the_mask_lowers_recall_and_still_counts_as_foreground(tm
 def test_a_frame_that_is_finished_anew_meanwhile_keeps_its_own_report(tmp_path, monkeypatch):
     folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
     finish_frame(folder, "bicubic")
-    real = compare_module.compare
+    real = eia_metrics.compare
 
     def slow(*arguments, **options):
         finish_frame(folder, "nearest")
         return real(*arguments, **options)
-    monkeypatch.setattr(compare_module, "compare", slow)
+    monkeypatch.setattr(eia_metrics, "compare", slow)
     refuses("was finished again while it was compared", compare_folders, folder, reference)
     report = read_json(folder / REPORT_FILE, "a report")
     assert (report["method"], report["metrics"]) == ("nearest", {})
@@ -217,7 +216,7 @@ def test_eia_exr_is_read_instead_of_computed_again(tmp_path, monkeypatch, displa
     finish_frame(folder, "bicubic")
     made = compare_folders(folder, reference)
     finish_frame(folder, Finish("bicubic", linear_exr=True))
-    monkeypatch.setattr(compare_module, "finished_linear", lambda *_: 1 / 0)
+    monkeypatch.setattr(eia_metrics, "finished_linear", lambda *_: 1 / 0)
     kept = compare_folders(folder, reference)
     for name, value in vars(made).items():
         assert getattr(kept, name) == (pytest.approx(value, abs=2e-3 if "psnr" in name else 2e-4)

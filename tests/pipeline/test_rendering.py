@@ -22,8 +22,7 @@ from lfsr_core.optics.display import load_display
 from lfsr_core.pipeline import make
 from lfsr_core.pipeline.make import render_all
 from lfsr_core.process import child
-from lfsr_core.process.child import Blender, find_blender
-from lfsr_core.process.protocol import parse_progress
+from lfsr_core.process.child import Blender, find_blender, parse_progress
 from tests.support.requests import changed, make_request
 from tests.support.small_disk import on_a_small_disk
 from tests.support.told import refuses

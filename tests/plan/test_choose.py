@@ -15,10 +15,20 @@ from lfsr_core.base.files import read_json
 from lfsr_core.frames.request import samples_at
 from lfsr_core.optics.depth_scale import MODEL
 from lfsr_core.optics.display import load_display
-from lfsr_core.plan import choose as choosing
-from lfsr_core.plan.choose import Estimate, Rated, choose, estimate, first_guess
-from lfsr_core.plan.options import FREE_PATHS, Candidate, PlanOptions, default_methods, methods_at
-from lfsr_core.plan.sample import USUAL_LENSES, sampled_lenses
+from lfsr_core.plan import options as choosing
+from lfsr_core.plan.options import (
+    FREE_PATHS,
+    Candidate,
+    Estimate,
+    PlanOptions,
+    Rated,
+    choose,
+    default_methods,
+    estimate,
+    first_guess,
+    methods_at,
+)
+from lfsr_core.plan.planner import USUAL_LENSES, sampled_lenses
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PLAIN_METHOD
 from tests.support.synthetic import MINI
 from tests.support.told import refuses

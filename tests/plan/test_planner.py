@@ -13,13 +13,13 @@ from lfsr_core.base.records import read_record, write_record
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame, write_frame
 from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.frames.request import Request, Sampling
+from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.exr import read_layers, write_layers
-from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.plan import options as plan_options
-from lfsr_core.plan import sample as plan_sample
+from lfsr_core.plan import planner as plan_sample
 from lfsr_core.plan.options import Candidate, PlanOptions
 from lfsr_core.plan.planner import Planned, make_plan
 from lfsr_core.reconstruct.second_stage import finished_linear

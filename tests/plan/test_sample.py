@@ -12,9 +12,9 @@ from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.display import load_display
-from lfsr_core.plan import sample as plan_sample
+from lfsr_core.plan import planner as plan_sample
 from lfsr_core.plan.options import PlanOptions
-from lfsr_core.plan.sample import (
+from lfsr_core.plan.planner import (
     LEAST_LENSES,
     REACH_IN_A_VIEW,
     USUAL_LENSES,

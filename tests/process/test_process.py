@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.base.notices import Notice
-from lfsr_core.process import protocol
-from lfsr_core.process.child import Blender, Child, output_of
-from lfsr_core.process.protocol import emit, emit_last, emit_told, parse_progress, repeated
+from lfsr_core.process import child as protocol
+from lfsr_core.process.child import Blender, Child, emit, emit_last, emit_told, output_of, parse_progress, repeated
 from tests.support.told import refuses
 
 SPEAKER = """import sys

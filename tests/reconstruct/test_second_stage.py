@@ -12,7 +12,7 @@ from lfsr_core.base.notices import Notice
 from lfsr_core.frames import low_res
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame, write_frame
 from lfsr_core.frames.request import Finish, read_report
-from lfsr_core.images.color_settings import ColorSettings
+from lfsr_core.images.color import ColorSettings
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import read_png
 from lfsr_core.images.view_transform import ViewTransform
@@ -208,7 +208,7 @@ def test_an_upscaler_that_is_not_thread_safe_runs_alone_in_steps(tmp_path):
     assert sum(upscaler.calls) == low_res.foreground_mask(read_layers(tmp_path / LOW_RES_FILE), MINI.lenses).sum()
 
 
-FINISH = """from lfsr_core.frames.finish import Finish
+FINISH = """from lfsr_core.frames.request import Finish
 from lfsr_core.pipeline.make import finish_frame
 finish_frame(sys.argv[2], Finish("bicubic", linear_exr=True))"""
 

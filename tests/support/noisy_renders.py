@@ -13,7 +13,7 @@ from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, write_frame
 from lfsr_core.frames.request import Request, read_request
 from lfsr_core.images.exr import write_layers
 from lfsr_core.optics.lenses import pixel_rows
-from lfsr_core.process.protocol import RENDERED_STAGE, emit
+from lfsr_core.process.child import RENDERED_STAGE, emit
 from tests.support.requests import make_request
 from tests.support.synthetic import MINI, frame_of, light_field, tiles, traced_panel, write_reference, write_render
 

@@ -15,9 +15,9 @@ from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import read_frame, write_frame
 from lfsr_core.optics.display import load_display
-from lfsr_core.process.protocol import EXIT_BAD_INPUT, EXIT_CANCELLED, parse_progress, told_of
+from lfsr_core.process.child import EXIT_BAD_INPUT, EXIT_CANCELLED, parse_progress, told_of
 from lfsr_core.tasks import runner
-from lfsr_core.tasks.tasks import make, reference
+from lfsr_core.tasks.runner import make, reference
 from tests.support.animations import film_request
 from tests.support.played_blender import ROOT, played_blender
 from tests.support.requests import make_request

@@ -8,10 +8,8 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import from_data
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.plan.choose import Choice, Guess, Rated
-from lfsr_core.plan.options import Candidate, PlanOptions
+from lfsr_core.plan.options import Candidate, Choice, Guess, Measured, PlanOptions, Rated
 from lfsr_core.reconstruct.methods import AS_RENDERED
-from lfsr_core.tasks.estimate import Measured
 
 from ...jobs import asked, session
 from ...jobs.task import Job

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lfsr_core.base.arrays import Array
+from lfsr_core.optics.display import Lenticular
 from lfsr_core.optics.panel.subpixel_rays import (
     PERIOD,
     Geometry,
@@ -26,7 +27,6 @@ from lfsr_core.optics.panel.subpixel_rays import (
     subpixel_table,
 )
 from lfsr_core.optics.rays import MIN_SIZE, RIM, UNIT
-from lfsr_core.optics.sheet import Lenticular
 
 STRAIGHT = 1e-9  # of a pitch: rows of a lattice that are shifted by less are not shifted
 PARTS = 3  # subpixels of a pixel

@@ -15,9 +15,8 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.display import DisplayProfile, Lattice, Lenslet, Lenticular
 from lfsr_core.optics.rays import CameraArray, directed, view_offset
-from lfsr_core.optics.sheet import Lattice, Lenslet, Lenticular
 
 Pair = tuple[Array, Array]
 PERIOD = 4  # pixels after which every cell rule repeats

@@ -13,9 +13,8 @@ import itertools
 import numpy as np
 
 from lfsr_core.base.arrays import Array, Mask
-from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.display import DisplayProfile, Lenticular
 from lfsr_core.optics.panel.subpixel_rays import Geometry, Pair, subpixel_places, subpixel_rays
-from lfsr_core.optics.sheet import Lenticular
 
 SAMPLES = 24  # rays per pixel of the result
 # Bases of the generalised golden ratio in four dimensions: points that fill the unit cube evenly.

@@ -24,7 +24,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.notices import Notice, silent
 from lfsr_core.frames.frame import DEVICES_JOINED
-from lfsr_core.process.protocol import BLENDER_FOLDER
+from lfsr_core.process.child import BLENDER_FOLDER
 
 # Relative to pyoidn's folder or Blender's: Linux, macOS, Windows (pyoidn, Blender, the bpy wheel).
 PLACES = ("lib/libOpenImageDenoise.so.2", "lib/libOpenImageDenoise.dylib", "bin/OpenImageDenoise.dll",

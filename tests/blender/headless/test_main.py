@@ -15,7 +15,7 @@ from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import DEVICES
 from lfsr_core.images import exr
-from lfsr_core.process.protocol import ENDS_WITH_INPUT, parse_progress, told_of
+from lfsr_core.process.child import ENDS_WITH_INPUT, parse_progress, told_of
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, ROOT, add_box, add_camera, emission
 

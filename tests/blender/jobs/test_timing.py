@@ -8,7 +8,7 @@ import pytest
 from blender_addon.jobs import asked
 from blender_addon.ui.operators import check
 from lfsr_core.optics.display import load_display, write_profile
-from lfsr_core.tasks import estimate
+from lfsr_core.tasks import runner as estimate
 from tests.support.panels import lenticular, small
 
 

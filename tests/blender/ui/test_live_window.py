@@ -10,9 +10,9 @@ import time
 import numpy as np
 import pytest
 
+from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_png
-from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.eye import eye_place, eye_view

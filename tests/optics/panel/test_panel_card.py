@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lfsr_core.optics.display import Lattice
 from lfsr_core.optics.panel.panel_card import PARTS, Rows, panel_card
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout, panel_rays
 from lfsr_core.optics.rays import CameraArray
-from lfsr_core.optics.sheet import Lattice
 from tests.support.card_rays import nearest, panel_card_rays
 from tests.support.panels import SHEETS, large, lenticular, square
 

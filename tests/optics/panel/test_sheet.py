@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import from_data, to_data
 from lfsr_core.frames.frame import Frame
-from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.display import CELL_RULES, PACKINGS, DisplayProfile, Lattice, cell_of
 from lfsr_core.optics.panel.subpixel_rays import lattice_point, nearest_point
-from lfsr_core.optics.sheet import CELL_RULES, PACKINGS, Lattice, cell_of
 from tests.support.panels import CELLS, SHEETS, hexagonal, lenticular, profile
 from tests.support.synthetic import frame_of
 from tests.support.told import refuses

@@ -19,7 +19,7 @@ import bpy
 from mathutils import Vector
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.process.protocol import EXIT_BAD_INPUT, emit
+from lfsr_core.process.child import EXIT_BAD_INPUT, emit
 from lfsr_lab.scenes.shared.objects import add_object, leave, save, script_arguments, settle, world
 
 HELMET, VASE, TREE, HEAD = "FlightHelmet.gltf", "GlassVaseFlowers.gltf", "japaneseMaple.obj", "head.glb"

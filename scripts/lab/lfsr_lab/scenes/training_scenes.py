@@ -24,7 +24,7 @@ sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4)
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import read_json, write_json
 from lfsr_core.optics.display import load_display
-from lfsr_core.process.protocol import EXIT_BAD_INPUT, emit
+from lfsr_core.process.child import EXIT_BAD_INPUT, emit
 from lfsr_lab.scenes.shared.objects import leave, script_arguments
 from lfsr_lab.scenes.training.models import find_models, find_textures, prepare_models, prepare_textures
 from lfsr_lab.scenes.training.produce import Recipe, produce

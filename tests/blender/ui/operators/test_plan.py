@@ -14,8 +14,7 @@ from blender_addon.ui.operators import plan
 from blender_addon.ui.properties import method_items
 from lfsr_core.base.notices import Notice
 from lfsr_core.plan import options
-from lfsr_core.plan.choose import Choice, Estimate, Guess, Rated
-from lfsr_core.plan.options import Candidate, default_methods
+from lfsr_core.plan.options import Candidate, Choice, Estimate, Guess, Rated, default_methods
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from tests.blender.ui.test_panels import draw, labels, operators, properties
 from tests.support import panel

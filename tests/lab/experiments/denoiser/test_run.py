@@ -9,7 +9,7 @@ import pytest
 from lfsr_core.base.files import read_json
 from lfsr_core.base.records import read_record, write_record
 from lfsr_core.cli import main
-from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.images.color import srgb_encode
 from lfsr_core.optics.depth_scale import LossModel
 from lfsr_core.optics.eia import to_elemental_images, to_views
 from lfsr_lab.experiments.denoiser import study

@@ -15,8 +15,7 @@ from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame, wr
 from lfsr_core.frames.request import Sampling
 from lfsr_core.images.exr import read_layers
 from lfsr_core.optics.eia import to_elemental_images
-from lfsr_core.plan.choose import Choice, Estimate, Rated
-from lfsr_core.plan.options import Candidate, PlanOptions, path_samples
+from lfsr_core.plan.options import Candidate, Choice, Estimate, PlanOptions, Rated, path_samples
 from lfsr_core.plan.planner import Planned, SampleFacts
 from lfsr_lab.experiments.engine.records import Records
 from lfsr_lab.experiments.plan_validation import study

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.images.color import srgb_encode
 from lfsr_lab.experiments.chart import cells, findings
 from lfsr_lab.experiments.chart.analysis import DIRECT, LOW, Cell, Chart, Key, SceneRow, mean_cells
 from lfsr_lab.experiments.chart.cells import Settings

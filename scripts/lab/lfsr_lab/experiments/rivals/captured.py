@@ -15,10 +15,9 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.exports.importing import import_views
-from lfsr_core.exports.sources import find_views, read_views
+from lfsr_core.exports.importing import find_views, import_views, read_views
+from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.png import write_png
-from lfsr_core.images.srgb import srgb_decode, srgb_encode
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.eia import to_views
 from lfsr_core.reconstruct.methods.interpolation import KERNELS, decode, encode

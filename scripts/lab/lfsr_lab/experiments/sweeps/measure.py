@@ -11,7 +11,7 @@ from pathlib import Path
 from lfsr_core.base.arrays import Array
 from lfsr_core.frames.low_res import recall
 from lfsr_core.frames.request import Request, Sampling
-from lfsr_core.images.srgb import srgb_encode
+from lfsr_core.images.color import srgb_encode
 from lfsr_core.reconstruct.methods import COMPARED, DEFAULT_METHOD
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_lab.experiments.engine import records

@@ -19,7 +19,7 @@ from blender_addon.scene.light import add_light
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path, read_json
-from lfsr_core.process.protocol import EXIT_BAD_INPUT, emit
+from lfsr_core.process.child import EXIT_BAD_INPUT, emit
 from lfsr_lab.scenes.shared.surfaces import Surface
 
 

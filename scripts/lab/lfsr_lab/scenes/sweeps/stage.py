@@ -19,7 +19,7 @@ from blender_addon.scene import subject
 from blender_addon.scene.array import edit
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
-from lfsr_core.process.protocol import emit
+from lfsr_core.process.child import emit
 from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.objects import Graph, leave, principled, put, run, save
 from lfsr_lab.scenes.sweeps.space import Space

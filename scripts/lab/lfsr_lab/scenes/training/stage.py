@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.display import DisplayProfile, Lattice, Lenslet, Lenticular, Subpixels
 from lfsr_core.optics.rays import CameraArray
-from lfsr_core.optics.sheet import Lattice, Lenslet, Lenticular, Subpixels
 
 DEPTH_EXCESS = 1.5  # how far beyond the usable depth range objects may stand
 DEEPEST, NEAREST = 3.0, 0.55  # limits in display half-widths and in viewing distances

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.base.arrays import Array, Mask
+from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.png import read_png, write_png
-from lfsr_core.images.srgb import srgb_encode
 from lfsr_core.optics.eia import horizontal_epi, to_elemental_images
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.engine import plots
