@@ -8,15 +8,17 @@ import os
 import shutil
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import NoReturn
 
 import bpy
 
+from lfsr_core.base.cores import machine_bytes, peak_bytes
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import file_stamp, system_errors
-from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.notices import Notice, Progress, Tell
 from lfsr_core.base.records import to_data
 from lfsr_core.exports.options import H264_SIDE
 from lfsr_core.frames.folder import PLACES, digest, request_facts, scene_stamp
@@ -44,6 +46,8 @@ from ..scene.open import camera_notices, choose_camera, choose_scene, local_scen
 from ..scene.overrides import overridden
 
 STANDARD_INPUT = 0
+MOST_WAITING, LEAST_WORK = 60, 0.05  # seconds without CPU seconds, after which a file does not answer
+MOST_MEMORY = 0.9  # of this computer's, while a scene is opened
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -87,11 +91,45 @@ def _end_with_input() -> None:
     for path in list(UNFINISHED):
         with contextlib.suppress(OSError):  # Windows removes no open file: the next run does
             shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
+    _end("cancelled", "stopped", EXIT_CANCELLED)
+
+
+def _end(stage: str, message: str, code: int) -> NoReturn:
+    """End the process, whatever Blender does in other threads."""
     shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
     try:
-        emit_last(stage="cancelled", message="stopped")
+        emit_last(stage=stage, message=message)
     finally:  # also if writing fails because nobody listens any more
-        os._exit(EXIT_CANCELLED)
+        os._exit(code)
+
+
+@contextlib.contextmanager
+def answered(scene: str) -> Iterator[None]:
+    """End the process where the block waits for a file without end, or takes this computer's memory.
+
+    Blender opens the libraries of a scene before anyone can look at their names, and a drive may not answer.
+    """
+    ended = threading.Event()
+
+    def watch() -> None:
+        quiet, worked = 0, time.process_time()
+        while not ended.wait(1):
+            quiet = quiet + 1 if time.process_time() - worked < LEAST_WORK else 0
+            worked = worked if quiet else time.process_time()
+            if quiet >= MOST_WAITING:
+                _end("error", f"scene {scene} waits for a file that does not answer, such as a library that is a pipe, "
+                     "or a drive: check what the scene links", EXIT_BAD_INPUT)
+            if (peak_bytes() or 0) > MOST_MEMORY * machine_bytes():
+                _end("error", f"scene {scene} takes {MOST_MEMORY:.0%} of this computer's memory to open: make it "
+                     "smaller, or open it on another", EXIT_BAD_INPUT)
+
+    thread = threading.Thread(target=watch, daemon=True, name="lfsr-answered")
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def run_all(requests: Sequence[Request]) -> Path:
@@ -122,9 +160,10 @@ def _opened(request: Request) -> tuple[bpy.types.Scene, Opened]:
     """The request's scene, as of ``_chosen_scene``, and how it was opened."""
     started, path, content, notes = time.perf_counter(), Path(request.scene), "", list[Notice]()
 
-    def say(notice: Notice) -> None:
-        notes.append(notice)
-        emit_told(notice)
+    def say(told: Progress | Notice) -> None:
+        if isinstance(told, Notice):
+            notes.append(told)
+        emit_told(told)
 
     before = file_stamp(path)
     if request.parts and path.is_file():
@@ -132,20 +171,22 @@ def _opened(request: Request) -> tuple[bpy.types.Scene, Opened]:
         if other := remove_others(Path(request.parts), inputs_before_opening(request, content)):
             emit_told(Notice("parts-removed", {"input": other}))
     emit_told(Progress("open", detail=request.scene or "the open scene"))
-    scene = _chosen_scene(request)
+    scene = _chosen_scene(request, say)
     if file_stamp(path) != before:
         content = ""
     seconds, is_imported = time.perf_counter() - started, bool(request.scene) and not request.scene.endswith(".blend")
-    check_files(scene, request.frame, request.allow_missing, say)
+    with answered(request.scene):
+        check_files(scene, request.frame, request.allow_missing, say)
     for notice in (*left_out(scene), *camera_notices(scene, request.camera, is_imported)):
         say(notice)
     light = settled_light(scene, request, say)
     return scene, Opened(seconds, content, light, tuple(notes))
 
 
-def _chosen_scene(request: Request) -> bpy.types.Scene:
+def _chosen_scene(request: Request, say: Tell = emit_told) -> bpy.types.Scene:
     """The request's scene, opened if it names a file, with its camera chosen."""
-    scene = open_scene(request.scene) if request.scene else bpy.context.scene
+    with answered(request.scene):
+        scene = open_scene(request.scene, say) if request.scene else bpy.context.scene
     if request.scene_name is not None:
         scene = choose_scene(request.scene_name)
     scene = local_scene(scene)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import json
+import mmap
 import re
 import struct
 import tempfile
@@ -10,15 +12,19 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import file_stamp
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.notices import Notice, Progress, Tell
+from lfsr_core.frames.scene_files import check_regular
 
 MOST_SAID = 20  # files of which each has its sentence
 HEAD = 2**16  # bytes, enough for the headers below
+NO_FILE = "no regular file"  # a device or a pipe, which may never end
+OGAWA_DATA = 2**63  # set in the place of data in Alembic's container, not in that of a group
 NUMBER = re.compile(r"\d+(?=\D*$)")  # of the frame, in the name of a file of a sequence
 OF_SCENE = {"COLLECTION", "OBJECT", "WORLD", "SCENE"}  # used by a scene; brushes, strips and compositors do no harm
 TREES = {"MATERIAL", "WORLD", "LIGHT", "NODETREE", "TEXTURE"}
@@ -34,7 +40,7 @@ def check_files(scene: bpy.types.Scene, frame: int | None, allow: bool, say: Cal
     found = unreadable(scene, frame)
     for notice in found[:MOST_SAID]:
         say(notice)
-    if found and not allow:
+    if found and not (allow and all(notice.values["state"] != NO_FILE for notice in found)):
         raise LfsrError(f"{len(found)} of the scene's files cannot be read, such as {found[0].values['path']}: find or "
                         "replace what is missing or damaged, or allow missing files")
 
@@ -47,7 +53,8 @@ def unreadable(scene: bpy.types.Scene, frame: int | None = None, deep: bool = Tr
     """
     reached, number = _reached(scene), scene.frame_current if frame is None else frame
     files = {Path(path): (kind, item) for item in reached for kind, path in _files(item, number)}
-    states = {path: "missing" for path in files if not path.exists()}
+    states = {path: NO_FILE if path.exists() else "missing" for path in files
+              if not (path.is_file() or path.is_dir())}
     for library in {item.library for item in reached} - {None}:
         path = Path(bpy.path.abspath(library.filepath))
         if library.is_missing or not (library.packed_file or path.is_file()):
@@ -64,6 +71,23 @@ def unreadable(scene: bpy.types.Scene, frame: int | None = None, deep: bool = Tr
                 files[path], states[path] = (item.id_type.lower(), item), "damaged"
     return [Notice("file-unreadable", {"kind": files[path][0], "path": str(path), "state": states[path]})
             for path in sorted(states)]
+
+
+def check_opened(scene: str, tell: Tell) -> None:
+    """LfsrError where the open file, which was not evaluated yet, names a device or a pipe, or what would end Blender.
+
+    ``tell`` gets the geometry that Blender will read.
+    """
+    for named in bpy.utils.blend_paths(absolute=True, packed=False, local=False):
+        check_regular(scene, named)
+    for cache in bpy.data.cache_files:
+        for place in (cache.filepath, *(layer.filepath for layer in cache.layers)):
+            path = Path(bpy.path.abspath(place, library=cache.library))
+            for file in path.parent.glob(NUMBER.sub("*", path.name)) if cache.is_sequence else [path]:
+                check_regular(scene, file)
+                if _is_damaged(str(file), file_stamp(file)):
+                    raise LfsrError(f"scene {scene} needs {file}, which is damaged: export that file again")
+            tell(Progress("open", detail=f"{scene} with {path}"))
 
 
 def image_files() -> set[Path]:
@@ -109,6 +133,8 @@ def _files(item: bpy.types.ID, frame: int) -> Iterator[tuple[str, str | Path]]:
                     yield "simulation", place(modifier.domain_settings.cache_directory)
             elif modifier.type == "OCEAN" and modifier.is_cached:
                 yield "simulation", place(modifier.filepath)
+            elif modifier.type == "NODES":
+                yield from (("simulation", path) for path in _bakes(modifier, place))
             cache = getattr(getattr(modifier, "particle_system", modifier), "point_cache", None)
             if cache is not None and cache.use_external:
                 yield "simulation", place(cache.filepath)
@@ -123,6 +149,18 @@ def _files(item: bpy.types.ID, frame: int) -> Iterator[tuple[str, str | Path]]:
             image = getattr(user, "image", None)
             if image is not None and image.source == "SEQUENCE" and not image.packed_file:
                 yield "image", _at_frame(Path(place(image.filepath)), user.image_user, frame)
+
+
+def _bakes(modifier: bpy.types.NodesModifier, place: Callable[[str], str]) -> Iterator[Path]:
+    """Yield the files of Geometry Nodes' bakes. Blender does not store which bakes are on the disk, only where."""
+    for bake in modifier.bakes:
+        target = modifier.bake_target if bake.bake_target == "INHERIT" else bake.bake_target
+        named = bake.directory if bake.use_custom_path else modifier.bake_directory
+        if named and target == "DISK":
+            folder = Path(place(named)) / ("" if bake.use_custom_path else str(bake.bake_id))
+            yield from sorted(folder.glob("meta/*.json"))
+            if not Path(place(named)).parent.exists():  # a bake that is deleted leaves it
+                yield Path(place(named))
 
 
 def _image_paths(image: bpy.types.Image) -> Iterator[Path]:
@@ -183,15 +221,45 @@ def _is_damaged(path: str, _stamp: str) -> bool:
                 numbers = head.rpartition(b"TILT=NONE")[2].split()
                 vertical, horizontal = map(int, numbers[3:5])
                 return len(numbers) < 13 + vertical + horizontal + vertical * horizontal
-            case ".abc":  # Ogawa, with the place of its root; or HDF5
-                return not head.startswith(b"\x89HDF") and not (
-                    head[:6] == b"Ogawa\xff" and struct.unpack_from("<Q", head, 8)[0] < size)
+            case ".abc":
+                return not head.startswith(b"\x89HDF") and not _is_whole_ogawa(path)
+            case ".json":  # of a bake, which names pieces of files beside its folder
+                blobs = Path(path).parents[1] / "blobs"
+                return not all((blobs / piece["name"]).stat().st_size >= piece["start"] + piece["size"]
+                               for piece in _pieces(json.loads(Path(path).read_bytes())))
             case ".mdd":
                 frames, points = struct.unpack_from(">2i", head)
                 return size < 8 + 4 * frames + 12 * frames * points
             case ".pc2":
                 points, frames = struct.unpack_from("<16xi8xi", head)
                 return not head.startswith(b"POINTCACHE2") or size < 32 + 12 * points * frames
-    except (struct.error, ValueError):
+    except (struct.error, ValueError, TypeError, OSError, RecursionError):
         return True
     return False
+
+
+def _is_whole_ogawa(path: str) -> bool:
+    """True if an Alembic file was finished and holds each of its groups and data: from its root, counts and places."""
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        if content[:6] != b"Ogawa\xff":
+            return False
+        waiting, seen = list(struct.unpack_from("<Q", content, 8)), set[int]()
+        while waiting:
+            if (place := waiting.pop()) in seen or not place & ~OGAWA_DATA:  # shared, or empty
+                continue
+            seen.add(place)
+            (count,) = struct.unpack_from("<Q", content, place & ~OGAWA_DATA)
+            if (place & ~OGAWA_DATA) + 8 + count * (1 if place & OGAWA_DATA else 8) > len(content):
+                return False
+            if not place & OGAWA_DATA:
+                waiting += struct.unpack_from(f"<{count}Q", content, place + 8)
+    return True
+
+
+def _pieces(data: Any) -> Iterator[dict[str, Any]]:
+    """Yield the pieces of files that the JSON of a bake names."""
+    inside = data.values() if isinstance(data, dict) else data if isinstance(data, list) else ()
+    if isinstance(data, dict) and {"name", "start", "size"} <= data.keys():
+        yield data
+    for value in inside:
+        yield from _pieces(value)

@@ -10,11 +10,12 @@ import bpy
 import numpy as np
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.notices import Notice, Tell, silent
 from lfsr_core.frames.request import FIT, check_scene
-from lfsr_core.frames.scene_files import check_named_files, check_regular
+from lfsr_core.frames.scene_files import check_named_files
 
 from .array import rig
+from .files import check_opened
 
 MOST_NAMES = 5
 MOST_REASON = 100  # characters
@@ -26,15 +27,20 @@ COMPRESSIONS = {r"meshopt_compression|Meshopt decoder": ("Meshopt", "copy"),
                 r"KHR_texture_basisu": ("KTX 2", "ktxdecompress")}
 
 
-def open_scene(path: str | Path) -> bpy.types.Scene:
+def open_scene(path: str | Path, tell: Tell = silent) -> bpy.types.Scene:
     """Open a .blend, or import .glb, .gltf or .obj into an empty file; LfsrError if that fails."""
     path = check_scene(path)
-    check_named_files(path)
+    if outside := check_named_files(path):
+        tell(Notice("files-outside", {"names": outside}))
     try:
         if (suffix := Path(path).suffix.lower()) != ".blend":
             bpy.ops.wm.read_factory_settings(use_empty=True)
             bpy.context.scene.render.engine = "CYCLES"  # such a file names none
-        READERS[suffix](path)
+            READERS[suffix](path)
+        else:
+            _open_blend(path, tell)
+    except LfsrError:
+        raise
     except (RuntimeError, ValueError, KeyError, OSError) as error:
         for pattern, (name, command) in COMPRESSIONS.items():
             if re.search(pattern, str(error)):
@@ -44,8 +50,6 @@ def open_scene(path: str | Path) -> bpy.types.Scene:
         lines = [line.strip() for line in str(error).splitlines() if line.strip() and not line.startswith("Location: ")]
         reason = lines[-1][:MOST_REASON] if lines else type(error).__name__
         raise LfsrError(f"scene {path} cannot be read ({reason}): check that the file is complete") from None
-    for named in bpy.utils.blend_paths(absolute=True, packed=False, local=False):
-        check_regular(path, named)
     for mesh in bpy.data.meshes:
         places = np.empty(3 * len(mesh.vertices), np.float32)
         mesh.vertices.foreach_get("co", places)
@@ -75,6 +79,29 @@ def _shown(scene: bpy.types.Scene) -> bpy.types.Scene:
     return scene
 
 
+def _open_blend(path: str, tell: Tell) -> None:
+    """Open a .blend; the files that it names are looked at before Blender evaluates the scene, which reads them."""
+    wrong = []
+
+    @bpy.app.handlers.persistent
+    def look(*_: object) -> None:
+        try:
+            check_opened(path, tell)
+        except LfsrError as error:  # nothing is left to evaluate
+            wrong.append(error)
+            for scene in bpy.data.scenes:
+                scene.sequence_editor_clear()
+            bpy.data.batch_remove([*bpy.data.objects, *bpy.data.cache_files])
+
+    bpy.app.handlers.load_post.append(look)
+    try:
+        bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
+    finally:
+        bpy.app.handlers.load_post.remove(look)
+    if wrong:
+        raise wrong[0]
+
+
 def _import_gltf(path: str) -> None:
     bpy.ops.import_scene.gltf(filepath=path)
     # The importer makes none of the file's cameras active. An array can stand at perspective cameras only.
@@ -83,7 +110,6 @@ def _import_gltf(path: str) -> None:
 
 
 READERS: dict[str, Callable[[str], object]] = {
-    ".blend": lambda path: bpy.ops.wm.open_mainfile(filepath=path, load_ui=False),
     ".glb": _import_gltf, ".gltf": _import_gltf, ".obj": lambda path: bpy.ops.wm.obj_import(filepath=path)}
 
 

@@ -111,6 +111,7 @@ SENTENCES: dict[str, Wording] = {
                             "smaller scale or another method",
     # The scene
     "file-unreadable": "the {kind} file {path} is {state}, and what needs it looks wrong",
+    "files-outside": lambda values: f"the scene names files outside its folder ({listed(values['names'], MOST_NAMES)})",
     "scripts-off": "Blender did not run the Python in this file ({reason}), so its drivers and scripts move nothing",
     "engine-ignored": "light fields are rendered with Cycles. Materials and lights may look different in the scene's "
                       "own engine, {engine}",

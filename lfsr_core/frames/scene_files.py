@@ -18,6 +18,7 @@ from typing import Any
 from lfsr_core.base.errors import LfsrError
 
 MOST_TEXT = 2**28  # bytes of a glTF's JSON, or of a material library
+MOST_LINE = 2**16  # bytes
 SPARE = 2**20  # bytes by which a buffer may be larger than its scene says
 GLB, JSON_CHUNK = 0x46546C67, 0x4E4F534A
 MAPS = re.compile(rb"\s*(?:map_\w+|bump|disp|decal|refl|norm)\s+(.+)", re.IGNORECASE)
@@ -26,23 +27,28 @@ ESCAPED = re.compile(rb"%([0-9A-Fa-f]{2})")  # a byte of a URI
 LIBRARY = re.compile(rb"\s*mtllib\s+(.+)", re.IGNORECASE)
 
 
-def check_named_files(scene: str | Path) -> None:
-    """LfsrError unless what a .gltf, .glb or .obj names are regular files of fitting size; others pass.
+def check_named_files(scene: str | Path) -> list[str]:
+    """Return the files outside the folder of a .gltf, .glb or .obj that it names.
 
-    What is missing, or no glTF at all, is left to Blender, which says so.
+    LfsrError unless all that it names are regular files of fitting size. What is missing, or no glTF at all, is left
+    to Blender, which says so.
     """
-    path = Path(scene)
+    path, named = Path(scene), list[Path]()
     if path.suffix.lower() in (".gltf", ".glb"):
-        _check_gltf(path)
+        named += _check_gltf(path)
     elif path.suffix.lower() == ".obj":
         # Blender reads the library of the scene's own name too, named or not.
-        for library in (path.with_suffix(".mtl").name, *_named(path, LIBRARY)):
-            check_regular(path, path.parent / library)
-            if (path.parent / library).is_file():
-                for name in _named(path.parent / library, MAPS):
-                    # Options such as "-s 1 1 1" stand before the name, which may have blanks.
-                    for image in {name, name.split()[-1]}:
-                        check_regular(path, path.parent / image)
+        for library in (path.parent / name for name in (path.with_suffix(".mtl").name, *_named(path, LIBRARY))):
+            check_regular(path, library)
+            named.append(library)
+            if library.is_file():
+                # Options such as "-s 1 1 1" stand before the name, which may have blanks.
+                named += {path.parent / image for name in _named(library, MAPS) for image in (name, name.split()[-1])}
+    for file in named:
+        check_regular(path, file)
+    home = os.path.abspath(path.parent)
+    outside = {os.path.abspath(file) for file in named if file.exists()}
+    return sorted(file for file in outside if not file.startswith(os.path.join(home, "")))
 
 
 def check_regular(scene: str | Path, named: str | Path) -> None:
@@ -51,7 +57,8 @@ def check_regular(scene: str | Path, named: str | Path) -> None:
         raise LfsrError(f"scene {scene} names {named}, which is no regular file: correct the name in the scene")
 
 
-def _check_gltf(path: Path) -> None:
+def _check_gltf(path: Path) -> Iterator[Path]:
+    """Yield the files that a glTF names."""
     content = _gltf(path)
     for kind in ("buffers", "images"):
         for entry in _records(content.get(kind)):
@@ -63,7 +70,7 @@ def _check_gltf(path: Path) -> None:
                 raise LfsrError(f"scene {path} names {name[:200]}, but a glTF may name only files relative to itself: "
                                 "put the file beside the scene and correct the name")
             file = path.parent / os.fsdecode(plain)
-            check_regular(path, file)
+            yield file
             told = entry.get("byteLength")
             if kind == "buffers" and isinstance(told, int) and file.is_file():
                 size = file.stat().st_size
@@ -103,6 +110,6 @@ def _records(value: Any) -> Iterable[dict[str, Any]]:
 def _named(path: Path, pattern: re.Pattern[bytes]) -> Iterator[str]:
     """Yield the names that lines of a regular file give."""
     with path.open("rb") as file:
-        for line in file:
-            if found := pattern.match(line[:2**16]):
+        while line := file.readline(MOST_LINE):
+            if found := pattern.match(line):
                 yield os.fsdecode(found[1].strip(b" \t\r\n\"").replace(b"\\", b"/"))

@@ -271,9 +271,12 @@ class Child:
         """
         code = self._process.wait()
         reason = f"signal {-code}" if code < 0 else f"exit code {code}"
+        if code == -getattr(signal, "SIGKILL", 0):
+            reason += ", as where memory runs out,"
+        doing = f" in {text!r}" if (text := self.last.get("message")) else ""
         lines = " / ".join(self._tail)[-MOST_LAST_WORDS:]
         last = f", last printing {lines!r}" if lines else ""
-        return CrashError(f"{what} {reason} before it was done{last}: {advice}")
+        return CrashError(f"{what} {reason}{doing} before it was done{last}: {advice}")
 
     def stop(self, seconds: float = SECONDS_TO_STOP) -> None:
         """End the process and its own children: ask first, and kill what has not ended after ``seconds``."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -21,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.cores import MOST_THREADS, in_threads, usable_cores
+from lfsr_core.base.cores import MOST_THREADS, in_threads, peak_bytes, usable_cores
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.frames.frame import (
@@ -69,9 +68,6 @@ from lfsr_core.reconstruct.upscaler import Upscaler
 MOST_JUDGED = 200  # elemental images that decide whether the image is nearly black or white
 NEED_LENSES = ("dilate", "weights", "linear_exr", "temporal_averaging")
 ROWS_AT_ONCE, STEP_IN_CACHE = 64, 24
-if sys.platform != "win32":
-    import resource
-
 STAGES = ("render", "load", "mask", "upscale", "assemble", "color", "write")
 
 
@@ -353,14 +349,6 @@ class StageClock:
             yield
         finally:
             self._threads = 1
-
-
-def peak_bytes() -> int | None:
-    """Most memory that this process has held so far, in bytes; None on Windows, which does not report it."""
-    if sys.platform != "win32":
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        return peak if sys.platform == "darwin" else peak * 1024
-    return None
 
 
 def filled(size: tuple[int, int], color: Array) -> Array:

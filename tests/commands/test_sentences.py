@@ -54,6 +54,7 @@ EXAMPLES = {
     "display-nearer": ({"focus": 6.7, "distance": 5.5}, "focuses at 6.7, but the display plane is at 5.5"),
     "display-plane": ({"depth": 0.25}, "depth of 0.25"),
     "file-unreadable": ({"kind": "image", "path": "wood.png", "state": "damaged"}, "image file wood.png is damaged"),
+    "files-outside": ({"names": ["/etc/wood.png"]}, "(/etc/wood.png)"),
     "flip-missing": ({}, "flip-evaluator"),
     "frame-left-out": ({"frame": 7, "error": "no light"}, "frame 7 is left out: no light"),
     "frames-older": ({"count": 3, "first": 1}, "3 frames (from 1) are older"),

@@ -82,5 +82,14 @@ def test_what_is_usual_passes(tmp_path, suffix):
     content = {"buffers": [BUFFER, {"byteLength": 3, "uri": "data:;base64,AAAA"}, {"byteLength": 3}],
                "images": [{"uri": "a%20b.png"}, {"uri": "missing.png"}, {"bufferView": 0}],
                "cameras": [{"perspective": {"yfov": 0.7}}, {"orthographic": {"xmag": 1}}]}
-    check_named_files(written(tmp_path, content, f"scene{suffix}"))
-    check_named_files(material(tmp_path, "map_Kd a b.png", "map_Bump -bm 1 missing.png", "Kd 1 1 1"))
+    for path in (written(tmp_path, content, f"scene{suffix}"),
+                 material(tmp_path, "map_Kd a b.png", "map_Bump -bm 1 missing.png", "Kd 1 1 1")):
+        assert check_named_files(path) == []
+
+
+def test_what_lies_outside_the_folder_is_told(tmp_path):
+    (tmp_path / "beside").mkdir()
+    (tmp_path / "wood.png").write_bytes(b"x")
+    for path in (written(tmp_path / "beside", {"images": [{"uri": "..//wood.png"}, {"uri": "../lost.png"}]}),
+                 material(tmp_path / "beside", "map_Kd " + str(tmp_path / "wood.png"), "map_Ks ../lost.png")):
+        assert check_named_files(path) == [str(tmp_path / "wood.png")]

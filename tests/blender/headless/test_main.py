@@ -15,7 +15,7 @@ from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import DEVICES
 from lfsr_core.images import exr
-from lfsr_core.process.child import ENDS_WITH_INPUT, parse_progress, told_of
+from lfsr_core.process.child import ENDS_WITH_INPUT, EXIT_BAD_INPUT, parse_progress, told_of
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, ROOT, add_box, add_camera, emission
 
@@ -41,6 +41,23 @@ def start(tmp_path, limit=None, ends_with_input=False, **options):
 
 def records(lines):
     return [record for record in map(parse_progress, lines) if record]
+
+
+def test_a_scene_that_waits_for_a_library_is_refused(blend, tmp_path):
+    library = tmp_path / "library.blend"
+    bpy.data.libraries.write(str(library), {bpy.data.objects[0]})
+    with bpy.data.libraries.load(str(library), link=True) as (there, here):
+        here.objects = there.objects
+    bpy.context.scene.collection.objects.link(here.objects[0])
+    bpy.ops.wm.save_mainfile()
+    library.unlink()
+    os.mkfifo(library)
+    write_json(tmp_path / "job.json", to_data(make_request(str(tmp_path / "out"), MINI, scene=str(blend))))
+    program = ("from blender_addon.headless import main\nmain.MOST_WAITING = 2\n"
+               f"raise SystemExit(main.main([{str(tmp_path / 'job.json')!r}]))")
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == EXIT_BAD_INPUT
+    assert "waits for a file that does not answer" in records(done.stdout.splitlines())[-1]["message"]
 
 
 def test_job_becomes_a_frame_folder(blend, tmp_path):

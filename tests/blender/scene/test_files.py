@@ -1,5 +1,6 @@
 """Files that a scene needs and that cannot be read are said and refused, whatever reads them."""
 
+import os
 import shutil
 import struct
 from pathlib import Path
@@ -11,9 +12,11 @@ import pytest
 
 from blender_addon import compat
 from blender_addon.scene.files import check_files, unreadable
+from blender_addon.scene.open import open_scene
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from tests.support.scenes import add_box, add_camera
+from tests.support.told import refuses
 
 
 def half(whole):
@@ -123,6 +126,25 @@ def library(item, folder):
     return path
 
 
+def bake(item, folder):
+    """Geometry Nodes' bake of the box, in a folder beside the scene."""
+    tree = bpy.data.node_groups.new("tree", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    first, kept, last = (tree.nodes.new(kind) for kind in ("NodeGroupInput", "GeometryNodeBake", "NodeGroupOutput"))
+    kept.bake_items.new("GEOMETRY", "Geometry")
+    tree.links.new(first.outputs[0], kept.inputs["Geometry"])
+    tree.links.new(kept.outputs["Geometry"], last.inputs[0])
+    modifier = item.modifiers.new("bake", "NODES")
+    modifier.node_group, modifier.bake_target = tree, "DISK"
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
+    bpy.context.view_layer.update()
+    bpy.ops.object.geometry_node_bake_single(session_uid=item.session_uid, modifier_name="bake",
+                                             bake_id=modifier.bakes[0].bake_id)
+    (path,) = folder.glob("blendcache_scene/*/*/meta/*.json")
+    return path
+
+
 PC2 = struct.pack("<12siiffi", b"POINTCACHE2\0", 1, 8, 0, 1, 2) + bytes(12 * 8 * 2)
 MDD = struct.pack(">2i", 2, 8) + bytes(4 * 2 + 12 * 8 * 2)
 READ = {"png": image("png"), "jpg": image("jpg"), "exr": image("exr"), "tif": image("tif"), "webp": image("webp"),
@@ -146,15 +168,43 @@ def test_every_missing_file_is_named(item, tmp_path, name):
     assert unreadable(bpy.context.scene, deep=False) == unreadable(bpy.context.scene)
 
 
-# Blender itself refuses a scene whose library is cut, and stops at a cut Alembic file.
-@pytest.mark.parametrize(("name", "damage"), [*((name, junk) for name in READ), *(
-    (name, half) for name in READ if name not in {"library", "alembic"})])
+# Blender itself refuses a scene whose library is cut.
+@pytest.mark.parametrize(("name", "damage"), [(name, damage) for name in [*READ, "bake"] for damage in (junk, half)
+                                              if name != "alembic" and (name, damage) != ("library", half)])
 def test_every_damaged_file_is_named(item, tmp_path, name, damage):
-    path = READ[name](item, tmp_path)
+    path = (READ | {"bake": bake})[name](item, tmp_path)
     path.write_bytes(damage(path.read_bytes()))
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    open_scene(tmp_path / "scene.blend")
     found(path, "damaged")
+
+
+@pytest.mark.parametrize("damage", [junk, half])
+def test_damaged_geometry_that_ends_blender_is_not_read(item, tmp_path, damage):
+    path = alembic(item, tmp_path)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    path.write_bytes(damage(path.read_bytes()))
+    refuses(f"needs {path}, which is damaged", open_scene, tmp_path / "scene.blend")
+
+
+def test_a_bake_needs_its_data(item, tmp_path):
+    path = bake(item, tmp_path)
+    assert unreadable(bpy.context.scene) == []
+    (blob,) = path.parents[1].glob("blobs/*")
+    blob.write_bytes(b"")
+    os.utime(path, (1, 1))
+    found(path, "damaged")
+    shutil.rmtree(tmp_path / "blendcache_scene")
+    assert found(path.parents[2], "missing") == "simulation"
+
+
+@pytest.mark.parametrize("name", ["volume", "alembic", "png", "light"])
+def test_a_pipe_is_not_waited_for(item, tmp_path, name):
+    path = READ[name](item, tmp_path)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    path.unlink()
+    os.mkfifo(path)
+    refuses(f"names {path}, which is no regular file", open_scene, tmp_path / "scene.blend")
 
 
 @pytest.mark.parametrize("suffix", ["png", "jpg"])
@@ -177,6 +227,9 @@ def test_a_sequence_is_read_at_its_frame(scene, item, tmp_path):
     assert unreadable(scene, 15)[0].values["path"] == str(tmp_path / "flame0005.png")
     texture.image_user.use_cyclic, texture.image_user.frame_duration = True, 3
     assert unreadable(scene, 15) == []
+    (tmp_path / "flame0003.png").unlink()
+    os.mkfifo(tmp_path / "flame0003.png")
+    refuses("1 of the scene's files cannot be read", check_files, scene, 13, True, lambda _: None)
     (tmp_path / "flame0002.png").write_bytes(b"")
     assert unreadable(scene, 15)[0].values == {"kind": "image", "path": str(tmp_path / "flame0002.png"),
                                                "state": "damaged"}
