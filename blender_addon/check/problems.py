@@ -17,7 +17,7 @@ from ..jobs import denoiser, preview
 from ..scene import devices, folders
 from ..scene import settings as scene_settings
 from ..scene.array import rig
-from ..scene.files import unreadable
+from ..scene.files import SECONDS_IN_PANEL, unreadable
 from ..scene.light import AUTO_LIGHT, OWN_LIGHT, SCENE_LIGHTS, has_light
 from ..scene.notices import left_out, materials, nodes_of
 from ..scene.settings import Resolved, color_settings, title
@@ -123,7 +123,7 @@ def _scripts(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 
 def _images(scene: bpy.types.Scene) -> Iterator[Problem]:
-    for notice in unreadable(scene, deep=False):
+    for notice in unreadable(scene, seconds=SECONDS_IN_PANEL):
         yield Problem("texture", Path(notice.values["path"]).name, f"{sentence(notice)}.", "Find Files…", ERROR,
                       asks=True)
     for image in bpy.data.images:

@@ -22,7 +22,7 @@ from lfsr_core.reconstruct.methods import MethodName, seconds
 
 from ..scene import folders
 from ..scene import settings as scene_settings
-from ..scene.files import unreadable
+from ..scene.files import SECONDS_IN_PANEL, unreadable
 from ..scene.settings import Resolved
 from . import runtime
 
@@ -38,10 +38,10 @@ def asked(scene: bpy.types.Scene, frame: int | None = None) -> tuple[Request, Fi
     number = scene.frame_current if frame is None else frame
     # A second stage that cannot start should be an error before the render, not after it.
     runtime.second_stage_command(runtime.RUNNER)
-    # The artist was asked about what is missing.
+    # The artist was asked about what cannot be read.
     return dataclasses.replace(settings.request, output=str(folders.frame_folder(scene, number)), frame=number,
                                source=folders.source_of(scene),
-                               allow_missing=bool(unreadable(scene, number, deep=False))), settings.finish
+                               allow_missing=bool(unreadable(scene, number, SECONDS_IN_PANEL))), settings.finish
 
 
 def timeline(scene: bpy.types.Scene) -> tuple[int, ...]:

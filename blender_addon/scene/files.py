@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 import mmap
 import re
 import struct
 import tempfile
+import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -21,6 +23,7 @@ from lfsr_core.base.files import file_stamp
 from lfsr_core.base.notices import Notice, Progress, Tell
 from lfsr_core.frames.scene_files import check_regular
 
+SECONDS_IN_PANEL = 1.0  # of looking for damage before a button's question
 MOST_SAID = 20  # files of which each has its sentence
 HEAD = 2**16  # bytes, enough for the headers below
 NO_FILE = "no regular file"  # a device or a pipe, which may never end
@@ -45,12 +48,13 @@ def check_files(scene: bpy.types.Scene, frame: int | None, allow: bool, say: Cal
                         "replace what is missing or damaged, or allow missing files")
 
 
-def unreadable(scene: bpy.types.Scene, frame: int | None = None, deep: bool = True) -> list[Notice]:
+def unreadable(scene: bpy.types.Scene, frame: int | None = None, seconds: float = math.inf) -> list[Notice]:
     """Return a notice of each file that cannot be read and that the image of ``scene`` needs at ``frame``.
 
-    ``frame``: None for the scene's own; ``deep``: look for damage too, for which images and volumes are read to their
-    ends.
+    ``frame``: None for the scene's own; ``seconds``: about how long to look for damage, for which images and volumes
+    are read to their ends, once until they change.
     """
+    end = time.monotonic() + seconds
     reached, number = _reached(scene), scene.frame_current if frame is None else frame
     files = {Path(path): (kind, item) for item in reached for kind, path in _files(item, number)}
     states = {path: NO_FILE if path.exists() else "missing" for path in files
@@ -59,16 +63,15 @@ def unreadable(scene: bpy.types.Scene, frame: int | None = None, deep: bool = Tr
         path = Path(bpy.path.abspath(library.filepath))
         if library.is_missing or not (library.packed_file or path.is_file()):
             files[path], states[path] = ("linked", library), "damaged" if path.is_file() else "missing"
-    if deep:
-        there = [path for path in files if path not in states]
-        with ThreadPoolExecutor() as pool:
-            damaged = pool.map(lambda path: _is_damaged(str(path), file_stamp(path)), there)
-        states |= {path: "damaged" for path, is_bad in zip(there, damaged, strict=True) if is_bad}
-        for item in reached:
-            path = Path(bpy.path.abspath(getattr(item, "filepath", "") or item.name, library=item.library))
-            is_elsewhere = item.id_type == "VOLUME" and item.is_sequence and number != scene.frame_current
-            if path not in states and not is_elsewhere and _is_damaged_inside(item):
-                files[path], states[path] = (item.id_type.lower(), item), "damaged"
+    there = [path for path in files if path not in states]
+    with ThreadPoolExecutor() as pool:
+        damaged = pool.map(lambda path: time.monotonic() < end and _is_damaged(str(path), file_stamp(path)), there)
+    states |= {path: "damaged" for path, is_bad in zip(there, damaged, strict=True) if is_bad}
+    for item in reached if seconds else ():
+        path = Path(bpy.path.abspath(getattr(item, "filepath", "") or item.name, library=item.library))
+        is_elsewhere = item.id_type == "VOLUME" and item.is_sequence and number != scene.frame_current
+        if path not in states and not is_elsewhere and time.monotonic() < end and _is_damaged_inside(item):
+            files[path], states[path] = (item.id_type.lower(), item), "damaged"
     return [Notice("file-unreadable", {"kind": files[path][0], "path": str(path), "state": states[path]})
             for path in sorted(states)]
 

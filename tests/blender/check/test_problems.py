@@ -186,7 +186,7 @@ def test_material_that_needs_osl(scene):
     fix(scene, "script")
 
 
-def test_missing_texture_and_unsaved_paint(scene):
+def test_textures_that_cannot_be_read_and_unsaved_paint(scene, tmp_path):
     image = bpy.data.images.new("Paint", 4, 4)
     image.use_fake_user = True
     image.pixels[0] = 0.5
@@ -199,6 +199,9 @@ def test_missing_texture_and_unsaved_paint(scene):
     texture.image = gone
     bpy.data.objects["Box"].modifiers.new("Bumps", "DISPLACE").texture = texture
     assert found(scene, "texture").target == "gone.png"
+    (tmp_path / "cut.png").write_bytes(b"\x89PNG")
+    gone.filepath = str(tmp_path / "cut.png")
+    assert "cut.png is damaged" in found(scene, "texture").reason
 
 
 def test_unknown_problems_and_objects_are_refused(scene):

@@ -165,7 +165,7 @@ def test_every_missing_file_is_named(item, tmp_path, name):
     assert unreadable(bpy.context.scene) == []
     path.unlink()
     found(path, "missing")
-    assert unreadable(bpy.context.scene, deep=False) == unreadable(bpy.context.scene)
+    assert unreadable(bpy.context.scene, seconds=0) == unreadable(bpy.context.scene)
 
 
 # Blender itself refuses a scene whose library is cut.
