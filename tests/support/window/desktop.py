@@ -163,7 +163,7 @@ def blender_window(folder: Path) -> Iterator[Window]:
 
 @contextmanager
 def _screen(folder: Path) -> Iterator[str]:
-    """A virtual screen whose pixels lie in a file of ``folder``, for recording.py."""
+    """A virtual screen whose pixels lie in a file of ``folder``, for scripts/lab/live_latency.py."""
     reader, writer = os.pipe()
     command = inside("Xvfb", "-displayfd", writer, "-screen", "0", f"{SIZE[0]}x{SIZE[1]}x24", "+extension", "GLX",
                      "-fbdir", folder)
