@@ -15,12 +15,14 @@ import pytest
 
 from lfsr_core.cli import GROUPS, LABORATORY, VERBS, build_parser, laboratory, main
 from lfsr_core.commands.common import BOLD, styled
+from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_mask, read_png
 from lfsr_core.optics.display import builtin_names
 from lfsr_core.optics.eia import flip_order
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
+from tests.support.finished import finished
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import fails, light_field, write_render
 
@@ -388,3 +390,111 @@ def test_without_the_laboratory_the_help_and_its_verbs_say_so(missing, capsys):
 
 def test_verbs_come_from_the_laboratory():
     assert tuple(laboratory()) == LABORATORY
+
+
+LFSR = [sys.executable, "-m", "lfsr_core.cli"]
+
+
+@pytest.mark.parametrize(("name", "message"), [
+    ("link", "is a link to .*nowhere, which does not exist"), ("link/frame", "link is a link to"),
+    ("x" * 256, "too long"), ("ä" * 128, "too long"), (os.fsdecode(b"r\xff"), "not UTF-8"),
+    ("/".join(["y" * 99] * 41), "too long")])
+@pytest.mark.parametrize("verb", ["render", "reference", "plan"])
+def test_output_that_cannot_be(tmp_path, capsys, verb, name, message):
+    scene = tmp_path / "scene.glb"
+    scene.touch()
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    option = "--work" if verb == "plan" else "-o"
+    sentence = fails([verb, str(scene), option, str(tmp_path / name), "--blender", "/must/not/run"], capsys)
+    assert re.search(message, sentence)
+    assert len(sentence) < 330
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link", "scene.glb"]
+
+
+@pytest.mark.parametrize("length", [246, 255])
+def test_name_with_no_room_for_a_hidden_one_beside_it(tmp_path, capsys, length):
+    scene = tmp_path / "scene.glb"
+    scene.touch()
+    sentence = fails(["render", str(scene), "-o", str(tmp_path / ("x" * length)), "--display", "mini"], capsys)
+    assert "cannot be made (File name too long)" in sentence
+
+
+@pytest.mark.parametrize("verb", [["displays"], ["render", "scene.glb", "-o", "out", "--blender", "/must/not/run"]])
+@pytest.mark.parametrize("output", ["closed", "full", "unread"])
+def test_standard_output_that_cannot_be_written(tmp_path, verb, output):
+    (tmp_path / "scene.glb").touch()
+    redirect = {"closed": ">&-", "full": "> /dev/full", "unread": ""}[output]
+    options = {"cwd": tmp_path, "capture_output": True, "text": True, "env": os.environ | {"PYTHONPATH": os.getcwd()}}
+    if output == "unread":
+        reader, writer = os.pipe()
+        os.close(reader)
+        options |= {"capture_output": False, "stdout": writer, "stderr": subprocess.PIPE}
+    done = subprocess.run(["sh", "-c", f'exec "$@" {redirect}', "sh", *LFSR, *verb], check=False, **options)
+    assert done.returncode == 2, done
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert "output" in done.stderr and "must/not/run" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_closed_standard_error_stops_nothing(tmp_path):
+    done = subprocess.run(["sh", "-c", 'exec "$@" 2>&-', "sh", *LFSR, "displays"], capture_output=True, text=True,
+                          check=False)
+    assert done.returncode == 0 and "mini" in done.stdout
+
+
+def test_output_that_is_a_full_disk_is_one_sentence(tmp_path):
+    """A file size limit of the process stands for the disk."""
+    script = ("import resource, sys; from lfsr_core.cli import main; "
+              "resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)); sys.exit(main(['displays']))")
+    with (tmp_path / "printed").open("w") as printed:
+        done = subprocess.run([sys.executable, "-c", script], stdout=printed, stderr=subprocess.PIPE, text=True,
+                              check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1 and "free some space" in done.stderr, done.stderr
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return finished(tmp_path / "frame")
+
+
+def test_view(folder, tmp_path, capsys):
+    assert main(["view", str(folder)]) == 0
+    assert (folder / "view.html").is_file() and "view.html: 0.1 MB" in capsys.readouterr().out
+    second = finished(tmp_path / "second", frame=2)
+    assert main(["view", str(folder), str(second), "-o", str(tmp_path / "film.html"), "--quality", "80"]) == 0
+    assert (tmp_path / "film.html").read_text(encoding="utf-8").count('class="eia"') == 2
+
+
+@pytest.mark.parametrize(("options", "names"), [
+    (["quilt"], ["two_depths_qs2x4a1.333.png"]),
+    (["quilt", "--views", "6", "--grid", "6x1"], ["two_depths_qs6x1a1.333.png"]),
+    (["views", "--views", "2"], ["view_000_000.png", "view_000_001.png", "view_001_000.png", "view_001_001.png"]),
+    (["stereo", "--eyes-mm", "30", "--width", "64"], ["two_depths_stereo_30mm.png"])])
+def test_export(folder, capsys, options, names):
+    assert main(["export", str(folder), "--format", *options]) == 0
+    target = folder / "export" / options[0]
+    assert str(target) in capsys.readouterr().out
+    assert sorted(path.name for path in target.iterdir()) == names
+
+
+def test_there_and_back(folder, tmp_path, capsys):
+    views, back = str(tmp_path / "views"), tmp_path / "back"
+    assert main(["export", str(folder), "--format", "hci", "--views", "4", "-o", views]) == 0
+    assert main(["import", views, "-o", str(back)]) == 0
+    assert f"next: lfsr view {back}" in capsys.readouterr().out
+    assert (read_light_field(back).views == read_light_field(folder).resampled((4, 4))).all()
+    assert main(["import", views, "-o", str(tmp_path / "low"), "--scale", "2", "--angle-deg", "20"]) == 0
+    assert "next: lfsr upscale" in capsys.readouterr().out
+    assert main(["upscale", str(tmp_path / "low"), "--method", "bilinear"]) == 0
+    assert main(["view", str(tmp_path / "low")]) == 0
+
+
+def test_what_cannot_be(folder, tmp_path, capsys):
+    assert "does not exist" in fails(["view", str(tmp_path / "nowhere")], capsys)
+    assert "has no option 'width'" in fails(["export", str(folder), "--format", "pleno", "--width", "9"], capsys)
+    assert "is no folder" in fails(["import", str(tmp_path / "nowhere"), "-o", str(tmp_path / "frame")], capsys)
+    for options in [["--format", "quitl"], ["--format", "quilt", "--grid", "8by6"], []]:
+        with pytest.raises(SystemExit) as caught:
+            main(["export", str(folder), *options])
+        assert caught.value.code == 2

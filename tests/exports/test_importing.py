@@ -1,21 +1,32 @@
 """Folders of views of others: what goes in comes out of the second stage, and what is wrong is one sentence."""
 
+import dataclasses
 import os
 import re
+import shutil
 
+import av
 import numpy as np
 import pytest
 from PIL import Image
 
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.cli import main
+from lfsr_core.exports import importing as quilts
 from lfsr_core.exports.formats import export
-from lfsr_core.exports.importing import ImportGeometry, import_views
+from lfsr_core.exports.importing import ImportGeometry, import_film, import_quilt, import_views, quilt_of
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.exr import read_layers
+from lfsr_core.images.png import read_png, write_png
+from lfsr_core.optics.display import load_display, write_profile
+from lfsr_core.optics.rays import CameraArray
 from lfsr_core.pipeline.make import finish_frame
-from tests.support.finished import MINI
+from tests.support.finished import MINI, finished, picture
+from tests.support.panels import lenticular, small
+from tests.support.synthetic import fails
 from tests.support.told import Told, refuses
 
 
@@ -189,3 +200,247 @@ def test_an_empty_or_missing_folder_and_geometry_that_cannot_be(tmp_path, images
         ({"geometry": ImportGeometry(width_mm=-1.0)}, "lengths above 0")]:
         refuses(message, import_views, images, tmp_path / "frame", **options)
         assert not (tmp_path / "frame").exists()
+
+
+PORTRAIT = dataclasses.replace(load_display("looking-glass-portrait"), lenses=(105, 140))
+
+
+def landscape(angle_deg: float = 50.0):
+    """A 16-inch display of the third generation with a quarter of its pixels and lenses.
+
+    A picture of its height is seen from as many of its own widths as ``PORTRAIT``.
+    """
+    wide = load_display("looking-glass-16-gen3")
+    sheet = dataclasses.replace(wide.lenticular, pitch_mm=4 * wide.lenticular.pitch_mm)
+    return dataclasses.replace(wide, lenses=(214, 120), panel_pixels=(960, 540), lenticular=sheet,
+                               viewing_distance_mm=400 / 120.415 * 0.75 * 193.866, viewing_angle_deg=angle_deg)
+
+
+def coordinates(folder, shape=(2, 4), tile=(6, 9), ending=".png"):
+    """A quilt whose tiles have red for their number, green rightwards and blue downwards."""
+    (columns, rows), (width, height) = shape, tile
+    quilt = np.zeros((rows, height, columns, width, 3), np.uint8)
+    number = np.arange(rows * columns).reshape(rows, columns)[::-1]  # from the bottom left
+    quilt[..., 0] = 20 * number[:, None, :, None]
+    quilt[..., 1] = 40 * np.arange(width)
+    quilt[..., 2] = 25 * np.arange(height)[:, None, None]
+    path = folder / f"holo_qs{columns}x{rows}a0.75{ending}"
+    write_png(path, quilt.reshape(rows * height, columns * width, 3))
+    return path
+
+
+def check_coordinates(views):
+    """(1, n, height, width, 3)."""
+    assert (views[..., 0] == 20 * np.arange(views.shape[1])[:, None, None]).all()
+    assert (views[..., 1] == 40 * np.arange(views.shape[3])).all()
+    assert (views[..., 2] == 25 * np.arange(views.shape[2])[:, None]).all()
+
+
+def test_tiles_become_views_from_the_left(tmp_path):
+    path = coordinates(tmp_path)
+    told = Told()
+    display = import_quilt(path, tmp_path / "frame", quilt_of(path), tell=told)
+    finish_frame(tmp_path / "frame", "none")
+    check_coordinates(read_light_field(tmp_path / "frame").views)
+    assert (display.views, display.lenses, display.viewing_angle_deg) == ((8, 1), (6, 9), 40)
+    assert display.panel_mm[0] / display.panel_mm[1] == pytest.approx(0.75)
+    assert told.notices == [Notice("geometry-assumed", {"width_mm": 600.0, "distance_mm": 1000.0, "angle_deg": 40.0})]
+    (back,) = export(tmp_path / "frame", "quilt", tmp_path / "back")
+    assert "holo_qs" in back.name and back.name.count("_qs") == 1, "the name says its own tiles alone"
+
+
+@pytest.mark.parametrize(("top_first", "mirror"), [(True, ""), (False, "x")])
+def test_tiles_in_other_orders(tmp_path, top_first, mirror):
+    path = coordinates(tmp_path)
+    import_quilt(path, tmp_path / "frame", quilt_of(path, None, top_first), geometry=ImportGeometry(mirror=mirror))
+    finish_frame(tmp_path / "frame", "none")
+    numbers = (read_light_field(tmp_path / "frame").views[0, :, 0, 0, 0] // 20).tolist()
+    assert numbers == ([6, 7, 4, 5, 2, 3, 0, 1] if top_first else [7, 6, 5, 4, 3, 2, 1, 0])
+
+
+def test_grids_and_aspects_as_names_and_people_give_them(tmp_path):
+    path = tmp_path / "q_qs5x9a1.6.png"
+    write_png(path, np.zeros((4096 // 8, 4096 // 8, 3), np.uint8))
+    assert quilts.read_quilt(path, quilt_of(path)).views.shape == (1, 45, 56, 102, 3)
+    for name, shape, expected, noted in [
+        ("q_qs8x6a0.75", None, Quilt((8, 6), 0.75), False), ("plain", "8x6a0.5", Quilt((8, 6), 0.5), False),
+        ("q_qs8x6a0.75", "4x12", Quilt((4, 12), 0.75), False), ("plain", "5x9", Quilt((5, 9), 16 / 9), True)]:
+        found = quilt_of(tmp_path / f"{name}.png", shape)
+        assert dataclasses.replace(found, assumed=None) == expected and bool(found.assumed) == noted
+    for name, shape, message in [
+        ("plain", None, "does not say how many tiles"), ("plain", "8by6", "quilt is '8by6'"),
+        ("plain", "3x3", "aspect ratio of a quilt of 3x3 tiles is not known"), ("q_qs1x1a1", None, "has no two views"),
+        ("plain", "0x6a1", "has no two views"), ("plain", "_qs8x6", "must be tiles")]:
+        refuses(message, quilt_of, tmp_path / f"{name}.png", shape)
+
+
+def direct(folder, display, width):
+    """The same scene as ``finished`` makes, for a display on which the picture is ``width`` scene units wide."""
+    return finished(folder, display, scale=1, array=CameraArray.for_display(display, width))
+
+
+@pytest.mark.parametrize(("angle", "seen", "most_of_panel"), [(40.0, slice(48), 4.0), (50.0, slice(6, 42), 8.0)])
+def test_woven_for_another_display_as_if_made_for_it(tmp_path, angle, seen, most_of_panel):
+    """Beyond the quilt's 40 degrees the outermost view repeats: there the panel of 50 degrees differs."""
+    made = finished(tmp_path / "portrait", PORTRAIT, scale=1)
+    (quilt,) = export(made, "quilt", tmp_path, ExportOptions(grid=(8, 6), width=105))
+    display = landscape(angle)
+    import_quilt(quilt, tmp_path / "frame", quilt_of(quilt), geometry=ImportGeometry(display=display, angle_deg=40.0))
+    finish_frame(tmp_path / "frame", "none")
+    covered = 0.75 * display.panel_mm[1] / display.panel_mm[0]  # of the panel's width, by a picture of its height
+    finish_frame(direct(tmp_path / "direct", display, 1.6 / covered), "none")
+    woven, wanted = (read_png(tmp_path / name / "panel.png").astype(float) for name in ("frame", "direct"))
+    views, wanted_views = (read_light_field(tmp_path / name).views.astype(float) for name in ("frame", "direct"))
+    inside = slice(round(960 * (1 - covered) / 2) + 12, round(960 * (1 + covered) / 2) - 12)
+    lenses = slice(inside.start * 214 // 960 + 2, inside.stop * 214 // 960 - 2)
+    off = np.abs(views - wanted_views)[:, seen, :, lenses]
+    assert off.mean() < 3.0 and np.abs(woven - wanted)[:, inside].mean() < most_of_panel
+    for turned in (views[:, ::-1], views[:, :, ::-1], views[:, :, :, ::-1]):  # inside out, upside down, mirrored
+        assert np.abs(turned - wanted_views)[:, seen, :, lenses].mean() > 20
+    print(f"views {off.mean():.2f}, panel {np.abs(woven - wanted)[:, inside].mean():.2f}")
+    assert (woven[:, :inside.start - 24] == 0).all(), "beside the picture the panel is black"
+
+
+def test_fill_cuts_the_picture(tmp_path):
+    path = coordinates(tmp_path)
+    for fill in (False, True):
+        import_quilt(path, tmp_path / str(fill), quilt_of(path),
+                     geometry=ImportGeometry(display=landscape(), fill=fill))
+        finish_frame(tmp_path / str(fill), "none")
+    whole, cut = (read_light_field(tmp_path / str(fill)).views[0, 24] for fill in (False, True))
+    assert (whole[:, 0] == 0).all() and cut[:, 0, 0].min() > 0
+    assert cut[0, 107, 2] > whole[0, 107, 2] + 30, "the top of the picture is cut"
+
+
+def test_a_folder_of_views_for_a_display(tmp_path, folder, field):
+    export(folder, "hci", tmp_path / "views")
+    smaller = dataclasses.replace(MINI, views=(4, 4), panel_pixels=(64, 48), name="smaller")
+    told = Told()
+    imported = import_views(tmp_path / "views", tmp_path / "frame", 1, ImportGeometry(display=smaller), told)
+    finish_frame(tmp_path / "frame", "none")
+    assert imported == smaller and not told.notices
+    off = np.abs(read_light_field(tmp_path / "frame").views.astype(int) - field.resampled((4, 4)))
+    assert off.max() <= 1
+
+
+@pytest.mark.parametrize("options", [{"width_mm": 5.0}, {"distance_mm": 5.0}])
+def test_what_a_display_decides(tmp_path, options):
+    path = coordinates(tmp_path)
+    with pytest.raises(LfsrError, match="have no use with --display"):
+        import_quilt(path, tmp_path / "frame", quilt_of(path), geometry=ImportGeometry(display=MINI, **options))
+    refuses("between 1 and 120", import_quilt, path, tmp_path / "frame", quilt_of(path),
+            geometry=ImportGeometry(display=MINI, angle_deg=500.0))
+    assert not (tmp_path / "frame").exists()
+
+
+# Films.
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory):
+    """A film of three quilts, each darker than the one before, and their folder."""
+    folder = tmp_path_factory.mktemp("film")
+    for number in range(1, 4):
+        frame = finished(folder / f"{number:04d}", frame=number)
+        write_png(frame / "eia.png", read_png(frame / "eia.png") // number)
+    (path,) = export(folder, "quilt-film", folder / "export", ExportOptions(grid=(4, 2), width=64))
+    return path, folder
+
+
+def test_frames_of_a_film_become_frames(film, tmp_path):
+    path, frames = film
+    told = Told()
+    assert import_film(path, tmp_path / "film", quilt_of(path), ImportGeometry(display=MINI, angle_deg=40.0),
+                               told) == MINI
+    assert "frame 2 of 3" in [progress.detail for progress in told.progress]
+    fractions = [progress.fraction for progress in told.progress]
+    assert fractions == sorted(fractions)
+    for number in (1, 2, 3):
+        found, made = (read_light_field(folder / f"{number:04d}").views for folder in (tmp_path / "film", frames))
+        assert np.abs(found[4].astype(float) - made[3]).mean() < 12
+        assert read_frame(tmp_path / "film" / f"{number:04d}").frame == number
+
+
+def test_an_interrupted_import_of_a_film_goes_on(film, tmp_path):
+    path, output = film[0], tmp_path / "film"
+
+    def stop(told):
+        if isinstance(told, Progress) and told.fraction > 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        import_film(path, output, quilt_of(path), tell=stop)
+    assert sorted(folder.name for folder in output.iterdir()) == ["0001", "0002"]
+    (output / "0002" / "eia.png").unlink()  # stopped between the two stages
+    before = (output / "0001" / "eia.png").stat().st_mtime_ns
+    import_film(path, output, quilt_of(path))
+    assert (output / "0001" / "eia.png").stat().st_mtime_ns == before, "what is there stays"
+    assert all((output / f"000{number}" / "eia.png").is_file() for number in (1, 2, 3))
+    with pytest.raises(LfsrError, match="0001 holds a frame of another film, or for another display"):
+        import_film(path, output, quilt_of(path), ImportGeometry(display=MINI))
+
+
+def test_the_command(film, tmp_path, capsys):
+    assert main(["import", str(film[0]), "-o", str(tmp_path / "film"), "--display", "mini"]) == 0
+    said = capsys.readouterr()
+    assert "8×8 views of 16×12 pixels" in said.out and "--angle-deg 40" in said.err
+    path = coordinates(tmp_path)
+    plain = shutil.copy(path, tmp_path / "plain.png")
+    assert "does not say how many tiles" in fails(["import", str(plain), "-o", str(tmp_path / "one")], capsys)
+    write_profile(tmp_path / "own.toml", small(lenticular()))
+    assert main(["import", str(plain), "-o", str(tmp_path / "one"), "--quilt", "2x4a0.75", "--display",
+                 str(tmp_path / "own.toml")]) == 0
+    assert picture(tmp_path / "one" / "panel.png").shape == (80, 120, 3)
+    capsys.readouterr()
+    assert "for quilts" in fails(["import", str(tmp_path), "-o", str(tmp_path / "two"), "--quilt", "2x4"], capsys)
+    assert "has all its views" in fails(["import", str(film[0]), "-o", str(tmp_path / "two"), "--scale", "2"], capsys)
+    assert not (tmp_path / "two").exists()
+
+
+def test_a_film_without_a_word_on_its_colours(tmp_path, monkeypatch):
+    """Players take such films of high definition for BT.709; FFmpeg alone would take it for another."""
+    path = tmp_path / "q_qs2x2a1.mp4"
+    pixels = np.full((1280, 1280, 3), (200, 60, 30), np.uint8)
+    with av.open(str(path), "w") as made:
+        stream = made.add_stream("libx264", rate=10, options={"crf": "1"})
+        stream.width = stream.height = 1280
+        stream.pix_fmt = "yuv420p"
+        frame = av.VideoFrame.from_ndarray(pixels, format="rgb24")
+        made.mux(stream.encode(frame.reformat(format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")))
+        made.mux(stream.encode())
+    ((taken, count),) = quilts.read_film(path, quilt_of(path))
+    assert count == 1 and np.abs(taken.views.astype(int) - (200, 60, 30)).max() <= 3
+
+
+def test_quilts_and_films_that_cannot_be_read(tmp_path, monkeypatch):
+    for ending in (".png", ".mp4"):
+        path = tmp_path / f"bad_qs2x2a1{ending}"
+        path.write_bytes(b"no image")
+        assert main(["import", str(path), "-o", str(tmp_path / "frame")]) == 2
+    sound = tmp_path / "sound_qs2x2a1.mkv"
+    with av.open(str(sound), "w") as made:
+        stream = made.add_stream("pcm_s16le", rate=48000, layout="mono")
+        frame = av.AudioFrame(format="s16", layout="mono", samples=1024)
+        frame.sample_rate = 48000
+        made.mux(stream.encode(frame))
+        made.mux(stream.encode())
+    refuses("has no images", import_film, sound, tmp_path / "frame", quilt_of(sound))
+    small = tmp_path / "small_qs8x6a1.png"
+    write_png(small, np.zeros((8, 90, 3), np.uint8))
+    refuses("90×8 pixels, too few for 8x6 tiles", import_quilt, small, tmp_path / "frame", quilt_of(small))
+    monkeypatch.setattr(quilts, "MOST_SIDE", 80)
+    refuses("at most 80 a side", import_quilt, small, tmp_path / "frame", quilt_of(small))
+    monkeypatch.setitem(__import__("sys").modules, "av", None)
+    refuses("pip install", import_film, sound, tmp_path / "frame", quilt_of(sound))
+    assert not (tmp_path / "frame").exists()
+
+
+def test_images_in_other_formats(tmp_path):
+    path = tmp_path / "q_qs2x2a1.png"
+    flat = np.array([[[40, 90, 200], [220, 120, 30]], [[10, 180, 60], [128, 128, 128]]], np.uint8)
+    write_png(path, flat.repeat(64, 0).repeat(64, 1))
+    wanted = quilts.read_quilt(path, quilt_of(path)).views.astype(int)
+    for ending, most in ((".jpg", 3), (".webp", 3)):
+        other = path.with_suffix(ending)
+        Image.open(path).save(other, quality=95)
+        found = quilts.read_quilt(other, quilt_of(other)).views
+        assert np.abs(found.astype(int) - wanted).mean() < most

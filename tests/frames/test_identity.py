@@ -1,11 +1,17 @@
 """Whether a folder holds the render of a job, and the one sentence on the first difference."""
 
 import dataclasses
+import itertools
+import json
 import os
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.notices import Notice
+from lfsr_core.base.records import from_data, to_data, write_record
 from lfsr_core.frames.folder import (
     RAYS,
     FrameFolder,
@@ -20,7 +26,20 @@ from lfsr_core.frames.folder import (
     scene_stamp,
 )
 from lfsr_core.frames.frame import SUBPIXELS, write_frame
-from lfsr_core.frames.request import AUTO
+from lfsr_core.frames.request import (
+    AUTO,
+    MOST_AVERAGED,
+    Finish,
+    Report,
+    check_light,
+    check_scene,
+    parse_frames,
+    read_report,
+    read_request,
+    spread,
+    write_report,
+)
+from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.rays import CameraArray
 from tests.support.panels import cells, hexagonal, lenticular
 from tests.support.requests import changed, make_request
@@ -150,3 +169,136 @@ def test_frames_of_another_file_or_scene_are_other_renders(frame, job, own):
     found, wanted = dataclasses.replace(FRAME, **frame), changed(JOB, **job)
     assert is_same(found, wanted) is own
     assert is_of(found, wanted.source, wanted.scene_name or "") is own
+
+
+DEEP = Notice("scale-unseen", {"scale": 2})
+
+FULL = make_request("out", MINI, scene="s.blend", kind="reference", scale=2, samples=9, layers=("albedo",),
+                    layout="view-by-view", convention="paper", view_aperture=0.5, seed=5, frame=3, subject="Things",
+                    lens_list=((1, 2), (3, 4)), device="OPTIX", clamp_indirect=0.0, world_visible=True,
+                    scene_name="Set", first_view="first.npy", parts="kept", source="../shot.blend", camera="Camera",
+                    scales=(4, 2), frames=(1, 9), rays=2.5, reason=DEEP, world="world.exr", light="night",
+                    allow_missing=True)
+
+
+@pytest.mark.skipif(os.sep == "\\", reason="it separates folders there")
+@pytest.mark.parametrize("output", ["a\\b", "/tmp/back\\slash/frame"])
+def test_a_backslash_is_refused_because_blender_takes_it_for_a_slash(output):
+    refuses("output .* has a backslash, which Blender takes for a slash: choose another", make_request, output, MINI)
+
+
+def test_json_round_trip_keeps_every_field(tmp_path):
+    plain = make_request("out", MINI)
+    same = {key for key, value in to_data(plain).items() if to_data(FULL)[key] == value}
+    assert same == {"output", "display", "rows"}, "a field left at its default could be lost unnoticed"
+    for job in (FULL, plain, make_request("out", MINI, rows=(2, 5))):
+        write_record(tmp_path / "job.json", job)
+        assert read_request(tmp_path / "job.json") == job
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    ({"scale": 3}, "scale is 3"), ({"scale": 2.0}, "scale is 2.0"),
+    ({"samples": 2**24 + 1}, "samples per pixel is 16777217"), ({"seed": 2**31}, "seed is 2147483648"),
+    ({"seed": -(10**400)}, "seed is -1000"), ({"frame": 10**9}, "frame is 1000000000"),
+    ({"frames": (1, 10**9)}, "frame is 1000000000"), ({"rays": -2.0}, "rays per finished pixel are -2"),
+    ({"clamp_indirect": -1.0}, "clamp indirect is -1.0"), ({"samples": 0}, "samples per pixel is 0"),
+    ({"samples": 1.5}, "samples per pixel is 1.5"),
+    ({"samples": 1, "kind": "reference", "scale": 1}, "samples per pixel is 1"),
+    ({"layout": "viewbyview"}, "'view-by-view'"),
+    ({"convention": "old"}, "convention is 'old': It must be one of centred, paper"),
+    ({"kind": "film"}, "kind is 'film'"), ({"layers": ("albedo", "norma")}, "'normal'"),
+    ({"light": "nihgt"}, "'night'"),
+    ({"layers": ("denoised",)}, "layer is 'denoised': It must be one of albedo, normal, position, index"),
+    ({"view_aperture": -0.1}, "view aperture is -0.1"), ({"rows": (0, 3)}, "rows are 0-3"),
+    ({"rows": (2, 2), "layout": "view-by-view"}, "rows 2 were asked for, but the layout view-by-view is not"),
+    ({"rows": (1, 5), "lens_list": ((1, 2),)}, "but a list of lenses is not")])
+def test_bad_value_is_named(options, message):
+    refuses(message, make_request, "out", MINI, **options)
+
+
+def test_a_bad_job_file_is_named(tmp_path):
+    (tmp_path / "job.json").write_text(json.dumps(to_data(FULL) | {"sed": 3}))
+    refuses("request: unknown field 'sed'", read_request, tmp_path / "job.json")
+    (tmp_path / "job.json").write_text("[]")
+    refuses("holds a list, but a render request", read_request, tmp_path / "job.json")
+
+
+def test_samples_follow_from_the_rays_at_the_chosen_scale():
+    job = make_request("out", MINI, scale=4, samples=5, scales=(4, 2, 1), frames=(1,))
+    assert job.with_scale(ScaleChoice(2, DEEP)) == make_request("out", MINI, scale=2, samples=5,
+                                                                        reason=DEEP)
+    assert job.judged_rays == 5 / 16
+    by_rays = job.sampled(rays=4.0)
+    assert [by_rays.with_scale(ScaleChoice(scale)).sampling.samples for scale in job.sampling.scales] == [64, 16, 4]
+    assert by_rays.judged_rays == 4
+
+
+def test_scene_is_checked_before_blender_starts(tmp_path):
+    (tmp_path / "scene.GLB").touch()
+    assert check_scene(tmp_path / "scene.GLB") == str(tmp_path / "scene.GLB")
+    refuses(r"absent.blend does not exist", check_scene, tmp_path / "absent.blend")
+    refuses(r"scene \S+ is no file: check the path", check_scene, tmp_path)
+    (tmp_path / "scene.fbx").touch()
+    refuses(r"scene.fbx is not a scene file.*\.blend, \.glb", check_scene, tmp_path / "scene.fbx")
+
+
+def test_a_light_is_a_name_or_a_file_that_is_there(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "Sky.HDR").touch()
+    (tmp_path / "a.hdr").mkdir()
+    assert check_light("even") == "even" and check_light("Sky.HDR") == str(tmp_path / "Sky.HDR")
+    for light, sentence in (("sky.exr", "sky.exr does not exist"), ("a.hdr", "a.hdr is no file"),
+                            ("sky", "light is 'sky'"), ("", "light is ''")):
+        refuses(sentence, check_light, light)
+
+
+def test_a_finish_is_read_as_it_was_written():
+    finish = Finish("bicubic", 2, "weights.tza", True, 1)
+    assert from_data(Finish, to_data(finish), "finish") == finish and Finish.of("bicubic") == Finish("bicubic")
+    for options in [{"dilate": -1}, {"temporal_averaging": -1},
+                                         {"temporal_averaging": MOST_AVERAGED + 1}, {"temporal_averaging": 10**400}]:
+        refuses("", Finish, "bicubic", **options)
+
+
+@pytest.mark.parametrize("count", range(MOST_AVERAGED + 1))
+def test_frames_that_are_averaged_have_each_seed_once(count):
+    finish, across = Finish("bicubic", temporal_averaging=count), 2 * count + 1
+    for first in (-3, 1, 40):
+        seeds = [finish.seed_of(5, frame) for frame in range(first, first + across)]
+        assert sorted(seeds) == list(range(5, 5 + across))
+    assert 0 <= finish.seed_of(2**31 - 1, 2) < 2**31
+
+
+@pytest.mark.parametrize(("text", "frames"), [
+    ("1-4", (1, 2, 3, 4)), ("1-9x4", (1, 5, 9)), ("1-10x4", (1, 5, 9)), ("1-9:4", (1, 5, 9)), ("7", (7,)),
+    ("9, 1,5-6,5", (9, 1, 5, 6)), ("-3--1", (-3, -2, -1)), ("-1-1", (-1, 0, 1)), ("0", (0,))])
+def test_frames_are_read(text, frames):
+    assert parse_frames(text) == frames
+
+
+@given(st.lists(st.integers(-10**6, 10**6), min_size=1, max_size=20, unique=True))
+def test_lists_keep_their_order(frames):
+    assert parse_frames(",".join(map(str, frames))) == tuple(frames)
+
+
+@pytest.mark.parametrize("text", ["", "a", "4-1", "1-4x0", "1-", "1-2-3", "1,,2", "1-99999999", "0-1000000", "9" * 99])
+def test_what_is_no_frames_is_refused(text):
+    refuses("frames ", parse_frames, text)
+
+
+@given(st.lists(st.integers(), unique=True, max_size=30), st.integers(1, 9))
+def test_a_few_are_spread_over_all(frames, most):
+    few = spread(frames, most)
+    assert len(few) == min(len(frames), most) and set(few) <= set(frames)
+    assert most < 2 or not frames or (few[0], few[-1]) == (frames[0], frames[-1])
+    steps = [frames.index(second) - frames.index(first) for first, second in itertools.pairwise(few)]
+    assert not steps or max(steps) - min(steps) <= 1
+
+
+def test_a_report_comes_back(tmp_path):
+    report = Report(Finish("bicubic", temporal_averaging=2), "bicubic", "mini", 2, 16, {"render": 1.0}, None, 0.5,
+                    (Notice("scale-unseen", {"scale": 2}),), metrics={"p": 0.5})
+    write_report(tmp_path, report)
+    assert read_report(tmp_path) == report
+    data = json.loads((tmp_path / "report.json").read_text())
+    assert (data["foreground_fraction"], data["finish"]["temporal_averaging"]) == (0.5, 2)

@@ -1,11 +1,22 @@
 """Display profiles: what they state, what follows, what they refuse."""
 
+import dataclasses
+import itertools
 import math
 
+import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.frames.request import MIN_VIEWS, samples_at, scales_up_to, usual_rays
+from lfsr_core.optics.depth_scale import LEAST_SAMPLES, MODEL, MOST_SCALE, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
+from lfsr_core.optics.eye import LiveRegion
+from lfsr_core.optics.lenses import check_cover, choose_lenses, parse_rows, pixel_rows
+from lfsr_core.optics.rays import CameraArray
+from tests.support.synthetic import FLAT, MINI
 from tests.support.told import refuses
 
 GOOD = {"name": "test", "panel_pixels": [40, 20], "panel_mm": [80.0, 40.0], "lenses": [10, 5], "views": [4, 4],
@@ -103,3 +114,199 @@ def test_own_files_absent_ones_and_unknown_names(tmp_path):
         with pytest.raises(LfsrError, match=r"broken.toml is not valid TOML") as refused:
             load_display(file)
         assert "sys.set" not in str(refused.value), "advice for programmers"
+
+
+MASK = np.zeros((12, 16), bool)
+MASK[2:10, 4:14] = True  # 80 of 192
+
+
+def on_mask(lenses: tuple[tuple[int, int], ...], mask: np.ndarray = MASK) -> int:
+    return sum(mask[lens] for lens in lenses)
+
+
+@given(st.integers(1, 192), st.integers(0, 2**32))
+def test_count_is_kept_and_no_lens_comes_twice(count, seed):
+    lenses = choose_lenses(MASK, count, seed)
+    assert len(lenses) == len(set(lenses)) == count
+    assert list(lenses) == sorted(lenses)
+
+
+@pytest.mark.parametrize(("count", "background"), [(1, 0), (7, 0), (8, 2), (16, 2), (23, 2), (24, 3), (80, 10)])
+def test_one_in_eight_is_background(count, background):
+    for seed in range(5):
+        assert on_mask(choose_lenses(MASK, count, seed)) == count - background
+
+
+def test_same_seed_same_lenses_other_seed_others():
+    assert choose_lenses(MASK, 20, 1) == choose_lenses(MASK, 20, 1)
+    assert choose_lenses(MASK, 20, 1) != choose_lenses(MASK, 20, 2)
+    assert {type(number) for lens in choose_lenses(MASK, 5) for number in lens} == {int}
+    for mask in [np.ones((3, 4), bool), np.zeros((3, 4), bool)]:
+        assert len(choose_lenses(mask, 12)) == 12
+        assert len(set(choose_lenses(mask, 9))) == 9
+    for count in [0, -1, 193]:
+        refuses(f"number of lenses is {count}, .*192", choose_lenses, MASK, count)
+
+
+@given(st.integers(0, 1000))
+def test_draw_is_spread_over_the_foreground(seed):
+    lenses = np.array([lens for lens in choose_lenses(MASK, 40, seed) if MASK[lens]])
+    left, top = lenses[:, 1] < 9, lenses[:, 0] < 6
+    corners = [int((left == a).astype(int) @ (top == b)) for a in (False, True) for b in (False, True)]
+    assert sum(corners) == 35
+    # Chance alone would leave this band in one draw of six.
+    assert all(6 <= corner <= 12 for corner in corners), corners
+
+
+def test_each_foreground_lens_is_equally_likely():
+    hits = np.zeros(MASK.shape)
+    for seed in range(2000):
+        for lens in choose_lenses(MASK, 9, seed):
+            hits[lens] += 1
+    expected = 2000 * 7 / 80
+    assert np.abs(hits[MASK] - expected).max() < 5 * expected**0.5
+
+
+@given(st.integers(1, 200), st.data())
+def test_shares_are_the_whole_and_of_one_size(count, data):
+    count_of_parts = data.draw(st.integers(1, count))
+    parts = [parse_rows(f"{number}/{count_of_parts}", count) for number in range(1, count_of_parts + 1)]
+    check_cover(data.draw(st.permutations(parts)), count)
+    sizes = {last - first + 1 for first, last in parts}
+    assert max(sizes) - min(sizes) <= 1 and min(sizes) >= 1
+
+
+def test_rows_as_people_write_them_and_parts_that_are_not_the_whole():
+    assert pixel_rows((1, 3), 4) == (0, 12) and pixel_rows((4, 4), 4) == (12, 16)
+    for text, rows in [("3-7", (3, 7)), (" 4 ", (4, 4)), ("12-12", (12, 12)), ("1/1", (1, 12))]:
+        assert parse_rows(text, 12) == rows
+    for text in ["", "0-3", "5-4", "9-13", "a-b", "1/13", "0/2", "3/2", "-3", "1-2-3", "1-", "1" * 99]:
+        refuses("rows are ", parse_rows, text, 12)
+    for parts, sentence in [
+        ([(1, 4), (6, 12)], "rows 5 are in none"), ([(2, 12)], "rows 1 are in none"),
+        ([(1, 9)], "rows 10-12 are in none"), ([(1, 6), (5, 12)], "rows 5-6 are in more than one"),
+        ([(1, 12), (3, 4)], "rows 3-4 are in more than one")]:
+        refuses(sentence, check_cover, parts, 12)
+
+
+SMALL = load_display("small")
+sides = st.integers(1, 2000)
+
+
+def test_a_region_says_where_its_size_is_another():
+    region = LiveRegion(SMALL, SMALL.panel_pixels, 4)
+    assert region.sentence() is None
+    assert region.corner == (0, 0) and region.shift == (0, 0) and region.drawn == SMALL.panel_pixels
+    for size, words in [
+        ((960, 540), "centred part"), ((640, 480), "centred part"), ((1920, 1080), "in the middle of a border"),
+        ((1281, 1000), "views mix"), ((640, 479), "views mix")]:
+        sentence = LiveRegion(SMALL, size, 4).sentence()
+        assert words in sentence and f"{size[0]}×{size[1]}" in sentence and "960×560" in sentence
+        assert len(sentence) < 300
+
+
+@given(width=sides, height=sides, scale=st.sampled_from((1, 2, 4, 8)))
+def test_panel_is_in_the_middle_of_whole_rendered_pixels(width, height, scale):
+    region = LiveRegion(SMALL, (width, height), scale)
+    for axis, side in enumerate((width, height)):
+        corner, panel = region.corner[axis], SMALL.panel_pixels[axis]
+        assert corner % scale == 0 and region.drawn[axis] % scale == 0
+        assert side - scale < region.drawn[axis] <= side
+        right = side - panel - corner
+        assert abs(right - corner) < 3 * scale, "as much on both sides"
+        assert region.shift[axis] == corner + panel / 2 - side / 2
+
+
+SHALLOW, LENTICULAR = load_display("small"), load_display("looking-glass-go")
+
+DISPLAYS = st.sampled_from([SHALLOW, MINI, FLAT, LENTICULAR, load_display("looking-glass-16")])
+MOVES = st.lists(st.floats(0, 1e6), min_size=1, max_size=20).map(np.array)
+RAYS = st.floats(1 / 64, 256)
+
+
+def array_of(display):
+    return CameraArray.for_display(display, 2.0)
+
+
+@pytest.mark.parametrize("display", [SHALLOW, MINI, FLAT], ids=lambda display: display.name)
+@pytest.mark.parametrize("scale", [1, 2, 4])
+def test_points_at_the_usable_depth_move_by_one_lens(display, scale):
+    array = array_of(display)
+    front, behind = display.depth_range_mm(scale)
+    unit = array.distance / display.viewing_distance_mm
+    depths = np.array([array.distance - front * unit, array.distance + behind * unit])
+    moved = disparities(display, array, depths) * scale
+    assert moved[np.isfinite(depths)] == pytest.approx(1)
+    assert disparities(display, array, np.array([array.distance]))[0] == 0
+
+
+@given(DISPLAYS, MOVES, RAYS, st.floats(1, 100), st.data())
+def test_the_deeper_the_smaller(display, moves, rays, factor, data):
+    """Wherever a point moves away from the display plane, the scale does not grow."""
+    factors = np.array(data.draw(st.lists(st.floats(1, factor), min_size=len(moves), max_size=len(moves))))
+    scales = scales_up_to(display)
+    near, far = (choose_scale(display, points, scales, rays) for points in (moves, moves * factors))
+    assert far.scale <= near.scale
+
+
+@given(DISPLAYS, MOVES, RAYS, st.floats(1, 1000))
+def test_the_more_rays_the_smaller(display, moves, rays, factor):
+    few, many = (choose_scale(display, moves, scales_up_to(display), each) for each in (rays, rays * factor))
+    assert many.scale <= few.scale
+
+
+@given(DISPLAYS, MOVES, RAYS, st.sets(st.integers(1, 10), min_size=1))
+def test_the_choice_loses_least_of_the_scales_that_get_a_sample(display, moves, rays, some):
+    scales = some & {1, *display.scales()}
+    assume(scales)
+    choice = choose_scale(display, moves, scales, rays)
+    assert choice.scale in scales and choice.reason.code == "scale-chosen"
+    assert (choice.reason.values["scale"], choice.reason.values["largest"]) == (choice.scale, max(scales))
+    enough = [scale for scale in scales if rays * display.finished_pixels(scale) >= LEAST_SAMPLES] or [max(scales)]
+    losses = {scale: MODEL.loss(moves, scale, rays * display.finished_pixels(scale)) for scale in enough}
+    assert losses[choice.scale] == min(losses.values())
+
+
+def test_every_scale_is_chosen_at_some_depth():
+    depths = array_of(SHALLOW).distance * (1 + np.geomspace(0.001, 100, 400))
+    moves = disparities(SHALLOW, array_of(SHALLOW), depths)
+    scales = [choose_scale(SHALLOW, np.full(5, move), (5, 4, 2, 1), 4).scale for move in moves * 4]
+    assert scales == sorted(scales, reverse=True) and set(scales) == {5, 4, 2, 1}
+    moves = np.zeros(200)
+    moves[:4] = 1e6
+    assert choose_scale(SHALLOW, moves, (4, 2, 1), 1).scale == 4
+    assert choose_scale(SHALLOW, np.empty(0), (2, 4), 1).scale == 4
+    assert choose_scale(SHALLOW, np.empty(0), (2, 4), 1).reason.code == "scale-unseen"
+    assert choose_scale(SHALLOW, np.full(3, 1e9), (3,), 1).scale == 3
+    beside = disparities(SHALLOW, array_of(SHALLOW), np.full(3, -1.0))
+    assert choose_scale(SHALLOW, beside, (4, 1), 4).scale == 1, "beside the viewer is very near"
+
+
+@given(st.sampled_from([1, 4, 16, 64]))
+def test_rays_are_samples_times_rendered_pixels(rays):
+    for display, scale in ((SHALLOW, 4), (SHALLOW, 5), (MINI, 2), (LENTICULAR, 3), (LENTICULAR, 2)):
+        rendered = math.prod(display.low_views(scale)) / math.prod(display.views)
+        assert samples_at(display, scale, rays) * rendered == pytest.approx(rays)
+
+
+def test_usual_rays_are_sixteen_samples_at_scale_4():
+    assert [usual_rays(display) for display in (SHALLOW, LENTICULAR)] == [1, 4]
+    assert [samples_at(SHALLOW, scale, 1) for scale in (1, 2, 4, 5)] == [1, 4, 16, 25]
+    assert samples_at(SHALLOW, 1, 0.1) == 1, "never fewer"
+    assert usual_rays(SHALLOW, 64) == 4
+    for rays in [0.0, -1.0, math.nan, math.inf, 2**22]:
+        refuses(r"rays per finished pixel are .* above 0, and at most 1048", samples_at, SHALLOW, 4, rays)
+    for views, scales in [
+        (8, (2, 1)), (12, (2, 1)), (20, (4, 2, 1)), (15, (3, 1)), (9, (3, 1)), (25, (5, 1)), (40, (5, 4, 2, 1)),
+        (60, (5, 4, 3, 2, 1))]:
+        pixels = tuple(count * views for count in SHALLOW.lenses)
+        assert scales_up_to(dataclasses.replace(SHALLOW, views=(views, views), panel_pixels=pixels)) == scales
+
+
+@given(DISPLAYS)
+def test_scales_divide_the_views(display):
+    scales = scales_up_to(display)
+    assert list(scales) == sorted(set(scales), reverse=True) and scales[-1] == 1
+    for scale in scales:
+        views = itertools.compress(display.low_views(scale), display.parallax)
+        assert scale <= 2 or (scale <= MOST_SCALE and min(views) >= MIN_VIEWS)

@@ -1,14 +1,20 @@
 """The ray layout by its properties, and the lens card, whose quads and sums give the same rays."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lfsr_core.optics import eia
 from lfsr_core.optics.display import DisplayProfile, load_display
+from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.rays import RIM, CameraArray, RayLayout, lens_card, rays, view_offset
+from lfsr_core.optics.world_view import WorldImage, WorldView
 from tests.support.card_rays import lens_card_rays
 from tests.support.rays import pixel_rays
+from tests.support.synthetic import FLAT, MINI
 from tests.support.told import refuses
 
 PROFILE = load_display("mini")
@@ -234,3 +240,124 @@ def test_a_cell_is_filled_from_edge_to_edge():
     assert np.abs(starts[1] - starts[0]) == pytest.approx([CARD_ARRAY.spacing / 2] * 2)
     card = lens_card(RayLayout((2, 2), (4, 4), CARD_ARRAY, 0.4, "paper"))
     assert card.aperture == (0, 0) and not card.place_in_pixel
+
+
+SIZES = st.tuples(*[st.integers(1, 6)] * 4, st.integers(1, 4))
+
+
+def image_of(sx: int, sy: int, px: int, py: int, channels: int) -> np.ndarray:
+    """An EIA in which every value is different."""
+    return np.arange(sy * py * sx * px * channels).reshape(sy * py, sx * px, channels)
+
+
+@given(SIZES)
+def test_elemental_images_without_a_copy_and_views_round_trip(size):
+    image = image_of(*size)
+    parts = eia.to_elemental_images(image, size[:2])
+    assert parts.shape == (size[1], size[0], size[3], size[2], size[4])
+    np.testing.assert_array_equal(eia.from_elemental_images(parts), image)
+    assert np.shares_memory(parts, image)
+    views = eia.to_views(image, size[:2])
+    assert views.shape == (size[3], size[2], size[1], size[0], size[4])
+    np.testing.assert_array_equal(eia.from_views(views), image)
+
+
+@given(SIZES, st.data())
+def test_every_order_finds_the_same_pixel(size, data):
+    sx, sy, px, py, _ = size
+    image = image_of(*size)
+    j, i, v, u = (data.draw(st.integers(0, count - 1)) for count in (sy, sx, py, px))
+    pixel = image[j * py + v, i * px + u]
+    np.testing.assert_array_equal(eia.to_elemental_images(image, (sx, sy))[j, i, v, u], pixel)
+    np.testing.assert_array_equal(eia.to_views(image, (sx, sy))[v, u, j, i], pixel)
+    np.testing.assert_array_equal(eia.horizontal_epi(image, (sx, sy), j, v)[u, i], pixel)
+    np.testing.assert_array_equal(eia.vertical_epi(image, (sx, sy), i, u)[v, j], pixel)
+
+
+@given(SIZES)
+def test_epis_of_all_rows_hold_the_whole_image(size):
+    sx, sy, _, py, _ = size
+    image = image_of(*size)
+    stacked = np.stack([np.stack([eia.horizontal_epi(image, (sx, sy), j, v) for j in range(sy)]) for v in range(py)])
+    np.testing.assert_array_equal(eia.from_views(stacked.transpose(0, 2, 1, 3, 4)), image)
+
+
+@given(SIZES)
+def test_flip_reverses_inside_each_lens_and_undoes_itself(size):
+    image = image_of(*size)
+    flipped = eia.flip_order(image, size[:2])
+    np.testing.assert_array_equal(eia.to_elemental_images(flipped, size[:2]),
+                                  eia.to_elemental_images(image, size[:2])[:, :, ::-1, ::-1])
+    np.testing.assert_array_equal(eia.flip_order(flipped, size[:2]), image)
+
+
+@pytest.mark.parametrize("image", [np.zeros((10, 10)), np.zeros((10, 11, 3)), np.zeros((11, 10, 3))])
+def test_image_that_lenses_do_not_divide_is_refused(image):
+    refuses(r"image has shape \(1[01], 1[01].*5 rows and 2 columns", eia.views_per_lens, image, (2, 5))
+
+
+HALF = dataclasses.replace(MINI, name="half", lenses=(8, 6), panel_pixels=(64, 48), panel_mm=(64.0, 48.0))
+LAYOUTS = {"centred": {}, "paper": {"convention": "paper"}, "points": {"view_aperture": 0.0}}
+
+
+def layout_of(display=MINI, scale=1, **options):
+    return RayLayout.for_display(display, CameraArray.for_display(display, 2.0), scale, **options)
+
+
+def look(right, down):
+    """A world with detail, by slope."""
+    return np.stack([np.sin(9 * right + 2 * down), np.cos(6 * down), (right > 0.1) * 1.0 + down], -1) + 2
+
+
+def world_image(layout):
+    """What Blender renders: mean light of every pixel."""
+    image = WorldImage.of(layout)
+    right, down = (((np.arange(4 * count) + 0.5) / (4 * count) * 2 - 1) * reach
+                   for count, reach in zip(image.size, image.reach, strict=True))
+    fine = look(*np.meshgrid(right, down))
+    return fine.reshape(image.size[1], 4, image.size[0], 4, 3).mean((1, 3))
+
+
+def ray_slopes(layout, seed):
+    """Slopes, rightwards and downwards, of a random ray of every pixel."""
+    random, (width, height) = np.random.default_rng(seed), layout.size
+    places = random.random((4, height, width))
+    x, y = (np.arange(width) + places[0]) / width, 1 - (np.arange(height)[:, None] + places[1]) / height
+    _, direction = rays(layout, x, y, places[2], places[3])
+    return direction[..., 0] / direction[..., 2], -direction[..., 1] / direction[..., 2]
+
+
+@pytest.mark.parametrize("display", [HALF, FLAT], ids=["half", "flat"])
+@pytest.mark.parametrize("options", LAYOUTS.values(), ids=LAYOUTS)
+def test_pixels_see_the_mean_of_their_rays(display, options):
+    layout = layout_of(display, **options)
+    image = WorldImage.of(layout)
+    drawn, count = 0.0, 100
+    for seed in range(count):
+        right, down = ray_slopes(layout, seed)
+        assert np.abs(right).max() < image.reach[0] and np.abs(down).max() < image.reach[1]
+        drawn = drawn + look(right, down) / count
+    lenses = np.argwhere(np.ones(layout.lenses[::-1], bool))[::5]
+    seen = WorldView.of(layout, world_image(layout)).elemental_images(lenses)
+    expected = to_elemental_images(drawn, layout.lenses)[tuple(lenses.T)]
+    smooth, edge = np.abs(seen - expected)[..., :2], np.abs(seen - expected)[..., 2]
+    assert smooth.mean() < 0.02 and smooth.max() < 0.16
+    assert edge.mean() < 0.015 and edge.max() < 0.35, "of a step of 1, with the noise of 100 rays"
+
+
+def test_lenses_in_any_order_or_tiles_see_the_same_small_image():
+    layout = layout_of()
+    view = WorldView.of(layout, world_image(layout))
+    lenses = np.random.default_rng(1).integers(0, layout.lenses[::-1], (20, 2))
+    each = [view.elemental_images(lens[None])[0] for lens in lenses]
+    np.testing.assert_array_equal(view.elemental_images(lenses), each)
+    listed = ((3, 5), (0, 15), (11, 0), (4, 4), (7, 2))
+    layout = layout_of(scale=2, lens_list=listed)
+    shown = layout.shown_lenses.reshape(-1, 2)
+    assert [tuple(place) for place in shown[:5]] == list(listed) and (shown[5:] == listed[-1]).all()
+    assert (layout_of().shown_lenses.reshape(-1, 2) == np.argwhere(np.ones((12, 16)))).all()
+    # An 8K light field sees no more of the world than a small image holds.
+    layout = layout_of(load_display("bupt-32in-8k"))
+    assert np.prod(WorldImage.of(layout).size) < 1e6
+    tiny = dataclasses.replace(layout, array=dataclasses.replace(layout.array, spacing=1e-9), spacing=1e-9)
+    assert max(WorldImage.of(tiny).size) <= 4096

@@ -15,12 +15,16 @@ from blender_addon.jobs import session
 from blender_addon.scene import folders
 from blender_addon.ui.operators import render
 from lfsr_core.base.notices import Notice
+from lfsr_core.frames.frame import read_frame
+from lfsr_core.frames.request import read_report
 from lfsr_core.images.exr import read_layers
+from lfsr_core.images.png import read_png
 from lfsr_core.pipeline.make import RENDER_FRACTION
 from tests.support import panel
-from tests.support.processes import children, lives, start_lfsr
-from tests.support.scenes import add_box, add_lamp
+from tests.support.processes import children, lives, start_lfsr, wait_for
+from tests.support.scenes import add_box, add_lamp, emission
 
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 ONE_PASS = ("render", "--method", "bicubic", "--scale", "2", "--spp", "400")
 REFERENCE = ("reference", "--spp", "100", "--lenses", "24")
 SECONDS_PER_PART = "0.05"
@@ -66,7 +70,6 @@ def kill(program):
     program.communicate()
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 def test_an_interrupted_and_killed_render_goes_on_where_it_was(blend, tmp_path):
     folder = tmp_path / "frame"
     program = start(blend, folder, *ONE_PASS)
@@ -97,7 +100,6 @@ def test_an_interrupted_and_killed_render_goes_on_where_it_was(blend, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["frame", "scene.blend", "whole"]
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 def test_a_changed_scene_starts_anew(blend, tmp_path):
     program = start(blend, tmp_path / "frame", *REFERENCE)
     wait_for_parts(tmp_path / "frame", 1, program)
@@ -154,3 +156,86 @@ def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, m
         assert min(filter(None, fractions)) >= 0.99 * fraction > 0, "progress begins at what was kept"
         assert json.loads((folder / "report.json").read_text())["method"] == "bicubic"
         assert [path.name for path in folder.parent.iterdir()] == [folder.name]
+
+
+SECONDS_TO_END = 10.0
+FEW, ENDLESS = "1", "400000"
+
+
+@pytest.fixture
+def shining(scene, tmp_path):
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), emission((1, 0.5, 0.2)))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    return tmp_path / "scene.blend"
+
+
+def lfsr(shining, samples):
+    temporary = shining.parent / "tmp"
+    temporary.mkdir(exist_ok=True)
+    return start_lfsr("render", shining, "-o", shining.parent / "frame", "--display", "mini", "--method", "bicubic",
+                      "--spp", samples, TMPDIR=temporary)
+
+
+def rendering(shining):
+    """The command in the middle of an endless render, and its Blender."""
+    program = lfsr(shining, ENDLESS)
+    next(line for line in program.stdout if "render" in line)
+    return program, *children(program.pid)
+
+
+@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGHUP, pytest.param(signal.SIGQUIT, marks=pytest.mark.long)])
+def test_blender_ends_with_the_command(shining, sent):
+    program, blender = rendering(shining)
+    try:
+        program.send_signal(sent)
+        program.wait(20)
+        wait_for(lambda: not lives(blender), SECONDS_TO_END)
+    finally:
+        program.kill()
+    assert not list((shining.parent / "tmp").glob("blender_*"))
+    assert len(list(shining.parent.glob(".frame-*"))) == (1 if sent == signal.SIGKILL else 0)
+    if sent == signal.SIGKILL:
+        assert lfsr(shining, FEW).wait(120) == 0
+        assert sorted(path.name for path in shining.parent.iterdir()) == ["frame", "scene.blend", "tmp"]
+
+
+def test_a_blender_that_is_killed_leaves_nothing_in_the_temporary_folder(shining):
+    program, blender = rendering(shining)
+    try:
+        os.kill(blender, signal.SIGKILL)
+        assert "Blender stopped with signal 9" in program.stdout.read() and program.wait(20) == 2
+    finally:
+        program.kill()
+    assert not list((shining.parent / "tmp").iterdir())
+
+
+def whole(folder):
+    """Every file under its final name can be read to its end."""
+    if (folder / "frame.json").exists():
+        read_frame(folder)
+        read_layers(folder / "lr_eia.exr")
+    for name in ("eia.png", "mask.png"):
+        if (folder / name).exists():
+            read_png(folder / name)
+    if (folder / "report.json").exists():
+        read_report(folder)
+
+
+@pytest.mark.parametrize("moments", [5, pytest.param(100, marks=pytest.mark.long)])
+def test_kills_at_any_moment_leave_nothing_half_written(shining, moments):
+    started = time.monotonic()
+    assert lfsr(shining, FEW).wait(120) == 0
+    duration, folder = time.monotonic() - started, shining.parent / "frame"
+    for moment in range(moments):
+        program = lfsr(shining, FEW)
+        time.sleep(duration * (moment + 0.5) / moments)
+        found = children(program.pid) if lives(program.pid) else []
+        program.kill()
+        program.wait(20)
+        wait_for(lambda: not any(map(lives, found)), SECONDS_TO_END)  # noqa: B023
+        whole(folder)
+    assert lfsr(shining, FEW).wait(120) == 0
+    assert sorted(path.name for path in folder.iterdir()) == ["eia.png", "frame.json", "lr_eia.exr", "mask.png",
+                                                              "report.json"]
+    assert sorted(path.name for path in shining.parent.iterdir()) == ["frame", "scene.blend", "tmp"]
+    assert not list((shining.parent / "tmp").iterdir())

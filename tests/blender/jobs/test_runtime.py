@@ -1,17 +1,30 @@
 """Which Python runs the second stage, and what the Test button says about it."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import pytest
 
 import lfsr_core
-from blender_addon.jobs import runtime
+from blender_addon.check import last
+from blender_addon.check.problems import check_scene
+from blender_addon.jobs import asked, denoiser, runtime
+from blender_addon.jobs.task import Task
+from blender_addon.scene import folders
+from blender_addon.scene import settings as scene_settings
 from blender_addon.ui import preferences
+from blender_addon.ui.operators import render
 from lfsr_core import __version__
 from lfsr_core.base.cores import CORES
+from lfsr_core.frames.request import read_report
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD
+from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
+from tests.support import panel
+from tests.support.told import refuses
 
 PROBE = "lfsr_core.tasks.probe"
 
@@ -98,3 +111,128 @@ def test_a_background_blender_runs_no_python_that_this_session_would_not(auto_ru
     assert runtime.may_run_scripts(str(tmp_path / "own.blend"))
     excluded.path, excluded.use_glob = "*/shots/*.blend", True
     assert not runtime.may_run_scripts(file)
+
+
+@pytest.fixture
+def scene(scene):
+    scene.lfsr.method = DEFAULT_METHOD
+    return scene
+
+
+@pytest.fixture
+def without_library(tmp_path, monkeypatch) -> Path:
+    """The only library is no library."""
+    broken = tmp_path / "libOpenImageDenoise.so.2"
+    broken.write_bytes(b"no library")
+    monkeypatch.setenv(LIBRARY_VARIABLE, str(broken))
+    return broken
+
+
+def found(scene: bpy.types.Scene) -> list[str]:
+    return [problem.code for problem in check_scene(scene)]
+
+
+def test_with_the_library_nothing_is_asked_and_every_method_finishes(scene):
+    assert not denoiser.why_missing() and "denoise" not in found(scene)
+    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
+    assert render.methods(scene)[0] == DEFAULT_METHOD and "none" not in render.methods(scene)
+
+
+def test_the_render_is_refused_before_it_starts(scene, without_library):
+    said = f"The method Default needs Open Image Denoise, but {without_library.name} cannot be loaded: "
+    for operator in (bpy.ops.lfsr.render_eia, bpy.ops.lfsr.render_animation):
+        panel.refused(f"{said}.*blender.org.*preferences", operator)
+    assert not folders.scene_folder(scene).exists()
+
+
+def test_the_answer_is_remembered_for_scenes_without_a_chosen_method(scene, without_library, monkeypatch):
+    addon = SimpleNamespace(without_denoiser=False)
+    monkeypatch.setattr(runtime, "preferences_of_addon", lambda: addon)
+    scene.lfsr.property_unset("method")
+    (question,) = render._denoising(scene)
+    question.accept()
+    assert addon.without_denoiser and scene.lfsr.method == "pool"
+    scene.lfsr.property_unset("method")
+    assert render._denoising(scene) == [] and scene.lfsr.method == "pool"
+    scene.lfsr.method = DEFAULT_METHOD
+    assert len(render._denoising(scene)) == 1, "a method that was chosen is asked about"
+
+
+def test_a_blender_without_it_is_named(scene, monkeypatch):
+    monkeypatch.setattr(denoiser, "why_missing", lambda: "none was found")
+    said = denoiser.lacking(scene_settings.resolve(scene))
+    assert said == "The method Default needs Open Image Denoise, which this Blender does not have"
+
+
+def test_the_check_offers_what_this_blender_has(scene, without_library):
+    last.check(scene)
+    assert found(scene)[0] == "denoise"
+    assert bpy.ops.lfsr.check_fix(code="denoise", target="Open Image Denoise") == {"FINISHED"}
+    assert scene.lfsr.method == "pool" and "denoise" not in found(scene)
+
+
+@pytest.mark.parametrize(("method", "other"), [("denoise", "none"), ("denoise+pool", "pool"), ("oidn", "none")])
+def test_the_replacement_is_the_method_without_its_denoiser(scene, method, other):
+    scene.lfsr.scale, scene.lfsr.method = "1" if other == "none" else "2", method
+    assert scene_settings.resolve(scene).method.undenoised.text == other
+
+
+def test_direct_rendering_can_leave_the_noise(scene):
+    scene.lfsr.display, scene.lfsr.subpixels = "looking-glass-go", True
+    settings = scene_settings.resolve(scene)
+    assert settings.method.text == "oidn"
+    scene.lfsr.samples, before = 0, scene.lfsr.rays
+    denoiser.use_replacement(scene, settings)
+    assert scene_settings.resolve(scene).method.text == "none" and scene.lfsr.rays == 2 * before
+
+
+def test_a_render_whose_second_stage_failed_is_kept_without_an_older_image_and_finished_by_another_method(
+        scene, without_library):
+    scene.lfsr.method = "pool"
+    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
+    scene.lfsr.method, scene.lfsr.seed = DEFAULT_METHOD, 5
+    refuses("not available", Task("Render EIA", render.image_job(scene)).run)
+    folder = folders.frame_folder(scene)
+    assert {path.name for path in folder.iterdir()} == {"frame.json", "lr_eia.exr"}
+    assert [path.name for path in folder.parent.iterdir()] == ["0001"]
+    assert folders.is_unfinished(folder) and "The render is kept" in asked.kept(folder)
+    assert render.methods(scene) == ["pool", "bilinear", "bicubic", "lanczos", "nearest"]
+    rendered = (folder / "lr_eia.exr").stat().st_mtime_ns
+    assert bpy.ops.lfsr.finish_frame(method="pool") == {"FINISHED"}
+    assert (folder / "lr_eia.exr").stat().st_mtime_ns == rendered
+    assert read_report(folder).method == "pool" and asked.is_decoded(folder)
+    assert asked.is_made(*asked.asked(scene)) and not folders.is_unfinished(folder)
+    panel.refused("There is no unfinished render in .*: render the EIA", bpy.ops.lfsr.finish_frame, method="pool")
+
+
+def test_the_preference_names_the_library(addon, tmp_path):
+    addon.oidn_path = str(tmp_path / "gone.so")
+    refuses(r"the library .*gone.so' of Open Image Denoise does not exist: choose another", runtime.environment)
+    (tmp_path / "gone.so").write_bytes(b"")
+    assert runtime.environment()[LIBRARY_VARIABLE] == str(tmp_path / "gone.so") and denoiser.why_missing()
+    addon.oidn_path = ""
+    assert LIBRARY_VARIABLE not in runtime.environment() and not denoiser.why_missing()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="distributions are those of Linux")
+@pytest.mark.parametrize(("names", "start"), [
+    ({"ID": "debian"}, "Debian has no package of it: use the Blender of blender.org, which has it, or choose lib"),
+    ({"ID": "linuxmint", "ID_LIKE": "ubuntu debian"}, "Linuxmint has no package of it: use"),
+    ({"ID": "fedora"}, "Install the package oidn-libs, or use the Blender of blender.org"),
+    ({"ID": "manjaro", "ID_LIKE": "arch"}, "Install the package openimagedenoise, or use"),
+    ({"ID": "own"}, "Use the Blender of blender.org")])
+def test_the_sentence_is_that_of_the_system(monkeypatch, names, start):
+    monkeypatch.setattr("platform.freedesktop_os_release", lambda: names)
+    assert denoiser.where_to_get().startswith(start)
+
+
+def test_python_that_lacks_packages_is_reported_by_the_button(addon, bare_python):
+    addon.python_path = bare_python
+    panel.refused("cannot run the second stage.*No module named 'numpy'.*choose another", bpy.ops.lfsr.test_python)
+
+
+@pytest.mark.parametrize("name", ["missing", "text"])
+def test_path_that_is_no_python_is_reported_by_the_button(addon, tmp_path, name):
+    (tmp_path / "text").write_text("not a program")
+    addon.python_path = os.fspath(tmp_path / name)
+    panel.refused(f"{name}' (does not exist|cannot be started).*choose another", bpy.ops.lfsr.test_python)

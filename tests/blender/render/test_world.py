@@ -4,13 +4,22 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.render import cycles, frame_folder, world
+from blender_addon import compat
+from blender_addon.render import cycles, frame_folder, output, world
+from blender_addon.render.cycles import RenderSettings, cycles_settings
+from blender_addon.render.frame_folder import render_job
+from blender_addon.render.output import render_to
+from blender_addon.scene import devices
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame
+from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, WORLD_FILE, read_frame
 from lfsr_core.frames.low_res import read_world
 from lfsr_core.images import exr
+from lfsr_core.images.exr import read_layers
+from lfsr_core.images.png import read_png
 from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.pipeline.make import finish_frame
+from tests.support.panels import cells, hexagonal, small
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, WAYS, add_box, add_camera
 
@@ -130,3 +139,121 @@ def test_references_and_hidden_worlds_have_none_apart(lit_box, tmp_path):
     for options in ({"kind": "reference"}, {"scale": 1}, {"world_visible": False}):
         with frame_folder.prepared(lit_box, make_request(str(tmp_path), MINI, **options)) as frame:
             assert not frame.world_apart
+
+
+SAMPLES = 32
+
+
+@pytest.fixture
+def pane(scene):
+    """A clear pane of glass in an even grey world, in front of nothing."""
+    glass = bpy.data.materials.new("glass")
+    compat.use_nodes(glass)
+    tree = glass.node_tree
+    shader = tree.nodes.new("ShaderNodeBsdfGlass")
+    shader.inputs["Roughness"].default_value = 0.0
+    tree.links.new(shader.outputs[0], next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL").inputs[0])
+    add_box(scene, (0, 0, 0), (0.5, 0.05, 0.5), glass)
+    scene.world = bpy.data.worlds.new("grey")
+    background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
+    background.inputs["Color"].default_value = (0.5, 0.5, 0.5, 1)
+    add_camera(scene, (0, -4, 0), 0.3)
+    scene.render.film_transparent = True
+    return scene
+
+
+def blenders_own(scene, path):
+    """Colour (RGBA) of the pane's middle as Blender's camera renders it."""
+    settings = RenderSettings(SAMPLES, transparent_glass=scene.cycles.film_transparent_glass)
+    with cycles_settings(scene, settings, (32, 24)):
+        render_to(scene, path)
+    return read_layers(path)["color"][10:14, 14:18].mean((0, 1))
+
+
+@pytest.mark.parametrize("layout", ["one-pass", "lens-card"])
+@pytest.mark.parametrize("through", [False, True])
+def test_glass_is_as_transparent_as_in_blenders_render(pane, tmp_path, layout, through):
+    pane.cycles.film_transparent_glass = through
+    render_job(pane, make_request(str(tmp_path / "out"), MINI, samples=SAMPLES, scale=4, layout=layout))
+    color = read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
+    middle = color[9:15, 13:19].mean((0, 1))
+    assert middle == pytest.approx(blenders_own(pane, tmp_path / "own.exr"), abs=0.02)
+    assert (middle[3] < 0.2) == through
+
+
+def test_glass_before_a_visible_world_is_opaque(pane, tmp_path):
+    pane.cycles.film_transparent_glass = True
+    render_job(pane, make_request(str(tmp_path / "out"), MINI, samples=SAMPLES, scale=4, world_visible=True))
+    color = read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
+    assert color[9:15, 13:19, 3] == pytest.approx(1)
+    assert np.isfinite(color).all()
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_color_and_environment_add_up_to_blenders_own_image(scene, tmp_path, way):
+    """The environment layer is already weighted by what is left uncovered."""
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    scene.world = bpy.data.worlds.new("world")
+    scene.world.color = (0.3, 0.6, 0.9)
+    job = make_request(str(tmp_path), MINI, samples=64)
+    with frame_folder.prepared(scene, job) as frame:
+        assert frame.world_visible, "a world that Blender would show is shown"
+        settings = cycles.RenderSettings(64, world_visible=True)
+        with (cycles.encoded_camera(scene, cycles.Shot(frame.rays, frame.matrix_world, way)),
+              cycles.cycles_settings(scene, settings, frame.rays.size)):
+            output.render_to(scene, tmp_path / "apart.exr")
+            scene.render.film_transparent = False
+            output.render_to(scene, tmp_path / "whole.exr")
+    apart, whole = (exr.read_layers(tmp_path / f"{name}.exr") for name in ("apart", "whole"))
+    partly = (apart["color"][..., 3] > 0.1) & (apart["color"][..., 3] < 0.9)
+    assert partly.sum() > 10, "edges are what could go wrong"
+    assert apart["color"][..., :3] + apart["environment"] == pytest.approx(whole["color"][..., :3], abs=2e-3)
+
+
+@pytest.fixture
+def waves(scene):
+    """Boxes that shine in waves, before and behind the display plane."""
+    for place, half in (((-0.3, -0.3, 0), (0.5, 0.1, 0.3)), ((0.5, 0.4, 0.2), (0.4, 0.1, 0.5))):
+        add_box(scene, place, half, _waves())
+    add_camera(scene, (0, -4, 0), 0.7)
+    return scene
+
+
+def _waves():
+    material = bpy.data.materials.new("waves")
+    compat.use_nodes(material)
+    tree = material.node_tree
+    tree.nodes.clear()
+    place, noise, shader, output = (tree.nodes.new(f"ShaderNode{name}") for name in (
+        "NewGeometry", "TexNoise", "Emission", "OutputMaterial"))
+    noise.inputs["Scale"].default_value = 2.0
+    for source, target in ((place.outputs["Position"], noise.inputs["Vector"]), (
+            noise.outputs["Color"], shader.inputs["Color"]), (shader.outputs[0], output.inputs["Surface"])):
+        tree.links.new(source, target)
+    return material
+
+
+def panel(scene, folder, display, **options):
+    frame_folder.render_job(scene, make_request(str(folder), display, **{"samples": 16, "scale": 1} | options))
+    finish_frame(folder, "none")
+    return read_png(folder / PANEL_FILE).astype(float)
+
+
+def psnr(first, second):
+    return -10 * np.log10((((first - second) / 255) ** 2).mean())
+
+
+@pytest.mark.parametrize(("make", "world"), [(cells, False), (hexagonal, False), (cells, True)])
+def test_it_is_the_image_that_is_woven_from_every_view(waves, tmp_path, monkeypatch, make, world):
+    """Also without Open Shading Language."""
+    display = small(make())
+    if world:
+        waves.world = bpy.data.worlds.new("world")
+        waves.world.color = (0.1, 0.3, 0.7)
+        monkeypatch.setattr(devices, "has_osl", lambda: False)
+    direct = panel(waves, tmp_path / "direct", display, layout="subpixels", world_visible=world)
+    woven = panel(waves, tmp_path / "woven", display, world_visible=world)
+    # 24 to 29 dB: what interpolating costs, most of it at the edges of the boxes.
+    assert direct.std() > 30 and psnr(direct, woven) > 22
+    others = direct[:, ::-1], direct[::-1], np.roll(direct, 1, 1)
+    assert max(psnr(other, woven) for other in others) < psnr(direct, woven) - 2, "this can tell"

@@ -4,18 +4,25 @@ import itertools
 from types import SimpleNamespace
 
 import bpy
+import numpy as np
 import pytest
 
 from blender_addon.check import last
 from blender_addon.jobs import session
-from blender_addon.scene import folders
+from blender_addon.live import nodes
+from blender_addon.live import session as live_session
+from blender_addon.live.scene import EYE, PANEL
+from blender_addon.scene import devices, folders
 from blender_addon.scene import settings as scene_settings
-from blender_addon.ui import panels
+from blender_addon.scene.array import rig
+from blender_addon.ui import menus, overlay, panels, summary
 from blender_addon.ui.panels import LFSR_MT_scale
 from lfsr_core.base.notices import Progress
-from lfsr_core.frames.request import LIGHTS
+from lfsr_core.frames.request import LIGHTS, Finish, Report, write_report
+from lfsr_core.optics.display import load_display
 from tests.support.problems import found
 from tests.support.recording_layout import RecordingLayout
+from tests.support.synthetic import write_render
 from tests.support.told import refuses
 
 
@@ -263,3 +270,109 @@ def test_the_layout_refuses_misspellings(scene):
         layout.scale_yy = 2
     with pytest.raises(AssertionError):
         layout.operator("lfsr.check_fix").codee = "x"
+
+
+def drawn(draw) -> list[tuple[str, dict]]:
+    layout = RecordingLayout()
+    draw(SimpleNamespace(layout=layout), bpy.context)
+    return layout.drawn
+
+
+def entries() -> dict[str, str]:
+    """Operator and text of each entry of the menu *Light Field*."""
+    return {named["operator"]: named.get("text", "") for name, named in drawn(menus.LFSR_MT_render.draw)
+            if name == "operator"}
+
+
+def test_blenders_menus_have_the_entries(scene):
+    for menu, draw in ((bpy.types.TOPBAR_MT_render, menus.draw_render),
+                       (bpy.types.VIEW3D_MT_camera_add, menus.draw_camera)):
+        assert draw in menu._dyn_ui_initialize()
+    assert ("menu", {"menu": "LFSR_MT_render", "icon": "CAMERA_STEREO"}) in drawn(menus.draw_render)
+    assert [(named["operator"], named["text"]) for _, named in drawn(menus.draw_camera)] == [
+        ("lfsr.array_add", "Light Field Camera Array")]
+
+
+def test_renders_start_without_blocking_blender(scene):
+    assert ("set", {"operator_context": "INVOKE_DEFAULT"}) in drawn(menus.LFSR_MT_render.draw)
+    assert {"lfsr.render_eia", "lfsr.render_animation", "lfsr.check_scene"} <= set(entries())
+
+
+def test_an_array_is_added_once(scene):
+    assert "lfsr.array_add" not in entries()
+    bpy.ops.lfsr.array_remove()
+    assert entries()["lfsr.array_add"] == "Light Field Camera Array"
+
+
+def test_off(scene):
+    drawn = draw(panels.LFSR_PT_live)
+    assert not bpy.ops.lfsr.live_full_screen.poll()
+    assert operators(drawn) == {"lfsr.live_start", "lfsr.live_eye_start"}
+    assert {"live_eye_right", "live_eye_up", "live_eye_near"} == properties(drawn)
+    advanced = {"live_scale", "live_rays", "live_samples", "live_smooth", "live_denoise", "live_denoise_start"}
+    assert properties(draw(panels.LFSR_PT_live_advanced)) == advanced
+
+
+def test_a_lens_sheet_has_no_pixel_size(scene):
+    scene.lfsr.display = "looking-glass-go"
+    assert {"live_scale", "live_smooth"} <= greyed(draw(panels.LFSR_PT_live_advanced))
+
+
+def test_on(scene, monkeypatch):
+    monkeypatch.setattr(live_session, "_on", {PANEL: live_session._Shown(bpy.context.scene.session_uid)})
+    assert "exact" in labels(draw(panels.LFSR_PT_live))
+    live_session._on[PANEL].message = "the live window shows 5×5 pixels"
+    drawn = draw(panels.LFSR_PT_live)
+    assert operators(drawn) == {"lfsr.live_stop", "lfsr.live_full_screen", "lfsr.live_eye_start"}
+    assert "5×5" in labels(drawn) and "full screen" in labels(drawn) and "exact" not in labels(drawn)
+    live_session._on[EYE] = live_session._Shown(bpy.context.scene.session_uid, message="make the window larger")
+    drawn = draw(panels.LFSR_PT_live)
+    assert "Make the window larger" in labels(drawn)
+    assert operators(drawn) == {"lfsr.live_stop", "lfsr.live_full_screen", "lfsr.live_eye_stop"}
+
+
+def test_what_this_blender_cannot_do(scene, monkeypatch):
+    monkeypatch.setattr(nodes, "can_interpolate", lambda: False)
+    monkeypatch.setattr(devices, "has_denoiser", lambda: False)
+    text = labels(draw(panels.LFSR_PT_live))
+    assert "cannot interpolate" in text and "without a denoiser" in text
+
+
+def test_a_scene_without_an_array_gets_one(scene):
+    bpy.ops.lfsr.array_remove()
+    with pytest.raises(RuntimeError, match="without a window"):
+        bpy.ops.lfsr.live_start()
+    assert rig.find(scene) is not None
+
+
+MINI = load_display("mini")
+
+
+def test_the_drawn_frustum_is_the_array(scene):
+    array, _ = rig.placement(scene, MINI)
+    near, far = rig.usable_depth(array, MINI)
+    drawn = overlay.lines(array, MINI, scale=2)
+    depths = {round(float(z), 4) for *_, points in drawn for z in points[:, 2]}
+    sparse = rig.usable_depth(array, MINI, 2)
+    assert {round(z, 4) for z in (0.0, near, array.distance, far, *sparse)} == depths
+    rectangle = overlay.rectangle(array, array.distance)
+    assert np.allclose(np.abs(rectangle), [(array.half_width, array.half_height, array.distance)] * 4)
+    zone = overlay.viewing_zone(array, MINI)
+    assert np.abs(zone[:, 0]).max() == pytest.approx(MINI.views[0] * array.spacing / 2)
+
+
+def write_metrics(folder, metrics: dict) -> None:
+    write_report(folder, Report(Finish("bicubic"), "bicubic", "mini", 4, 16, {"render": 1.0}, None, 0.5,
+                                metrics=metrics))
+
+
+def test_metrics_of_this_files_frame_are_shown(scene):
+    folder = folders.frame_folder(scene)
+    assert summary.metric_facts(scene) == []
+    folder.mkdir(parents=True)
+    for flip, shown in ((0.01234, "0.0123"), (None, "not computed")):
+        write_metrics(folder, {"ssim_eia_fg": 0.91234, "psnr_fg": 31.26, "flip": flip})
+        assert summary.metric_facts(scene) == [("SSIM Foreground", "0.9123"), ("PSNR", "31.3 dB"), ("FLIP", shown)]
+    write_render(folder, source="../other.blend")
+    write_metrics(folder, {"psnr_fg": 31.26})
+    assert summary.metric_facts(scene) == [], "it is another file's"

@@ -1,10 +1,12 @@
 """The camera array as scene data: moved, saved, chosen; what the render makes of it."""
 
+import operator
+
 import bpy
 import numpy as np
 import pytest
 
-from blender_addon.scene.array import rig
+from blender_addon.scene.array import cached, edit, rig
 from lfsr_core.optics.display import load_display
 from tests.support import panel
 from tests.support.problems import found
@@ -100,3 +102,122 @@ def test_the_array_is_saved_with_the_file(scene, tmp_path):
     assert np.allclose(place(scene)[1], expected[1])
     assert (scene.lfsr.distance, scene.lfsr.spacing) == (pytest.approx(3.25), pytest.approx(0.75))
     assert (scene.lfsr.samples, scene.lfsr.quality) == (33, "CUSTOM")
+
+
+@pytest.fixture
+def pushed(tmp_path):
+    with panel.registered():
+        pushed = panel.artist_scene(tmp_path)
+        bpy.ops.ed.undo_push(message="the array")
+        yield pushed
+
+
+def same() -> tuple[str | None, str | None]:
+    """Names of array and plane that are drawn; they are those that a search finds."""
+    pushed = bpy.context.scene
+    bpy.context.view_layer.update()  # as before every redraw
+    array, plane = cached.array_and_plane(pushed)
+    assert (array, plane) == (rig.find(pushed), rig.plane_of(rig.find(pushed)))
+    assert (pushed.lfsr.distance, pushed.lfsr.spacing) == pytest.approx((rig.distance_to(plane), rig.spacing_of(array)))
+    return array and array.name, plane and plane.name
+
+
+def second_array(pushed: bpy.types.Scene, name: str) -> bpy.types.Object:
+    """Another array of the scene."""
+    array = edit._new_array(pushed)
+    array.name = name
+    return array
+
+
+def test_nothing_is_searched_until_objects_come_or_go(pushed, monkeypatch):
+    assert same() == ("Light Field Array", "Display Plane")
+    monkeypatch.setattr(cached, "_search", lambda _: pytest.fail("it searches"))
+    pushed.lfsr.distance *= 2
+    pushed.lfsr.spacing, bpy.data.objects["Box"].location.x = 0.5, 1
+    pushed.frame_set(7)
+    assert same() == ("Light Field Array", "Display Plane")
+
+
+def test_undo_and_redo(pushed):
+    assert same()[0]
+    bpy.ops.lfsr.array_remove()
+    bpy.ops.ed.undo_push(message="no array")
+    assert same() == (None, None)
+    bpy.ops.ed.undo()
+    assert same() == ("Light Field Array", "Display Plane")
+    bpy.ops.ed.redo()
+    assert same() == (None, None)
+
+
+def test_another_file(pushed, tmp_path):
+    assert same()[0]
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    assert same() == (None, None)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert same() == ("Light Field Array", "Display Plane")
+
+
+def test_another_scene(pushed):
+    other = bpy.data.scenes.new("Other")
+    bpy.context.window.scene = other
+    assert same() == (None, None)
+    second_array(other, "Its Array")
+    assert same()[0] == "Its Array"
+    bpy.context.window.scene = pushed
+    assert same()[0] == "Light Field Array"
+    bpy.context.window.scene = other
+    bpy.data.scenes.remove(pushed)
+    assert same()[0] == "Its Array"
+
+
+def test_deletion(pushed):
+    assert same()[1]
+    bpy.data.objects.remove(bpy.data.objects["Display Plane"])
+    assert cached.array_and_plane(pushed)[1] is None, "also before an update"
+    assert same() == ("Light Field Array", None)
+    bpy.data.objects.remove(bpy.data.objects["Light Field Array"])
+    assert cached.find(pushed) is None and same() == (None, None)
+    assert pushed.lfsr.distance == 0 and pushed.lfsr.spacing == 1
+
+
+def test_an_array_that_is_unlinked_or_becomes_an_ordinary_camera(pushed):
+    array = rig.find(pushed)
+    for taken, given_back in ((lambda: pushed.collection.objects.unlink(array),
+                               lambda: pushed.collection.objects.link(array)),
+                              (lambda: rig.forget(pushed), lambda: operator.setitem(array, rig.SPACING, 1.0))):
+        pushed.camera = None
+        assert same()[0]
+        taken()
+        assert same()[0] is None
+        given_back()
+        assert same()[0]
+
+
+def test_names_and_the_active_camera_decide_between_two(pushed):
+    pushed.camera = None
+    second, name = second_array(pushed, "Zebra"), "Light Field Array"
+    pushed.camera = None
+    assert same()[0] == name
+    second.name = "Aardvark"
+    assert same()[0] == "Aardvark"
+    bpy.data.objects[name].name = "A"
+    assert same()[0] == "A"
+    pushed.camera = second
+    assert same()[0] == "Aardvark"
+
+
+def test_a_plane_that_belongs_to_another_array(pushed):
+    array, plane = cached.array_and_plane(pushed)
+    plane.parent = None
+    assert same() == (array.name, None)
+    plane.parent = array
+    assert same() == (array.name, plane.name)
+
+
+def test_a_render_farm_that_tells_of_no_changes(tmp_path):
+    with panel.registered():
+        panel.artist_scene(tmp_path)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert cached.find(bpy.context.scene) == rig.find(bpy.context.scene)
+    bpy.data.objects.remove(rig.find(bpy.context.scene))
+    assert cached.find(bpy.context.scene) is None

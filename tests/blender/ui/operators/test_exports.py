@@ -1,24 +1,29 @@
 """Open Viewer and Export without a window: the files they write, and what they say without an image."""
 
+import dataclasses
+
 import av
 import bpy
 import numpy as np
 import pytest
 
 from blender_addon.scene import folders
+from lfsr_core.calibration.patterns import pattern
 from lfsr_core.exports import loopback
 from lfsr_core.exports.films import eye_place
 from lfsr_core.exports.light_field import on_screen, read_light_field
 from lfsr_core.exports.options import DESCRIPTIONS
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
-from lfsr_core.optics.display import write_profile
+from lfsr_core.optics.display import load_display, write_profile
+from tests.calibration.test_fit import CYLINDERS, GOOD, PLACE
 from tests.calibration.test_visual_json import OLD
 from tests.support import panel
 from tests.support.bridge import device
 from tests.support.bridge_displays import DEVICES
 from tests.support.finished import finished
 from tests.support.panels import lenticular, small
+from tests.support.telephone import jpeg
 
 
 @pytest.fixture(scope="module")
@@ -176,3 +181,32 @@ def test_direct_subpixels_are_shown_full_screen(lenticular_frame):
     (lenticular_frame / "eia.png").unlink()
     assert bpy.ops.lfsr.show() == {"FINISHED"}
     assert "panel.png" in (lenticular_frame / "show.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def own_display(tmp_path_factory):
+    with panel.registered():
+        folder = tmp_path_factory.mktemp("calibration")
+        write_profile(folder / "own.toml", CYLINDERS)
+        made = panel.artist_scene(folder)
+        made.lfsr.display, made.lfsr.profile_file = "FILE", str(folder / "own.toml")
+        yield made, folder
+
+
+def test_the_test_picture_is_photographed_and_the_display_calibrated(own_display):
+    made, folder = own_display
+    assert bpy.ops.lfsr.test_picture(filepath=str(folder / "phase.png")) == {"FINISHED"}
+    np.testing.assert_array_equal(read_png(folder / "phase.png"), pattern(CYLINDERS, "phase"))
+    shot = dataclasses.replace(GOOD, rays=1)
+    (folder / "photo.jpg").write_bytes(jpeg(read_png(folder / "phase.png"), CYLINDERS, shot))
+    with pytest.raises(RuntimeError, match="by its perspective"):
+        bpy.ops.lfsr.calibrate(files=[{"name": "photo.jpg"}], directory=str(folder), place=(-200.0, 0.0, 500.0))
+    assert made.lfsr.profile_file.endswith("own.toml")
+    assert bpy.ops.lfsr.calibrate(files=[{"name": "photo.jpg"}], directory=str(folder), place=PLACE) == {"FINISHED"}
+    assert made.lfsr.profile_file.endswith("large-calibrated.toml")
+    assert load_display(made.lfsr.profile_file).lenticular.pitch_mm == pytest.approx(1.6, rel=2e-5)
+    assert (folder / "large-calibrated.png").exists()
+
+
+def test_no_photograph_is_named(own_display):
+    panel.refused("No photograph was chosen", bpy.ops.lfsr.calibrate, directory=str(own_display[1]))
