@@ -10,8 +10,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.request import MIN_VIEWS, samples_at, scales_up_to, usual_rays
-from lfsr_core.optics.depth_scale import LEAST_SAMPLES, MODEL, MOST_SCALE, choose_scale, disparities
+from lfsr_core.frames.request import MIN_VIEWS, MOST_SCALE, samples_at, scales_up_to, usual_rays
+from lfsr_core.optics.depth_scale import LEAST_SAMPLES, MODEL, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.optics.eye import LiveRegion
 from lfsr_core.optics.lenses import check_cover, choose_lenses, parse_rows, pixel_rows

@@ -17,38 +17,32 @@ from tests.support.scenes import add_box, add_camera
 MINI = load_display("mini")
 
 
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
+def place(artist):
+    return rig.placement(artist, MINI)
 
 
-def place(scene):
-    return rig.placement(scene, MINI)
-
-
-def test_add_takes_the_place_of_the_camera(scene):
-    edit.remove(scene)
-    add_camera(scene, (0.2, -4, 0.1))
-    expected = placement.place_array(scene, MINI, subject.find_subject(scene))
+def test_add_takes_the_place_of_the_camera(artist):
+    edit.remove(artist)
+    add_camera(artist, (0.2, -4, 0.1))
+    expected = placement.place_array(artist, MINI, subject.find_subject(artist))
     assert bpy.ops.lfsr.array_add() == {"FINISHED"}
-    array, matrix = place(scene)
+    array, matrix = place(artist)
     assert np.allclose(matrix, expected[1], atol=1e-5)
     for name in ("distance", "half_width", "half_height", "spacing"):
         assert getattr(array, name) == pytest.approx(getattr(expected[0], name), rel=1e-5), name
-    assert scene.camera.name != "Light Field Array"
+    assert artist.camera.name != "Light Field Array"
 
 
-def test_fit_keeps_the_direction_and_frames_the_selection(scene):
-    array = rig.find(scene)
+def test_fit_keeps_the_direction_and_frames_the_selection(artist):
+    array = rig.find(artist)
     array.rotation_euler = (math.radians(70), 0, math.radians(50))
     bpy.context.view_layer.update()
     turn = array.matrix_world.to_3x3()
-    box = add_box(scene, (7.0, 3.0, -2.0), (0.2, 0.9, 0.3))
+    box = add_box(artist, (7.0, 3.0, -2.0), (0.2, 0.9, 0.3))
     box.select_set(True)
     assert bpy.ops.lfsr.array_fit() == {"FINISHED"}
     assert np.allclose(array.matrix_world.to_3x3().normalized(), turn, atol=1e-5)
-    layout, matrix = place(scene)
+    layout, matrix = place(artist)
     toward = mathutils.Matrix(matrix).inverted() @ box.matrix_world
     seen = np.array([toward @ mathutils.Vector(corner) for corner in box.bound_box])
     across = np.abs(seen[:, 0]) / seen[:, 2] * layout.distance / layout.half_width
@@ -58,24 +52,24 @@ def test_fit_keeps_the_direction_and_frames_the_selection(scene):
     assert near < seen[:, 2].min() and seen[:, 2].max() < far
 
 
-def test_remove_leaves_nothing(scene):
+def test_remove_leaves_nothing(artist):
     assert bpy.ops.lfsr.array_remove() == {"FINISHED"}
-    assert rig.find(scene) is None
+    assert rig.find(artist) is None
     assert [item.name for item in bpy.data.objects] == ["Box", "Sun"] and not bpy.data.cameras
     panel.refused("has no camera array to remove", bpy.ops.lfsr.array_remove)
 
 
-def test_what_cannot_be_added_or_fitted_is_said(scene):
+def test_what_cannot_be_added_or_fitted_is_said(artist):
     panel.refused("has a camera array already", bpy.ops.lfsr.array_add)
-    for item in scene.objects:
+    for item in artist.objects:
         item.select_set(False)
     panel.refused("Nothing is selected", bpy.ops.lfsr.array_fit)
-    assert rig.is_array(scene.camera)
+    assert rig.is_array(artist.camera)
     panel.refused("is the camera array itself: make another camera active", bpy.ops.lfsr.array_fit, to="CAMERA")
 
 
-def test_add_keeps_the_selection(scene):
-    edit.remove(scene)
+def test_add_keeps_the_selection(artist):
+    edit.remove(artist)
     box = bpy.data.objects["Box"]
     box.select_set(True)
     bpy.context.view_layer.objects.active = box
@@ -83,44 +77,44 @@ def test_add_keeps_the_selection(scene):
     assert (bpy.context.selected_objects, bpy.context.active_object) == ([box], box)
 
 
-def test_fit_to_the_camera_is_where_a_new_array_would_stand(scene):
-    camera = add_camera(scene, (0.2, -4, 0.1))
+def test_fit_to_the_camera_is_where_a_new_array_would_stand(artist):
+    camera = add_camera(artist, (0.2, -4, 0.1))
     camera.data.clip_start = 0.01
     assert bpy.ops.lfsr.array_fit(to="CAMERA") == {"FINISHED"}
-    fitted = place(scene)
-    edit.remove(scene)
-    expected = placement.place_array(scene, MINI, subject.find_subject(scene))
+    fitted = place(artist)
+    edit.remove(artist)
+    expected = placement.place_array(artist, MINI, subject.find_subject(artist))
     assert np.allclose(fitted[1], expected[1], atol=1e-5)
     assert fitted[0].distance == pytest.approx(expected[0].distance, rel=1e-5)
 
 
-def seen_at(scene, points):
+def seen_at(artist, points):
     """World points (n, 3) as fractions of the display's half width and height, and their depths."""
-    layout, matrix = place(scene)
+    layout, matrix = place(artist)
     inside = np.c_[points, np.ones(len(points))] @ np.linalg.inv(np.array(matrix)).T
     half = np.array([layout.half_width, layout.half_height]) / layout.distance
     return inside[:, :2] / inside[:, 2:3] / half, inside[:, 2]
 
 
 @pytest.mark.parametrize("aimed", [True, False])
-def test_fit_to_a_perspective_view_shows_what_it_shows(scene, aimed):
+def test_fit_to_a_perspective_view_shows_what_it_shows(artist, aimed):
     turn = mathutils.Euler((math.radians(75), 0, math.radians(0 if aimed else 180))).to_matrix().to_4x4()
     eye = mathutils.Matrix.Translation((0, -4, 1)) @ turn
-    edit.fit_to_view(scene, MINI, View(eye, 0.3, 5.0, (0.01, 100), True))
+    edit.fit_to_view(artist, MINI, View(eye, 0.3, 5.0, (0.01, 100), True))
     corner = eye @ mathutils.Vector((0.3, 0.3 * 96 / 128, -1))
-    beside, depths = seen_at(scene, [tuple(corner)])
+    beside, depths = seen_at(artist, [tuple(corner)])
     assert np.allclose(beside, 1, atol=1e-4) and depths == pytest.approx(1, rel=1e-4)
-    distance = place(scene)[0].distance
+    distance = place(artist)[0].distance
     # The plane stands in the box, or at the view's centre where the view shows nothing.
     assert distance == pytest.approx(5.0) if not aimed else 3.5 < distance < 4.5
 
 
-def test_fit_to_a_parallel_view_shows_what_it_shows_at_its_centre(scene):
+def test_fit_to_a_parallel_view_shows_what_it_shows_at_its_centre(artist):
     centre = mathutils.Matrix.Translation((1, 2, 3)) @ mathutils.Euler((math.radians(90), 0, 0)).to_matrix().to_4x4()
-    edit.fit_to_view(scene, MINI, View(centre, 2.0, 7.0, (0.01, 100), False))
-    layout, matrix = place(scene)
+    edit.fit_to_view(artist, MINI, View(centre, 2.0, 7.0, (0.01, 100), False))
+    layout, matrix = place(artist)
     assert layout.half_width == pytest.approx(2) and np.allclose(np.array(matrix)[:3, 3], (1, 2 - layout.distance, 3))
-    beside, depths = seen_at(scene, [(3, 2, 3), (1, 2, 3)])
+    beside, depths = seen_at(artist, [(3, 2, 3), (1, 2, 3)])
     assert np.allclose(beside, [(1, 0), (0, 0)], atol=1e-4) and np.allclose(depths, layout.distance)
 
 
