@@ -184,13 +184,12 @@ def test_direct_subpixels_are_shown_full_screen(lenticular_frame):
 
 
 @pytest.fixture(scope="module")
-def own_display(tmp_path_factory):
-    with panel.registered():
-        folder = tmp_path_factory.mktemp("calibration")
-        write_profile(folder / "own.toml", CYLINDERS)
-        made = panel.artist_scene(folder)
-        made.lfsr.display, made.lfsr.profile_file = "FILE", str(folder / "own.toml")
-        yield made, folder
+def own_display(add_on, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("calibration")
+    write_profile(folder / "own.toml", CYLINDERS)
+    made = panel.artist_scene(folder)
+    made.lfsr.display, made.lfsr.profile_file = "FILE", str(folder / "own.toml")
+    return made, folder
 
 
 def test_the_test_picture_is_photographed_and_the_display_calibrated(own_display):

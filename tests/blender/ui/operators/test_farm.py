@@ -116,15 +116,14 @@ SECONDS_TO_START = 60
 
 
 @pytest.fixture
-def few(tmp_path, monkeypatch):
+def few(add_on, tmp_path, monkeypatch):
     """A small scene and a plan of few renders."""
     found = plan.wanted
 
-    def few(few: bpy.types.Scene) -> options.PlanOptions:
-        return dataclasses.replace(found(few), scales=(2,), samples=(1,), reference_samples=4, lenses=8)
-    monkeypatch.setattr(plan, "wanted", few)
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
+    def wanted(scene: bpy.types.Scene) -> options.PlanOptions:
+        return dataclasses.replace(found(scene), scales=(2,), samples=(1,), reference_samples=4, lenses=8)
+    monkeypatch.setattr(plan, "wanted", wanted)
+    return panel.artist_scene(tmp_path)
 
 
 def test_plan_is_found_shown_and_used(few):
