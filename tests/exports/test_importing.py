@@ -15,7 +15,7 @@ from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.cli import main
 from lfsr_core.exports import importing as quilts
 from lfsr_core.exports.formats import export
-from lfsr_core.exports.importing import ImportGeometry, import_film, import_quilt, import_views, quilt_of
+from lfsr_core.exports.importing import ImportGeometry, Quilt, import_film, import_quilt, import_views, quilt_of
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.frame import read_frame

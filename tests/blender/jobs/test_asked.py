@@ -14,7 +14,7 @@ from blender_addon.ui.operators import check, render
 from lfsr_core.frames.frame import EIA_FILE, write_frame
 from lfsr_core.frames.request import Report, write_report
 from lfsr_core.optics.display import builtin_names, load_display, write_profile
-from lfsr_core.tasks.runner import estimate
+from lfsr_core.tasks import runner as estimate
 from tests.support import panel
 from tests.support.panels import lenticular, small
 from tests.support.synthetic import frame_of
