@@ -1,7 +1,6 @@
 """What buttons ask for, and what is refused before anything is rendered."""
 
 import dataclasses
-import math
 import time
 from pathlib import Path
 
@@ -9,11 +8,10 @@ import bpy
 import pytest
 
 from blender_addon.jobs import asked, session
-from blender_addon.scene import settings as scene_settings
 from blender_addon.ui.operators import check, render
 from lfsr_core.frames.frame import EIA_FILE, write_frame
 from lfsr_core.frames.request import Report, write_report
-from lfsr_core.optics.display import builtin_names, load_display, write_profile
+from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.tasks import runner as estimate
 from tests.support import panel
 from tests.support.panels import lenticular, small
@@ -62,29 +60,6 @@ def test_a_frame_of_an_averaged_animation_is_the_panels_in_spite_of_its_seed(sce
                                     None, 1.0))
         assert asked.is_made(request, finish) == made
     assert not asked.is_made(request, dataclasses.replace(finish, method="bilinear"))
-
-
-@pytest.mark.parametrize("name", builtin_names())
-def test_a_test_image_has_the_displays_shape_and_few_pixels(name):
-    display = load_display(name)
-    small = asked.reduced_display(display)
-    assert small.panel_mm[0] / small.panel_mm[1] == pytest.approx(display.panel_mm[0] / display.panel_mm[1], rel=0.02)
-    assert math.prod(small.eia_pixels) <= min(math.prod(display.eia_pixels), 10**6)
-    assert (small.viewing_distance_mm, small.viewing_angle_deg) == (
-        display.viewing_distance_mm, display.viewing_angle_deg)
-    assert all(new >= min(old, asked.LEAST_VIEWS) for new, old in zip(small.views, display.views, strict=True))
-
-
-@pytest.mark.parametrize("scale", ["AUTO", "1", "5"])
-def test_the_settings_of_a_test_image_go_together(artist, scale):
-    artist.lfsr.display, artist.lfsr.scale, artist.lfsr.method = "bupt-32in-8k", scale, "denoise+bilinear"
-    small = asked.reduced(scene_settings.resolve(artist))
-    assert small.display.lenses == (96, 54) and bool(small.sampling.scales) == (scale == "AUTO")
-    small.method.check_scale(small.sampling.scale)
-
-
-def test_small_images_need_no_test_image(artist):
-    assert asked.reduced(scene_settings.resolve(artist)) is None
 
 
 def remembered(scene, **values) -> None:
