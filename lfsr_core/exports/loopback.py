@@ -34,6 +34,8 @@ def put(endpoint: str, body: dict[str, Any], seconds: float = SECONDS) -> Any:
     except TimeoutError:
         raise LfsrError(f"{PROGRAM} did not answer {endpoint} within {seconds:g} s: end it and start it "
                         "again") from None
+    except LfsrError:  # a ValueError too
+        raise
     except (OSError, ValueError, http.client.HTTPException) as error:  # ValueError: a chunk whose size is no size
         raise LfsrError(f"{PROGRAM} broke the connection at {endpoint} ({str(error) or type(error).__name__}): end it "
                         "and start it again") from None

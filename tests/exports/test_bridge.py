@@ -170,7 +170,8 @@ def test_nobody_listens_there_is_no_other_protocol_or_no_port(monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     monkeypatch.setenv(loopback.PORT_VARIABLE, str(port))
-    refuses(f"is not running: nothing listens on port {port} of this computer. Start it", loopback.put, "x", {})
+    refuses(f"^Looking Glass Bridge is not running: nothing listens on port {port} of this computer",
+            loopback.put, "x", {})
     def connect(place, seconds, real=socket.create_connection):
         if place[0] == "::1":
             raise OSError(errno.EADDRNOTAVAIL, "Cannot assign requested address")
@@ -178,7 +179,7 @@ def test_nobody_listens_there_is_no_other_protocol_or_no_port(monkeypatch):
 
     monkeypatch.setattr(socket, "create_connection", connect)
     monkeypatch.setenv(loopback.PORT_VARIABLE, "1")
-    refuses("is not running: nothing listens on port 1", loopback.put, "x", {})
+    refuses("^Looking Glass Bridge is not running: nothing listens on port 1", loopback.put, "x", {})
     for port in ["", "0", "65536", "-1", "80 ", "example.org:80", "٣", "1e3", "999999999999"]:
         monkeypatch.setenv(loopback.PORT_VARIABLE, port)
         refuses("LFSR_BRIDGE_PORT is .* must be a port from 1 to 65535", loopback.put, "x", {})
