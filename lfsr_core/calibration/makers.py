@@ -25,7 +25,15 @@ from typing import Any
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import MOST_JSON_BYTES, parse_json, read_bytes
 from lfsr_core.base.records import check_within
-from lfsr_core.optics.display import MAX_SLANT, DisplayProfile, Lenticular, PanelShape, Subpixels, proposed_light_field
+from lfsr_core.optics.display import (
+    MAX_OFFSET,
+    MAX_SLANT,
+    DisplayProfile,
+    Lenticular,
+    PanelShape,
+    Subpixels,
+    proposed_light_field,
+)
 
 INCH = 25.4
 # Quilt of the models with so many pixels, by whether they have cells, as those of the third generation; a 16-inch and a
@@ -34,21 +42,21 @@ QUILTS = {((1536, 2048), False): (8, 6, 420, 560), ((1440, 2560), False): (11, 6
           ((2560, 1600), False): (5, 9, 819, 455), ((3840, 2160), False): (5, 9, 819, 455),
           ((3840, 2160), True): (7, 7, 857, 857), ((2160, 3840), True): (11, 6, 545, 1000),
           ((7680, 4320), True): (7, 7, 1170, 1170), ((4320, 7680), True): (11, 6, 744, 1364)}
-MOST_NUMBER = 1e9
 # The rule for a pixel's cell, by a calibration's mode as older programs read it; other programs differ.
 RULES = {0: "0", 1: "(x+y)%2", 2: "x%2", 3: "(y+2(x%2))%4", 4: "y%2"}
 OFFSETS = tuple(f"{channel}Offset{axis}" for channel in "RGB" for axis in "XY")
 CONE, DISTANCE_BY_HEIGHT = 40.0, 2.5  # if the calibration does not state them
-# Least and most of each number; those that are not named may be anything up to MOST_NUMBER.
-RANGES = {"pitch": (0.1, 1e4), "slope": (-1e4, 1e4), "center": (-1e4, 1e4), "DPI": (1.0, 1e5), "screenW": (1, 1e5),
-          "screenH": (1, 1e5), "viewCone": (0.0, 180.0)}
-LEAST_SLOPE = 1e-3
 REQUIRED = ("pitch", "slope", "center", "DPI", "screenW", "screenH")
 OPTIONAL = {"viewCone": CONE, "invView": 1.0, "verticalAngle": 0.0, "flipImageX": 0.0, "flipImageY": 0.0,
             "flipSubp": 0.0, "fringe": 0.0}
 # Of CubeVi C1s, whose panel has 5.7 inches; the interval is in subpixels.
 C1_PIXELS, C1_PIXEL_MM, C1_VIEWS = (1440, 2560), 0.0493, 40
-LEAST_INTERVAL, MOST_INTERVAL, MOST_SHIFT = 6.0, 200.0, 1e4
+# Least and most of every number of every kind of calibration: of all generations, of cells, and of C1s.
+RANGES = {name: (-1e9, 1e9) for name in OPTIONAL} | {
+    "pitch": (0.1, 1e4), "slope": (-1e4, 1e4), "center": (-1e4, 1e4), "DPI": (1.0, 1e5), "screenW": (1, 1e5),
+    "screenH": (1, 1e5), "viewCone": (0.0, 180.0)} | dict.fromkeys(OFFSETS, (-MAX_OFFSET, MAX_OFFSET)) | {
+    "slope (obliquity)": (-MAX_SLANT, MAX_SLANT), "interval (lineNumber)": (6.0, 200.0), "x0 (deviation)": (-1e4, 1e4)}
+LEAST_SLOPE = 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,8 +92,6 @@ def calibration_of(data: Any, path: str | Path) -> Calibration:
         raise LfsrError(f"{path} holds no JSON object with the numbers of a display: copy the calibration again")
     numbers = {name: _number(path, data, name, None) for name in REQUIRED}
     numbers |= {name: _number(path, data, name, value) for name, value in OPTIONAL.items()}
-    for name, (least, most) in RANGES.items():
-        _check(path, name, numbers[name], least <= numbers[name] <= most, f"a number from {least:g} to {most:g}")
     for name in ("screenW", "screenH"):
         _check(path, name, numbers[name], numbers[name] == int(numbers[name]), "a whole number of pixels")
     _check(path, "slope", numbers["slope"], abs(numbers["slope"]) >= LEAST_SLOPE, "a number other than 0")
@@ -147,9 +153,8 @@ def profile_from_calibration(calibration: Calibration, name: str) -> DisplayProf
 
 def profile_of_c1(slope: float, interval: float, x0: float, name: str = "cubevi-c1") -> DisplayProfile:
     """Return the profile of a C1 whose programs show these numbers; LfsrError for impossible ones."""
-    check_within("slope (obliquity)", slope, -MAX_SLANT, MAX_SLANT)
-    check_within("interval (lineNumber)", interval, LEAST_INTERVAL, MOST_INTERVAL)
-    check_within("x0 (deviation)", x0, -MOST_SHIFT, MOST_SHIFT)
+    for field, value in (("slope (obliquity)", slope), ("interval (lineNumber)", interval), ("x0 (deviation)", x0)):
+        check_within(field, value, *RANGES[field])
     panel_mm = C1_PIXELS[0] * C1_PIXEL_MM, C1_PIXELS[1] * C1_PIXEL_MM
     # Our stripes begin a third of a pixel earlier, pixels are counted from 0 and rows from the bottom.
     center = -(x0 + 2.5 + 3 * (C1_PIXELS[1] + 0.5) * slope) / interval
@@ -166,8 +171,9 @@ def _number(path: str | Path, data: Mapping[str, Any], name: str, default: float
     value = default if value is None else float(value) if isinstance(value, bool) and name in OPTIONAL else value
     if value is None:
         raise LfsrError(f"{path}: field {name!r} is missing; every calibration needs it")
+    least, most = RANGES[name]
     _check(path, name, value, isinstance(value, (int, float)) and not isinstance(value, bool)
-           and abs(value) <= MOST_NUMBER, f"a number, at most {MOST_NUMBER:g}")
+           and least <= value <= most, f"a number from {least:g} to {most:g}")
     return float(value)
 
 
