@@ -7,6 +7,7 @@ with Blender's own camera and settings. They agree, or a notice names the featur
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import bpy
@@ -77,6 +78,7 @@ def base():
     scene.collection.objects.link(sun)
     scene.world = bpy.data.worlds.new("world")
     compat.use_nodes(scene.world)
+    scene.world.cycles.sampling_method, scene.world.cycles.sample_map_resolution = "MANUAL", 64  # or seconds are spent
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.3, 0.4, 0.6, 1)
     add_camera(scene, (0, -6, 0.4), 0.7)
     scene.render.resolution_x, scene.render.resolution_y = LENSES
@@ -121,23 +123,25 @@ def lamp(kind, **values):
     return use
 
 
-def put(path, value):
-    """Set a property of the scene."""
+def put(owner=lambda scene: scene, **values):
+    """Set properties of the scene, or of what ``owner`` takes from it; __ stands for a dot."""
     def use(scene):
-        owner, _, name = path.rpartition(".")
-        setattr(scene.path_resolve(owner) if owner else scene, name, value)
+        for path, value in values.items():
+            *owners, name = path.split("__")
+            setattr(functools.reduce(getattr, owners, owner(scene)), name, value() if callable(value) else value)
     return use
 
 
-def camera(**values):
-    def use(scene):
-        for name, value in values.items():
-            owner = scene.camera.data
-            *owners, name = name.split("__")
-            for each in owners:
-                owner = getattr(owner, each)
-            setattr(owner, name, value)
-    return use
+def both(*steps):
+    return lambda scene: [step(scene) for step in steps]
+
+
+def strength(scene):
+    return scene.world.node_tree.nodes["Background"].inputs["Strength"]
+
+
+def layer(scene):
+    return scene.view_layers[0]
 
 
 def moving(scene):
@@ -146,11 +150,6 @@ def moving(scene):
         item.location.x = place
         item.keyframe_insert("location", frame=frame)
     scene.frame_set(1)
-
-
-def motion_blur(scene):
-    moving(scene)
-    scene.render.use_motion_blur = True
 
 
 def sheared(scene):
@@ -162,33 +161,6 @@ def sheared(scene):
     scene.camera.rotation_euler.z += 0.3
 
 
-def mirrored(scene):
-    scene.camera.scale.x = -1
-
-
-def scaled(scene):
-    scene.camera.scale = (2, 2, 2)
-
-
-def border(scene):
-    scene.render.use_border, scene.render.border_max_x = True, 0.5
-
-
-def crop(scene):
-    border(scene)
-    scene.render.use_crop_to_border = True
-
-
-def aspect(scene):
-    scene.render.pixel_aspect_x = 2
-
-
-def coordinates(output):
-    def use(scene):
-        connect(scene, "ShaderNodeTexCoord", output)
-    return use
-
-
 def world_coordinates(output):
     def use(scene):
         light = world_nodes(scene, "ShaderNodeVectorMath", "Vector")
@@ -196,23 +168,6 @@ def world_coordinates(output):
         tree = scene.world.node_tree
         tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs[output], light.inputs[0])
     return use
-
-
-def bright_lamp_behind_glass(scene):
-    lamp("POINT", energy=3e4, shadow_soft_size=0.1)(scene)
-
-
-def clamp(scene):
-    bright_lamp_behind_glass(scene)
-    scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0.2
-
-
-def negative_world(scene):
-    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = -1
-
-
-def hidden_world(scene):
-    scene.render.film_transparent = True
 
 
 def world_volume(scene):
@@ -229,29 +184,12 @@ def object_volume(scene):
     tree.links.remove(tree.nodes["Material Output"].inputs["Surface"].links[0])
 
 
-def sky(scene):
-    world_nodes(scene, "ShaderNodeTexSky", "Color")
-    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.2
-
-
 def principled(**inputs):
     def use(scene):
         shader = nodes(scene)["Principled BSDF"]
         for name, value in inputs.items():
             shader.inputs[name.replace("_", " ")].default_value = value
     return use
-
-
-def catcher(scene):
-    scene.objects["floor"].is_shadow_catcher, scene.render.film_transparent = True, True
-
-
-def holdout(scene):
-    shown(scene).is_holdout = True
-
-
-def unseen(scene):
-    shown(scene).visible_camera = False
 
 
 def instances(scene):
@@ -305,18 +243,6 @@ def linked_light(scene):
     made.light_linking.receiver_collection.objects.link(scene.objects["floor"])
 
 
-def world_override(scene):
-    scene.view_layers[0].world_override = bpy.data.worlds.new("other")
-
-
-def layer_samples(scene):
-    scene.view_layers[0].samples = 1
-
-
-def override(scene):
-    scene.view_layers[0].material_override = material((0, 1, 0))
-
-
 def excluded(scene):
     inner = bpy.data.collections.new("inner")
     scene.collection.children.link(inner)
@@ -325,33 +251,9 @@ def excluded(scene):
     scene.view_layers[0].layer_collection.children["inner"].exclude = True
 
 
-def second_layer(scene):
-    scene.view_layers.new("second")
-
-
 def compositor(scene):
     node, = compositing(scene, "CompositorNodeExposure")
     next(each for each in node.inputs if each.name == "Exposure").default_value = 2
-
-
-def strips(scene):
-    scene.sequence_editor_create().strips.new_effect("x", "COLOR", 1, frame_start=1, length=10)
-
-
-def light_path(scene):
-    connect(scene, "ShaderNodeLightPath", "Ray Depth")
-
-
-def camera_data(scene):
-    connect(scene, "ShaderNodeCameraData", "View Distance")
-
-
-def world_visibility(scene):
-    scene.world.cycles_visibility.camera = False
-
-
-def freestyle(scene):
-    scene.render.use_freestyle = True
 
 
 def marker(scene):
@@ -362,42 +264,58 @@ def marker(scene):
     scene.frame_set(1)
 
 
+BORDER = {"render__use_border": True, "render__border_max_x": 0.5}
+OUTPUTS = ("Generated", "Normal", "Camera", "Window", "Reflection", "Object", "UV")
+GLARE = lamp("POINT", energy=3e4, shadow_soft_size=0.1)
 FEATURES = {
-    "nothing": lambda scene: None,
+    "nothing": put(),
     # Light
     **{kind.lower(): lamp(kind) for kind in ("POINT", "SPOT", "AREA")}, "light linking": linked_light,
-    "sky": sky, "world strength": lambda scene: scene.world.node_tree.nodes["Background"].inputs[
-        "Strength"].__setattr__("default_value", 3), "negative world": negative_world, "hidden world": hidden_world,
-    "world volume": world_volume, "world invisible": world_visibility,
-    **{f"world {output}": world_coordinates(output) for output in (
-        "Generated", "Normal", "Camera", "Window", "Reflection", "Object", "UV")},
+    "sky": both(lambda scene: world_nodes(scene, "ShaderNodeTexSky", "Color"), put(strength, default_value=0.2)),
+    "world strength": put(strength, default_value=3), "negative world": put(strength, default_value=-1),
+    "hidden world": put(render__film_transparent=True), "world volume": world_volume,
+    "world invisible": put(world__cycles_visibility__camera=False),
+    **{f"world {output}": world_coordinates(output) for output in OUTPUTS},
     # Materials
     "glass": principled(Transmission_Weight=1.0, Roughness=0.0), "transparent": principled(Alpha=0.4),
     "metal": principled(Metallic=1.0, Roughness=0.1), "subsurface": principled(Subsurface_Weight=1.0),
     "emission": principled(Emission_Color=(1, 1, 0, 1), Emission_Strength=2.0),
-    **{f"material {output}": coordinates(output) for output in (
-        "Generated", "Normal", "Camera", "Window", "Reflection", "Object", "UV")},
-    "camera data": camera_data, "light path": light_path, "displacement": displaced,
+    **{f"material {output}": lambda scene, output=output: connect(scene, "ShaderNodeTexCoord", output)
+       for output in OUTPUTS},
+    "camera data": lambda scene: connect(scene, "ShaderNodeCameraData", "View Distance"),
+    "light path": lambda scene: connect(scene, "ShaderNodeLightPath", "Ray Depth"), "displacement": displaced,
     # Objects
-    "volume": object_volume, "shadow catcher": catcher, "holdout": holdout, "unseen": unseen, "instances": instances,
-    "subdivision": smooth, "simplify": simplify, "hair": hair, "text": text, "grease pencil": grease_pencil,
+    "shadow catcher": both(put(lambda scene: scene.objects["floor"], is_shadow_catcher=True),
+                           put(render__film_transparent=True)),
+    "volume": object_volume, "holdout": put(shown, is_holdout=True), "unseen": put(shown, visible_camera=False),
+    "instances": instances, "subdivision": smooth, "hair": hair, "text": text, "grease pencil": grease_pencil,
+    "simplify": both(smooth, put(render__use_simplify=True, render__simplify_subdivision_render=0)),
     # The camera
-    "depth of field": camera(dof__use_dof=True, dof__aperture_fstop=0.02, dof__focus_distance=3.0),
-    "shift": camera(shift_x=0.2), "vertical fit": camera(sensor_fit="VERTICAL"), "clip": camera(clip_end=6.5),
-    "clip start": camera(clip_start=5.8), "orthographic": camera(type="ORTHO"), "panorama": camera(type="PANO"),
-    "sheared camera": sheared, "mirrored camera": mirrored, "scaled camera": scaled, "marker": marker,
+    "depth of field": put(camera__data__dof__use_dof=True, camera__data__dof__aperture_fstop=0.02,
+                          camera__data__dof__focus_distance=3.0),
+    "shift": put(camera__data__shift_x=0.2), "vertical fit": put(camera__data__sensor_fit="VERTICAL"),
+    "clip": put(camera__data__clip_end=6.5), "clip start": put(camera__data__clip_start=5.8),
+    "orthographic": put(camera__data__type="ORTHO"), "panorama": put(camera__data__type="PANO"),
+    "sheared camera": sheared, "mirrored camera": put(camera__scale__x=-1),
+    "scaled camera": put(camera__scale=(2, 2, 2)),
+    "marker": marker,
     # Render settings
-    "motion": moving, "motion blur": motion_blur, "border": border, "crop": crop, "aspect": aspect,
-    "percentage": put("render.resolution_percentage", 50),
-    "filter": put("cycles.pixel_filter_type", "GAUSSIAN"), "filter width": put("cycles.filter_width", 8.0),
-    "clamp": clamp, "bright": bright_lamp_behind_glass, "bounces": put("cycles.max_bounces", 0),
-    "film exposure": put("cycles.film_exposure", 3.0), "less exposure": put("cycles.film_exposure", 0.3),
-    "exposure": put("view_settings.exposure", 1.0),
-    "gamma": put("view_settings.gamma", 2.0), "view": put("view_settings.view_transform", "Standard"),
-    "fast light": put("cycles.use_fast_gi", True), "camera cull": put("cycles.use_camera_cull", True),
-    "workbench": put("render.engine", "BLENDER_WORKBENCH"), "freestyle": freestyle,
-    "layer override": override, "world override": world_override, "layer samples": layer_samples,
-    "excluded": excluded, "second layer": second_layer, "compositor": compositor, "strips": strips,
+    "motion": moving, "motion blur": both(moving, put(render__use_motion_blur=True)),
+    "border": put(**BORDER), "crop": put(**BORDER, render__use_crop_to_border=True),
+    "aspect": put(render__pixel_aspect_x=2), "percentage": put(render__resolution_percentage=50),
+    "filter": put(cycles__pixel_filter_type="GAUSSIAN"), "filter width": put(cycles__filter_width=8.0),
+    "clamp": both(GLARE, put(cycles__sample_clamp_direct=0.2, cycles__sample_clamp_indirect=0.2)), "bright": GLARE,
+    "bounces": put(cycles__max_bounces=0),
+    "film exposure": put(cycles__film_exposure=3.0), "less exposure": put(cycles__film_exposure=0.3),
+    "exposure": put(view_settings__exposure=1.0), "gamma": put(view_settings__gamma=2.0),
+    "view": put(view_settings__view_transform="Standard"),
+    "fast light": put(cycles__use_fast_gi=True), "camera cull": put(cycles__use_camera_cull=True),
+    "workbench": put(render__engine="BLENDER_WORKBENCH"), "freestyle": put(render__use_freestyle=True),
+    "layer override": put(layer, material_override=lambda: material((0, 1, 0))),
+    "world override": put(layer, world_override=lambda: bpy.data.worlds.new("other")),
+    "layer samples": put(layer, samples=1), "excluded": excluded,
+    "second layer": lambda scene: scene.view_layers.new("second"), "compositor": compositor,
+    "strips": lambda scene: scene.sequence_editor_create().strips.new_effect("x", "COLOR", 1, frame_start=1, length=10),
 }
 
 
