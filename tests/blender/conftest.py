@@ -54,6 +54,13 @@ def artist(tmp_path):
         yield panel.artist_scene(tmp_path)
 
 
+@pytest.fixture(scope="module")
+def add_on():
+    """The add-on is on for a module's tests."""
+    with panel.registered():
+        yield
+
+
 @pytest.fixture
 def addon(monkeypatch):
     """The add-on, enabled as Blender does it, with its preferences; disabled afterwards."""

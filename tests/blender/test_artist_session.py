@@ -7,15 +7,8 @@ import pytest
 
 from blender_addon.check.fixes import FIXES
 from blender_addon.scene.array import edit, rig
-from tests.support import panel
 
 STEPS = 100
-
-
-@pytest.fixture
-def scene(tmp_path):
-    with panel.registered():
-        yield panel.artist_scene(tmp_path)
 
 
 def choose(chance):
@@ -68,7 +61,7 @@ def arrays():
 
 
 @pytest.mark.parametrize("seed", [*range(3), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(3, 40))])
-def test_random_buttons_leave_nothing_of_ours(scene, seed):
+def test_random_buttons_leave_nothing_of_ours(artist, seed):
     chance, done = random.Random(seed), []
     bpy.ops.ed.undo_push(message="start")
     for _ in range(STEPS):

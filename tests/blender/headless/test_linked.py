@@ -46,10 +46,7 @@ def render(layout: str) -> tuple[Path, dict[str, np.ndarray]]:
     return folder, read_layers(folder / "lr_eia.exr")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def add_on():
-    with panel.registered():
-        yield
+pytestmark = pytest.mark.usefixtures("add_on")
 
 
 @pytest.fixture(scope="module")

@@ -14,11 +14,7 @@ from lfsr_core.images.png import read_png
 from tests.support import panel
 from tests.support.scenes import add_box
 
-
-@pytest.fixture(scope="module", autouse=True)
-def add_on():
-    with panel.registered():
-        yield
+pytestmark = pytest.mark.usefixtures("add_on")
 
 
 def save(path: Path) -> None:

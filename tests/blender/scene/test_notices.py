@@ -24,37 +24,32 @@ def plain(scene):
     return scene
 
 
-def test_a_plain_scene_has_no_notices(plain):
+def inner(scene):
+    """A collection of the box's copy in the first view layer."""
+    made = bpy.data.collections.new("inner")
+    scene.collection.children.link(made)
+    made.objects.link(bpy.data.objects.new("copy", scene.objects["item"].data))
+    return scene.view_layers[0].layer_collection.children["inner"]
+
+
+@pytest.mark.parametrize(("spoil", "code", "values"), [
+    (lambda scene: setattr(scene.camera.data, "shift_y", 0.25), "shift-ignored", {"x": 0, "y": 0.25}),
+    (lambda scene: setattr(scene.view_layers[0], "material_override", bpy.data.materials.new("clay")),
+     "override-ignored", {"material": "clay"}),
+    (lambda scene: scene.view_layers.new("beauty"), "layers-left-out", {"names": ["beauty"]}),
+    *((lambda scene, switch=switch: setattr(inner(scene), switch, True), "collections-switched",
+       {"switch": switch, "names": ["inner"]}) for switch in SWITCHES)])
+def test_what_a_render_leaves_out_is_said(plain, spoil, code, values):
     assert left_out(plain) == []
-
-
-def test_camera_shift_is_not_honoured_and_said(plain):
-    plain.camera.data.shift_y = 0.25
-    assert left_out(plain) == [Notice("shift-ignored", {"camera": plain.camera.name, "x": 0, "y": 0.25})]
-
-
-def test_a_material_override_is_named(plain):
-    plain.view_layers[0].material_override = bpy.data.materials.new("clay")
+    spoil(plain)
     (notice,) = left_out(plain)
-    assert (notice.code, notice.values["material"]) == ("override-ignored", "clay")
+    assert notice.code == code and notice.values.items() >= values.items()
 
 
-@pytest.mark.parametrize("switch", SWITCHES)
-def test_collections_that_a_view_layer_treats_its_own_way(plain, switch):
-    inner = bpy.data.collections.new("inner")
-    plain.collection.children.link(inner)
-    setattr(plain.view_layers[0].layer_collection.children["inner"], switch, True)
-    assert left_out(plain) == [], "nothing in it would be seen"
-    inner.objects.link(plain.objects["item"])
-    (notice,) = left_out(plain)
-    assert notice == Notice("collections-switched", {"layer": plain.view_layers[0].name, "switch": switch,
-                                                     "names": ["inner"]})
-
-
-def test_other_view_layers_are_left_out_and_said(plain):
-    plain.view_layers.new("beauty")
-    (notice,) = left_out(plain)
-    assert (notice.code, notice.values["names"]) == ("layers-left-out", ["beauty"])
+def test_an_empty_collection_that_is_switched_off_is_not_said(plain):
+    bpy.data.objects.remove((made := inner(plain)).collection.objects[0])
+    setattr(made, SWITCHES[0], True)
+    assert left_out(plain) == []
 
 
 def test_compositor_nodes_that_change_the_image_are_said(plain):

@@ -16,12 +16,6 @@ from tests.support.panels import cells, small
 
 
 @pytest.fixture(scope="module")
-def add_on():
-    with panel.registered():
-        yield
-
-
-@pytest.fixture(scope="module")
 def rendered(add_on, tmp_path_factory) -> Path:
     """A file whose frame 1 was rendered by the button, for a small lenticular display, while views were previewed."""
     folder = tmp_path_factory.mktemp("direct")

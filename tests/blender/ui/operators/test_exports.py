@@ -26,12 +26,6 @@ from tests.support.panels import lenticular, small
 from tests.support.telephone import jpeg
 
 
-@pytest.fixture(scope="module")
-def add_on():
-    with panel.registered():
-        yield
-
-
 @pytest.fixture(autouse=True)
 def browser(monkeypatch):
     """A browser that shows nothing."""

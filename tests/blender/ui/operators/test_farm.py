@@ -31,12 +31,6 @@ from tests.support import panel
 OPENJD = Path(sys.executable).with_name("openjd")
 
 
-@pytest.fixture(scope="module")
-def add_on():
-    with panel.registered():
-        yield
-
-
 @pytest.fixture
 def scene(add_on, tmp_path):
     scene = panel.artist_scene(tmp_path)

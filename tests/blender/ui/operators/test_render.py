@@ -19,12 +19,6 @@ from tests.support import panel
 from tests.support.scenes import add_camera
 
 
-@pytest.fixture(scope="module")
-def add_on():
-    with panel.registered():
-        yield
-
-
 @pytest.fixture
 def scene(add_on, tmp_path):
     """A fresh scene, for tests that render nothing or spoil it."""
