@@ -16,18 +16,12 @@ from lfsr_core.tasks import runner as estimate
 from tests.support import panel
 from tests.support.panels import lenticular, small
 from tests.support.synthetic import frame_of
-from tests.support.told import refuses
 
 
 def test_a_missing_interpreter_is_an_error_before_the_render(scene, monkeypatch):
     monkeypatch.setenv("LFSR_PYTHON", "/no/such/python")
     monkeypatch.setattr(session, "run", lambda *_: pytest.fail("it renders"))
     panel.refused("/no/such/python", bpy.ops.lfsr.render_eia)
-
-
-def test_errors_are_lfsr_errors(scene):
-    scene.lfsr.scale = "3"
-    refuses("choose a scale", asked.asked, scene)
 
 
 def test_an_animation_is_averaged_as_the_panel_says_and_an_image_is_not(scene):

@@ -11,9 +11,11 @@ from blender_addon.check import last
 from blender_addon.jobs import asked, session
 from blender_addon.scene import folders
 from blender_addon.scene.open import choose_scene
+from blender_addon.ui import panels
 from blender_addon.ui.operators import render
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
+from tests.blender.ui.test_panels import draw, labels
 from tests.support import panel
 from tests.support.told import refuses
 
@@ -78,17 +80,6 @@ def test_overridden_array_that_is_not_editable(library, scene):
     assert override is not None
     bpy.data.objects["Box"].select_set(True)
     refuse(scene, "library override that is not editable", bpy.ops.lfsr.array_fit)
-
-
-def test_linked_data_is_rendered(library, scene, tmp_path):
-    bpy.data.objects.remove(bpy.data.objects["Box"])
-    bpy.ops.lfsr.array_remove()
-    link(library, scene)
-    bpy.ops.wm.save_mainfile()
-    before = panel.snapshot(scene)
-    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
-    assert panel.snapshot(scene) == before
-    assert (tmp_path / "lightfield" / "scene" / "Scene" / "0001" / "eia.png").is_file()
 
 
 def test_unsaved_file(tmp_path):
@@ -191,6 +182,9 @@ def test_cycles_disabled(scene):
     bpy.ops.preferences.addon_disable(module="cycles")
     try:
         refuse(scene, "Cycles is switched off in Blender's preferences: switch .* on")
+        last.check(scene)
+        bpy.context.window_manager.lfsr.show_problems = True
+        assert "Cycles" in labels(draw(panels.LFSR_PT_image))
     finally:
         bpy.ops.preferences.addon_enable(module="cycles")
 

@@ -249,16 +249,6 @@ def test_what_was_done_is_one_line_with_its_buttons(scene):
     state.outcome = state.outcome_folder = ""
 
 
-def test_with_cycles_disabled(scene):
-    bpy.ops.preferences.addon_disable(module="cycles")
-    try:
-        last.check(scene)
-        bpy.context.window_manager.lfsr.show_problems = True
-        assert "Cycles" in labels(draw(panels.LFSR_PT_image))
-    finally:
-        bpy.ops.preferences.addon_enable(module="cycles")
-
-
 def test_the_layout_refuses_misspellings(scene):
     layout = RecordingLayout()
     for call in (lambda: layout.prop(scene.lfsr, "sampels"), lambda: layout.label(text="x", icon="NO_SUCH_ICON"),
