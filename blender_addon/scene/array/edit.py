@@ -274,7 +274,11 @@ def _boxes(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> dict[bpy.t
 def boxes_now(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
     """Return world corners (n, 3) of the bounding boxes of what each object of the subject shows in this frame."""
     corners: dict[bpy.types.Object, list[Array]] = {}
+    shapes: dict[int, Array] = {}  # by the geometry, which is an object's own where modifiers change it
     for item, owner, matrix in placement.instances(subject):
         if item.type in GEOMETRY and not owner.hide_render and any(item.dimensions):
-            corners.setdefault(owner, []).append(np.array(item.bound_box) @ matrix[:3, :3].T + matrix[:3, 3])
+            geometry = item.data.as_pointer()
+            if geometry not in shapes:
+                shapes[geometry] = np.array(item.bound_box)
+            corners.setdefault(owner, []).append(shapes[geometry] @ matrix[:3, :3].T + matrix[:3, 3])
     return {owner: np.concatenate(found) for owner, found in corners.items()}
