@@ -9,6 +9,7 @@ from .problem import Problem, grouped
 from .problems import check_scene
 
 _problems: list[Problem] = []
+_rows: list[Problem] = []
 _changed = _checking = False
 _OWNER = object()
 # Types of settings whose changes Blender does not report as changes of the scene.
@@ -21,28 +22,24 @@ def problems(code: str = "") -> list[Problem]:
     return [problem for problem in _problems if code in ("", problem.code)]
 
 
+def rows() -> list[Problem]:
+    """Return the panel's rows of the last check."""
+    return _rows
+
+
 def has_changed() -> bool:
     """True if something has changed since the last check."""
     return _changed
 
 
 def check(scene: bpy.types.Scene) -> list[Problem]:
-    """Check ``scene`` now, fill the panel's rows and return everything found."""
-    global _problems, _changed, _checking
+    """Check ``scene`` now and return everything found."""
+    global _problems, _rows, _changed, _checking
     _checking = True  # what it writes is no change of the scene
     try:
         _problems = check_scene(scene)
-        state = bpy.context.window_manager.lfsr
-        expanded = {row.code for row in state.problems if row.expanded}
-        state.checked_scene = scene.name_full
-        state.problems.clear()
-        for group in grouped(_problems):
-            row, first = state.problems.add(), group.first
-            for name in ("code", "fix", "severity", "is_object"):
-                setattr(row, name, getattr(first, name))
-            row.title, row.reason, row.count = group.title, group.reason, len(group.problems)
-            row.target = first.target if row.count == 1 else ""
-            row.expanded = row.count > 1 and row.code in expanded
+        _rows = grouped(_problems)
+        bpy.context.window_manager.lfsr.checked_scene = scene.name_full
     finally:
         _checking = False
     _changed = False
@@ -68,6 +65,7 @@ def _note(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None = None)
 def _opened(*_: object) -> None:
     """Another file: what was found is not of it."""
     _problems.clear()
+    _rows.clear()
     bpy.context.window_manager.lfsr.checked_scene = ""
     _subscribe()  # Blender forgets them with the file
 

@@ -67,7 +67,7 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
         yield _problem("frame", main[0].name if main else scene.name, reason)
         placed = edit.in_front(scene, display, set(main))
     if depths := depths_of(scene, placed, main):
-        yield from _deep(scene, rays, placed, display, *depths)
+        yield from _deep(scene, placed, display, *depths)
     if scene.lfsr.light in SCENE_LIGHTS and has_light(scene) and _is_dark(scene, rays, placed, is_new):
         yield _problem("dark", scene.name, "Hardly any light reaches what the array sees: the image will be almost "
                        "black. Images only are lit; the scene keeps its own light.")
@@ -173,7 +173,7 @@ def balanced(near: float, far: float) -> float:
     return 2 / (1 / near + 1 / far)
 
 
-def _deep(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, display: DisplayProfile, near: float,
+def _deep(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, near: float,
           far: float) -> Iterator[Problem]:
     array = placed[0]
     now = disparity(array, display.lenses, near, far)
@@ -186,23 +186,12 @@ def _deep(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, display: Di
             f"{length(scene, array.distance - usable[0])} and {behind}.")
     plane = balanced(near, far)
     moved = disparity(array, display.lenses, near, far, plane)
-    if moved < LEAST_GAIN * now and not _meets_walls(rays, placed, display, plane / array.distance):
+    if moved < LEAST_GAIN * now and placement.is_free(scene, placed, display, plane / array.distance):
         yield _problem("plane", scene.name, text)
         now = moved
     if now > MUCH:
-        yield _problem("deep", scene.name, f"{text} Flattened to {100 / now:.0f} %, all of it is sharp.")
-
-
-def _meets_walls(rays: Rays, placed: rig.Placement, display: DisplayProfile, times: float) -> bool:
-    """True if an array that grows with its display would reach through a wall."""
-    array, eye = placed[0], mathutils.Matrix(placed[1])
-    for axis, views in enumerate(display.views):
-        ways = [sign * eye.col[axis].to_3d() for sign in (-1, 1)]
-        reach = views * array.spacing * times / 2
-        if any(hit is not None and (hit[0] - eye.translation).length * placement.WALL_MARGIN < reach
-               for hit in room.cast(rays, eye.translation, ways)):
-            return True
-    return False
+        yield _problem("deep", scene.name, f"{text} Flattened to {100 / now:.0f} %, with views closer together, "
+                       "all of it is sharp; what is seen from the middle stays as it is.")
 
 
 def flatten(scene: bpy.types.Scene) -> None:

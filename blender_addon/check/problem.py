@@ -35,37 +35,20 @@ class Problem:
     is_object: bool = False  # whether ``target`` is an object that can be selected
     title: str = ""  # shown instead of ``target``
     asks: bool = False  # whether a render is started only after the artist was asked
+    count: int = 1  # of the findings that a row stands for
 
 
-@dataclasses.dataclass(frozen=True)
-class Group:
-    """One row: findings of one kind."""
-
-    problems: tuple[Problem, ...]
-
-    @property
-    def first(self) -> Problem:
-        """The finding that stands for the others."""
-        return self.problems[0]
-
-    @property
-    def title(self) -> str:
-        """The row's first line."""
-        if len(self.problems) == 1:
-            return self.first.title or self.first.target
-        return SEVERAL[self.first.code][0].format(f"{len(self.problems):,}")
-
-    @property
-    def reason(self) -> str:
-        """Sentences below it."""
-        return self.first.reason if len(self.problems) == 1 else SEVERAL[self.first.code][1]
-
-
-def grouped(problems: Iterable[Problem]) -> list[Group]:
-    """Return the rows of ``problems``, worst first, else in their order."""
-    rows: dict[tuple[str, ...], list[Problem]] = {}
+def grouped(problems: Iterable[Problem]) -> list[Problem]:
+    """Return the rows of ``problems``, worst first, else in their order; a row of several has no ``target``."""
+    kinds: dict[tuple[str, ...], list[Problem]] = {}
     for problem in problems:
         key = (problem.code,) if problem.code in SEVERAL else (problem.code, problem.target, problem.reason)
-        rows.setdefault(key, []).append(problem)
-    groups = [Group(tuple(row)) for row in rows.values()]
-    return sorted(groups, key=lambda group: SEVERITIES.index(group.first.severity))
+        kinds.setdefault(key, []).append(problem)
+    rows = []
+    for first, *others in kinds.values():
+        row = dataclasses.replace(first, title=first.title or first.target)
+        if others:
+            (title, reason), count = SEVERAL[first.code], 1 + len(others)
+            row = dataclasses.replace(row, title=title.format(f"{count:,}"), reason=reason, target="", count=count)
+        rows.append(row)
+    return sorted(rows, key=lambda row: SEVERITIES.index(row.severity))

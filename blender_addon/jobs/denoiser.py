@@ -65,14 +65,13 @@ def is_replaced(scene: bpy.types.Scene) -> bool:
             and getattr(runtime.preferences_of_addon(), "without_denoiser", False))
 
 
-def remember_answer() -> None:
-    """Give new scenes a method without denoising from now on."""
-    if (preferences := runtime.preferences_of_addon()) is not None:
-        preferences.without_denoiser = True
-
-
 def use_replacement(scene: bpy.types.Scene, settings: Resolved) -> None:
-    """Set the method of ``settings`` without denoising in ``scene``, with more rays: nothing removes their noise."""
+    """Set the method of ``settings`` without denoising in ``scene``, with more rays: nothing removes their noise.
+
+    Where none was chosen, new scenes get one unasked from now on.
+    """
+    if (preferences := runtime.preferences_of_addon()) is not None and not scene.lfsr.is_property_set("method"):
+        preferences.without_denoiser = True
     scene.lfsr.method = settings.method.undenoised.text
     if not scene.lfsr.samples:
         scene.lfsr.rays *= RAYS_UNDENOISED

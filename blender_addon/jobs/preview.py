@@ -34,11 +34,11 @@ def load(scene: bpy.types.Scene, path: Path) -> None:
         raise LfsrError(f"decoded views {path} cannot be read ({error}): press Preview View again") from None
 
 
-def unload(scene: bpy.types.Scene) -> None:
-    """Forget the views of ``scene``."""
-    _files.pop(scene.name_full, None)
+def unload(scene_name: str) -> None:
+    """Forget the views of a scene."""
+    _files.pop(scene_name, None)
     if _icons is not None:
-        _icons.pop(scene.name_full, None)
+        _icons.pop(scene_name, None)
 
 
 def icon(scene: bpy.types.Scene) -> int:

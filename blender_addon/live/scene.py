@@ -155,7 +155,7 @@ def follow(live: bpy.types.Scene) -> None:
               "border_min_x": 0.0, "border_min_y": 0.0} | dict.fromkeys(kept) | compat.whole_textures()
     cycles = {"preview_samples": live_samples(scene, live[MARK] == EYE), "use_preview_adaptive_sampling": False,
               "use_preview_denoising": lfsr.live_denoise and devices.has_denoiser(),
-              "preview_denoising_start_sample": lfsr.live_denoise_start, "preview_denoising_input_passes": "RGB",
+              "preview_denoising_start_sample": 1, "preview_denoising_input_passes": "RGB",
               "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0, "sample_clamp_indirect": CLAMP_INDIRECT,
               "use_camera_cull": False,
               # The card is one more surface that a path passes through.

@@ -10,7 +10,7 @@ from lfsr_core.base.errors import LfsrError
 
 from ..check import last
 from ..check.fixes import OPERATORS
-from ..check.problem import INFO, MOST_ROWS
+from ..check.problem import INFO, MOST_ROWS, Problem
 from ..jobs import preview, session
 from ..live import nodes
 from ..live import session as live_session
@@ -94,7 +94,7 @@ def _draw_checks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     if state.checked_scene != context.scene.name_full:
         row.operator("lfsr.check_scene", text="Check Scene", icon="VIEWZOOM")
         return
-    problems = list(state.problems)
+    problems = last.rows()
     if problems:
         serious = [problem for problem in problems if problem.severity != INFO]
         text = counted(len(serious), "Problem") if serious else counted(len(problems), "Note")
@@ -113,19 +113,19 @@ def _draw_checks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         layout.prop(state, "all_problems", text=text, icon=icon, emboss=False)
 
 
-def _draw_problem(layout: bpy.types.UILayout, row: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    box = layout.box().column()
+def _draw_problem(layout: bpy.types.UILayout, row: Problem, context: bpy.types.Context) -> None:
+    box, state = layout.box().column(), context.window_manager.lfsr
     head = box.row(align=True)
     if row.count > 1:
-        icon = "DISCLOSURE_TRI_DOWN" if row.expanded else "DISCLOSURE_TRI_RIGHT"
-        head.prop(row, "expanded", text="", icon=icon, emboss=False)
+        icon = "DISCLOSURE_TRI_DOWN" if state.show_names else "DISCLOSURE_TRI_RIGHT"
+        head.prop(state, "show_names", text="", icon=icon, emboss=False)
     title = head.row()
     title.alert = row.severity == "ERROR"
     title.label(text=row.title, icon=ICONS[row.severity])
     if row.is_object:
         _select_button(head, row.code, row.target)
     sentence(box, row.reason, "NONE", context)
-    if row.expanded:
+    if row.count > 1 and state.show_names:
         problems, column = last.problems(row.code), box.column(align=True)
         for problem in problems[:MOST_NAMES]:
             line = column.row(align=True)
@@ -349,7 +349,6 @@ class LFSR_PT_live_advanced(ClosedPanel, bpy.types.Panel):
         column.prop(lfsr, "live_samples")
         row_if(nodes.can_interpolate() and not woven, column).prop(lfsr, "live_smooth")
         row_if(devices.has_denoiser(), column).prop(lfsr, "live_denoise")
-        row_if(devices.has_denoiser() and lfsr.live_denoise, column).prop(lfsr, "live_denoise_start")
 
 
 def notes(scene: bpy.types.Scene) -> list[tuple[str, str]]:

@@ -8,7 +8,6 @@ import zlib
 import bpy
 from bpy.props import (
     BoolProperty,
-    CollectionProperty,
     EnumProperty,
     FloatProperty,
     IntProperty,
@@ -212,8 +211,6 @@ class SceneSettings(bpy.types.PropertyGroup):
         default=True)
     live_denoise: BoolProperty(
         name="Denoise", description="Denoise the rendered views with Cycles' viewport denoiser", default=True)
-    live_denoise_start: IntProperty(
-        name="Start Sample", description="First sample that is denoised", min=1, soft_max=64, default=1)
     live_eye_right: FloatProperty(
         name="Eye Right", description="Position of the eye; the viewing zone is from -1, its left, to 1, its right",
         min=-4.0, max=4.0, soft_min=-1.0, soft_max=1.0, step=10)
@@ -242,33 +239,15 @@ def unregister() -> None:
     del bpy.types.Scene.lfsr
 
 
-class FoundProblem(bpy.types.PropertyGroup):
-    """One row of the scene check: problems of one kind."""
-
-    code: StringProperty(name="Code", description="Kind of problem")
-    target: StringProperty(name="Name", description="What has the problem")
-    reason: StringProperty(name="Reason", description="What will go wrong")
-    fix: StringProperty(name="Fix", description="What the fix button does")
-    severity: EnumProperty(
-        name="Severity", description="How bad it is",
-        items=[("ERROR", "Error", "The image will be wrong or missing"),
-               ("WARNING", "Warning", "Part of the image will look bad"),
-               ("INFO", "Information", "Light-field renders ignore it")])
-    is_object: BoolProperty(name="Object", description="The problem is that of an object in the scene")
-    title: StringProperty(name="Title", description="What has the problem, or how many things have it")
-    count: IntProperty(name="Count", description="Number of things that have the problem", default=1)
-    expanded: BoolProperty(name="Show Names", description="Show what has the problem", default=False)
-
-
 class SessionState(bpy.types.PropertyGroup):
     """State of the panel in this session."""
 
-    problems: CollectionProperty(
-        name="Problems", description="What the last scene check found", type=FoundProblem)
     show_problems: BoolProperty(
         name="Show Checks", description="Show what the last scene check found", default=False)
     all_problems: BoolProperty(
         name="Show All", description="Also show the problems after the first five", default=False)
+    show_names: BoolProperty(
+        name="Show Names", description="Show each thing that has a problem", default=False)
     checked_scene: StringProperty(name="Checked Scene", description="Scene that was checked last")
     message: StringProperty(name="Message", description="Why the last render ended, or what it left out")
     message_is_error: BoolProperty(name="Message Is Error", description="The message says what went wrong")
@@ -285,5 +264,5 @@ class SessionState(bpy.types.PropertyGroup):
     plan_method: StringProperty(name="Planned Method", description="Method that the last plan found, if any")
 
 
-CLASSES = (SceneSettings, FoundProblem, SessionState)
+CLASSES = (SceneSettings, SessionState)
 HANDLERS = (("save_post", keep_saved),)

@@ -298,6 +298,13 @@ def _hits(sight: _Sight, half: tuple[float, float], eye: Sequence[float] | Array
     return [hit for hit in hits if hit is not None]
 
 
+def is_free(scene: bpy.types.Scene, placed: Placement, profile: DisplayProfile, times: float) -> bool:
+    """Return False if a ``placed`` array would reach through a wall, were it ``times`` as large."""
+    array, matrix = placed
+    sight = _Sight(scene, Rays(scene), to_blender(matrix))
+    return _free_fraction(sight, profile, dataclasses.replace(array, spacing=array.spacing * times)) == 1
+
+
 def _free_fraction(sight: _Sight, profile: DisplayProfile, array: CameraArray) -> float:
     """Fraction of the array's reach that is free of walls, at most 1."""
     fraction, start = 1.0, (0, 0, -sight.start)
@@ -308,8 +315,6 @@ def _free_fraction(sight: _Sight, profile: DisplayProfile, array: CameraArray) -
             free = (hit[0] - sight.matrix @ mathutils.Vector(start)).length
             fraction = min(fraction, free * WALL_MARGIN / reach)
     return fraction
-
-
 
 
 def scale_of(scene: bpy.types.Scene, job: Request) -> ScaleChoice:

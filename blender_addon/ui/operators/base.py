@@ -139,6 +139,15 @@ class TaskOperator:
         return self.questions(context)
 
 
+class AsksForFile:
+    """An operator that shows the file browser before it is executed."""
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
+        """Ask for the file or the folder."""
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+
 def add_missing_array(scene: bpy.types.Scene) -> None:
     """Add a camera array where the scene has none, with an undo step of its own; LfsrError where that cannot be."""
     if rig.find(scene) is None:

@@ -13,10 +13,10 @@ from lfsr_core.commands.sentences import sentence
 from ...jobs import session, show_image
 from ...scene import settings as scene_settings
 from ...scene.settings import PROFILE_FILE
-from .base import Result, reports_errors
+from .base import AsksForFile, Result, reports_errors
 
 
-class LFSR_OT_test_picture(bpy.types.Operator):
+class LFSR_OT_test_picture(AsksForFile, bpy.types.Operator):
     """Write the test picture to show on the display, pixel by pixel, and to photograph"""
 
     bl_idname = "lfsr.test_picture"
@@ -26,11 +26,6 @@ class LFSR_OT_test_picture(bpy.types.Operator):
         name="File", description="PNG file to write", subtype="FILE_PATH", default="phase.png")
     filter_image: bpy.props.BoolProperty(
         name="Images", description="Show images only", default=True, options={"HIDDEN"})
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
-        """Ask for the file."""
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
@@ -43,7 +38,7 @@ class LFSR_OT_test_picture(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class LFSR_OT_calibrate(bpy.types.Operator):
+class LFSR_OT_calibrate(AsksForFile, bpy.types.Operator):
     """Measure the lenses of this very display by photographs of the test picture, taken from one place"""
 
     bl_idname = "lfsr.calibrate"
@@ -59,11 +54,6 @@ class LFSR_OT_calibrate(bpy.types.Operator):
     place: bpy.props.FloatVectorProperty(
         name="Camera", description="Place of the camera in millimetres from the middle of the lenses: rightwards, "
         "upwards, towards the viewer", size=3, default=(0.0, 0.0, 500.0))
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
-        """Ask for the photographs and the camera's place."""
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:

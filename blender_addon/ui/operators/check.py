@@ -12,12 +12,12 @@ from lfsr_core.base.notices import duration
 from ...check import last
 from ...check.fixes import FIXES, OUTSIDE_SCENE, find_object
 from ...check.look import MENDS
-from ...check.problem import INFO, MOST_ROWS, Group, Problem, grouped
+from ...check.problem import INFO, MOST_ROWS, Problem, grouped
 from ...check.problems import to_ask
 from ...jobs.asked import expected_seconds
 from ...scene.array.rig import check_editable
 from ...scene.words import counted, for_panel
-from .base import UNDO, Question, Result, activate, reports_errors
+from .base import UNDO, AsksForFile, Question, Result, activate, reports_errors
 
 LONG = 600.0  # seconds of a render that is asked about
 _accepted: set[tuple[str, str, str]] = set()  # what the artist was asked in this file
@@ -91,7 +91,7 @@ class LFSR_OT_check_fix(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class LFSR_OT_choose_output(bpy.types.Operator):
+class LFSR_OT_choose_output(AsksForFile, bpy.types.Operator):
     """Choose another folder for the images of this scene"""
 
     bl_idname = "lfsr.choose_output"
@@ -103,11 +103,6 @@ class LFSR_OT_choose_output(bpy.types.Operator):
         options={"SKIP_SAVE", "PATH_SUPPORTS_BLEND_RELATIVE"})
     filter_folder: bpy.props.BoolProperty(
         name="Folders", description="Show folders only", default=True, options={"HIDDEN"})
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
-        """Ask for the folder."""
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
@@ -127,7 +122,9 @@ def questions(scene: bpy.types.Scene, frames: int = 1) -> list[Question]:
     asked = [*(Question(problem.reason.rstrip("."), "Render", accept=accept, mend=MENDS[problem.code][0],
                         title=problem.fix, mends=functools.partial(FIXES[problem.code], scene, problem.target))
                for problem in mends),
-             *_long(scene, frames), *(Question(_sentence(row), "Render", accept=accept) for row in rows[:MOST_ROWS])]
+             *_long(scene, frames), *(
+                 Question((row.reason if row.count == 1 else f"{row.title}. {row.reason}").rstrip("."), "Render",
+                          accept=accept) for row in rows[:MOST_ROWS])]
     if len(rows) > MOST_ROWS:
         asked.append(Question(f"Scene Check lists {len(rows) - MOST_ROWS} more", "Render", accept=accept))
     return asked
@@ -146,10 +143,6 @@ def _long(scene: bpy.types.Scene, frames: int) -> list[Question]:
 
 def _key(scene: bpy.types.Scene, problem: Problem) -> tuple[str, str, str]:
     return scene.name_full, problem.code, problem.target
-
-
-def _sentence(row: Group) -> str:
-    return (row.reason if len(row.problems) == 1 else f"{row.title}. {row.reason}").rstrip(".")
 
 
 @bpy.app.handlers.persistent

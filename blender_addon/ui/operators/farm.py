@@ -19,7 +19,7 @@ from ...scene import folders
 from ...scene import settings as scene_settings
 from ...scene.array.placement import scale_of
 from ...scene.settings import PROFILE_FILE
-from .base import Result, reports_errors
+from .base import AsksForFile, Result, reports_errors
 
 COPY_SUFFIX = f"{FARM_COPY}.blend"  # never the name of a file that somebody works on
 
@@ -27,7 +27,7 @@ FARM_ITEMS = [("openjd", "OpenJD", "Request bundle of Open Request Description, 
               ("flamenco", "Flamenco", "Request type and job for a Flamenco 3 manager")]
 
 
-class LFSR_OT_submit(bpy.types.Operator):
+class LFSR_OT_submit(AsksForFile, bpy.types.Operator):
     """Write a job that renders the timeline's range on a render farm, into a folder that its machines can see"""
 
     bl_idname = "lfsr.submit"
@@ -47,11 +47,6 @@ class LFSR_OT_submit(bpy.types.Operator):
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         """Return the tooltip of each farm."""
         return dict((name, text) for name, _, text in FARM_ITEMS)[properties.farm]
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
-        """Ask for the folder and the parts."""
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:

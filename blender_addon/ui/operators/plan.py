@@ -86,12 +86,8 @@ def wanted(scene: bpy.types.Scene) -> PlanOptions:
 
 def guess(scene_name: str, found: Guess) -> None:
     """Store what is expected before anything was measured."""
-    best = in_words(found.candidate)
-    if found.reaches:
-        _store(scene_name, f"First guess, from the depth: {best}. Not measured", found.candidate)
-    else:
-        _store(scene_name, f"First guess, from the depth: nothing reaches the target, {best} comes nearest. "
-               "Not measured", None)
+    text = f"First guess, from the depth: {in_words(found.candidate)}. Not measured yet: lenses decide"
+    _store(scene_name, text, found.candidate if found.reaches else None)
 
 
 def show(target: float, scene_name: str, choice: Choice) -> None:

@@ -103,9 +103,16 @@ class LFSR_OT_render_reference(TaskOperator, bpy.types.Operator):
         if not asked.is_made(request, finish):
             raise LfsrError(f"the image in {folder} was made with other settings: render the EIA again first")
         target = folder.with_name(f"{folder.name}_reference")
+
+        def say_ssim(result: dict[str, Any]) -> None:
+            metrics = result["metrics"]
+            ssim = metrics.get("ssim_eia_fg", metrics.get("ssim_lens_fg"))
+            session.say("No SSIM: no lens shows any foreground" if ssim is None else
+                        f"SSIM of the foreground {ssim:.4f}")
+
         return Job("reference", {"request": request, "output": str(target), "lenses": scene.lfsr.reference_lenses,
                                  "samples": scene.lfsr.reference_samples},
-                   _print_ssim, output=target, kept=functools.partial(asked.kept, target))
+                   say_ssim, output=target, kept=functools.partial(asked.kept, target))
 
 
 class LFSR_OT_preview_view(TaskOperator, bpy.types.Operator):
@@ -231,7 +238,9 @@ def animation_job(scene: bpy.types.Scene) -> Job:
 def _asked(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
     find_subject(scene)  # where nothing would be rendered, nothing else matters
     add_missing_array(scene)
-    return [*_denoising(scene), *_overwriting(scene, frames), *check.questions(scene, len(frames))]
+    taken = "" if scene.lfsr.use_overwrite else folders.first_foreign(scene, frames)
+    foreign = [Question(taken, "Overwrite", "turn on Overwrite, or choose another output folder")] if taken else []
+    return [*_denoising(scene), *foreign, *check.questions(scene, len(frames))]
 
 
 def _denoising(scene: bpy.types.Scene) -> list[Question]:
@@ -247,25 +256,17 @@ def _denoising(scene: bpy.types.Scene) -> list[Question]:
 
 
 def _use_replacement(scene: bpy.types.Scene, settings: scene_settings.Resolved) -> None:
-    if not scene.lfsr.is_property_set("method"):
-        denoiser.remember_answer()
     denoiser.use_replacement(scene, settings)
     bpy.ops.ed.undo_push(message="Set Method")
 
 
-def _overwriting(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
-    taken = "" if scene.lfsr.use_overwrite else folders.first_foreign(scene, frames)
-    return [Question(taken, "Overwrite", "turn on Overwrite, or choose another output folder")] if taken else []
-
-
 def show_image_of(scene_name: str, folder: Path) -> None:
     """Show what the eye sees of the image in ``folder``, or the image of a panel with a lens sheet itself."""
-    scene, views, panel = _scene(scene_name), asked.views_file(folder), folder / PANEL_FILE
-    if scene is not None and not (folder / EIA_FILE).is_file():
-        preview.unload(scene)  # the views of an earlier render do not belong to this image
-    elif scene is not None and views.is_file():
-        preview.load(scene, views)
-        show_image.in_editor(preview.show(scene, (scene.lfsr.eye_right, scene.lfsr.eye_up)))
+    views, panel = asked.views_file(folder), folder / PANEL_FILE
+    if not (folder / EIA_FILE).is_file():
+        preview.unload(scene_name)  # the views of an earlier render do not belong to this image
+    elif views.is_file():
+        _show_view(scene_name, views)
     if panel.is_file():
         show_image.open_file(panel)
     bpy.context.window_manager.lfsr.outcome_folder = str(folder)
@@ -288,12 +289,6 @@ def _end_animation(scene_name: str, result: dict[str, Any]) -> None:
                         "make what is missing")
     show_image_of(scene_name, Path(made[-1]["folder"]))
     session.say(said)
-
-
-def _print_ssim(result: dict[str, Any]) -> None:
-    metrics = result["metrics"]
-    ssim = metrics.get("ssim_eia_fg", metrics.get("ssim_lens_fg"))
-    session.say(f"SSIM of the foreground {ssim:.4f}" if ssim is not None else "No SSIM: no lens shows any foreground")
 
 
 def _show_view(scene_name: str, views: Path) -> None:

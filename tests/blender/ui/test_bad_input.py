@@ -87,7 +87,7 @@ def test_unsaved_file(tmp_path):
         scene = panel.artist_scene(None)
         refuse(scene, "this file is not saved yet: save it or choose another folder")
         last.check(scene)
-        assert "unsaved" in [line.code for line in bpy.context.window_manager.lfsr.problems]
+        assert "unsaved" in [line.code for line in last.rows()]
 
 
 @pytest.mark.parametrize(("folder", "sentence"), [
@@ -124,7 +124,7 @@ def test_missing_texture(scene, tmp_path):
     texture.image.source, texture.image.filepath = "FILE", "//textures/gone.png"
     bpy.data.objects["Box"].data.materials.append(material)
     last.check(scene)
-    line = next(line for line in bpy.context.window_manager.lfsr.problems if line.code == "texture")
+    line = next(line for line in last.rows() if line.code == "texture")
     assert line.target == "gone.png" and line.severity == "ERROR" and "looks wrong" in line.reason
     task = session.run("Render EIA", render.image_job(scene))
     assert [notice for notice in task.notices if "gone.png" in str(notice.values)]

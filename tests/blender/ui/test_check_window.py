@@ -7,8 +7,8 @@ from tests.support.window.desktop import NEEDS_WINDOW, blender_window
 
 pytestmark = NEEDS_WINDOW
 TASK = "addon.jobs.session.current()"
-ROWS = "[(row.code, row.title) for row in bpy.context.window_manager.lfsr.problems]"
-CODES = "[row.code for row in bpy.context.window_manager.lfsr.problems]"
+ROWS = "[(row.code, row.title) for row in addon.check.last.rows()]"
+CODES = "[row.code for row in addon.check.last.rows()]"
 SECONDS_TO_CHECK = 30  # on a busy machine
 
 
@@ -45,7 +45,7 @@ def test_a_change_is_noticed(window, change, code):
     assert code in window.get(CODES)
     window.screenshot(f"check-{code}")
     if code != "motion":
-        window.run(f"row = next(row for row in bpy.context.window_manager.lfsr.problems if row.code == {code!r})")
+        window.run(f"row = next(row for row in addon.check.last.rows() if row.code == {code!r})")
         window.run("bpy.ops.lfsr.check_fix('INVOKE_DEFAULT', True, code=row.code, target=row.target)")
         assert code not in window.get(CODES)
 

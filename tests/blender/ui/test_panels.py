@@ -299,7 +299,7 @@ def test_off(scene):
     assert not bpy.ops.lfsr.live_full_screen.poll()
     assert operators(drawn) == {"lfsr.live_start", "lfsr.live_eye_start"}
     assert {"live_eye_right", "live_eye_up", "live_eye_near"} == properties(drawn)
-    advanced = {"live_scale", "live_rays", "live_samples", "live_smooth", "live_denoise", "live_denoise_start"}
+    advanced = {"live_scale", "live_rays", "live_samples", "live_smooth", "live_denoise"}
     assert properties(draw(panels.LFSR_PT_live_advanced)) == advanced
 
 
