@@ -43,7 +43,7 @@ def check(scene: bpy.types.Scene) -> list[Problem]:
     finally:
         _checking = False
     _changed = False
-    show_image.redraw_views()
+    show_image.redraw_sidebars()
     return _problems
 
 
@@ -51,7 +51,7 @@ def _mark() -> None:
     global _changed
     if not _changed:
         _changed = True
-        show_image.redraw_views()
+        show_image.redraw_sidebars()
 
 
 @bpy.app.handlers.persistent

@@ -73,8 +73,9 @@ def show(scene: bpy.types.Scene, eye: tuple[float, float]) -> bpy.types.Image | 
     image.pixels.foreach_set(pixels.ravel())
     image.update()
     image.pack()  # an image that is modified keeps Blender from quitting without a question
-    for area in (*show_image.areas("IMAGE_EDITOR"), *show_image.areas("VIEW_3D")):
+    for area in show_image.areas("IMAGE_EDITOR"):
         area.tag_redraw()  # an editor does not notice that its image has changed
+    show_image.redraw_sidebars()
     return image
 
 

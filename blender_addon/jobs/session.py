@@ -135,9 +135,7 @@ def _pop_up(message: str, icon: str) -> None:
 
 def redraw() -> None:
     """Redraw the sidebars and the status bar of every window."""
-    for region in (region for area in show_image.areas("VIEW_3D") for region in area.regions):
-        if region.type == "UI":
-            region.tag_redraw()
+    show_image.redraw_sidebars()
     for window in bpy.context.window_manager.windows:
         # Python cannot tag the status bar for a redraw; a running tool's own text must stay.
         if not bpy.app.background and not getattr(window, "modal_operators", ()):

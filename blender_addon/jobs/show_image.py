@@ -62,6 +62,12 @@ def redraw_views() -> None:
         area.tag_redraw()
 
 
+def redraw_sidebars() -> None:
+    """Redraw the sidebars alone: a view of thousands of objects takes long."""
+    for region in (region for area in areas("VIEW_3D") for region in area.regions if region.type == "UI"):
+        region.tag_redraw()
+
+
 def top_window() -> bpy.types.Window | None:
     """Return the window that no other window of this Blender hides: of those that lie over others, the newest."""
     windows = bpy.context.window_manager.windows
