@@ -81,18 +81,19 @@ KERNELS: dict[str, tuple[int, Callable[[Array], Array]]] = {
 
 
 @functools.lru_cache(maxsize=64)
-def kernel_matrix(kernel: str, size: int, scale: int, margin: int = 0) -> Array:
+def kernel_matrix(kernel: str, size: int, scale: float, margin: int = 0) -> Array:
     """Weights (size·scale, size + 2·margin) float32 that upscale a row of samples at half-pixel centres.
 
     ``margin``: further samples at either end, which are only looked at; beyond them the last sample is repeated.
     """
     reach, weight = KERNELS[kernel]
-    places = (np.arange(size * scale) + 0.5) / scale - 0.5 + margin
+    count = round(size * scale)
+    places = (np.arange(count) + 0.5) / scale - 0.5 + margin
     taps = np.floor(places).astype(int)[:, None] + np.arange(1 - reach, reach + 1)
     weights = weight(places[:, None] - taps)
     weights /= weights.sum(1, keepdims=True)
-    matrix = np.zeros((size * scale, size + 2 * margin))
-    np.add.at(matrix, (np.arange(size * scale)[:, None], np.clip(taps, 0, size + 2 * margin - 1)), weights)
+    matrix = np.zeros((count, size + 2 * margin))
+    np.add.at(matrix, (np.arange(count)[:, None], np.clip(taps, 0, size + 2 * margin - 1)), weights)
     return matrix.astype(np.float32)
 
 

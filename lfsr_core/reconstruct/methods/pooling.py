@@ -4,7 +4,8 @@ From one rendered view to the next, a surface point at distance z from the camer
 pitch lenses (D: distance of the display plane, spacing: between rendered views). So the ray of lens i and place A among
 the rendered views meets the point that view v sees through lens i + m·(v − A). Samples near that line, of about the
 same slope m, are averaged, along one axis and then along the other: sheared reconstruction, as in Lehtinen et al.,
-Temporal Light Field Reconstruction for Rendering Distribution Effects (2011). Where depth is unknown, interpolation
+Temporal Light Field Reconstruction for Rendering Distribution Effects (2011). Unless much of the scene is steep, it is
+done at two places per rendered view, and views between them are interpolated. Where depth is unknown, interpolation
 inside the elemental image stays. docs/results/pooling.md has the figures.
 """
 
@@ -33,6 +34,8 @@ STEEP = 1.0  # lenses per rendered view from which an edge is known better from 
 STEEPEST = 8.0  # lenses per rendered view: steeper points skip too many lenses to be found again
 LEAST = 0.05  # sum of weights below which nothing was found
 UNKNOWN, OUTSIDE = 1e6, 1e9  # slopes of samples without depth, and of places beyond the display or its views
+PLACES = 2  # per rendered view at which samples are pooled, of scenes that are not steep: more gain nothing there
+MOST_STEEP = 0.05  # of the samples of such a scene
 KERNEL, SHARP_KERNEL = "linear", "halfway"
 SHARP_SAMPLES, SHARP_SCALE = 16, 3  # samples per pixel and scale from which noise allows the sharper kernel
 LENSES_IN_CACHE, SAMPLES_IN_CACHE = 24, 40_000
@@ -47,9 +50,10 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PooledEIA(LowResEIA):
-    """A low-resolution EIA whose rows have all their views."""
+    """A low-resolution EIA whose rows have all their places."""
 
-    wide: Array  # (4, sx·W, padded sy, padded h), encoded colour and vertical slope
+    density: tuple[int, int]  # (horizontal, vertical) places per rendered view at which samples are pooled
+    wide: Array  # (4, sx·W, padded sy, padded h), encoded colour and vertical slope; W: horizontal places of a lens
     rows: Array  # (sy,) places of the rows of lenses in it
     seen: Array  # (sy, sx) bool, lenses that see a point of known depth
 
@@ -67,23 +71,25 @@ class Pooling(Upscaler):
         self._block = block
 
     def prepare(self, low: LowResEIA) -> LowResEIA:
-        """Make all views of each row; ``low`` itself where no depth is known or every view is rendered."""
+        """Pool along each row; ``low`` itself where no depth is known or every view is rendered."""
         if low.slope is None or low.factors == (1, 1):
             return low
         known = np.isfinite(low.slope[..., 0]) & (np.abs(low.slope[..., 0]) < STEEPEST)
         if not known.any():
             return low
         slope = np.where(known, low.slope[..., 0], np.float32(UNKNOWN))
-        (sy, sx, h, w), width = known.shape, known.shape[3] * low.factors[0]
+        is_steep = (np.abs(slope[known]) > STEEP).mean() > MOST_STEEP
+        across, down = (factor if is_steep else min(factor, PLACES) for factor in low.factors)
+        (sy, sx, h, w), width = known.shape, known.shape[3] * across
         steepest = float(np.abs(slope[known]).max())
-        columns, across = self._places(sx, steepest)
-        rows, down = self._places(sy, steepest * low.slope_ratio)
-        source = padded((sy, h, across, w + 2 * REACH))
+        columns, length = self._places(sx, steepest)
+        rows, height = self._places(sy, steepest * low.slope_ratio)
+        source = padded((sy, h, length, w + 2 * REACH))
         source[:3, :, :, columns, REACH:-REACH] = self._restored(low, slope, steepest).transpose(4, 0, 2, 1, 3)
         source[3:, :, :, columns, REACH:-REACH] = slope.transpose(0, 2, 1, 3)
-        wide = padded((sx * width, down, h + 2 * REACH))
-        line = Line.of(low, w, low.factors[0])
-        starts = np.arange(sy * h) * across * (w + 2 * REACH) + REACH
+        wide = padded((sx * width, height, h + 2 * REACH))
+        line = Line.of(low, w, across)
+        starts = np.arange(sy * h) * length * (w + 2 * REACH) + REACH
 
         def column(index: int) -> None:
             rays = pooled(source, starts + columns[index] * (w + 2 * REACH), line)
@@ -91,25 +97,27 @@ class Pooling(Upscaler):
             wide[:, index * width:(index + 1) * width, rows, REACH:-REACH] = rays.reshape(4, width, sy, h)
 
         in_threads(column, range(sx))
-        return PooledEIA(**vars(low) | {"wide": wide, "rows": rows, "seen": known.any((2, 3))})
+        return PooledEIA(**vars(low), density=(across, down), wide=wide, rows=rows, seen=known.any((2, 3)))
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
         """Finished EIs of ``lenses``; ``low`` is the result of ``prepare``."""
         lenses = np.asarray(lenses)
-        result = np.empty((len(lenses), *low.finished_views, 3), np.float32)
+        result, kernel = np.empty((len(lenses), *low.finished_views, 3), np.float32), _kernel(low)
         some = low.seen[tuple(lenses.T)] if isinstance(low, PooledEIA) else np.zeros(len(lenses), bool)
         if not some.all():
             row, column = lenses[~some].T
-            kernel = SHARP_KERNEL if is_sharp(low) else KERNEL
             result[~some] = decode(interpolated(encode(low.color[row, column]), kernel, low.factors))
         if isinstance(low, PooledEIA):
-            h, (_, width) = low.color.shape[2], low.finished_views
-            line, chosen = Line.of(low, h, low.factors[1]), np.flatnonzero(some)
+            h, w = low.color.shape[2:4]
+            width, line, chosen = w * low.density[0], Line.of(low, h, low.density[1]), np.flatnonzero(some)
+            across, down = (kernel_matrix(kernel, views * places, factor / places)
+                            for views, places, factor in zip((w, h), low.density, low.factors, strict=True))
             for part in np.array_split(chosen, math.ceil(len(chosen) / LENSES_IN_CACHE)) if len(chosen) else ():
                 row, column = lenses[part].T
                 lines = (column[:, None] * width + np.arange(width)) * low.wide.shape[2] + low.rows[row][:, None]
-                rays = pooled(low.wide, lines.ravel() * (h + 2 * REACH) + REACH, line)
-                result[part] = decode(rays[:3].reshape(3, -1, len(part), width).transpose(2, 1, 3, 0))
+                rays = down @ pooled(low.wide, lines.ravel() * (h + 2 * REACH) + REACH, line)[:3]
+                images = rays.reshape(3, -1, len(part), width) @ across.T
+                result[part] = decode(images).transpose(2, 1, 3, 0)
         return result
 
     def _restored(self, low: LowResEIA, slope: Array, steepest: float) -> Array:
@@ -152,9 +160,9 @@ class Pooling(Upscaler):
         return places, int(places[-1]) + guard + 1
 
 
-def is_sharp(low: LowResEIA) -> bool:
-    """Whether noise is low enough, and views far enough apart, for the sharper kernel."""
-    return low.samples >= SHARP_SAMPLES and low.scale >= SHARP_SCALE
+def _kernel(low: LowResEIA) -> str:
+    """The sharper kernel where noise is low enough, and views far enough apart."""
+    return SHARP_KERNEL if low.samples >= SHARP_SAMPLES and low.scale >= SHARP_SCALE else KERNEL
 
 
 def padded(shape: tuple[int, ...], channels: int = 3) -> Array:
@@ -174,33 +182,33 @@ def _pooled_lenses(values: Array) -> Array:
 
 @dataclasses.dataclass(frozen=True)
 class Line:
-    """The finished views of one axis among its rendered views; arrays begin with the axis of finished views."""
+    """Places of one axis among its rendered views; arrays begin with the axis of places."""
 
-    corners: tuple[Array, Array]  # (views,), the rendered views to either side
-    share: Array  # (views, 1) of the second corner
-    taps: tuple[tuple[Array, ...], ...]  # rendered view, its distance, and weight by it; (views, 1) each
-    plain: Array  # (views, rendered views), weights of interpolation
+    corners: tuple[Array, Array]  # (places,), the rendered views to either side
+    share: Array  # (places, 1) of the second corner
+    taps: tuple[tuple[Array, ...], ...]  # rendered view, its distance, and weight by it; (places, 1) each
+    plain: Array  # (places, rendered views), weights of interpolation
     sharper: Array  # what the sharper kernel adds to linear interpolation
 
     @classmethod
-    def of(cls, low: LowResEIA, rendered: int, factor: int) -> Line:
-        """Line of an axis with ``rendered`` views; with more samples, less noise needs fewer views."""
+    def of(cls, low: LowResEIA, rendered: int, each: int) -> Line:
+        """Line of an axis with ``rendered`` views of ``each`` places; with more samples, less noise needs fewer views.
+        """
         sigma = SIGMA * low.samples ** FALL
-        places = ((np.arange(rendered * factor) + 0.5) / factor - 0.5)[:, None]
+        places = ((np.arange(rendered * each) + 0.5) / each - 0.5)[:, None]
         first = np.floor(places).astype(int)
-        steps = min(2 * REACH, round(COUNT * sigma)) if factor > 1 else 1
+        steps = min(2 * REACH, round(COUNT * sigma)) if each > 1 else 1
         nearest = np.floor(places + 0.5 * (steps % 2)).astype(int) - (steps - 1) // 2
         views = [nearest + step for step in range(steps)]
         taps = tuple((view, (view - places).astype(np.float32),
                       np.exp(-0.5 * ((view - places) / sigma) ** 2).astype(np.float32)) for view in views)
-        linear = kernel_matrix(KERNEL, rendered, factor)
-        plain = kernel_matrix(SHARP_KERNEL if is_sharp(low) else KERNEL, rendered, factor)
+        linear, plain = (kernel_matrix(kernel, rendered, each) for kernel in (KERNEL, _kernel(low)))
         corners = np.clip(first[:, 0], 0, rendered - 1), np.clip(first[:, 0] + 1, 0, rendered - 1)
         return cls(corners, (places - first).astype(np.float32), taps, plain, plain - linear)
 
 
 def pooled(samples: Array, starts: Array, line: Line) -> Array:
-    """Encoded colours and slopes (4, views, n) of the finished views of n lenses, along one axis.
+    """Encoded colours and slopes (4, places, n) of n lenses, along one axis.
 
     ``samples`` (4, …, lenses, rendered views): see ``padded``. ``starts`` (n,): index of each lens's first view.
     """
