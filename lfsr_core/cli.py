@@ -59,16 +59,32 @@ LABORATORY = ("study", "train")  # verbs of the package ``lfsr_lab``, found thro
 
 SECONDS_AFTER = 0.1  # a finalizer was interrupted, until it has ended
 EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_UNREAD = 2, 130, 141
-ENDINGS = ("SIGTERM", "SIGHUP", "SIGQUIT")  # signals that interrupt like Ctrl-C
+ENDINGS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")  # signals that interrupt: Ctrl-C, and what means the same
+_interrupted = False
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; return the exit code: 0, 2 after bad input, 130 after Ctrl-C."""
+    global _interrupted
+    _interrupted, words = False, list(sys.argv[1:] if argv is None else argv)
+    try:
+        for name in ENDINGS:
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), _interrupt)
+        return _run(words)
+    except BaseException as error:  # a module that is loaded may make another error of an interrupt
+        if not _interrupted and not isinstance(error, KeyboardInterrupt):
+            raise
+        print(f"\n{' '.join(['lfsr', *words[:1]])}: interrupted; no file is left half-written", file=sys.stderr)
+        return EXIT_INTERRUPTED
+
+
+def _run(words: list[str]) -> int:
     if sys.unraisablehook is sys.__unraisablehook__:
         sys.unraisablehook = _unraisable
     sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115, to the end
     accept_all_letters()
-    words, is_asked = list(sys.argv[1:] if argv is None else argv), "_ARGCOMPLETE" in os.environ
+    is_asked = "_ARGCOMPLETE" in os.environ
     parser = build_parser(None if is_asked else words)
     if is_asked:  # a shell asks what can follow
         import argcomplete
@@ -80,9 +96,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(words)
     output, is_json = sys.stdout, getattr(arguments, "json", False) is True
     try:
-        for name in ENDINGS:
-            if hasattr(signal, name):
-                signal.signal(getattr(signal, name), _interrupt)
         with system_errors():
             _check_output()
             for value in vars(arguments).values():
@@ -101,6 +114,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             if output:
                 output.flush()
     except LfsrError as error:
+        if _interrupted:
+            raise
         name, text = f"lfsr {arguments.verb}:", cleaned(str(error), MOST_LETTERS)
         has_enough = isinstance(error.__context__, BrokenPipeError)  # who reads the output, such as `head`
         if not has_enough:
@@ -117,9 +132,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         except OSError:  # dropped, or Python tries again when it ends
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_UNREAD if has_enough else EXIT_BAD_INPUT
-    except KeyboardInterrupt:
-        print(f"\nlfsr {arguments.verb}: interrupted; no file is left half-written", file=sys.stderr)
-        return EXIT_INTERRUPTED
     return 0
 
 
@@ -213,6 +225,8 @@ def _interrupt_main() -> None:
 
 
 def _interrupt(_signal: int, _stack: object) -> None:
+    global _interrupted
+    _interrupted = True
     raise KeyboardInterrupt
 
 

@@ -309,10 +309,14 @@ def test_who_reads_a_part_of_the_output_has_enough(monkeypatch, capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_an_interrupt_in_a_callback_of_the_garbage_collector_is_no_lost_one():
+@pytest.mark.parametrize("inside", [
+    "Late()\n    time.sleep(20)",  # in a finalizer, where Python swallows it
+    "try:\n        signal.raise_signal(signal.SIGINT)\n    except KeyboardInterrupt:\n"
+    "        raise ImportError('initialization failed')"])  # in a module of C++ that is loaded
+def test_an_interrupt_is_not_lost(inside):
     code = ("import gc, signal, sys, time\nfrom lfsr_core import cli\n"
             "class Late:\n    def __del__(self):\n        signal.raise_signal(signal.SIGTERM)\n        time.sleep(0)\n"
-            "def run(arguments):\n    Late()\n    time.sleep(20)\n"
+            f"def run(arguments):\n    {inside}\n"
             "parser = cli.build_parser\n"
             "def build(given):\n    made = parser(given)\n    old = made.parse_args\n"
             "    def parse(words):\n        found = old(words)\n        found.run = run\n        return found\n"
