@@ -46,13 +46,6 @@ def test_demo_scene_stands_the_right_way_round_and_moves_against_the_eye(scene, 
     assert column_of_green(views[20, 35]) < column_of_green(views[20, 4]) - 0.5, "near things move left"
 
 
-def test_bad_scene_is_one_sentence_and_leaves_nothing(tmp_path):
-    (tmp_path / "broken.glb").write_bytes(b"glTF\x02\x00\x00\x00")
-    said = run_lfsr("render", tmp_path / "broken.glb", "-o", tmp_path / "frame", "--display", "mini", code=2)
-    assert "broken.glb" in said.splitlines()[-1]
-    assert [path.name for path in tmp_path.iterdir()] == ["broken.glb"]
-
-
 def test_a_lens_sheet_from_scene_to_panel(scene, tmp_path):
     """Lenses of 4 by 4 views; of cylinders, an image of every view is woven in tests of direct rendering."""
     write_profile(tmp_path / "own.toml", dataclasses.replace(hexagonal(), lenses=(48, 32), views=(4, 4)))

@@ -1,8 +1,8 @@
 """A stand-in for Looking Glass Bridge, which serves HTTP on this computer as Bridge 2.6.3 is known to.
 
 Only PUT counts: POST and unknown endpoints are answered with 200 and nothing. ``instance_playlist`` of a known name
-keeps its entries, and playing what is playing already changes nothing. After ``delete_playlist`` it answers nothing any
-more.
+keeps its entries, and playing what is playing already changes nothing. (After ``delete_playlist``, which is never sent,
+Bridge answers nothing any more.)
 """
 
 import contextlib
@@ -46,7 +46,7 @@ class Handler(BaseHTTPRequestHandler):
             answer = self.server.answer(endpoint, body)
             self.server.requests.append({"endpoint": endpoint, "body": body, "shown": self.server.shown,
                                          "headers": dict(self.headers)})
-        fault = "hang" if self.server.deleted else self.server.faults.get(endpoint)
+        fault = self.server.faults.get(endpoint)
         with contextlib.suppress(OSError):
             getattr(self, f"_{fault}")() if fault else self._answer(answer)
 
@@ -114,7 +114,7 @@ class StandIn(ThreadingHTTPServer):
         self.devices, self.faults, self.lock, self.ended = devices, faults, threading.Lock(), threading.Event()
         self.requests: list[dict[str, Any]] = []
         self.playlists: dict[str, list[dict]] = {}
-        self.playing, self.deleted = "", False
+        self.playing = ""
         self.shown: list[str] | None = None
 
     @property
@@ -160,11 +160,6 @@ class StandIn(ThreadingHTTPServer):
         if self.playing != body["name"]:
             self.playing, self.shown = body["name"], [entry["uri"] for entry in entries]
         return {"payload": wrapped({"message": wrapped("ok")}), "status": wrapped("Pending")}
-
-    def _delete_playlist(self, _: dict) -> dict:
-        self.deleted = True
-        return {}
-
 
 @contextlib.contextmanager
 def stand_in(devices: list, *faults: str) -> Iterator[StandIn]:

@@ -142,13 +142,6 @@ def test_an_image_is_made_anew_with_its_views(folder):
     assert views.is_file() and (folder / "film" / "eia.png").is_file()
 
 
-def test_a_frame_that_fails_is_said(folder):
-    press(folder, [1, 2])
-    (folder / "film" / "0002" / "eia.png").unlink()
-    (folder / "film" / "0002" / "eia.png" / "x").mkdir(parents=True)
-    assert press(folder, [1, 2], blender="/must/not/run") == [(1, "kept"), (2, "failed")]
-
-
 def test_a_reference_of_some_lenses_is_compared(folder):
     press(folder, None)
     metrics = reference(to_data(film_request(folder)), str(folder / "reference"), 16, 64,

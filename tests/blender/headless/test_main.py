@@ -19,7 +19,6 @@ from lfsr_core.images import exr
 from lfsr_core.images.exr import read_layers
 from lfsr_core.pipeline.make import render_all
 from lfsr_core.process.child import ENDS_WITH_INPUT, EXIT_BAD_INPUT, find_blender, parse_progress, told_of
-from tests.support.processes import run_lfsr
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, ROOT, add_box, add_camera, add_lamp, emission
 
@@ -208,11 +207,3 @@ def test_frames_of_one_blender_are_those_of_several(animated, tmp_path, layout):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["0001", "0005", "0009", "alone", "scene.blend"]
 
 
-def test_an_animation_from_the_command(animated, tmp_path):
-    for made, kept in ((3, 0), (0, 3)):
-        said = run_lfsr("render", animated, "-o", tmp_path / "film", "--frames", "1-9x4", "--display", "mini",
-                        "--scale", 4, "--spp", 2, "--method", "bicubic")
-        assert f"3 frames: {made} made, {kept} kept, 0 failed" in said
-    assert sorted(path.name for path in (tmp_path / "film").iterdir()) == ["0001", "0005", "0009"]
-    images = {path.read_bytes() for path in (tmp_path / "film").glob("*/eia.png")}
-    assert len(images) == 3

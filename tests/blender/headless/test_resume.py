@@ -221,7 +221,7 @@ def whole(folder):
         read_report(folder)
 
 
-@pytest.mark.parametrize("moments", [5, pytest.param(100, marks=pytest.mark.long)])
+@pytest.mark.parametrize("moments", [3, pytest.param(100, marks=pytest.mark.long)])
 def test_kills_at_any_moment_leave_nothing_half_written(shining, moments):
     started = time.monotonic()
     assert lfsr(shining, FEW).wait(120) == 0

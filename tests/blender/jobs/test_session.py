@@ -79,17 +79,6 @@ def test_a_process_that_dies_is_reported(scene):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks for the process's own")
-def test_a_killed_blender_is_one_sentence(scene):
-    scene.lfsr.samples = LONG
-    task = start(scene)
-    panel.wait_for(lambda: task.progress.stage == "render")
-    for pid in children(task.child.pid):
-        os.kill(pid, signal.SIGKILL)
-    panel.wait_for(lambda: session.current() is None)
-    assert "Blender stopped with signal 9" in message()[0] and message()[1]
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="looks for the process's own")
 def test_the_processes_leave_cores_to_others_and_end_with_this_one(scene):
     scene.lfsr.samples = LONG
     task = start(scene)

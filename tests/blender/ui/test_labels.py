@@ -135,11 +135,6 @@ def test_the_panels_texts_are_plain(tmp_path, state):
     assert [text for text in starts if text[:1].islower()] == []
 
 
-@pytest.mark.parametrize("wrong", ["give --overwrite", "choose one of [2, 4]", "see /tmp/log.txt", "1 samples"])
-def test_a_text_that_is_not_plain_is_noticed(wrong):
-    assert wrong_message(wrong)
-
-
 @pytest.mark.parametrize(("message", "shown"), [
     ("no image in /tmp/a/b.c/0001 to preview", "No image in 0001 to preview"),
     (r"file C:\Users\me\wood.png is missing", "File wood.png is missing"),
@@ -154,14 +149,12 @@ def test_names_of_numbers_are_labels():
     assert [wrong_label(name) for name in names] == [""] * len(names)
 
 
-@pytest.mark.parametrize("label", ["", "Least that Will Do", "fit", "Denoise + Half of the Resolution + Recover"])
-def test_a_wrong_label_is_noticed(label):
-    assert wrong_label(label)
-
-
-@pytest.mark.parametrize("tooltip", ["", "Ends with a full stop.", "begins without a capital"])
-def test_a_wrong_tooltip_is_noticed(tooltip):
-    assert wrong_tooltip(tooltip)
+@pytest.mark.parametrize(("wrong", "texts"), [
+    (wrong_message, ["give --overwrite", "choose one of [2, 4]", "see /tmp/log.txt", "1 samples"]),
+    (wrong_label, ["", "Least that Will Do", "fit", "Denoise + Half of the Resolution + Recover"]),
+    (wrong_tooltip, ["", "Ends with a full stop.", "begins without a capital"])])
+def test_what_is_wrong_is_noticed(wrong, texts):
+    assert all(map(wrong, texts))
 
 
 def test_messages_are_sentences():

@@ -8,11 +8,10 @@ import torch
 from torch.utils.flop_counter import FlopCounterMode
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.records import read_record
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_lab.experiments.engine.records import Store
 from lfsr_lab.experiments.gpu_budget import counts, study
-from lfsr_lab.experiments.gpu_budget.study import Record, best_device, measure, tensor_steps
+from lfsr_lab.experiments.gpu_budget.study import best_device, measure, tensor_steps
 from lfsr_lab.networks.denoiser import Denoiser
 from tests.support.played_blender import played_blender
 
@@ -65,9 +64,5 @@ def test_a_measured_frame_has_every_step_and_its_row_in_the_page(tmp_path):
     assert f"| {found.device} | {found.tensors} | 2, 1 |" in study.markdown(counts.read_gpus(), [found])
 
 
-def test_the_committed_page_is_that_of_the_committed_record_with_a_source_for_each_rate():
-    record = read_record(DOCS / "measured" / "gpu-budget.json", Record, "measured steps")
-    page = study.markdown(counts.read_gpus(), record.measured)
-    assert (DOCS / "gpu-budget.md").read_text(encoding="utf-8") == page
-    for gpu in counts.read_gpus():
-        assert gpu.name in page and sum("http" in source for source in gpu.sources) >= 2
+def test_each_rate_has_its_sources():
+    assert all(sum("http" in source for source in gpu.sources) >= 2 for gpu in counts.read_gpus())
