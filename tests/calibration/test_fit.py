@@ -219,7 +219,7 @@ def test_pictures_deep_transparent_large_and_none(tmp_path):
     np.testing.assert_allclose(read, 100 / 255, atol=1e-6)
     for picture, told in [
         (Image.new("L", (300, 300)), "has no colours"), (Image.new("1", (300, 300)), "has no colours"),
-        (Image.new("RGB", (11000, 11000)), "may have 120 million")]:
+        (Image.new("1", (11000, 11000)), "may have 120 million")]:
         picture.save(tmp_path / "photo.png")
         refuses(told, read_photograph, tmp_path / "photo.png")
     for content in [b"", b"\xff\xd8\xff\xe0", b"text" * 100]:

@@ -217,9 +217,9 @@ def test_panel_is_in_the_middle_of_whole_rendered_pixels(width, height, scale):
         assert region.shift[axis] == corner + panel / 2 - side / 2
 
 
-SHALLOW, LENTICULAR = load_display("small"), load_display("looking-glass-go")
+LENTICULAR = load_display("looking-glass-go")
 
-DISPLAYS = st.sampled_from([SHALLOW, MINI, FLAT, LENTICULAR, load_display("looking-glass-16")])
+DISPLAYS = st.sampled_from([SMALL, MINI, FLAT, LENTICULAR, load_display("looking-glass-16")])
 MOVES = st.lists(st.floats(0, 1e6), min_size=1, max_size=20).map(np.array)
 RAYS = st.floats(1 / 64, 256)
 
@@ -228,7 +228,7 @@ def array_of(display):
     return CameraArray.for_display(display, 2.0)
 
 
-@pytest.mark.parametrize("display", [SHALLOW, MINI, FLAT], ids=lambda display: display.name)
+@pytest.mark.parametrize("display", [SMALL, MINI, FLAT], ids=lambda display: display.name)
 @pytest.mark.parametrize("scale", [1, 2, 4])
 def test_points_at_the_usable_depth_move_by_one_lens(display, scale):
     array = array_of(display)
@@ -268,39 +268,39 @@ def test_the_choice_loses_least_of_the_scales_that_get_a_sample(display, moves, 
 
 
 def test_every_scale_is_chosen_at_some_depth():
-    depths = array_of(SHALLOW).distance * (1 + np.geomspace(0.001, 100, 400))
-    moves = disparities(SHALLOW, array_of(SHALLOW), depths)
-    scales = [choose_scale(SHALLOW, np.full(5, move), (5, 4, 2, 1), 4).scale for move in moves * 4]
+    depths = array_of(SMALL).distance * (1 + np.geomspace(0.001, 100, 400))
+    moves = disparities(SMALL, array_of(SMALL), depths)
+    scales = [choose_scale(SMALL, np.full(5, move), (5, 4, 2, 1), 4).scale for move in moves * 4]
     assert scales == sorted(scales, reverse=True) and set(scales) == {5, 4, 2, 1}
     moves = np.zeros(200)
     moves[:4] = 1e6
-    assert choose_scale(SHALLOW, moves, (4, 2, 1), 1).scale == 4
-    assert choose_scale(SHALLOW, np.empty(0), (2, 4), 1).scale == 4
-    assert choose_scale(SHALLOW, np.empty(0), (2, 4), 1).reason.code == "scale-unseen"
-    assert choose_scale(SHALLOW, np.full(3, 1e9), (3,), 1).scale == 3
-    beside = disparities(SHALLOW, array_of(SHALLOW), np.full(3, -1.0))
-    assert choose_scale(SHALLOW, beside, (4, 1), 4).scale == 1, "beside the viewer is very near"
+    assert choose_scale(SMALL, moves, (4, 2, 1), 1).scale == 4
+    assert choose_scale(SMALL, np.empty(0), (2, 4), 1).scale == 4
+    assert choose_scale(SMALL, np.empty(0), (2, 4), 1).reason.code == "scale-unseen"
+    assert choose_scale(SMALL, np.full(3, 1e9), (3,), 1).scale == 3
+    beside = disparities(SMALL, array_of(SMALL), np.full(3, -1.0))
+    assert choose_scale(SMALL, beside, (4, 1), 4).scale == 1, "beside the viewer is very near"
 
 
 @given(st.sampled_from([1, 4, 16, 64]))
 def test_rays_are_samples_times_rendered_pixels(rays):
-    for display, scale in ((SHALLOW, 4), (SHALLOW, 5), (MINI, 2), (LENTICULAR, 3), (LENTICULAR, 2)):
+    for display, scale in ((SMALL, 4), (SMALL, 5), (MINI, 2), (LENTICULAR, 3), (LENTICULAR, 2)):
         rendered = math.prod(display.low_views(scale)) / math.prod(display.views)
         assert samples_at(display, scale, rays) * rendered == pytest.approx(rays)
 
 
 def test_usual_rays_are_sixteen_samples_at_scale_4():
-    assert [usual_rays(display) for display in (SHALLOW, LENTICULAR)] == [1, 4]
-    assert [samples_at(SHALLOW, scale, 1) for scale in (1, 2, 4, 5)] == [1, 4, 16, 25]
-    assert samples_at(SHALLOW, 1, 0.1) == 1, "never fewer"
-    assert usual_rays(SHALLOW, 64) == 4
+    assert [usual_rays(display) for display in (SMALL, LENTICULAR)] == [1, 4]
+    assert [samples_at(SMALL, scale, 1) for scale in (1, 2, 4, 5)] == [1, 4, 16, 25]
+    assert samples_at(SMALL, 1, 0.1) == 1, "never fewer"
+    assert usual_rays(SMALL, 64) == 4
     for rays in [0.0, -1.0, math.nan, math.inf, 2**22]:
-        refuses(r"rays per finished pixel are .* above 0, and at most 1048", samples_at, SHALLOW, 4, rays)
+        refuses(r"rays per finished pixel are .* above 0, and at most 1048", samples_at, SMALL, 4, rays)
     for views, scales in [
         (8, (2, 1)), (12, (2, 1)), (20, (4, 2, 1)), (15, (3, 1)), (9, (3, 1)), (25, (5, 1)), (40, (5, 4, 2, 1)),
         (60, (5, 4, 3, 2, 1))]:
-        pixels = tuple(count * views for count in SHALLOW.lenses)
-        assert scales_up_to(dataclasses.replace(SHALLOW, views=(views, views), panel_pixels=pixels)) == scales
+        pixels = tuple(count * views for count in SMALL.lenses)
+        assert scales_up_to(dataclasses.replace(SMALL, views=(views, views), panel_pixels=pixels)) == scales
 
 
 @given(DISPLAYS)

@@ -2,11 +2,9 @@
 
 import pytest
 
-from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
-from tests.support.window.desktop import NEEDS_WINDOW, blender_window
+from tests.support.window.desktop import NEEDS_WINDOW, SECONDS_TO_RENDER, TASK, monkey_window
 
 pytestmark = NEEDS_WINDOW
-TASK = "addon.jobs.session.current()"
 ROWS = "[(row.code, row.title) for row in addon.check.last.rows()]"
 CODES = "[row.code for row in addon.check.last.rows()]"
 SECONDS_TO_CHECK = 30  # on a busy machine
@@ -15,9 +13,7 @@ SECONDS_TO_CHECK = 30  # on a busy machine
 @pytest.fixture(scope="module")
 def window(tmp_path_factory):
     """One Blender for all steps, with an array in front of the monkey and the panel open."""
-    folder = tmp_path_factory.mktemp("gui")
-    with blender_window(folder) as window:
-        window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
+    with monkey_window(tmp_path_factory.mktemp("gui")) as window:
         window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True)")
         window.open_tab()
         yield window

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from tests.support.window.desktop import NEEDS_WINDOW, blender_window
+from tests.support.window.desktop import NEEDS_WINDOW, SECONDS_TO_RENDER, STATE, TASK, blender_window
 
 pytestmark = NEEDS_WINDOW
 CORNERS = """
@@ -30,7 +30,6 @@ image.pixels.foreach_get(pixels)
 value = {"size": list(image.size), "brightest": float(pixels.reshape(-1, 4)[:, :3].max()),
          "icon": addon.jobs.preview.icon(bpy.context.scene), "windows": len(bpy.context.window_manager.windows)}
 """
-SECONDS_TO_RENDER = 240
 LOOK = "bpy.ops.lfsr.look_through('INVOKE_DEFAULT', True)"
 
 
@@ -93,7 +92,6 @@ def test_fit_to_the_view_frames_what_is_seen(window, array):
     window.run(LOOK)
 
 
-TASK, STATE = "addon.jobs.session.current()", "bpy.context.window_manager.lfsr"
 PRESS = "list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))"
 
 
@@ -150,14 +148,13 @@ def test_cheapest_settings_are_guessed_first_and_what_is_said_can_be_read(window
     window.open_tab()
     window.run(OPEN)
     window.run("bpy.ops.lfsr.plan('INVOKE_DEFAULT', True)")
-    task, state = "addon.jobs.session.current()", "bpy.context.window_manager.lfsr"
     began = time.monotonic()
-    window.until(f"{state}.plan_text or {task} is None", SECONDS_TO_RENDER)
+    window.until(f"{STATE}.plan_text or {TASK} is None", SECONDS_TO_RENDER)
     print(f"first guess after {time.monotonic() - began:.1f} s")
-    assert window.get(f"{state}.plan_text").startswith("First guess, from the depth")
+    assert window.get(f"{STATE}.plan_text").startswith("First guess, from the depth")
     window.screenshot("cheapest-guess")
     window.run("bpy.ops.lfsr.cancel()")
-    assert window.get(f"{state}.plan_text").startswith("First guess"), "it stays after a cancel"
+    assert window.get(f"{STATE}.plan_text").startswith("First guess"), "it stays after a cancel"
     window.screenshot("cheapest-cancelled")
     window.run("bpy.ops.screen.userpref_show('INVOKE_DEFAULT', section='ADDONS')")
     window.run("bpy.context.window_manager.addon_search = 'Light Field'\n"

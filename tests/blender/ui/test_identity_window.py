@@ -9,11 +9,10 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import read_report
 from lfsr_core.images.png import read_png
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, oidn
-from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
-from tests.support.window.desktop import NEEDS_WINDOW, blender_window
+from tests.support.window.desktop import NEEDS_WINDOW, SECONDS_TO_RENDER, STATE, TASK, monkey_window
 
 pytestmark = NEEDS_WINDOW
-TASK, MESSAGE = "addon.jobs.session.current()", "bpy.context.window_manager.lfsr.message"
+MESSAGE = f"{STATE}.message"
 LFSR = "bpy.context.scene.lfsr"
 LIBRARIES = ("libOpenImageDenoise.so.2", "libOpenImageDenoise_core.so.*", "libOpenImageDenoise_device_cpu.so.*",
              "libtbb.so.12")
@@ -22,9 +21,7 @@ LIBRARIES = ("libOpenImageDenoise.so.2", "libOpenImageDenoise_core.so.*", "libOp
 @pytest.fixture(scope="module")
 def window(tmp_path_factory):
     """One Blender with the tab open and an array fitted to the monkey."""
-    folder = tmp_path_factory.mktemp("gui")
-    with blender_window(folder) as window:
-        window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
+    with monkey_window(tmp_path_factory.mktemp("gui")) as window:
         window.open_tab()
         window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True)")
         yield window

@@ -4,12 +4,9 @@ import re
 
 import pytest
 
-from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
-from tests.support.window.desktop import NEEDS_WINDOW, blender_window
+from tests.support.window.desktop import NEEDS_WINDOW, SECONDS_TO_RENDER, STATE, TASK, monkey_window
 
 pytestmark = NEEDS_WINDOW
-TASK = "addon.jobs.session.current()"
-STATE = "bpy.context.window_manager.lfsr"
 COUNT_POPUPS = """
 popups = []
 addon.jobs.session.tell = lambda *said: popups.append(said)
@@ -19,9 +16,7 @@ addon.jobs.session.tell = lambda *said: popups.append(said)
 @pytest.fixture(scope="module")
 def window(tmp_path_factory):
     """One Blender with the panel open and an array fitted to the monkey."""
-    folder = tmp_path_factory.mktemp("gui")
-    with blender_window(folder) as window:
-        window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
+    with monkey_window(tmp_path_factory.mktemp("gui")) as window:
         window.open_tab()
         yield window
 

@@ -10,14 +10,12 @@ from lfsr_core.exports import loopback
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import write_profile
-from tests.blender.ui.test_window import SCENE, SECONDS_TO_RENDER
 from tests.calibration.test_visual_json import OLD
 from tests.support.bridge import device, stand_in
 from tests.support.panels import cells, lenticular, small
-from tests.support.window.desktop import NEEDS_WINDOW, blender_window
+from tests.support.window.desktop import NEEDS_WINDOW, SECONDS_TO_RENDER, STATE, TASK, monkey_window
 
 pytestmark = NEEDS_WINDOW
-TASK, STATE = "addon.jobs.session.current()", "bpy.context.window_manager.lfsr"
 UNIT = device(1, "LKG-S1", "small", OLD | {"screenW": 120, "screenH": 80})
 SHEETS = {"lenticular": lenticular, "third-generation": cells}
 SECONDS_TO_ANSWER, SECONDS_TO_SHOW = 15, 120
@@ -44,8 +42,7 @@ def window(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("BROWSER", f"sh {folder}/browser.sh %s")
         patch.setenv(loopback.PORT_VARIABLE, "1")  # nobody listens there
-        with blender_window(folder) as window:
-            window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
+        with monkey_window(folder) as window:
             window.open_tab()
             window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True)")
             yield window

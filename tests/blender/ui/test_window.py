@@ -13,28 +13,10 @@ import pytest
 
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png
-from tests.support.window.desktop import NEEDS_WINDOW, Window, blender_window
+from tests.support.window.desktop import NEEDS_WINDOW, SECONDS_TO_RENDER, Window, monkey_window
 
 pytestmark = NEEDS_WINDOW
-SECONDS_TO_RENDER = 240
 SECONDS_TO_ANSWER = 15   # also on a busy machine without a graphics card
-SCENE = """
-scene = bpy.context.scene
-for item in list(scene.objects):
-    bpy.data.objects.remove(item)
-bpy.ops.mesh.primitive_monkey_add(location=(0, 0, 1))
-bpy.ops.object.shade_smooth()
-bpy.ops.mesh.primitive_plane_add(size=60, location=(0, 0, -0.2))
-bpy.context.object.name = "Floor"
-bpy.ops.object.light_add(type="AREA", radius=3, location=(3, -4, 5))
-bpy.context.object.data.energy = 600
-for item in scene.objects:
-    item.select_set(item.name == "Suzanne")
-scene.render.engine = "CYCLES"
-scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method = "mini", "2", 2, "bilinear"
-scene.render.resolution_x, scene.cycles.samples, scene.cycles.pixel_filter_type = 321, 77, "GAUSSIAN"
-bpy.ops.wm.save_as_mainfile(filepath=FILE)
-"""
 DISPLAY_COLOR = (92, 199, 255)
 UNTOUCHED = ("(scene.render.resolution_x, scene.cycles.samples, scene.cycles.pixel_filter_type, scene.render.engine, "
              "scene.camera.name, len(scene.objects), len(bpy.data.cameras), scene.render.filepath)")
@@ -43,9 +25,7 @@ UNTOUCHED = ("(scene.render.resolution_x, scene.cycles.samples, scene.cycles.pix
 @pytest.fixture(scope="module")
 def window(tmp_path_factory):
     """One Blender for all steps, which build on each other as an artist's do."""
-    folder = tmp_path_factory.mktemp("gui")
-    with blender_window(folder) as window:
-        window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
+    with monkey_window(tmp_path_factory.mktemp("gui")) as window:
         yield window
 
 

@@ -28,6 +28,25 @@ NEEDS_WINDOW = [pytest.mark.window, pytest.mark.skipif(
     VARIABLE not in os.environ, reason=f"no {VARIABLE}: scripts/window_blender.sh makes a Blender with a window")]
 SECONDS_TO_START = 120
 SECONDS_TO_INSTALL = 120
+SECONDS_TO_RENDER = 240
+TASK, STATE = "addon.jobs.session.current()", "bpy.context.window_manager.lfsr"
+SCENE = """
+scene = bpy.context.scene
+for item in list(scene.objects):
+    bpy.data.objects.remove(item)
+bpy.ops.mesh.primitive_monkey_add(location=(0, 0, 1))
+bpy.ops.object.shade_smooth()
+bpy.ops.mesh.primitive_plane_add(size=60, location=(0, 0, -0.2))
+bpy.context.object.name = "Floor"
+bpy.ops.object.light_add(type="AREA", radius=3, location=(3, -4, 5))
+bpy.context.object.data.energy = 600
+for item in scene.objects:
+    item.select_set(item.name == "Suzanne")
+scene.render.engine = "CYCLES"
+scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method = "mini", "2", 2, "bilinear"
+scene.render.resolution_x, scene.cycles.samples, scene.cycles.pixel_filter_type = 321, 77, "GAUSSIAN"
+bpy.ops.wm.save_as_mainfile(filepath=FILE)
+"""
 
 
 def inside(*command: object) -> list[str]:
@@ -159,6 +178,14 @@ def blender_window(folder: Path) -> Iterator[Window]:
             _end(process)
             for picture in folder.glob("*.png") if SCREENSHOTS in os.environ else ():
                 shutil.copy(picture, os.environ[SCREENSHOTS])
+
+
+@contextmanager
+def monkey_window(folder: Path) -> Iterator[Window]:
+    """The same with a monkey over a floor, to be rendered for *mini*, as scene.blend in ``folder``."""
+    with blender_window(folder) as window:
+        window.run(f"FILE = {str(folder / 'scene.blend')!r}" + SCENE)
+        yield window
 
 
 @contextmanager
