@@ -54,7 +54,7 @@ def render(window, name: str) -> None:
                f"lfsr.profile_file = {str(window.folder / name)!r} + '.toml'\nlfsr.use_overwrite = True\n"
                "lfsr.scale = '2'\nbpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
     window.until(f"{TASK} is None", SECONDS_TO_RENDER)
-    assert window.get(f"{STATE}.message") == ""
+    assert not window.get(f"{STATE}.message_is_error")
     window.close_others()
     window.scroll_down()
     window.xdotool("mousemove", 400, 500)
