@@ -51,6 +51,7 @@ Place = tuple[int, int]  # row from the top, column from the left
 # FFmpeg's readers by the ending of a film's name; without one it would also follow playlists to other files.
 FILMS = {".mp4": "mov", ".mov": "mov", ".m4v": "mov", ".mkv": "matroska", ".webm": "matroska", ".avi": "avi"}
 MOST_SIDE, LEAST_TILE = 16384, 2  # pixels; no program takes more
+MOST_PIXELS = 2**27  # of a quilt all of whose pixels are kept: about a minute's work
 BT709, UNKNOWN = "ITU709", 2  # a film's colour matrix, and FFmpeg's number for one that it does not say
 HIGH_DEFINITION = 720  # rows from which films without a word on it have BT.709
 
@@ -339,8 +340,13 @@ def import_quilt(source: str | Path, output: str | Path, quilt: Quilt, scale: in
     source, output, geometry = Path(source), Path(output), geometry or ImportGeometry()
     FrameFolder(output).check_free("render")
     tell(Progress("import", 0.0, source.name))
+    _check_quilt(source, size := image_size(source), quilt)
+    if geometry.display is None and math.prod(size) > MOST_PIXELS:
+        raise LfsrError(f"{source} has {size[0]}×{size[1]} pixels, but without a display at most "
+                        f"{MOST_PIXELS // 10**6} million are imported: choose one with --display, or make it smaller")
+    tile = size[0] // quilt.grid[0], size[1] // quilt.grid[1]
+    display = _quilt_display(tile, scale, geometry, quilt, tell)
     taken = read_quilt(source, quilt)
-    display = _quilt_display(taken, scale, geometry, quilt, tell)
     _write(output, _frame(display, scale, without_suffix(source.stem)), _views(taken, geometry, geometry.angle_deg))
     tell(Progress("import", 1.0, str(output)))
     return display
@@ -359,7 +365,8 @@ def import_film(source: str | Path, output: str | Path, quilt: Quilt, geometry: 
     for number, (taken, count) in enumerate(read_film(source, quilt), start=1):
         of_all = f" of {count}" if count else ""
         tell(Progress("import", (number - 1) / max(count, number), f"frame {number}{of_all}"))
-        display = _quilt_display(taken, 1, geometry, quilt, tell if number == 1 else silent)
+        tile = taken.views.shape[3], taken.views.shape[2]
+        display = _quilt_display(tile, 1, geometry, quilt, tell if number == 1 else silent)
         frame = dataclasses.replace(_frame(display, 1, without_suffix(source.stem)), frame=number, content=content)
         folder = FrameFolder.of_frame(output, number).path
         if is_there := (folder / FRAME_FILE).exists():
@@ -418,12 +425,11 @@ def _write(output: Path, frame: Frame, views: Array) -> None:
         replace_files(staged, output, DERIVED_FILES if (output / FRAME_FILE).exists() else ())
 
 
-def _quilt_display(taken: Source, scale: int, geometry: ImportGeometry, quilt: Quilt, tell: Tell) -> DisplayProfile:
+def _quilt_display(tile: Pair, scale: int, geometry: ImportGeometry, quilt: Quilt, tell: Tell) -> DisplayProfile:
     if quilt.assumed is not None:
         tell(quilt.assumed)
-    _, across, height, width = taken.views.shape[:4]
     defaults = DEFAULTS | {"angle_deg": QUILT_ANGLE}
-    return _display((width, height), (across, 1), scale, geometry, {}, tell, defaults, taken.aspect)
+    return _display(tile, (math.prod(quilt.grid), 1), scale, geometry, {}, tell, defaults, quilt.aspect)
 
 
 def _display(size: Pair, count: Pair, scale: int, given: ImportGeometry, known: dict[str, float],
