@@ -11,7 +11,6 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.frames.frame import Frame
 from lfsr_core.frames.request import samples_at
-from lfsr_core.metrics.eia_metrics import stratum
 from lfsr_core.optics.depth_scale import MODEL
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD, PLAIN_METHOD, MethodName, load_method, oidn
@@ -187,6 +186,8 @@ def estimate(values: Array, counts: Array, population: int) -> Estimate:
     ``counts`` (n,) bool: those that count for the metric, about as many of the population as of the sample. LfsrError
     where fewer than two do, so that nothing is known of their spread.
     """
+    from lfsr_core.metrics.eia_metrics import stratum  # needs OpenImageIO, which Blender's panel does without
+
     count = int(counts.sum())
     mean, width = stratum(values[counts], round(population * count / len(values)))
     if mean is None or width is None:
