@@ -250,11 +250,17 @@ def read_film(path: Path, quilt: Quilt) -> Iterator[tuple[Source, int]]:
             if stream is None:
                 raise LfsrError(f"{path} has no images that can be read: give a film of quilts")
             _check_quilt(path, (stream.width, stream.height), quilt)
+            # A Matroska that is cut ends without an error of FFmpeg's.
+            said = re.fullmatch(r"(\d+):(\d+):(\d+\.?\d*)", stream.metadata.get("DURATION", ""))
+            left = float(said[1]) * 3600 + float(said[2]) * 60 + float(said[3]) if said else 0.0
             for frame in film.decode(stream):
                 _check_quilt(path, (frame.width, frame.height), quilt)
                 matrix = BT709 if frame.colorspace == UNKNOWN and frame.height >= HIGH_DEFINITION else None
                 pixels = frame.reformat(format="rgb24", src_colorspace=matrix).to_ndarray()
                 yield Source(_tiles(pixels, quilt), quilt.aspect, equal_angles=True), stream.frames
+                left -= float((frame.duration or 0) * (frame.time_base or 0))
+            if left > 0.5 / float(stream.average_rate or 1):
+                raise LfsrError(f"{path} ends {left:.1f} s earlier than it says: replace it")
     except av.FFmpegError as error:
         raise LfsrError(f"{path} is no readable film ({error.strerror}): replace it") from None
 

@@ -424,6 +424,16 @@ def test_quilts_and_films_that_cannot_be_read(tmp_path, monkeypatch):
         made.mux(stream.encode(frame))
         made.mux(stream.encode())
     refuses("has no images", import_film, sound, tmp_path / "frame", quilt_of(sound))
+    cut = tmp_path / "cut_qs2x2a1.mkv"
+    with av.open(str(cut), "w") as made:
+        stream = made.add_stream("ffv1", rate=10)
+        stream.width = stream.height = 32
+        for number in range(4):
+            made.mux(stream.encode(av.VideoFrame.from_ndarray(np.full((32, 32, 3), number, np.uint8))))
+        made.mux(stream.encode())
+    assert len(list(quilts.read_film(cut, quilt_of(cut)))) == 4
+    cut.write_bytes(cut.read_bytes()[:-250])
+    refuses(r"ends 0\.\d s earlier", import_film, cut, tmp_path / "part", quilt_of(cut))
     small = tmp_path / "small_qs8x6a1.png"
     write_png(small, np.zeros((8, 90, 3), np.uint8))
     refuses("90×8 pixels, too few for 8x6 tiles", import_quilt, small, tmp_path / "frame", quilt_of(small))
