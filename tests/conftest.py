@@ -35,8 +35,7 @@ def pytest_unconfigure() -> None:
 def bridge(monkeypatch):
     """Start a stand-in for Looking Glass Bridge, as ``bridge("hang:show_window")`` or ``bridge(devices=[])``."""
     from lfsr_core.exports import loopback
-    from tests.support.bridge import stand_in
-    from tests.support.bridge_displays import DEVICES
+    from tests.support.bridge import DEVICES, stand_in
 
     with contextlib.ExitStack() as stack:
         def start(*faults, devices=DEVICES):

@@ -10,8 +10,7 @@ from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import load_display, write_profile
 from tests.calibration.test_fit import CYLINDERS, GOOD
 from tests.calibration.test_visual_json import CELLS, NEW, new_unit, written
-from tests.support.bridge import device
-from tests.support.bridge_displays import DEVICES, PORTRAIT
+from tests.support.bridge import DEVICES, PORTRAIT, device
 from tests.support.synthetic import fails
 from tests.support.telephone import jpeg
 

@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports import loopback
 from lfsr_core.exports.show import Bridge, Quilt, chosen
-from tests.support.bridge import TOKEN
-from tests.support.bridge_displays import MONITOR, PORTRAIT
+from tests.support.bridge import MONITOR, PORTRAIT, TOKEN
 from tests.support.told import refuses
 
 CALLS = ("enter_orchestration", "available_output_devices", "instance_playlist", "insert_playlist_entry", "show_window",

@@ -16,8 +16,7 @@ from lfsr_core.exports import loopback
 from lfsr_core.frames.frame import SUBPIXELS, write_frame
 from lfsr_core.images.png import read_png, write_png
 from tests.calibration.test_visual_json import OLD
-from tests.support.bridge import device
-from tests.support.bridge_displays import DEVICES
+from tests.support.bridge import DEVICES, device
 from tests.support.finished import MINI, finished
 from tests.support.panels import cells, lenticular, small
 from tests.support.synthetic import fails, frame_of

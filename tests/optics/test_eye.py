@@ -10,8 +10,7 @@ from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.eye import eye_card, eye_place, eye_region, eye_view, gap_mm
 from lfsr_core.optics.rays import CameraArray, RayLayout, view_offset
-from tests.support.card_rays import lens_card_rays
-from tests.support.rays import pixel_rays
+from tests.support.card_rays import lens_card_rays, pixel_rays
 from tests.support.told import refuses
 
 MINI = load_display("mini")

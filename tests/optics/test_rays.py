@@ -12,8 +12,7 @@ from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.rays import RIM, CameraArray, RayLayout, lens_card, rays, view_offset
 from lfsr_core.optics.world_view import WorldImage, WorldView
-from tests.support.card_rays import lens_card_rays
-from tests.support.rays import pixel_rays
+from tests.support.card_rays import lens_card_rays, pixel_rays
 from tests.support.synthetic import FLAT, MINI
 from tests.support.told import refuses
 

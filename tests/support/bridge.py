@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
+from tests.calibration.test_visual_json import CELLS, NEW, OLD
+
 TOKEN = "3ab41b3c-70a1"
 HUGE = 17_000_000
 
@@ -171,3 +173,11 @@ def stand_in(devices: list, *faults: str) -> Iterator[StandIn]:
         finally:
             server.ended.set()
             server.shutdown()
+
+
+MONITOR = device(0, "", "thirdparty", None)
+PORTRAIT = device(1, "LKG-P1", "portrait", OLD, {"quiltX": 3360, "quiltY": 3360, "tileX": 8, "tileY": 6,
+                                                 "quiltAspect": 0.75})
+GEN3 = device(2, "LKG-J2", "16_gen3_landscape", NEW | {"CellPatternMode": 2, "subpixelCells": CELLS},
+              {"quiltX": 7680, "quiltY": 4320, "tileX": 8, "tileY": 6, "quiltAspect": 1.77777})
+DEVICES = [MONITOR, PORTRAIT, GEN3]

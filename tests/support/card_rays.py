@@ -9,7 +9,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.optics.panel.panel_card import PARTS, Linear, PanelCard, Rows
 from lfsr_core.optics.panel.subpixel_rays import PERIOD
-from lfsr_core.optics.rays import RIM, LensCard, directed
+from lfsr_core.optics.rays import RIM, LensCard, RayLayout, directed, rays
 
 Precision = type[np.floating[Any]]
 
@@ -102,3 +102,14 @@ class _Places:
         across, up = self.places[..., :1], self.places[..., 1:]
         mixed: Array = (1 - across - up) * lower_left + across * lower_right + up * upper_left
         return mixed
+
+
+def pixel_rays(layout: RayLayout, place: tuple[float, float] = (0.5, 0.5)) -> tuple[Array, Array]:
+    """Origins and unit directions, (H, W, 3), of one ray per pixel, rows from the top.
+
+    ``place``: where in the pixel, (rightwards, downwards) in [0, 1).
+    """
+    width, height = layout.size
+    raster_x, raster_y = np.meshgrid((np.arange(width) + place[0]) / width,
+                                     1 - (np.arange(height) + place[1]) / height)
+    return rays(layout, raster_x, raster_y)

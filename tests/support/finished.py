@@ -12,7 +12,7 @@ from lfsr_core.images.exr import write_layers
 from lfsr_core.images.png import write_png
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eia import flip_order
-from tests.support.rays import pixel_rays
+from tests.support.card_rays import pixel_rays
 from tests.support.synthetic import frame_of
 
 MINI = load_display("mini")

@@ -10,6 +10,7 @@ import bpy
 import pytest
 
 import blender_addon
+from blender_addon.check import problems
 from blender_addon.jobs import preview, session
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import edit
@@ -86,3 +87,16 @@ def wait_for(condition: Callable[[], bool], look: bool = True) -> None:
         if look:
             session._look()
         time.sleep(0.02)
+
+
+def found(scene, code: str) -> problems.Problem | None:
+    """The first problem of ``code``, or None."""
+    return next((problem for problem in problems.check_scene(scene) if problem.code == code), None)
+
+
+def fix(scene, code: str) -> None:
+    """Press the button of ``code``; the problem is gone afterwards."""
+    problem = found(scene, code)
+    assert problem is not None and problem.fix
+    assert bpy.ops.lfsr.check_fix(code=code, target=problem.target) == {"FINISHED"}
+    assert found(scene, code) is None

@@ -15,7 +15,7 @@ from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.panel.subpixel_rays import panel_rays
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.optics.world_view import WorldImage
-from tests.support.rays import pixel_rays
+from tests.support.card_rays import pixel_rays
 
 MINI = load_display("mini")
 # Sixteen columns of eight views; a row of lenses for every second row of pixels of MINI.

@@ -19,7 +19,7 @@ from blender_addon.ui.operators import check
 from lfsr_core.optics.display import load_display
 from tests.blender.ui.test_panels import draw
 from tests.support import panel
-from tests.support.problems import fix, found
+from tests.support.panel import fix, found
 from tests.support.scenes import add_box, compositing
 
 MINI = load_display("mini")

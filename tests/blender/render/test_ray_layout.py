@@ -16,8 +16,8 @@ from lfsr_core.images import exr
 from lfsr_core.optics import eia
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout, panel_rays
 from lfsr_core.optics.rays import CameraArray, RayLayout, view_offset
+from tests.support.card_rays import pixel_rays
 from tests.support.panels import SHEETS, large, lenticular
-from tests.support.rays import pixel_rays
 from tests.support.scenes import (
     ARRAY,
     FLAT,

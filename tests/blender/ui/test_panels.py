@@ -20,7 +20,7 @@ from blender_addon.ui.panels import LFSR_MT_scale
 from lfsr_core.base.notices import Progress
 from lfsr_core.frames.request import LIGHTS, Finish, Report, write_report
 from lfsr_core.optics.display import load_display
-from tests.support.problems import found
+from tests.support.panel import found
 from tests.support.recording_layout import RecordingLayout
 from tests.support.synthetic import write_render
 from tests.support.told import refuses

@@ -9,7 +9,7 @@ import pytest
 from blender_addon.scene.array import cached, edit, rig
 from lfsr_core.optics.display import load_display
 from tests.support import panel
-from tests.support.problems import found
+from tests.support.panel import found
 from tests.support.told import refuses
 
 MINI = load_display("mini")

@@ -19,8 +19,7 @@ from lfsr_core.optics.display import load_display, write_profile
 from tests.calibration.test_fit import CYLINDERS, GOOD, PLACE
 from tests.calibration.test_visual_json import OLD
 from tests.support import panel
-from tests.support.bridge import device
-from tests.support.bridge_displays import DEVICES
+from tests.support.bridge import DEVICES, device
 from tests.support.finished import finished
 from tests.support.panels import lenticular, small
 from tests.support.telephone import jpeg

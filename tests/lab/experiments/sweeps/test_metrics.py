@@ -16,7 +16,7 @@ from lfsr_lab.experiments.sweeps import metrics
 from lfsr_lab.experiments.sweeps.measure import DISPLAY_FILE
 from lfsr_lab.experiments.sweeps.metrics import Compared
 from lfsr_lab.scenes.sweeps.space import Space, card_centre, card_of_motion, hole, rectangle_path
-from tests.support.rays import pixel_rays
+from tests.support.card_rays import pixel_rays
 from tests.support.synthetic import FLAT
 
 DISPLAYS = [load_display(DISPLAY_FILE), load_display("mini"), load_display("small")]
