@@ -1,8 +1,10 @@
 """The figures of an EIA against its reference, each against a plain computation of the same, and of whole folders."""
 
+import cv2
 import numpy as np
 import pytest
-from skimage.metrics import structural_similarity
+import scipy.stats
+from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from lfsr_core.base.files import read_json
 from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE
@@ -11,13 +13,12 @@ from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.exr import write_layers
 from lfsr_core.images.png import read_mask, write_mask
 from lfsr_core.metrics import eia_metrics
-from lfsr_core.metrics.eia_metrics import compare_folders, sampled_recall
-from lfsr_core.metrics.split_ssim import psnr, split_ssim, split_ssim_map
+from lfsr_core.metrics.eia_metrics import NORMAL_ONE_SIDED, compare_folders, sampled_recall, student, student_95
+from lfsr_core.metrics.split_ssim import psnr, split_mse, split_ssim, split_ssim_map, ssim, stacked_ssim
 from lfsr_core.optics.eia import to_views
 from lfsr_core.pipeline.make import finish_frame
 from tests.support.finished import MINI, TALL
 from tests.support.synthetic import frame_of, tiles, write_reference, write_render
-from tests.support.textures import GAUSSIAN, blurred, noisy, textured_image
 from tests.support.told import refuses
 
 
@@ -228,3 +229,104 @@ def test_kept_linear_world_image_another_size_is_refused(tmp_path):
     finish_frame(folder, "bicubic")
     write_layers(folder / "eia.exr", {"color": np.zeros((8, 8, 3), np.float16)}, half=True)
     refuses("finish the frame again with a linear EXR", compare_folders, folder, reference)
+
+
+@pytest.mark.parametrize("shape", [(96, 128), (23, 31), (600, 40)])
+def test_equal_halves_give_the_ssim_of_scikit_image(shape):
+    image = textured_image(*shape)
+    candidate = blurred(image)
+    expected = structural_similarity(candidate, image, **GAUSSIAN)
+    assert expected < 0.98
+    assert split_ssim(candidate, image, image) == pytest.approx(expected, abs=1e-6)
+    assert ssim(candidate, image) == pytest.approx(expected, abs=1e-6)
+
+
+def test_bounds_symmetry_local_ssim_and_psnr_are_scikit_images():
+    image, candidate = textured_image(), blurred(textured_image())
+    assert ssim(image, image) == pytest.approx(1, abs=1e-12)
+    assert -1 <= ssim(candidate, image) < 1
+    assert ssim(candidate, image) == pytest.approx(ssim(image, candidate), abs=1e-12)
+    assert split_ssim(candidate, image, candidate) == pytest.approx(split_ssim(candidate, candidate, image), abs=1e-12)
+    image = textured_image(600, 64)  # higher than one band
+    _, expected = structural_similarity(blurred(image), image, full=True, **GAUSSIAN)
+    np.testing.assert_allclose(split_ssim_map(blurred(image), image, image), expected, atol=1e-9)
+    image, candidate = textured_image(), blurred(textured_image())
+    expected = peak_signal_noise_ratio(image, candidate, data_range=1)
+    assert psnr(split_mse(candidate, image, image)) == pytest.approx(expected, abs=1e-9)
+    assert psnr(0.0) is None
+    assert psnr(-1e-9) is None
+
+
+@pytest.mark.parametrize(("noise", "tolerance"), [(0.01, 0.001), (0.02, 0.002), (0.03, 0.008), (0.04, 0.02)])
+def test_noise_of_the_reference_cancels(noise, tolerance):
+    """In split SSIM up to ``tolerance``, in MSE up to 0.5 %; the plain figures move ten times as far."""
+    image = textured_image(192, 256)
+    candidate = blurred(image)
+    true_ssim, true_mse = ssim(candidate, image), split_mse(candidate, image, image)
+    halves = [(noisy(image, noise, 100 + i), noisy(image, noise, 200 + i)) for i in range(6)]
+    split = np.mean([split_ssim(candidate, a, b) for a, b in halves])
+    squared = np.mean([split_mse(candidate, a, b) for a, b in halves])
+    assert split == pytest.approx(true_ssim, abs=tolerance)
+    assert squared == pytest.approx(true_mse, rel=0.005)
+    plain = np.mean([ssim(candidate, (a + b) / 2) for a, b in halves])
+    plain_squared = np.mean([np.mean((candidate - (a + b) / 2) ** 2) for a, b in halves])
+    assert true_ssim - plain > 10 * tolerance
+    assert plain_squared - true_mse == pytest.approx(noise**2 / 2, rel=0.05)
+
+
+def test_a_candidate_that_shares_a_halfs_noise_is_flattered():
+    """Why a candidate must not be made from its reference."""
+    image = textured_image(192, 256)
+    a, b = noisy(image, 0.02, 100), noisy(image, 0.02, 200)
+    independent, shared = (blurred(image, 0) + 0.5 * (noisy(image, 0.02, seed) - image) for seed in (300, 100))
+    assert split_ssim(shared, a, b) > split_ssim(independent, a, b) + 0.02
+
+
+def test_a_correct_image_is_told_from_a_wrong_one_in_heavy_noise():
+    image = textured_image(192, 256)
+    a, b = noisy(image, 0.05, 5), noisy(image, 0.05, 6)
+    assert ssim(image, (a + b) / 2) < 0.7
+    assert split_ssim(image, a, b) > 0.9
+    assert split_ssim(image, a, b) > split_ssim(blurred(image, 0.03), a, b) + 0.1
+
+
+def test_stacked_images_do_not_see_each_other():
+    stack = np.stack([textured_image(20, 24, seed) for seed in range(200)])  # more than one call's worth of channels
+    candidates = np.stack([blurred(image) for image in stack])
+    together = stacked_ssim(candidates, stack, stack)
+    for index in (0, 99, 199):
+        alone = split_ssim_map(candidates[index], stack[index], stack[index]).mean(-1)
+        np.testing.assert_allclose(together[index], alone, atol=1e-12)
+
+
+@pytest.mark.parametrize("freedom", [3, 5, 11, 40, 1000])
+def test_small_samples_get_students_intervals(freedom):
+    assert student_95(freedom) == pytest.approx(scipy.stats.t.ppf(0.975, freedom), rel=0.01)
+
+
+@pytest.mark.parametrize("freedom", [2, 3, 10, 30, 1e6])
+def test_one_sided_quantiles(freedom):
+    assert student(NORMAL_ONE_SIDED, freedom) == pytest.approx(scipy.stats.t.ppf(0.95, freedom), rel=0.02)
+
+
+# The settings under which scikit-image computes the SSIM of Wang et al.
+GAUSSIAN = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False, "data_range": 1,
+            "channel_axis": 2}
+
+
+def textured_image(height=96, width=128, seed=0):
+    """Texture on the left, almost flat on the right; (H, W, 3) in [0.2, 0.8]."""
+    random = np.random.default_rng(seed)
+    image = cv2.resize(random.random((height // 4, width // 4, 3)), (width, height), interpolation=cv2.INTER_CUBIC)
+    image[:, width // 2:] = 0.5 + 0.02 * image[:, width // 2:]
+    return 0.2 + 0.6 * np.clip(image, 0, 1)
+
+
+def blurred(image, noise=0.01, seed=1):
+    """A candidate: ``image`` blurred, with Gaussian noise."""
+    return cv2.GaussianBlur(image, (0, 0), 1.2) + np.random.default_rng(seed).normal(0, noise, image.shape)
+
+
+def noisy(image, noise, seed):
+    """A render of ``image`` with Gaussian noise of standard deviation ``noise``."""
+    return image + np.random.default_rng(seed).normal(0, noise, image.shape)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
+from scipy.io import savemat
 from scipy.ndimage import gaussian_filter
 
 from lfsr_core.base.errors import LfsrError
@@ -18,7 +19,6 @@ from lfsr_lab.experiments.rivals import makers, matlab, study
 from lfsr_lab.experiments.rivals.captured import FOLDERS, TASKS, compared, made, methods, read_field
 from lfsr_lab.experiments.rivals.makers import EPICNN, WEIGHTS, AngularSR, LFDnPatch, _seen, of_cells
 from lfsr_lab.experiments.rivals.sheared_epi import ShearedEPI, weighted_median
-from tests.support import stored_weights as stored
 from tests.support.synthetic import MINI, fails, write_reference, write_render
 
 
@@ -40,7 +40,7 @@ def field(rows, columns, down, right):
 
 
 def test_sheared_epi_finds_the_shear_of_each_view(tmp_path):
-    stored.differences(tmp_path)
+    differences(tmp_path)
     corners = field(2, 2, 4, 4)
     made = ShearedEPI(tmp_path, 5)(corners, 4)
     for y, x in [(0, 1), (2, 2), (3, 1), (4, 3)]:
@@ -60,7 +60,7 @@ def test_a_weighted_median_keeps_edges_of_its_guide():
 
 
 def test_epicnn_interpolates_both_axes_of_views(tmp_path):
-    stored.tent(tmp_path)
+    tent(tmp_path)
     grey = np.repeat(field(2, 3, 1, 2)[..., :1], 3, -1)
     made = EPICNN(tmp_path)(grey)
     assert made.shape[:2] == (4, 7)
@@ -71,7 +71,7 @@ def test_epicnn_interpolates_both_axes_of_views(tmp_path):
 
 def test_angular_sr_puts_new_views_in_the_order_of_matlab(tmp_path):
     """Columns first, without the corners: number 6 lies below the top right of the first column's six."""
-    stored.numbered(tmp_path, 2)
+    numbered(tmp_path, 2)
     corners = torch.tensor([[0.1, 0.2], [0.3, 0.4]])[:, :, None, None].expand(2, 2, 140, 3)
     luma = AngularSR(tmp_path).luma(corners)[:, :, 70, 1]
     np.testing.assert_allclose(luma[::7, ::7], [[0.1, 0.2], [0.3, 0.4]])
@@ -195,7 +195,7 @@ def clones(tmp_path):
 @pytest.mark.parametrize("task", [task for task in TASKS if task.field != "t_rex"], ids=lambda task: task.name)
 def test_views_between_come_back_in_their_places(clones, task):
     views = read_field(clones, task)
-    stored.tent(clones)
+    tent(clones)
     assert views.shape[1] == task.made and views.shape[0] in (1, task.made)
     for name in set(methods(task, views)) & {"bilinear", "bicubic", "EPICNN"}:
         shown = made(views, task, name, clones).astype(float)
@@ -229,7 +229,7 @@ NINE = dataclasses.replace(MINI, name="nine", panel_pixels=(144, 108), views=(9,
 
 @pytest.mark.skipif(bool(oidn.why_missing()), reason="needs Open Image Denoise")
 def test_a_linear_network_is_linear_interpolation(tmp_path):
-    stored.tent(tmp_path)
+    tent(tmp_path)
     truth = Truth(write_reference(tmp_path / "reference", display=NINE))
     row = study.measure(write_render(tmp_path / "render", 3, NINE), truth, "oidn", tmp_path)
     assert list(row.followers) == ["bilinear", "bicubic", "pool", "EPICNN"]
@@ -263,3 +263,58 @@ def test_a_page_is_made_of_means_and_differences_in_pairs():
     assert entry["oidn+pool"][3:] == [-0.05, pytest.approx(0.05 * student_95(1), abs=1e-3)]
     page = study.markdown(found)
     assert "| `denoise+pool` | .850, 20.0 |" in page and not re.search(r"\bnan\b", page)
+
+
+def cells(path, layers):
+    """Write (weights, biases) as two cell arrays of MATLAB."""
+    path.parent.mkdir(parents=True)
+    held = {}
+    for key, values in zip(("weight", "bias"), zip(*layers, strict=True), strict=True):
+        held[key] = np.empty((1, len(values)), object)
+        for index, value in enumerate(values):
+            held[key][0, index] = value.astype(np.float32)
+    savemat(path, held)
+
+
+def zeros(*shape):
+    return np.zeros(shape), np.zeros(shape[2])
+
+
+def differences(clones):
+    """Sheared-EPI: the score is minus the absolute difference of both rows."""
+    shapes = [(9, 32), (32, 64), (64, 64), (64, 64), (64, 64), (64, 128), (32, 128), (64, 1)]
+    layers = [(np.zeros((3, 3, *shape)), np.zeros(shape[1] if index < 4 or index == 7 else shape[0]))
+              for index, shape in enumerate(shapes)]
+    layers[0][0][1, 1, [0, 8], 0] = 1, -1
+    layers[0][0][1, 1, [0, 8], 1] = -1, 1
+    layers[7][0][1, 1, 32:34, 0] = -1  # after 32 channels from below come those of the first layer
+    cells(clones / "Sheared-EPI/Model/model.mat", layers)
+
+
+def tent(clones):
+    """EPICNN: three rows for each, by linear interpolation."""
+    first, second, last = np.zeros((5, 5, 1, 64)), np.zeros((5, 5, 64, 32)), np.zeros((9, 9, 1, 32))
+    first[2, 2, 0, 0] = second[2, 2, 0, 0] = 1
+    last[2:7, 4, 0, 0] = np.array([1, 2, 3, 2, 1]) / 3
+    cells(clones / "lfepicnn/EPICNN/EPICNN_model.mat", [(first, np.zeros(64)), (second, np.zeros(32)),
+                                                        (last, np.zeros(1))])
+
+
+def numbered(clones, pairs):
+    """LightFieldAngularSR: the luma of the n-th new view is n / 100."""
+    shapes = {"pre_level1_conv6d": ((3, 3, 3, 3, 1, 64), ""), "level1_conv6d": ((3, 3, 2, 2, 64, 60), ""),
+              "pre_level1_conv6d_": ((3, 3, 2, 2, 1, 16), "_2"), "level1_conv6d_": ((3, 3, 2, 2, 16, 64), "_post"),
+              "level1_conv6d__": ((3, 3, 2, 2, 64, 60), "_post2")}
+    for pair in range(1, pairs + 1):
+        shapes |= {f"level{pair}_conv6d___": ((3, 3, 1, 1, 64, 64), "_mid"),
+                   f"level{pair}_conv6d____": ((1, 1, 3, 3, 64, 64), "_mid2")}
+    found = []
+    for name, (shape, end) in shapes.items():
+        bias = np.arange(60) / 100 if shape[-1] == 60 and not end else np.zeros(shape[-1])
+        found += [(f"{name.rstrip('_')}_f{end}", np.zeros(shape)), (f"{name.rstrip('_')}_b{end}", bias)]
+    params = np.empty((1, len(found)), [("name", object), ("value", object)])
+    for index, each in enumerate(found):
+        params[0, index] = each
+    path = clones / f"LightFieldAngularSR/pretrained_models/Layer{pairs}.mat"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    savemat(path, {"net": {"params": params}})
