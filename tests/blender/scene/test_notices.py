@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
+from blender_addon import compat
 from blender_addon.scene import devices, settings
 from blender_addon.scene.notices import SWITCHES, left_out
 from blender_addon.scene.words import PANEL, sentence
@@ -32,7 +33,14 @@ def inner(scene):
     return scene.view_layers[0].layer_collection.children["inner"]
 
 
+def negative_world(scene):
+    scene.world = bpy.data.worlds.new("night")
+    compat.use_nodes(scene.world)
+    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = -1
+
+
 @pytest.mark.parametrize(("spoil", "code", "values"), [
+    (negative_world, "world-negative", {"world": "night"}),
     (lambda scene: setattr(scene.camera.data, "shift_y", 0.25), "shift-ignored", {"x": 0, "y": 0.25}),
     (lambda scene: setattr(scene.view_layers[0], "material_override", bpy.data.materials.new("clay")),
      "override-ignored", {"material": "clay"}),
