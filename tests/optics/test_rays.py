@@ -331,7 +331,7 @@ def ray_slopes(layout, seed):
 def test_pixels_see_the_mean_of_their_rays(display, options):
     layout = layout_of(display, **options)
     image = WorldImage.of(layout)
-    drawn, count = 0.0, 100
+    drawn, count = 0.0, 50
     for seed in range(count):
         right, down = ray_slopes(layout, seed)
         assert np.abs(right).max() < image.reach[0] and np.abs(down).max() < image.reach[1]
@@ -341,7 +341,7 @@ def test_pixels_see_the_mean_of_their_rays(display, options):
     expected = to_elemental_images(drawn, layout.lenses)[tuple(lenses.T)]
     smooth, edge = np.abs(seen - expected)[..., :2], np.abs(seen - expected)[..., 2]
     assert smooth.mean() < 0.02 and smooth.max() < 0.16
-    assert edge.mean() < 0.015 and edge.max() < 0.35, "of a step of 1, with the noise of 100 rays"
+    assert edge.mean() < 0.015 and edge.max() < 0.35, "of a step of 1, with the noise of 50 rays"
 
 
 def test_lenses_in_any_order_or_tiles_see_the_same_small_image():
