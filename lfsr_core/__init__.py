@@ -22,15 +22,14 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.base.notices import Notice, Progress
     from lfsr_core.exports.formats import export
     from lfsr_core.exports.importing import ImportGeometry, import_views
+    from lfsr_core.exports.light_field import eia_to_views, views_to_eia, write_views
     from lfsr_core.exports.options import ExportOptions
     from lfsr_core.exports.page import Page, write_page
     from lfsr_core.frames.folder import FrameFolder
     from lfsr_core.frames.frame import Frame
-    from lfsr_core.frames.reference import Reference
     from lfsr_core.frames.request import Finish, Report, Request, Sampling
-    from lfsr_core.frames.views import eia_to_views, views_to_eia, write_views
     from lfsr_core.images.png import read_png, write_png
-    from lfsr_core.metrics.eia_metrics import Metrics, compare_folders
+    from lfsr_core.metrics.eia_metrics import Metrics, Reference, compare_folders
     from lfsr_core.optics.display import DisplayProfile, load_display
     from lfsr_core.optics.eye import eye_view
     from lfsr_core.optics.rays import CameraArray, RayLayout
@@ -50,7 +49,8 @@ __all__ = [
 ]
 
 _MODULES = {
-    "metrics.eia_metrics": "Metrics compare_folders",
+    "exports.light_field": "eia_to_views views_to_eia write_views",
+    "metrics.eia_metrics": "Reference Metrics compare_folders",
     "api": "RenderedFrame render",
     "base.errors": "LfsrError",
     "base.notices": "Notice Progress",
@@ -60,9 +60,7 @@ _MODULES = {
     "exports.page": "Page write_page",
     "frames.folder": "FrameFolder",
     "frames.frame": "Frame",
-    "frames.reference": "Reference",
     "frames.request": "Finish Report Request Sampling",
-    "frames.views": "eia_to_views views_to_eia write_views",
     "images.png": "read_png write_png",
     "optics.display": "DisplayProfile load_display",
     "optics.eye": "eye_view",

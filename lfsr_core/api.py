@@ -19,6 +19,7 @@ from lfsr_core.base.notices import Tell, silent
 from lfsr_core.commands.common import ProgressBar, method_of
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.exports.formats import export
+from lfsr_core.exports.light_field import read_views
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS
@@ -33,7 +34,6 @@ from lfsr_core.frames.request import (
     check_scene,
     scales_up_to,
 )
-from lfsr_core.frames.views import read_views
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import encode_png, read_png
 from lfsr_core.metrics.eia_metrics import Metrics, compare_folders

@@ -50,17 +50,15 @@ def progress() -> contextlib.closing[ProgressBar]:
     return contextlib.closing(ProgressBar(words=sentence))
 
 
-def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
-    """Scene, output, and everything that decides the geometry."""
+def add_scene_arguments(parser: argparse.ArgumentParser, when: str = "") -> None:
+    """Scene, output, part, cluster, and what decides the geometry; ``when``: words of help before the cluster."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="frame folder to write")
     add_geometry_arguments(parser)
-
-
-def add_rows_argument(parser: argparse.ArgumentParser) -> None:
-    """Rows of lenses to render."""
     parser.add_argument("--rows", metavar="A-B|K/N", help="render only these rows of lenses, counted from 1, or the "
                                                           "Kth of N equal parts, for `lfsr merge`; default: all")
+    parser.add_argument("--cluster", type=_not_empty, metavar="ADDRESS",
+                        help=f"{when}on the workers of this Dask scheduler, such as tcp://host:8786")
 
 
 def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
@@ -104,12 +102,6 @@ def make_request(arguments: argparse.Namespace, **values: Any) -> Request:
     given["light"] = check_light(arguments.light)
     given |= {"scene": check_scene(arguments.scene), "display": display} | values
     return Request(**given | {"output": str(given["output"])})
-
-
-def add_cluster_argument(parser: argparse.ArgumentParser, when: str = "") -> None:
-    """The scheduler whose workers do the work; ``when``: words of help before it."""
-    parser.add_argument("--cluster", type=_not_empty, metavar="ADDRESS",
-                        help=f"{when}on the workers of this Dask scheduler, such as tcp://host:8786")
 
 
 def add_method_arguments(parser: argparse.ArgumentParser) -> None:
@@ -165,20 +157,13 @@ def _not_empty(text: str) -> str:
     return text
 
 
-def numbers(text: str) -> tuple[int, ...]:
-    """Whole numbers such as 1,4,16, for argparse: each once."""
+def numbers(text: str, kind: type = int) -> tuple[Any, ...]:
+    """Whole numbers such as 1,4,16, or others where ``kind`` is float, for argparse: each once."""
     try:
-        return tuple(dict.fromkeys(int(part) for part in text.split(",")))
+        return tuple(dict.fromkeys(kind(part) for part in text.split(",")))
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a list of whole numbers such as 1,4,16") from None
-
-
-def reals(text: str) -> tuple[float, ...]:
-    """Numbers such as 0.25,1,4, for argparse: each once."""
-    try:
-        return tuple(dict.fromkeys(float(part) for part in text.split(",")))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a list of numbers such as 0.25,1,4") from None
+        what = "whole numbers such as 1,4,16" if kind is int else "numbers such as 0.25,1,4"
+        raise argparse.ArgumentTypeError(f"{text!r} is not a list of {what}") from None
 
 
 def names(text: str) -> tuple[str, ...]:

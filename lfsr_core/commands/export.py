@@ -9,13 +9,13 @@ from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.commands.common import Verb, progress
-from lfsr_core.exports.options import DESCRIPTIONS, FILM_TYPES, PRESETS, VIEW_TYPES, ExportOptions
+from lfsr_core.exports.options import FILM_TYPES, FORMATS, PRESETS, VIEW_TYPES, ExportOptions
 
 
 def _add_export_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, metavar="DIR", help="finished frame folder, or an animation's folder")
-    parser.add_argument("--format", required=True, choices=DESCRIPTIONS,
-                        help="; ".join(f"{name}: {text}" for name, text in DESCRIPTIONS.items()))
+    parser.add_argument("--format", required=True, choices=FORMATS,
+                        help="; ".join(f"{name}: {one.text}" for name, one in FORMATS.items()))
     parser.add_argument("-o", "--output", type=Path, metavar="FOLDER", help="default: DIR/export/FORMAT")
     parser.add_argument("--views", type=_pair, metavar="N|NxM",
                         help="cameras across and down, evenly over the viewing zone; default: all")
@@ -85,7 +85,7 @@ def _add_import_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _import(arguments: argparse.Namespace) -> Any:
     """Import; finish the frame if there is nothing to upscale; print the next command."""
-    from lfsr_core.exports.importing import ImportGeometry, import_film, import_quilt, import_views, is_film, quilt_of
+    from lfsr_core.exports.importing import ImportGeometry, import_views, is_film, quilt_of
     from lfsr_core.optics.display import load_display
     from lfsr_core.pipeline.make import finish_frame
 
@@ -101,12 +101,7 @@ def _import(arguments: argparse.Namespace) -> Any:
     if film and scale != 1:
         raise LfsrError(f"scale is {scale}, but a film of quilts has all its views: leave it out")
     with progress() as bar:
-        if quilt is None:
-            display = import_views(source, folder, scale, geometry, bar)
-        elif film:
-            display = import_film(source, folder, quilt, geometry, bar)
-        else:
-            display = import_quilt(source, folder, quilt, scale, geometry, bar)
+        display = import_views(source, folder, scale, geometry, bar, quilt)
         if scale == 1 and not film:
             finish_frame(folder, "none", bar)
     following = "view" if scale == 1 else "upscale"

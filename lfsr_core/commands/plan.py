@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import math
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.commands.common import Verb, add_geometry_arguments, make_request, names, numbers, progress, reals
+from lfsr_core.commands.common import Verb, add_geometry_arguments, make_request, names, numbers, progress
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.request import Sampling
 
@@ -33,7 +34,8 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scales", type=numbers, metavar="N,N", help="default: those of 1,2,4,8 that the display has")
     parser.add_argument("--spps", dest="samples", type=numbers, metavar="N,N",
                         help="samples per pixel, default: 4,16,64,256")
-    parser.add_argument("--rays", type=reals, metavar="R,R", help="rays per finished pixel, instead of --spps")
+    parser.add_argument("--rays", type=functools.partial(numbers, kind=float), metavar="R,R",
+                        help="rays per finished pixel, instead of --spps")
     parser.add_argument("--methods", type=names, metavar="NAME,NAME", help="default: the default method and its parts")
     parser.add_argument("--seconds", dest="most_seconds", type=float, metavar="N", help="longest time of a frame")
     parser.add_argument("--budget", type=float, metavar="0..1",

@@ -32,8 +32,6 @@ def _add_reference_arguments(parser: argparse.ArgumentParser) -> None:
                         help="samples per pixel, default: %(default)s")
     parser.add_argument("--lenses", type=int, metavar="N",
                         help="only N random lenses, spread over the foreground; default: all")
-    common.add_rows_argument(parser)
-    common.add_cluster_argument(parser)
 
 
 def _reference(arguments: argparse.Namespace) -> Any:

@@ -34,7 +34,7 @@ AUTO_SCALE, CHECK_SAMPLES = "auto", 1024
 
 
 def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
-    common.add_scene_arguments(parser)
+    common.add_scene_arguments(parser, "with --frames, ")
     parser.add_argument("--rays", type=float, metavar="R",
                         help="rays per finished pixel, which decide noise and time: 1 is 16 samples per rendered pixel "
                              f"at scale 4 and 4 at scale 2; default: as many as {USUAL_SAMPLES} samples at scale "
@@ -49,14 +49,12 @@ def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
                              "of --frames, else the frame that is rendered")
     parser.add_argument("--layers", type=_layers, default=(), metavar="NAME,NAME",
                         help=f"auxiliary layers from the same render, of {', '.join(LAYERS)}")
-    common.add_rows_argument(parser)
     parser.add_argument("--frames", metavar="A-B|A-BxN|A,B,C",
                         help="an animation: frames A to B, every Nth, or a list, each in a folder of DIR such as 0001; "
                              "finished frames are not rendered again")
     parser.add_argument("--overwrite", action="store_true", help="with --frames, render finished frames again")
     parser.add_argument("--allow-empty", action="store_true",
                         help="exit with 0 although no lens sees the subject, with --frames in no frame")
-    common.add_cluster_argument(parser, "with --frames, ")
     parser.add_argument("--temporal-averaging", type=int, metavar="N",
                         help="average each frame of an animation with the N frames before and after it where nothing "
                              "has changed, and give each frame noise of its own; 2 is a good value. With --frame: with "

@@ -9,7 +9,7 @@ from typing import Any
 
 from lfsr_core.base.notices import Notice, cleaned
 from lfsr_core.commands.common import Verb, position, progress
-from lfsr_core.frames.views import write_views
+from lfsr_core.exports.light_field import write_views
 
 
 def _add_view_arguments(parser: argparse.ArgumentParser) -> None:

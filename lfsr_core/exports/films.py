@@ -1,4 +1,4 @@
-"""Films: MP4 with H.264 or HEVC, GIF, WebP and numbered PNG images; and those of an eye that moves before the display.
+"""Films: MP4 with H.264 or HEVC, GIF, WebP and numbered PNG images; of quilts, and of an eye that moves.
 
 Sway goes round an ellipse, wiggle between two eyes.
 """
@@ -15,9 +15,17 @@ from typing import Any, NamedTuple
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Progress
+from lfsr_core.exports.images import eye_distance, panel_aspect, quilt_layout, quilt_of_views
 from lfsr_core.exports.light_field import LightField, on_screen, usual_width
-from lfsr_core.exports.options import FILM_TYPES, H264_SIDE, WIGGLE_TYPES, ExportOptions, chosen_type
-from lfsr_core.exports.stereo import eye_distance
+from lfsr_core.exports.options import (
+    FILM_TYPES,
+    H264_SIDE,
+    QUILT_FILM_TYPES,
+    WIGGLE_TYPES,
+    ExportOptions,
+    chosen_type,
+    quilt_name,
+)
 from lfsr_core.images.png import write_png
 
 QUALITY = 90  # of WebP
@@ -74,6 +82,21 @@ def write_motion(motion: Motion, fields: Iterator[LightField], count: int | None
             yield on_screen(view, field.display, options.width or usual_width(field.display))
 
     write_film(folder / f"{first.name}_{motion.name}.{chosen}", frames(), rate)
+
+
+def write_quilt_film(fields: Iterator[LightField], count: int | None, folder: Path, options: ExportOptions) -> None:
+    """Write ``count`` quilts as a film, None for one, of even sides, as its encoders need."""
+    first = next(fields)
+    grid, (width, height) = quilt_layout(first, options)
+    tile = width - width * grid[0] % 2, height - height * grid[1] % 2
+    name = f"{quilt_name(first.name, grid, panel_aspect(first))}.{chosen_type(options, QUILT_FILM_TYPES)}"
+
+    def quilts() -> Iterator[Array]:
+        for number, field in enumerate(itertools.chain([first], fields)):
+            options.tell(Progress("export", number / (count or 1), f"frame {number + 1} of {count or 1}"))
+            yield quilt_of_views(field, grid, tile)
+
+    write_film(folder / name, quilts(), options.fps or ANIMATION_RATE)
 
 
 def write_film(path: Path, frames: Iterator[Array], rate: float) -> None:

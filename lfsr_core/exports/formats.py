@@ -8,47 +8,43 @@ import fnmatch
 import functools
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import check_name, replace_files, staging_folder, system_errors
 from lfsr_core.base.notices import Notice, Progress, Tell
-from lfsr_core.exports import films, folders, quilt, stereo
+from lfsr_core.exports import films, folders, images
 from lfsr_core.exports.light_field import read_light_field
-from lfsr_core.exports.options import ExportOptions, default_target
+from lfsr_core.exports.options import FORMATS, ExportOptions, default_target
 from lfsr_core.frames.folder import frame_folders, is_sequence, one_display
 from lfsr_core.frames.frame import read_frame
 
 DEFAULT = ExportOptions()
 
 
-@dataclasses.dataclass(frozen=True)
-class Format:
-    """A format; its function fills an empty folder."""
+class Writer(NamedTuple):
+    """How a format is written: a function that fills an empty folder."""
 
     # Writes one frame: (LightField, folder, ExportOptions); or a film: (iterator of them, their number or None for a
     # single frame, folder, ExportOptions).
     write: Callable[..., None]
-    options: tuple[str, ...]  # names of the options that it has
     numbered: tuple[str, ...] = ()  # patterns of numbered files: an export removes those of an earlier one
     one_file: bool = False  # one file per frame, so that all files of an animation go into one folder
     is_film: bool = False  # whether all frames are written at once
 
 
-FORMATS = {
-    "quilt": Format(quilt.write_quilt, ("views", "grid", "width", "preset"), one_file=True),
-    "quilt-film": Format(quilt.write_quilt_film, ("views", "grid", "width", "preset", "type", "fps"),
-                         ("*_qs*_*.png",), is_film=True),
-    "rgbd": Format(stereo.write_rgbd, ("width",), one_file=True),
-    **{name: Format(functools.partial(stereo.write, layout), ("eyes_mm", "width"), one_file=True)
-       for name, layout in stereo.LAYOUTS.items()},
-    "wiggle": Format(functools.partial(films.write_motion, films.WIGGLE),
-                     ("width", "type", "seconds", "fps", "eyes_mm"), ("*_wiggle_*.png",), is_film=True),
-    "sway": Format(functools.partial(films.write_motion, films.SWAY), ("width", "type", "seconds", "fps"),
-                   ("*_sway_*.png",), is_film=True),
-    "views": Format(folders.write_views, ("views", "type"), ("view_*_*.png",)),
-    "hci": Format(folders.write_hci, ("views",), ("input_Cam*.png", folders.DISPARITY_FILE)),
-    "stanford": Format(folders.write_stanford, ("views",), ("out_*_*_*_*_.png",)),
-    "pleno": Format(folders.write_pleno, ("views",), ("[0-9][0-9][0-9]_[0-9][0-9][0-9].ppm",)),
+WRITERS = {  # by the names of ``options.FORMATS``
+    "quilt": Writer(images.write_quilt, one_file=True),
+    "quilt-film": Writer(films.write_quilt_film, ("*_qs*_*.png",), is_film=True),
+    "rgbd": Writer(images.write_rgbd, one_file=True),
+    **{name: Writer(functools.partial(images.write_stereo, layout), one_file=True)
+       for name, layout in images.LAYOUTS.items()},
+    "wiggle": Writer(functools.partial(films.write_motion, films.WIGGLE), ("*_wiggle_*.png",), is_film=True),
+    "sway": Writer(functools.partial(films.write_motion, films.SWAY), ("*_sway_*.png",), is_film=True),
+    "views": Writer(folders.write_views, ("view_*_*.png",)),
+    "hci": Writer(folders.write_hci, ("input_Cam*.png", folders.DISPARITY_FILE)),
+    "stanford": Writer(folders.write_stanford, ("out_*_*_*_*_.png",)),
+    "pleno": Writer(folders.write_pleno, ("[0-9][0-9][0-9]_[0-9][0-9][0-9].ppm",)),
 }
 
 
@@ -62,20 +58,19 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
     Parameters
     ----------
     folder : finished frame folder, or a folder of frame folders
-    name : format, one of FORMATS; ``options.DESCRIPTIONS`` describes them
+    name : format, one of FORMATS
     target : folder to write into, by default ``export/NAME`` in ``folder``
     options : options of the format
 
-    Raises
-    ------
-    LfsrError : for bad input; no export is half-written then, and an earlier one stays
+    LfsrError for bad input; no export is half-written then, and an earlier one stays.
     """
     if name not in FORMATS:
         raise LfsrError(f"unknown format {name!r}: {did_you_mean(name, FORMATS)}Choose from {', '.join(FORMATS)}")
-    chosen = FORMATS[name]
+    chosen = WRITERS[name]
+    has = FORMATS[name].options
     for option in options.given():
-        if option not in chosen.options:
-            raise LfsrError(f"format {name!r} has no option {option!r}, only {', '.join(chosen.options)}: leave it out")
+        if option not in has:
+            raise LfsrError(f"format {name!r} has no option {option!r}, only {', '.join(has)}: leave it out")
     target = default_target(folder, name) if target is None else Path(target)
     paths = frame_folders(folder) if is_sequence(folder) else None
     if paths is not None:
@@ -104,7 +99,7 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
     return written
 
 
-def _write(target: Path, chosen: Format, write: Callable[[Path], None]) -> list[Path]:
+def _write(target: Path, chosen: Writer, write: Callable[[Path], None]) -> list[Path]:
     """Let ``write`` fill an empty folder, and move its files into ``target``, all or none."""
     check_name(target)
     if target.exists() and not target.is_dir():

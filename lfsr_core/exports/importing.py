@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
@@ -172,22 +171,21 @@ def _places(names: list[str], columns: int | None) -> dict[Place, str]:
 
 
 def image_size(path: Path) -> tuple[int, int]:
+    """(width, height) in pixels, from the header; LfsrError where it cannot be read."""
     with opened(path) as source:
         if source is None:
-            oiio.geterror()
             raise LfsrError(f"{path} is no readable image: replace it")
         return source.spec().width, source.spec().height
 
 
 def read_image(path: Path) -> Array:
-    """(height, width, 3) uint8."""
+    """(height, width, 3) uint8, grey in three channels; LfsrError where it cannot be read to its end."""
     with opened(path) as source:
         pixels = source.read_image("uint8") if source else None
         # A JPEG that was cut short is read, its rest grey. Extraneous bytes, which some cameras write, change nothing.
         if source and source.has_error and "extraneous" not in source.geterror():
             pixels = None
     if pixels is None:
-        oiio.geterror()
         raise LfsrError(f"{path} is damaged: replace it")
     pixels = np.asarray(pixels).reshape(*pixels.shape[:2], -1)
     return pixels[..., :3] if pixels.shape[2] >= 3 else pixels[..., :1].repeat(3, axis=2)
@@ -306,65 +304,56 @@ QUILT_ANGLE = 40.0
 
 
 def import_views(source: str | Path, output: str | Path, scale: int = 1, geometry: ImportGeometry | None = None,
-                 tell: Tell = silent) -> DisplayProfile:
-    """Make a frame folder of a folder of views, as if they had been rendered; return its display.
+                 tell: Tell = silent, quilt: Quilt | None = None) -> DisplayProfile:
+    """Make a frame folder of a folder of views or of a quilt, as if they had been rendered; return its display.
 
     Parameters
     ----------
-    source : folder of views named as in the HCI benchmark, the Stanford archive, JPEG Pleno, or our own exports
+    source : folder of views named as in the HCI benchmark, the Stanford archive, JPEG Pleno, or our own exports; or the
+        image or film of a quilt. Of a film, each frame gets a finished folder ``0001`` … in ``output``, where those
+        that are there already stay
     output : frame folder to write
     scale : views that the second stage is to make of each, along each axis; 1 for a display of one's choice
     geometry : replaces what the folder's parameters say
     tell : called with ``Progress`` and ``Notice``
+    quilt : how to read a quilt, as of ``quilt_of``; None for a folder of views
 
-    Raises
-    ------
-    LfsrError : for views that are missing, unreadable or of several sizes, or a scale or geometry out of range
+    LfsrError for views that are missing, unreadable or of several sizes, a scale or geometry out of range, or where
+        a folder holds another film or another import of this one.
     """
-    source, output, geometry = Path(source), Path(output), geometry or ImportGeometry()
+    source, output, geometry, known = Path(source), Path(output), geometry or ImportGeometry(), dict[str, float]()
+    if quilt is not None and is_film(source):
+        return _import_film(source, output, quilt, geometry, tell)
     FrameFolder(output).check_free("render")
-    if output.resolve() == source.resolve():
-        raise LfsrError(f"{output} holds the views themselves, expected another folder for the frame: choose one")
-    columns, lengths = _hci_parameters(source / PARAMETERS_FILE)
-    files, known = find_views(source, columns), dict[str, float]()
-    files = files.square(tell) if geometry.display is None else files
-    if lengths:
-        focal, sensor, baseline, focus = lengths
-        known = {"width_mm": focus * sensor / focal * files.size[0] / max(files.size), "distance_mm": focus,
-                 "angle_deg": 2 * math.degrees(math.atan(baseline * files.count[0] / 2 / focus))}
-    display = _display(files.size, files.count, scale, geometry, known, tell)
-    taken = Source(read_views(files, tell), files.size[0] / files.size[1], equal_angles=False)
-    frame = _frame(display, scale, source.resolve().name)
-    _write(output, frame, _views(taken, geometry, geometry.angle_deg or known.get("angle_deg")))
+    if quilt is not None:
+        tell(Progress("import", 0.0, source.name))
+        _check_quilt(source, size := image_size(source), quilt)
+        if geometry.display is None and math.prod(size) > MOST_PIXELS:
+            raise LfsrError(f"{source} has {size[0]}×{size[1]} pixels, but without a display at most "
+                            f"{MOST_PIXELS // 10**6} million are imported: choose one with --display, or make it "
+                            "smaller")
+        tile = size[0] // quilt.grid[0], size[1] // quilt.grid[1]
+        display, name = _quilt_display(tile, scale, geometry, quilt, tell), without_suffix(source.stem)
+        taken = read_quilt(source, quilt)
+    else:
+        if output.resolve() == source.resolve():
+            raise LfsrError(f"{output} holds the views themselves, expected another folder for the frame: choose one")
+        columns, lengths = _hci_parameters(source / PARAMETERS_FILE)
+        files = find_views(source, columns)
+        files = files.square(tell) if geometry.display is None else files
+        if lengths:
+            focal, sensor, baseline, focus = lengths
+            known = {"width_mm": focus * sensor / focal * files.size[0] / max(files.size), "distance_mm": focus,
+                     "angle_deg": 2 * math.degrees(math.atan(baseline * files.count[0] / 2 / focus))}
+        display, name = _display(files.size, files.count, scale, geometry, known, tell), source.resolve().name
+        taken = Source(read_views(files, tell), files.size[0] / files.size[1], equal_angles=False)
+    views = _views(taken, geometry, geometry.angle_deg or known.get("angle_deg"))
+    _write(output, _frame(display, scale, name), views)
     tell(Progress("import", 1.0, str(output)))
     return display
 
 
-def import_quilt(source: str | Path, output: str | Path, quilt: Quilt, scale: int = 1,
-                 geometry: ImportGeometry | None = None, tell: Tell = silent) -> DisplayProfile:
-    """Make a frame folder of a quilt; parameters and errors as of ``import_views``."""
-    source, output, geometry = Path(source), Path(output), geometry or ImportGeometry()
-    FrameFolder(output).check_free("render")
-    tell(Progress("import", 0.0, source.name))
-    _check_quilt(source, size := image_size(source), quilt)
-    if geometry.display is None and math.prod(size) > MOST_PIXELS:
-        raise LfsrError(f"{source} has {size[0]}×{size[1]} pixels, but without a display at most "
-                        f"{MOST_PIXELS // 10**6} million are imported: choose one with --display, or make it smaller")
-    tile = size[0] // quilt.grid[0], size[1] // quilt.grid[1]
-    display = _quilt_display(tile, scale, geometry, quilt, tell)
-    taken = read_quilt(source, quilt)
-    _write(output, _frame(display, scale, without_suffix(source.stem)), _views(taken, geometry, geometry.angle_deg))
-    tell(Progress("import", 1.0, str(output)))
-    return display
-
-
-def import_film(source: str | Path, output: str | Path, quilt: Quilt, geometry: ImportGeometry | None = None,
-                tell: Tell = silent) -> DisplayProfile:
-    """Make finished frame folders ``0001`` … in ``output`` of a film of quilts; those that are there already stay.
-
-    LfsrError as of ``import_views``, or where a folder holds another film or another import of this one.
-    """
-    source, output, geometry = Path(source), Path(output), geometry or ImportGeometry()
+def _import_film(source: Path, output: Path, quilt: Quilt, geometry: ImportGeometry, tell: Tell) -> DisplayProfile:
     with system_errors():
         content = file_digest(source)
     display: DisplayProfile | None = None

@@ -17,26 +17,38 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Tell, silent
 
 EXPORT_FOLDER = "export"  # in the frame folder
-TITLES = {"quilt": "Quilt", "quilt-film": "Quilt Film", "rgbd": "RGB-D", "stereo": "Stereo Pair",
-          "half-side-by-side": "Stereo Half Side by Side", "top-bottom": "Stereo Top and Bottom",
-          "half-top-bottom": "Stereo Half Top and Bottom", "anaglyph": "Anaglyph", "wiggle": "Wiggle",
-          "sway": "Sway Film", "views": "Views", "hci": "HCI Benchmark", "stanford": "Stanford Archive",
-          "pleno": "JPEG Pleno"}
-DESCRIPTIONS = {
-    "quilt": "one image of all views at eye level, for Looking Glass displays",
-    "quilt-film": "the quilts of an animation as a film",
-    "rgbd": "colour and depth side by side, for Looking Glass displays",
-    "stereo": "the views of two eyes, side by side",
-    "half-side-by-side": "the views of two eyes at half width, side by side, for 3D monitors and glasses",
-    "top-bottom": "the views of two eyes, the left one above",
-    "half-top-bottom": "the views of two eyes at half height, the left one above",
-    "anaglyph": "the views of two eyes in red and cyan, for paper glasses",
-    "wiggle": "a short film that changes between two eyes, for people without any display",
-    "sway": "a short film of an eye that sways in front of the display",
-    "views": "every view as PNG, or as one part of a scene-linear EXR",
-    "hci": "views, parameters.cfg and disparity as in the HCI 4D light field benchmark",
-    "stanford": "views named by their places, as in the Stanford light field archive",
-    "pleno": "views as PPM, named as in the JPEG Pleno test sets",
+
+
+class Format(NamedTuple):
+    """A format of exports, as menus show it."""
+
+    title: str
+    text: str  # one line
+    options: tuple[str, ...]  # names of the options that it has
+
+
+QUILT_OPTIONS, EYES = ("views", "grid", "width", "preset"), ("eyes_mm", "width")
+FORMATS = {
+    "quilt": Format("Quilt", "one image of all views at eye level, for Looking Glass displays", QUILT_OPTIONS),
+    "quilt-film": Format("Quilt Film", "the quilts of an animation as a film", (*QUILT_OPTIONS, "type", "fps")),
+    "rgbd": Format("RGB-D", "colour and depth side by side, for Looking Glass displays", ("width",)),
+    "stereo": Format("Stereo Pair", "the views of two eyes, side by side", EYES),
+    "half-side-by-side": Format("Stereo Half Side by Side", "the views of two eyes at half width, side by side, for 3D "
+                                                            "monitors and glasses", EYES),
+    "top-bottom": Format("Stereo Top and Bottom", "the views of two eyes, the left one above", EYES),
+    "half-top-bottom": Format("Stereo Half Top and Bottom", "the views of two eyes at half height, the left one above",
+                              EYES),
+    "anaglyph": Format("Anaglyph", "the views of two eyes in red and cyan, for paper glasses", EYES),
+    "wiggle": Format("Wiggle", "a short film that changes between two eyes, for people without any display",
+                     ("width", "type", "seconds", "fps", "eyes_mm")),
+    "sway": Format("Sway Film", "a short film of an eye that sways in front of the display",
+                   ("width", "type", "seconds", "fps")),
+    "views": Format("Views", "every view as PNG, or as one part of a scene-linear EXR", ("views", "type")),
+    "hci": Format("HCI Benchmark", "views, parameters.cfg and disparity as in the HCI 4D light field benchmark",
+                  ("views",)),
+    "stanford": Format("Stanford Archive", "views named by their places, as in the Stanford light field archive",
+                       ("views",)),
+    "pleno": Format("JPEG Pleno", "views as PPM, named as in the JPEG Pleno test sets", ("views",)),
 }
 # Types of files; the first is the default.
 FILM_TYPES = ("mp4", "gif", "webp", "png")

@@ -59,9 +59,7 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
     quality : of the WebP, 1 to 100; 100 is lossless; None: 95, or 100 where the loss would show
     tell : called with ``Progress`` and ``Notice``
 
-    Raises
-    ------
-    LfsrError : where an image is missing or the displays differ; no page is written then
+    LfsrError where an image is missing or the displays differ; no page is written then.
     """
     if quality is not None and not 1 <= quality <= BEST:
         raise LfsrError(f"quality is {quality}, but it must be from 1 to {BEST} (lossless)")

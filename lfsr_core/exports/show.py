@@ -191,28 +191,46 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: 
     display : index or name of one of Bridge's displays, or SCREEN; None: the first that has the image's proportions
     fps : frames a second of an animation
 
-    Raises
-    ------
-    LfsrError : without an image, without Bridge, without a display that it is for
+    LfsrError without an image, without Bridge, without a display that it is for.
     """
-    path, options = Path(path), ExportOptions(fps=fps, tell=tell)
-    if not path.is_dir():
-        return _show_file(path, display)
-    frames = frame_folders(path, (EIA_FILE, PANEL_FILE))
-    found = find_display(frames[0], display)
-    if found is None:
-        images = [folder / (PANEL_FILE if read_rendered(folder).display.is_woven else EIA_FILE) for folder in frames]
-        for image in images:
-            if not image.is_file():
-                raise LfsrError(f"{image.parent} holds no {image.name}, the panel's image: finish it with `lfsr "
-                                "upscale`")
-        return _full_screen(path / PAGE, images, 1 / fps)
-    options = dataclasses.replace(options, shape=found[1].shape)  # the device knows its quilt best
-    if len(frames) > 1:
-        (quilt,) = export(path, "quilt-film", options=options)
+    path, images, seconds, options = Path(path), list[Path](), 1.0, ExportOptions(fps=fps, tell=tell)
+    if path.is_dir():
+        frames, page = frame_folders(path, (EIA_FILE, PANEL_FILE)), path / PAGE
+        found = find_display(frames[0], display)
+        if found is None:
+            images = [one / (PANEL_FILE if read_rendered(one).display.is_woven else EIA_FILE) for one in frames]
+            for image in images:
+                if not image.is_file():
+                    raise LfsrError(f"{image.parent} holds no {image.name}, the panel's image: finish it with `lfsr "
+                                    "upscale`")
+            seconds = 1 / fps
+        else:
+            options = dataclasses.replace(options, shape=found[1].shape)  # the device knows its quilt best
+            (path,) = (export(path, "quilt-film", options=options) if len(frames) > 1 else
+                       export(frames[0], "quilt", options=dataclasses.replace(options, fps=None)))
+    elif not path.is_file():
+        raise LfsrError(f"{path} does not exist, expected a frame folder, a quilt or another image: check the path")
+    elif is_quilt(path) and display != SCREEN:
+        bridge = Bridge()
+        found = bridge, chosen(bridge.devices(), display)
     else:
-        (quilt,) = export(frames[0], "quilt", options=dataclasses.replace(options, fps=None))
-    return _play(quilt, *found)
+        if display not in (None, SCREEN) or path.suffix.lower() in FILMS:
+            raise LfsrError(f"{path.name} is no quilt by its name, expected an ending as in name_qs8x6a0.75.png: "
+                            f"rename it if it is one, or show the panel's image on display {SCREEN}")
+        with opened(path) as source:
+            if source is None:
+                raise LfsrError(f"{path} holds no image, expected a frame folder, a quilt or another image: check the "
+                                "path")
+        # The page of somebody else's file lies in our own folder, not beside it.
+        found, images, page = None, [path], cache_folder() / PAGE
+        page.parent.mkdir(parents=True, exist_ok=True)
+    if found is None:
+        write_screen_page(page, images, seconds)
+        return Shown("The browser shows it full screen: move its window to the display and click into it", page)
+    named = read_quilt_name(path.stem)
+    assert named is not None, "of what is played"
+    found[0].play(Quilt(path, *named), found[1])
+    return Shown(f"{path.name} is shown on {found[1].name} ({found[1].hardware})")
 
 
 def find_display(folder: Path, display: str | None = None) -> tuple[Bridge, Device] | None:
@@ -231,40 +249,10 @@ def find_display(folder: Path, display: str | None = None) -> tuple[Bridge, Devi
     return bridge, chosen(bridge.devices(), display, profile.panel_mm[0] / profile.panel_mm[1])
 
 
-def _show_file(path: Path, display: str | None) -> Shown:
-    if not path.is_file():
-        raise LfsrError(f"{path} does not exist, expected a frame folder, a quilt or another image: check the path")
-    if _quilt(path) and display != SCREEN:
-        bridge = Bridge()
-        return _play(path, bridge, chosen(bridge.devices(), display))
-    if display not in (None, SCREEN) or path.suffix.lower() in FILMS:
-        raise LfsrError(f"{path.name} is no quilt by its name, expected an ending as in name_qs8x6a0.75.png: rename it "
-                        f"if it is one, or show the panel's image on display {SCREEN}")
-    with opened(path) as image:
-        if image is None:
-            raise LfsrError(f"{path} holds no image, expected a frame folder, a quilt or another image: check the path")
-    # The page of somebody else's file lies in our own folder, not beside it.
-    page = cache_folder() / PAGE
-    page.parent.mkdir(parents=True, exist_ok=True)
-    return _full_screen(page, [path], 1.0)
-
-
-def _quilt(path: Path) -> Quilt | None:
-    """The quilt in a file, by its name; None where that names none."""
-    grid, aspect = read_quilt_name(path.stem) or ((0, 0), None)
-    return Quilt(path, grid, aspect) if min(grid) > 0 else None
-
-
-def _play(path: Path, bridge: Bridge, device: Device) -> Shown:
-    quilt = _quilt(path)
-    assert quilt
-    bridge.play(quilt, device)
-    return Shown(f"{path.name} is shown on {device.name} ({device.hardware})")
-
-
-def _full_screen(page: Path, images: list[Path], seconds: float) -> Shown:
-    write_screen_page(page, images, seconds)
-    return Shown("The browser shows it full screen: move its window to the display and click into it", page)
+def is_quilt(path: Path) -> bool:
+    """Whether a file's name says that it is a quilt."""
+    named = read_quilt_name(path.stem)
+    return named is not None and min(named.grid) > 0
 
 
 def write_screen_page(path: Path, images: Sequence[Path], seconds: float) -> None:

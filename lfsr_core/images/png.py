@@ -43,6 +43,7 @@ def opened(path: str | Path) -> Iterator[oiio.ImageInput | None]:
     finally:
         if source is not None:
             source.close()
+        oiio.geterror()  # otherwise the library prints the error when the process ends
 
 
 @functools.cache
@@ -135,7 +136,6 @@ def _decode(path: str | Path, grey: bool) -> Array:
             with opened(path) as source:
                 pixels = source.read_image("uint8") if source else None
     if pixels is None:
-        oiio.geterror()  # otherwise the library prints the error when the process ends
         raise LfsrError(f"{path} is not a readable 8-bit image: write it again")
     pixels = pixels.reshape(*pixels.shape[:2], -1)
     if grey:

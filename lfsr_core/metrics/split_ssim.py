@@ -16,6 +16,8 @@ from lfsr_core.optics.eia import to_elemental_images
 
 SSIM_SIGMA, SSIM_WINDOW = 1.5, 11
 SSIM_BORDER = SSIM_WINDOW // 2
+HALF_WINDOW: Array = np.exp(-np.arange(SSIM_BORDER + 1) ** 2 / (2 * SSIM_SIGMA**2))
+HALF_WINDOW = HALF_WINDOW / (2 * HALF_WINDOW.sum() - HALF_WINDOW[0])  # from its centre outwards; the whole sums to 1
 SSIM_C1, SSIM_C2 = 0.01**2, 0.03**2  # for data in [0, 1], Wang et al. 2004
 BAND_ROWS = 256
 MAX_CHANNELS = 512  # of many small images that are filtered in one call
@@ -36,11 +38,11 @@ def split_ssim_map(image: Array, half_a: Array, half_b: Array) -> Array:
         first, end = max(0, start - SSIM_BORDER), start + BAND_ROWS
         margin = slice(first, end + SSIM_BORDER)
         x, a, b = (np.asarray(values[margin], np.float64) for values in (image, half_a, half_b))
-        mean_x, mean_a, mean_b = _blur(x), _blur(a), _blur(b)
+        mean_x, mean_a, mean_b = blur(x), blur(a), blur(b)
         mean_r = (mean_a + mean_b) / 2
-        variance_x: Array = _blur(x * x) - mean_x * mean_x
-        variance_r: Array = _blur(a * b) - mean_a * mean_b
-        covariance = _blur(x * (a + b)) / 2 - mean_x * mean_r
+        variance_x: Array = blur(x * x) - mean_x * mean_x
+        variance_r: Array = blur(a * b) - mean_a * mean_b
+        covariance = blur(x * (a + b)) / 2 - mean_x * mean_r
         light = (2 * mean_x * mean_r + SSIM_C1) / (mean_x * mean_x + mean_a * mean_b + SSIM_C1)
         # In flat places noise can push cov(a, b) below 0, but the sum of two variances is never negative.
         band = np.divide(light * (2 * covariance + SSIM_C2), np.maximum(variance_x + variance_r, 0) + SSIM_C2)
@@ -98,27 +100,17 @@ def mean_of(values: Array) -> float:
     return float(np.mean(values, dtype=np.float64))
 
 
-def _blur(values: Array) -> Array:
-    return blur(values, SSIM_SIGMA, SSIM_WINDOW)
+def blur(values: Array) -> Array:
+    """Blur a float image (H, W, C) by the window of SSIM, keeping its type; the border is mirrored with its pixel.
 
-
-def weights(sigma: float, window: int) -> Array:
-    """Weights (window // 2 + 1,) of a Gaussian from its centre outwards; the whole odd window sums to 1."""
-    half: Array = np.exp(-np.arange(window // 2 + 1) ** 2 / (2 * sigma**2))
-    return np.divide(half, 2 * half.sum() - half[0])
-
-
-def blur(values: Array, sigma: float, window: int) -> Array:
-    """Blur a float image (H, W, C), keeping its type; the border is mirrored, border pixel included.
-
-    ``window``: odd width in pixels, at most twice the image's.
+    Neither side may be shorter than half the window.
     """
-    half, reach = weights(sigma, window).astype(values.dtype), window // 2
-    padded = np.pad(values, ((reach, reach), (0, 0), (0, 0)), mode="symmetric")
+    half = HALF_WINDOW.astype(values.dtype)
+    padded = np.pad(values, ((SSIM_BORDER, SSIM_BORDER), (0, 0), (0, 0)), mode="symmetric")
     result = np.empty_like(values)
     for start in range(0, len(values), STRIP_ROWS):
-        strip = padded[start:start + STRIP_ROWS + 2 * reach]
-        across = np.pad(_along(strip, half), ((0, 0), (reach, reach), (0, 0)), mode="symmetric")
+        strip = padded[start:start + STRIP_ROWS + 2 * SSIM_BORDER]
+        across = np.pad(_along(strip, half), ((0, 0), (SSIM_BORDER, SSIM_BORDER), (0, 0)), mode="symmetric")
         result[start:start + STRIP_ROWS] = _along(across.swapaxes(0, 1), half).swapaxes(0, 1)
     return result
 

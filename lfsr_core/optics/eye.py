@@ -49,13 +49,8 @@ def eye_view(panel: Array, profile: DisplayProfile, eye_mm: Point, width: int = 
     eye_mm : (x, y, z) of the eye
     width : most pixels across of the result
 
-    Returns
-    -------
-    (rows·n, columns·n, C) with each pixel repeated n times, the largest n that fits ``width``, or 1
-
-    Raises
-    ------
-    LfsrError : if the eye is behind the lenses or the image has another size than the panel
+    Returns (rows·n, columns·n, C) with each pixel repeated n times, the largest n that fits ``width``, or 1. LfsrError
+    if the eye is behind the lenses or the image has another size than the panel.
     """
     columns, rows = profile.panel_pixels
     if panel.shape[:2] != (rows, columns):

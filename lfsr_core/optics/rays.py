@@ -145,9 +145,7 @@ def rays(layout: RayLayout, raster_x: Array, raster_y: Array,
     raster_x, raster_y : in [0, 1), y up: the pixel; the place inside it chooses the point on the lens
     random_x, random_y : in [0, 1), choose the point in the view's cell
 
-    Returns
-    -------
-    Origins and unit directions, (..., 3) each
+    Returns origins and unit directions, (..., 3) each.
     """
     width, height = layout.size
     tile_x, view_x, place_x = _split(raster_x, width, layout.views[0])

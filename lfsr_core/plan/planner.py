@@ -23,11 +23,11 @@ from lfsr_core.base.records import to_data
 from lfsr_core.frames.folder import PLACES, FrameFolder, digest, request_facts, scene_stamp
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, read_frame
 from lfsr_core.frames.low_res import LowResEIA, foreground_mask, low_resolution, read_world
-from lfsr_core.frames.reference import listed_images, read_half
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.exr import read_finite
 from lfsr_core.images.view_transform import extreme_tone
+from lfsr_core.metrics.eia_metrics import listed_images, read_half
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import DisplayProfile
@@ -272,9 +272,7 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
     folder : holds the renders: a second call continues where one stopped
     tell : called with progress and with what the renders tell
 
-    Raises
-    ------
-    LfsrError : for bad options, a scene without foreground, or as of ``render``
+    LfsrError for bad options, a scene without foreground, or as of ``render``.
     """
     request, display, folder = request.with_scale(ScaleChoice(1)), request.display, Path(folder)
     wanted = options.candidates(display)

@@ -29,6 +29,7 @@ from lfsr_core.base.files import atomic_path, read_json, system_errors
 from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.base.records import from_data, to_data, write_record
 from lfsr_core.exports.formats import export as export_frames
+from lfsr_core.exports.light_field import read_views
 from lfsr_core.exports.options import FILM_RATE, FILMS, QUILT_FILM, ExportOptions, default_target
 from lfsr_core.exports.page import write_page
 from lfsr_core.exports.show import SCREEN, find_display
@@ -36,7 +37,6 @@ from lfsr_core.exports.show import show as show_path
 from lfsr_core.frames.folder import FrameFolder, frame_folders
 from lfsr_core.frames.frame import EIA_FILE, LAYOUTS, PANEL_FILE, SUBPIXELS, read_part
 from lfsr_core.frames.request import Finish, Request
-from lfsr_core.frames.views import read_views
 from lfsr_core.metrics.eia_metrics import compare_with_reference
 from lfsr_core.pipeline.make import FAILED, finish_frame
 from lfsr_core.pipeline.make import make as make_frames

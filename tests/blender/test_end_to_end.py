@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from lfsr_core.frames.views import read_views
+from lfsr_core.exports.light_field import read_views
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import write_profile
 from lfsr_core.optics.eia import to_views

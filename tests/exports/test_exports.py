@@ -17,9 +17,9 @@ from PIL import Image, ImageSequence
 from lfsr_core.base.notices import Notice
 from lfsr_core.exports import films
 from lfsr_core.exports.formats import FORMATS, export
+from lfsr_core.exports.images import anaglyph
 from lfsr_core.exports.light_field import central_disparity, on_screen, read_light_field, resized
 from lfsr_core.exports.options import DESCRIPTIONS, PRESETS, TITLES, ExportOptions, quilt_name, read_quilt_name
-from lfsr_core.exports.stereo import anaglyph
 from lfsr_core.frames.frame import read_frame, write_frame
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import write_png

@@ -15,7 +15,7 @@ from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.cli import main
 from lfsr_core.exports import importing as quilts
 from lfsr_core.exports.formats import export
-from lfsr_core.exports.importing import ImportGeometry, Quilt, import_film, import_quilt, import_views, quilt_of
+from lfsr_core.exports.importing import ImportGeometry, Quilt, import_views, quilt_of
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.frame import read_frame
@@ -239,7 +239,7 @@ def check_coordinates(views):
 def test_tiles_become_views_from_the_left(tmp_path):
     path = coordinates(tmp_path)
     told = Told()
-    display = import_quilt(path, tmp_path / "frame", quilt_of(path), tell=told)
+    display = import_views(path, tmp_path / "frame", quilt=quilt_of(path), tell=told)
     finish_frame(tmp_path / "frame", "none")
     check_coordinates(read_light_field(tmp_path / "frame").views)
     assert (display.views, display.lenses, display.viewing_angle_deg) == ((8, 1), (6, 9), 40)
@@ -252,7 +252,8 @@ def test_tiles_become_views_from_the_left(tmp_path):
 @pytest.mark.parametrize(("top_first", "mirror"), [(True, ""), (False, "x")])
 def test_tiles_in_other_orders(tmp_path, top_first, mirror):
     path = coordinates(tmp_path)
-    import_quilt(path, tmp_path / "frame", quilt_of(path, None, top_first), geometry=ImportGeometry(mirror=mirror))
+    import_views(path, tmp_path / "frame", geometry=ImportGeometry(mirror=mirror),
+                 quilt=quilt_of(path, None, top_first))
     finish_frame(tmp_path / "frame", "none")
     numbers = (read_light_field(tmp_path / "frame").views[0, :, 0, 0, 0] // 20).tolist()
     assert numbers == ([6, 7, 4, 5, 2, 3, 0, 1] if top_first else [7, 6, 5, 4, 3, 2, 1, 0])
@@ -285,7 +286,8 @@ def test_woven_for_another_display_as_if_made_for_it(tmp_path, angle, seen, most
     made = finished(tmp_path / "portrait", PORTRAIT, scale=1)
     (quilt,) = export(made, "quilt", tmp_path, ExportOptions(grid=(8, 6), width=105))
     display = landscape(angle)
-    import_quilt(quilt, tmp_path / "frame", quilt_of(quilt), geometry=ImportGeometry(display=display, angle_deg=40.0))
+    import_views(quilt, tmp_path / "frame", geometry=ImportGeometry(display=display, angle_deg=40.0),
+                 quilt=quilt_of(quilt))
     finish_frame(tmp_path / "frame", "none")
     covered = 0.75 * display.panel_mm[1] / display.panel_mm[0]  # of the panel's width, by a picture of its height
     finish_frame(direct(tmp_path / "direct", display, 1.6 / covered), "none")
@@ -304,7 +306,7 @@ def test_woven_for_another_display_as_if_made_for_it(tmp_path, angle, seen, most
 def test_fill_cuts_the_picture(tmp_path):
     path = coordinates(tmp_path)
     for fill in (False, True):
-        import_quilt(path, tmp_path / str(fill), quilt_of(path),
+        import_views(path, tmp_path / str(fill), quilt=quilt_of(path),
                      geometry=ImportGeometry(display=landscape(), fill=fill))
         finish_frame(tmp_path / str(fill), "none")
     whole, cut = (read_light_field(tmp_path / str(fill)).views[0, 24] for fill in (False, True))
@@ -327,8 +329,8 @@ def test_a_folder_of_views_for_a_display(tmp_path, folder, field):
 def test_what_a_display_decides(tmp_path, options):
     path = coordinates(tmp_path)
     with pytest.raises(LfsrError, match="have no use with --display"):
-        import_quilt(path, tmp_path / "frame", quilt_of(path), geometry=ImportGeometry(display=MINI, **options))
-    refuses("between 1 and 120", import_quilt, path, tmp_path / "frame", quilt_of(path),
+        import_views(path, tmp_path / "frame", quilt=quilt_of(path), geometry=ImportGeometry(display=MINI, **options))
+    refuses("between 1 and 120", import_views, path, tmp_path / "frame", quilt=quilt_of(path),
             geometry=ImportGeometry(display=MINI, angle_deg=500.0))
     assert not (tmp_path / "frame").exists()
 
@@ -349,8 +351,8 @@ def film(tmp_path_factory):
 def test_frames_of_a_film_become_frames(film, tmp_path):
     path, frames = film
     told = Told()
-    assert import_film(path, tmp_path / "film", quilt_of(path), ImportGeometry(display=MINI, angle_deg=40.0),
-                               told) == MINI
+    assert import_views(path, tmp_path / "film", 1, ImportGeometry(display=MINI, angle_deg=40.0), told,
+                        quilt_of(path)) == MINI
     assert "frame 2 of 3" in [progress.detail for progress in told.progress]
     fractions = [progress.fraction for progress in told.progress]
     assert fractions == sorted(fractions)
@@ -368,15 +370,15 @@ def test_an_interrupted_import_of_a_film_goes_on(film, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        import_film(path, output, quilt_of(path), tell=stop)
+        import_views(path, output, quilt=quilt_of(path), tell=stop)
     assert sorted(folder.name for folder in output.iterdir()) == ["0001", "0002"]
     (output / "0002" / "eia.png").unlink()  # stopped between the two stages
     before = (output / "0001" / "eia.png").stat().st_mtime_ns
-    import_film(path, output, quilt_of(path))
+    import_views(path, output, quilt=quilt_of(path))
     assert (output / "0001" / "eia.png").stat().st_mtime_ns == before, "what is there stays"
     assert all((output / f"000{number}" / "eia.png").is_file() for number in (1, 2, 3))
     with pytest.raises(LfsrError, match="0001 holds a frame of another film, or for another display"):
-        import_film(path, output, quilt_of(path), ImportGeometry(display=MINI))
+        import_views(path, output, quilt=quilt_of(path), geometry=ImportGeometry(display=MINI))
 
 
 def test_the_command(film, tmp_path, capsys):
@@ -423,7 +425,7 @@ def test_quilts_and_films_that_cannot_be_read(tmp_path, monkeypatch):
         frame.sample_rate = 48000
         made.mux(stream.encode(frame))
         made.mux(stream.encode())
-    refuses("has no images", import_film, sound, tmp_path / "frame", quilt_of(sound))
+    refuses("has no images", import_views, sound, tmp_path / "frame", quilt=quilt_of(sound))
     cut = tmp_path / "cut_qs2x2a1.mkv"
     with av.open(str(cut), "w") as made:
         stream = made.add_stream("ffv1", rate=10)
@@ -433,17 +435,17 @@ def test_quilts_and_films_that_cannot_be_read(tmp_path, monkeypatch):
         made.mux(stream.encode())
     assert len(list(quilts.read_film(cut, quilt_of(cut)))) == 4
     cut.write_bytes(cut.read_bytes()[:-250])
-    refuses(r"ends 0\.\d s earlier", import_film, cut, tmp_path / "part", quilt_of(cut))
+    refuses(r"ends 0\.\d s earlier", import_views, cut, tmp_path / "part", quilt=quilt_of(cut))
     small = tmp_path / "small_qs8x6a1.png"
     write_png(small, np.zeros((8, 90, 3), np.uint8))
-    refuses("90×8 pixels, too few for 8x6 tiles", import_quilt, small, tmp_path / "frame", quilt_of(small))
+    refuses("90×8 pixels, too few for 8x6 tiles", import_views, small, tmp_path / "frame", quilt=quilt_of(small))
     monkeypatch.setattr(quilts, "MOST_SIDE", 80)
-    refuses("at most 80 a side", import_quilt, small, tmp_path / "frame", quilt_of(small))
+    refuses("at most 80 a side", import_views, small, tmp_path / "frame", quilt=quilt_of(small))
     monkeypatch.setattr(quilts, "MOST_SIDE", 90)
     monkeypatch.setattr(quilts, "MOST_PIXELS", 700)
-    refuses("90×8 pixels, but without a display", import_quilt, small, tmp_path / "frame", quilt_of(small, "2x2"))
+    refuses("90×8 pixels, but without a display", import_views, small, tmp_path / "frame", quilt=quilt_of(small, "2x2"))
     monkeypatch.setitem(__import__("sys").modules, "av", None)
-    refuses("pip install", import_film, sound, tmp_path / "frame", quilt_of(sound))
+    refuses("pip install", import_views, sound, tmp_path / "frame", quilt=quilt_of(sound))
     assert not (tmp_path / "frame").exists()
 
 

@@ -12,7 +12,7 @@ from lfsr_core.cli import main
 from lfsr_core.exports.films import eye_place
 from lfsr_core.exports.formats import export
 from lfsr_core.exports.light_field import on_screen, read_light_field
-from lfsr_core.exports.options import DESCRIPTIONS, ExportOptions
+from lfsr_core.exports.options import FORMATS, ExportOptions
 from lfsr_core.frames.folder import frame_folders
 from lfsr_core.images.png import read_png, write_png
 from tests.support.finished import DIRECT, finished
@@ -35,7 +35,7 @@ def film(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("name", sorted(set(DESCRIPTIONS) - {"sway", "wiggle", "quilt-film"}))
+@pytest.mark.parametrize("name", sorted(set(FORMATS) - {"sway", "wiggle", "quilt-film"}))
 def test_each_frame_is_what_its_own_export_is(film, tmp_path, name):
     files = export(film, name, tmp_path / "all")
     expected = [path for frame in NAMES for path in export(film / frame, name, tmp_path / frame)]

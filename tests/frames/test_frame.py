@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.frames.frame import FRAME_FILE, REFERENCE_FILES, Frame, read_frame, read_part, write_frame
-from lfsr_core.frames.reference import Reference, check_reference
 from lfsr_core.images.color import ColorSettings, srgb_encode
+from lfsr_core.metrics.eia_metrics import Reference, check_reference
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.rays import CameraArray

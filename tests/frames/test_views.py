@@ -7,8 +7,8 @@ import pytest
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
+from lfsr_core.exports.light_field import contact_sheet, eia_to_views, epi_pair, read_views, views_to_eia
 from lfsr_core.frames.low_res import foreground_mask, recall, unseen_notices
-from lfsr_core.frames.views import contact_sheet, eia_to_views, epi_pair, read_views, views_to_eia
 from lfsr_core.images.png import read_png
 from lfsr_core.optics import eia
 from lfsr_core.pipeline.make import finish_frame

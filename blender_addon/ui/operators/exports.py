@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.exports.options import DESCRIPTIONS, FILMS, QUILT_FILM, TITLES, default_target
+from lfsr_core.exports.options import FILMS, FORMATS, QUILT_FILM, default_target
 from lfsr_core.frames.folder import FrameFolder, frame_folders
 
 from ...jobs import session
@@ -22,7 +22,7 @@ from .base import TaskOperator
 # What opens pages on Linux. Windows and macOS have a browser.
 BROWSERS = ("xdg-open", "gio", "firefox", "chromium", "google-chrome", "brave-browser", "epiphany")
 PURPOSE = "to show or export"
-FORMAT_ITEMS = [(name, TITLES[name], text[0].upper() + text[1:]) for name, text in DESCRIPTIONS.items()]
+FORMAT_ITEMS = [(name, one.title, one.text[0].upper() + one.text[1:]) for name, one in FORMATS.items()]
 
 
 class LFSR_OT_open_viewer(TaskOperator, bpy.types.Operator):

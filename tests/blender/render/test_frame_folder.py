@@ -9,9 +9,9 @@ import pytest
 from blender_addon.render import frame_folder, output
 from blender_addon.render.frame_folder import Opened, render_job
 from lfsr_core.base.notices import Notice
+from lfsr_core.exports.light_field import read_views
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import LAYERS
-from lfsr_core.frames.views import read_views
 from lfsr_core.images import exr
 from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.pipeline.merge import merge

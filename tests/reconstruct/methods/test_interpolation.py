@@ -32,13 +32,13 @@ def test_weights_are_those_of_opencv(kernel: str, scale: int, margin: int) -> No
 
 def test_blur_keeps_single_precision():
     image = np.random.default_rng(1).random((30, 30, 3), dtype=np.float32)
-    blurred = blur(image, 1.5, 11)
+    blurred = blur(image)
     assert blurred.dtype == np.float32
-    np.testing.assert_allclose(blurred, blur(image.astype(np.float64), 1.5, 11), atol=1e-6)
+    np.testing.assert_allclose(blurred, blur(image.astype(np.float64)), atol=1e-6)
     for shape in [(40, 23, 3), (20, 20, 30), (11, 12, 1)]:
         image = np.random.default_rng(1).random(shape)
         expected = cv2.GaussianBlur(image, (11, 11), 1.5, borderType=cv2.BORDER_REFLECT).reshape(shape)
-        np.testing.assert_allclose(blur(image, 1.5, 11), expected, atol=1e-12)
+        np.testing.assert_allclose(blur(image), expected, atol=1e-12)
 
 
 def low_eia(sy=3, sx=4, h=5, w=6, scale=4, color=None):

@@ -12,7 +12,7 @@ from lfsr_core.calibration.patterns import pattern
 from lfsr_core.exports import loopback
 from lfsr_core.exports.films import eye_place
 from lfsr_core.exports.light_field import on_screen, read_light_field
-from lfsr_core.exports.options import DESCRIPTIONS
+from lfsr_core.exports.options import FORMATS
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.display import load_display, write_profile
@@ -80,7 +80,7 @@ def test_quilts_of_an_animation_become_a_film(frame):
 
 def test_every_format_is_in_the_menu(add_on):
     items = bpy.ops.lfsr.export.get_rna_type().properties["format"].enum_items
-    assert set(items.keys()) == set(DESCRIPTIONS)
+    assert set(items.keys()) == set(FORMATS)
 
 
 @pytest.mark.parametrize("press", [lambda: bpy.ops.lfsr.open_viewer(), lambda: bpy.ops.lfsr.export(format="quilt"),

@@ -11,8 +11,8 @@ import numpy as np
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.reference import check_reference
 from lfsr_core.frames.request import Request, Sampling
+from lfsr_core.metrics.eia_metrics import check_reference
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.methods import COMPARED, DEFAULT_METHOD, UPSCALER, names
 from lfsr_lab.experiments.chart.analysis import DIRECT, LOW, ChartSettings, Measured, Role, Times, short

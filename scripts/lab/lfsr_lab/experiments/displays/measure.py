@@ -20,10 +20,10 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, read_frame, read_rendered
-from lfsr_core.frames.reference import Reference
 from lfsr_core.frames.request import Request, Sampling, scales_up_to
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.exr import read_finite
+from lfsr_core.metrics.eia_metrics import Reference
 from lfsr_core.metrics.split_ssim import mean_of, psnr, split_mse, split_ssim_map
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eia import flip_order, from_views, to_elemental_images

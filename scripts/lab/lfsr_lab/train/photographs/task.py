@@ -18,7 +18,7 @@ from torch import Tensor, nn
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.metrics.split_ssim import SSIM_C1, SSIM_C2, SSIM_SIGMA, SSIM_WINDOW, weights
+from lfsr_core.metrics.split_ssim import HALF_WINDOW, SSIM_C1, SSIM_C2
 from lfsr_lab.networks import checkpoint, comparators
 from lfsr_lab.networks.networks import build
 from lfsr_lab.networks.upscalers import srgb_decode, srgb_encode
@@ -299,7 +299,7 @@ def psnr(image: Tensor, reference: Tensor) -> Tensor:
 
 def _blurred(maps: Tensor) -> Tensor:
     """Blur by the window of SSIM, without the border: (B, C, H - window + 1, W - window + 1)."""
-    half = torch.from_numpy(weights(SSIM_SIGMA, SSIM_WINDOW)).to(maps)
+    half = torch.from_numpy(HALF_WINDOW).to(maps)
     window = torch.cat([half.flip(0)[:-1], half])
     planes = maps.flatten(0, 1)[:, None]
     planes = F.conv2d(F.conv2d(planes, window[None, None, None]), window[None, None, :, None])
