@@ -27,8 +27,9 @@ from lfsr_core.version import __version__
 
 MOST_LETTERS = 2000  # of an error, which may quote files and devices of others
 
-# What verbs are for, an example, and the verbs, each with its module and one line of text. The module has a ``Verb`` of
-# the verb's name in capitals, and is loaded when that verb is used.
+# What verbs are for, an example, and the verbs, each with its module and one line of text. The module is loaded when
+# its verb is used: ``VERB_arguments`` adds arguments; ``run_VERB`` prints what people want to know and returns it as a
+# record or JSON-ready data for ``--json``, or raises LfsrError for bad input; it imports slow packages itself.
 GROUPS: tuple[tuple[str, str, dict[str, tuple[str, str]]], ...] = (
     ("Make an image", "lfsr render scene.blend -o frame", {
         "render": ("render", "render a scene's low-resolution EIA with Blender and upscale it to eia.png"),
@@ -143,11 +144,11 @@ def build_parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
     for name, (module, text) in VERBS.items():
         child = verbs.add_parser(name, description=text)
         if words is None or name in words:
-            verb = getattr(importlib.import_module(f"lfsr_core.commands.{module}"), name.upper())
-            verb.add_arguments(child)
+            verbs_of = importlib.import_module(f"lfsr_core.commands.{module}")
+            getattr(verbs_of, f"{name}_arguments")(child)
             child.add_argument("--json", action="store_true", help="print one JSON object on standard output")
             child.add_argument("--quiet", action="store_true", help="print nothing but errors and what --json asks")
-            child.set_defaults(run=verb.run)
+            child.set_defaults(run=getattr(verbs_of, f"run_{name}"))
     for name in LABORATORY:
         child = verbs.add_parser(name)
         if words is None or name in words:

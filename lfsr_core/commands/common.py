@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, TextIO
+from typing import Any, TextIO
 
 from lfsr_core.base.notices import Notice, Progress, cleaned, duration
 from lfsr_core.commands.sentences import sentence
@@ -34,15 +34,6 @@ PROGRESS_VARIABLE, OPENJD = "LFSR_PROGRESS", "openjd"  # environment variable, s
 BOLD, RED = "1", "31"  # styles of terminals
 _quiet = False
 OFFERED_LAYOUTS = tuple(layout for layout in LAYOUTS if layout != VIEW_BY_VIEW)
-
-
-class Verb(NamedTuple):
-    """A verb of ``lfsr``; it imports slow packages in ``run``."""
-
-    add_arguments: Callable[[argparse.ArgumentParser], None]
-    # Runs the verb, prints what people want to know, and returns it as a record or JSON-ready data for ``--json``;
-    # LfsrError for bad input.
-    run: Callable[[argparse.Namespace], Any]
 
 
 def progress() -> contextlib.closing[ProgressBar]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, cleaned
-from lfsr_core.commands.common import Verb, position
+from lfsr_core.commands.common import position
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.optics.display import (
     DisplayProfile,
@@ -22,7 +22,8 @@ from lfsr_core.optics.display import (
 )
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
+def displays_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `lfsr displays`."""
     parser.add_argument("display", nargs="?", metavar="NAME|FILE.toml", help="profile to show")
     parser.add_argument("--import", dest="calibration", type=Path, metavar="VISUAL.json",
                         help="make a profile from a Looking Glass calibration; needs -o FILE.toml")
@@ -44,7 +45,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="file to write")
 
 
-def _run(arguments: argparse.Namespace) -> Any:
+def run_displays(arguments: argparse.Namespace) -> Any:
     """List the profiles, show one, or make a profile or a pattern."""
     from lfsr_core.calibration.fit import calibrate
     from lfsr_core.calibration.makers import profile_from_calibration, profile_of_c1, read_calibration
@@ -120,9 +121,6 @@ def _run(arguments: argparse.Namespace) -> Any:
         return {"displays": profiles}
     print("\n".join(describe(profile)))
     return profile
-
-
-DISPLAYS = Verb(_add_arguments, _run)
 
 
 def describe(profile: DisplayProfile) -> list[str]:

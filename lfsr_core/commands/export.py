@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.commands.common import Verb, progress
+from lfsr_core.commands.common import progress
 from lfsr_core.exports.options import FILM_TYPES, FORMATS, PRESETS, VIEW_TYPES, ExportOptions
 
 
-def _add_export_arguments(parser: argparse.ArgumentParser) -> None:
+def export_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `lfsr export`."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="finished frame folder, or an animation's folder")
     parser.add_argument("--format", required=True, choices=FORMATS,
                         help="; ".join(f"{name}: {one.text}" for name, one in FORMATS.items()))
@@ -31,7 +32,7 @@ def _add_export_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, metavar="S", help="of a sway or wiggle to and fro, default: 4 or 0.8")
 
 
-def _export(arguments: argparse.Namespace) -> Any:
+def run_export(arguments: argparse.Namespace) -> Any:
     """Write the export and print its path."""
     from lfsr_core.exports.formats import export
 
@@ -48,9 +49,6 @@ def _export(arguments: argparse.Namespace) -> Any:
     return {"files": files}
 
 
-EXPORT = Verb(_add_export_arguments, _export)
-
-
 def _pair(text: str) -> tuple[int, ...]:
     try:
         numbers = tuple(int(part) for part in text.lower().split("x"))
@@ -61,7 +59,8 @@ def _pair(text: str) -> tuple[int, ...]:
     return numbers
 
 
-def _add_import_arguments(parser: argparse.ArgumentParser) -> None:
+def import_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `lfsr import`."""
     parser.add_argument("source", type=Path, metavar="SOURCE", help="folder of views, or quilt: an image or a film")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR",
                         help="frame folder to write; of a film, the folder of its frame folders")
@@ -83,7 +82,7 @@ def _add_import_arguments(parser: argparse.ArgumentParser) -> None:
                         help="reverse the order of the cameras, if depth comes out inside out")
 
 
-def _import(arguments: argparse.Namespace) -> Any:
+def run_import(arguments: argparse.Namespace) -> Any:
     """Import; finish the frame if there is nothing to upscale; print the next command."""
     from lfsr_core.exports.importing import ImportGeometry, import_views, is_film, quilt_of
     from lfsr_core.optics.display import load_display
@@ -108,6 +107,3 @@ def _import(arguments: argparse.Namespace) -> Any:
     print(f"{folder}: {display.views[0]}×{display.views[1]} views of {display.lenses[0]}×{display.lenses[1]} pixels; "
           f"next: lfsr {following} {folder}")
     return {"folder": folder, "display": display}
-
-
-IMPORT = Verb(_add_import_arguments, _import)

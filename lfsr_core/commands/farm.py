@@ -7,19 +7,20 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.commands.common import Verb, progress
+from lfsr_core.commands.common import progress
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.pipeline.farms import TEMPLATES, write_template
 
 
-def _add_farm_arguments(parser: argparse.ArgumentParser) -> None:
+def farm_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `lfsr farm`."""
     parser.add_argument("farm", choices=TEMPLATES, help="openjd: a job template of Open Job Description; flamenco: a "
                                                         "job type of Flamenco 3")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE",
                         help="default: lfsr-openjd.yaml or lfsr-flamenco.js here")
 
 
-def _farm(arguments: argparse.Namespace) -> Any:
+def run_farm(arguments: argparse.Namespace) -> Any:
     """Write the template and print its path."""
     name = TEMPLATES[arguments.farm]
     output = arguments.output or Path(f"lfsr-{name}")
@@ -30,10 +31,8 @@ def _farm(arguments: argparse.Namespace) -> Any:
     return {"file": output}
 
 
-FARM = Verb(_add_farm_arguments, _farm)
-
-
-def _add_merge_arguments(parser: argparse.ArgumentParser) -> None:
+def merge_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `lfsr merge`."""
     parser.add_argument("parts", type=Path, nargs="+", metavar="PART",
                         help="folder of a part, in any order, or a folder of such folders")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="frame folder to write")
@@ -41,7 +40,7 @@ def _add_merge_arguments(parser: argparse.ArgumentParser) -> None:
                         help="write into a folder of DIR named by the frame's number, such as 0001")
 
 
-def _merge(arguments: argparse.Namespace) -> Any:
+def run_merge(arguments: argparse.Namespace) -> Any:
     """Join the parts and print the result."""
     from lfsr_core.pipeline.merge import merge, part_folders
 
@@ -53,6 +52,3 @@ def _merge(arguments: argparse.Namespace) -> Any:
     print(f"{output}: {len(parts)} parts, {frame.samples} samples, rendered in "
           f"{frame.seconds.get('render', 0.0):.1f} s in all")
     return {"folder": output, "parts": len(parts), "frame": frame}
-
-
-MERGE = Verb(_add_merge_arguments, _merge)

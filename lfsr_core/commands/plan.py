@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.commands.common import Verb, add_geometry_arguments, make_request, names, numbers, progress
+from lfsr_core.commands.common import add_geometry_arguments, make_request, names, numbers, progress
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.request import Sampling
 
@@ -25,7 +25,7 @@ MOST_ROWS = 5  # so that heading, rows, cost, sentence and command are ten lines
 HEADINGS = ("", "scale", "rays", "spp", "method", "seconds", "accuracy", "95 % above", "")
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
+def plan_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb; their defaults are those of ``PlanOptions``."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     parser.add_argument("--target", type=float, metavar="0..1", help="accuracy to reach, default: 0.95")
@@ -52,7 +52,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     add_geometry_arguments(parser)
 
 
-def _run(arguments: argparse.Namespace) -> Any:
+def run_plan(arguments: argparse.Namespace) -> Any:
     """Plan; print the table and the command that renders the choice."""
     from lfsr_core.pipeline.make import make
     from lfsr_core.plan.options import PlanOptions
@@ -70,9 +70,6 @@ def _run(arguments: argparse.Namespace) -> Any:
     if planned.choice.chosen is not None:
         print(render_command(arguments, planned.choice.chosen, request.display))
     return planned
-
-
-PLAN = Verb(_add_arguments, _run)
 
 
 def table(planned: Planned, display: DisplayProfile, details: bool) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.commands import common
-from lfsr_core.commands.common import Verb, progress
+from lfsr_core.commands.common import progress
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
 from lfsr_core.frames.request import Sampling
@@ -26,7 +26,8 @@ DEFAULT_SAMPLES = 1024
 SCALE_FOR_MASK, SAMPLES_FOR_MASK = 4, 4
 
 
-def _add_reference_arguments(parser: argparse.ArgumentParser) -> None:
+def reference_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `lfsr reference`."""
     common.add_scene_arguments(parser)
     parser.add_argument("--spp", type=int, default=DEFAULT_SAMPLES, metavar="N",
                         help="samples per pixel, default: %(default)s")
@@ -34,7 +35,7 @@ def _add_reference_arguments(parser: argparse.ArgumentParser) -> None:
                         help="only N random lenses, spread over the foreground; default: all")
 
 
-def _reference(arguments: argparse.Namespace) -> Any:
+def run_reference(arguments: argparse.Namespace) -> Any:
     """Choose lenses if asked to; render them at full resolution, unclamped."""
     from lfsr_core.frames.low_res import foreground_mask
     from lfsr_core.images.exr import read_layers
@@ -74,24 +75,19 @@ def _reference(arguments: argparse.Namespace) -> Any:
     return {"folder": arguments.output, "lenses": count, "samples": request.sampling.samples}
 
 
-REFERENCE = Verb(_add_reference_arguments, _reference)
-
-
-def _add_compare_arguments(parser: argparse.ArgumentParser) -> None:
+def compare_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `lfsr compare`."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="finished frame folder")
     parser.add_argument("reference", type=Path, metavar="REFDIR", help="folder of `lfsr reference`")
 
 
-def _compare(arguments: argparse.Namespace) -> Any:
+def run_compare(arguments: argparse.Namespace) -> Any:
     """Compare and print."""
     from lfsr_core.metrics.eia_metrics import compare_folders
 
     metrics = compare_folders(arguments.folder, arguments.reference)
     print("\n".join(table(metrics)))
     return metrics
-
-
-COMPARE = Verb(_add_compare_arguments, _compare)
 
 
 def table(metrics: Metrics) -> list[str]:

@@ -13,7 +13,7 @@ from typing import Any
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import duration
 from lfsr_core.commands import common
-from lfsr_core.commands.common import ProgressBar, Verb, progress
+from lfsr_core.commands.common import ProgressBar, progress
 from lfsr_core.commands.reference import table
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.folder import FrameFolder
@@ -33,7 +33,8 @@ from lfsr_core.optics.lenses import check_count, rows_text
 AUTO_SCALE, CHECK_SAMPLES = "auto", 1024
 
 
-def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
+def render_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `lfsr render`."""
     common.add_scene_arguments(parser, "with --frames, ")
     parser.add_argument("--rays", type=float, metavar="R",
                         help="rays per finished pixel, which decide noise and time: 1 is 16 samples per rendered pixel "
@@ -65,7 +66,7 @@ def _add_render_arguments(parser: argparse.ArgumentParser) -> None:
     common.add_method_arguments(parser)
 
 
-def _render(arguments: argparse.Namespace) -> Any:
+def run_render(arguments: argparse.Namespace) -> Any:
     """Make one image or an animation, and print what was made."""
     from lfsr_core.metrics.eia_metrics import compare_with_reference
     from lfsr_core.pipeline.make import FAILED, make
@@ -162,10 +163,8 @@ def _layers(text: str) -> tuple[str, ...]:
     return () if text.strip() == "none" else common.names(text)
 
 
-RENDER = Verb(_add_render_arguments, _render)
-
-
-def _add_upscale_arguments(parser: argparse.ArgumentParser) -> None:
+def upscale_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `lfsr upscale`."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="frame folder of `lfsr render`")
     parser.add_argument("--frame", type=int, metavar="N", help="frame N of the animation in DIR")
     parser.add_argument("--temporal-averaging", type=int, default=0, metavar="N",
@@ -174,7 +173,7 @@ def _add_upscale_arguments(parser: argparse.ArgumentParser) -> None:
     common.add_method_arguments(parser)
 
 
-def _upscale(arguments: argparse.Namespace) -> Any:
+def run_upscale(arguments: argparse.Namespace) -> Any:
     """Upscale the folder and print the path of the image."""
     from lfsr_core.pipeline.make import finish_frame
 
@@ -186,9 +185,6 @@ def _upscale(arguments: argparse.Namespace) -> Any:
         finish_frame(folder.path, finish, bar)
         show_finished(folder, bar)
     return {"folder": folder.path, "image": folder.image, "report": folder.report}
-
-
-UPSCALE = Verb(_add_upscale_arguments, _upscale)
 
 
 def show_finished(folder: FrameFolder, bar: ProgressBar) -> None:

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.notices import Notice, cleaned
-from lfsr_core.commands.common import Verb, position, progress
+from lfsr_core.commands.common import position, progress
 from lfsr_core.exports.light_field import write_views
 
 
-def _add_view_arguments(parser: argparse.ArgumentParser) -> None:
+def view_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `lfsr view`."""
     parser.add_argument("folders", type=Path, nargs="+", metavar="DIR",
                         help="finished frame folder; several, or a folder of them, are an animation")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE.html", help="default: view.html in the first DIR")
@@ -21,7 +22,7 @@ def _add_view_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--open", action="store_true", help="open it in the browser")
 
 
-def _view(arguments: argparse.Namespace) -> Any:
+def run_view(arguments: argparse.Namespace) -> Any:
     """Write the page and print its path."""
     from lfsr_core.exports.page import write_page
 
@@ -33,27 +34,23 @@ def _view(arguments: argparse.Namespace) -> Any:
     return page
 
 
-VIEW = Verb(_add_view_arguments, _view)
-
-
-def _add_views_arguments(parser: argparse.ArgumentParser) -> None:
+def views_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `lfsr views`."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="finished frame folder")
     parser.add_argument("--eye", type=position, metavar="X,Y,Z",
                         help="millimetres from the display's centre, rightwards, upwards, towards the viewer; "
                              "negative X: --eye=-50,0,1000")
 
 
-def _views(arguments: argparse.Namespace) -> Any:
+def run_views(arguments: argparse.Namespace) -> Any:
     """Write the images and print their paths."""
     files = write_views(arguments.folder, arguments.eye)
     print(*files, sep="\n")
     return {"files": files}
 
 
-VIEWS = Verb(_add_views_arguments, _views)
-
-
-def _add_show_arguments(parser: argparse.ArgumentParser) -> None:
+def show_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `lfsr show`."""
     parser.add_argument("path", type=Path, metavar="FRAME|FILM|QUILT",
                         help="frame folder, folder of them, quilt or film of quilts; or a panel's own image")
     parser.add_argument("--display", metavar="NAME|screen",
@@ -63,7 +60,7 @@ def _add_show_arguments(parser: argparse.ArgumentParser) -> None:
                         help="frames a second of an animation, default: %(default)g")
 
 
-def _show(arguments: argparse.Namespace) -> Any:
+def run_show(arguments: argparse.Namespace) -> Any:
     """Show it and say where."""
     from lfsr_core.exports.show import show
 
@@ -73,6 +70,3 @@ def _show(arguments: argparse.Namespace) -> Any:
         if shown.page and not webbrowser.open(shown.page.resolve().as_uri()):
             bar(Notice("browser-missing"))
     return shown
-
-
-SHOW = Verb(_add_show_arguments, _show)

@@ -16,10 +16,10 @@ from PIL import Image, ImageSequence
 
 from lfsr_core.base.notices import Notice
 from lfsr_core.exports import films
-from lfsr_core.exports.formats import FORMATS, export
+from lfsr_core.exports.formats import WRITERS, export
 from lfsr_core.exports.images import anaglyph
 from lfsr_core.exports.light_field import central_disparity, on_screen, read_light_field, resized
-from lfsr_core.exports.options import DESCRIPTIONS, PRESETS, TITLES, ExportOptions, quilt_name, read_quilt_name
+from lfsr_core.exports.options import FORMATS, PRESETS, ExportOptions, quilt_name, read_quilt_name
 from lfsr_core.frames.frame import read_frame, write_frame
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.images.png import write_png
@@ -305,7 +305,7 @@ def test_a_missing_encoder_is_named(folder, tmp_path, monkeypatch):
         monkeypatch.setitem(__import__("sys").modules, package, None)
         refuses("pip install", export, folder, "sway", tmp_path / "out", ExportOptions(type=kind, seconds=0.1))
     assert list(tmp_path.iterdir()) == []
-    assert set(FORMATS) == set(TITLES) == set(DESCRIPTIONS)
+    assert set(FORMATS) == set(WRITERS)
     for options in [{"views": (0, 1)}, {"eyes_mm": -1.0}, {"eyes_mm": math.nan}, {"seconds": 1e9}]:
         refuses("must be", ExportOptions, **options)
 
