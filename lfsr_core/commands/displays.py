@@ -73,6 +73,9 @@ def run_displays(arguments: argparse.Namespace) -> Any:
                                 ("--pattern writes an image", arguments.pattern, "FILE.png")):
         if asked and output is None:
             raise LfsrError(f"{name}, but no file was given: add -o {wanted}")
+    makes = (arguments.bridge, arguments.calibration, arguments.cubevi, arguments.pattern, arguments.fit)
+    if output and not any(makes):
+        raise LfsrError(f"there is nothing to write to {output}: add --bridge, --import, --cubevi, --pattern or --fit")
     if (arguments.pattern or arguments.fit) and not arguments.display:
         raise LfsrError("--pattern and --fit need a display: give its name or FILE.toml")
     if arguments.bridge or arguments.calibration:

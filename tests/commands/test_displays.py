@@ -44,6 +44,7 @@ def test_a_telephones_photograph_of_the_pattern_fits_the_profile(tmp_path, capsy
 
 def test_what_is_missing_is_named(tmp_path, capsys):
     assert "no file was given: add -o FILE.toml" in fails(["displays", "--import", str(new_unit(tmp_path))], capsys)
+    assert "nothing to write to x.toml" in fails(["displays", "mini", "-o", "x.toml"], capsys)
     assert "add -o FILE.png" in fails(["displays", "looking-glass-go", "--pattern", "rgb"], capsys)
     assert "--pattern and --fit need a display" in fails(["displays", "--fit", "photo.png"], capsys)
     assert "1 photographs and 2 positions were given" in fails(
