@@ -116,8 +116,8 @@ class Pooling(Upscaler):
                 row, column = lenses[part].T
                 lines = (column[:, None] * width + np.arange(width)) * low.wide.shape[2] + low.rows[row][:, None]
                 rays = down @ pooled(low.wide, lines.ravel() * (h + 2 * REACH) + REACH, line)[:3]
-                images = rays.reshape(3, -1, len(part), width) @ across.T
-                result[part] = decode(images).transpose(2, 1, 3, 0)
+                images = decode(rays.reshape(-1, width) @ across.T)
+                result[part] = images.reshape(3, -1, len(part), images.shape[1]).transpose(2, 1, 3, 0)
         return result
 
     def _restored(self, low: LowResEIA, slope: Array, steepest: float) -> Array:
@@ -127,29 +127,47 @@ class Pooling(Upscaler):
         samples of other lenses along the line have in common with it is lost detail, of which their mean has little
         noise; so it is added, weighted as Wiener's filter does by the covariance in NEIGHBOURS lenses around.
         """
-        color = encode(low.color)
-        if low.noisy is None or low.samples < LEAST_SAMPLES or steepest < LEAST_STEEP:
+        color, noisy = encode(low.color), low.noisy
+        if noisy is None or low.samples < LEAST_SAMPLES or steepest < LEAST_STEEP:
             return color
         (sy, sx, h, w), known = slope.shape, slope < UNKNOWN
-        dark = np.maximum(low.color, DARK)
-        lost = np.clip((low.noisy - low.color) * (0.5 / np.where(dark < 1, np.sqrt(dark), dark)), -LIMIT, LIMIT)
-        values = np.concatenate([lost, np.ones_like(lost[..., :1])], -1) * known[..., None]
+        lost = np.empty((*slope.shape, 4), np.float32)  # and 1 where it is known
+
+        def residual(row: int) -> None:
+            dark = np.maximum(low.color[row], DARK)
+            dark = 0.5 / np.where(dark < 1, np.sqrt(dark), dark)
+            lost[row, ..., :3] = np.clip((noisy[row] - low.color[row]) * dark, -LIMIT, LIMIT)
+            lost[row, ..., 3] = 1
+            lost[row] *= known[row, ..., None]
+
+        in_threads(residual, range(sy))
+        found = lost
         for axis, ratio in ((1, 1.0), (0, low.slope_ratio)):
             # Lenses and views of one axis last, those of the other axis first.
             order = (0, 2, 1, 3) if axis else (1, 3, 0, 2)
             count, views = (sx, w) if axis else (sy, h)
             slopes = np.where(known, slope * np.float32(ratio), slope).transpose(order).reshape(-1, count, views)
-            found = _residuals(values.transpose(4, *order).reshape(-1, *slopes.shape), slopes,
-                               *self._places(count, steepest * ratio), own=not axis)
-            values = found.reshape(-1, *(slope.shape[each] for each in order)).transpose(*(1 + np.argsort(order)), 0)
-        others, count = values[..., :3], values[..., 3:]
-        seen = (count[..., 0] > LEAST_OTHERS) & known
-        shared = np.einsum("yxvuc,yxvuc,c->yxvu", lost, others / np.maximum(count, LEAST_OTHERS), LUMINANCE) * seen
-        mean = (others + lost) / (count + 1) * seen[..., None]
-        power = np.einsum("yxvuc,yxvuc,c->yxvu", mean, mean, LUMINANCE)
-        shared, power = (_pooled_lenses(each.sum((2, 3))) for each in (shared, power))
-        weight = np.clip(np.divide(shared, power, out=np.zeros_like(power), where=power > 0), 0, 1)
-        color += weight[:, :, None, None, None].astype(np.float32) * mean
+            sums = _residuals(found.transpose(4, *order).reshape(-1, *slopes.shape), slopes,
+                              *self._places(count, steepest * ratio), own=not axis)
+            found = sums.reshape(-1, *(slope.shape[each] for each in order)).transpose(*(1 + np.argsort(order)), 0)
+        mean, shared, power = np.empty_like(color), np.empty((sy, sx)), np.empty((sy, sx))
+
+        def covariance(row: int) -> None:
+            others, count, own = found[row, ..., :3], found[row, ..., 3:], lost[row, ..., :3]
+            seen = (count > LEAST_OTHERS) & known[row, ..., None]
+            mean[row] = (others + own) / (count + 1) * seen
+            shared[row] = np.einsum("xvuc,xvuc,c->x", own, others / np.maximum(count, LEAST_OTHERS) * seen, LUMINANCE)
+            power[row] = np.einsum("xvuc,xvuc,c->x", mean[row], mean[row], LUMINANCE)
+
+        in_threads(covariance, range(sy))
+        shared, power = _pooled_lenses(shared), _pooled_lenses(power)
+        weight = np.clip(np.divide(shared, power, out=np.zeros_like(power), where=power > 0), 0, 1).astype(np.float32)
+
+        def restore(row: int) -> None:
+            mean[row] *= weight[row, :, None, None, None]
+            color[row] += mean[row]
+
+        in_threads(restore, range(sy))
         return color
 
     def _places(self, count: int, steepest: float) -> tuple[Array, int]:
