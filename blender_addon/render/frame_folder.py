@@ -64,7 +64,7 @@ HALF_SEED = 1 << 20
 SETTLED = ("scene", "device", "light", "sampling")
 SOURCES = ("render", "scene")  # packages of the add-on that decide pixels
 LIGHT_WIDTH, LIGHT_SAMPLES = 64, 4  # pixels across, and samples per pixel, of the measurement of light
-FIRST_WIDTH, FIRST_SAMPLES = 160, 24  # of the first view
+FIRST_WIDTH, FIRST_SAMPLES, FIRST_MAP = 160, 24, 128  # of the first view
 # Darker surfaces count as if they reflected this much: black things in good light are not in the dark.
 LEAST_ALBEDO = 0.1
 Say = Callable[[Notice], object]
@@ -227,8 +227,11 @@ def _seen_from_middle(scene: bpy.types.Scene, placed: Placement, settings: Rende
 def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> None:
     """Write that as decoded views are, uint8 (1, 1, sy, sx, 3): few pixels, so that it is there at once."""
     settings = RenderSettings(FIRST_SAMPLES, frame.seed, device=frame.device, world_visible=frame.world_visible)
-    layers = _seen_from_middle(scene, (frame.array, frame.matrix_world), settings,
-                               min(FIRST_WIDTH, frame.display.lenses[0]))
+    # A world image is sampled by a small map, which is made at once.
+    small = {"sampling_method": "MANUAL", "sample_map_resolution": FIRST_MAP}
+    with overridden(scene.world.cycles, small) if scene.world is not None else nullcontext():
+        layers = _seen_from_middle(scene, (frame.array, frame.matrix_world), settings,
+                                   min(FIRST_WIDTH, frame.display.lenses[0]))
     color = layers["color"]
     behind = layers["environment"] if frame.world_visible else (1 - color[..., 3:]) * frame.display.background
     shown = ViewTransform(frame.color).to_uint8(np.maximum(color[..., :3] + behind, 0).astype(np.float32))
