@@ -132,7 +132,8 @@ def test_what_was_imported_is_mended_with_a_second_press(window):
 def test_an_image_begins_with_a_first_view(window):
     window.run("bpy.ops.wm.read_homefile(app_template='')")
     window.run("bpy.context.scene.lfsr.method, bpy.context.scene.lfsr.display = 'bilinear', 'bupt-32in-8k'")
-    window.run("bpy.context.scene.lfsr.rays = 64; addon.jobs.preview.forget()")
+    window.run("bpy.context.scene.lfsr.rays = 64; addon.jobs.preview.forget()\n"
+               "addon.jobs.runtime.preferences_of_addon().seconds_per_path = 0")  # of an image that takes long is asked
     assert window.get(PRESS) == ["FINISHED"]
     window.until(f"{TASK} is None or addon.jobs.preview.icon(bpy.context.scene)", SECONDS_TO_RENDER)
     assert "first view" in window.get(f"{STATE}.message") and window.get(TASK + " is not None")
