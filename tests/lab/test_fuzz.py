@@ -1,23 +1,33 @@
 """Damaged files under every verb that reads them: a picture as good, or one sentence; no traceback, no waiting.
 
+And kills, full disks and two commands at once under verbs that write: nothing half-written, and the next run is whole.
 One input of most kinds; 10,000 with ``pytest -m long -rP tests/lab/test_fuzz.py``, which prints the outcomes.
 """
 
 import collections
+import contextlib
 import dataclasses
 import hashlib
 import itertools
+import json
 import math
+import multiprocessing
+import random
+import resource
 import shutil
+import sys
+import tempfile
 from collections.abc import Callable, Iterator
+from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from _pytest.mark import ParameterSet
 from PIL import Image
 
-from lfsr_core.base.files import write_json
+from lfsr_core.base.files import LOCK, UNFINISHED, write_json
 from lfsr_core.base.records import to_data
 from lfsr_core.calibration.makers import OFFSETS
 from lfsr_core.calibration.patterns import pattern
@@ -41,6 +51,7 @@ from tests.support.damage import Case
 from tests.support.finished import finished
 from tests.support.noisy_renders import JOB, render
 from tests.support.played_blender import played_blender
+from tests.support.processes import wait_for
 from tests.support.requests import changed
 from tests.support.synthetic import MINI, light_field, write_apart, write_reference, write_render
 from tests.support.telephone import photograph
@@ -239,6 +250,11 @@ PARTS = sum(case.part * len(case.files) for case in CASES.values())
 QUICK = 0.3  # more than this part has a case in the small sample
 
 
+WRITERS = ("upscale", "view", "views", "export hci", "import", "calibration", "merge", "render")
+FAULTS = {"kill": 15, "full disk": 25, "race": 25}  # and how many of each a verb meets in the long run
+FORKS = multiprocessing.get_context("forkserver")
+
+
 def sampled_inputs() -> Iterator[ParameterSet]:
     """Each case with its inputs of every kind of file: one, where it is quick, and its part of MANY."""
     for name, case in CASES.items():
@@ -254,3 +270,76 @@ def test_damaged_files_give_the_same_picture_or_a_sentence(tmp_path, monkeypatch
     for kind in case.files:
         print(f"{kind:24}", dict(collections.Counter(result.outcome for name, _, result in found if name == kind)))
     assert not [each for each in found if each[2].outcome in damage.WRONG]
+
+
+def attempted(name: str, folder: Path, most: int, answer: Connection) -> None:
+    """Run a case's command in this process, whose files may have ``most`` bytes."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+    answer.send(damage.attempt(CASES[name], folder))
+
+
+def start(name: str, folder: Path, most: int = resource.RLIM_INFINITY) -> tuple[Any, Connection]:
+    """A process that runs a case's command, and where it sends the result."""
+    ours, theirs = FORKS.Pipe(duplex=False)
+    process = FORKS.Process(target=attempted, args=(name, folder, most, theirs))
+    process.start()
+    theirs.close()
+    return process, ours
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+@pytest.mark.parametrize(("name", "fault", "trials"), [
+    ("upscale", "kill", 1), ("merge", "full disk", 1), ("views", "race", 1), *(
+        pytest.param(name, *fault, marks=pytest.mark.long) for name in WRITERS for fault in FAULTS.items())])
+def test_nothing_is_half_written(tmp_path, name, fault, trials):
+    FORKS.set_forkserver_preload([__name__])
+    # For its socket; it would remove a folder of its own after the tests' own is gone.
+    multiprocessing.current_process()._config["tempdir"] = tempfile.gettempdir()
+    good, work = tmp_path / "good", tmp_path / "work"
+    work.mkdir()
+    CASES[name].make(work)
+    shutil.copytree(work, good)
+    process, answer = start(name, work)
+    whole = answer.recv()  # and once more, with all modules loaded
+    largest, outcomes = max(path.stat().st_size for path in work.rglob("*") if path.is_file()), collections.Counter()
+    for number in range(trials):
+        dice = random.Random(f"{SEED} {name} {fault} {number}")
+        shutil.rmtree(work)
+        shutil.copytree(good, work)
+        running = [start(name, work, dice.randrange(largest) if fault == "full disk" else resource.RLIM_INFINITY)
+                   for _ in range(2 if fault == "race" else 1)]
+        for process, answer in running:
+            if fault == "kill":
+                process.join(dice.uniform(0, 1.5))
+                process.kill()
+            else:
+                found = answer.recv()
+                assert found.outcome in (damage.READ, damage.REFUSED), found.said
+                outcomes[found.outcome] += 1
+            process.join()
+            outcomes[process.exitcode] += 1
+        wait_for(lambda: not [path for path in Path("/proc").glob("[0-9]*/cmdline") if told(path, str(work))], 20)
+        check_whole(work, fault)
+        process, answer = start(name, work)
+        again = answer.recv()
+        assert again.outcome == damage.REFUSED or again.pictures == whole.pictures, again.said
+        check_whole(work, "next run")
+    print(name, fault, dict(outcomes))
+
+
+def told(path: Path, text: str) -> bool:
+    """Whether a process has ``text`` among its words."""
+    with contextlib.suppress(OSError):
+        return text in path.read_text(errors="replace")
+    return False
+
+
+def check_whole(folder: Path, fault: str) -> None:
+    """Check that every file can be read, and that nothing is left of unfinished ones, but where the writer died."""
+    for path in filter(Path.is_file, folder.rglob("*")):
+        if UNFINISHED in path.name or path.name.endswith(LOCK):
+            assert fault == "kill", path
+        elif path.suffix == ".json":
+            json.loads(path.read_bytes())
+        elif not any(part.startswith(".") for part in path.relative_to(folder).parts):
+            damage.pixels(path)

@@ -170,7 +170,7 @@ def attempt(case: Case, folder: Path) -> Result:
         return Result(REFUSED if whole and code == 2 and "Traceback" not in errors.getvalue() else UNCLEAR,
                       said if whole else f"exit {code}: {errors.getvalue()}")
     notes = "\n".join(line for line in lines if line.startswith("note: "))
-    return Result(READ, notes, tuple(_pixels(path) for pattern in case.pictures
+    return Result(READ, notes, tuple(pixels(path) for pattern in case.pictures
                                      for path in sorted(folder.glob(pattern))))
 
 
@@ -215,7 +215,7 @@ def _alarm() -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def _pixels(path: Path) -> bytes:
+def pixels(path: Path) -> bytes:
     """Pixels of a picture, or the bytes of another file."""
     if path.suffix == ".exr":
         return read_layers(path)["color"].tobytes()
