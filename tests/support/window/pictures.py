@@ -3,6 +3,7 @@
     python tests/support/window/pictures.py docs/images
 """
 
+import os
 import shutil
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from tests.support.window.desktop import Window, blender_window, inside
 
 SECONDS_TO_RENDER = 1200
 SECONDS_OF_LIVE = 90   # on a busy machine
+HEIGHT_OF_CHECK = 560  # the panel ends there
 COLORS = 200   # keeps a picture below 300 kB
 SCENE = """
 scene = bpy.context.scene
@@ -44,7 +46,8 @@ bpy.context.object.data.energy = 700
 bpy.ops.object.light_add(type="SUN", location=(-3, 4, 6), rotation=(-0.6, -0.3, 0))
 for item in scene.objects:
     item.select_set(item.type == "MESH" and item.name != "Floor")
-scene.render.engine = "CYCLES"
+scene.render.engine, scene.render.use_motion_blur = "CYCLES", True
+scene.lfsr.method = "pool"  # this Blender has no Open Image Denoise
 bpy.context.space_data.shading.color_type = "MATERIAL"
 bpy.context.space_data.show_region_ui = True
 bpy.ops.wm.save_as_mainfile(filepath=FILE)
@@ -75,10 +78,9 @@ def take(window: Window, folder: Path) -> None:
     window.run("bpy.ops.lfsr.look_through('INVOKE_DEFAULT', True)")
     window.run("bpy.ops.lfsr.check_scene('INVOKE_DEFAULT', True)")
     window.run("bpy.context.window_manager.lfsr.show_problems = True; addon.jobs.show_image.redraw_views()")
-    keep(window, folder, "panel-check", (x - 20, top, width + 20, height))
+    keep(window, folder, "panel-check", (x - 20, top, width + 20, HEIGHT_OF_CHECK))
     window.run("bpy.ops.lfsr.check_fix('INVOKE_DEFAULT', True, code='background', target='Floor')")
     window.run("bpy.context.window_manager.lfsr.checked_scene = ''" + IMAGE_EDITOR)
-    window.run("bpy.context.scene.lfsr.method = 'pool'")   # this Blender has no Open Image Denoise
     window.run("for asked in addon.ui.operators.check.questions(bpy.context.scene): asked.accept()")
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
     window.until("addon.jobs.session.current().fraction > 0.3", SECONDS_TO_RENDER)
@@ -112,6 +114,8 @@ def keep(window: Window, folder: Path, name: str, crop: tuple[int, int, int, int
 
 
 if __name__ == "__main__":
+    for variable in ("PYTEST_DEBUG_TEMPROOT", "TMPDIR"):  # as in tests/conftest.py
+        os.environ.setdefault(variable, tempfile.gettempdir())
     with tempfile.TemporaryDirectory() as scratch, blender_window(Path(scratch)) as it:
         take(it, Path(sys.argv[1]).resolve())
         live(it, Path(sys.argv[1]).resolve())
