@@ -71,18 +71,18 @@ _MODULES = {
     "process.child": "Blender find_blender",
     "reconstruct.methods": "MethodName",
 }
-_HOMES = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 
 if not TYPE_CHECKING:  # so that checkers find a misspelt name
     def __getattr__(name: str) -> object:
         """Load a public name from its module."""
-        if name not in _HOMES:
+        home = next((module for module, names in _MODULES.items() if name in names.split()), None)
+        if home is None:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        value = getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+        value = getattr(importlib.import_module(f"{__name__}.{home}"), name)
         globals()[name] = value
         return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOMES})
+    return sorted({*globals(), *__all__})

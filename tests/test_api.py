@@ -74,7 +74,7 @@ def test_reconstruction_in_memory_is_that_of_a_folder(tmp_path):
 
 
 def test_the_list_of_names_is_complete_and_documented():
-    assert {*lfsr_core.__all__} == {"__version__", *lfsr_core._HOMES}
+    assert {*lfsr_core.__all__} == {"__version__", *" ".join(lfsr_core._MODULES.values()).split()}
     with pytest.raises(AttributeError, match="no attribute 'finish_frames'"):
         _ = lfsr_core.finish_frames
     for name in lfsr_core.__all__:

@@ -68,7 +68,6 @@ def render_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_render(arguments: argparse.Namespace) -> Any:
     """Make one image or an animation, and print what was made."""
-    from lfsr_core.metrics.eia_metrics import compare_with_reference
     from lfsr_core.pipeline.make import FAILED, make
     from lfsr_core.reconstruct.methods import MethodName
 
@@ -125,6 +124,8 @@ def run_render(arguments: argparse.Namespace) -> Any:
         if frames is None and request.rows is None:
             show_finished(FrameFolder(request.output), bar)
             if arguments.check is not None:
+                from lfsr_core.metrics.eia_metrics import compare_with_reference
+
                 metrics = compare_with_reference(request, request.output, f"{request.output}_reference",
                                                  arguments.check, CHECK_SAMPLES, arguments.blender, bar)
                 bar.close()
