@@ -181,6 +181,8 @@ class _Work:
         tell(Progress("load", 0.0, LOW_RES_FILE))
         with self.clock("load"):
             layers, self.replaced = read_finite(folder / LOW_RES_FILE)  # pixels that were not finite
+            if not self.method.upscaler.follows_depth:
+                layers.pop("position", None)
             low = low_resolution(layers, frame, read_world(folder, frame))
         if count:
             tell(Progress("average", 0.0, "neighbouring frames"))

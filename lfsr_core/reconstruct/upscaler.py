@@ -15,6 +15,7 @@ class Upscaler(abc.ABC):
     """Makes finished elemental images of a low-resolution EIA; pads them itself where it needs to."""
 
     thread_safe: bool = False  # whether several threads may call it at once
+    follows_depth: bool = False  # whether it reads the slopes of what is seen
     kernel: str = "linear"  # of ``interpolation.KERNELS``, by which the opacity before a world is upscaled
 
     def prepare(self, low: LowResEIA) -> LowResEIA:

@@ -66,6 +66,7 @@ class Pooling(Upscaler):
     """
 
     thread_safe = True
+    follows_depth = True
 
     def __init__(self, block: int | None = None) -> None:
         self._block = block
