@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
 from lfsr_core.optics.display import write_profile
 from tests.support.panels import lenticular
-from tests.support.window.desktop import Window, blender_window, inside
+from tests.support.window.desktop import VARIABLE, Window, blender_window, inside
 
 SECONDS_TO_RENDER = 1200
 SECONDS_OF_LIVE = 90   # on a busy machine
@@ -114,6 +114,8 @@ def keep(window: Window, folder: Path, name: str, crop: tuple[int, int, int, int
 
 
 if __name__ == "__main__":
+    if VARIABLE not in os.environ:
+        sys.exit(f"{VARIABLE} names no folder: scripts/window_blender.sh makes it")
     for variable in ("PYTEST_DEBUG_TEMPROOT", "TMPDIR"):  # as in tests/conftest.py
         os.environ.setdefault(variable, tempfile.gettempdir())
     with tempfile.TemporaryDirectory() as scratch, blender_window(Path(scratch)) as it:
