@@ -59,6 +59,10 @@ class Measured:
 
     values: dict[str, tuple[tuple[float, ...], ...]]
 
+    def __post_init__(self) -> None:
+        if len({len(row) for rows in self.values.values() for row in rows}) > 1:
+            raise LfsrError("values have rows of other lengths, expected one value per lens")
+
 
 @dataclasses.dataclass(frozen=True)
 class Times:
