@@ -85,11 +85,12 @@ def test_spacing_flattens_and_deepens(scene):
 
 def test_usable_depth_is_the_displays(scene):
     array, _ = place(scene)
-    front, behind = MINI.depth_range_mm()
     unit = array.distance / MINI.viewing_distance_mm
-    near, far = rig.usable_depth(array, MINI)
-    assert array.distance - near == pytest.approx(front * unit, rel=1e-4)
-    assert far - array.distance == pytest.approx(behind * unit, rel=1e-4)
+    for scale in (1, 2):
+        front, behind = MINI.depth_range_mm(scale)
+        near, far = rig.usable_depth(array, MINI, scale)
+        assert array.distance - near == pytest.approx(front * unit, rel=1e-4)
+        assert far - array.distance == pytest.approx(behind * unit, rel=1e-4)
 
 
 def test_the_array_is_saved_with_the_file(scene, tmp_path):
