@@ -92,6 +92,8 @@ def resolve(scene: bpy.types.Scene) -> Resolved:
         finish = Finish(method.text)
     else:
         scales = method.scales_of(scales_up_to(display)) if settings.scale == AUTO_SCALE else ()
+        if not method.needs_denoiser:  # where every view is rendered, nothing would remove the noise
+            scales = tuple(scale for scale in scales if scale > 1) or scales
         scale = scales[0] if scales else int(settings.scale)
         finish = Finish(method.text, linear_exr=settings.linear_exr, temporal_averaging=settings.temporal_averaging)
     sampling = Sampling(scale, settings.samples or samples_at(display, scale, settings.rays), scales,

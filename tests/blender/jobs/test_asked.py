@@ -120,3 +120,9 @@ def test_a_long_image_is_asked_about_until_it_is_accepted(scene):
     remembered(scene, per_path=1e-2)
     assert check.questions(scene) == []
     assert [question.sentence[:9] for question in check.questions(scene, 250)] == ["250 image"], "each takes little"
+
+
+@pytest.mark.parametrize(("method", "least"), [("denoise+pool", 1), ("pool", 2), ("none", 1)])
+def test_views_are_left_out_where_nothing_but_pooling_removes_noise(scene, method, least):
+    scene.lfsr.method, scene.lfsr.scale = method, "AUTO"
+    assert min(asked.asked(scene)[0].sampling.scales) == least

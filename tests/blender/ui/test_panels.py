@@ -108,7 +108,7 @@ def test_words_of_the_laboratory_are_advanced(scene):
 def test_what_follows_from_rays_and_from_fixed_samples(scene):
     scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.rays = "small", "AUTO", 0, 1
     drawn = draw_all()
-    assert "1 to 25 samples" in labels(drawn["Advanced"]) and "rays" not in greyed(drawn["Quality"])
+    assert "4 to 25 samples" in labels(drawn["Advanced"]) and "rays" not in greyed(drawn["Quality"])
     assert "8 × 8 or more" in labels(drawn["Advanced"])
     scene.lfsr.scale = "4"
     drawn = draw_all()

@@ -350,7 +350,7 @@ def test_the_panel_leaves_the_choice_to_blender_and_gives_an_animation_one_scale
         assert (job.sampling.scale, job.sampling.scales, job.sampling.rays) == (2, (), None)
         scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.rays = scene_settings.AUTO_SCALE, 0, 0.5
         auto = asked.asked(scene)[0]
-        assert (auto.sampling.scale, auto.sampling.scales, auto.sampling.samples, auto.sampling.rays) == (2, (2, 1), 2,
+        assert (auto.sampling.scale, auto.sampling.scales, auto.sampling.samples, auto.sampling.rays) == (2, (2,), 2,
                 0.5)
         scene.frame_end = 2
         monkeypatch.setattr(placement, "seen_depths", lambda *_: pytest.fail("Blender's window waits for it"))
