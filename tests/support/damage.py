@@ -21,6 +21,7 @@ from PIL import Image
 from safetensors.numpy import load_file
 
 from lfsr_core.base.errors import MOST_CHARACTERS, LfsrError
+from lfsr_core.base.files import system_errors
 from lfsr_core.cli import main
 from lfsr_core.images.exr import read_layers
 
@@ -153,7 +154,8 @@ def attempt(case: Case, folder: Path) -> Result:
     """Run a case's command on the files in ``folder``."""
     output, errors = io.StringIO(), io.StringIO()
     try:
-        with _alarm(), contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
+        with (_alarm(), contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors),
+              system_errors()):  # in which every program of ours reads
             words = case.run(folder)
             code = main(words) if words else 0
     except HangError as error:
