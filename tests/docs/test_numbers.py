@@ -327,6 +327,12 @@ def pooling_row(row: list[str]) -> Values:
     return [statistics.fmean(each[when][place] for each in found) for when in ("before", "after") for place in range(3)]
 
 
+def places_gains() -> Values:
+    gains = [[found["two places"][0] - found["every view"][0] for scene in record("pooling-places")["scenes"].values()
+              if (found := scene[f"scale 4, {samples} samples"])] for samples in (1, 4, 16)]
+    return [*map(statistics.fmean, gains), len(gains[0]), -min(map(min, gains))]
+
+
 def pooling_gain(scene: str, samples: int) -> float:
     return record("pooling")["scenes"][scene]["renders"][f"scale 4, {samples} samples"]["gain"]
 
@@ -444,9 +450,10 @@ CLAIMS: list[Claim | TableClaim] = [
     Claim(STRESS, "loses {} when fitted without the scene, and always scale 4 {}", lambda: [
         statistics.fmean(loss for (scene, _), loss in left_out().items() if scene != "print"),
         statistics.fmean(group_loss(group) for group in scale_groups("scales") if group.scene != "print")]),
+    Claim(POOLING, "by {}, {} and {} with 1, 4 and 16 samples, mean of {} scenes, {} worse", places_gains),
     TableClaim(POOLING, "| samples | scenes | before | after |", pooling_row, first=2),
     Claim(POOLING, "**{}, {}, {} and {}** with 1, 4, 16 and 64 samples", pooling_gains),
-    Claim(POOLING, "without *print* {}, {}, {} and {}", lambda: pooling_gains("print")),
+    Claim(POOLING, "without it {}, {}, {} and {}", lambda: pooling_gains("print")),
     Claim(POOLING, "rise from {} to {} with the rays of 4 samples, {} to {} with those of 16, {} to {} with those of "
           "64", lambda: [value for samples in (4, 16, 64) for value in best_of_scales(samples)]),
     Claim(POOLING, "maple {} and hair {} with 1 sample, glitter {} with 4, vase {} with 16, *deepglass* {} with "
