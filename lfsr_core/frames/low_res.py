@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array, Mask
+from lfsr_core.base.cores import in_threads
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, Frame
@@ -19,6 +20,7 @@ from lfsr_core.optics.rays import RayLayout
 from lfsr_core.optics.world_view import WorldImage, WorldView
 
 ARRAYS = ("color", "alpha", "guides", "position", "slope", "noisy", "opacity", "places")
+ROWS_IN_CACHE = 16
 LEAST_ALPHA = 0.5  # coverage from which a pixel's position is that of a surface
 FOREGROUND_INDEX, BACKGROUND_INDEX = 1, 2
 
@@ -114,10 +116,15 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
         images["position"] = layers["position"]
     if "position" in layers and frame.convention == "centred":
         matrix, distance = np.asarray(frame.matrix_world), frame.array.distance
-        depth = (layers["position"] - matrix[:3, 3]) @ matrix[:3, 2]
-        depth = np.where((images["alpha"][..., 0] >= LEAST_ALPHA) & (depth > 0), depth, np.nan)
-        slopes = (1 - distance / depth) * (frame.rays.spacing / _pitch(frame, 0))
-        images["slope"] = slopes[..., None].astype(np.float32)
+        images["slope"] = slopes = np.empty_like(images["alpha"])
+
+        def slopes_of(start: int) -> None:
+            rows = slice(start, start + ROWS_IN_CACHE)
+            depth = (layers["position"][rows] - matrix[:3, 3]) @ matrix[:3, 2]
+            depth = np.where((images["alpha"][rows, :, 0] >= LEAST_ALPHA) & (depth > 0), depth, np.nan)
+            slopes[rows, :, 0] = (1 - distance / depth) * (frame.rays.spacing / _pitch(frame, 0))
+
+        in_threads(slopes_of, range(0, len(slopes), ROWS_IN_CACHE))
     if frame.world_apart:
         images["opacity"] = 1 - np.clip(layers["environment"], 0, 1)
     tiles: dict[str, Any] = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}

@@ -117,8 +117,9 @@ class Pooling(Upscaler):
                 row, column = lenses[part].T
                 lines = (column[:, None] * width + np.arange(width)) * low.wide.shape[2] + low.rows[row][:, None]
                 rays = down @ pooled(low.wide, lines.ravel() * (h + 2 * REACH) + REACH, line)[:3]
-                images = decode(rays.reshape(-1, width) @ across.T)
-                result[part] = images.reshape(3, -1, len(part), images.shape[1]).transpose(2, 1, 3, 0)
+                images = decode(rays.reshape(-1, width) @ across.T).reshape(3, -1, len(part), len(across))
+                for channel, image in enumerate(images):
+                    result[part, ..., channel] = image.transpose(1, 0, 2)
         return result
 
     def _restored(self, low: LowResEIA, slope: Array, steepest: float) -> Array:
