@@ -187,8 +187,6 @@ def _at_frame(path: Path, user: bpy.types.ImageUser, frame: int) -> Path:
 
 def _is_damaged_inside(item: bpy.types.ID) -> bool:
     """True if Blender cannot read what is packed, or what nobody else knows to read."""
-    from lfsr_core.images.png import readable_suffixes
-
     if item.id_type == "VOLUME":
         grids = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).grids
         return not grids.load() or not all([grid.load() for grid in grids])
@@ -202,19 +200,28 @@ def _is_damaged_inside(item: bpy.types.ID) -> bool:
                 return True
         finally:
             Path(file.name).unlink()
-    is_read = item.packed_file or Path(item.filepath).suffix.lower()[1:] in readable_suffixes()
+    is_read = item.packed_file or Path(item.filepath).suffix.lower()[1:] in _read_suffixes()
     return not is_read and not item.size[0]
+
+
+def _read_suffixes() -> frozenset[str]:
+    """Suffixes of the images that OpenImageIO reads; none in a Blender whose Python lacks it, where Blender decides."""
+    try:
+        from lfsr_core.images.png import readable_suffixes
+    except ImportError:
+        return frozenset()
+    return readable_suffixes()
 
 
 @functools.cache
 def _is_damaged(path: str, _stamp: str) -> bool:
     """True if a file does not hold what its suffix says; other files and folders are left to Blender."""
-    from lfsr_core.images.png import readable_suffixes, why_unreadable  # needs what the panel does without
-
     suffix = Path(path).suffix.lower()
     if not Path(path).is_file():
         return False
-    if suffix[1:] in readable_suffixes():
+    if suffix[1:] in _read_suffixes():
+        from lfsr_core.images.png import why_unreadable
+
         return bool(why_unreadable(path))
     with Path(path).open("rb") as file:
         head, size = file.read(HEAD), Path(path).stat().st_size
