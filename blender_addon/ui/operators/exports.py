@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import sys
 from pathlib import Path
@@ -122,7 +123,9 @@ def _say_what_is_shown(shown: dict[str, str]) -> None:
 
 def _open(page: Path) -> None:
     print(f"Light Field: {page}")
-    names = filter(None, (os.environ.get("BROWSER"), *BROWSERS))
+    # $BROWSER is a list of commands, each with arguments, as for Python's webbrowser.
+    chosen = filter(None, map(shlex.split, os.environ.get("BROWSER", "").split(os.pathsep)))
+    names = (*(command[0] for command in chosen), *BROWSERS)
     if sys.platform not in {"win32", "darwin"} and not any(map(shutil.which, names)):
         session.say(f"there is no browser here: open {page.name}, which lies in the folder {page.parent.name}, in one")
         bpy.context.window_manager.lfsr.outcome_folder = str(page.parent)

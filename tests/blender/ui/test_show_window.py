@@ -43,6 +43,9 @@ def window(tmp_path_factory):
         patch.setenv("BROWSER", f"sh {folder}/browser.sh %s")
         patch.setenv(loopback.PORT_VARIABLE, "1")  # nobody listens there
         with monkey_window(folder) as window:
+            # *View and Export* is closed at first, as the artist's click would leave it open.
+            window.run("section = addon.ui.panels.LFSR_PT_exports\nbpy.utils.unregister_class(section)\n"
+                       "section.bl_options = set()\nbpy.utils.register_class(section)")
             window.open_tab()
             window.run("bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True)")
             yield window

@@ -28,7 +28,7 @@ from tests.support.telephone import jpeg
 @pytest.fixture(autouse=True)
 def browser(monkeypatch):
     """A browser that shows nothing."""
-    monkeypatch.setenv("BROWSER", "true")
+    monkeypatch.setenv("BROWSER", "none:true %s")
     return monkeypatch
 
 
