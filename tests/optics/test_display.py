@@ -55,18 +55,6 @@ def test_derived_numbers_scales_and_unlimited_depth_for_views_closer_than_lenses
     assert profile.scales() == [2, 4, 5, 8, 10]
 
 
-def test_depth_range_is_where_neighbouring_views_differ_by_one_lens():
-    profile = load_display("bupt-32in-8k")
-    front, behind = profile.depth_range_mm(4)
-    spacing, distance, pitch = 4 * profile.camera_spacing_mm, profile.viewing_distance_mm, profile.lens_pitch_mm[0]
-    # A point at depth z beyond the plane moves by spacing · z / (D + z) on it; z < 0 in front.
-    assert spacing * front / (distance - front) == pytest.approx(pitch)
-    assert spacing * behind / (distance + behind) == pytest.approx(pitch)
-    flat = DisplayProfile.from_dict(GOOD | {"views": [4, 1], "lenses": [10, 20]})
-    spacing, (front, _) = flat.camera_spacing_mm, flat.depth_range_mm()
-    assert spacing * front / (200 - front) == pytest.approx(flat.lens_pitch_mm[0])
-
-
 def test_a_scale_divides_only_axes_with_several_views():
     flat = DisplayProfile.from_dict(GOOD | {"views": [4, 1], "lenses": [10, 20]})
     assert (flat.parallax, flat.low_views(2), flat.scales()) == ((True, False), (2, 1), [2, 4])
@@ -76,11 +64,6 @@ def test_a_scale_divides_only_axes_with_several_views():
     assert (single.low_views(2), single.scales()) == ((1, 1), [])
     for scale in [3, 0, -2, 81]:
         refuses(rf"scale is {scale}, .* divides both: 1, 2, 4, 5, 8", load_display("bupt-32in-8k").low_views, scale)
-
-
-def test_dict_round_trip():
-    profile = load_display("fhd")
-    assert DisplayProfile.from_dict(profile.to_dict()) == profile
 
 
 @pytest.mark.parametrize(("change", "told"), [

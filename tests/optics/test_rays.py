@@ -51,13 +51,6 @@ def test_centred_views_are_symmetric_about_the_axis(count, spacing):
     np.testing.assert_allclose(np.diff(offsets), spacing)
 
 
-@given(st.integers(1, 20), st.integers(2, 8))
-def test_low_view_is_the_centre_of_the_high_views_it_covers(low_count, scale):
-    high = view_offset(np.arange(low_count * scale), low_count * scale, 1.0)
-    low = view_offset(np.arange(low_count), low_count, float(scale))
-    np.testing.assert_allclose(low, high.reshape(low_count, scale).mean(axis=1), atol=1e-9)
-
-
 @given(st.integers(1, 20).map(lambda n: 2 * n), st.integers(2, 8))
 def test_paper_convention_shifts_low_against_high_by_half_s_minus_one(low_count, scale):
     high = view_offset(np.arange(low_count * scale), low_count * scale, 1.0, "paper")
@@ -271,14 +264,6 @@ def test_every_order_finds_the_same_pixel(size, data):
     np.testing.assert_array_equal(eia.to_views(image, (sx, sy))[v, u, j, i], pixel)
     np.testing.assert_array_equal(eia.horizontal_epi(image, (sx, sy), j, v)[u, i], pixel)
     np.testing.assert_array_equal(eia.vertical_epi(image, (sx, sy), i, u)[v, j], pixel)
-
-
-@given(SIZES)
-def test_epis_of_all_rows_hold_the_whole_image(size):
-    sx, sy, _, py, _ = size
-    image = image_of(*size)
-    stacked = np.stack([np.stack([eia.horizontal_epi(image, (sx, sy), j, v) for j in range(sy)]) for v in range(py)])
-    np.testing.assert_array_equal(eia.from_views(stacked.transpose(0, 2, 1, 3, 4)), image)
 
 
 @given(SIZES)

@@ -13,8 +13,9 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import from_data, to_data
 from lfsr_core.frames.frame import Frame
 from lfsr_core.optics.display import CELL_RULES, PACKINGS, DisplayProfile, Lattice, cell_of
+from lfsr_core.optics.panel import subpixel_rays
 from lfsr_core.optics.panel.panel_card import PARTS, Rows, panel_card
-from lfsr_core.optics.panel.subpixel_rays import PanelLayout, lattice_point, nearest_point, panel_rays
+from lfsr_core.optics.panel.subpixel_rays import PanelLayout, lattice_point, nearest_point, panel_image, panel_rays
 from lfsr_core.optics.rays import CameraArray
 from tests.support.card_rays import nearest, panel_card_rays
 from tests.support.panels import CELLS, SHEETS, hexagonal, large, lenticular, profile, square
@@ -71,6 +72,39 @@ def test_a_ray_of_a_whole_pixel_is_that_of_the_subpixel_at_its_place(name):
         at = (pixel * (PARTS, 1) + (part, 0) + mirrored) / layout.size
         for ours, theirs in zip(found, panel_rays(layout, *np.moveaxis(at, -1, 0)), strict=True):
             assert ours == pytest.approx(theirs, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", DISPLAYS)
+def test_a_subpixels_ray_is_the_one_that_the_weave_looks_for(name):
+    layout = layout_of(DISPLAYS[name])
+    display, array, (width, height) = layout.display, layout.array, layout.size
+    raster = np.meshgrid((np.arange(width) + 0.5) / width, 1 - (np.arange(height) + 0.5) / height)
+    origin, direction = panel_rays(layout, *raster)
+    target = origin + direction / direction[..., 2:] * array.distance
+    x, y, eye = (panel_image(layout, np.repeat(values[..., None], 3, -1))
+                 for values in (target[..., 0], target[..., 1], origin[..., 0]))
+    rows, columns = np.arange(display.panel_pixels[1])[:, None], np.arange(display.panel_pixels[0])
+    for channel in range(3):
+        rays = subpixel_rays.subpixel_rays(display, channel, rows, columns)
+        np.testing.assert_allclose(x[..., channel] / array.half_width,
+                                   (rays.column + 0.5) / display.lenses[0] * 2 - 1, atol=1e-9)
+        np.testing.assert_allclose(y[..., channel] / array.half_height,
+                                   1 - (rays.row + 0.5) / display.lenses[1] * 2, atol=1e-9)
+        np.testing.assert_allclose(eye[..., channel] / array.spacing,
+                                   rays.view_x + 0.5 - display.views[0] / 2, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["lenticular", "hexagonal", "square"])
+def test_points_on_a_lens_are_even_around_its_middle_and_its_own(name):
+    display, random = DISPLAYS[name], np.random.default_rng(1).random((2, 4000))
+    x, y = subpixel_rays.lens_points(display, *random)
+    assert abs(x.mean()) < 0.02 * x.std() + 0.05 and abs(y.mean()) < 0.02 * y.std() + 0.05
+    if display.lenticular:
+        assert np.hypot(x, y).max() < display.lenticular.pitch_mm / 2
+        return
+    matrix = display.lenslet.lenses.matrix(display.lenslet.packing)
+    steps = [matrix @ (one, two) for one in (-1, 0, 1) for two in (-1, 0, 1) if one or two]
+    assert all((np.hypot(x, y) <= np.hypot(x - right, y - up) + 1e-9).all() for right, up in steps)
 
 
 @pytest.mark.parametrize("name", ["cells", "hexagonal", "square", "sheared"])
