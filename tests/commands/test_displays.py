@@ -9,7 +9,7 @@ from lfsr_core.exports import loopback
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import load_display, write_profile
 from tests.calibration.test_fit import CYLINDERS, GOOD
-from tests.calibration.test_visual_json import CELLS, NEW, new_unit, written
+from tests.calibration.test_makers import CELLS, NEW, new_unit, written
 from tests.support.bridge import DEVICES, PORTRAIT, device
 from tests.support.synthetic import fails
 from tests.support.telephone import jpeg

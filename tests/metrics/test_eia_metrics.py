@@ -241,16 +241,13 @@ def test_equal_halves_give_the_ssim_of_scikit_image(shape):
     assert ssim(candidate, image) == pytest.approx(expected, abs=1e-6)
 
 
-def test_bounds_symmetry_local_ssim_and_psnr_are_scikit_images():
+def test_halves_count_alike_and_local_ssim_and_psnr_are_scikit_images():
     image, candidate = textured_image(), blurred(textured_image())
-    assert ssim(image, image) == pytest.approx(1, abs=1e-12)
-    assert -1 <= ssim(candidate, image) < 1
-    assert ssim(candidate, image) == pytest.approx(ssim(image, candidate), abs=1e-12)
     assert split_ssim(candidate, image, candidate) == pytest.approx(split_ssim(candidate, candidate, image), abs=1e-12)
     image = textured_image(600, 64)  # higher than one band
     _, expected = structural_similarity(blurred(image), image, full=True, **GAUSSIAN)
     np.testing.assert_allclose(split_ssim_map(blurred(image), image, image), expected, atol=1e-9)
-    image, candidate = textured_image(), blurred(textured_image())
+    image = textured_image()
     expected = peak_signal_noise_ratio(image, candidate, data_range=1)
     assert psnr(split_mse(candidate, image, image)) == pytest.approx(expected, abs=1e-9)
     assert psnr(0.0) is None
@@ -272,22 +269,6 @@ def test_noise_of_the_reference_cancels(noise, tolerance):
     plain_squared = np.mean([np.mean((candidate - (a + b) / 2) ** 2) for a, b in halves])
     assert true_ssim - plain > 10 * tolerance
     assert plain_squared - true_mse == pytest.approx(noise**2 / 2, rel=0.05)
-
-
-def test_a_candidate_that_shares_a_halfs_noise_is_flattered():
-    """Why a candidate must not be made from its reference."""
-    image = textured_image(192, 256)
-    a, b = noisy(image, 0.02, 100), noisy(image, 0.02, 200)
-    independent, shared = (blurred(image, 0) + 0.5 * (noisy(image, 0.02, seed) - image) for seed in (300, 100))
-    assert split_ssim(shared, a, b) > split_ssim(independent, a, b) + 0.02
-
-
-def test_a_correct_image_is_told_from_a_wrong_one_in_heavy_noise():
-    image = textured_image(192, 256)
-    a, b = noisy(image, 0.05, 5), noisy(image, 0.05, 6)
-    assert ssim(image, (a + b) / 2) < 0.7
-    assert split_ssim(image, a, b) > 0.9
-    assert split_ssim(image, a, b) > split_ssim(blurred(image, 0.03), a, b) + 0.1
 
 
 def test_stacked_images_do_not_see_each_other():

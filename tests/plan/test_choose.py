@@ -15,19 +15,8 @@ from lfsr_core.base.files import read_json
 from lfsr_core.frames.request import samples_at
 from lfsr_core.optics.depth_scale import MODEL
 from lfsr_core.optics.display import load_display
-from lfsr_core.plan import options as choosing
-from lfsr_core.plan.options import (
-    FREE_PATHS,
-    Candidate,
-    Estimate,
-    PlanOptions,
-    Rated,
-    choose,
-    default_methods,
-    estimate,
-    first_guess,
-    methods_at,
-)
+from lfsr_core.plan import options
+from lfsr_core.plan.options import Candidate, Estimate, PlanOptions, Rated, choose, estimate, first_guess
 from lfsr_core.plan.planner import USUAL_LENSES, sampled_lenses
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PLAIN_METHOD
 from tests.support.synthetic import MINI
@@ -61,7 +50,7 @@ def test_what_is_chosen_meets_the_target_and_nothing_that_does_is_much_cheaper(f
         assert choice.limit is not None
     else:
         assert choice.chosen in confirmed
-        assert choice.chosen.seconds <= choosing.AS_GOOD * min(row.seconds for row in confirmed)
+        assert choice.chosen.seconds <= options.AS_GOOD * min(row.seconds for row in confirmed)
 
 
 def test_of_equally_cheap_candidates_the_simplest_is_taken():
@@ -194,8 +183,8 @@ def test_plans_of_the_recorded_scenes_meet_their_target_at_little_more_than_the_
 @pytest.mark.parametrize("move", [0.0, 0.02, 0.3])
 @pytest.mark.parametrize("target", [0.8, 0.9, 0.95])
 def test_the_first_guess_is_the_cheapest_that_should_do(move, target):
-    moves, options = np.full(50, move), PlanOptions(target=target)
-    guess, found = first_guess(DISPLAY, moves, options), options.candidates(DISPLAY)
+    moves, asked = np.full(50, move), PlanOptions(target=target)
+    guess, found = first_guess(DISPLAY, moves, asked), asked.candidates(DISPLAY)
     loss = {candidate: MODEL.loss(moves, candidate.scale, candidate.samples) for candidate in found}
     chosen = guess.candidate
     assert chosen in found and guess.reaches == (loss[chosen] <= 1 - target)
@@ -207,12 +196,12 @@ def test_the_first_guess_is_the_cheapest_that_should_do(move, target):
 
 def test_options_methods_and_limits():
     assert PlanOptions().limit == math.inf and PlanOptions(most_seconds=3).limit == 3
-    assert methods_at(4, ("none", "bilinear")) == ("bilinear",)
-    assert methods_at(1, ("bilinear", "oidn+bilinear")) == ("none", "oidn")
-    found = default_methods()
+    assert options.methods_at(4, ("none", "bilinear")) == ("bilinear",)
+    assert options.methods_at(1, ("bilinear", "oidn+bilinear")) == ("none", "oidn")
+    found = options.default_methods()
     assert found[0] == PLAIN_METHOD and DEFAULT_METHOD in found and len(set(found)) == len(found)
-    assert PlanOptions().most_paths(load_display("mini")) == FREE_PATHS
-    assert PlanOptions().most_paths(load_display("bupt-32in-8k")) > FREE_PATHS
+    assert PlanOptions().most_paths(load_display("mini")) == options.FREE_PATHS
+    assert PlanOptions().most_paths(load_display("bupt-32in-8k")) > options.FREE_PATHS
     for wrong in [{"target": 1.0}, {"target": 0.0}, {"metric": "psnr"}, {"budget": 0.0}, {"lenses": 3},
                                        {"reference_samples": 3}, {"samples": (0,)}, {"most_seconds": 0.0}]:
         refuses("but", PlanOptions, **wrong)

@@ -24,22 +24,9 @@ from lfsr_core.optics.display import load_display
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.plan import options as plan_options
-from lfsr_core.plan import planner as plan_sample
+from lfsr_core.plan import planner
 from lfsr_core.plan.options import Candidate, PlanOptions
-from lfsr_core.plan.planner import (
-    LEAST_LENSES,
-    REACH_IN_A_VIEW,
-    USUAL_LENSES,
-    Mosaic,
-    Planned,
-    SampleRenders,
-    lens_count,
-    make_plan,
-    reach,
-    sampled_lenses,
-    split_scores,
-    with_neighbours,
-)
+from lfsr_core.plan.planner import Mosaic, Planned, SampleRenders, lens_count, make_plan, reach, sampled_lenses
 from lfsr_core.reconstruct.second_stage import finished_linear
 from tests.support import noisy_renders
 from tests.support.noisy_renders import JOB, render
@@ -124,25 +111,6 @@ def test_a_frame_that_takes_too_long_is_not_chosen(tmp_path):
     assert {row.unmeasured.code for row in planned.candidates} == {"candidate-too-slow"}
 
 
-def test_an_interrupted_plan_goes_on_where_it_stopped(tmp_path, rendered):
-    jobs, remember = rendered
-
-    def stop(job: Request) -> None:
-        if job.sampling.scale == 2:
-            raise KeyboardInterrupt
-        remember(job)
-    folder = tmp_path / "sample"
-    with pytest.raises(KeyboardInterrupt):
-        plan(JOB, OPTIONS, stop, folder)
-    done = len(jobs)
-    assert done >= 5
-    resumed = plan(JOB, OPTIONS, remember, folder)
-    assert len({job.output for job in jobs}) == len(jobs), "nothing is rendered again"
-    whole = plan(JOB, OPTIONS, render, tmp_path / "at-once")
-    by_name = {row.candidate: row.estimate for row in whole.candidates}
-    assert {row.candidate: row.estimate for row in resumed.candidates} == by_name
-
-
 def test_a_sample_of_other_settings_is_not_taken_and_a_damaged_one_said(tmp_path):
     folder, options = tmp_path / "sample", dataclasses.replace(OPTIONS, scales=(4,))
     plan(JOB, options, render, folder)
@@ -155,7 +123,7 @@ def test_a_sample_of_other_settings_is_not_taken_and_a_damaged_one_said(tmp_path
 
 
 def test_a_small_budget_leaves_costly_candidates_out(tmp_path, monkeypatch):
-    monkeypatch.setattr(plan_sample, "LEAST_LENSES", 4)
+    monkeypatch.setattr(planner, "LEAST_LENSES", 4)
     monkeypatch.setattr(plan_options, "FREE_PATHS", 0)
     options = dataclasses.replace(OPTIONS, target=0.999, lenses=None, reference_samples=16, budget=0.5)
     planned = plan(JOB, options, render, tmp_path / "sample")
@@ -254,7 +222,7 @@ def numbered(listed: list[tuple[int, int]]) -> LowResEIA:
 
 @given(lens_lists, st.integers(0, 2))
 def test_mosaic_shows_each_sampled_lens_amid_its_neighbours(lenses, reach_):
-    listed, blocks = with_neighbours(lenses, reach_, GRID)
+    listed, blocks = planner.with_neighbours(lenses, reach_, GRID)
     assert len(listed) == len(set(listed))
     mosaic = Mosaic.of(blocks)
     low = mosaic.of_render(numbered(listed))
@@ -268,7 +236,7 @@ def test_mosaic_shows_each_sampled_lens_amid_its_neighbours(lenses, reach_):
 
 @given(lens_lists)
 def test_mask_of_a_mosaic_is_that_of_its_centres(lenses):
-    listed, blocks = with_neighbours(lenses, 1, GRID)
+    listed, blocks = planner.with_neighbours(lenses, 1, GRID)
     tiles = np.array([(row + column) % 2 == 0 for row, column in listed])[None]
     assert Mosaic.of(blocks).of_mask(tiles).tolist() == [(row + column) % 2 == 0 for row, column in lenses]
 
@@ -287,10 +255,10 @@ def test_neighbours_are_as_many_as_a_denoiser_needs():
     assert [reach(display, scale) for scale in (1, 2, 4, 8)] == [0, 0, 1, 2]
     lenticular = load_display("looking-glass-16")
     # A pixel of a view is a lens, at every scale.
-    assert [reach(lenticular, scale) for scale in (1, 2, 4)] == [REACH_IN_A_VIEW] * 3
+    assert [reach(lenticular, scale) for scale in (1, 2, 4)] == [planner.REACH_IN_A_VIEW] * 3
     display, options = load_display("bupt-32in-8k"), PlanOptions()
     counts = [lens_count(display, dataclasses.replace(options, budget=budget)) for budget in (0.0001, 0.01, 1.0)]
-    assert counts == sorted(counts) and counts[0] >= LEAST_LENSES and counts[-1] == USUAL_LENSES
+    assert counts == sorted(counts) and counts[0] >= planner.LEAST_LENSES and counts[-1] == planner.USUAL_LENSES
     assert lens_count(display, dataclasses.replace(options, lenses=300)) == 300
 
 
@@ -313,7 +281,7 @@ def test_progress_of_a_render_moves_that_of_the_plan(tmp_path):
 
 
 def test_correction_takes_some_of_the_references_noise_out(monkeypatch):
-    monkeypatch.setattr(plan_sample, "srgb_encode", lambda image: image)  # noise that is normal in display values
+    monkeypatch.setattr(planner, "srgb_encode", lambda image: image)  # noise that is normal in display values
     random, noise = np.random.default_rng(0), 0.08
     exact = np.full((300, 24, 24, 1), 0.5)
     exact[:, :, 12:] += 0.2 * np.sin(np.arange(12) / 1.7)[:, None]
@@ -321,5 +289,5 @@ def test_correction_takes_some_of_the_references_noise_out(monkeypatch):
     true = float(stacked_ssim(image, exact, exact).mean())
     quarters = [exact + random.normal(0, noise, exact.shape) for _ in range(4)]
     plain = float(stacked_ssim(image, *(np.mean(quarters[half], 0) for half in (np.s_[:2], np.s_[2:]))).mean())
-    corrected = float(split_scores(image, quarters).mean())
+    corrected = float(planner.split_scores(image, quarters).mean())
     assert plain < true - 0.003 and abs(corrected - true) < abs(plain - true)

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-from tests.calibration.test_visual_json import CELLS, NEW, OLD
+from tests.calibration.test_makers import CELLS, NEW, OLD
 
 TOKEN = "3ab41b3c-70a1"
 HUGE = 17_000_000

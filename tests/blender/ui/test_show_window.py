@@ -10,7 +10,7 @@ from lfsr_core.exports import loopback
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import write_profile
-from tests.calibration.test_visual_json import OLD
+from tests.calibration.test_makers import OLD
 from tests.support.bridge import device, stand_in
 from tests.support.panels import cells, lenticular, small
 from tests.support.window.desktop import NEEDS_WINDOW, SECONDS_TO_RENDER, STATE, TASK, monkey_window

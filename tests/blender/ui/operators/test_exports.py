@@ -17,7 +17,7 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.display import load_display, write_profile
 from tests.calibration.test_fit import CYLINDERS, GOOD, PLACE
-from tests.calibration.test_visual_json import OLD
+from tests.calibration.test_makers import OLD
 from tests.support import panel
 from tests.support.bridge import DEVICES, device
 from tests.support.finished import finished

@@ -1,4 +1,4 @@
-"""Calibrations of real devices: the figures that other programs get from them, and profiles that weave the same."""
+"""Calibrations of real devices: what their makers' programs compute of them, and profiles that weave the same."""
 
 import json
 
@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.calibration.makers import OPTIONAL, REQUIRED, RULES, profile_from_calibration, read_calibration
+from lfsr_core.calibration import makers
+from lfsr_core.calibration.makers import profile_from_calibration, profile_of_c1, read_calibration
 from lfsr_core.optics.display import builtin_names, cell_of, load_display, write_profile
 from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
 from tests.support.told import refuses
@@ -97,7 +98,7 @@ def test_cells_of_a_panel_that_is_upside_down(tmp_path, mode, count):
     cells = [{name: value + 0.02 * number for name, value in CELLS[number % 2].items()} for number in range(count)]
     path = written(tmp_path, NEW | {"flipImageY": 1}, CellPatternMode=mode, subpixelCells=cells)
     profile = profile_from_calibration(read_calibration(path), "new")
-    agree(profile, lambda *place: formula(NEW | {"rule": RULES[mode]}, *place, cells=cells), flipped=True)
+    agree(profile, lambda *place: formula(NEW | {"rule": makers.RULES[mode]}, *place, cells=cells), flipped=True)
 
 
 def test_a_byte_order_mark_and_what_bridge_puts_round_a_calibration(tmp_path):
@@ -137,7 +138,8 @@ def test_imported_and_built_in_profiles_are_read_back_as_written(tmp_path):
         assert (again, again.title, again.quilt) == (profile, profile.title, profile.quilt)
 
 
-@given(st.sampled_from(sorted({*OLD} & {*REQUIRED, *OPTIONAL})), st.floats() | st.sampled_from([1e-308, 5e-324, 1e9]))
+@given(st.sampled_from(sorted({*OLD} & {*makers.REQUIRED, *makers.OPTIONAL})),
+       st.floats() | st.sampled_from([1e-308, 5e-324, 1e9]))
 def test_a_number_of_any_size_is_a_profile_or_a_sentence(tmp_path_factory, name, value):
     """Whatever passes the ranges makes a display; nothing divides by what is nearly 0."""
     path = tmp_path_factory.mktemp("visual") / "visual.json"
@@ -168,3 +170,44 @@ def test_wrong_and_missing_fields_and_files_are_named(tmp_path):
         ({"CellPatternMode": 9}, "CellPatternMode is 9"), ({"subpixelCells": [3]}, "subpixelCells is"),
         ({"subpixelCells": [{"ROffsetX": 1}]}, "'ROffsetY' is missing"), ({"CellPatternMode": []}, "CellPatternMode")]:
         refuses(told, read_calibration, written(tmp_path, NEW, **plain))
+
+
+# CubeVi C1: the three numbers of its shader, and a printer's hologram.
+TYPICAL = (0.1057, 19.625, 8.89)
+
+
+def off_the_formula(profile, slope, interval, x0):
+    """Greatest distance of our views from the shader's, as a fraction of all views; 0 and 1 are one border."""
+    random, worst = np.random.default_rng(0), 0.0
+    for channel in range(3):
+        row, column = (random.integers(0, size, 3000) for size in profile.panel_pixels[::-1])
+        x1 = ((column + 1) + (row + 1) * slope) * 3 + channel
+        from_right = np.mod(x1 + x0, interval) / interval  # its right end is seen from the left
+        ours = (subpixel_rays(profile, channel, row, column).view_x + 0.5) / profile.views[0]
+        off = np.abs(ours - (1 - from_right))
+        worst = max(worst, float(np.minimum(off, 1 - off).max()))
+    return worst
+
+
+@settings(max_examples=20)
+@given(st.floats(-0.5, 0.5), st.floats(10, 40), st.floats(-50, 50))
+def test_the_shaders_formula(slope, interval, x0):
+    profile = profile_of_c1(slope, interval, x0)
+    assert profile.views == (40, 1) and off_the_formula(profile, slope, interval, x0) < 1e-9
+
+
+def test_the_built_in_profile_has_typical_numbers():
+    profile = load_display("cubevi-c1")
+    assert off_the_formula(profile, *TYPICAL) < 1e-3
+    typed = profile_of_c1(*TYPICAL)
+    assert (profile.lenses, profile.panel_mm) == (typed.lenses, pytest.approx(typed.panel_mm))
+    for numbers in [(3, 19.6, 8.9), (0.1, 0, 8.9), (0.1, 19.6, float("nan")), (float("inf"), 19, 1)]:
+        refuses("must be between", profile_of_c1, *numbers)
+
+
+def test_the_views_of_a_hologram_printer():
+    """Behind each hogel are the 23 views, each in the middle of four, the leftmost at its right end."""
+    profile = load_display("litiholo")
+    columns = np.arange(46)
+    rays = subpixel_rays(profile, 0, np.full(46, 100), columns)
+    np.testing.assert_allclose(rays.view_x, [4 * view + 1.5 for view in range(22, -1, -1)] * 2, atol=1e-6)
