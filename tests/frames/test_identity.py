@@ -12,33 +12,10 @@ from hypothesis import strategies as st
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import from_data, to_data, write_record
-from lfsr_core.frames.folder import (
-    RAYS,
-    FrameFolder,
-    digest,
-    first_difference,
-    has_other_size,
-    is_changed,
-    is_of,
-    is_same,
-    phrases,
-    request_facts,
-    scene_stamp,
-)
+from lfsr_core.frames import folder, request
+from lfsr_core.frames.folder import FrameFolder, has_other_size, is_changed, is_same, phrases, scene_stamp
 from lfsr_core.frames.frame import SUBPIXELS, write_frame
-from lfsr_core.frames.request import (
-    AUTO,
-    MOST_AVERAGED,
-    Finish,
-    Report,
-    check_light,
-    check_scene,
-    parse_frames,
-    read_report,
-    read_request,
-    spread,
-    write_report,
-)
+from lfsr_core.frames.request import MOST_AVERAGED, Finish, Report, check_light, check_scene, parse_frames, read_request
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.rays import CameraArray
 from tests.support.panels import cells, hexagonal, lenticular
@@ -78,11 +55,11 @@ def test_the_first_difference_is_one_sentence(tmp_path, changes, sentence):
     assert sentence in str(caught.value) and str(caught.value).endswith(" asked for: give --overwrite")
     assert is_same(FRAME, job) is (set(changes) == {"device"} or changes.get("layout") == "view-by-view")
     if set(changes) & {"seed", "frame", "subject", "device", "layers"}:
-        FrameFolder(tmp_path).check_rendered(job, names=RAYS)  # its rays are those
+        FrameFolder(tmp_path).check_rendered(job, names=folder.RAYS)  # its rays are those
 
 
 @pytest.mark.parametrize(("changes", "found"), [
-    ({"device": AUTO}, {"device": "OPTIX"}),
+    ({"device": request.AUTO}, {"device": "OPTIX"}),
     ({"layers": ("normal",)}, {"layers": ("albedo", "normal")}),
     ({"scales": (2, 4), "scale": 4}, {}),
     ({"scales": (2, 4), "scale": 4, "rays": 16.0}, {"samples": 64}),
@@ -114,8 +91,8 @@ def test_a_light_field_is_no_render_of_subpixels():
     assert not is_same(dataclasses.replace(frame, layout=SUBPIXELS), job)
     assert not is_same(frame, changed(job, layout=SUBPIXELS))
     moved = changed(JOB, output="elsewhere", parts="p", world="w")
-    assert digest(request_facts(JOB)) == digest(request_facts(moved))
-    assert digest(request_facts(JOB)) != digest(request_facts(changed(JOB, seed=1)))
+    assert folder.digest(folder.request_facts(JOB)) == folder.digest(folder.request_facts(moved))
+    assert folder.digest(folder.request_facts(JOB)) != folder.digest(folder.request_facts(changed(JOB, seed=1)))
 
 
 def test_a_scene_is_known_by_size_and_time_of_its_files(tmp_path):
@@ -135,13 +112,13 @@ def test_a_scene_is_known_by_size_and_time_of_its_files(tmp_path):
 
 def test_of_records_and_tuples_the_part_that_differs_is_shown():
     other = dataclasses.replace(FRAME, array=CameraArray.for_display(MINI, 9), clip=(0.5, 9.0))
-    assert first_difference(vars(FRAME), vars(other)) == "array"
+    assert folder.first_difference(vars(FRAME), vars(other)) == "array"
     here, there = phrases("array", FRAME.array, other.array)
     assert here.startswith("array ") and here.split()[:-1] == there.split()[:-1]
     assert phrases("clip", (0.1, 9.0), other.clip) == ("clip 0 0.1", "clip 0 0.5")
     assert phrases("clip", None, other.clip) == ("no clip", "clip (0.5, 9.0)")
     assert phrases("lens_list", LENSES, LENSES[::-1]) == ("other 2 lenses", "2 lenses")
-    assert first_difference(vars(FRAME), vars(FRAME)) == ""
+    assert folder.first_difference(vars(FRAME), vars(FRAME)) == ""
 
 
 def test_of_displays_that_differ_the_field_is_named_and_no_record_printed():
@@ -168,7 +145,7 @@ def test_of_displays_that_differ_the_field_is_named_and_no_record_printed():
 def test_frames_of_another_file_or_scene_are_other_renders(frame, job, own):
     found, wanted = dataclasses.replace(FRAME, **frame), changed(JOB, **job)
     assert is_same(found, wanted) is own
-    assert is_of(found, wanted.source, wanted.scene_name or "") is own
+    assert folder.is_of(found, wanted.source, wanted.scene_name or "") is own
 
 
 DEEP = Notice("scale-unseen", {"scale": 2})
@@ -283,7 +260,7 @@ def test_what_is_no_frames_is_refused(text):
 
 @given(st.lists(st.integers(), unique=True, max_size=30), st.integers(1, 9))
 def test_a_few_are_spread_over_all(frames, most):
-    few = spread(frames, most)
+    few = request.spread(frames, most)
     assert len(few) == min(len(frames), most) and set(few) <= set(frames)
     assert most < 2 or not frames or (few[0], few[-1]) == (frames[0], frames[-1])
     steps = [frames.index(second) - frames.index(first) for first, second in itertools.pairwise(few)]
@@ -293,7 +270,7 @@ def test_a_few_are_spread_over_all(frames, most):
 def test_a_report_comes_back(tmp_path):
     report = Report(Finish("bicubic", temporal_averaging=2), "bicubic", "mini", 2, 16, {"render": 1.0}, None, 0.5,
                     (Notice("scale-unseen", {"scale": 2}),), metrics={"p": 0.5})
-    write_report(tmp_path, report)
-    assert read_report(tmp_path) == report
+    request.write_report(tmp_path, report)
+    assert request.read_report(tmp_path) == report
     data = json.loads((tmp_path / "report.json").read_text())
     assert (data["foreground_fraction"], data["finish"]["temporal_averaging"]) == (0.5, 2)

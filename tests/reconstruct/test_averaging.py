@@ -10,14 +10,8 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.frames.request import Finish
 from lfsr_core.pipeline.make import finish_frame
-from lfsr_core.reconstruct.averaging import (
-    average_frames,
-    averaging_notices,
-    near,
-    neighbours_of,
-    similarity,
-    unchanged,
-)
+from lfsr_core.reconstruct import averaging
+from lfsr_core.reconstruct.averaging import average_frames, near, neighbours_of, similarity
 from lfsr_core.reconstruct.second_stage import finished_linear
 from tests.support.synthetic import IDENTITY, write_render
 
@@ -113,7 +107,7 @@ def test_similarity_is_symmetrical_within_bounds_and_whole_for_equal_few_and_dar
     weight = similarity(ours, other)
     np.testing.assert_allclose(weight, similarity(other, ours), rtol=1e-5)
     assert weight.shape == SHAPE[:2] and weight.min() >= 0 and weight.max() <= 1
-    assert unchanged(np.zeros(SHAPE, np.float32)).min() == 1
+    assert averaging.unchanged(np.zeros(SHAPE, np.float32)).min() == 1
     black = frame(np.zeros(SHAPE, np.float32), 0)
     assert not average_frames(black, [black])[0].color.any()
     low = frame(waves(0), 0)
@@ -160,9 +154,9 @@ def test_an_array_that_moved_or_the_same_seed_is_not_averaged(tmp_path):
     film(tmp_path, (1,), matrix_world=moved)
     assert numbers_near(tmp_path, 3, 2) == [(1, False), (2, True), (4, False)]
     found = neighbours_of(tmp_path / "0003", read_frame(tmp_path / "0003"), 2)
-    notes = averaging_notices(found)
+    notes = averaging.averaging_notices(found)
     assert notes == [Notice("averaging-same-seed", {"frames": [4]}), Notice("averaging-other-rays", {"frames": [1]})]
-    assert not averaging_notices(found[1:2])
+    assert not averaging.averaging_notices(found[1:2])
 
 
 def test_the_second_stage_averages_and_says_with_which(tmp_path):

@@ -136,11 +136,11 @@ def test_guides_do_not_show_the_world(tmp_path):
 def test_sampled_lenses_are_finished_as_those_of_a_frame(tmp_path):
     """Wherever they lie in a mosaic."""
     frame = read_frame(write_apart(tmp_path))
-    low = low_resolution(read_layers(tmp_path / LOW_RES_FILE), frame, read_world(tmp_path, frame))
-    lenses = np.array([(3, 5), (6, 9), (0, 0), (6, 8)])
+    layers, lenses = read_layers(tmp_path / LOW_RES_FILE), np.array([(3, 5), (6, 9), (0, 0), (6, 8)])
+    low, mask = low_resolution(layers, frame, read_world(tmp_path, frame)), low_res.foreground_mask(layers, MINI.lenses)
     mosaic = low.each(lambda layer: layer[lenses[:, 0], lenses[:, 1]][None])
-    found = finished_lenses(mosaic, np.ones(4, bool), "bilinear", np.array([(0, n) for n in range(4)]))
-    whole = to_elemental_images(finished_linear(tmp_path, "bilinear"), MINI.lenses)
+    found = finished_lenses(mosaic, mask[tuple(lenses.T)], "bicubic", np.array([(0, n) for n in range(4)]))
+    whole = to_elemental_images(finished_linear(tmp_path, "bicubic"), MINI.lenses)
     np.testing.assert_allclose(found, whole[tuple(lenses.T)], atol=1e-6)
 
 

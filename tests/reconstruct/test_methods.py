@@ -11,19 +11,8 @@ import pytest
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.display import load_display
-from lfsr_core.reconstruct.methods import (
-    COMPARED,
-    DEFAULT_METHOD,
-    MENU,
-    METHODS,
-    MORE,
-    PREFILTER,
-    SUBPIXEL_METHODS,
-    UPSCALER,
-    MethodName,
-    load_method,
-    seconds,
-)
+from lfsr_core.reconstruct import methods
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, SUBPIXEL_METHODS, MethodName, load_method, seconds
 from lfsr_core.reconstruct.second_stage import StageClock, blas_threads
 from lfsr_core.reconstruct.upscaler import Upscaler
 from tests.support.told import refuses
@@ -40,11 +29,11 @@ def test_a_name_has_parts(text, prefilters, upscaler):
 
 
 def test_every_row_makes_what_it_says_and_every_name_that_is_offered_is_one():
-    for name, part in METHODS.items():
-        assert part.text and part.kind in (PREFILTER, UPSCALER)
+    for name, part in methods.METHODS.items():
+        assert part.text and part.kind in (methods.PREFILTER, methods.UPSCALER)
         made = part.make(None)
-        assert callable(made) and isinstance(made, Upscaler) == (part.kind != PREFILTER), name
-    for text in (DEFAULT_METHOD, *COMPARED, *SUBPIXEL_METHODS, *MENU, *MORE):
+        assert callable(made) and isinstance(made, Upscaler) == (part.kind != methods.PREFILTER), name
+    for text in (DEFAULT_METHOD, *methods.COMPARED, *SUBPIXEL_METHODS, *methods.MENU, *methods.MORE):
         assert MethodName.parse(text).text == text
     for text in SUBPIXEL_METHODS:
         assert not any(part.needs_lenses for part in MethodName.parse(text).parts)

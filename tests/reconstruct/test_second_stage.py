@@ -253,16 +253,6 @@ def test_what_is_written_can_be_had_without_writing_and_a_folder_finished_from_i
     assert [path.name for path in tmp_path.iterdir()] == ["frame"]
 
 
-def test_single_lenses_are_finished_as_in_the_whole_frame(tmp_path):
-    folder = write_render(tmp_path)
-    linear, layers = second_stage.finished_linear(folder, "bicubic"), read_layers(folder / LOW_RES_FILE)
-    low, mask = low_res.low_resolution(layers, read_frame(folder)), low_res.foreground_mask(layers, MINI.lenses)
-    lenses = np.concatenate([np.argwhere(mask)[:3], np.argwhere(~mask & low.alpha.any((2, 3, 4)))[:3]])
-    images = second_stage.finished_lenses(low, mask[tuple(lenses.T)], "bicubic", lenses)
-    expected = eia.to_elemental_images(linear, MINI.lenses)[tuple(lenses.T)]
-    np.testing.assert_allclose(images, expected, atol=1e-6)
-
-
 @pytest.mark.parametrize(("exposure", "tone"), [(-12, "black"), (0, ""), (12, "white")])
 def test_almost_black_and_almost_white_images_say_so_and_plain_frames_nothing(tmp_path, exposure, tone):
     folder = write_render(tmp_path, color=ColorSettings(exposure=exposure))

@@ -1,33 +1,19 @@
-"""Classical upscalers against OpenCV and PyTorch: each elemental image on its own, in the order asked for."""
+"""Classical upscalers against OpenCV: each elemental image on its own, in the order asked for."""
 
 import cv2
 import numpy as np
 import pytest
-import torch
 
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.metrics.split_ssim import blur
 from lfsr_core.optics import eia
 from lfsr_core.reconstruct.methods import load_method
-from lfsr_core.reconstruct.methods.interpolation import decode, encode, kernel_matrix
+from lfsr_core.reconstruct.methods.interpolation import decode, encode
 from tests.support.told import refuses
 
-FLAGS = {"nearest": cv2.INTER_NEAREST, "linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC,
+FLAGS = {"nearest": cv2.INTER_NEAREST, "bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC,
          "lanczos": cv2.INTER_LANCZOS4}
 RANDOM = np.random.default_rng(0)
-PER_EI = ("nearest", "bilinear", "bicubic", "lanczos")
-
-
-@pytest.mark.parametrize("kernel", FLAGS)
-@pytest.mark.parametrize("scale", [2, 3, 4, 5, 8])
-@pytest.mark.parametrize("margin", [0, 4])
-def test_weights_are_those_of_opencv(kernel: str, scale: int, margin: int) -> None:
-    size = 10
-    padded = size + 2 * margin
-    # Resizing the identity in one direction shows the weight of every sample.
-    weights = cv2.resize(np.eye(padded, dtype=np.float32), (padded, padded * scale), interpolation=FLAGS[kernel])
-    expected = weights[margin * scale:(margin + size) * scale]
-    np.testing.assert_allclose(kernel_matrix(kernel, size, scale, margin), expected, atol=1e-5)
 
 
 def test_blur_keeps_single_precision():
@@ -54,57 +40,27 @@ def upscaled(name, low):
     return load_method(name).upscaler(low, all_lenses(low))
 
 
-@pytest.mark.parametrize("name", [*PER_EI, "bicubic-eia"])
 @pytest.mark.parametrize("scale", [2, 3, 4, 5, 8])
-def test_shape_type_and_range(name, scale):
+@pytest.mark.parametrize("name", FLAGS)
+def test_each_elemental_image_is_resized_alone_and_as_by_opencv(name, scale):
     low = low_eia(scale=scale)
     high = upscaled(name, low)
-    assert high.shape == (12, 5 * scale, 6 * scale, 3)
-    assert high.dtype == np.float32
-    assert high.min() >= 0
-
-
-@pytest.mark.parametrize(("name", "mode"), [("bilinear", "bilinear"), ("bicubic", "bicubic"), ("nearest", "nearest")])
-def test_same_as_torch_on_each_elemental_image(name, mode):
-    low = low_eia()
-    images = torch.from_numpy(encode(low.color).reshape(-1, 5, 6, 3)).permute(0, 3, 1, 2)
-    options = {} if mode == "nearest" else {"align_corners": False}
-    expected = torch.nn.functional.interpolate(images, scale_factor=4, mode=mode, **options).permute(0, 2, 3, 1).numpy()
-    np.testing.assert_allclose(upscaled(name, low), decode(expected), atol=2e-5)
-
-
-def test_lanczos_and_the_whole_array_bicubic_are_opencvs():
-    low = low_eia()
-    for (row, column), image in zip(all_lenses(low), upscaled("lanczos", low), strict=True):
-        expected = cv2.resize(encode(low.color[row, column]), None, fx=4, fy=4, interpolation=cv2.INTER_LANCZOS4)
+    assert high.shape == (12, 5 * scale, 6 * scale, 3) and high.dtype == np.float32
+    for (row, column), image in zip(all_lenses(low), high, strict=True):
+        expected = cv2.resize(encode(low.color[row, column]), None, fx=scale, fy=scale, interpolation=FLAGS[name])
         np.testing.assert_allclose(image, decode(expected), atol=2e-5)
+
+
+@pytest.mark.parametrize("scale", [2, 3, 4, 5, 8])
+def test_the_whole_arrays_bicubic_is_opencvs(scale):
+    low = low_eia(scale=scale)
     photograph = encode(eia.from_elemental_images(low.color))
-    expected = decode(cv2.resize(photograph, None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC))
-    images = upscaled("bicubic-eia", low).reshape(3, 4, 20, 24, 3)
+    expected = decode(cv2.resize(photograph, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC))
+    images = upscaled("bicubic-eia", low).reshape(3, 4, 5 * scale, 6 * scale, 3)
     np.testing.assert_allclose(eia.from_elemental_images(images), expected, atol=2e-5)
 
 
-@pytest.mark.parametrize("name", PER_EI)
-def test_an_elemental_image_ignores_its_neighbours(name):
-    low = low_eia()
-    changed = low.color.copy()
-    changed[:, 1] = 5.0
-    before, after = upscaled(name, low), upscaled(name, low_eia(color=changed))
-    untouched = all_lenses(low)[:, 1] != 1
-    np.testing.assert_array_equal(before[untouched], after[untouched])
-
-
-def test_low_pixel_covers_high_pixels_s_k_to_s_k_plus_s_minus_1():
-    """A ramp sampled by boxes must come back as the ramp itself: no shift by half a pixel."""
-    scale, count = 4, 8
-    fine = encode(np.float32(0.2)) + np.arange(count * scale) * 0.01
-    boxes = fine.reshape(count, scale).mean(1)
-    color = np.broadcast_to(decode(boxes)[None, None, None, :, None], (1, 1, 3, count, 3))
-    high = encode(upscaled("bilinear", low_eia(color=color, scale=scale)))[0, 0, :, 0]
-    np.testing.assert_allclose(high[scale:-scale], fine[scale:-scale], atol=1e-5)
-
-
-@pytest.mark.parametrize("name", [*PER_EI, "bicubic-eia"])
+@pytest.mark.parametrize("name", [*FLAGS, "bicubic-eia"])
 def test_lenses_come_back_in_the_order_asked_for(name):
     low = low_eia()
     wanted = np.array([[2, 3], [0, 1], [2, 0]])
@@ -131,7 +87,7 @@ def test_none_refuses_to_upscale_and_passes_full_resolution():
     low = low_eia(scale=1)
     np.testing.assert_array_equal(upscaled("none", low).reshape(low.color.shape), low.color)
     assert load_method("bicubic").upscaler(low_eia(), np.zeros((0, 2), int)).shape == (0, 20, 24, 3)
-    for name in PER_EI:
+    for name in FLAGS:
         color = np.zeros((1, 1, 5, 5, 3))
         color[0, 0, :, 2:] = 3e38
         assert np.isfinite(upscaled(name, low_eia(color=color))).all()
