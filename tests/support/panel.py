@@ -16,7 +16,6 @@ from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import edit
 from tests.support.scenes import add_box
 
-SKIPPED = {"rna_type", "bl_rna"}
 SECONDS_TO_RENDER = 300
 
 
@@ -51,25 +50,6 @@ def artist_scene(folder: Path | None) -> bpy.types.Scene:
 def frame_one(file: Path) -> Path:
     """Frame folder of frame 1 of the saved ``artist_scene``."""
     return file.parent / "lightfield" / file.stem / "Scene" / "0001"
-
-
-def snapshot(scene: bpy.types.Scene) -> dict[str, Any]:
-    """Every setting that a render could have borrowed, and what the file holds."""
-    layer = scene.view_layers[0]
-    owners = {"scene": scene, "render": scene.render, "image": scene.render.image_settings, "layer": layer}
-    if hasattr(scene, "cycles"):
-        owners |= {"cycles": scene.cycles, "layer.cycles": layer.cycles}
-    values = {f"{name}.{item.identifier}": _plain(getattr(owner, item.identifier))
-              for name, owner in owners.items() for item in owner.bl_rna.properties
-              if item.type in {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"} and item.identifier not in SKIPPED}
-    held = {kind: sorted(item.name for item in getattr(bpy.data, kind))
-            for kind in ("objects", "cameras", "meshes", "materials", "worlds", "collections", "scenes")}
-    places = {item.name: (item.pass_index, [tuple(row) for row in item.matrix_world]) for item in scene.objects}
-    return values | held | {"camera": scene.camera and scene.camera.name, "file": bpy.data.filepath, "places": places}
-
-
-def _plain(value: Any) -> Any:
-    return tuple(value) if hasattr(value, "__len__") and not isinstance(value, (str, set)) else value
 
 
 def refused(pattern: str, operator: Callable[..., Any], **options: Any) -> None:

@@ -117,6 +117,62 @@ def _emission(connect: Callable[[bpy.types.NodeTree, bpy.types.Node], None]) -> 
     return material
 
 
+def mixed(*shaders: tuple[str, dict], output: str = "Surface") -> bpy.types.Material:
+    """Material of shader nodes, (type, {input: value}) each, mixed in equal parts."""
+    made = bpy.data.materials.new("material")
+    compat.use_nodes(made)
+    tree, sockets = made.node_tree, []
+    tree.nodes.clear()
+    for kind, values in shaders:
+        node = tree.nodes.new(kind)
+        for name, value in values.items():
+            node.inputs[name].default_value = value
+        sockets.append(node.outputs[0])
+    while len(sockets) > 1:
+        mix = tree.nodes.new("ShaderNodeMixShader")
+        for number in (1, 2):
+            tree.links.new(sockets.pop(0), mix.inputs[number])
+        sockets.append(mix.outputs[0])
+    tree.links.new(sockets[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs[output])
+    return made
+
+
+def snapshot() -> dict[str, str]:
+    """Every plain setting of every data-block but images, and which data-blocks there are."""
+    found = {"file": bpy.data.filepath}
+    for name in ("scenes", "objects", "cameras", "worlds", "meshes", "materials", "collections", "lights",
+                 "node_groups", "texts"):
+        for block in getattr(bpy.data, name):
+            _record(f"{name}/{block.name}", block, found)
+    for scene in bpy.data.scenes:
+        for part in ("render", "render.image_settings", "view_settings", "display_settings",
+                     *(["cycles"] if hasattr(scene, "cycles") else [])):
+            _record(f"scenes/{scene.name}.{part}", scene.path_resolve(part), found)
+        for layer in scene.view_layers:
+            _record(f"scenes/{scene.name}/{layer.name}", layer, found)
+            if hasattr(layer, "cycles"):
+                _record(f"scenes/{scene.name}/{layer.name}.cycles", layer.cycles, found)
+    for camera in bpy.data.cameras:
+        _record(f"cameras/{camera.name}.dof", camera.dof, found)
+    if "cycles" in bpy.context.preferences.addons:
+        _record("cycles preferences", bpy.context.preferences.addons["cycles"].preferences, found)
+    return found
+
+
+def _record(key: str, owner: bpy.types.bpy_struct, found: dict[str, str]) -> None:
+    for item in owner.bl_rna.properties:
+        if item.identifier == "use_nodes":  # deprecated
+            continue
+        value = getattr(owner, item.identifier)
+        if item.type == "POINTER":
+            value = getattr(value, "name_full", value is None)
+        elif item.type == "COLLECTION":
+            value = len(value)
+        elif getattr(item, "is_array", False):
+            value = tuple(tuple(row) if hasattr(row, "__len__") else row for row in value)
+        found[f"{key}.{item.identifier}"] = str(value)
+
+
 WAYS = ("one-pass", "lens-card")   # of tracing all views at once
 
 

@@ -27,6 +27,7 @@ from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.tasks.runner import TASKS
 from tests.support import panel
 from tests.support.processes import children
+from tests.support.scenes import snapshot
 
 ROOT = Path(__file__).resolve().parents[3]
 LONG = 100_000  # samples per pixel, so that a render is under way when it is stopped
@@ -44,7 +45,7 @@ def message() -> tuple[str, bool]:
 
 def test_cancel_while_rendering_is_quick_and_leaves_nothing(scene):
     scene.lfsr.samples = LONG
-    before = panel.snapshot(scene)
+    before = snapshot()
     task = start(scene, lambda _: pytest.fail("it finished"))
     panel.wait_for(lambda: task.progress.stage == "render")
     started = time.perf_counter()
@@ -52,7 +53,7 @@ def test_cancel_while_rendering_is_quick_and_leaves_nothing(scene):
     seconds = time.perf_counter() - started
     print(f"cancel: {seconds:.2f} s")
     assert seconds < 2 and session.current() is None and message() == ("Cancelled", False)
-    assert panel.snapshot(scene) == before
+    assert snapshot() == before
     assert list(folders.scene_folder(scene).iterdir()) == []
     assert not list(Path(bpy.app.tempdir).glob("lfsr-*/*"))
     assert bpy.ops.lfsr.cancel() == {"CANCELLED"}, "there is nothing to cancel any more"
@@ -69,12 +70,12 @@ def test_a_render_that_is_cancelled_in_its_second_stage_is_kept(scene):
 
 
 def test_a_process_that_dies_is_reported(scene):
-    before, task = panel.snapshot(scene), start(scene)
+    before, task = snapshot(), start(scene)
     panel.wait_for(lambda: task.child)
     os.killpg(task.child.pid, signal.SIGKILL)
     panel.wait_for(lambda: session.current() is None)
     assert "Render EIA stopped with signal 9" in message()[0] and message()[1]
-    assert panel.snapshot(scene) == before
+    assert snapshot() == before
     panel.wait_for(lambda: list(folders.scene_folder(scene).iterdir()) == [])
 
 

@@ -30,13 +30,10 @@ TINY = dataclasses.replace(MINI, name="tiny", lenses=LENSES, views=(3, 3), panel
 AGREE = 4.0  # of 255, mean absolute difference of two renders of one scene, with their noise
 
 
-def material(color, **inputs):
+def material(color):
     made = bpy.data.materials.new("material")
     compat.use_nodes(made)
-    shader = made.node_tree.nodes["Principled BSDF"]
-    shader.inputs["Base Color"].default_value = (*color, 1)
-    for name, value in inputs.items():
-        shader.inputs[name].default_value = value
+    made.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (*color, 1)
     return made
 
 
@@ -45,25 +42,10 @@ def shown(scene):
     return scene.objects["item"]
 
 
-def nodes(scene):
-    return shown(scene).data.materials[0].node_tree.nodes
-
-
-def connect(scene, kind, output, socket="Base Color", **values):
+def connect(scene, kind, output):
     """Lead an output of a new node into the material of the box."""
     tree = shown(scene).data.materials[0].node_tree
-    node = tree.nodes.new(kind)
-    for name, value in values.items():
-        setattr(node, name, value)
-    tree.links.new(node.outputs[output], tree.nodes["Principled BSDF"].inputs[socket])
-    return node
-
-
-def world_nodes(scene, kind, output, socket="Color"):
-    tree = scene.world.node_tree
-    node = tree.nodes.new(kind)
-    tree.links.new(node.outputs[output], tree.nodes["Background"].inputs[socket])
-    return node
+    tree.links.new(tree.nodes.new(kind).outputs[output], tree.nodes["Principled BSDF"].inputs["Base Color"])
 
 
 @pytest.fixture
@@ -111,16 +93,10 @@ def difference(scene, folder):
     return np.abs(seen - own_view(scene, folder)).mean()
 
 
-def lamp(kind, **values):
-    def use(scene):
-        made = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", kind))
-        made.location, made.data.energy = (-1, -2, 2), 300
-        for name, value in values.items():
-            setattr(made.data, name, value)
-        made.rotation_euler = (0.6, 0, 0)
-        scene.collection.objects.link(made)
-        return made
-    return use
+def glare(scene):
+    made = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "POINT"))
+    made.location, made.data.energy, made.data.shadow_soft_size = (-1, -2, 2), 3e4, 0.1
+    scene.collection.objects.link(made)
 
 
 def put(owner=lambda scene: scene, **values):
@@ -138,6 +114,10 @@ def both(*steps):
 
 def strength(scene):
     return scene.world.node_tree.nodes["Background"].inputs["Strength"]
+
+
+def alpha(scene):
+    return shown(scene).data.materials[0].node_tree.nodes["Principled BSDF"].inputs["Alpha"]
 
 
 def layer(scene):
@@ -163,9 +143,10 @@ def sheared(scene):
 
 def world_coordinates(output):
     def use(scene):
-        light = world_nodes(scene, "ShaderNodeVectorMath", "Vector")
-        light.operation = "ABSOLUTE"
         tree = scene.world.node_tree
+        light = tree.nodes.new("ShaderNodeVectorMath")
+        light.operation = "ABSOLUTE"
+        tree.links.new(light.outputs["Vector"], tree.nodes["Background"].inputs["Color"])
         tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs[output], light.inputs[0])
     return use
 
@@ -177,70 +158,8 @@ def world_volume(scene):
     tree.links.new(volume.outputs[0], tree.nodes["World Output"].inputs["Volume"])
 
 
-def object_volume(scene):
-    tree = shown(scene).data.materials[0].node_tree
-    volume = tree.nodes.new("ShaderNodeVolumePrincipled")
-    tree.links.new(volume.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
-    tree.links.remove(tree.nodes["Material Output"].inputs["Surface"].links[0])
-
-
-def principled(**inputs):
-    def use(scene):
-        shader = nodes(scene)["Principled BSDF"]
-        for name, value in inputs.items():
-            shader.inputs[name.replace("_", " ")].default_value = value
-    return use
-
-
-def instances(scene):
-    copies = bpy.data.objects.new("copies", None)
-    inner = bpy.data.collections.new("inner")
-    inner.objects.link(shown(scene))
-    scene.collection.objects.unlink(shown(scene)) if shown(scene).name in scene.collection.objects else None
-    copies.instance_type, copies.instance_collection, copies.location.x = "COLLECTION", inner, 0.4
-    scene.collection.objects.link(copies)
-
-
-def smooth(scene):
-    modifier = shown(scene).modifiers.new("smooth", "SUBSURF")
-    modifier.levels, modifier.render_levels = 0, 3
-
-
-def simplify(scene):
-    smooth(scene)
-    scene.render.use_simplify, scene.render.simplify_subdivision_render = True, 0
-
-
-def displaced(scene):
-    smooth(scene)
-    connect(scene, "ShaderNodeTexNoise", 0, "Roughness")
-    tree = shown(scene).data.materials[0].node_tree
-    bump = tree.nodes.new("ShaderNodeDisplacement")
-    tree.links.new(tree.nodes["Noise Texture"].outputs[0], bump.inputs["Height"])
-    tree.links.new(bump.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
-    shown(scene).data.materials[0].displacement_method = "BOTH"
-
-
 def grease_pencil(scene):
     bpy.ops.object.grease_pencil_add(type="MONKEY", location=(0.8, -1, 0), rotation=(math.pi / 2, 0, 0))
-
-
-def hair(scene):
-    item = shown(scene)
-    made = item.modifiers.new("hair", "PARTICLE_SYSTEM").particle_system.settings
-    made.type, made.count, made.hair_length = "HAIR", 300, 0.5
-
-
-def text(scene):
-    made = bpy.data.objects.new("text", bpy.data.curves.new("text", "FONT"))
-    made.data.body, made.location, made.rotation_euler = "ABC", (-0.5, -1, 0.4), (math.pi / 2, 0, 0)
-    scene.collection.objects.link(made)
-
-
-def linked_light(scene):
-    made = lamp("POINT")(scene)
-    made.light_linking.receiver_collection = bpy.data.collections.new("lit")
-    made.light_linking.receiver_collection.objects.link(scene.objects["floor"])
 
 
 def excluded(scene):
@@ -266,30 +185,23 @@ def marker(scene):
 
 BORDER = {"render__use_border": True, "render__border_max_x": 0.5}
 OUTPUTS = ("Generated", "Normal", "Camera", "Window", "Reflection", "Object", "UV")
-GLARE = lamp("POINT", energy=3e4, shadow_soft_size=0.1)
 FEATURES = {
     "nothing": put(),
-    # Light
-    **{kind.lower(): lamp(kind) for kind in ("POINT", "SPOT", "AREA")}, "light linking": linked_light,
-    "sky": both(lambda scene: world_nodes(scene, "ShaderNodeTexSky", "Color"), put(strength, default_value=0.2)),
+    # The world
     "world strength": put(strength, default_value=3), "negative world": put(strength, default_value=-1),
     "hidden world": put(render__film_transparent=True), "world volume": world_volume,
     "world invisible": put(world__cycles_visibility__camera=False),
     **{f"world {output}": world_coordinates(output) for output in OUTPUTS},
-    # Materials
-    "glass": principled(Transmission_Weight=1.0, Roughness=0.0), "transparent": principled(Alpha=0.4),
-    "metal": principled(Metallic=1.0, Roughness=0.1), "subsurface": principled(Subsurface_Weight=1.0),
-    "emission": principled(Emission_Color=(1, 1, 0, 1), Emission_Strength=2.0),
+    # Materials that can tell which camera sees them, or show what is behind them
+    "transparent": put(alpha, default_value=0.4),
     **{f"material {output}": lambda scene, output=output: connect(scene, "ShaderNodeTexCoord", output)
        for output in OUTPUTS},
     "camera data": lambda scene: connect(scene, "ShaderNodeCameraData", "View Distance"),
-    "light path": lambda scene: connect(scene, "ShaderNodeLightPath", "Ray Depth"), "displacement": displaced,
+    "light path": lambda scene: connect(scene, "ShaderNodeLightPath", "Ray Depth"),
     # Objects
     "shadow catcher": both(put(lambda scene: scene.objects["floor"], is_shadow_catcher=True),
                            put(render__film_transparent=True)),
-    "volume": object_volume, "holdout": put(shown, is_holdout=True), "unseen": put(shown, visible_camera=False),
-    "instances": instances, "subdivision": smooth, "hair": hair, "text": text, "grease pencil": grease_pencil,
-    "simplify": both(smooth, put(render__use_simplify=True, render__simplify_subdivision_render=0)),
+    "holdout": put(shown, is_holdout=True), "unseen": put(shown, visible_camera=False), "grease pencil": grease_pencil,
     # The camera
     "depth of field": put(camera__data__dof__use_dof=True, camera__data__dof__aperture_fstop=0.02,
                           camera__data__dof__focus_distance=3.0),
@@ -304,7 +216,7 @@ FEATURES = {
     "border": put(**BORDER), "crop": put(**BORDER, render__use_crop_to_border=True),
     "aspect": put(render__pixel_aspect_x=2), "percentage": put(render__resolution_percentage=50),
     "filter": put(cycles__pixel_filter_type="GAUSSIAN"), "filter width": put(cycles__filter_width=8.0),
-    "clamp": both(GLARE, put(cycles__sample_clamp_direct=0.2, cycles__sample_clamp_indirect=0.2)), "bright": GLARE,
+    "clamp": both(glare, put(cycles__sample_clamp_direct=0.2, cycles__sample_clamp_indirect=0.2)), "bright": glare,
     "bounces": put(cycles__max_bounces=0),
     "film exposure": put(cycles__film_exposure=3.0), "less exposure": put(cycles__film_exposure=0.3),
     "exposure": put(view_settings__exposure=1.0), "gamma": put(view_settings__gamma=2.0),

@@ -8,14 +8,14 @@ import pytest
 
 from blender_addon.render import frame_folder, output
 from blender_addon.render.frame_folder import Opened, render_job
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.notices import Notice, silent
 from lfsr_core.exports.light_field import read_views
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import LAYERS
 from lfsr_core.images import exr
 from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.pipeline.merge import merge
-from lfsr_core.pipeline.parts import Pace, Part
+from lfsr_core.pipeline.parts import Part
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_camera
 from tests.support.told import Told
@@ -23,10 +23,17 @@ from tests.support.told import Told
 LENSES = ((0, 0), (3, 4), (5, 8), (6, 9), (11, 15))
 
 
-def rendered(scene, folder, **options):
-    options = {"samples": 4, "scale": 1, "world_visible": False} | options
-    frame_folder.render_job(scene, make_request(str(folder), MINI, **options))
-    return {path.stem: exr.read_layers(path)["color"][..., :3] for path in folder.glob("*.exr")}
+def images_of(scene, folder, tell=silent, **options):
+    """Layers of every image, by the file's stem; with ``parts`` as the command renders."""
+    request = make_request(str(folder), MINI, **{"samples": 4, "scale": 1, "world_visible": False} | options)
+    render_job(scene, request, Opened(0.1, "the same file"), tell)
+    images = {path.stem: exr.read_layers(path) for path in folder.glob("*.exr")}
+    assert not set(images) - {"lr_eia", "world", "reference_a", "reference_b"}
+    return images
+
+
+def colors(scene, folder, **options):
+    return {name: layers["color"][..., :3] for name, layers in images_of(scene, folder, **options).items()}
 
 
 def noise(image):
@@ -39,10 +46,10 @@ def correlation(first, second):
 
 
 def test_halves_and_candidates_have_independent_noise(lit, tmp_path):
-    halves = rendered(lit, tmp_path / "reference", kind="reference")
+    halves = colors(lit, tmp_path / "reference", kind="reference")
     assert set(halves) == {"reference_a", "reference_b"}
-    low = rendered(lit, tmp_path / "low", samples=2)["lr_eia"]
-    same, other = (rendered(lit, tmp_path / str(seed), samples=2, seed=seed)["lr_eia"] for seed in (0, 1))
+    low = colors(lit, tmp_path / "low", samples=2)["lr_eia"]
+    same, other = (colors(lit, tmp_path / str(seed), samples=2, seed=seed)["lr_eia"] for seed in (0, 1))
     first, second = halves.values()
     assert first.mean() == pytest.approx(second.mean(), rel=0.02)
     np.testing.assert_array_equal(low, same)
@@ -57,14 +64,13 @@ def test_halves_and_candidates_have_independent_noise(lit, tmp_path):
     ({"scale": 4, "layers": ("normal", "position")}, ("normal", "position", "albedo")),
     ({"scale": 1}, ()), ({"scale": 1, "kind": "reference"}, ())])
 def test_the_second_stage_gets_albedo_normal_and_position_where_views_are_left_out(lit, tmp_path, options, expected):
-    rendered(lit, tmp_path, **options)
+    images = images_of(lit, tmp_path, **options)
     assert read_frame(tmp_path).layers == expected
-    files = [exr.read_layers(path) for path in tmp_path.glob("*.exr")]
-    assert all({"albedo", "normal"} & set(layers) == {"albedo", "normal"} & set(expected) for layers in files)
+    assert all({"albedo", "normal"} & set(layers) == {"albedo", "normal"} & set(expected) for layers in images.values())
 
 
 def test_reference_of_listed_lenses(lit, tmp_path):
-    halves = rendered(lit, tmp_path, kind="reference", lens_list=LENSES, scale=4)
+    halves = colors(lit, tmp_path, kind="reference", lens_list=LENSES, scale=4)
     frame = read_frame(tmp_path)
     assert (frame.scale, frame.lens_list, frame.rays.size) == (1, LENSES, (2 * 8, 3 * 8))
     assert all(half.shape == (3 * 8, 2 * 8, 3) for half in halves.values())
@@ -78,9 +84,9 @@ def test_halves_share_the_samples_and_are_not_clamped(lit, tmp_path):
 
     bpy.app.handlers.render_pre.append(look)
     try:
-        rendered(lit, tmp_path / "low", samples=1)
-        rendered(lit, tmp_path / "reference", samples=5, kind="reference")
-        rendered(lit, tmp_path / "own", samples=1, clamp_indirect=3.0)
+        colors(lit, tmp_path / "low", samples=1)
+        colors(lit, tmp_path / "reference", samples=5, kind="reference")
+        colors(lit, tmp_path / "own", samples=1, clamp_indirect=3.0)
     finally:
         bpy.app.handlers.render_pre.remove(look)
     # Before each, a tiny one has looked for light.
@@ -92,11 +98,11 @@ def test_halves_share_the_samples_and_are_not_clamped(lit, tmp_path):
 @pytest.mark.parametrize("changes", [{}, {"world_visible": True}, {"light": "city"}])
 def test_the_first_view_is_the_middle_of_the_image_which_keeps_its_bytes(lit, tmp_path, changes):
     first, told = tmp_path / "first.npy", []
-    options = {"samples": 64, "scale": 1, "world_visible": False} | changes
+    options = {"samples": 16, "scale": 1, "world_visible": False} | changes
     request = make_request(str(tmp_path / "with"), MINI, **options)
-    frame_folder.render_job(lit, dataclasses.replace(request, first_view=str(first)), tell=told.append)
+    render_job(lit, dataclasses.replace(request, first_view=str(first)), tell=told.append)
     assert Notice("first-view", {"path": str(first)}) in told
-    without = rendered(lit, tmp_path / "without", **options)["lr_eia"]
+    without = colors(lit, tmp_path / "without", **options)["lr_eia"]
     np.testing.assert_array_equal(exr.read_layers(tmp_path / "with" / "lr_eia.exr")["color"][..., :3], without)
     view = np.load(first)
     assert view.dtype == np.uint8 and view.shape == (1, 1, MINI.lenses[1], MINI.lenses[0], 3)
@@ -112,14 +118,8 @@ def test_the_first_view_is_the_middle_of_the_image_which_keeps_its_bytes(lit, tm
 def test_braces_in_a_path_are_no_template(lit, tmp_path, layout):
     folder = tmp_path / "{scene} {x" / "{blend_name}}"
     folder.mkdir(parents=True)
-    assert set(rendered(lit, folder, samples=1, scale=4, layout=layout)) == {"lr_eia"}
+    assert set(colors(lit, folder, samples=1, scale=4, layout=layout)) == {"lr_eia"}
     assert [path.name for path in tmp_path.iterdir()] == ["{scene} {x"]
-
-
-def layers(scene, folder, **options):
-    render_job(scene, make_request(str(folder), MINI, **{"samples": 2, "scale": 4, "layers": ("index",)} | options))
-    return {f"{path.stem} {name}": pixels for path in folder.glob("*.exr")
-            for name, pixels in exr.read_layers(path).items()}
 
 
 def key(owner, path, value, frame=1):
@@ -130,8 +130,7 @@ def key(owner, path, value, frame=1):
     setattr(owner, path, before)
 
 
-def marker_of_the_camera_itself(scene):
-    scene.timeline_markers.new("cut", frame=1).camera = scene.camera
+INDEXED = {"samples": 2, "scale": 4, "layers": ("index",), "world_visible": None}
 
 
 def keyed_samples(scene):
@@ -160,46 +159,37 @@ def animated_index(scene):
 
 
 @pytest.mark.parametrize(("animate", "layout"), [
-    ((marker_of_the_camera_itself, keyed_samples, driven_seed, animated_index), "one-pass"),
+    ((lambda scene: setattr(scene.timeline_markers.new("cut", frame=1), "camera", scene.camera), keyed_samples,
+      driven_seed, animated_index), "one-pass"),
     ((keyed_samples, animated_index), "view-by-view"), ((keyed_in_a_strip,), "one-pass")])
 def test_animated_settings_change_nothing(lit, tmp_path, animate, layout):
-    expected = layers(lit, tmp_path / "plain", layout=layout, seed=3)
+    options = INDEXED | {"layout": layout, "seed": 3}
+    expected = images_of(lit, tmp_path / "plain", **options)
     for each in animate:
         each(lit)
-    found = layers(lit, tmp_path / "animated", layout=layout, seed=3)
-    assert found.keys() == expected.keys()
-    for name, pixels in expected.items():
-        np.testing.assert_array_equal(found[name], pixels, err_msg=name)
+    assert_same(images_of(lit, tmp_path / "animated", **options), expected)
 
 
 def test_the_array_stands_where_a_marker_puts_the_camera_and_stays_an_array(lit, tmp_path):
     first, other = lit.camera, add_camera(lit, (0.2, -4, 0.1), 0.6)
-    expected = layers(lit, tmp_path / "plain")
+    expected = images_of(lit, tmp_path / "plain", **INDEXED)
     lit.camera = first
     lit.timeline_markers.new("cut", frame=1).camera = other
-    found = layers(lit, tmp_path / "marked", frame=1)
-    np.testing.assert_array_equal(found["lr_eia color"], expected["lr_eia color"])
+    assert_same(images_of(lit, tmp_path / "marked", frame=1, **INDEXED), expected)
     assert lit.timeline_markers["cut"].camera == other
 
 
 def test_a_driven_seed_leaves_the_halves_of_a_reference_apart_and_all_moves_again(lit, tmp_path):
     driven_seed(lit)
     keyed_samples(lit)
-    halves = layers(lit, tmp_path / "reference", kind="reference", scale=1, layers=())
-    assert not np.array_equal(halves["reference_a color"], halves["reference_b color"])
+    halves = colors(lit, tmp_path / "reference", kind="reference", samples=2)
+    assert not np.array_equal(halves["reference_a"], halves["reference_b"])
     assert not any(curve.mute for curve in lit.animation_data.drivers)
     lit.frame_set(9)
     assert (lit.cycles.seed, lit.cycles.samples) == (9, 7)
 
 
-def images_of(scene, folder, **options):
-    """Layers of every image, and what was warned of; with ``parts`` as the command renders."""
-    told = Told()
-    frame_folder.render_job(scene, make_request(str(folder), MINI, **{"samples": 40, "scale": 2} | options),
-                            Opened(0.1, "the same file"), told)
-    images = {path.name: exr.read_layers(path) for path in folder.glob("*.exr")}
-    assert not set(images) - {"lr_eia.exr", "world.exr", "reference_a.exr", "reference_b.exr"}
-    return images, told.notices
+LONG = {"samples": 40, "scale": 2, "world_visible": None}
 
 
 def assert_same(images, others):
@@ -212,43 +202,43 @@ def assert_same(images, others):
 
 @pytest.mark.parametrize("options", [{}, {"lens_list": LENSES, "scale": 1}, {"layout": "lens-card"}])
 def test_parts_are_the_whole_image(lit, tmp_path, monkeypatch, options):
-    options |= {"layers": LAYERS, "world_visible": True}
-    whole, _ = images_of(lit, tmp_path / "whole", **options)
-    assert set(whole["lr_eia.exr"]) == {"color", *LAYERS, "environment"}
+    options = LONG | {"layers": LAYERS, "world_visible": True} | options
+    whole = images_of(lit, tmp_path / "whole", **options)
+    assert set(whole["lr_eia"]) == {"color", *LAYERS, "environment"}
     # So short that bands also run out of time and are given up.
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", "0.01")
     kept = tmp_path / "kept"
-    assert_same(images_of(lit, tmp_path / "parts", parts=str(kept), **options)[0], whole)
+    assert_same(images_of(lit, tmp_path / "parts", parts=str(kept), **options), whole)
     names = sorted(path.name for path in kept.glob("*.exr"))
     assert len(names) >= 3
     for gone in names[1:-1:2]:
         (kept / gone).unlink()
     times = {name: (kept / name).stat().st_mtime_ns for name in names[::2]}
-    assert_same(images_of(lit, tmp_path / "again", parts=str(kept), **options)[0], whole)
+    assert_same(images_of(lit, tmp_path / "again", parts=str(kept), **options), whole)
     assert all((kept / name).stat().st_mtime_ns == time for name, time in times.items())
 
 
 def test_a_finished_half_is_kept_while_the_other_is_rendered(lit, tmp_path, monkeypatch):
-    options = {"kind": "reference", "scale": 1, "samples": 8}
-    whole, _ = images_of(lit, tmp_path / "whole", **options)
+    options = {"kind": "reference", "samples": 8}
+    whole = images_of(lit, tmp_path / "whole", **options)
     monkeypatch.setattr(output, "is_worth_storing", lambda seconds: True)
     kept = tmp_path / "kept"
-    assert_same(images_of(lit, tmp_path / "parts", parts=str(kept), **options)[0], whole)
+    assert_same(images_of(lit, tmp_path / "parts", parts=str(kept), **options), whole)
     (half,) = kept.glob("*.exr")
     assert half.name.startswith("reference_a-")
-    assert_same(images_of(lit, tmp_path / "again", parts=str(kept), **options)[0], whole)
+    assert_same(images_of(lit, tmp_path / "again", parts=str(kept), **options), whole)
 
 
 def test_a_short_render_stays_one_and_keeps_nothing(lit, tmp_path, monkeypatch):
     calls = []
     monkeypatch.setattr(output, "gaps", lambda *arguments: calls.append(arguments) or [])
-    _, warnings = images_of(lit, tmp_path / "frame", parts=str(tmp_path / "kept"))
-    assert not (tmp_path / "kept").exists() and not calls and not warnings
+    images_of(lit, tmp_path / "frame", told := Told(), parts=str(tmp_path / "kept"), **LONG)
+    assert not (tmp_path / "kept").exists() and not calls and not told.notices
 
 
 def test_parts_of_other_inputs_are_removed(lit, tmp_path, monkeypatch):
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", "0.02")
-    image, options = tmp_path / "wood.png", {}
+    image, options = tmp_path / "wood.png", LONG
     image.write_bytes(b"1")
     bpy.data.images.new("wood", 4, 4).filepath = str(image)
     bpy.data.images["wood"].source = "FILE"
@@ -256,10 +246,10 @@ def test_parts_of_other_inputs_are_removed(lit, tmp_path, monkeypatch):
                                               "settings"), ({}, "images or linked files")]):
         if number == 3:
             image.write_bytes(b"22")
-        options |= change
-        images, warnings = images_of(lit, tmp_path / str(number), parts=str(tmp_path / "kept"), **options)
-        assert warnings == ([Notice("parts-removed", {"input": other})] if other else [])
-    assert_same(images, images_of(lit, tmp_path / "alone", **options)[0])
+        options = options | change
+        images = images_of(lit, tmp_path / str(number), told := Told(), parts=str(tmp_path / "kept"), **options)
+        assert told.notices == ([Notice("parts-removed", {"input": other})] if other else [])
+    assert_same(images, images_of(lit, tmp_path / "alone", **options))
 
 
 @pytest.mark.parametrize("rows", [7, 270, 1080, 4320])
@@ -272,19 +262,14 @@ def test_a_border_is_the_rows_that_were_meant(rows):
             assert (rows - high, rows - low) == (first, min(first + size, rows))
 
 
-def test_time_limit_is_only_reached_by_long_renders():
-    assert 100 < Pace(4, 4, 1, 60.0).timeout < 150, "two in a row must not cost five minutes"
-
-
 @pytest.mark.parametrize("options", [{}, {"layout": "lens-card"}, {"kind": "reference", "scale": 1, "samples": 8},
                                      {"short": "0.02"}])
 def test_rows_of_lenses_are_the_whole_image(lit, tmp_path, monkeypatch, options):
     """Rendered one by one and merged; also where each of them is made of bands."""
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", short := options.get("short", "60"))
-    options = {name: value for name, value in options.items() if name != "short"}
-    if options.get("kind") != "reference":
-        options |= {"layers": LAYERS, "world_visible": True}
-    whole, _ = images_of(lit, tmp_path / "whole", **options)
+    shown = {} if options.get("kind") else {"layers": LAYERS, "world_visible": True}
+    options = LONG | shown | {name: value for name, value in options.items() if name != "short"}
+    whole = images_of(lit, tmp_path / "whole", **options)
     rows = [(1, 3), (4, 4), (5, 12)]
     for number, part in enumerate(rows):
         # One part at once, the others in bands: Blender's file beside ours.
@@ -293,5 +278,4 @@ def test_rows_of_lenses_are_the_whole_image(lit, tmp_path, monkeypatch, options)
     if not options.get("kind"):
         assert exr.size(tmp_path / "part0" / "lr_eia.exr") == (64, 12)
     merge([tmp_path / f"part{number}" for number in (2, 0, 1)], tmp_path / "merged")
-    images = {path.name: exr.read_layers(path) for path in (tmp_path / "merged").glob("*.exr")}
-    assert_same(images, whole)
+    assert_same({path.stem: exr.read_layers(path) for path in (tmp_path / "merged").glob("*.exr")}, whole)

@@ -2,7 +2,6 @@
 
 import dataclasses
 import re
-import subprocess
 import sys
 
 import bpy
@@ -30,7 +29,6 @@ from tests.support.scenes import (
     FLAT,
     MINI,
     POSITION_OFFSET,
-    ROOT,
     TURNED,
     WAYS,
     add_box,
@@ -40,6 +38,7 @@ from tests.support.scenes import (
     fresh_scene,
     position_emission,
 )
+from tests.support.small_disk import on_a_small_disk
 from tests.support.told import refuses
 
 GOOD = cycles.SOURCE.read_text()
@@ -60,25 +59,12 @@ def test_blender_without_osl_says_what_to_do(scene, monkeypatch):
     refuses("built without OSL.*lens-card", cycles.compile_osl, GOOD)
 
 
-FULL = """
-import resource, signal, sys, bpy
-from blender_addon.render import cycles
-from lfsr_core.base.errors import LfsrError
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-source = cycles.SOURCE.read_text()
-resource.setrlimit(resource.RLIMIT_FSIZE, (len(source) + int(sys.argv[1]),) * 2)
-try:
-    cycles.compile_osl(source)
-except LfsrError as error:
-    print("said:", error)
-"""
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX limit on file size")
 @pytest.mark.parametrize("room", [-1, 9000])
 def test_a_full_temporary_folder_is_not_called_a_missing_camera(room):
-    told = subprocess.run([sys.executable, "-c", FULL, str(room)], stdout=subprocess.PIPE, text=True, cwd=ROOT).stdout
-    assert re.search(r"said: \S*lfsr-osl\S* cannot be written \(File too large\): free some space", told), told
+    told = on_a_small_disk(len(GOOD) + room, "import bpy, signal\nsignal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+                           "from blender_addon.render import cycles\ncycles.compile_osl(cycles.SOURCE.read_text())")
+    assert re.search(r"refused: \S*lfsr-osl\S* cannot be written \(File too large\): free some space", told), told
 
 
 def test_every_parameter_of_the_shader_is_set_and_no_other(scene):
@@ -156,8 +142,8 @@ def expected_hits(layout, plane):
     return where_they_meet(plane, *pixel_rays(layout, CENTRE))
 
 
-def shown_hits(scene, layout, folder, **settings):
-    color = encoded(scene, layout, folder, ARRAY_TO_WORLD.tolist(), **settings)["color"]
+def shown_hits(scene, layout, folder, matrix_world=None, **settings):
+    color = encoded(scene, layout, folder, matrix_world or ARRAY_TO_WORLD.tolist(), **settings)["color"]
     assert (color[..., 3] == 1).all(), "a ray missed the plane, which fills the view"
     return color[..., :3] - POSITION_OFFSET
 
@@ -245,14 +231,6 @@ def small(display):
     return dataclasses.replace(display, panel_pixels=(48, 32), panel_mm=(24.0, 16.0), viewing_distance_mm=60.0)
 
 
-def panel_hits(scene, layout, folder, matrix_world, **settings):
-    shot = cycles.Shot(layout, matrix_world, SUBPIXELS)
-    cycles.render_encoded(scene, shot, cycles.RenderSettings(**{"samples": 1} | settings), folder / "panel.exr")
-    color = exr.read_layers(folder / "panel.exr")["color"]
-    assert (color[..., 3] == 1).all(), "a ray missed the plane, which fills the view"
-    return color[..., :3] - POSITION_OFFSET
-
-
 @pytest.mark.parametrize("name", DISPLAYS)
 def test_every_subpixel_hits_where_panel_rays_says(scene, tmp_path, name):
     display = small(DISPLAYS[name])
@@ -262,7 +240,7 @@ def test_every_subpixel_hits_where_panel_rays_says(scene, tmp_path, name):
     (width, height), (right, down) = layout.size, CENTRE
     across, up = np.meshgrid((np.arange(width) + right) / width, 1 - (np.arange(height) + down) / height)
     expected = where_they_meet(plane, *panel_rays(layout, across, up))
-    error = np.linalg.norm(panel_hits(scene, layout, tmp_path, ARRAY_TO_WORLD.tolist()) - expected, axis=-1)
+    error = np.linalg.norm(shown_hits(scene, layout, tmp_path, way=SUBPIXELS) - expected, axis=-1)
     assert error.max() <= 2e-5 * array.distance, f"{error.max() / array.distance:.1e} of the distance"
 
 
@@ -277,7 +255,7 @@ def test_samples_fill_the_subpixel_and_the_lens(scene, tmp_path, name):
         for item in list(scene.collection.objects):
             bpy.data.objects.remove(item)
         add_plane(scene, mathutils.Matrix.Translation((0, 0, -depth)), position_emission(square))
-        means.append(panel_hits(scene, layout, tmp_path, looking_down, samples=64)[..., :2])
+        means.append(shown_hits(scene, layout, tmp_path, looking_down, way=SUBPIXELS, samples=64)[..., :2])
     found = means[1] + POSITION_OFFSET - means[0] ** 2
     # Of most subpixels: some lie behind two lenses.
     assert np.median(found, (0, 1)) == pytest.approx(np.median(spread(layout, depth), (0, 1)), rel=0.05)

@@ -7,8 +7,7 @@ import mathutils
 import numpy as np
 import pytest
 
-from blender_addon import compat
-from blender_addon.render import cards, cycles, output
+from blender_addon.render import cards, cycles
 from blender_addon.render import view_by_view as views
 from blender_addon.render.cards import distance_to_volume
 from lfsr_core.images import exr
@@ -26,7 +25,9 @@ from tests.support.scenes import (
     encoded,
     fresh_scene,
     front,
+    mixed,
     position_emission,
+    snapshot,
 )
 
 SEEDS, SAMPLES, SCALE = 10, 4, 4
@@ -107,62 +108,8 @@ def test_other_layers_come_view_by_view_too(scene, tmp_path, display, scale):
         assert np.mean(np.abs(shown[name] - expected[name]).max(-1) > 1e-3) < 0.02, name
 
 
-PERSPECTIVE = """
-shader perspective(float tangent = 1.0, float aspect = 1.0, output point position = 0.0,
-                   output vector direction = 0.0, output color throughput = 1.0)
-{
-  point raster = camera_shader_raster_position();
-  direction = normalize(vector((raster[0] * 2 - 1) * tangent, (raster[1] * 2 - 1) * tangent * aspect, 1.0));
-}
-"""
-
-
-def test_osl_perspective_is_blenders_own(tmp_path):
-    """The same rays and random numbers: equal up to rounding, but for a few pixels that flip at an edge.
-
-    Bounds: mean difference 1e-4 of the mean value, at most 1 % of the pixels off by over 1 %.
-    """
-    scene, width, height = lit_scene(), 96, 72
-    images = []
-    for custom in (False, True):
-        with cycles.temporary_camera(scene, front(), ARRAY.distance) as camera:
-            camera.data.lens, camera.data.sensor_width = 30.0, 36.0
-            if custom:
-                cycles.set_shader(camera.data, PERSPECTIVE, {"tangent": 36 / 2 / 30, "aspect": height / width})
-            with cycles.cycles_settings(scene, cycles.RenderSettings(8), (width, height)):
-                output.render_to(scene, tmp_path / "image.exr")
-        images.append(exr.read_layers(tmp_path / "image.exr")["color"])
-    difference = np.abs(images[0] - images[1])
-    assert images[0].mean() > 0.1
-    assert difference.mean() <= 1e-4 * images[0].mean()
-    assert np.mean(difference.max(-1) > 0.01 * images[0].mean()) <= 0.01
-
-
 LAYOUT = RayLayout.for_display(MINI, ARRAY, 2)
 LAYERS = ("albedo", "normal", "position", "index")
-
-
-def material(shaders, output="Surface"):
-    """Material of shader nodes, (type, {input: value}) each, mixed in equal parts."""
-    made = bpy.data.materials.new("material")
-    compat.use_nodes(made)
-    tree = made.node_tree
-    tree.nodes.clear()
-    sockets = [_shader(tree, kind, values) for kind, values in shaders]
-    while len(sockets) > 1:
-        mix = tree.nodes.new("ShaderNodeMixShader")
-        for number in (1, 2):
-            tree.links.new(sockets.pop(0), mix.inputs[number])
-        sockets.append(mix.outputs[0])
-    tree.links.new(sockets[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs[output])
-    return made
-
-
-def _shader(tree, kind, values):
-    node = tree.nodes.new(kind)
-    for name, value in values.items():
-        node.inputs[name].default_value = value
-    return node.outputs[0]
 
 
 def room(half=2.5):
@@ -178,9 +125,9 @@ def room(half=2.5):
 def glass_film_and_mirror():
     """The mirror shows what is behind the viewer, where the card stands; films use up the transparent bounces."""
     scene = room()
-    add_box(scene, (-0.5, 0, 0.1), (0.2, 0.3, 0.4), material([("ShaderNodeBsdfGlass", {"Roughness": 0.0})]))
-    add_box(scene, (0.5, 0.2, 0.3), (0.3, 0.02, 0.3), material([("ShaderNodeBsdfGlossy", {"Roughness": 0.0})]))
-    film = material([("ShaderNodeBsdfTransparent", {}), ("ShaderNodeBsdfDiffuse", {})])
+    add_box(scene, (-0.5, 0, 0.1), (0.2, 0.3, 0.4), mixed(("ShaderNodeBsdfGlass", {"Roughness": 0.0})))
+    add_box(scene, (0.5, 0.2, 0.3), (0.3, 0.02, 0.3), mixed(("ShaderNodeBsdfGlossy", {"Roughness": 0.0})))
+    film = mixed(("ShaderNodeBsdfTransparent", {}), ("ShaderNodeBsdfDiffuse", {}))
     for number in range(4):
         add_box(scene, (0.3, -0.6 + 0.2 * number, -0.4), (0.3, 0.02, 0.2), film)
     scene.cycles.transparent_max_bounces = 3
@@ -190,7 +137,7 @@ def glass_film_and_mirror():
 def fog_around_the_viewer():
     """A box of fog narrower than the card would be."""
     scene = room(1.0)
-    add_box(scene, (0, 0, 0), (1.5, 9, 1.5), material([("ShaderNodeVolumeScatter", {"Density": 0.15})], "Volume"))
+    add_box(scene, (0, 0, 0), (1.5, 9, 1.5), mixed(("ShaderNodeVolumeScatter", {"Density": 0.15}), output="Volume"))
     return scene
 
 
@@ -252,26 +199,19 @@ def test_camera_rays_stay_camera_rays(scene, tmp_path):
         bpy.data.objects.remove(item)
 
 
-def state(scene):
-    """All data of the open file, by kind, and what a card changes."""
-    data = {name: sorted(item.name for item in getattr(bpy.data, name))
-            for name in ("objects", "meshes", "materials", "cameras", "node_groups", "collections")}
-    return data, scene.camera, scene.cycles.transparent_max_bounces
-
-
 def test_nothing_is_left_of_a_card_that_cannot_be_made(scene, monkeypatch):
-    before = state(scene)
+    before = snapshot()
     monkeypatch.setattr(cards, "ray_group", lambda _: 1 / 0)
     with pytest.raises(ZeroDivisionError), cards.card_camera(scene, LAYOUT, front()):
         pass
-    assert state(scene) == before
+    assert snapshot() == before
 
 
 def test_distance_to_volume(scene):
     assert distance_to_volume(scene, mathutils.Vector()) == np.inf
     add_box(scene, (0, 0, 0), (0.1, 0.1, 0.1))
     assert distance_to_volume(scene, mathutils.Vector()) == np.inf, "no volume"
-    fog = material([("ShaderNodeVolumeScatter", {})], "Volume")
+    fog = mixed(("ShaderNodeVolumeScatter", {}), output="Volume")
     item = add_box(scene, (0, 0, 0), (2, 3, 4), fog)
     bpy.context.view_layer.update()
     assert distance_to_volume(scene, mathutils.Vector()) == pytest.approx(2)

@@ -4,24 +4,20 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import compat
 from blender_addon.render import cycles, frame_folder, output, world
-from blender_addon.render.cycles import RenderSettings, cycles_settings
 from blender_addon.render.frame_folder import render_job
-from blender_addon.render.output import render_to
 from blender_addon.scene import devices
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, WORLD_FILE, read_frame
 from lfsr_core.frames.low_res import read_world
 from lfsr_core.images import exr
-from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_png
 from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.pipeline.make import finish_frame
 from tests.support.panels import cells, hexagonal, small
 from tests.support.requests import make_request
-from tests.support.scenes import MINI, WAYS, add_box, add_camera
+from tests.support.scenes import MINI, WAYS, add_box, add_camera, emission, mixed
 
 
 @pytest.fixture
@@ -54,7 +50,7 @@ def test_no_world_cannot_show(lit_box, tmp_path):
     lit_box.world = None
     lit_box.collection.objects.link(bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN")))
     with pytest.raises(LfsrError, match="has no world to show"):
-        frame_folder.render_job(lit_box, make_request(str(tmp_path / "low"), MINI, scale=4, samples=1,
+        render_job(lit_box, make_request(str(tmp_path / "low"), MINI, scale=4, samples=1,
                                                       world_visible=True))
 
 
@@ -65,13 +61,13 @@ def elemental(image):
 def test_its_image_holds_what_every_ray_sees(lit_box, tmp_path):
     before = lit_box.world
     job = make_request(str(tmp_path / "low"), MINI, scale=4, samples=1)
-    frame_folder.render_job(lit_box, job)
+    render_job(lit_box, job)
     assert lit_box.world == before and not [item for item in bpy.data.worlds if item != before]
     assert [item.name for item in bpy.data.scenes] == [lit_box.name]
     frame = read_frame(job.output)
     assert frame.world_apart and 0 < frame.seconds["world"] < frame.seconds["render"]
     whole = make_request(str(tmp_path / "whole"), MINI, scale=1, samples=64)
-    frame_folder.render_job(lit_box, whole)
+    render_job(lit_box, whole)
     layers = exr.read_layers(tmp_path / "whole" / "lr_eia.exr")
     free = elemental(layers["color"][..., 3:]).max((2, 3, 4)) == 0
     assert 0.2 < free.mean() < 0.99
@@ -86,7 +82,7 @@ def test_the_image_of_another_render_is_used_as_it_is(lit_box, tmp_path):
     exr.write_layers(tmp_path / "image.exr", {"color": np.full((4, 4, 3), 0.25, np.float32)})
     job = make_request(str(tmp_path / "low"), MINI, scale=2, samples=1, lens_list=((3, 5), (6, 9)),
               world=str(tmp_path / "image.exr"))
-    frame_folder.render_job(lit_box, job)
+    render_job(lit_box, job)
     frame = read_frame(job.output)
     assert (tmp_path / "low" / WORLD_FILE).read_bytes() == (tmp_path / "image.exr").read_bytes()
     assert frame.world_apart and frame.seconds["world"] == 0 < frame.seconds["render"]
@@ -147,13 +143,7 @@ SAMPLES = 32
 @pytest.fixture
 def pane(scene):
     """A clear pane of glass in an even grey world, in front of nothing."""
-    glass = bpy.data.materials.new("glass")
-    compat.use_nodes(glass)
-    tree = glass.node_tree
-    shader = tree.nodes.new("ShaderNodeBsdfGlass")
-    shader.inputs["Roughness"].default_value = 0.0
-    tree.links.new(shader.outputs[0], next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL").inputs[0])
-    add_box(scene, (0, 0, 0), (0.5, 0.05, 0.5), glass)
+    add_box(scene, (0, 0, 0), (0.5, 0.05, 0.5), mixed(("ShaderNodeBsdfGlass", {"Roughness": 0.0})))
     scene.world = bpy.data.worlds.new("grey")
     background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
     background.inputs["Color"].default_value = (0.5, 0.5, 0.5, 1)
@@ -164,10 +154,10 @@ def pane(scene):
 
 def blenders_own(scene, path):
     """Colour (RGBA) of the pane's middle as Blender's camera renders it."""
-    settings = RenderSettings(SAMPLES, transparent_glass=scene.cycles.film_transparent_glass)
-    with cycles_settings(scene, settings, (32, 24)):
-        render_to(scene, path)
-    return read_layers(path)["color"][10:14, 14:18].mean((0, 1))
+    settings = cycles.RenderSettings(SAMPLES, transparent_glass=scene.cycles.film_transparent_glass)
+    with cycles.cycles_settings(scene, settings, (32, 24)):
+        output.render_to(scene, path)
+    return exr.read_layers(path)["color"][10:14, 14:18].mean((0, 1))
 
 
 @pytest.mark.parametrize("layout", ["one-pass", "lens-card"])
@@ -175,7 +165,7 @@ def blenders_own(scene, path):
 def test_glass_is_as_transparent_as_in_blenders_render(pane, tmp_path, layout, through):
     pane.cycles.film_transparent_glass = through
     render_job(pane, make_request(str(tmp_path / "out"), MINI, samples=SAMPLES, scale=4, layout=layout))
-    color = read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
+    color = exr.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
     middle = color[9:15, 13:19].mean((0, 1))
     assert middle == pytest.approx(blenders_own(pane, tmp_path / "own.exr"), abs=0.02)
     assert (middle[3] < 0.2) == through
@@ -184,7 +174,7 @@ def test_glass_is_as_transparent_as_in_blenders_render(pane, tmp_path, layout, t
 def test_glass_before_a_visible_world_is_opaque(pane, tmp_path):
     pane.cycles.film_transparent_glass = True
     render_job(pane, make_request(str(tmp_path / "out"), MINI, samples=SAMPLES, scale=4, world_visible=True))
-    color = read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
+    color = exr.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
     assert color[9:15, 13:19, 3] == pytest.approx(1)
     assert np.isfinite(color).all()
 
@@ -214,27 +204,17 @@ def test_color_and_environment_add_up_to_blenders_own_image(scene, tmp_path, way
 def waves(scene):
     """Boxes that shine in waves, before and behind the display plane."""
     for place, half in (((-0.3, -0.3, 0), (0.5, 0.1, 0.3)), ((0.5, 0.4, 0.2), (0.4, 0.1, 0.5))):
-        add_box(scene, place, half, _waves())
+        tree = add_box(scene, place, half, emission((1, 1, 1))).data.materials[0].node_tree
+        where, noise = tree.nodes.new("ShaderNodeNewGeometry"), tree.nodes.new("ShaderNodeTexNoise")
+        noise.inputs["Scale"].default_value = 2.0
+        tree.links.new(where.outputs["Position"], noise.inputs["Vector"])
+        tree.links.new(noise.outputs["Color"], tree.nodes["Emission"].inputs["Color"])
     add_camera(scene, (0, -4, 0), 0.7)
     return scene
 
 
-def _waves():
-    material = bpy.data.materials.new("waves")
-    compat.use_nodes(material)
-    tree = material.node_tree
-    tree.nodes.clear()
-    place, noise, shader, output = (tree.nodes.new(f"ShaderNode{name}") for name in (
-        "NewGeometry", "TexNoise", "Emission", "OutputMaterial"))
-    noise.inputs["Scale"].default_value = 2.0
-    for source, target in ((place.outputs["Position"], noise.inputs["Vector"]), (
-            noise.outputs["Color"], shader.inputs["Color"]), (shader.outputs[0], output.inputs["Surface"])):
-        tree.links.new(source, target)
-    return material
-
-
 def panel(scene, folder, display, **options):
-    frame_folder.render_job(scene, make_request(str(folder), display, **{"samples": 16, "scale": 1} | options))
+    render_job(scene, make_request(str(folder), display, **{"samples": 16, "scale": 1} | options))
     finish_frame(folder, "none")
     return read_png(folder / PANEL_FILE).astype(float)
 

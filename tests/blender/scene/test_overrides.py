@@ -13,50 +13,22 @@ from lfsr_core.base.cores import CORES
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.images import exr
 from tests.support.requests import make_request
-from tests.support.scenes import MINI, add_box, emission
+from tests.support.scenes import MINI, add_box, emission, snapshot
 from tests.support.told import Told, refuses
 
 KINDS = {"low": {}, "card": {"layout": "lens-card"}, "views": {"layout": "view-by-view"},
          "reference": {"kind": "reference", "samples": 2}}
 
 
+def state():
+    images = sorted(image.name for image in bpy.data.images if image.name != "Render Result")  # Blender's own
+    return snapshot() | {"images": images}
+
+
 def changes(before):
     """Settings that are not as in ``before``: what they were and are."""
-    after = snapshot()
+    after = state()
     return {key: (before.get(key), after.get(key)) for key in before | after if before.get(key) != after.get(key)}
-
-
-def snapshot():
-    """Every plain setting of every data-block, and which data-blocks there are."""
-    found = {}
-    for name in ("scenes", "objects", "cameras", "worlds", "meshes", "materials", "images", "collections", "lights",
-                 "node_groups", "texts"):
-        for block in getattr(bpy.data, name):
-            if block.name == "Render Result":   # Blender's own, there after any render
-                continue
-            record(f"{name}/{block.name}", block, found)
-    for scene in bpy.data.scenes:
-        for part in ("render", "render.image_settings", "cycles", "view_settings", "display_settings"):
-            record(f"{scene.name}.{part}", scene.path_resolve(part), found)
-        for layer in scene.view_layers:
-            record(f"{scene.name}/{layer.name}", layer, found)
-            record(f"{scene.name}/{layer.name}.cycles", layer.cycles, found)
-    for camera in bpy.data.cameras:
-        record(f"{camera.name}.dof", camera.dof, found)
-    record("cycles preferences", bpy.context.preferences.addons["cycles"].preferences, found)
-    return found
-
-
-def record(key, owner, found):
-    for prop in (prop for prop in owner.bl_rna.properties if prop.identifier != "use_nodes"):   # deprecated
-        value = getattr(owner, prop.identifier)
-        if prop.type == "POINTER":
-            value = getattr(value, "name_full", value is None)
-        elif prop.type == "COLLECTION":
-            value = len(value)
-        elif getattr(prop, "is_array", False):
-            value = str(tuple(tuple(row) if hasattr(row, "__len__") else row for row in value))
-        found[f"{key}.{prop.identifier}"] = str(value)
 
 
 def pass_names(path):
@@ -100,7 +72,7 @@ def job(folder, **options):
 
 @pytest.mark.parametrize("options", KINDS.values(), ids=KINDS)
 def test_after_a_render(worn, tmp_path, options):
-    before = snapshot()
+    before = state()
     frame_folder.render_job(worn, job(tmp_path, **options))
     assert not changes(before)
     layers = exr.read_layers(next(tmp_path.glob("*.exr")))
@@ -113,7 +85,7 @@ def test_after_a_render(worn, tmp_path, options):
 
 @pytest.mark.parametrize("options", KINDS.values(), ids=KINDS)
 def test_after_an_error(worn, tmp_path, options):
-    before = snapshot()
+    before = state()
     (tmp_path / "file").touch()
     refuses("cannot be written", frame_folder.render_job, worn, job(tmp_path / "file" / "folder", **options))
     assert not changes(before)
@@ -121,7 +93,7 @@ def test_after_an_error(worn, tmp_path, options):
 
 @pytest.mark.parametrize("options", KINDS.values(), ids=KINDS)
 def test_after_a_cancel(worn, tmp_path, options):
-    before, reported = snapshot(), []
+    before, reported = state(), []
 
     def cancel(told):
         reported.append(told)
@@ -136,7 +108,7 @@ def test_after_a_cancel(worn, tmp_path, options):
 
 
 def test_error_in_the_middle_of_the_views(worn, tmp_path, monkeypatch):
-    before, calls = snapshot(), []
+    before, calls = state(), []
 
     def fail(*arguments):
         calls.append(arguments)

@@ -17,14 +17,15 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.frame import read_frame
 from tests.blender.ui.test_panels import draw, labels
 from tests.support import panel
+from tests.support.scenes import snapshot
 from tests.support.told import refuses
 
 
 def refuse(scene, sentence: str, operator=None) -> None:
     """The operator is cancelled with a report that matches, and the scene is as it was."""
-    before = panel.snapshot(scene)
+    before = snapshot()
     panel.refused(sentence, operator or bpy.ops.lfsr.render_eia)
-    assert panel.snapshot(scene) == before
+    assert snapshot() == before
     assert session.current() is None
 
 

@@ -13,6 +13,7 @@ from lfsr_core.images.png import read_png
 from lfsr_core.optics.display import write_profile
 from tests.support import panel
 from tests.support.panels import cells, small
+from tests.support.scenes import snapshot
 
 
 @pytest.fixture(scope="module")
@@ -28,9 +29,9 @@ def rendered(add_on, tmp_path_factory) -> Path:
     views = asked.views_file(folder / "lightfield" / "scene" / "Scene" / "0001")
     np.save(views, np.zeros((8, 8, 12, 16, 3), np.uint8))
     preview.load(scene, views)
-    before = panel.snapshot(scene)
+    before = snapshot()
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
-    assert panel.snapshot(scene) == before and not preview.show(scene, (0, 0))
+    assert snapshot() == before and not preview.show(scene, (0, 0))
     assert [image.name for image in bpy.data.images if image.filepath.endswith(PANEL_FILE)] == ["Scene 0001 panel"]
     return folder / "scene.blend"
 

@@ -27,6 +27,7 @@ from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from tests.blender.ui.test_panels import draw, labels, operators, properties
 from tests.pipeline.test_farms import STUB, node
 from tests.support import panel
+from tests.support.scenes import snapshot
 
 OPENJD = Path(sys.executable).with_name("openjd")
 
@@ -40,9 +41,9 @@ def scene(add_on, tmp_path):
 
 
 def test_the_openjd_job_is_valid_and_says_what_the_panel_says(scene, tmp_path, capsys):
-    before = panel.snapshot(scene)
+    before = snapshot()
     assert bpy.ops.lfsr.submit(farm="openjd", directory=str(tmp_path / "job"), parts=3) == {"FINISHED"}
-    assert panel.snapshot(scene) == before
+    assert snapshot() == before
     job = tmp_path / "job"
     assert sorted(path.name for path in job.iterdir()) == ["parameter_values.json", "parameters.json",
                                                            "scene.farm.blend", "template.yaml"]
@@ -122,9 +123,9 @@ def few(add_on, tmp_path, monkeypatch):
 
 def test_plan_is_found_shown_and_used(few):
     few.lfsr.plan_target, few.lfsr.scale, few.lfsr.samples = 0.5, "4", 99
-    before = panel.snapshot(few)
+    before = snapshot()
     assert bpy.ops.lfsr.plan() == {"FINISHED"}
-    assert panel.snapshot(few) == before
+    assert snapshot() == before
     state = bpy.context.window_manager.lfsr
     assert state.plan_scene == few.name and "SSIM 0.5" in state.plan_text
     drawn = draw(panels.LFSR_PT_plan)
@@ -201,6 +202,7 @@ def test_a_first_guess_comes_before_anything_is_measured(few, monkeypatch):
             assert "First guess" in labels(drawn) and ("lfsr.plan_use" in operators(drawn)) == reaches
     finally:
         session.cancel()
+    assert bpy.context.window_manager.lfsr.plan_text.startswith("First guess"), "it stays after a cancel"
 
 
 def test_what_it_costs_is_said_before(few):

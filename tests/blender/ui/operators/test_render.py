@@ -16,7 +16,7 @@ from lfsr_core.base.files import read_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png
 from tests.support import panel
-from tests.support.scenes import add_camera
+from tests.support.scenes import add_camera, snapshot
 
 
 @pytest.fixture
@@ -29,10 +29,10 @@ def scene(add_on, tmp_path):
 def rendered(add_on, tmp_path_factory) -> Path:
     """A file whose frame 1 was rendered by the button."""
     folder = tmp_path_factory.mktemp("rendered")
-    scene = panel.artist_scene(folder)
-    before = panel.snapshot(scene)
+    panel.artist_scene(folder)
+    before = snapshot()
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
-    assert panel.snapshot(bpy.context.scene) == before
+    assert snapshot() == before
     return folder / "scene.blend"
 
 
@@ -125,9 +125,9 @@ def test_animation_makes_what_is_missing(opened, rendered, capfd):
 
 def test_reference_and_ssim(opened, rendered):
     opened.lfsr.reference_samples, opened.lfsr.reference_lenses = 2, 16
-    before = panel.snapshot(opened)
+    before = snapshot()
     assert bpy.ops.lfsr.render_reference() == {"FINISHED"}
-    assert panel.snapshot(opened) == before
+    assert snapshot() == before
     reference = panel.frame_one(rendered).with_name("0001_reference")
     assert {path.name for path in reference.iterdir()} == {"frame.json", "reference_a.exr", "reference_b.exr"}
     assert len(read_frame(reference).lens_list) == 16
