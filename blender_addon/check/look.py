@@ -24,7 +24,7 @@ from ..scene.array.ray_cast import Rays
 from ..scene.light import DIM, SCENE_LIGHTS, has_emission, has_light, world_radiance
 from ..scene.overrides import overridden
 from ..scene.settings import length
-from ..scene.subject import GEOMETRY, find_subject
+from ..scene.subject import GEOMETRY, find_subject, with_instanced
 from ..scene.words import counted
 from .problem import Problem
 
@@ -34,7 +34,6 @@ MENDS = {"cube": ("leave_out_cube", "Leave Out Cube"), "frame": ("fit_objects", 
          "dark": ("add_light", "Add World Light")}
 STARTUP_CAMERA = (7.35889, -6.92579, 4.95831)  # where a new file's camera stands: nobody has aimed it
 TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject of an aimed camera, and of that one, fills
-CUT = 0.6  # least fraction of the subject that is inside the frame of a camera that nobody has aimed
 CLOSE = 0.02  # of the subject's size: what lies nearer than that on the wrong side of a surface surrounds the array
 MUCH = 1.1  # disparity beyond which depth is worth a word
 LEAST_GAIN = 0.9  # of the disparity, that a move of the display plane must leave
@@ -104,17 +103,18 @@ def _is_unaimed(scene: bpy.types.Scene) -> bool:
 
 
 def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list[bpy.types.Object]:
-    """Return what a picture of the scene is of, largest first: what was imported, which is selected, else no floors."""
+    """Return what a picture of the scene is of, largest first: what was imported, which is selected, without floors."""
     cube = startup_cube(scene)
     boxes = {item: box for item, box in edit.boxes_now(subject).items() if item != cube}
     chosen = [item for item in boxes if item.select_get()] if _is_unaimed(scene) else []
-    chosen = chosen or edit.main_part(list(boxes), np.array([(box.min(0), box.max(0)) for box in boxes.values()]))
+    chosen = chosen or list(boxes)
+    chosen = edit.main_part(chosen, np.array([(boxes[item].min(0), boxes[item].max(0)) for item in chosen]))
     return sorted(chosen, key=lambda item: -float(np.linalg.norm(np.ptp(boxes[item], axis=0))))
 
 
 def depths_of(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.types.Object]) -> tuple[float, ...]:
     """Nearest and farthest depth at which the middle of an array sees the main objects; empty where it sees none."""
-    depths = placement.seen_depths(scene, placed, set(main))
+    depths = placement.seen_depths(scene, placed, with_instanced(set(main)))
     return tuple(map(float, np.percentile(depths, (2, 98)))) if len(depths) else ()
 
 
@@ -123,13 +123,9 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, mai
     boxes = edit.boxes_now(set(main))
     if not boxes:
         return ""
-    array, matrix = placed
-    eye = mathutils.Matrix(matrix)
-    half = array.half_width / array.distance, array.half_height / array.distance
-    ways = [eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))
-            for x in np.linspace(-1, 1, placement.PROBES[0]) for y in np.linspace(-1, 1, placement.PROBES[1])]
-    hits = room.cast(rays, eye.translation, ways)
-    seen = [hit for hit in hits if hit is not None and hit[2] in boxes]
+    array, eye = placed[0], mathutils.Matrix(placed[1])
+    hits, shown = room.through(rays, placed), with_instanced(set(main))
+    seen = [hit for hit in hits if hit is not None and hit[2] in shown]
     share = len(seen) / len(hits)
     is_unaimed = _is_unaimed(scene) and (eye.translation - scene.camera.matrix_world.translation).length < 1e-3
     points = np.concatenate(list(boxes.values()))
@@ -149,10 +145,11 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, mai
     if is_unaimed:
         toward = np.array(eye.inverted())
         local = points @ toward[:3, :3].T + toward[:3, 3]
-        inside = (local[:, 2] > 0) & (np.abs(local[:, :2]) < np.array(half) * local[:, 2:]).all(1)
+        half = np.array([array.half_width, array.half_height]) / array.distance
+        inside = (local[:, 2] > 0) & (np.abs(local[:, :2]) < half * local[:, 2:]).all(1)
         if not is_in_box and room.view_of_room(rays, low, high) is not None:
             return f"The array stands outside a room. {UNAIMED}."
-        if inside.mean() < CUT:
+        if not inside.all():
             return f"{1 - inside.mean():.0%} of {name} lies outside the frame. {UNAIMED}."
     return ""
 

@@ -29,7 +29,7 @@ def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.typ
         # Of several files, where some are linked.
         backgrounds = (found for found in bpy.data.collections if found.name == BACKGROUND_COLLECTION)
         chosen = set(scene.objects) - {item for background in backgrounds for item in background.all_objects}
-    subject = chosen | {child for item in chosen for child in _instanced(item)}
+    subject = with_instanced(chosen)
     if not any(item.type in GEOMETRY and _rendered(scene, item) for item in subject):
         raise LfsrError(f"nothing of the subject {name or scene.name!r} would be rendered: "
                         "make its objects visible in renders or choose another collection")
@@ -46,6 +46,11 @@ def collections(root: bpy.types.LayerCollection) -> Iterator[bpy.types.LayerColl
     for child in root.children:
         yield child
         yield from collections(child)
+
+
+def with_instanced(items: set[bpy.types.Object]) -> set[bpy.types.Object]:
+    """Return ``items`` and the objects that collection instances among them show."""
+    return items | {child for item in items for child in _instanced(item)}
 
 
 def _instanced(item: bpy.types.Object) -> set[bpy.types.Object]:

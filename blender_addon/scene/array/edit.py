@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 from collections.abc import Collection
 
@@ -15,7 +16,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..subject import GEOMETRY, find_subject
+from ..subject import GEOMETRY, find_subject, with_instanced
 from . import motion, placement, rig, room
 from .ray_cast import Rays
 from .rig import Placement, from_blender, to_blender, upright
@@ -160,11 +161,13 @@ def _new_plane(array: bpy.types.Object) -> bpy.types.Object:
     return plane
 
 
-APART, ENCLOSING = 4.0, 20.0  # times the size of all others, from which a flat object is a floor, and any other a dome
-FLAT = 0.05  # thickness of a floor, as a fraction of its length
-MOST_SURROUNDINGS = 3
-TURNS = (0, 30, -30, 90, -90, 180)  # degrees around Z, from the front
-SEEN = 0.1  # fraction of the rays through the display that must meet the subject
+APART, ENCLOSING = 4.0, 20.0  # times the size of all others, from which an object lies far away, or is a dome
+FLAT, WIDE = 0.05, 4.0  # thickness of a floor as a fraction of its length; its area, as a multiple of what is on it
+MOST_SURROUNDINGS = 6
+# Degrees around Z from the front, and from above: what they show counts this much.
+TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.7, -90: 0.7, 180: 0.7}
+TILTS = {0: 1.0, 35: 0.7, 65: 0.5}
+ACROSS, DOWN = 24, 14  # rays that tell it
 
 
 def first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placement:
@@ -184,28 +187,26 @@ def first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placemen
 
 
 def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object]) -> Placement:
-    """Return an array in front of the subject without its floors, where nothing hides it; LfsrError if it has no size.
+    """Return an array before the subject without its floors, from where it shows most; LfsrError if it has no size.
 
-    In a room it stands inside. Else it looks along +Y with Z up, or is turned around Z where something else stands
-    before the subject.
+    In a room it stands inside. Else it looks along +Y with Z up, unless much more is seen from a side or from above.
     """
     boxes = _boxes(scene, subject)
     chosen = main_part(list(boxes), np.array([(box.min(0), box.max(0)) for box in boxes.values()]))
     points = np.concatenate([boxes[item] for item in chosen] or [np.empty((0, 3))])
     if not len(points):
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
-    if (view := room.view_of_room(Rays(scene), points.min(0), points.max(0))) is not None:
+    rays, shown = Rays(scene), with_instanced(set(chosen))
+    if (view := room.view_of_room(rays, points.min(0), points.max(0))) is not None:
         return placement.array_of_view(scene, profile, subject, view)
-    best, most = None, -1
-    for degrees in TURNS:
-        placed = fit_turned(points, profile, mathutils.Matrix.Rotation(math.radians(degrees), 3, "Z"))
-        seen = len(placement.seen_depths(scene, placed, set(chosen)))
-        if seen > most:
-            best, most = placed, seen
-        if seen >= SEEN * math.prod(placement.PROBES):
-            break
-    assert best is not None
-    return best
+    found = list[tuple[float, Placement]]()
+    for (tilt, high), (degrees, wide) in itertools.product(TILTS.items(), TURNS.items()):
+        turn = (mathutils.Matrix.Rotation(math.radians(degrees), 3, "Z")
+                @ mathutils.Matrix.Rotation(math.radians(-tilt), 3, "X"))
+        placed = fit_turned(points, profile, turn)
+        seen = [hit[2] for hit in room.through(rays, placed, ACROSS, DOWN) if hit is not None and hit[2] in shown]
+        found.append((high * wide * len(seen) * len(set(seen))**0.5, placed))
+    return max(found, key=lambda each: each[0])[1]
 
 
 def fit_turned(points: Array, profile: DisplayProfile, turn: mathutils.Matrix) -> Placement:
@@ -242,17 +243,18 @@ def _far_away(boxes: Array) -> list[int]:
 
 
 def _surroundings(boxes: Array) -> list[int]:
-    """Numbers of the few boxes that are flat or far larger than all others together, and near them."""
-    sizes = _diagonal(boxes[:, 0], boxes[:, 1])
-    largest = [int(index) for index in np.argsort(-sizes)[:MOST_SURROUNDINGS]]
+    """Numbers of the few boxes that are floors, backdrops or domes, far larger than all others together, near them."""
+    largest = [int(index) for index in np.argsort(-_diagonal(boxes[:, 0], boxes[:, 1]))[:MOST_SURROUNDINGS]]
     for count in range(min(MOST_SURROUNDINGS, len(boxes) - 1), 0, -1):
         rest, around = np.delete(boxes, largest[:count], axis=0), boxes[largest[:count]]
         low, high = rest[:, 0].min(0), rest[:, 1].max(0)
-        sides = around[:, 1] - around[:, 0]
-        times = np.where(sides.min(1) < FLAT * sides.max(1), APART, ENCLOSING)
+        sides, size = around[:, 1] - around[:, 0], _diagonal(around[:, 0], around[:, 1])
+        is_thin = sides == sides.min(1, keepdims=True)
+        area, covered = (np.where(is_thin, 1, each).prod(1) for each in (sides, high - low))
+        is_ceiling = is_thin[:, 2] & (around[:, 0, 2] >= high[2])  # a room is looked at from inside
+        is_floor = (sides.min(1) < FLAT * sides.max(1)) & (area > WIDE * covered) & ~is_ceiling
         gaps = np.maximum(np.maximum(around[:, 0] - high, low - around[:, 1]), 0)
-        size = _diagonal(around[:, 0], around[:, 1])
-        if ((size > times * _diagonal(low, high)) & (np.linalg.norm(gaps, axis=-1) < size)).all():
+        if ((is_floor | (size > ENCLOSING * _diagonal(low, high))) & (np.linalg.norm(gaps, axis=-1) < size)).all():
             return largest[:count]
     return []
 

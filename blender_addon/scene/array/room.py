@@ -12,8 +12,9 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 
-from .placement import View
+from .placement import PROBES, View
 from .ray_cast import MOST_REACH, Rays
+from .rig import Placement
 
 GRID, HEIGHT, MARGIN = 5, 0.5, 0.15  # places across the bounding box, at half of its height, away from its sides
 YAWS = 12  # directions of view at each place
@@ -34,6 +35,14 @@ def cast(rays: Rays, start: mathutils.Vector, ways: Iterable[mathutils.Vector]) 
     """Return what rays from ``start`` meet first."""
     hits = ((rays.cast(start, way), way) for way in ways)
     return [(hit[0], hit[1].dot(way) < 0, hit[2]) if hit else None for hit, way in hits]
+
+
+def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = PROBES[1]) -> list[Hit | None]:
+    """Return what rays from the middle of a ``placed`` array, spread over its display, meet first."""
+    array, eye = placed[0], mathutils.Matrix(placed[1])
+    half = array.half_width / array.distance, array.half_height / array.distance
+    return cast(rays, eye.translation, [eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))
+                                        for x in np.linspace(-1, 1, across) for y in np.linspace(-1, 1, down)])
 
 
 def is_inside(rays: Rays, place: mathutils.Vector, box: Box | None = None) -> bool:

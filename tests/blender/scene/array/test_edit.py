@@ -141,6 +141,22 @@ def test_floors_and_what_lies_far_away_are_not_the_main_part():
     assert chosen(BUILDING, STRAY) == ["0"]
     assert chosen(BUILDING, box_at((0, 0, 1), (1, 1, 2))) == ["0", "1"], "a part of it"
     assert chosen(STRAY, THING, FLOOR, NEIGHBOUR) == ["1", "3"]
+    near, behind = box_at((-4, -4, -0.1), (4, 4, 0)), box_at((-4, 3, 0), (4, 3.2, 4))
+    assert chosen(THING, near, behind) == ["0"], "a stage"
+    assert chosen(THING, near, behind, box_at((-4, -4, 4), (4, 4, 4.1))) == ["0", "1", "2", "3"], "a room"
+
+
+@pytest.mark.parametrize(("half", "rises"), [((0.5, 0.5, 0.5), False), ((2, 1, 0.01), True), ((0.2, 0.2, 2), False)])
+def test_what_is_flat_is_looked_at_from_above(scene, half, rises):
+    add_box(scene, (0, 0, 0), half)
+    bpy.context.view_layer.update()
+    assert (edit.add(scene, MINI).matrix_world.translation.z > 0.5) == rises
+
+
+def test_what_is_wide_from_a_side_is_looked_at_from_there(scene):
+    add_box(scene, (0, 0, 0), (0.02, 2, 1))
+    bpy.context.view_layer.update()
+    assert abs(edit.add(scene, MINI).matrix_world.translation.x) > 2
 
 
 def seen_box(scene, item):
