@@ -173,17 +173,21 @@ class _Work:
         self.method = load_method(name, finish.weights, upscaler=upscaler)
         self.filler = _filler(self.method, frame.scale)  # of lenses beside the foreground
         self.background = np.asarray(frame.display.background, np.float32)  # (3,), scene-linear
-        if shows:
-            with self.clock("color"):
-                self.show = ViewTransform(frame.color, math.prod((*frame.rays.tiles, *frame.display.views)))
         averaged, count = None, finish.temporal_averaging
         self.neighbours = neighbours_of(folder, frame, count) if count else []
         tell(Progress("load", 0.0, LOW_RES_FILE))
-        with self.clock("load"):
-            layers, self.replaced = read_finite(folder / LOW_RES_FILE)  # pixels that were not finite
-            if not self.method.upscaler.follows_depth:
-                layers.pop("position", None)
-            low = low_resolution(layers, frame, read_world(folder, frame))
+        with ThreadPoolExecutor(1) as beside:
+            # A table of the view transform takes as long as reading, and neither keeps all cores busy.
+            show = beside.submit(ViewTransform, frame.color,
+                                 math.prod((*frame.rays.tiles, *frame.display.views))) if shows else None
+            with self.clock("load"):
+                layers, self.replaced = read_finite(folder / LOW_RES_FILE)  # pixels that were not finite
+                if not self.method.upscaler.follows_depth:
+                    layers.pop("position", None)
+                low = low_resolution(layers, frame, read_world(folder, frame))
+            if show is not None:
+                with self.clock("color"):
+                    self.show = show.result()
         if count:
             tell(Progress("average", 0.0, "neighbouring frames"))
             with self.clock("average"):
