@@ -200,7 +200,7 @@ def _meta(recipe: Recipe, stage: Stage, facts: dict[str, Any]) -> dict[str, Any]
         "scale": stage.scale, "lenses": list(stage.profile.lenses), "views": list(stage.profile.views),
         "profile": stage.profile.to_dict(), "array": dataclasses.asdict(stage.array),
         "matrix_world": [list(row) for row in stage.matrix_world], "convention": "centred",
-        "view_aperture": float(stage.scale), "layout": stage.notes[0]["name"], "scene": stage.notes, "device": "CPU",
+        "view_aperture": 1.0, "layout": stage.notes[0]["name"], "scene": stage.notes, "device": "CPU",
         "blender": bpy.app.version_string}
 
 
