@@ -14,7 +14,7 @@ PLATFORMS = ("linux", "win32", "darwin")
 IN_TWO = ("--numprocesses=2", "--dist=worksteal")
 FAST = ("base", "commands", "docs", "exports", "frames", "images", "metrics", "optics", "pipeline", "plan", "process",
         "reconstruct")
-NOT_FAST = ("docs/test_python.py", "exports/test_screen.py", "exports/test_viewer.py", "pipeline/test_cluster.py")
+NOT_FAST = ("docs/test_python.py", "exports/test_viewer.py", "pipeline/test_cluster.py")
 
 
 def main(arguments: list[str]) -> None:

@@ -12,18 +12,7 @@ import pytest
 
 from lfsr_core.base import files
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import (
-    atomic_path,
-    check_name,
-    is_forbidden,
-    read_bytes,
-    read_json,
-    release,
-    remove_dead,
-    replace_files,
-    staging_folder,
-    write_json,
-)
+from lfsr_core.base.files import atomic_path, check_name, read_bytes, read_json, staging_folder, write_json
 from tests.support.told import refuses
 
 AS_ROOT = not hasattr(os, "geteuid") or os.geteuid() == 0
@@ -121,7 +110,7 @@ def test_a_file_that_is_held_for_a_moment_is_replaced_and_one_that_stays_held_is
     ("CON", True), ("nul.png", True), ("com1 .tar.gz", True), ("a:b", True), ("what?", True), ("end.", True),
     ("end ", True), ("CONE", False), ("com10", False), ("..", False), (".hidden", False), ("Jürgen's – 光", False)])
 def test_names_that_windows_forbids(tmp_path, monkeypatch, name, forbidden):
-    assert is_forbidden(name) == forbidden
+    assert files.is_forbidden(name) == forbidden
     check_name(tmp_path / name / "frame")
     monkeypatch.setattr(sys, "platform", "win32")
     if forbidden:
@@ -281,10 +270,10 @@ def test_files_are_replaced_all_or_none(tmp_path):
             (folder / name).write_text(folder.name)
     (old / "z.png").mkdir()
     before = names_in(old)
-    refuses(r"z\.png cannot be written \(it is a folder\)", replace_files, new, old, ["stale.exr", "a.png"])
+    refuses(r"z\.png cannot be written \(it is a folder\)", files.replace_files, new, old, ["stale.exr", "a.png"])
     assert names_in(old) == before
     (old / "z.png").rmdir()
-    replace_files(new, old, ["stale.exr", "a.png"])
+    files.replace_files(new, old, ["stale.exr", "a.png"])
     assert names_in(old) == {"a.json": "staged", "a.png": "staged", "other.txt": "frame", "z.png": "staged"}
 
 
@@ -294,7 +283,7 @@ def names_in(folder):
 
 def test_a_released_folder_locks_nobody_out_and_goes_with_its_process(tmp_path, holder):
     process, left = holder
-    release(Path(left))
+    files.release(Path(left))
     with staging_folder(tmp_path / "frame"):
         assert Path(left).is_dir()
     process.kill()
@@ -304,14 +293,14 @@ def test_a_released_folder_locks_nobody_out_and_goes_with_its_process(tmp_path, 
 
 
 def test_a_released_folder_that_goes_while_it_is_looked_at_locks_nobody_out(tmp_path, holder, monkeypatch):
-    release(Path(holder[1]))
+    files.release(Path(holder[1]))
 
     def held_until_now(_lock):
         (Path(holder[1]) / "released").unlink()
         return False
 
     monkeypatch.setattr(files, "locks", held_until_now)
-    assert remove_dead(tmp_path / "frame") == []
+    assert files.remove_dead(tmp_path / "frame") == []
 
 
 def test_names_that_a_system_takes_for_the_same_lock_each_other(tmp_path, monkeypatch):
@@ -335,7 +324,7 @@ def test_a_folder_goes_at_whatever_moment_its_process_was_killed(tmp_path, left)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
     (tmp_path / name).mkdir(exist_ok=True)
-    assert remove_dead(tmp_path / "frame") == [] and names(tmp_path) == []
+    assert files.remove_dead(tmp_path / "frame") == [] and names(tmp_path) == []
 
 
 def test_the_lock_file_is_the_last_that_goes(tmp_path, monkeypatch):
@@ -347,5 +336,5 @@ def test_the_lock_file_is_the_last_that_goes(tmp_path, monkeypatch):
         (folder / "finished").mkdir()
         (folder / "finished" / "eia.png").touch()
         (folder / "log.txt").touch()
-        release(folder)
+        files.release(folder)
     assert seen[-2:] == [["in-use", "released"], ["released"]] and names(tmp_path) == []

@@ -12,7 +12,7 @@ from PIL import Image, ImageOps
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.calibration.fit import Calibration, Photograph, combine, comparison, see
 from lfsr_core.calibration.patterns import PATTERNS, pattern
-from lfsr_core.calibration.photograph import LONGER_SIDE, find_panel, read_photograph
+from lfsr_core.calibration.photograph import LONGER_SIDE, find_panel, fit_homography, project, read_photograph
 from lfsr_core.optics.display import DisplayProfile, Lattice, load_display
 from lfsr_core.optics.eye import eye_view
 from tests.support.panels import SHEETS
@@ -38,18 +38,6 @@ def taken(nominal=CYLINDERS, real=None, **changes) -> Photograph:
 
 def fit_profile(profile: DisplayProfile, photographs: list[Photograph]) -> Calibration:
     return combine(profile, [see(profile, photograph) for photograph in photographs])
-
-
-@functools.cache
-def fitted():
-    """What GOOD tells of CYLINDERS."""
-    return fit_profile(CYLINDERS, [taken()])
-
-
-@functools.cache
-def upright():
-    """The panel in GOOD."""
-    return find_panel(taken().image, CYLINDERS)
 
 
 def changed(**changes) -> Photograph:
@@ -96,7 +84,8 @@ def test_a_turned_or_mirrored_photograph_is_recognised(turns, mirrored):
     assert (view.mirrored, view.turn_deg) == (mirrored, turns * 90)
     # The pattern's corners are where they were, wherever the photograph has them now.
     corners = np.array([[-120, 67.5], [120, 67.5], [120, -67.5]])
-    lengths = [np.linalg.norm(np.diff(one.places(corners), axis=0), axis=1) for one in (view, upright())]
+    lengths = [np.linalg.norm(np.diff(one.places(corners), axis=0), axis=1)
+               for one in (view, find_panel(image, CYLINDERS))]
     np.testing.assert_allclose(*lengths, rtol=2e-4)
 
 
@@ -155,7 +144,7 @@ def test_a_pitch_far_from_the_makers_is_refused_or_right(factor):
 
 
 def test_the_predicted_photograph_resembles_the_taken_one_and_another_sheets_does_not():
-    found = fitted()
+    found = fit_profile(CYLINDERS, [taken()])
     picture = comparison(CYLINDERS, found, [taken()])
     left, right = picture[:, :720].astype(float), picture[:, -720:].astype(float)
     assert picture.shape[1] > 1440 and picture.dtype == np.uint8
@@ -164,6 +153,12 @@ def test_the_predicted_photograph_resembles_the_taken_one_and_another_sheets_doe
     other = dataclasses.replace(found.profile.lenticular, pitch_mm=1.62)
     wrong = dataclasses.replace(found, profile=dataclasses.replace(found.profile, lenticular=other))
     refuses("agree by", comparison, CYLINDERS, wrong, [taken()])
+
+
+def test_a_homography_is_found_again():
+    matrix = np.array([[2.0, 0.1, 30], [-0.2, 1.8, 40], [1e-3, -2e-3, 1]])
+    points = np.random.default_rng(0).uniform(-50, 50, (9, 2))
+    np.testing.assert_allclose(fit_homography(points, project(matrix, points)), matrix, rtol=1e-6)
 
 
 @pytest.mark.parametrize("sheet", SHEETS)

@@ -10,31 +10,20 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from lfsr_core.cli import GROUPS, LABORATORY, VERBS, build_parser, laboratory, main
 from lfsr_core.commands.common import BOLD, styled
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_mask, read_png
 from lfsr_core.optics.display import builtin_names
-from lfsr_core.optics.eia import flip_order
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from tests.support.finished import finished
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import fails, light_field, write_render
 
 ROOT = Path(__file__).parents[2]
-WIDE = """name = "wide"
-panel_pixels = [800_000_000, 800_000_000]
-panel_mm = [1000, 1000]
-lenses = [100_000_000, 100_000_000]
-views = [8, 8]
-viewing_distance_mm = 1000
-viewing_angle_deg = 30
-"""
 
 
 @pytest.fixture
@@ -140,8 +129,10 @@ def test_shells_complete_verbs_and_options(tmp_path):
     assert (tmp_path / "words").read_text().split() == ["--display"]
 
 
-@pytest.mark.parametrize("arguments", [["rendr"], ["views"], ["views", "x", "--eye", "1,2"],
-                                       ["render", "x.glb", "-o", "x", "--scale", "some"]])
+@pytest.mark.parametrize("arguments", [
+    ["rendr"], ["views"], ["views", "x", "--eye", "1,2"], ["render", "x.glb", "-o", "x", "--scale", "some"],
+    ["plan", "x.glb", "--scales", "two"], ["export", "x"], ["export", "x", "--format", "quitl"],
+    ["export", "x", "--format", "quilt", "--grid", "8by6"]])
 def test_wrong_command_line_exits_with_2(arguments, capsys):
     with pytest.raises(SystemExit) as caught:
         main(arguments)
@@ -220,18 +211,8 @@ def test_rays_are_per_finished_pixel_and_samples_per_rendered_pixel(scene, blend
 
 def test_frames_can_be_named_whose_depth_decides(scene, blender, tmp_path):
     assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender, "--frame",
-                 "7", "--scale-frames", "1-9:2"]) == 0
-    assert jobs(blender)[0]["sampling"]["frames"] == [1, 3, 5, 7, 9]
-
-
-def test_render_at_scale_1_needs_no_upscaler(scene, blender, tmp_path):
-    folder = tmp_path / "frame"
-    assert main(["render", scene, "-o", str(folder), "--display", "mini", "--scale", "1", "--spp", "1",
-                 "--layers", "none", "--method", "none", "--linear-exr", "--blender", blender]) == 0
-    (job,) = jobs(blender)
-    assert (job["sampling"]["scale"], job["layers"]) == (1, [])
-    expected = flip_order(light_field()[..., :3], (16, 12))
-    np.testing.assert_allclose(read_layers(folder / "eia.exr")["color"][..., :3], expected, atol=1e-3)
+                 "7", "--scale-frames", "1-9:2", "--layers", "none"]) == 0
+    assert (jobs(blender)[0]["sampling"]["frames"], jobs(blender)[0]["layers"]) == ([1, 3, 5, 7, 9], [])
 
 
 @pytest.mark.parametrize(("options", "message"), [
@@ -246,12 +227,10 @@ def test_render_at_scale_1_needs_no_upscaler(scene, blender, tmp_path):
     (["--view-aperture", "nan"], "view aperture is nan"),
     (["--dilate", str(2**32)], "dilation of the foreground mask is 4294967296"),
     (["--seed", str(10**400)], "seed is 1000"), (["--spp", str(2**32)], "samples per pixel is 4294967296"),
-    (["--frame", str(2**32)], "frame is 4294967296"), (["--display", "wide.toml"], "no more than 65536 pixels a side"),
+    (["--frame", str(2**32)], "frame is 4294967296"),
     (["--blender", "/no/blender"], "'/no/blender' was not found")])
-def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, monkeypatch, capsys, options, message):
+def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, capsys, options, message):
     arguments = ["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender, *options]
-    monkeypatch.chdir(tmp_path)
-    Path("wide.toml").write_text(WIDE)
     assert message in fails(arguments, capsys)
     assert not (tmp_path / "frame").exists()
     assert not Path(blender + ".jobs").exists()
@@ -270,7 +249,6 @@ def test_upscale_redoes_the_second_stage_only_and_dilation_grows_the_mask(tmp_pa
         assert main(["upscale", str(folder), "--method", method]) == 0
         report = json.loads((folder / "report.json").read_text())
         assert report["method"] == method
-        assert set(report["seconds"]) == {"render", "load", "mask", "upscale", "assemble", "color", "write"}
     before = read_mask(folder / "mask.png")
     main(["upscale", str(folder), "--method", "nearest", "--dilate", "1"])
     after = read_mask(folder / "mask.png")
@@ -373,13 +351,8 @@ def test_views_writes_its_images_once_the_frame_is_finished(tmp_path, capsys):
     assert (folder / "eye.png").exists()
 
 
-@pytest.fixture
-def missing(monkeypatch):
-    """A Python without the laboratory."""
+def test_without_the_laboratory_the_help_and_its_verbs_say_so(monkeypatch, capsys):
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: ())
-
-
-def test_without_the_laboratory_the_help_and_its_verbs_say_so(missing, capsys):
     with pytest.raises(SystemExit) as caught:
         main(["--help"])
     shown = capsys.readouterr().out
@@ -437,6 +410,7 @@ def test_standard_output_that_cannot_be_written(tmp_path, verb, output):
     assert done.returncode == 2, done
     assert done.stderr.count("\n") == 1, done.stderr
     assert "output" in done.stderr and "must/not/run" not in done.stderr
+    assert output != "full" or "free some space" in done.stderr
     assert not (tmp_path / "out").exists()
 
 
@@ -444,17 +418,6 @@ def test_closed_standard_error_stops_nothing(tmp_path):
     done = subprocess.run(["sh", "-c", 'exec "$@" 2>&-', "sh", *LFSR, "displays"], capture_output=True, text=True,
                           check=False)
     assert done.returncode == 0 and "mini" in done.stdout
-
-
-def test_output_that_is_a_full_disk_is_one_sentence(tmp_path):
-    """A file size limit of the process stands for the disk."""
-    script = ("import resource, sys; from lfsr_core.cli import main; "
-              "resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)); sys.exit(main(['displays']))")
-    with (tmp_path / "printed").open("w") as printed:
-        done = subprocess.run([sys.executable, "-c", script], stdout=printed, stderr=subprocess.PIPE, text=True,
-                              check=False)
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1 and "free some space" in done.stderr, done.stderr
 
 
 @pytest.fixture
@@ -498,7 +461,3 @@ def test_what_cannot_be(folder, tmp_path, capsys):
     assert "does not exist" in fails(["view", str(tmp_path / "nowhere")], capsys)
     assert "has no option 'width'" in fails(["export", str(folder), "--format", "pleno", "--width", "9"], capsys)
     assert "is no folder" in fails(["import", str(tmp_path / "nowhere"), "-o", str(tmp_path / "frame")], capsys)
-    for options in [["--format", "quitl"], ["--format", "quilt", "--grid", "8by6"], []]:
-        with pytest.raises(SystemExit) as caught:
-            main(["export", str(folder), *options])
-        assert caught.value.code == 2

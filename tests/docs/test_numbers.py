@@ -2,8 +2,8 @@
 
 import functools
 import re
-import statistics
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from statistics import fmean, stdev
 from typing import Any
 
 import pytest
@@ -44,50 +44,18 @@ def ssims(scene: str | None, method: str, samples: int, role: str = "low", name:
             for cell in cells(scene, name, method=method, samples=samples, role=role)]
 
 
-def rays_row(row: list[str]) -> Values:
-    """Means of the chart by rays: 1, 4 and 16 samples, of every view 1 and 4."""
-    method, _, every = row[0].strip("`").partition("`, ")
-    role, counts = ("direct", (1, 4)) if every else ("low", (1, 4, 16))
-    return [statistics.fmean(ssims(None, method, samples, role, "rays")) for samples in counts]
-
-
 def seconds(scene: str | None, method: str, samples: int, role: str = "low") -> list[float]:
     return [cell["seconds"]["mean"] for cell in cells(scene, method=method, samples=samples, role=role)]
 
 
-def means(method: str) -> Values:
-    return [statistics.fmean(ssims(None, method, samples)) for samples in (1, 4, 16)]
+def finishing(scene: str | None, method: str) -> list[float]:
+    """Seconds of the second stage with 1, 4 and 16 samples."""
+    return [cell["second_stage"] for cell in cells(scene, method=method, role="low")]
 
 
-def span(values: Iterator[float] | list[float]) -> Values:
+def span(values: Iterable[float]) -> Values:
     found = list(values)
     return [min(found), max(found)]
-
-
-def halves(samples: int) -> Values:
-    found = [cell["errors"]["1-ssim"] for method in (OURS, FAST, STOCK)
-             for cell in cells(method=method, samples=samples, role="low")]
-    return span([(error["high"] - error["low"]) / 2 for error in found])
-
-
-def eight_k_times() -> Values:
-    """What every view with OIDN takes, over what ours with as many rays takes."""
-    every, ours = seconds(None, "oidn", 1, "direct"), seconds(None, OURS, 16)
-    return span([one / other for one, other in zip(every, ours, strict=True)])
-
-
-def second_stages(scene: str, method: str) -> float:
-    return statistics.fmean(cell["second_stage"] for cell in cells(scene, method=method, role="low"))
-
-
-def epi_seconds() -> float:
-    return statistics.fmean(second_stages(row["scene"], OURS) - second_stages(row["scene"], FAST)
-                            for row in record("eight-k")["scenes"])
-
-
-def second_stage(scene: str) -> float:
-    """The longest of the three numbers of samples."""
-    return max(cell["second_stage"] for cell in cells(scene, method=OURS, role="low"))
 
 
 @functools.cache
@@ -114,24 +82,6 @@ def equal_rays_row(row: list[str]) -> Values:
     return found
 
 
-def bias_share(samples: int) -> float:
-    [cell] = [cell for cell in mean_cells(small().scenes) if (cell.method, cell.samples) == (OURS, samples)]
-    return cell.errors["bias2"].mean / cell.errors[RELMSE].mean
-
-
-def accuracy_row(row: list[str]) -> Values:
-    scene = None if row[0] == "mean" else row[0]
-    return [statistics.fmean(ssims(scene, method, samples)) for method in (OURS, FAST, STOCK, "bicubic")
-            for samples in (1, 4, 16)]
-
-
-def time_row(row: list[str]) -> Values:
-    every = [seconds(row[0], "oidn", 1, "direct")[0], ssims(row[0], "oidn", 1, "direct")[0]]
-    ours = [value for samples in (1, 4, 16)
-            for value in (seconds(row[0], OURS, samples)[0], ssims(row[0], OURS, samples)[0])]
-    return [*every, *ours, second_stage(row[0])]
-
-
 # Animations.
 WAYS = {"one seed": "fixed seeds, every frame alone", "a seed per frame": "seeds that change, every frame alone",
         "temporal averaging": "averaged over 5 frames, 5 seeds in turn"}
@@ -156,16 +106,6 @@ def shot_rows() -> Any:
         return [found["ssim"], found["flicker"], found["lag"]]
 
     return row
-
-
-def gains(samples: int) -> Values:
-    return span([shot(name, "temporal averaging", samples)["ssim"] - shot(name, "a seed per frame", samples)["ssim"]
-                 for name in ("object", "light")])
-
-
-def flickers(way: str) -> Values:
-    return span([shot(name, "temporal averaging", samples)["flicker"] / shot(name, way, samples)["flicker"]
-                 for name in ("object", "light") for samples in (4, 16)])
 
 
 # Displays: against the panel's own subpixels where it has a lens sheet, else against every view.
@@ -211,31 +151,14 @@ def scenes(*groups: str) -> list[str]:
     return list(dict.fromkeys(mean.scene for mean in judged().means if not groups or mean.group in groups))
 
 
-def differences(samples: int, other: Callable[[str], float | None], *groups: str) -> dict[str, float]:
-    """By how much ours is above another figure of a scene, where both are known."""
-    pairs = {scene: (judged().mean(scene, samples, OURS), other(scene)) for scene in scenes(*groups)}
-    return {scene: ours - its for scene, (ours, its) in pairs.items() if ours is not None and its is not None}
-
-
-def old(samples: int) -> Callable[[str], float | None]:
-    """The better of the two old methods on a scene."""
-    def better(scene: str) -> float | None:
-        found = [value for name in (REFINE, BOTH) if (value := judged().mean(scene, samples, name)) is not None]
-        return max(found, default=None)
-
-    return better
-
-
-def gained(*groups: str) -> Values:
-    return [statistics.fmean(differences(samples, old(samples), *groups).values()) for samples in (1, 4, 16, 64)]
-
-
-def against_old(samples: int, *names: str) -> Values:
-    return [differences(samples, old(samples))[name] for name in names]
-
-
-def epi_gain(samples: int) -> dict[str, float]:
-    return differences(samples, lambda scene: judged().mean(scene, samples, FAST))
+def gained(samples: int, *others: str, groups: tuple[str, ...] = ()) -> dict[str, float]:
+    """By how much ours is above the best of other methods on each scene where both are known."""
+    found = {}
+    for scene in scenes(*groups):
+        ours, *its = (judged().mean(scene, samples, name) for name in (OURS, *others))
+        if ours is not None and any(value is not None for value in its):
+            found[scene] = ours - max(value for value in its if value is not None)
+    return found
 
 
 def group_rows() -> Any:
@@ -266,32 +189,7 @@ def figures(name: str, method: str) -> dict[float, list[float]]:
 
 def sweep(name: str, method: str) -> dict[float, float]:
     """The judged figure of a method along a sweep, mean over seeds."""
-    return {value: statistics.fmean(known) for value, known in figures(name, method).items()}
-
-
-def above(name: str, other: str) -> list[float]:
-    """By how much another method is above ours along a sweep."""
-    return [value - sweep(name, OURS)[at] for at, value in sweep(name, other).items()]
-
-
-def sweep_row(row: list[str]) -> Values:
-    """The numbers of the generated table."""
-    made = read_record(ROOT / "docs/results/measured/plan-stress.json", Validation, "a validation of plans")
-    [line] = [line for line in plans.table(sweeps(), made.plans) if line.startswith(f"| {row[0]} |")]
-    return [plain(number) for cell in line.strip("|").split("|")[1:] for number in row_numbers(cell)]
-
-
-def spread(name: str, method: str, value: float) -> Values:
-    """Mean and standard deviation over seeds."""
-    return [statistics.fmean(figures(name, method)[value]), statistics.stdev(figures(name, method)[value])]
-
-
-def behind_glass() -> Values:
-    """What a plan promises of the fast method behind glass, and what it has as a whole image."""
-    rows = [row for row in record("plan-stress")["plans"] if row["scene"] == "glass-roughness-0"]
-    at = rows[0]["measured"].index(f"s4-spp16 {FAST}")
-    actual = rows[0]["actuals"][at]
-    return [actual + statistics.fmean(row["errors"][row["measured"].index(f"s4-spp16 {FAST}")] for row in rows), actual]
+    return {value: fmean(known) for value, known in figures(name, method).items()}
 
 
 # The choice of scale.
@@ -305,53 +203,19 @@ def left_out() -> dict[tuple[str, int], float]:
     return fit(scale_groups("scales")).left_out
 
 
-def lost(values: list[float]) -> Values:
-    return [statistics.fmean(values), max(values), sum(value > ENOUGH for value in values), len(values)]
-
-
-def group_loss(group: Group) -> float:
+def always_4() -> dict[tuple[str, int], float]:
     """What scale 4 loses against the best scale."""
-    return max(group.ssims.values()) - group.ssims[4]
-
-
-def scale_row(row: list[str]) -> Values:
-    fitted = scale_groups("scales")
-    return lost({"predicted loss": lambda: [group.lost(MODEL) for group in fitted],
-                 "the same, fitted without that scene": lambda: [*left_out().values()],
-                 "always scale 4": lambda: [group_loss(group) for group in fitted]}[row[0]]())
-
-
-def pooling_row(row: list[str]) -> Values:
-    found = [scene["renders"][f"scale 4, {row[0]} samples"] for scene in record("pooling")["scenes"].values()
-             if row[1] in ("all", scene["group"])]
-    return [statistics.fmean(each[when][place] for each in found) for when in ("before", "after") for place in range(3)]
+    return {(group.scene, group.rays): max(group.ssims.values()) - group.ssims[4] for group in scale_groups("scales")}
 
 
 def places_gains() -> Values:
     gains = [[found["two places"][0] - found["every view"][0] for scene in record("pooling-places")["scenes"].values()
               if (found := scene[f"scale 4, {samples} samples"])] for samples in (1, 4, 16)]
-    return [*map(statistics.fmean, gains), len(gains[0]), -min(map(min, gains))]
+    return [*map(fmean, gains), len(gains[0]), -min(map(min, gains))]
 
 
 def pooling_gain(scene: str, samples: int) -> float:
     return record("pooling")["scenes"][scene]["renders"][f"scale 4, {samples} samples"]["gain"]
-
-
-def pooling_gains(*without: str) -> list[float]:
-    scenes = set(record("pooling")["scenes"]) - set(without)
-    return [statistics.fmean(pooling_gain(scene, samples) for scene in scenes) for samples in (1, 4, 16, 64)]
-
-
-def best_of_scales(samples: int) -> list[float]:
-    """Mean over scenes of the better of scales 4 and 2 with equal rays, before and after."""
-    names = f"scale 4, {samples} samples", f"scale 2, {samples // 4} samples"
-    return [statistics.fmean(max(scene["renders"][name][when][0] for name in names)
-                             for scene in record("pooling")["scenes"].values()) for when in ("before", "after")]
-
-
-def panel_row(row: list[str]) -> Values:
-    found = record("pooling")["panels"][row[0]]
-    return [value for samples in ("4", "16") for part in found[samples] for value in part]
 
 
 @functools.cache
@@ -373,45 +237,55 @@ def nearest(title: str, quoted: list[str]) -> Values:
     return [min(either, key=lambda value: abs(value - plain(number))) for number in quoted]
 
 
-def paper_row(row: list[str]) -> Values:
-    resolution, scale = row[0].split(", ")
-    [found] = [each for each in notebook_rows("Fig. 12(a)") if each[:2] == [resolution, scale]]
-    return [float(found[place]) for place in (2, 3, 5)]
-
-
-def plan(name: str) -> dict[str, Any]:
-    return record(f"plan-{name}")["summary"]
-
-
+OLD = (REFINE, BOTH)
+VIEWER = [(ROOT / "docs/examples/viewer.html").stat().st_size / 1e6]
 CLAIMS: list[Claim | TableClaim] = [
     Claim("README.md", "its SSIM is {}, ours {}.", lambda: [
-        statistics.fmean(ssims(None, "oidn", 1, "direct", "rays")),
-        statistics.fmean(ssims(None, "denoise+pool", 16, name="rays"))]),
-    Claim("README.md", "{} to {} times as long", eight_k_times),
-    TableClaim(EIGHT_K, "| method | 1, 4, 16 samples |", rays_row),
-    Claim("README.md", "is a page of `lfsr view` (8K, {} MB;", lambda: [megabytes("docs/examples/viewer.html")]),
-    Claim("docs/guide/viewer.md", "96×54 lenses, {} MB)", lambda: [megabytes("docs/examples/viewer.html")]),
-    Claim("docs/guide/live.md", "first complete image of *small* appears {} to {} s after an edit", lambda: span([
-        second for row in record("live-latency") for second in row["measures"].get("complete", [])])),
-    Claim(EIGHT_K, "with 1 and 16 samples**: {}, {}, {} `ssim_lens_fg`", lambda: means(OURS)),
-    Claim(EIGHT_K, "mirrored as ours, have {}, {}, {}:", lambda: means(STOCK)),
-    Claim(EIGHT_K, "16 samples it takes {} to {} times as long", eight_k_times),
-    Claim(EIGHT_K, "over lenses is ± {} to {} at 16 samples", lambda: halves(16)),
-    Claim(EIGHT_K, "± {} to {} at 1:", lambda: halves(1)),
-    TableClaim(EIGHT_K, "| scene | `denoise+bilinear+epi` (default) |", accuracy_row),
-    TableClaim(EIGHT_K, "| scene | every view, 1 sample, `oidn` |", time_row),
+        fmean(ssims(None, *of)) for of in (("oidn", 1, "direct", "rays"), ("denoise+pool", 16, "low", "rays"))]),
+    *(Claim(document, words, lambda: span(
+        one / other for one, other in zip(seconds(None, "oidn", 1, "direct"), seconds(None, OURS, 16), strict=True)))
+      for document, words in (("README.md", "{} to {} times as long"),
+                              (EIGHT_K, "16 samples it takes {} to {} times as long"))),
+    TableClaim(EIGHT_K, "| method | 1, 4, 16 samples |", lambda row: [
+        fmean(ssims(None, row[0].strip("`").partition("`, ")[0], samples, role, "rays"))
+        for role in ["direct" if "`, " in row[0] else "low"] for samples in ((1, 4, 16) if role == "low" else (1, 4))]),
+    Claim("README.md", "is a page of `lfsr view` (8K, {} MB;", lambda: VIEWER),
+    Claim("docs/guide/viewer.md", "96×54 lenses, {} MB)", lambda: VIEWER),
+    Claim("docs/guide/live.md", "first complete image of *small* appears {} to {} s after an edit", lambda: span(
+        second for row in record("live-latency") for second in row["measures"].get("complete", []))),
+    *(Claim(EIGHT_K, words, lambda method=method: [fmean(ssims(None, method, samples)) for samples in (1, 4, 16)])
+      for words, method in (("with 1 and 16 samples**: {}, {}, {} `ssim_lens_fg`", OURS),
+                            ("mirrored as ours, have {}, {}, {}:", STOCK))),
+    *(Claim(EIGHT_K, words, lambda samples=samples: span(
+        (cell["errors"]["1-ssim"]["high"] - cell["errors"]["1-ssim"]["low"]) / 2 for method in (OURS, FAST, STOCK)
+        for cell in cells(method=method, samples=samples, role="low")))
+      for words, samples in (("over lenses is ± {} to {} at 16 samples", 16), ("± {} to {} at 1:", 1))),
+    TableClaim(EIGHT_K, "| scene | `denoise+bilinear+epi` (default) |", lambda row: [
+        fmean(ssims(None if row[0] == "mean" else row[0], method, samples))
+        for method in (OURS, FAST, STOCK, "bicubic") for samples in (1, 4, 16)]),
+    TableClaim(EIGHT_K, "| scene | every view, 1 sample, `oidn` |", lambda row: [
+        *(value for of in (("oidn", 1, "direct"), (OURS, 1), (OURS, 4), (OURS, 16))
+          for value in (seconds(row[0], *of)[0], ssims(row[0], *of)[0])), max(finishing(row[0], OURS))]),
     Claim(EIGHT_K, "the default needs {} of its rays by 1 − SSIM and {} by HDR-FLIP", lambda: [
         mean_duel(STOCK, 16, measure).rays.value or 0 for measure in (SSIM, FLIP)]),
     Claim(EIGHT_K, "the default needs {} of the seconds of every view with OIDN and 4 samples by 1 − SSIM, {} of those "
           "of `oidn+bilinear` with 16 samples, and {} of those of `paper` with 64", lambda: [
               mean_duel(*of).seconds.value or 0 for of in (("oidn", 4, SSIM, "direct"), (STOCK, 16, SSIM),
                                                            ("paper", 64, SSIM))]),
-    Claim(EIGHT_K, "bias² is {} of relMSE with 1 sample and {} with 64", lambda: [bias_share(1), bias_share(64)]),
+    Claim(EIGHT_K, "bias² is {} of relMSE with 1 sample and {} with 64", lambda: [
+        cell.errors["bias2"].mean / cell.errors[RELMSE].mean for samples in (1, 64)
+        for cell in mean_cells(small().scenes) if (cell.method, cell.samples) == (OURS, samples)]),
     TableClaim(EIGHT_K, "| other method, samples | 1 − SSIM |", equal_rays_row),
-    Claim(SHOTS, "gains {} to {} split SSIM over a seed per frame at 4 samples", lambda: gains(4)),
-    Claim(SHOTS, "and {} to {} at 16", lambda: gains(16)),
-    Claim(SHOTS, "flickers {} to {} times as much as fixed seeds", lambda: flickers("one seed")),
-    Claim(SHOTS, "fixed seeds, {} to {} times as much as changing seeds", lambda: flickers("a seed per frame")),
+    *(Claim(SHOTS, words, lambda samples=samples: span(
+        shot(name, "temporal averaging", samples)["ssim"] - shot(name, "a seed per frame", samples)["ssim"]
+        for name in ("object", "light")))
+      for words, samples in (("gains {} to {} split SSIM over a seed per frame at 4 samples", 4),
+                             ("and {} to {} at 16", 16))),
+    *(Claim(SHOTS, words, lambda way=way: span(
+        shot(name, "temporal averaging", samples)["flicker"] / shot(name, way, samples)["flicker"]
+        for name in ("object", "light") for samples in (4, 16)))
+      for words, way in (("flickers {} to {} times as much as fixed seeds", "one seed"),
+                         ("fixed seeds, {} to {} times as much as changing seeds", "a seed per frame"))),
     TableClaim(SHOTS, "| | samples | split SSIM | flicker | lag |", shot_rows(), first=2),
     TableClaim(DISPLAYS, "| method | integral | lenticular | hexagonal |", display_row),
     Claim(DISPLAYS, "lies within {} of every view with 16 on both", lambda: [
@@ -419,58 +293,85 @@ CLAIMS: list[Claim | TableClaim] = [
     Claim(DISPLAYS, "lies {} to {} below every view with 16, in {} to {} of a second for {} to {}.", lambda: [
         *span(below("integral", 16)), *span(cpu("integral", "default", 16)), *span(cpu("integral", "every view", 16))]),
     TableClaim(NETWORKS, "| samples | scenes | `denoise+bilinear+epi`, the default |", group_rows(), first=2),
-    Claim(NETWORKS, "mean over 22 scenes: **{}** at 1 sample, **{}** at 4, **{}** at 16, **{}** at 64", gained),
-    Claim(NETWORKS, "on the known and unseen ones alone {}, {}, {}, {}.", lambda: gained("known", "unseen")),
-    Claim(NETWORKS, "Best: hexagonal panel {}, truck {} at 1.", lambda: against_old(1, "hexagonal", "truck")),
+    *(Claim(NETWORKS, words, lambda groups=groups: [
+        fmean(gained(samples, *OLD, groups=groups).values()) for samples in (1, 4, 16, 64)])
+      for words, groups in (("mean over 22 scenes: **{}** at 1 sample, **{}** at 4, **{}** at 16, **{}** at 64", ()),
+                            ("on the known and unseen ones alone {}, {}, {}, {}.", ("known", "unseen")))),
+    Claim(NETWORKS, "Best: hexagonal panel {}, truck {} at 1.", lambda: [
+        gained(1, *OLD)[name] for name in ("hexagonal", "truck")]),
     Claim(NETWORKS, "Worst: glitter {}, city {}, cloth {}, maple {} at 1; vase {}, figures {} at 4; vase {}, "
           "lenticular {}, maple {} at 16; lenticular {}, truck {} at 64.", lambda: [
-              *against_old(1, "glitter", "city", "cloth", "maple"), *against_old(4, "vase", "figures"),
-              *against_old(16, "vase", "lenticular", "maple"), *against_old(64, "lenticular", "truck")]),
+              gained(samples, *OLD)[name] for samples, names in (
+                  (1, ("glitter", "city", "cloth", "maple")), (4, ("vase", "figures")),
+                  (16, ("vase", "lenticular", "maple")), (64, ("lenticular", "truck"))) for name in names]),
     Claim(NETWORKS, "**`epi` stays**: {}, {} and {} on the mean at 4, 16 and 64 samples (hexagonal panel {}, small "
           "figures {}, deep {} at 16), {} s at 8K.", lambda: [
-              *(statistics.fmean(epi_gain(samples).values()) for samples in (4, 16, 64)), epi_gain(16)["hexagonal"],
-              epi_gain(16)["figures"], epi_gain(16)["deep"], epi_seconds()]),
-    TableClaim(STRESS, "| choice | mean | largest | above .005 |", scale_row),
-    TableClaim(STRESS, "| sweep | from – to |", sweep_row),
-    Claim(STRESS, "denoising alone scores {}, bicubic {}, the default {}:", lambda: [
-        sweep("depth-behind", method)[1.5] for method in (FAST, "bicubic", OURS)]),
-    Claim(STRESS, "to either side the default is below bicubic ({}, {})", lambda: [
-        sweep("depth-range", method)[2] for method in (OURS, "bicubic")]),
-    Claim(STRESS, "a twentieth of the lenses ({}, {})", lambda: [
-        sweep("share", method)[0.05] for method in (OURS, "bicubic")]),
-    Claim(STRESS, "on dark surfaces ({}, {})", lambda: [
-        sweep("lamps", method)[1 / 32] for method in (OURS, "bicubic")]),
-    Claim(STRESS, "between elemental images (by {} at most)", lambda: [max(above("border", "bicubic"))]),
+              *(fmean(gained(samples, FAST).values()) for samples in (4, 16, 64)),
+              *(gained(16, FAST)[name] for name in ("hexagonal", "figures", "deep")),
+              fmean(fmean(finishing(row["scene"], OURS)) - fmean(finishing(row["scene"], FAST))
+                    for row in record("eight-k")["scenes"])]),
+    TableClaim(STRESS, "| choice | mean | largest | above .005 |", lambda row: [of for values in [{
+        "predicted loss": [group.lost(MODEL) for group in scale_groups("scales")],
+        "the same, fitted without that scene": [*left_out().values()],
+        "always scale 4": [*always_4().values()]}[row[0]]] for of in (
+            fmean(values), max(values), sum(value > ENOUGH for value in values), len(values))]),
+    TableClaim(STRESS, "| sweep | from – to |", lambda row: [
+        plain(number) for line in plans.table(sweeps(), read_record(
+            ROOT / "docs/results/measured/plan-stress.json", Validation, "a validation of plans").plans)
+        if line.startswith(f"| {row[0]} |")
+        for cell in line.strip("|").split("|")[1:] for number in row_numbers(cell)]),
+    *(Claim(STRESS, words, lambda name=name, value=value, methods=methods: [
+        sweep(name, method)[value] for method in methods]) for words, name, value, methods in (
+            ("denoising alone scores {}, bicubic {}, the default {}:", "depth-behind", 1.5, (FAST, "bicubic", OURS)),
+            ("to either side the default is below bicubic ({}, {})", "depth-range", 2, (OURS, "bicubic")),
+            ("a twentieth of the lenses ({}, {})", "share", 0.05, (OURS, "bicubic")),
+            ("on dark surfaces ({}, {})", "lamps", 1 / 32, (OURS, "bicubic")))),
+    Claim(STRESS, "between elemental images (by {} at most)", lambda: [
+        max(value - sweep("border", OURS)[at] for at, value in sweep("border", "bicubic").items())]),
     Claim(STRESS, "scores {} ± {}, bicubic {}, the default {} ± {}.", lambda: [
-        *spread("glass-texture", FAST, 1.5), sweep("glass-texture", "bicubic")[1.5],
-        *spread("glass-texture", OURS, 1.5)]),
+        of(figures("glass-texture", method)[1.5]) for method, of in (
+            (FAST, fmean), (FAST, stdev), ("bicubic", fmean), (OURS, fmean), (OURS, stdev))]),
     Claim(STRESS, "at the breaking points {} of {} plans met", lambda: [
-        plan("stress")["chosen"] * plan("stress")["met"], plan("stress")["plans"]]),
-    Claim(STRESS, "keeps the print ({}), the frame's {}.", behind_glass),
+        record("plan-stress")["summary"]["chosen"] * record("plan-stress")["summary"]["met"],
+        record("plan-stress")["summary"]["plans"]]),
+    Claim(STRESS, "keeps the print ({}), the frame's {}.", lambda: [
+        actual + error for rows in [[row for row in record("plan-stress")["plans"]
+                                     if row["scene"] == "glass-roughness-0"]]
+        for actual in [rows[0]["actuals"][rows[0]["measured"].index(f"s4-spp16 {FAST}")]]
+        for error in (fmean(row["errors"][row["measured"].index(f"s4-spp16 {FAST}")] for row in rows), 0)]),
     Claim(STRESS, "loses {} when fitted without the scene, and always scale 4 {}", lambda: [
-        statistics.fmean(loss for (scene, _), loss in left_out().items() if scene != "print"),
-        statistics.fmean(group_loss(group) for group in scale_groups("scales") if group.scene != "print")]),
+        fmean(loss for (scene, _), loss in losses.items() if scene != "print") for losses in (left_out(), always_4())]),
     Claim(POOLING, "by {}, {} and {} with 1, 4 and 16 samples, mean of {} scenes, {} worse", places_gains),
-    TableClaim(POOLING, "| samples | scenes | before | after |", pooling_row, first=2),
-    Claim(POOLING, "**{}, {}, {} and {}** with 1, 4, 16 and 64 samples", pooling_gains),
-    Claim(POOLING, "without it {}, {}, {} and {}", lambda: pooling_gains("print")),
+    TableClaim(POOLING, "| samples | scenes | before | after |", lambda row: [
+        fmean(scene["renders"][f"scale 4, {row[0]} samples"][when][place]
+              for scene in record("pooling")["scenes"].values() if row[1] in ("all", scene["group"]))
+        for when in ("before", "after") for place in range(3)], first=2),
+    *(Claim(POOLING, words, lambda without=without: [
+        fmean(pooling_gain(scene, samples) for scene in record("pooling")["scenes"] if scene != without)
+        for samples in (1, 4, 16, 64)])
+      for words, without in (("**{}, {}, {} and {}** with 1, 4, 16 and 64 samples", ""),
+                             ("without it {}, {}, {} and {}", "print"))),
+    # The better of scales 4 and 2 with equal rays.
     Claim(POOLING, "rise from {} to {} with the rays of 4 samples, {} to {} with those of 16, {} to {} with those of "
-          "64", lambda: [value for samples in (4, 16, 64) for value in best_of_scales(samples)]),
+          "64", lambda: [
+              fmean(max(scene["renders"][name][when][0] for name in (f"scale 4, {samples} samples",
+                                                                     f"scale 2, {samples // 4} samples"))
+                    for scene in record("pooling")["scenes"].values())
+              for samples in (4, 16, 64) for when in ("before", "after")]),
     Claim(POOLING, "maple {} and hair {} with 1 sample, glitter {} with 4, vase {} with 16, *deepglass* {} with "
           "64", lambda: [pooling_gain(*which) for which in (("maple", 1), ("hair", 1), ("glitter", 4), ("vase", 16),
                                                             ("deepglass", 64))]),
-    TableClaim(POOLING, "| panel, scene | 4 samples, before | after |", panel_row),
+    TableClaim(POOLING, "| panel, scene | 4 samples, before | after |", lambda row: [
+        value for samples in ("4", "16") for part in record("pooling")["panels"][row[0]][samples] for value in part]),
     Claim(PAPER, "everywhere**: {} to {} times as fast", lambda: span(
-        [float(row[-1]) for row in notebook_rows("Fig. 12(a)") if row[1] != "direct"])),
+        float(row[-1]) for row in notebook_rows("Fig. 12(a)") if row[1] != "direct")),
     Claim(PAPER, "its adversary adds {} to {} at 16 samples", lambda: nearest("Fig. 9", [".002", ".004"])),
     Claim(PAPER, "out of reach on two CPU cores**: {} frames", lambda: nearest("Fig. 12(a)", [".11"])),
     TableClaim(PAPER, "| | claim | measured here |", lambda row: nearest(row[0], row_numbers(row[2])), first=2),
-    TableClaim(PAPER, "| resolution, scale | render, s |", paper_row),
+    TableClaim(PAPER, "| resolution, scale | render, s |", lambda row: [
+        float(each[place]) for each in notebook_rows("Fig. 12(a)") if each[:2] == row[0].split(", ")
+        for place in (2, 3, 5)]),
 ]
-
-
-def megabytes(name: str) -> float:
-    return (ROOT / name).stat().st_size / 1e6
 
 
 @pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: f"{claim.document}: {claim.words}")

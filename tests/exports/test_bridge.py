@@ -25,10 +25,6 @@ CALLS = ("enter_orchestration", "available_output_devices", "instance_playlist",
 QUILTS = [Quilt(Path(f"/films/{name}_qs8x6a0.75.png"), (8, 6), 0.75) for name in "abc"]
 
 
-def quickly(endpoint, body):
-    return loopback.put(endpoint, body, 0.5)
-
-
 def test_displays_with_lenses_are_listed(bridge):
     bridge()
     portrait, large = Bridge().devices()
@@ -63,15 +59,14 @@ def test_each_show_replaces_the_last_once_it_is_complete_and_bridge_is_told_all_
 
 @pytest.mark.parametrize("endpoint", CALLS)
 @pytest.mark.parametrize(("fault", "message"), [
-    ("hang", "did not answer {}"), ("drop", "broke the connection at {}"), ("chunk", "broke the connection at {}"),
-    ("nonsense", "answers {} with what is not"),
-    ("refuse", r"refuses {} \(Failure: display is in use\)"), ("empty", "answers {} with nothing")])
-def test_each_call_can_fail_in_each_way(bridge, endpoint, fault, message):
+    ("drop", "broke the connection at {}"), ("refuse", r"refuses {} \(Failure: display is in use\)"),
+    ("empty", "answers {} with nothing")])
+def test_each_call_can_fail(bridge, endpoint, fault, message):
     stand_in = bridge(f"{fault}:{endpoint}")
     if endpoint == "enter_orchestration" and fault in ("refuse", "empty"):
         message = "opened no session: update it to version 2.2 or newer"
     with pytest.raises(LfsrError, match=message.format(endpoint)):
-        session = Bridge(quickly)
+        session = Bridge()
         session.play(QUILTS[0], session.devices()[0])
     assert stand_in.endpoints[-1] == endpoint, "nothing is asked after a failure"
 
@@ -142,7 +137,7 @@ def test_a_call_to_this_computer_returns_the_answers_data(bridge):
 
 @pytest.mark.parametrize(("fault", "message"), [
     ("hang", "did not answer x within 0.5 s: end it"), ("drip", "did not answer x within 0.5 s"),
-    ("drop", "broke the connection at x"), ("half", "broke the connection at x"),
+    *((fault, "broke the connection at x") for fault in ("drop", "half", "chunk")),
     ("error", "answers x with the HTTP status 500, expected 200"), ("redirect", "answers x with the HTTP status 307"),
     ("nonsense", "answers x with what is not JSON"),
     ("huge", "answers x with what is not JSON (more than 16000000 bytes)")])

@@ -24,6 +24,7 @@ from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.pipeline.make import finish_frame
+from tests.exports.conftest import NAMES
 from tests.support.finished import MINI, finished, picture
 from tests.support.panels import lenticular, small
 from tests.support.synthetic import fails
@@ -104,7 +105,7 @@ def test_mirrored_cameras_are_turned_round(images, field, tmp_path):
     np.testing.assert_array_equal(read_light_field(tmp_path / "frame").views, field.resampled((3, 3))[:, ::-1])
 
 
-def test_a_wide_grid_keeps_its_middle(folder, field, tmp_path):
+def test_a_wide_grid_keeps_its_middle(folder, tmp_path):
     export(folder, "views", tmp_path / "views", ExportOptions(views=(8, 4)))
     told = Told()
     imported = import_views(tmp_path / "views", tmp_path / "frame", tell=told)
@@ -229,19 +230,15 @@ def coordinates(folder, shape=(2, 4), tile=(6, 9), ending=".png"):
     return path
 
 
-def check_coordinates(views):
-    """(1, n, height, width, 3)."""
-    assert (views[..., 0] == 20 * np.arange(views.shape[1])[:, None, None]).all()
-    assert (views[..., 1] == 40 * np.arange(views.shape[3])).all()
-    assert (views[..., 2] == 25 * np.arange(views.shape[2])[:, None]).all()
-
-
 def test_tiles_become_views_from_the_left(tmp_path):
     path = coordinates(tmp_path)
     told = Told()
     display = import_views(path, tmp_path / "frame", quilt=quilt_of(path), tell=told)
     finish_frame(tmp_path / "frame", "none")
-    check_coordinates(read_light_field(tmp_path / "frame").views)
+    views = read_light_field(tmp_path / "frame").views
+    assert (views[..., 0] == 20 * np.arange(views.shape[1])[:, None, None]).all()
+    assert (views[..., 1] == 40 * np.arange(views.shape[3])).all()
+    assert (views[..., 2] == 25 * np.arange(views.shape[2])[:, None]).all()
     assert (display.views, display.lenses, display.viewing_angle_deg) == ((8, 1), (6, 9), 40)
     assert display.panel_mm[0] / display.panel_mm[1] == pytest.approx(0.75)
     assert told.notices == [Notice("geometry-assumed", {"width_mm": 600.0, "distance_mm": 1000.0, "angle_deg": 40.0})]
@@ -275,22 +272,24 @@ def test_grids_and_aspects_as_names_and_people_give_them(tmp_path):
         refuses(message, quilt_of, tmp_path / f"{name}.png", shape)
 
 
-def direct(folder, display, width):
-    """The same scene as ``finished`` makes, for a display on which the picture is ``width`` scene units wide."""
-    return finished(folder, display, scale=1, array=CameraArray.for_display(display, width))
+@pytest.fixture(scope="module")
+def quilt(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("portrait")
+    made = finished(folder / "frame", PORTRAIT, scale=1)
+    return export(made, "quilt", folder, ExportOptions(grid=(8, 6), width=105))[0]
 
 
 @pytest.mark.parametrize(("angle", "seen", "most_of_panel"), [(40.0, slice(48), 4.0), (50.0, slice(6, 42), 8.0)])
-def test_woven_for_another_display_as_if_made_for_it(tmp_path, angle, seen, most_of_panel):
+def test_woven_for_another_display_as_if_made_for_it(tmp_path, quilt, angle, seen, most_of_panel):
     """Beyond the quilt's 40 degrees the outermost view repeats: there the panel of 50 degrees differs."""
-    made = finished(tmp_path / "portrait", PORTRAIT, scale=1)
-    (quilt,) = export(made, "quilt", tmp_path, ExportOptions(grid=(8, 6), width=105))
     display = landscape(angle)
     import_views(quilt, tmp_path / "frame", geometry=ImportGeometry(display=display, angle_deg=40.0),
                  quilt=quilt_of(quilt))
     finish_frame(tmp_path / "frame", "none")
     covered = 0.75 * display.panel_mm[1] / display.panel_mm[0]  # of the panel's width, by a picture of its height
-    finish_frame(direct(tmp_path / "direct", display, 1.6 / covered), "none")
+    # The same scene, for a display on which the picture is as wide.
+    array = CameraArray.for_display(display, 1.6 / covered)
+    finish_frame(finished(tmp_path / "direct", display, scale=1, array=array), "none")
     woven, wanted = (read_png(tmp_path / name / "panel.png").astype(float) for name in ("frame", "direct"))
     views, wanted_views = (read_light_field(tmp_path / name).views.astype(float) for name in ("frame", "direct"))
     inside = slice(round(960 * (1 - covered) / 2) + 12, round(960 * (1 + covered) / 2) - 12)
@@ -338,32 +337,26 @@ def test_what_a_display_decides(tmp_path, options):
 # Films.
 
 @pytest.fixture(scope="module")
-def film(tmp_path_factory):
-    """A film of three quilts, each darker than the one before, and their folder."""
-    folder = tmp_path_factory.mktemp("film")
-    for number in range(1, 4):
-        frame = finished(folder / f"{number:04d}", frame=number)
-        write_png(frame / "eia.png", read_png(frame / "eia.png") // number)
-    (path,) = export(folder, "quilt-film", folder / "export", ExportOptions(grid=(4, 2), width=64))
-    return path, folder
+def quilt_film(film, tmp_path_factory):
+    """A film of quilts."""
+    return export(film, "quilt-film", tmp_path_factory.mktemp("quilts"), ExportOptions(grid=(4, 2), width=64))[0]
 
 
-def test_frames_of_a_film_become_frames(film, tmp_path):
-    path, frames = film
-    told = Told()
+def test_frames_of_a_film_become_frames(film, quilt_film, tmp_path):
+    path, told = quilt_film, Told()
     assert import_views(path, tmp_path / "film", 1, ImportGeometry(display=MINI, angle_deg=40.0), told,
                         quilt_of(path)) == MINI
     assert "frame 2 of 3" in [progress.detail for progress in told.progress]
     fractions = [progress.fraction for progress in told.progress]
     assert fractions == sorted(fractions)
-    for number in (1, 2, 3):
-        found, made = (read_light_field(folder / f"{number:04d}").views for folder in (tmp_path / "film", frames))
+    for number, name in enumerate(NAMES, 1):
+        found, made = (read_light_field(folder).views for folder in (tmp_path / "film" / f"{number:04d}", film / name))
         assert np.abs(found[4].astype(float) - made[3]).mean() < 12
         assert read_frame(tmp_path / "film" / f"{number:04d}").frame == number
 
 
-def test_an_interrupted_import_of_a_film_goes_on(film, tmp_path):
-    path, output = film[0], tmp_path / "film"
+def test_an_interrupted_import_of_a_film_goes_on(quilt_film, tmp_path):
+    path, output = quilt_film, tmp_path / "film"
 
     def stop(told):
         if isinstance(told, Progress) and told.fraction > 0.5:
@@ -381,8 +374,8 @@ def test_an_interrupted_import_of_a_film_goes_on(film, tmp_path):
         import_views(path, output, quilt=quilt_of(path), geometry=ImportGeometry(display=MINI))
 
 
-def test_the_command(film, tmp_path, capsys):
-    assert main(["import", str(film[0]), "-o", str(tmp_path / "film"), "--display", "mini"]) == 0
+def test_the_command(quilt_film, tmp_path, capsys):
+    assert main(["import", str(quilt_film), "-o", str(tmp_path / "film"), "--display", "mini"]) == 0
     said = capsys.readouterr()
     assert "8×8 views of 16×12 pixels" in said.out and "--angle-deg 40" in said.err
     path = coordinates(tmp_path)
@@ -394,11 +387,11 @@ def test_the_command(film, tmp_path, capsys):
     assert picture(tmp_path / "one" / "panel.png").shape == (80, 120, 3)
     capsys.readouterr()
     assert "for quilts" in fails(["import", str(tmp_path), "-o", str(tmp_path / "two"), "--quilt", "2x4"], capsys)
-    assert "has all its views" in fails(["import", str(film[0]), "-o", str(tmp_path / "two"), "--scale", "2"], capsys)
-    assert not (tmp_path / "two").exists()
+    assert "has all its views" in fails(["import", str(quilt_film), "-o", str(tmp_path / "x"), "--scale", "2"], capsys)
+    assert not (tmp_path / "two").exists() and not (tmp_path / "x").exists()
 
 
-def test_a_film_without_a_word_on_its_colours(tmp_path, monkeypatch):
+def test_a_film_without_a_word_on_its_colours(tmp_path):
     """Players take such films of high definition for BT.709; FFmpeg alone would take it for another."""
     path = tmp_path / "q_qs2x2a1.mp4"
     pixels = np.full((1280, 1280, 3), (200, 60, 30), np.uint8)

@@ -93,7 +93,7 @@ def test_a_lenticular_animation_goes_through_bridge_as_a_film_of_quilts(bridge, 
     assert entry["cols"] * entry["rows"] == entry["view_count"] == DISPLAY.views[0]
 
 
-def test_a_quilt_without_proportions_in_its_name_has_the_panels(bridge, tmp_path, capsys):
+def test_a_quilt_without_proportions_in_its_name_has_the_panels(bridge, tmp_path):
     stand_in = bridge()
     write_png(tmp_path / "theirs_qs8x6.png", np.zeros((60, 80, 3), np.uint8))
     assert main(["show", str(tmp_path / "theirs_qs8x6.png"), "--display", "2"]) == 0
@@ -132,7 +132,7 @@ def test_any_image_is_shown_full_screen(browser, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("make", [lambda folder, **changes: frame(folder, MINI, **changes), direct])
-def test_an_animation_full_screen(browser, tmp_path, make):
+def test_an_animation_full_screen(tmp_path, make):
     for number in (1, 2, 10):
         make(tmp_path / "film" / f"{number}", frame=number)
     assert main(["show", str(tmp_path / "film"), "--fps", "12"]) == 0
@@ -147,12 +147,6 @@ def test_without_a_browser_it_says_what_to_do(monkeypatch, tmp_path, capsys):
     assert "note: no browser was found here: open that page yourself" in capsys.readouterr().err
 
 
-def test_without_bridge_nothing_is_exported(tmp_path, capsys):
-    folder = frame(tmp_path / "frame")
-    assert "Looking Glass Bridge is not running: nothing listens on port 1" in fails(["show", str(folder)], capsys)
-    assert not (folder / "export").exists()
-
-
 def test_a_display_of_other_proportions_is_refused_before_the_export(bridge, tmp_path, capsys):
     stand_in, folder = bridge(), frame(tmp_path / "frame")
     assert "the image is made for a panel of width / height 1.500, but display 'LKG-P1' has 0.750" in fails(
@@ -165,10 +159,13 @@ def test_a_display_of_other_proportions_is_refused_before_the_export(bridge, tmp
     (lambda folder: folder, [], "is no frame folder and holds none with an eia.png or panel.png"),
     (lambda folder: direct(folder / "a"), ["--display", "LKG-P1"], "a holds the panel's image alone, but display"),
     (lambda folder: frame(folder / "a"), ["--fps", "0"], "fps is 0"),
-    (lambda folder: frame(folder / "a"), ["--fps", "nan"], "fps is nan")])
+    (lambda folder: frame(folder / "a"), ["--fps", "nan"], "fps is nan"),
+    (lambda folder: frame(folder / "a"), [], "Looking Glass Bridge is not running: nothing listens on port 1"),
+    (lambda folder: finished(folder / "a", DISPLAY), ["--display", "screen"],
+     "holds no panel.png, the panel's image: finish it with `lfsr upscale`")])
 def test_what_cannot_be_shown(tmp_path, capsys, make, options, message):
     assert message in fails(["show", str(make(tmp_path)), *options], capsys)
-    assert not list(tmp_path.rglob("show.html"))
+    assert not [*tmp_path.rglob("show.html"), *tmp_path.rglob("export")]
 
 
 @pytest.mark.parametrize(("name", "options"), [("film.mp4", []), ("picture.png", ["--display", "LKG-P1"]),
@@ -178,9 +175,3 @@ def test_a_file_without_a_quilts_name(bridge, tmp_path, capsys, name, options):
     (tmp_path / name).write_bytes(b"x")
     assert f"{name} is no quilt by its name, expected an ending as in name_qs8x6a0.75.png" in fails(
         ["show", str(tmp_path / name), *options], capsys)
-
-
-def test_a_frame_without_its_panels_image(tmp_path, capsys):
-    folder = finished(tmp_path / "frame", DISPLAY)
-    assert "holds no panel.png, the panel's image: finish it with `lfsr upscale`" in fails(
-        ["show", str(folder), "--display", "screen"], capsys)

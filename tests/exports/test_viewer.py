@@ -1,7 +1,8 @@
-"""The viewer page in a real browser: what it shows, against the simulated eye, and what a person can do with it."""
+"""Pages in a real browser: the viewer against the simulated eye, what a person can do with it, and the full screen."""
 
 import base64
 import dataclasses
+import itertools
 import math
 import re
 
@@ -11,11 +12,12 @@ import pytest
 
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.page import write_page
+from lfsr_core.exports.show import write_screen_page
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.rays import view_offset
-from tests.support.browser import CHROMIUM, Page, chromium, needs_chromium
+from tests.support.browser import CHROMIUM, Page, needs_chromium
 from tests.support.finished import DIRECT, MINI, TALL, finished
 
 pytestmark = needs_chromium
@@ -23,12 +25,6 @@ ZONE = MINI.camera_spacing_mm * 8
 NINE = [(x * ZONE * 0.37, y * ZONE * 0.31, z * MINI.viewing_distance_mm)
         for x, y, z in ((0, 0, 1), (-1, 0, 1), (1, 0, 1), (0, 1, 1), (0, -1, 1), (-1, 1, 0.8), (1, -1, 1.3),
                         (1.8, 0.1, 1), (0.1, -0.2, 0.6))]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
 
 
 @pytest.fixture(scope="module")
@@ -274,8 +270,7 @@ def test_says_what_the_display_is_and_asks_nothing_of_the_network(mini):
 
 def test_the_canvas_shows_the_display_where_the_layout_says(opened, folders):
     eye = NINE[5]
-    page = opened("mini", "#mode=physical&eye=" + ",".join(map(str, eye)),
-                  viewport={"width": 800, "height": 600})
+    page = opened("mini", "#mode=physical&eye=" + ",".join(map(str, eye)), viewport={"width": 800, "height": 600})
     place = run(page, "() => ({...layout, bar: find('controls').getBoundingClientRect().top})")
     pixels = cv2.imdecode(np.frombuffer(page.page.screenshot(), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     seen = eye_view(read_png(folders["mini"] / "eia.png"), MINI, eye, width=0)
@@ -410,3 +405,91 @@ def test_changed_geometry_is_in_the_page(tmp_path):
     text = write_page([finished(tmp_path / "far", far)]).path.read_text(encoding="utf-8")
     assert '"distance_mm": 500.0' in text and "\\u003c/script>far" in text
     assert text.count("</script>") == text.count("<script")
+
+
+# The page that shows a panel's image full screen.
+SIZE = 600, 300  # divisible by every scaling below
+
+
+@pytest.fixture
+def screen(browser, tmp_path):
+    """Open the page in a window that fills a screen of ``size`` pixels at a system's ``scaling``; it and its images.
+
+    ``whole``: pixels of the screen where the window is smaller.
+    """
+    pages = []
+
+    def opening(size=SIZE, scaling=1.0, whole=None, count=1, seconds=1.0):
+        random, images = np.random.default_rng(0), [tmp_path / f"panel <b>é #{number}%.png" for number in range(count)]
+        for image in images:
+            write_png(image, random.integers(0, 256, (SIZE[1], SIZE[0], 3), dtype=np.uint8))
+        write_screen_page(tmp_path / "show.html", images, seconds)
+        window, whole = ({"width": round(width / scaling), "height": round(height / scaling)}
+                         for width, height in (size, whole or size))
+        pages.append(Page(browser, tmp_path / "show.html", viewport=window, screen=whole, device_scale_factor=scaling))
+        return pages[-1], images
+    yield opening
+    for page in pages:
+        page.close()
+
+
+def seen(page):
+    return cv2.imdecode(np.frombuffer(page.page.screenshot(), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+
+
+def note(page):
+    return page.page.inner_text("p") if page.page.is_visible("p") else ""
+
+
+@pytest.mark.parametrize("scaling", [1.0, 1.25, 1.5, 2.0, 3.0])
+def test_each_pixel_of_the_image_is_one_of_the_screen(screen, tmp_path, scaling):
+    page, (image,) = screen(scaling=scaling)
+    assert note(page) == "" and not page.complaints
+    assert (seen(page) == read_png(image)).all()
+    assert all(url.startswith(("file:", "data:")) for url in page.requests)
+
+
+@pytest.mark.parametrize(("size", "scaling"), [((600, 250), 1.0), ((400, 300), 1.0), ((1200, 600), 2.0),
+                                               ((603, 300), 1.0)])
+def test_a_screen_of_another_size_is_said(screen, tmp_path, size, scaling):
+    page, _ = screen(size, scaling)
+    assert note(page).startswith(f"This screen has {size[0]} × {size[1]} pixels, but the image has 600 × 300")
+
+
+def test_a_click_makes_it_full_screen(screen, tmp_path):
+    page, _ = screen((450, 250), whole=SIZE)
+    assert note(page).startswith("Move this window to the display and click here")
+    page.page.mouse.click(225, 125)
+    page.page.wait_for_function("document.querySelector('p').textContent.startsWith('This screen')")
+    page.page.evaluate("document.exitFullscreen()")
+    page.page.wait_for_function("document.querySelector('p').textContent.startsWith('Move')")
+    page.page.keyboard.press("f")
+    page.page.wait_for_function("Boolean(document.fullscreenElement)")
+    page.page.set_viewport_size({"width": 600, "height": 300})  # a window manager's part
+    page.page.wait_for_function("document.querySelector('p').textContent === ''")
+    assert page.page.evaluate("getComputedStyle(document.body).cursor") == "none"
+
+
+# The page decodes the next image as soon as it shows one: notes which it shows, and lets the film stand still at last.
+IN_TURN = """new Promise(done => {
+    const order = [], decode = HTMLImageElement.prototype.decode;
+    HTMLImageElement.prototype.decode = function () {
+        order.push(document.querySelector("img:not([hidden])").src);
+        return order.length < 7 ? decode.call(this) : (done(order), new Promise(() => {}));
+    };
+})"""
+
+
+def test_an_animation_shows_its_images_in_turn(screen, tmp_path):
+    page, images = screen(count=3, seconds=0.2)
+    order = [[image.as_uri() for image in images].index(source) for source in page.page.evaluate(IN_TURN)]
+    assert [(later - earlier) % 3 for earlier, later in itertools.pairwise(order)] == [1] * 6
+    assert (seen(page) == read_png(images[order[-1]])).all(), "the film stands still at the last of them"
+
+
+def test_an_image_that_is_gone_is_said(screen, tmp_path):
+    page, (image,) = screen()
+    image.unlink()
+    page.page.goto("about:blank")
+    page.page.goto((tmp_path / "show.html").as_uri())
+    page.page.wait_for_function("document.querySelector('p').textContent.startsWith('An image of this page is gone')")

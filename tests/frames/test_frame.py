@@ -49,13 +49,6 @@ def test_rays_follow_the_frame(tmp_path):
     assert read_frame(tmp_path).lens_list is None
 
 
-def damage(folder, change) -> None:
-    write_frame(folder, FRAME)
-    data = json.loads((folder / FRAME_FILE).read_text())
-    change(data)
-    (folder / FRAME_FILE).write_text(json.dumps(data))
-
-
 @pytest.mark.parametrize(("change", "message"), [
     (lambda data: data.update(format=99), "is not of format 1"),
     (lambda data: data.pop("format"), "is not of format 1"), (lambda data: data.pop("scale"), "incomplete.*scale"),
@@ -76,7 +69,10 @@ def damage(folder, change) -> None:
     (lambda data: data.update(seconds={"render": 10**400}), "seconds.render is 1000"),
     (lambda data: data["display"].update(lenses=[3, 3]), "frame.json: panel_pixels")])
 def test_damaged_frame_is_refused(tmp_path, change, message):
-    damage(tmp_path, change)
+    write_frame(tmp_path, FRAME)
+    data = json.loads((tmp_path / FRAME_FILE).read_text())
+    change(data)
+    (tmp_path / FRAME_FILE).write_text(json.dumps(data))
     refuses(message, read_frame, tmp_path)
 
 

@@ -202,8 +202,7 @@ def test_a_bad_job_file_is_named(tmp_path):
 
 def test_samples_follow_from_the_rays_at_the_chosen_scale():
     job = make_request("out", MINI, scale=4, samples=5, scales=(4, 2, 1), frames=(1,))
-    assert job.with_scale(ScaleChoice(2, DEEP)) == make_request("out", MINI, scale=2, samples=5,
-                                                                        reason=DEEP)
+    assert job.with_scale(ScaleChoice(2, DEEP)) == make_request("out", MINI, scale=2, samples=5, reason=DEEP)
     assert job.judged_rays == 5 / 16
     by_rays = job.sampled(rays=4.0)
     assert [by_rays.with_scale(ScaleChoice(scale)).sampling.samples for scale in job.sampling.scales] == [64, 16, 4]

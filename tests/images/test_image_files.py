@@ -57,8 +57,7 @@ def test_layers_come_back_as_written(tmp_path):
 def test_half_floats_are_near_and_never_infinite_and_colour_without_alpha_is_opaque(tmp_path):
     color = np.array([[[0.1, 1e6, -2.0, 1.0]]], np.float32)
     exr.write_layers(tmp_path / "a.exr", {"color": color}, half=True)
-    np.testing.assert_allclose(exr.read_layers(tmp_path / "a.exr")["color"],
-                               [[[0.1, 65504, -2, 1]]], rtol=1e-3)
+    np.testing.assert_allclose(exr.read_layers(tmp_path / "a.exr")["color"], [[[0.1, 65504, -2, 1]]], rtol=1e-3)
     exr.write_layers(tmp_path / "a.exr", {"color": np.full((2, 3, 3), 0.5, np.float32)})
     assert exr.read_layers(tmp_path / "a.exr")["color"].shape == (2, 3, 4)
     assert (exr.read_layers(tmp_path / "a.exr")["color"][..., 3] == 1).all()

@@ -8,16 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lfsr_core.images import view_transform as viewing
 from lfsr_core.images.color import ColorSettings, srgb_decode, srgb_encode
 from lfsr_core.images.png import read_png
-from lfsr_core.images.view_transform import (
-    BRIGHTEST,
-    ViewTransform,
-    extreme_tone,
-    find_config,
-    is_accurate,
-    random_colors,
-)
+from lfsr_core.images.view_transform import ViewTransform, extreme_tone, find_config, is_accurate
 from tests.support.prerequisites import needs_bpy
 from tests.support.told import refuses
 
@@ -151,8 +145,8 @@ def test_what_lies_outside_the_table_is_exact():
     assert not ViewTransform(false_color, MANY).table
     assert not ViewTransform(ColorSettings(view_transform="AgX", look="Punchy"), 10_000).table
     assert not ViewTransform(ColorSettings(), MANY).table, "the plain view costs less than a table"
-    tried = random_colors()[0]
-    assert np.mean((tried == 0).any(1)) == 0.5 and tried.max() <= BRIGHTEST
+    tried = viewing.random_colors()[0]
+    assert np.mean((tried == 0).any(1)) == 0.5 and tried.max() <= viewing.BRIGHTEST
 
 
 @pytest.mark.parametrize(("counts", "near"), [

@@ -30,7 +30,6 @@ from PIL import Image
 
 from lfsr_core.base.files import LOCK, UNFINISHED, write_json
 from lfsr_core.base.records import to_data
-from lfsr_core.calibration.makers import OFFSETS
 from lfsr_core.calibration.patterns import pattern
 from lfsr_core.cli import main
 from lfsr_core.frames.request import read_request
@@ -39,13 +38,13 @@ from lfsr_core.optics.display import write_profile
 from lfsr_core.optics.eia import to_views
 from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.pipeline.parts import INPUTS_FILE, remove_others
-from lfsr_core.reconstruct import denoiser
 from lfsr_lab.experiments.sweeps.records import choose_sweeps, label
 from lfsr_lab.networks import comparators
 from lfsr_lab.networks.methods import LabMethod
 from lfsr_lab.train.config import CONFIG_FOLDER
 from lfsr_lab.train.denoiser.data import load_scenes
 from tests.calibration.test_fit import CYLINDERS, GOOD
+from tests.calibration.test_makers import new_unit
 from tests.lab.train.test_denoiser import write_scene
 from tests.support import chart_folder, damage
 from tests.support.damage import Case
@@ -57,13 +56,13 @@ from tests.support.requests import changed
 from tests.support.synthetic import MINI, light_field, write_apart, write_reference, write_render
 from tests.support.telephone import photograph
 from tests.support.training_photographs import write_photographs
+from tests.test_fuzz import denoiser_weights
 
 SEED, MANY = 29, 10_000
 PARAMETERS = ("[intrinsics]\nfocal_length_mm = 100\nsensor_size_mm = 35\n[extrinsics]\nnum_cams_x = 3\nnum_cams_y = 3\n"
               "baseline_mm = 10\nfocus_distance_m = 1\n")
-CALIBRATION = {name: {"value": value} for name, value in {
-    "pitch": 52.6, "slope": -7.2, "center": 0.3, "DPI": 283, "screenW": 1536, "screenH": 2048, "viewCone": 40,
-    "CellPatternMode": 2}.items()} | {"serial": "X", "subpixelCells": [dict.fromkeys(OFFSETS, 0.1)] * 2}
+
+
 TRAIN = ["--device", "cpu", *(f"--set={key}={value}" for key, value in {
     "crops_per_photograph": 1, "batch": 2, "crop": 16, "scale": 2}.items())]
 STRESS = ["--sweeps", "wire", "--methods", "bicubic", "--quick", "--display", "mini", "--scale", "2",
@@ -78,12 +77,9 @@ def then(_made: object, words: list[str]) -> None:
 
 
 def with_weights(folder: Path) -> None:
-    """A render, and the smallest denoiser, of whose bytes a third are the table, as a training writes it."""
+    """A render and a denoiser, as a training writes it."""
     write_render(folder)
-    shapes = denoiser.network_shapes((1,) * 15 + (3,))
-    denoiser.write_tza(folder / "mine.tza", {name: np.full(shape, 0.1) for name, shape in shapes.items()})
-    digest = hashlib.sha256((folder / "mine.tza").read_bytes()).hexdigest()
-    write_json(folder / "mine.json", {"sha256": digest})
+    write_json(folder / "mine.json", {"sha256": hashlib.sha256(denoiser_weights(folder / "mine.tza")).hexdigest()})
 
 
 def finish_by_network(folder: Path) -> None:
@@ -213,7 +209,7 @@ CASES = {
                      lambda folder: ["displays", f"{folder}/panel.toml"]),
     "fit": Case(photographed, {"photograph of a panel": "photo.png"}, lambda folder: [
         "displays", f"{folder}/panel.toml", "--fit", f"{folder}/photo.png", "--from", "0,0,500"]),
-    "calibration": Case(lambda folder: write_json(folder / "visual.json", CALIBRATION),
+    "calibration": Case(new_unit,
                         {"visual.json": "visual.json"}, lambda folder: [
                             "displays", "--import", f"{folder}/visual.json", "-o", f"{folder}/device.toml"]),
     "merge": Case(parts, {"part's frame.json": "a/frame.json", "part's .exr": "b/lr_eia.exr"},

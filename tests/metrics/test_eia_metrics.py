@@ -56,8 +56,8 @@ def test_whole_comparison_reports_every_metric_from_its_own_pixels():
     assert found["p"] == pytest.approx(54 / 192)
     assert found["ssim_eia"] == pytest.approx(split_ssim(X, A, B), abs=1e-9)
     assert found["ssim_eia_fg"] == pytest.approx(local[inside].mean(), abs=1e-9)  # the mask is away from the border
-    alone = np.array([[split_ssim_map(*(tile(values, row, column) for values in (X, A, B))).mean()
-                       for column in range(16)] for row in range(12)])
+    alone = np.array([[split_ssim_map(*(values[8 * row:8 * row + 8, 8 * column:8 * column + 8] for values in (X, A, B)))
+                       .mean() for column in range(16)] for row in range(12)])
     assert found["ssim_lens"] == pytest.approx(alone.mean(), abs=1e-6)
     assert found["ssim_lens_fg"] == pytest.approx(alone[MASK].mean(), abs=1e-6)
     assert found["psnr_fg"] == pytest.approx(psnr(np.mean(((X - A) * (X - B))[inside])), abs=1e-4)
@@ -68,11 +68,6 @@ def test_whole_comparison_reports_every_metric_from_its_own_pixels():
     each = [split_ssim_map(*(v[row, column] for v in views))[MASK].mean() for row in range(8) for column in range(8)]
     assert found["ssim_views_fg"] == pytest.approx(np.mean(each), abs=1e-9)
     assert found["flip"] == pytest.approx(eia_metrics.mean_flip(X, (A + B) / 2), abs=1e-6)
-
-
-def tile(eia, row, column):
-    """Elemental image (8, 8, 3) of one lens."""
-    return eia[8 * row:8 * row + 8, 8 * column:8 * column + 8]
 
 
 def test_foreground_metrics_ignore_the_background_and_the_other_way_round():
@@ -286,8 +281,7 @@ def test_small_samples_get_students_intervals(freedom):
 
 
 # The settings under which scikit-image computes the SSIM of Wang et al.
-GAUSSIAN = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False, "data_range": 1,
-            "channel_axis": 2}
+GAUSSIAN = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False, "data_range": 1, "channel_axis": 2}
 
 
 def textured_image(height=96, width=128, seed=0):

@@ -25,8 +25,7 @@ GOOD = {"name": "test", "panel_pixels": [40, 20], "panel_mm": [80.0, 40.0], "len
 
 def test_built_in_profiles_are_the_promised_ones():
     plain = {name for name in builtin_names() if not name.startswith("looking-glass-")}
-    assert plain == {"bupt-32in-8k", "dense-8k", "fhd", "small", "mini", "cubevi-c1", "litiholo",
-                     "first-look"}
+    assert plain == {"bupt-32in-8k", "dense-8k", "fhd", "small", "mini", "cubevi-c1", "litiholo", "first-look"}
     paper = load_display("bupt-32in-8k")
     assert (paper.panel_pixels, paper.lenses, paper.views) == ((7680, 4320), (96, 54), (80, 80))
     assert "assumption" in paper.description
@@ -103,10 +102,6 @@ MASK = np.zeros((12, 16), bool)
 MASK[2:10, 4:14] = True  # 80 of 192
 
 
-def on_mask(lenses: tuple[tuple[int, int], ...], mask: np.ndarray = MASK) -> int:
-    return sum(mask[lens] for lens in lenses)
-
-
 @given(st.integers(1, 192), st.integers(0, 2**32))
 def test_count_is_kept_and_no_lens_comes_twice(count, seed):
     lenses = choose_lenses(MASK, count, seed)
@@ -117,7 +112,7 @@ def test_count_is_kept_and_no_lens_comes_twice(count, seed):
 @pytest.mark.parametrize(("count", "background"), [(1, 0), (7, 0), (8, 2), (16, 2), (23, 2), (24, 3), (80, 10)])
 def test_one_in_eight_is_background(count, background):
     for seed in range(5):
-        assert on_mask(choose_lenses(MASK, count, seed)) == count - background
+        assert sum(MASK[lens] for lens in choose_lenses(MASK, count, seed)) == count - background
 
 
 def test_same_seed_same_lenses_other_seed_others():

@@ -302,23 +302,17 @@ def world_image(layout):
     return fine.reshape(image.size[1], 4, image.size[0], 4, 3).mean((1, 3))
 
 
-def ray_slopes(layout, seed):
-    """Slopes, rightwards and downwards, of a random ray of every pixel."""
-    random, (width, height) = np.random.default_rng(seed), layout.size
-    places = random.random((4, height, width))
-    x, y = (np.arange(width) + places[0]) / width, 1 - (np.arange(height)[:, None] + places[1]) / height
-    _, direction = rays(layout, x, y, places[2], places[3])
-    return direction[..., 0] / direction[..., 2], -direction[..., 1] / direction[..., 2]
-
-
 @pytest.mark.parametrize("display", [HALF, FLAT], ids=["half", "flat"])
 @pytest.mark.parametrize("options", LAYOUTS.values(), ids=LAYOUTS)
 def test_pixels_see_the_mean_of_their_rays(display, options):
     layout = layout_of(display, **options)
-    image = WorldImage.of(layout)
+    image, (width, height) = WorldImage.of(layout), layout.size
     drawn, count = 0.0, 50
     for seed in range(count):
-        right, down = ray_slopes(layout, seed)
+        places = np.random.default_rng(seed).random((4, height, width))
+        x, y = (np.arange(width) + places[0]) / width, 1 - (np.arange(height)[:, None] + places[1]) / height
+        _, direction = rays(layout, x, y, places[2], places[3])
+        right, down = direction[..., 0] / direction[..., 2], -direction[..., 1] / direction[..., 2]
         assert np.abs(right).max() < image.reach[0] and np.abs(down).max() < image.reach[1]
         drawn = drawn + look(right, down) / count
     lenses = np.argwhere(np.ones(layout.lenses[::-1], bool))[::5]

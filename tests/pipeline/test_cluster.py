@@ -24,7 +24,8 @@ from lfsr_core.pipeline import cluster
 from lfsr_core.pipeline.cluster import RESOURCE, make_on, reference_on, reference_parts
 from lfsr_core.pipeline.make import KEPT, MADE, make
 from tests.support.animations import FINISH, film, film_request, images, states
-from tests.support.played_blender import played_blender
+from tests.support.played_blender import changed_blender, played_blender
+from tests.support.processes import wait_for
 from tests.support.synthetic import fails
 from tests.support.told import refuses
 
@@ -64,34 +65,18 @@ def test_workers_make_the_pictures_of_one_process(scheduler, tmp_path, alone):
 
 def slow(path: Path) -> str:
     """A played Blender that says by a file of its process's name that it is at work, and takes its time."""
-    inner = played_blender(path.with_name("inner"))
-    path.write_text(f"#!{sys.executable}\nimport os, sys, time\nif '--version' not in sys.argv:\n"
-                    f"    open({str(path)!r} + f'.{{os.getppid()}}.pid', 'w').close()\n    time.sleep(1.5)\n"
-                    f"os.execv({inner!r}, sys.argv)\n")
-    path.chmod(0o755)
-    return str(path)
-
-
-def wait_for_work(folder: Path) -> None:
-    """Wait until a worker has begun a frame."""
-    while not list(folder.glob("blender.*.pid")):
-        time.sleep(0.02)
-
-
-def kill_first_worker(folder: Path, killed: list[int]) -> None:
-    """Kill the first worker that has begun a frame."""
-    while not killed:
-        for path in folder.glob("blender.*.pid"):
-            killed.append(int(path.suffixes[-2][1:]))
-            os.kill(killed[0], signal.SIGKILL)
-            return
-        time.sleep(0.02)
+    return changed_blender(path, "open(here + f'.{os.getppid()}.pid', 'w').close()\ntime.sleep(1.5)")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="kills")
 def test_a_dead_workers_frames_are_made_by_others(scheduler, tmp_path, alone):
     killed: list[int] = []
-    thread = threading.Thread(target=kill_first_worker, args=(tmp_path, killed), daemon=True)
+
+    def kill_first_worker() -> None:
+        wait_for(lambda: list(tmp_path.glob("blender.*.pid")))
+        killed.append(int(next(tmp_path.glob("blender.*.pid")).suffixes[-2][1:]))
+        os.kill(killed[0], signal.SIGKILL)
+    thread = threading.Thread(target=kill_first_worker, daemon=True)
     thread.start()
     made = film_on(scheduler.scheduler_address, tmp_path, slow(tmp_path / "blender"))
     thread.join(5)
@@ -135,7 +120,7 @@ def test_the_end_of_all_workers_or_of_the_scheduler_is_told(processes, alone, tm
     ended = worker if kind == "worker" else scheduler
 
     def kill() -> None:
-        wait_for_work(tmp_path)
+        wait_for(lambda: list(tmp_path.glob("blender.*.pid")))  # a worker has begun a frame
         ended.kill()
     thread = threading.Thread(target=kill, daemon=True)
     thread.start()
@@ -244,6 +229,5 @@ def test_bad_arguments(tmp_path, capsys, verb, options, sentence):
 def test_main_is_the_same_without_dask(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "distributed", None)
     (tmp_path / "scene.glb").touch()
-    assert main(["render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "film"), "--display", "mini", "--frames",
-                 "1", "--cluster", "tcp://x"]) == 2
-    assert "install the extra 'farm'" in capsys.readouterr().err
+    assert "install the extra 'farm'" in fails(["render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "film"),
+                                                "--display", "mini", "--frames", "1", "--cluster", "tcp://x"], capsys)

@@ -106,11 +106,6 @@ def test_the_template_is_valid(template):
     assert f"default: {DEFAULT_METHOD}\n" in template.read_text()
 
 
-def messages(log: str) -> list[tuple[str, str]]:
-    """Kind and text of what tasks told the tool, of each task in its order."""
-    return re.findall(r"\topenjd_(\w+): (.*)", log)
-
-
 @needs_openjd
 def test_all_steps_run_in_their_order(template, tmp_path, lfsr):
     (tmp_path / "scene.glb").touch()
@@ -120,7 +115,7 @@ def test_all_steps_run_in_their_order(template, tmp_path, lfsr):
     done = subprocess.run([OPENJD, "run", template, *words, "--step", "Finish", "--run-dependencies"], cwd=tmp_path,
                           capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    told = messages(done.stdout)
+    told = re.findall(r"\topenjd_(\w+): (.*)", done.stdout)  # kind and text, of each task in its order
     progress = [float(text) for kind, text in told if kind == "progress"]
     assert all(0 <= value <= 100 for value in progress) and progress.count(100) >= 4, "of each merge and finish"
     assert {"merge lr_eia.exr", "load lr_eia.exr"} <= {text for kind, text in told if kind == "status"}

@@ -20,7 +20,7 @@ from lfsr_core.frames.frame import read_frame, write_frame
 from lfsr_core.frames.request import Finish, read_report
 from lfsr_core.pipeline.make import FAILED, KEPT, MADE, finish_frame, make, requests_of
 from tests.support.animations import FINISH, film, film_request, images, states
-from tests.support.played_blender import cold_blender, played_blender
+from tests.support.played_blender import changed_blender, cold_blender, played_blender
 from tests.support.synthetic import fails
 from tests.support.told import refuses
 
@@ -37,10 +37,7 @@ def finished(tmp_path_factory):
 @pytest.fixture
 def made(finished, tmp_path):
     """A folder with a finished film of its own; its scene has the size and time of the first one's."""
-    for name in ("film", "scene.glb"):
-        copy = shutil.copytree if name == "film" else shutil.copy2
-        copy(finished[0] / name, tmp_path / name)
-    return tmp_path
+    return shutil.copytree(finished[0], tmp_path / "own")
 
 
 def test_every_frame_is_made_once_and_progress_never_falls(finished):
@@ -146,21 +143,13 @@ def test_frames_of_a_scene_that_has_changed_are_refused_or_told(made):
 
 def crashing(path: Path, frames: tuple[int, ...], times: int) -> str:
     """A played Blender that crashes at some frames, the first few ``times``."""
-    inner = played_blender(path.with_name("inner"))
-    path.write_text(f"""#!{sys.executable}
-import json, os, signal, sys
-from pathlib import Path
-if "--version" not in sys.argv:
-    first = json.loads(Path(sys.argv[sys.argv.index("--") + 1]).read_text())["frame"]
-    marks = Path({str(path)!r} + f".{{first}}")
-    seen = marks.stat().st_size if marks.exists() else 0
-    if first in {frames!r} and seen < {times}:
-        marks.write_text("x" * (seen + 1))
-        os.kill(os.getpid(), signal.SIGSEGV)
-os.execv({inner!r}, sys.argv)
-""")
-    path.chmod(0o755)
-    return str(path)
+    return changed_blender(path, f"""
+first = json.loads(Path(sys.argv[sys.argv.index("--") + 1]).read_text())["frame"]
+marks = Path(here + f".{{first}}")
+seen = marks.stat().st_size if marks.exists() else 0
+if first in {frames!r} and seen < {times}:
+    marks.write_text("x" * (seen + 1))
+    os.kill(os.getpid(), signal.SIGSEGV)""")
 
 
 def test_a_frame_that_crashed_once_is_tried_again(tmp_path):
@@ -256,9 +245,7 @@ def averaged(tmp_path_factory):
 
 @pytest.fixture
 def averaged_film(averaged, tmp_path):
-    for name in ("film", "scene.glb", "blender"):
-        (shutil.copytree if name == "film" else shutil.copy2)(averaged / name, tmp_path / name)
-    return tmp_path
+    return shutil.copytree(averaged, tmp_path / "own")
 
 
 def neighbours(folder):

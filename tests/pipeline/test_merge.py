@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.cli import main
 from lfsr_core.frames.frame import REFERENCE_FILES, read_frame, read_part, write_frame
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.lenses import parse_rows
@@ -59,14 +58,6 @@ def change_frame(folder: Path, **changes) -> None:
     write_frame(folder, dataclasses.replace(read_part(folder), **changes))
 
 
-def without_image(folder: Path) -> None:
-    (folder / "lr_eia.exr").unlink()
-
-
-def other_size(folder: Path) -> None:
-    write_layers(folder / "lr_eia.exr", {"color": read_layers(folder / "lr_eia.exr")["color"][1:]})
-
-
 @pytest.mark.parametrize(("damage", "sentence"), [
     (lambda part: change_frame(part, seed=9), "part1 was rendered with seed 9, but .*part2 with seed 5"),
     (lambda part: change_frame(part, samples=2), "with 2 samples per pixel, but"),
@@ -76,7 +67,9 @@ def other_size(folder: Path) -> None:
     (lambda part: change_frame(part, rows=None), "part1 is a whole frame"),
     (lambda part: change_frame(part, rows=(1, 7)), "rows 7 are in more than one part"),
     (lambda part: change_frame(part, rows=(2, 6)), "rows 1 are in none of the parts"),
-    (without_image, "part1 has a frame.json, but neither"), (other_size, "has 64×23 pixels, but rows 1-6 have 64×24")])
+    (lambda part: (part / "lr_eia.exr").unlink(), "part1 has a frame.json, but neither"),
+    (lambda part: write_layers(part / "lr_eia.exr", {"color": read_layers(part / "lr_eia.exr")["color"][1:]}),
+     "has 64×23 pixels, but rows 1-6 have 64×24")])
 def test_parts_that_do_not_belong_together(tmp_path, capsys, damage, sentence):
     folders = parts(tmp_path, 2)
     change_frame(folders[0], content="a")
@@ -124,11 +117,3 @@ def test_references_that_cannot_be_averaged(tmp_path, capsys):
     assert "have the same seed 1" in fails(["merge", str(first), str(same), *target], capsys)
     assert "c is a whole render, not a part" in fails(["merge", str(first), str(whole), *target], capsys)
     assert "does not exist" in fails(["merge", str(tmp_path / "none"), *target], capsys)
-
-
-def test_merged_parts_are_upscaled(tmp_path, capsys):
-    merge(parts(tmp_path, 3), tmp_path / "merged")
-    whole = made(tmp_path / "whole")
-    for folder in (tmp_path / "merged", whole):
-        assert main(["upscale", str(folder), "--method", "bicubic"]) == 0
-    assert (tmp_path / "merged" / "eia.png").read_bytes() == (whole / "eia.png").read_bytes()

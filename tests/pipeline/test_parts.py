@@ -13,17 +13,9 @@ from lfsr_core.base.files import staging_folder
 from lfsr_core.base.notices import Progress
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.images.exr import write_layers
+from lfsr_core.pipeline import parts as part_files
 from lfsr_core.pipeline.make import LEAST_LEFT, TimeLeft
-from lfsr_core.pipeline.parts import (
-    ImageParts,
-    Pace,
-    Part,
-    gaps,
-    has_parts,
-    is_worth_storing,
-    remove_others,
-    seconds_per_part,
-)
+from lfsr_core.pipeline.parts import ImageParts, Pace, Part, gaps, has_parts, is_worth_storing, remove_others
 
 INPUTS = {"settings": "abc", "scene file": "def"}
 
@@ -134,7 +126,7 @@ def test_default_renders_stay_one_where_a_minute_will_do():
 @pytest.mark.parametrize(("value", "seconds"), [("0.5", 0.5), ("-1", 0.01), ("soon", 60.0), ("inf", 86400.0)])
 def test_the_environment_may_say_how_long_a_part_takes(monkeypatch, value, seconds):
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", value)
-    assert seconds_per_part() == seconds
+    assert part_files.seconds_per_part() == seconds
     assert is_worth_storing(seconds) and not is_worth_storing(seconds / 100)
 
 

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import textwrap
-import time
 from pathlib import Path
 
 import pytest
@@ -23,6 +22,7 @@ from lfsr_core.pipeline import make
 from lfsr_core.pipeline.make import render_all
 from lfsr_core.process import child
 from lfsr_core.process.child import Blender, find_blender, parse_progress
+from tests.support.processes import wait_for
 from tests.support.requests import changed, make_request
 from tests.support.small_disk import on_a_small_disk
 from tests.support.told import refuses
@@ -235,13 +235,6 @@ Path(os.environ["PID_FILE"]).write_text(str(os.getpid()))
 print('LFSR {"stage": "render", "fraction": 0.1}', flush=True)
 sys.stdin.read()
 """
-
-
-def wait_for(condition, seconds: float = 20) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "waited too long"
-        time.sleep(0.02)
 
 
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])

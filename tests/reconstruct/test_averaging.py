@@ -171,6 +171,5 @@ def test_the_second_stage_averages_and_says_with_which(tmp_path):
 
 def test_frames_without_noise_are_finished_as_alone(tmp_path):
     film(tmp_path, (1, 2))
-    images = [finished_linear(tmp_path / "0001", Finish("bicubic", temporal_averaging=count))
-              for count in (0, 2)]
+    images = [finished_linear(tmp_path / "0001", Finish("bicubic", temporal_averaging=count)) for count in (0, 2)]
     np.testing.assert_allclose(*images, atol=1e-5)

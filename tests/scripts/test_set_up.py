@@ -14,16 +14,9 @@ RECORDING = """#!/bin/sh
 echo "$(basename "$0") $*" >> "{log}"
 test "$(basename "$0") $1" != "{fails}"
 """
-
-
-def load_setup():
-    spec = importlib.util.spec_from_file_location("lfsr_setup", SCRIPTS / "setup.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-setup = load_setup()
+spec = importlib.util.spec_from_file_location("lfsr_setup", SCRIPTS / "setup.py")
+setup = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(setup)
 
 
 def run(script, *arguments, **variables):

@@ -12,6 +12,7 @@ import signal
 import socket
 import subprocess
 import sys
+import textwrap
 import traceback
 from pathlib import Path
 
@@ -45,6 +46,14 @@ def played_blender(path: Path, kind: str = "play") -> str:
 def cold_blender(path: Path) -> str:
     """One that needs no server, and may be changed or killed."""
     return _executable(path, COLD.format(python=sys.executable, root=str(ROOT)))
+
+
+def changed_blender(path: Path, code: str) -> str:
+    """One that runs ``code`` before each render; ``here`` is its path."""
+    inner = played_blender(path.with_name("inner"))
+    return _executable(path, f"#!{sys.executable}\nimport json, os, signal, sys, time\nfrom pathlib import Path\n"
+                             f"here = {str(path)!r}\nif '--version' not in sys.argv:\n{textwrap.indent(code, '    ')}\n"
+                             f"os.execv({inner!r}, sys.argv)\n")
 
 
 def warm_lfsr(folder: Path) -> Path:

@@ -29,13 +29,14 @@ def blender(tmp_path):
     return played_blender(tmp_path / "blender")
 
 
-def task(tmp_path: Path, blender: str, **options: object) -> Path:
+def task(tmp_path: Path, blender: str, name: str = "plan", **options: object) -> Path:
+    """A file that asks for a plan, or for two frames of an animation."""
     (tmp_path / "scene.blend").touch()
-    job = make_request(output=str(tmp_path), display=load_display("mini"), scene=str(tmp_path / "scene.blend"))
-    options = {"target": 0.5, "scales": [2], "samples": [4], "methods": ["bilinear"], "lenses": 16} | options
+    job = make_request(str(tmp_path / "film"), load_display("mini"), scene=str(tmp_path / "scene.blend"), scale=2)
+    plan = {"target": 0.5, "scales": [2], "samples": [4], "methods": ["bilinear"], "lenses": 16} | options
+    data = {"options": plan} if name == "plan" else {"frames": [1, 2], "finish": {"method": "bicubic"}}
     path = tmp_path / "task.json"
-    data = {"task": "plan", "request": to_data(job), "options": options, "command": [blender, "--"]}
-    path.write_text(json.dumps(data))
+    path.write_text(json.dumps({"task": name, "request": to_data(job), "command": [blender, "--"]} | data))
     return path
 
 
@@ -65,22 +66,12 @@ def test_task_with_bad_options_ends_with_one_sentence(tmp_path, blender):
     assert record["stage"] == "error" and "target is 2.0" in record["message"]
 
 
-def animation(tmp_path: Path, blender: str) -> Path:
-    (tmp_path / "scene.blend").touch()
-    job = make_request(output=str(tmp_path / "film"), display=load_display("mini"),
-                       scene=str(tmp_path / "scene.blend"), scale=2)
-    path = tmp_path / "task.json"
-    path.write_text(json.dumps({"task": "make", "request": to_data(job), "frames": [1, 2],
-                                "finish": {"method": "bicubic"}, "command": [blender, "--"]}))
-    return path
-
-
-@pytest.mark.parametrize(("how", "written"), [("signal", task), ("end of input", task), ("signal", animation)])
-def test_task_takes_its_render_along_when_it_ends(tmp_path, how, written):
+@pytest.mark.parametrize(("how", "name"), [("signal", "plan"), ("end of input", "plan"), ("signal", "make")])
+def test_task_takes_its_render_along_when_it_ends(tmp_path, how, name):
     sleeper = tmp_path / "blender"
     sleeper.write_text(f"#!/bin/sh\necho $$ > {tmp_path}/pid\nexec cat > /dev/null\n")
     sleeper.chmod(0o755)
-    with run_task(written(tmp_path, str(sleeper))) as process:
+    with run_task(task(tmp_path, str(sleeper), name)) as process:
         while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text().strip():
             assert process.poll() is None
         time.sleep(0.2)  # until it listens to what it started

@@ -8,10 +8,10 @@ import torch
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.reconstruct.denoiser import BASE, SMALL, network_shapes, read_tza, write_tza
 from lfsr_core.reconstruct.methods import oidn
 from lfsr_lab.networks import denoiser as twin
+from tests.support.told import refuses
 
 RANDOM = np.random.default_rng(0)
 
@@ -76,15 +76,6 @@ def test_any_widths_work(tmp_path_factory, widths, guided):
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
 
 
-@pytest.mark.parametrize("quality", oidn.QUALITIES)
-@pytest.mark.parametrize("size", twin.SIZES)
-def test_every_quality_takes_the_weights(tmp_path, size, quality):
-    write_tza(tmp_path / "some.tza", twin.stock_weights("hdr", size))
-    color = render((45, 70))[0]
-    expected = by_library(tmp_path / "some.tza", color, [], True)
-    np.testing.assert_allclose(by_library(tmp_path / "some.tza", color, [], True, quality=quality), expected, rtol=1e-3)
-
-
 @given(st.floats(0, 65504, width=32), st.sampled_from((0.25, 1.0, 8.0)))
 def test_encoding_can_be_undone(value, scale):
     encoded = twin.hdr_encode(torch.tensor([value]), scale)
@@ -107,5 +98,4 @@ def test_encoding_rises_and_has_gradients_and_the_twin_has_the_tensors_of_the_fi
                                                  ((), "install the package pyoidn")])
 def test_stock_weights_that_there_are_not_are_one_sentence(monkeypatch, chosen, message):
     monkeypatch.setattr(oidn, "find_libraries", lambda: iter(()))
-    with pytest.raises(LfsrError, match=message):
-        twin.stock_weights(*chosen)
+    refuses(message, twin.stock_weights, *chosen)

@@ -20,6 +20,7 @@ from lfsr_lab.train.denoiser.data import crop, load_scene, load_scenes, mirrored
 from lfsr_lab.train.denoiser.task import DenoiserTask, losses, rate, window
 from lfsr_lab.train.loop import RunOptions, Schedule, Stop, run
 from lfsr_lab.train.session import train
+from tests.support.told import refuses
 
 LENSES, EI = (8, 6), (5, 6)  # (sx, sy), (h, w)
 
@@ -187,8 +188,7 @@ def test_the_rate_rises_and_falls():
     (os.mkfifo, "not a regular file")])
 def test_damaged_and_missing_scenes_are_one_sentence(tmp_path, write, message):
     write(tmp_path / "scene_000000.npz")
-    with pytest.raises(LfsrError, match=message):
-        load_scenes(tmp_path)
+    refuses(message, load_scenes, tmp_path)
 
 
 @pytest.mark.parametrize("change", [

@@ -15,6 +15,7 @@ from lfsr_lab.train import loop
 from lfsr_lab.train.config import DENOISER, DenoiserConfig, builtin_configs, load_config
 from lfsr_lab.train.loop import TrainLog, read_log
 from tests.lab.networks.test_networks import Evil
+from tests.support.told import refuses
 
 
 def test_every_builtin_config_is_valid_and_settings_override_with_their_types():
@@ -35,8 +36,7 @@ def test_every_builtin_config_is_valid_and_settings_override_with_their_types():
     ("epochs", "form key=value"), ("crop=30", "crop 30 is not a multiple of scale 4"),
     ("schedule=step", "schedule 'step' is unknown")])
 def test_bad_settings(setting, message):
-    with pytest.raises(LfsrError, match=message):
-        load_config("paper", [setting])
+    refuses(message, load_config, "paper", [setting])
 
 
 @pytest.mark.parametrize(("config", "changes"), [
@@ -48,8 +48,7 @@ def test_numbers_that_nothing_can_be_trained_with(config, changes):
     for change in [*changes.split(), "rate=1" + "0" * 400]:
         with pytest.raises(LfsrError, match=rf"{change.split('=')[0]} is \S+, but it must be between"):
             load_config(config, ["scenes=x"] * (config == "denoiser") + [change])
-    with pytest.raises(LfsrError, match="size 'large' is unknown"):
-        load_config("denoiser", ["scenes=x", "size=large"])
+    refuses("size 'large' is unknown", load_config, "denoiser", ["scenes=x", "size=large"])
 
 
 @pytest.mark.parametrize(("content", "message"), [
@@ -58,8 +57,7 @@ def test_numbers_that_nothing_can_be_trained_with(config, changes):
 def test_missing_and_broken_config(tmp_path, content, message):
     if content is not None:
         (tmp_path / "papr.toml").write_text(content)
-    with pytest.raises(LfsrError, match=message):
-        load_config(str(tmp_path / "papr.toml"))
+    refuses(message, load_config, str(tmp_path / "papr.toml"))
 
 
 RESUME = loop.RunOptions(resume=True)
@@ -136,11 +134,9 @@ def test_interrupt_signal_ends_the_run_with_a_checkpoint(tmp_path):
 @pytest.mark.parametrize(("name", "options", "message"), [
     ("run", loop.RunOptions(), "already holds a training run"), ("other", RESUME, "other settings or data")])
 def test_a_folder_of_another_run_is_refused(tmp_path, name, options, message):
-    with pytest.raises(LfsrError, match="nothing to resume"):
-        loop.run(Counter(), loop.Schedule(1), tmp_path, RESUME)
+    refuses("nothing to resume", loop.run, Counter(), loop.Schedule(1), tmp_path, RESUME)
     loop.run(Counter(), loop.Schedule(1), tmp_path)
-    with pytest.raises(LfsrError, match=message):
-        loop.run(Counter(name=name), loop.Schedule(1), tmp_path, options)
+    refuses(message, loop.run, Counter(name=name), loop.Schedule(1), tmp_path, options)
 
 
 def number_changed(path):
@@ -186,13 +182,11 @@ def test_a_checkpoint_of_other_content_is_one_sentence(tmp_path):
 def test_log_of_a_damaged_line_or_a_pipe(tmp_path, line):
     path = tmp_path / "log.jsonl"
     os.mkfifo(path) if line is None else path.write_bytes(line.encode("latin-1"))
-    with pytest.raises(LfsrError, match="training log"):
-        TrainLog(tmp_path)
+    refuses("training log", TrainLog, tmp_path)
 
 
 def test_log_on_a_full_disk_is_one_sentence(tmp_path):
     log = TrainLog(tmp_path)
     (tmp_path / "log.jsonl").unlink()
     (tmp_path / "log.jsonl").symlink_to("/dev/full")
-    with pytest.raises(LfsrError, match="No space left on device"):
-        log.add({"epoch": 1})
+    refuses("No space left on device", log.add, {"epoch": 1})

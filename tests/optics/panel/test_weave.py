@@ -138,10 +138,6 @@ def test_another_eia_is_refused(change):
 WOVEN = [name for name in builtin_names() if load_display(name).is_woven]
 
 
-def subpixels_behind_a_lens(display):
-    return 3 * display.panel_pixels[0] / display.lenticular.lenses_across(display.panel_mm[0])
-
-
 @pytest.mark.parametrize("name", WOVEN)
 def test_an_eye_sees_the_view_of_its_place(name):
     display = load_display(name)
@@ -149,7 +145,8 @@ def test_an_eye_sees_the_view_of_its_place(name):
     assert spread.own + spread.neighbours + spread.others == pytest.approx(1)
     assert abs(spread.error) < 0.25, "in views, on average over the panel and the viewing zone"
     # With as many views as there are subpixels behind a lens, light strays by no more than a subpixel.
-    coarse = dataclasses.replace(display, views=(round(subpixels_behind_a_lens(display) / 2), 1))
+    behind = 3 * display.panel_pixels[0] / display.lenticular.lenses_across(display.panel_mm[0])
+    coarse = dataclasses.replace(display, views=(round(behind / 2), 1))
     assert view_spread(coarse).own > 0.5
     assert view_spread(coarse).others < 0.1
 
@@ -233,6 +230,15 @@ def test_an_eye_at_the_centre_of_a_view_sees_that_view(sheet):
             seen = looks(display, eia, eye) / 8
             assert np.median(seen) == pytest.approx(view, abs=0.5)
             assert np.percentile(np.abs(seen - view), 90) < 1.5
+
+
+def test_whole_numbers_are_seen_as_a_profile_of_format_1_is():
+    display = whole("lenslet", subpixels={"stripes": "white"})
+    eia = np.random.default_rng(0).integers(0, 256, (96, 128, 3), np.uint8)
+    panel = weave(eia, gather_map(display, "views"))
+    for view in ((0, 0), (2, 5), (7, 7)):
+        eye = eye_of_view(display, *view)
+        np.testing.assert_array_equal(eye_view(panel, display, eye, width=1), eye_view(panel, MINI, eye, width=1))
 
 
 def test_an_eye_that_moves_on_by_the_zone_sees_the_views_again():

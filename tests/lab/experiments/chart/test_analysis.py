@@ -138,15 +138,11 @@ def test_repeated_times_are_drawn_anew():
     assert drawn[0] == 2.5 and set(np.unique(drawn)) == {1.5, 2.5, 9.5}
 
 
-def with_role(chart, role):
-    chart["scenes"][0]["cells"][0]["role"] = role
-    return chart
-
-
 @pytest.mark.parametrize(("change", "message"), [
     (lambda chart: {name: value for name, value in chart.items() if name != "environment"}, "'environment'"),
     (lambda chart: chart | {"format": 1}, "has format 1"), (lambda chart: [], "format None"),
-    (lambda chart: with_role(chart, "high"), "scenes[0].cells[0].role is 'high', but")])
+    (lambda chart: chart["scenes"][0]["cells"][0].update(role="high") or chart,
+     "scenes[0].cells[0].role is 'high', but")])
 def test_a_chart_is_read_back_as_it_was_and_what_is_broken_in_one_is_named(tmp_path, change, message):
     chart, path = example(2), tmp_path / "chart.json"
     write_record(path, chart)
@@ -207,14 +203,11 @@ def test_the_name_of_a_scene_is_no_formula():
 def test_every_text_lies_inside_the_image(image):
     image = ElementTree.fromstring(image)
     width, height = (float(size) for size in image.get("viewBox").split()[2:])
-    places = [place(element) for element in image.iter(f"{SVG}text")]
+    places = []
+    for element in image.iter(f"{SVG}text"):
+        moved = re.search(r"translate\((\S+) (\S+)\)", element.get("transform"))
+        places.append(tuple(map(float, moved.groups() if moved else (element.get("x"), element.get("y")))))
     assert len(places) > 50 and all(0 <= x <= width and 0 <= y <= height for x, y in places)
-
-
-def place(element) -> tuple[float, float]:
-    """Where a text of matplotlib's stands."""
-    moved = re.search(r"translate\((\S+) (\S+)\)", element.get("transform"))
-    return tuple(map(float, moved.groups() if moved else (element.get("x"), element.get("y"))))
 
 
 def test_the_page_stands_alone_and_its_tables_are_whole(chart, page):

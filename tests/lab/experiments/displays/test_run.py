@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import read_record
 from lfsr_lab.experiments.displays import measure
 from lfsr_lab.experiments.displays import study as run
@@ -14,6 +13,7 @@ from lfsr_lab.experiments.engine.records import Store
 from tests.support.panels import whole
 from tests.support.played_blender import played_blender
 from tests.support.synthetic import light_field, write_reference
+from tests.support.told import refuses
 
 PANEL = whole("lenticular")
 
@@ -94,5 +94,4 @@ def test_a_smaller_panel_has_the_same_sheet_before_the_same_pixels_and_few_views
 
 @pytest.mark.parametrize("width", [0, 200, 7680 + 192])
 def test_a_width_without_whole_lenses_is_refused(width):
-    with pytest.raises(LfsrError, match=f"width is {width}, but"):
-        measure.kind("lenticular", width)
+    refuses(f"width is {width}, but", measure.kind, "lenticular", width)

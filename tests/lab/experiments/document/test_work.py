@@ -9,7 +9,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -26,6 +25,8 @@ from lfsr_lab.experiments.engine.report import markdown_table
 from lfsr_lab.experiments.sweeps.records import SWEEPS
 from tests.support.browser import CHROMIUM
 from tests.support.chart_example import example
+from tests.support.processes import wait_for
+from tests.support.told import refuses
 
 TIMEOUT = 300  # seconds: a busy machine starts Python slowly
 # A command: it counts its runs, keeps what is done of three pieces, and waits while its folder has a file "wait".
@@ -101,13 +102,6 @@ def every(found: Table):
     return units(found.study, SHORT)
 
 
-def wait_for(path: Path) -> None:
-    until = time.monotonic() + TIMEOUT
-    while not path.exists():
-        assert time.monotonic() < until, f"{path} does not come"
-        time.sleep(0.01)
-
-
 def test_processes_share_the_units_and_measure_none_twice(tmp_path):
     work = work_of(tmp_path, "a", "b", "c")
     told = [ended(process) for process in [driver(tmp_path) for _ in range(2)]]
@@ -126,7 +120,7 @@ def test_a_run_that_was_stopped_goes_on(tmp_path, how):
     unit.mkdir(parents=True)
     (unit / "wait").touch()
     process = driver(tmp_path)
-    wait_for(unit / "begun")
+    wait_for((unit / "begun").exists, TIMEOUT)
     process.send_signal(how)
     ended(process)
     first, second = every(work.table)
@@ -138,10 +132,7 @@ def test_a_run_that_was_stopped_goes_on(tmp_path, how):
         document.measure(work, SHORT, work.table.study)
         assert not work.is_whole(second) and lines(unit / "runs.txt") == ["run"]
     (unit / "wait").unlink()
-    deadline = time.monotonic() + TIMEOUT
-    while not work.is_whole(second):
-        assert time.monotonic() < deadline
-        document.measure(work, SHORT, work.table.study)
+    wait_for(lambda: document.measure(work, SHORT, work.table.study) or work.is_whole(second), TIMEOUT)
     assert lines(work.folder / "study" / "a" / "runs.txt") == ["run"]
     assert sorted(lines(unit / "pieces.txt")) == ["0", "1", "2"]  # each once: the unit went on
 
@@ -209,7 +200,6 @@ def test_records_of_units_are_joined_by_list_or_by_name(tmp_path, parts, whole):
 ROOT = Path(__file__).parents[4]
 RESULTS = ROOT / "docs" / "results"
 TABLE = read_table()
-VOID = {"meta", "br", "wbr", "img", "path", "use", "rect"}
 
 
 class Reader(HTMLParser):
@@ -236,8 +226,7 @@ def test_records_are_drawn_with_digest_command_and_seeds_and_one_that_cannot_be_
     (kept / "denoiser.json").write_text("cut off in the mid", encoding="utf-8")
     (tmp_path / "manifest.json").write_text('{"form": "short"}', encoding="utf-8")
     before = {path.name: path.read_bytes() for path in kept.iterdir()}
-    with pytest.raises(LfsrError, match=r"report\.html lacks"):
-        list(document.draw(work))
+    refuses(r"report\.html lacks", list, document.draw(work))
     assert {path.name: path.read_bytes() for path in kept.iterdir()} == before
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert text.count("<svg") == 10 and text.count("This record could not be drawn") == 2

@@ -1,21 +1,19 @@
 """The counts, the milliseconds that follow from them, and the measurement on whatever device is here."""
 
 import itertools
-from pathlib import Path
 
 import pytest
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_lab.experiments.engine.records import Store
 from lfsr_lab.experiments.gpu_budget import counts, study
 from lfsr_lab.experiments.gpu_budget.study import best_device, measure, tensor_steps
 from lfsr_lab.networks.denoiser import Denoiser
 from tests.support.played_blender import played_blender
+from tests.support.told import refuses
 
-DOCS = Path(__file__).resolve().parents[4] / "docs" / "results"
 DISPLAY = load_display("bupt-32in-8k")
 
 
@@ -33,8 +31,7 @@ def test_each_display_has_its_steps_at_scales_that_divide_its_views():
         woven = [counts.WEAVE] if display.is_woven else []
         assert steps == [counts.TRACE, counts.DENOISE, counts.INTERPOLATE, *woven, counts.SHOW]
         assert counts.INTERPOLATE not in [work.step for work in counts.frame_work(display, 1, 1)]
-    with pytest.raises(LfsrError, match="scale is 3"):
-        counts.frame_work(DISPLAY, 3, 1)
+    refuses("scale is 3", counts.frame_work, DISPLAY, 3, 1)
 
 
 def test_the_samples_that_fit_fill_the_frame():

@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.records import from_data, to_data
 from lfsr_core.cli import main
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES, compare_folders
@@ -24,6 +23,7 @@ from lfsr_lab.experiments.seed_paper.figures import frames as whole
 from lfsr_lab.experiments.seed_paper.figures import images, networks
 from lfsr_lab.experiments.seed_paper.measuring import LENS_SSIM, RENDER, TOTAL, Results, Row, timed_rows
 from tests.support.synthetic import MINI, write_reference, write_render
+from tests.support.told import refuses
 from tests.support.training_photographs import some_photographs
 
 SPP, CLEAN = 4, 8
@@ -88,8 +88,7 @@ def test_the_middle_lenses_are_shown_and_references_of_some_lenses_are_refused(f
     mask[6:9, 13:] = True
     assert images.middle(mask, (8, 4)) == (slice(6 * 4, 9 * 4), slice(12 * 8, 16 * 8))
     write_reference(tmp_path / "toy" / "reference", lens_list=((1, 2), (3, 4)))
-    with pytest.raises(LfsrError, match="shows only some lenses"):
-        FIG9.measure(dataclasses.replace(frames, bench=tmp_path, output=tmp_path))
+    refuses("shows only some lenses", FIG9.measure, dataclasses.replace(frames, bench=tmp_path, output=tmp_path))
 
 
 def test_a_second_run_measures_nothing_and_a_stopped_one_keeps_what_is_done(frames, measured, tmp_path, monkeypatch):

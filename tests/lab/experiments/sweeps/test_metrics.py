@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
 from lfsr_core.optics.rays import CameraArray, RayLayout, rays
@@ -18,6 +17,7 @@ from lfsr_lab.experiments.sweeps.metrics import Compared
 from lfsr_lab.scenes.sweeps.space import Space, card_centre, card_of_motion, hole, rectangle_path
 from tests.support.card_rays import pixel_rays
 from tests.support.synthetic import FLAT
+from tests.support.told import refuses
 
 DISPLAYS = [load_display(DISPLAY_FILE), load_display("mini"), load_display("small")]
 # Rows half as high as columns are wide, as the light field of a lens sheet may have them.
@@ -35,8 +35,7 @@ def test_usable_depth_is_the_displays_own():
 @pytest.mark.parametrize("display", DISPLAYS, ids=lambda display: display.name)
 @pytest.mark.parametrize("y", [-3.0, 0.0, 5.0])
 def test_footprint_and_window_hold_the_rays_that_are_sent(display, y):
-    space = Space.of(display, 4)
-    layout = RayLayout.for_display(display, CameraArray.for_display(display, display.lenses[0]))
+    space, layout = Space.of(display, 4), layout_of(display)
     width = layout.size[0]
     # The outermost rays of the first pixel and of the last one in a row.
     raster, random = np.array([0, 1 - 1e-9, width - 1, width - 1e-9]) / width, np.array([0, 1 - 1e-9, 0, 1 - 1e-9])
@@ -50,13 +49,16 @@ def test_footprint_and_window_hold_the_rays_that_are_sent(display, y):
 @pytest.mark.parametrize("display", [*DISPLAYS, OBLONG, FLAT], ids=lambda display: display.name)
 @pytest.mark.parametrize("y", [0.0, 5.0])
 def test_the_window_is_as_high_as_what_is_seen(display, y):
-    space, layout = Space.of(display, 2), RayLayout.for_display(display, CameraArray.for_display(
-        display, display.lenses[0]))
+    space, layout = Space.of(display, 2), layout_of(display)
     origin, direction = pixel_rays(layout)
     seen = np.abs(origin + direction * ((layout.array.distance + y) / direction[..., 2:]))[..., 1].max()
     height = space.window(y)[1]
     assert height - space.footprint(y, axis=1) <= seen <= height
     assert space.size == pytest.approx((2 * layout.array.half_width, 2 * layout.array.half_height), rel=1e-3)
+
+
+def layout_of(display):
+    return RayLayout.for_display(display, CameraArray.for_display(display, float(display.lenses[0])))
 
 
 def meet(layout, raster_x, random_x, y):
@@ -68,10 +70,8 @@ def meet(layout, raster_x, random_x, y):
 
 def test_a_depth_at_the_viewer_or_a_slope_beyond_the_display_is_refused():
     space = Space.of(load_display("small"), 4)
-    with pytest.raises(LfsrError, match="at the viewer"):
-        space.depth(-4)
-    with pytest.raises(LfsrError, match="the limit is 2.47"):
-        space.depth_of_slope(4)
+    refuses("at the viewer", space.depth, -4)
+    refuses("the limit is 2.47", space.depth_of_slope, 4)
 
 
 def test_gratings_beyond_nyquist_alias_in_an_elemental_image():
@@ -115,10 +115,6 @@ DISPLAY = DisplayProfile("test", (96, 72), (59.04, 44.28), LENSES, VIEWS, 500.0,
 SPACE = Space.of(DISPLAY, SCALE)
 ALL = np.ones(LENSES[::-1], bool)
 EVEN = np.full((72, 96, 3), 0.5)
-
-
-def layout_of(display):
-    return RayLayout.for_display(display, CameraArray.for_display(display, float(display.lenses[0])))
 
 
 def places(y, display=DISPLAY):
