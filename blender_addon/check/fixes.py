@@ -10,7 +10,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.request import EVEN
 
-from ..jobs import denoiser
+from ..jobs import runtime
 from ..scene import settings as scene_settings
 from ..scene.array import rig
 from ..scene.array.edit import add, in_front, put, remove
@@ -142,7 +142,7 @@ FIXES: dict[str, Fix] = {
     "array": _add_array, "rig": _add_array, "light": _add_light,
     "engine": _set("render", engine="CYCLES"), "script": _set("cycles", device="CPU", shading_system=True),
     "dirty": lambda _scene, target: _existing(bpy.data.images, target, "image").pack(), "background": _to_background,
-    "denoise": lambda scene, _target: denoiser.use_replacement(scene, scene_settings.resolve(scene)),
+    "denoise": lambda scene, _target: runtime.use_replacement(scene, scene_settings.resolve(scene)),
     "display": _use_defaults, "subject": _show_subject, "filter": _set("cycles", pixel_filter_type="BOX"),
     "border": _set("render", use_border=False), "aspect": _set("render", pixel_aspect_x=1, pixel_aspect_y=1),
     "clamp": _set("cycles", sample_clamp_direct=0, sample_clamp_indirect=10), "world": lambda scene, target: setattr(

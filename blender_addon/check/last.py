@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..jobs import show_image
+from ..jobs import images
 from .problem import Problem, grouped
 from .problems import check_scene
 
@@ -43,7 +43,7 @@ def check(scene: bpy.types.Scene) -> list[Problem]:
     finally:
         _checking = False
     _changed = False
-    show_image.redraw_sidebars()
+    images.redraw_sidebars()
     return _problems
 
 
@@ -51,7 +51,7 @@ def _mark() -> None:
     global _changed
     if not _changed:
         _changed = True
-        show_image.redraw_sidebars()
+        images.redraw_sidebars()
 
 
 @bpy.app.handlers.persistent

@@ -13,7 +13,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 
-from ..jobs import denoiser, preview
+from ..jobs import images, runtime
 from ..scene import devices, folders
 from ..scene import settings as scene_settings
 from ..scene.array import rig
@@ -127,7 +127,7 @@ def _images(scene: bpy.types.Scene) -> Iterator[Problem]:
         yield Problem("texture", Path(notice.values["path"]).name, f"{sentence(notice)}.", "Find Files…", ERROR,
                       asks=True)
     for image in bpy.data.images:
-        if image.is_dirty and image.users and image.name != preview.IMAGE_NAME:
+        if image.is_dirty and image.users and image.name != images.IMAGE_NAME:
             yield Problem("dirty", image.name, "The image has unsaved changes, which the render would not show.",
                           "Pack", asks=True)
 
@@ -151,11 +151,11 @@ def _geometry(scene: bpy.types.Scene) -> Iterator[Problem]:
 def _denoiser(scene: bpy.types.Scene) -> Iterator[Problem]:
     try:
         settings = scene_settings.resolve(scene)
-        lacking = denoiser.lacking(settings)
+        lacking = runtime.lacking(settings)
     except LfsrError:
         return  # said by _settings, or by the render
     if lacking:
-        yield Problem("denoise", "Open Image Denoise", f"{lacking}. {denoiser.where_to_get()}.",
+        yield Problem("denoise", "Open Image Denoise", f"{lacking}. {runtime.where_to_get()}.",
                       f"Use {title(settings.method.undenoised.text)}", ERROR)
 
 

@@ -36,8 +36,6 @@ def asked(scene: bpy.types.Scene, frame: int | None = None) -> tuple[Request, Fi
     """Request and finish of a frame, by default the current one; LfsrError where it cannot be rendered."""
     settings = scene_settings.resolve_for_render(scene)
     number = scene.frame_current if frame is None else frame
-    # A second stage that cannot start should be an error before the render, not after it.
-    runtime.second_stage_command(runtime.RUNNER)
     # The artist was asked about what cannot be read.
     return dataclasses.replace(settings.request, output=str(folders.frame_folder(scene, number)), frame=number,
                                source=folders.source_of(scene),

@@ -1,14 +1,17 @@
-"""Which Python runs the second stage, and which Blender runs a render in the background.
+"""The processes that work for the panel: another Blender that renders, and Blender's Python for the second stage.
 
-The second stage runs in a process of its own: with Blender's Python, or with a
-Python of the user's choice. Where it finds modules is said in its environment.
+Where they find modules is said in their environment. Also: whether the second stage finds Open Image Denoise, and what
+can be done without it.
 """
 
 from __future__ import annotations
 
+import contextlib
 import fnmatch
+import functools
 import hashlib
 import os
+import platform
 import sys
 from pathlib import Path
 
@@ -16,27 +19,30 @@ import bpy
 
 from lfsr_core.base.cores import CORES
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.process.child import BLENDER_FOLDER, PACKAGES
+from lfsr_core.process.child import BLENDER_FOLDER, PACKAGES, output_of
 from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
+from lfsr_core.tasks.probe import DENOISER
+
+from ..scene.settings import Resolved, title
 
 PACKAGE = __package__.rpartition(".")[0]  # the add-on, under the name that Blender gave it
 RUNNER = "lfsr_core.tasks.runner"
-PYTHON_VARIABLE = "LFSR_PYTHON"
 HEADLESS = Path(__file__).resolve().parents[1] / "headless"
 # A clone has the first, the zip only the second.
 ENTRY = next(path for name in ("from_sources.py", "entry.py") if (path := HEADLESS / name).is_file())
+SECONDS_TO_ANSWER = 60
+RAYS_UNDENOISED = 2.0  # times as many where nothing is denoised
+LIBRARIES = {"win32": "OpenImageDenoise.dll", "darwin": "libOpenImageDenoise.dylib"}
+# Packages of the library, by the ID in /etc/os-release. Debian and those made of it have none.
+OF_SYSTEMS = {"fedora": "oidn-libs", "arch": "openimagedenoise", "alpine": "openimagedenoise",
+              "void": "openimagedenoise", "gentoo": "media-libs/oidn"}
 # Workers that each started BLAS threads of their own would wait for one another.
 ONE_BLAS_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1")
 
 
 def second_stage_command(module: str) -> list[str]:
-    """Command line that runs ``module`` of lfsr_core in the second stage's Python; append the module's arguments.
-
-    Start it with ``environment()``. LfsrError where the Python that was chosen does not exist.
-    """
-    chosen = chosen_python()
-    start = [chosen] if chosen else [sys.executable, "-s"]
-    return [*start, "-m", module]
+    """Command line that runs ``module`` of lfsr_core; append its arguments, and start it with ``environment()``."""
+    return [sys.executable, "-s", "-m", module]
 
 
 def render_command() -> list[str]:
@@ -64,15 +70,14 @@ def may_run_scripts(file: str) -> bool:
 def environment() -> dict[str, str]:
     """Environment for those processes: this one's, with Python's variables replaced by ours.
 
-    lfsr_core is the add-on's own, even if the Python has another. A Python that the user chose brings its other
-    packages; Blender's own gets Blender's.
+    lfsr_core is the add-on's own. LfsrError where the library that was chosen does not exist.
     """
     kept = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    blender, folders = Path(bpy.utils.resource_path("LOCAL")), [PACKAGES]
-    if not chosen_python():  # Blender's OpenImageIO and OpenColorIO, where its Python may not look outside Blender
-        library = blender / "python" / "lib"
-        places = (library / f"python{sys.version_info[0]}.{sys.version_info[1]}", library)
-        folders += [place / "site-packages" for place in places if (place / "site-packages").is_dir()]
+    # Blender's OpenImageIO and OpenColorIO, where its Python may not look outside Blender.
+    blender = Path(bpy.utils.resource_path("LOCAL"))
+    library = blender / "python" / "lib"
+    places = (library / f"python{sys.version_info[0]}.{sys.version_info[1]}", library)
+    folders = [PACKAGES, *(place / "site-packages" for place in places if (place / "site-packages").is_dir())]
     denoiser = chosen_library()
     # The preferred number of cores is left to this Blender and other programs.
     cores = str(max(1, (os.cpu_count() or 1) - getattr(preferences_of_addon(), "free_cores", 1)))
@@ -88,24 +93,13 @@ def temporary(kind: str, folder: Path) -> Path:
     return Path(bpy.app.tempdir, f"lfsr-{kind}-{name}")
 
 
-def chosen_python() -> str:
-    """The user's own Python: the preference, else $LFSR_PYTHON; "" means Blender's."""
-    return _chosen("python_path", PYTHON_VARIABLE, "Python {!r} does not exist: choose another in the add-on's "
-                   "preferences, or clear it to use Blender's own")
-
-
 def chosen_library() -> str:
     """The user's own library of Open Image Denoise: the preference, else $LFSR_OIDN; "" means one that is found."""
-    return _chosen("oidn_path", LIBRARY_VARIABLE, "the library {!r} of Open Image Denoise does not exist: choose "
-                   "another in the add-on's preferences, or clear it")
-
-
-def _chosen(preference: str, variable: str, missing: str) -> str:
-    """The file of a preference, else of an environment variable, else ""; LfsrError ``missing`` if it is not there."""
-    preferred = getattr(preferences_of_addon(), preference, "").strip()
-    chosen: str = bpy.path.abspath(preferred) if preferred else os.environ.get(variable, "")
+    preferred = getattr(preferences_of_addon(), "oidn_path", "").strip()
+    chosen: str = bpy.path.abspath(preferred) if preferred else os.environ.get(LIBRARY_VARIABLE, "")
     if chosen and not Path(chosen).is_file():
-        raise LfsrError(missing.format(chosen))
+        raise LfsrError(f"the library {chosen!r} of Open Image Denoise does not exist: choose another in the add-on's "
+                        "preferences, or clear it")
     return chosen
 
 
@@ -113,3 +107,58 @@ def preferences_of_addon() -> bpy.types.AddonPreferences | None:
     """The add-on's preferences; None where it was not enabled in them."""
     addon = bpy.context.preferences.addons.get(PACKAGE)
     return addon.preferences if addon else None
+
+
+def why_missing() -> str:
+    """Why the second stage finds no library that loads, "" where it does; its process is asked once in a session."""
+    return _why_missing(chosen_library())
+
+
+@functools.lru_cache(maxsize=8)
+def _why_missing(_library: str) -> str:
+    code, output = output_of([*second_stage_command("lfsr_core.tasks.probe"), DENOISER], environment(),
+                             SECONDS_TO_ANSWER)
+    return output.strip() if code == 0 else ""  # what else it lacks is said by the render
+
+
+def lacking(settings: Resolved) -> str:
+    """Return a sentence if the method of ``settings`` needs the library and it is missing, else ""."""
+    reason = why_missing() if settings.method.needs_denoiser else ""
+    if not reason:
+        return ""
+    name = "Direct subpixel rendering" if settings.subpixels else f"The method {title(settings.method.text)}"
+    if chosen := chosen_library():
+        detail = reason.replace(chosen, Path(chosen).name)
+        return f"{name} needs Open Image Denoise, but {detail}"
+    return f"{name} needs Open Image Denoise, which this Blender does not have"
+
+
+def is_replaced(scene: bpy.types.Scene) -> bool:
+    """True if ``scene``, where no method was chosen, gets one without denoising unasked: that was answered before."""
+    return (not scene.lfsr.is_property_set("method")
+            and getattr(preferences_of_addon(), "without_denoiser", False))
+
+
+def use_replacement(scene: bpy.types.Scene, settings: Resolved) -> None:
+    """Set the method of ``settings`` without denoising in ``scene``, with more rays: nothing removes their noise.
+
+    Where none was chosen, new scenes get one unasked from now on.
+    """
+    if (preferences := preferences_of_addon()) is not None and not scene.lfsr.is_property_set("method"):
+        preferences.without_denoiser = True
+    scene.lfsr.method = settings.method.undenoised.text
+    if not scene.lfsr.samples:
+        scene.lfsr.rays *= RAYS_UNDENOISED
+
+
+def where_to_get() -> str:
+    """Return a sentence on where to get the library on this system."""
+    library, names = LIBRARIES.get(sys.platform, "libOpenImageDenoise.so.2"), list[str]()
+    with contextlib.suppress(OSError):  # names of this Linux and of those that it is made of
+        system = platform.freedesktop_os_release()
+        names = [system.get("ID", ""), *system.get("ID_LIKE", "").split()]
+    package = next((OF_SYSTEMS[name] for name in names if name in OF_SYSTEMS), "")
+    install = (f"Install the package {package}, or use" if package else
+               f"{names[0].capitalize()} has no package of it: use" if {"debian", "ubuntu"} & {*names} else "Use")
+    return (f"{install} the Blender of blender.org, which has it, or choose {library} of a download from "
+            "openimagedenoise.org in the add-on's preferences")

@@ -12,7 +12,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import system_errors
 
 from ..scene.words import capitalized, clock, for_panel, sentence
-from . import show_image
+from . import images
 from .task import Job, Task
 
 SECONDS_BETWEEN_LOOKS = 0.1
@@ -121,7 +121,7 @@ def tell(message: str, icon: str) -> None:
 
 
 def _pop_up(message: str, icon: str) -> None:
-    window = show_image.top_window()
+    window = images.top_window()
     if bpy.app.background or window is None:
         return
 
@@ -135,7 +135,7 @@ def _pop_up(message: str, icon: str) -> None:
 
 def redraw() -> None:
     """Redraw the sidebars and the status bar of every window."""
-    show_image.redraw_sidebars()
+    images.redraw_sidebars()
     for window in bpy.context.window_manager.windows:
         # Python cannot tag the status bar for a redraw; a running tool's own text must stay.
         if not bpy.app.background and not getattr(window, "modal_operators", ()):

@@ -40,7 +40,7 @@ from lfsr_core.process.child import Child, told_of
 from ..scene import folders
 from ..scene.overrides import overridden
 from ..scene.subject import collections as layer_collections
-from . import runtime, show_image
+from . import images, runtime
 
 SECONDS_TO_STOP = 1.5
 LEAST_LEFT = 0.5  # seconds
@@ -241,7 +241,7 @@ def save_copy(path: Path) -> Path:
     preferences = bpy.context.preferences
     try:
         # Without the picture for file browsers, which would be rendered; the preferences do not count as changed.
-        with (show_image.wait_cursor(), overridden(preferences, {"is_dirty": preferences.is_dirty}),
+        with (images.wait_cursor(), overridden(preferences, {"is_dirty": preferences.is_dirty}),
               overridden(preferences.filepaths, {"file_preview_type": "NONE"})):
             bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, compress=False)
     except RuntimeError as error:

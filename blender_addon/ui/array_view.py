@@ -15,7 +15,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 
-from ..jobs import show_image
+from ..jobs import images
 from ..scene import settings as scene_settings
 from ..scene.array import cached, rig
 from ..scene.array.placement import View
@@ -92,7 +92,7 @@ def _give_back(space: bpy.types.SpaceView3D, before: Before) -> None:
 
 def _watch() -> float | None:
     """Timer: a view that was turned away, or looks through another camera, gets its own settings back."""
-    spaces = {area.spaces.active.as_pointer(): area.spaces.active for area in show_image.areas("VIEW_3D")}
+    spaces = {area.spaces.active.as_pointer(): area.spaces.active for area in images.areas("VIEW_3D")}
     for key in list(_before):
         space = spaces.get(key)
         if space is None:
@@ -205,7 +205,7 @@ def _draw_frame(corners: list[mathutils.Vector], size: tuple[int, int], title: s
 
 def unregister() -> None:
     """Views that look through the array get their own settings back."""
-    for area in show_image.areas("VIEW_3D"):
+    for area in images.areas("VIEW_3D"):
         if area.spaces.active.as_pointer() in _before:
             leave(area)
     if bpy.app.timers.is_registered(_watch):

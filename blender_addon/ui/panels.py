@@ -11,7 +11,7 @@ from lfsr_core.base.errors import LfsrError
 from ..check import last
 from ..check.fixes import OPERATORS
 from ..check.problem import INFO, MOST_ROWS, Problem
-from ..jobs import preview, session
+from ..jobs import images, session
 from ..live import nodes
 from ..live import session as live_session
 from ..live.scene import EYE
@@ -70,7 +70,7 @@ def _draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
     state, scene = context.window_manager.lfsr, context.scene
     if state.message:
         sentence(layout, state.message, "ERROR" if state.message_is_error else "INFO", context)
-    if icon := preview.icon(scene):
+    if icon := images.icon(scene):
         layout.template_icon(icon_value=icon, scale=VIEW_SCALE)
         column = columns(layout).column(align=True)
         column.prop(scene.lfsr, "eye_right", slider=True)

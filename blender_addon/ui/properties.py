@@ -19,7 +19,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.request import MOST_AVERAGED
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, MENU, MORE
 
-from ..jobs import preview, show_image
+from ..jobs import images
 from ..scene import folders
 from ..scene.array import cached, rig
 from ..scene.light import AUTO_LIGHT, light_items
@@ -31,7 +31,7 @@ LIVE_SCALES = (1, 2, 4, 8)  # pixel sizes of Blender's viewport
 
 def _draws(_settings: SceneSettings, _context: bpy.types.Context) -> None:
     """Redraw the 3D views: the frustum depends on the setting."""
-    show_image.redraw_views()
+    images.redraw_views()
 
 
 def _display_changed(settings: SceneSettings, context: bpy.types.Context) -> None:
@@ -76,7 +76,7 @@ def keep_saved(*_: object) -> None:
 
 
 def _show_view(settings: SceneSettings, _context: bpy.types.Context) -> None:
-    preview.show(settings.id_data, (settings.eye_right, settings.eye_up))
+    images.show(settings.id_data, (settings.eye_right, settings.eye_up))
 
 
 # Named functions: Blender 5.2 loses a lambda that is written inside an annotation.

@@ -6,8 +6,6 @@ Without the bpy module they are left out, but on CI they fail.
 import importlib.util
 import os
 import shutil
-import subprocess
-import sys
 import tempfile
 
 import pytest
@@ -26,7 +24,6 @@ else:
     import bpy
 
     import blender_addon
-    from blender_addon.jobs import runtime
     from tests.support import panel
 
 
@@ -62,16 +59,8 @@ def add_on():
 
 
 @pytest.fixture
-def addon(monkeypatch):
+def addon():
     """The add-on, enabled as Blender does it, with its preferences; disabled afterwards."""
-    monkeypatch.delenv(runtime.PYTHON_VARIABLE, raising=False)
     bpy.ops.preferences.addon_enable(module=blender_addon.__name__)
     yield bpy.context.preferences.addons[blender_addon.__name__].preferences
     bpy.ops.preferences.addon_disable(module=blender_addon.__name__)
-
-
-@pytest.fixture
-def bare_python(tmp_path):
-    """A Python without packages."""
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", tmp_path / "bare"], check=True)
-    return str(tmp_path / "bare" / "bin" / "python")

@@ -174,7 +174,6 @@ def test_from_installation_to_removal(archive, blender, tmp_path):
     assert [found[when] for when in ("enabled", "disabled", "enabled_again")] == [ON, OFF, ON]
     resources = blender.folder / "resources"
     assert Path(found["core"]).is_relative_to(resources)
-    assert found["test_button"] == ["FINISHED"]
     assert "Open Image Denoise" in found["second_stage"]
 
     assert blender("render") == {"enabled": ON}

@@ -7,6 +7,7 @@ else. What it finds goes to FOLDER/found.json.
 import importlib
 import importlib.util
 import json
+import subprocess
 import sys
 from pathlib import Path
 
@@ -20,7 +21,7 @@ FOREIGN = ("cv2", "torch", "pyoidn", "onnxruntime", "av", "PIL", "lfsr_core", "f
 
 
 def install(folder: Path, archive: str) -> dict[str, object]:
-    """Install and enable the zip, test the second stage's Python, switch off and on again."""
+    """Install and enable the zip, ask what the second stage finds, switch off and on again."""
     found: dict[str, object] = {"foreign": [name for name in FOREIGN if importlib.util.find_spec(name)]}
     before, modules = list(sys.path), set(sys.modules)
     done = bpy.ops.extensions.package_install_files(filepath=archive, repo=REPOSITORY, enable_on_install=True)
@@ -28,8 +29,7 @@ def install(folder: Path, archive: str) -> dict[str, object]:
     found["added_paths"] = [path for path in sys.path if path not in before]
     found["added_modules"] = sorted({name.split(".")[0] for name in set(sys.modules) - modules if NAME in name})
     found["core"] = importlib.import_module(CORE).__file__
-    found["second_stage"] = importlib.import_module(f"{MODULE}.ui.preferences").probe()
-    found["test_button"] = sorted(bpy.ops.lfsr.test_python())
+    found["second_stage"] = second_stage()
     bpy.ops.preferences.addon_disable(module=MODULE)
     found["disabled"] = state()
     bpy.ops.preferences.addon_enable(module=MODULE)
@@ -82,8 +82,15 @@ def install_other(folder: Path, archive: str) -> dict[str, object]:
 def both(folder: Path) -> dict[str, object]:
     """The version of the package that the other extension sees, and whether ours works beside it."""
     other = importlib.import_module(f"bl_ext.{REPOSITORY}.{OTHER}")
-    ours = importlib.import_module(f"{MODULE}.ui.preferences").probe() if state()["operators"] else ""
-    return {"other": other.VERSION, "ours": ours}
+    return {"other": other.VERSION, "ours": second_stage() if state()["operators"] else ""}
+
+
+def second_stage() -> str:
+    """Versions that the second stage's process finds."""
+    runtime = importlib.import_module(f"{MODULE}.jobs.runtime")
+    done = subprocess.run(runtime.second_stage_command("lfsr_core.tasks.probe"), env=runtime.environment(),
+                          capture_output=True, text=True, check=False)
+    return done.stdout.strip()
 
 
 def uninstall(folder: Path) -> dict[str, object]:

@@ -11,7 +11,7 @@ import pytest
 
 import blender_addon
 from blender_addon.check import problems
-from blender_addon.jobs import preview, session
+from blender_addon.jobs import images, session
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import edit
 from tests.support.scenes import add_box
@@ -27,7 +27,7 @@ def registered() -> Iterator[None]:
         yield
     finally:
         session.cancel()
-        preview.forget()
+        images.forget()
         blender_addon.unregister()
 
 

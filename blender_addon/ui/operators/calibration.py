@@ -10,7 +10,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.calibration.patterns import pattern
 from lfsr_core.commands.sentences import sentence
 
-from ...jobs import session, show_image
+from ...jobs import images, session
 from ...scene import settings as scene_settings
 from ...scene.settings import PROFILE_FILE
 from .base import AsksForFile, Result, reports_errors
@@ -65,11 +65,11 @@ class LFSR_OT_calibrate(AsksForFile, bpy.types.Operator):
             raise LfsrError("no photograph was chosen: choose one or several of the test picture")
         profile = scene_settings.display_of(context.scene)
         output = photos[0].with_name(f"{profile.name}-calibrated.toml")
-        with show_image.wait_cursor():
+        with images.wait_cursor():
             _, notices = calibrate(profile, photos, [tuple(self.place)] * len(photos), output)
         lfsr = context.scene.lfsr
         lfsr.display, lfsr.profile_file = PROFILE_FILE, str(output)
-        show_image.open_file(output.with_suffix(".png"), opens_window=True)
+        images.open_file(output.with_suffix(".png"), opens_window=True)
         lines = [sentence(notice) for notice in notices]
         print("\n".join(f"Light Field: {line}" for line in lines))
         session.tell(f"The display is now {output.name}: {lines[0]}. Photographs as taken are on the left, as "

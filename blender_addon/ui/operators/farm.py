@@ -13,7 +13,7 @@ from lfsr_core.base.files import atomic_path, system_errors
 from lfsr_core.frames.folder import FARM_COPY
 from lfsr_core.pipeline.farms import FarmJob, Submission, write_job
 
-from ...jobs import asked, session, show_image
+from ...jobs import asked, images, session
 from ...jobs.task import save_copy
 from ...scene import folders
 from ...scene import settings as scene_settings
@@ -72,7 +72,7 @@ def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> Submi
     scene_settings.resolve(scene).check_light_field("a farm's job")
     request, finish, frames = asked.asked_animation(scene)
     if request.sampling.scales:
-        with show_image.wait_cursor():
+        with images.wait_cursor():
             request = request.with_scale(scale_of(scene, request))
     with system_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)

@@ -18,7 +18,7 @@ from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
 from lfsr_core.frames.request import Finish
 from lfsr_core.reconstruct.methods import AS_RENDERED, MENU, MORE, SUBPIXEL_METHODS, MethodName
 
-from ...jobs import asked, denoiser, preview, runtime, session, show_image
+from ...jobs import asked, images, runtime, session
 from ...jobs.task import Job
 from ...scene import folders
 from ...scene import settings as scene_settings
@@ -146,7 +146,7 @@ def _items(_operator: bpy.types.Operator, context: bpy.types.Context | None) -> 
 def methods(scene: bpy.types.Scene) -> list[str]:
     """Names of the methods that can finish the current frame of ``scene``."""
     try:
-        frame, lacks = read_rendered(folders.frame_folder(scene)), bool(denoiser.why_missing())
+        frame, lacks = read_rendered(folders.frame_folder(scene)), bool(runtime.why_missing())
     except LfsrError:
         return []
     known = [MethodName.parse(name) for name in (*MENU, *MORE)]
@@ -245,18 +245,18 @@ def _asked(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
 
 def _denoising(scene: bpy.types.Scene) -> list[Question]:
     settings = scene_settings.resolve(scene)
-    lacking = denoiser.lacking(settings)
-    if lacking and denoiser.is_replaced(scene):
+    lacking = runtime.lacking(settings)
+    if lacking and runtime.is_replaced(scene):
         _use_replacement(scene, settings)
         return []
     name = title(settings.method.undenoised.text)
-    advice = f"choose the method {name}, or get it. {denoiser.where_to_get()}"
-    return [Question(lacking, f"Use {name}", advice, f"{name} takes twice the rays. {denoiser.where_to_get()}",
+    advice = f"choose the method {name}, or get it. {runtime.where_to_get()}"
+    return [Question(lacking, f"Use {name}", advice, f"{name} takes twice the rays. {runtime.where_to_get()}",
                      functools.partial(_use_replacement, scene, settings))] if lacking else []
 
 
 def _use_replacement(scene: bpy.types.Scene, settings: scene_settings.Resolved) -> None:
-    denoiser.use_replacement(scene, settings)
+    runtime.use_replacement(scene, settings)
     bpy.ops.ed.undo_push(message="Set Method")
 
 
@@ -264,11 +264,11 @@ def show_image_of(scene_name: str, folder: Path) -> None:
     """Show what the eye sees of the image in ``folder``, or the image of a panel with a lens sheet itself."""
     views, panel = asked.views_file(folder), folder / PANEL_FILE
     if not (folder / EIA_FILE).is_file():
-        preview.unload(scene_name)  # the views of an earlier render do not belong to this image
+        images.unload(scene_name)  # the views of an earlier render do not belong to this image
     elif views.is_file():
         _show_view(scene_name, views)
     if panel.is_file():
-        show_image.open_file(panel)
+        images.open_file(panel)
     bpy.context.window_manager.lfsr.outcome_folder = str(folder)
 
 
@@ -294,8 +294,8 @@ def _end_animation(scene_name: str, result: dict[str, Any]) -> None:
 def _show_view(scene_name: str, views: Path) -> None:
     scene = _scene(scene_name)
     if scene is not None:
-        preview.load(scene, views)
-        show_image.in_editor(preview.show(scene, (scene.lfsr.eye_right, scene.lfsr.eye_up)))
+        images.load(scene, views)
+        images.in_editor(images.show(scene, (scene.lfsr.eye_right, scene.lfsr.eye_up)))
 
 
 CLASSES = (LFSR_OT_render_eia, LFSR_OT_render_animation, LFSR_OT_render_reference, LFSR_OT_preview_view,

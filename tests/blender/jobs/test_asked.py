@@ -7,21 +7,14 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.jobs import asked, session
+from blender_addon.jobs import asked
 from blender_addon.ui.operators import check, render
 from lfsr_core.frames.frame import EIA_FILE, write_frame
 from lfsr_core.frames.request import Report, write_report
 from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.tasks import runner as estimate
-from tests.support import panel
 from tests.support.panels import lenticular, small
 from tests.support.synthetic import frame_of
-
-
-def test_a_missing_interpreter_is_an_error_before_the_render(scene, monkeypatch):
-    monkeypatch.setenv("LFSR_PYTHON", "/no/such/python")
-    monkeypatch.setattr(session, "run", lambda *_: pytest.fail("it renders"))
-    panel.refused("/no/such/python", bpy.ops.lfsr.render_eia)
 
 
 def test_an_animation_is_averaged_as_the_panel_says_and_an_image_is_not(scene):

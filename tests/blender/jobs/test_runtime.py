@@ -1,6 +1,5 @@
-"""Which Python runs the second stage, and what the Test button says about it."""
+"""What runs the second stage and renders in the background, and what lacks without Open Image Denoise."""
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,14 +8,12 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-import lfsr_core
 from blender_addon.check import last
 from blender_addon.check.problems import check_scene
-from blender_addon.jobs import asked, denoiser, runtime
+from blender_addon.jobs import asked, runtime
 from blender_addon.jobs.task import Task
 from blender_addon.scene import folders
 from blender_addon.scene import settings as scene_settings
-from blender_addon.ui import preferences
 from blender_addon.ui.operators import render
 from lfsr_core import __version__
 from lfsr_core.base.cores import CORES
@@ -25,8 +22,6 @@ from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
 from tests.support import panel
 from tests.support.told import refuses
-
-PROBE = "lfsr_core.tasks.probe"
 
 
 def test_blenders_own_python_is_isolated(addon, monkeypatch, tmp_path):
@@ -44,40 +39,9 @@ def test_blenders_own_python_is_isolated(addon, monkeypatch, tmp_path):
         monkeypatch.setenv(name, str(value))
     monkeypatch.chdir(tmp_path)
     assert str(tmp_path) not in runtime.environment()["PYTHONPATH"]
-    assert preferences.probe().startswith("Python ")
-
-
-def test_preference_wins_over_the_environment(addon, monkeypatch, bare_python):
-    monkeypatch.setenv(runtime.PYTHON_VARIABLE, bare_python)
-    assert runtime.second_stage_command(PROBE)[0] == bare_python
-    addon.python_path = sys.executable
-    assert runtime.second_stage_command(PROBE)[0] == sys.executable
-    assert f"LFSR {__version__}" in preferences.probe()
-
-
-def test_lfsr_core_is_the_addons_own(addon, bare_python):
-    """Even if the user's Python has another one."""
-    [packages] = answer([bare_python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"])
-    other = Path(packages, "lfsr_core", "__init__.py")
-    other.parent.mkdir()
-    other.touch()
-    addon.python_path, ask = bare_python, [bare_python, "-P", "-c", "import lfsr_core; print(lfsr_core.__file__)"]
-    assert answer(ask) == [str(other)]
-    assert answer(ask, runtime.environment()) == [lfsr_core.__file__]
-
-
-def test_a_python_of_the_users_brings_its_own_packages(addon, bare_python):
-    """Blender's are those of Blender's Python, which may be of another version."""
-    ask, blenders = [bare_python, "-c", "import sys; print(sys.path)"], bpy.utils.resource_path("LOCAL")
-    assert blenders in answer(ask, runtime.environment())[0]
-    addon.python_path = bare_python
-    assert blenders not in answer(ask, runtime.environment())[0]
-
-
-def answer(command, environment=None):
-    """Lines that a Python prints, by default with nothing in its environment."""
-    done = subprocess.run(command, capture_output=True, text=True, env=environment or {}, check=True)
-    return done.stdout.splitlines()
+    done = subprocess.run(runtime.second_stage_command("lfsr_core.tasks.probe"), env=runtime.environment(),
+                          capture_output=True, text=True, check=False)
+    assert done.stdout.startswith("Python ") and f"LFSR {__version__}" in done.stdout
 
 
 def test_cores_stay_free_as_the_preference_says(addon, monkeypatch):
@@ -133,7 +97,7 @@ def found(scene: bpy.types.Scene) -> list[str]:
 
 
 def test_with_the_library_nothing_is_asked_and_every_method_finishes(scene):
-    assert not denoiser.why_missing() and "denoise" not in found(scene)
+    assert not runtime.why_missing() and "denoise" not in found(scene)
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
     assert render.methods(scene)[0] == DEFAULT_METHOD and "none" not in render.methods(scene)
 
@@ -159,8 +123,8 @@ def test_the_answer_is_remembered_for_scenes_without_a_chosen_method(scene, with
 
 
 def test_a_blender_without_it_is_named(scene, monkeypatch):
-    monkeypatch.setattr(denoiser, "why_missing", lambda: "none was found")
-    said = denoiser.lacking(scene_settings.resolve(scene))
+    monkeypatch.setattr(runtime, "why_missing", lambda: "none was found")
+    said = runtime.lacking(scene_settings.resolve(scene))
     assert said == "The method Default needs Open Image Denoise, which this Blender does not have"
 
 
@@ -182,7 +146,7 @@ def test_direct_rendering_can_leave_the_noise(scene):
     settings = scene_settings.resolve(scene)
     assert settings.method.text == "oidn"
     scene.lfsr.samples, before = 0, scene.lfsr.rays
-    denoiser.use_replacement(scene, settings)
+    runtime.use_replacement(scene, settings)
     assert scene_settings.resolve(scene).method.text == "none" and scene.lfsr.rays == 2 * before
 
 
@@ -209,9 +173,9 @@ def test_the_preference_names_the_library(addon, tmp_path):
     addon.oidn_path = str(tmp_path / "gone.so")
     refuses(r"the library .*gone.so' of Open Image Denoise does not exist: choose another", runtime.environment)
     (tmp_path / "gone.so").write_bytes(b"")
-    assert runtime.environment()[LIBRARY_VARIABLE] == str(tmp_path / "gone.so") and denoiser.why_missing()
+    assert runtime.environment()[LIBRARY_VARIABLE] == str(tmp_path / "gone.so") and runtime.why_missing()
     addon.oidn_path = ""
-    assert LIBRARY_VARIABLE not in runtime.environment() and not denoiser.why_missing()
+    assert LIBRARY_VARIABLE not in runtime.environment() and not runtime.why_missing()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="distributions are those of Linux")
@@ -223,16 +187,4 @@ def test_the_preference_names_the_library(addon, tmp_path):
     ({"ID": "own"}, "Use the Blender of blender.org")])
 def test_the_sentence_is_that_of_the_system(monkeypatch, names, start):
     monkeypatch.setattr("platform.freedesktop_os_release", lambda: names)
-    assert denoiser.where_to_get().startswith(start)
-
-
-def test_python_that_lacks_packages_is_reported_by_the_button(addon, bare_python):
-    addon.python_path = bare_python
-    panel.refused("cannot run the second stage.*No module named 'numpy'.*choose another", bpy.ops.lfsr.test_python)
-
-
-@pytest.mark.parametrize("name", ["missing", "text"])
-def test_path_that_is_no_python_is_reported_by_the_button(addon, tmp_path, name):
-    (tmp_path / "text").write_text("not a program")
-    addon.python_path = os.fspath(tmp_path / name)
-    panel.refused(f"{name}' (does not exist|cannot be started).*choose another", bpy.ops.lfsr.test_python)
+    assert runtime.where_to_get().startswith(start)

@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs import asked, preview, session, show_image, task
+from blender_addon.jobs import asked, images, session, task
 from blender_addon.jobs.task import Job, Task, file_copy
 from blender_addon.scene import folders
 from blender_addon.scene.files import unreadable
@@ -335,7 +335,7 @@ def test_preview_is_fast_for_an_8k_image(scene):
     views = np.random.default_rng(0).integers(0, 255, (80, 80, 54, 96, 3), np.uint8)
     path = asked.views_file(Path("/8k"))
     np.save(path, views)
-    preview.load(scene, path)
+    images.load(scene, path)
     seconds = []
     for eye in np.linspace(-1, 1, 9):
         started = time.perf_counter()
@@ -345,11 +345,11 @@ def test_preview_is_fast_for_an_8k_image(scene):
     assert not maps.is_file() or str(path) not in maps.read_text(), "Windows replaces no mapped file"
     path.unlink()
     print(f"preview of an 8K image: {np.median(seconds) * 1000:.1f} ms")
-    image = bpy.data.images[preview.IMAGE_NAME]
+    image = bpy.data.images[images.IMAGE_NAME]
     assert not any(item.is_dirty for item in bpy.data.images), "Blender asks about it when it quits"
     shown = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(shown)
-    expected = preview.to_pixels(views[preview.view_index((80, 80), (1, scene.lfsr.eye_up))])
+    expected = images.to_pixels(views[images.view_index((80, 80), (1, scene.lfsr.eye_up))])
     assert np.abs(shown - expected.ravel()).max() < 1e-3 and len(bpy.data.images) == 1
     assert np.median(seconds) < 0.1
 
@@ -357,8 +357,8 @@ def test_preview_is_fast_for_an_8k_image(scene):
 def test_our_images_stay_out_of_the_file(scene, tmp_path):
     np.save(tmp_path / "views.npy", np.full((2, 2, 3, 4, 3), 255, np.uint8))
     write_png(tmp_path / "panel.png", np.zeros((4, 4, 3), np.uint8))
-    preview.load(scene, tmp_path / "views.npy")
-    own = [preview.show(scene, (0, 0)), show_image.open_file(tmp_path / "panel.png")]
+    images.load(scene, tmp_path / "views.npy")
+    own = [images.show(scene, (0, 0)), images.open_file(tmp_path / "panel.png")]
     for image in own:
         image.use_fake_user = True  # as if an editor showed it
     (tmp_path / "panel.png").unlink()
@@ -370,9 +370,9 @@ def test_our_images_stay_out_of_the_file(scene, tmp_path):
 
 
 def test_an_image_of_the_same_name_is_the_artists(scene, tmp_path):
-    own = bpy.data.images.new(preview.IMAGE_NAME, 4, 4)
+    own = bpy.data.images.new(images.IMAGE_NAME, 4, 4)
     own.filepath_raw, own.file_format = str(tmp_path / "own.png"), "PNG"
     own.save()
     np.save(tmp_path / "views.npy", np.full((2, 2, 3, 4, 3), 255, np.uint8))
-    preview.load(scene, tmp_path / "views.npy")
-    assert preview.show(scene, (0, 0)) != own and tuple(own.size) == (4, 4)
+    images.load(scene, tmp_path / "views.npy")
+    assert images.show(scene, (0, 0)) != own and tuple(own.size) == (4, 4)

@@ -28,7 +28,7 @@ image = bpy.data.images["Light Field View"]
 pixels = np.empty(len(image.pixels), np.float32)
 image.pixels.foreach_get(pixels)
 value = {"size": list(image.size), "brightest": float(pixels.reshape(-1, 4)[:, :3].max()),
-         "icon": addon.jobs.preview.icon(bpy.context.scene), "windows": len(bpy.context.window_manager.windows)}
+         "icon": addon.jobs.images.icon(bpy.context.scene), "windows": len(bpy.context.window_manager.windows)}
 """
 LOOK = "bpy.ops.lfsr.look_through('INVOKE_DEFAULT', True)"
 
@@ -132,10 +132,10 @@ def test_what_was_imported_is_mended_with_a_second_press(window):
 def test_an_image_begins_with_a_first_view(window):
     window.run("bpy.ops.wm.read_homefile(app_template='')")
     window.run("bpy.context.scene.lfsr.method, bpy.context.scene.lfsr.display = 'bilinear', 'bupt-32in-8k'")
-    window.run("bpy.context.scene.lfsr.rays = 64; addon.jobs.preview.forget()\n"
+    window.run("bpy.context.scene.lfsr.rays = 64; addon.jobs.images.forget()\n"
                "addon.jobs.runtime.preferences_of_addon().seconds_per_path = 0")  # of an image that takes long is asked
     assert window.get(PRESS) == ["FINISHED"]
-    window.until(f"{TASK} is None or addon.jobs.preview.icon(bpy.context.scene)", SECONDS_TO_RENDER)
+    window.until(f"{TASK} is None or addon.jobs.images.icon(bpy.context.scene)", SECONDS_TO_RENDER)
     assert "first view" in window.get(f"{STATE}.message") and window.get(TASK + " is not None")
     window.screenshot("first-view")
     assert window.run(VIEW)["brightest"] > 0.2

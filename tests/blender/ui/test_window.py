@@ -128,7 +128,7 @@ def test_render_keeps_the_window_alive_and_the_scene_as_it_was(window):
     assert read_png(folder / "eia.png").shape == (96, 128, 3) and read_frame(folder).light == "even"
     window.settle()
     window.screenshot("8-rendered")
-    assert window.get("addon.jobs.preview.icon(bpy.context.scene) and len(bpy.context.window_manager.windows)") == 1
+    assert window.get("addon.jobs.images.icon(bpy.context.scene) and len(bpy.context.window_manager.windows)") == 1
 
 
 def test_preview_follows_the_slider(window):
@@ -136,14 +136,14 @@ def test_preview_follows_the_slider(window):
     seconds, pixels = window.run("""
 import time
 import numpy as np
-from bl_ext.user_default.lfsr.jobs import preview
+from bl_ext.user_default.lfsr.jobs import images
 lfsr, seconds, pixels = bpy.context.scene.lfsr, [], []
 for eye in (-1.0, -0.5, 0.0, 0.5, 1.0):
     started = time.perf_counter()
     lfsr.eye_right = eye
     seconds.append(time.perf_counter() - started)
-    values = np.empty(len(bpy.data.images[preview.IMAGE_NAME].pixels), np.float32)
-    bpy.data.images[preview.IMAGE_NAME].pixels.foreach_get(values)
+    values = np.empty(len(bpy.data.images[images.IMAGE_NAME].pixels), np.float32)
+    bpy.data.images[images.IMAGE_NAME].pixels.foreach_get(values)
     pixels.append(values)
 value = (seconds, [float(np.abs(one - pixels[0]).mean()) for one in pixels])
 """)

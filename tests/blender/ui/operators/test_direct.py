@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs import asked, preview
+from blender_addon.jobs import asked, images
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
 from lfsr_core.frames.request import read_report
 from lfsr_core.images.png import read_png
@@ -28,10 +28,10 @@ def rendered(add_on, tmp_path_factory) -> Path:
     bpy.ops.wm.save_mainfile()
     views = asked.views_file(folder / "lightfield" / "scene" / "Scene" / "0001")
     np.save(views, np.zeros((8, 8, 12, 16, 3), np.uint8))
-    preview.load(scene, views)
+    images.load(scene, views)
     before = snapshot()
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
-    assert snapshot() == before and not preview.show(scene, (0, 0))
+    assert snapshot() == before and not images.show(scene, (0, 0))
     assert [image.name for image in bpy.data.images if image.filepath.endswith(PANEL_FILE)] == ["Scene 0001 panel"]
     return folder / "scene.blend"
 

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs import asked, preview, session
+from blender_addon.jobs import asked, images, session
 from blender_addon.scene import folders
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import rig
@@ -74,7 +74,7 @@ def test_where_nothing_would_be_rendered_nothing_is_asked(scene):
 
 def test_preview_shows_the_view_of_the_eye(opened, rendered):
     assert bpy.ops.lfsr.preview_view() == {"FINISHED"}
-    image = bpy.data.images[preview.IMAGE_NAME]
+    image = bpy.data.images[images.IMAGE_NAME]
     views = np.load(asked.views_file(panel.frame_one(rendered)))
     assert views.shape == (8, 8, 12, 16, 3)
     for eye, index in {(-1, 1): (0, 0), (1, 1): (0, 7), (1, -1): (7, 7)}.items():
@@ -94,9 +94,9 @@ def test_decoded_views_are_not_mirrored(opened, rendered):
 
 def test_another_file_does_not_show_the_old_ones_views(opened, rendered):
     bpy.ops.lfsr.preview_view()
-    assert preview.show(opened, (0, 0))
+    assert images.show(opened, (0, 0))
     bpy.ops.wm.open_mainfile(filepath=str(rendered))
-    assert not preview.show(bpy.context.scene, (0, 0))
+    assert not images.show(bpy.context.scene, (0, 0))
 
 
 def stamps(folder: Path) -> dict[str, int]:
@@ -112,7 +112,7 @@ def test_animation_makes_what_is_missing(opened, rendered, capfd):
     # The button sets the range in the copy that it renders, which is not the file of frame 1.
     assert "frames-older" in said or "1 frame is older" in said
     assert [read_frame(film / name).frame for name in ("0001", "0002", "0003")] == [1, 2, 3]
-    assert asked.is_decoded(film / "0003") and preview.show(opened, (0, 0))
+    assert asked.is_decoded(film / "0003") and images.show(opened, (0, 0))
 
     before = stamps(film)
     (film / "0002" / "eia.png").unlink()
