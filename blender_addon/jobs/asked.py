@@ -71,13 +71,14 @@ def remember(scene_name: str, measured: Measured) -> None:
     state.probe_fixed, state.probe_per_path, state.probe_scale = measured.fixed, measured.per_path, measured.scale
 
 
-def learn(scene_name: str, frame: Frame) -> None:
-    """Store what the render of ``frame`` has told of its scene, and how fast this machine is."""
+def learn(scene_name: str, frame: Frame, request: Request) -> None:
+    """Store what the render of ``request`` has told of its scene, and how fast this machine is."""
     paths, taken = math.prod(frame.rays.size) * frame.samples, frame.seconds["render"]
     if taken <= 0 or paths < TELLING_PATHS or frame.subpixels:
         return
     if bpy.context.window_manager.lfsr.probe_scene != scene_name:
-        remember(scene_name, Measured(START, taken / paths, frame.scale))
+        times = frame.samples / request.samples_at(frame.scale)  # the rays that were asked for: the scene may be noisy
+        remember(scene_name, Measured(START, taken / paths * times, frame.scale))
     preferences = runtime.preferences_of_addon()
     if preferences is not None and abs(preferences.seconds_per_path * paths / taken - 1) > SAME:
         preferences.seconds_per_path = taken / paths

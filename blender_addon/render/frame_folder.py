@@ -28,7 +28,7 @@ from lfsr_core.frames.frame import (
     write_frame,
 )
 from lfsr_core.frames.low_res import finished_layout
-from lfsr_core.frames.request import AUTO, EVEN, GUIDES, OWN, POSITION, Request
+from lfsr_core.frames.request import AUTO, EVEN, GUIDES, MOST_SEED, OWN, POSITION, Request, more_rays
 from lfsr_core.images.exr import Layers, clean, read_layers
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.lenses import pixel_rows
@@ -99,8 +99,11 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
     with prepared(scene, request, say) as frame:
         if request.first_view is not None:
             tell(Progress("first"))
-            _write_first_view(scene, frame, request.first_view)
+            noise, rays = _write_first_view(scene, frame, request.first_view), request.sampling.rays
             tell(Notice("first-view", {"path": request.first_view}))
+            if rays is not None and (times := more_rays(request.display, rays, noise)) > 1:
+                frame = dataclasses.replace(frame, samples=frame.samples * times)
+                say(Notice("noisy", {"times": times}))
         inputs = None
         if request.parts and opened.content:
             resolved = to_data(dataclasses.replace(frame, seconds={}, gpus=()))
@@ -224,19 +227,30 @@ def _seen_from_middle(scene: bpy.types.Scene, placed: Placement, settings: Rende
         return clean(read_layers(path))[0]
 
 
-def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> None:
-    """Write that as decoded views are, uint8 (1, 1, sy, sx, 3): few pixels, so that it is there at once."""
-    settings = RenderSettings(FIRST_SAMPLES, frame.seed, device=frame.device, world_visible=frame.world_visible)
+def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> float:
+    """Write that as decoded views are, uint8 (1, 1, sy, sx, 3): few pixels, so that it is there at once.
+
+    Returns by how much two halves of its rays differ, on average, in display values from 0 to 1.
+    """
+    settings = RenderSettings(FIRST_SAMPLES // 2, frame.seed, device=frame.device, world_visible=frame.world_visible)
     # A world image is sampled by a small map, which is made at once.
     small = {"sampling_method": "MANUAL", "sample_map_resolution": FIRST_MAP}
-    with overridden(scene.world.cycles, small) if scene.world is not None else nullcontext():
-        layers = _seen_from_middle(scene, (frame.array, frame.matrix_world), settings,
-                                   min(FIRST_WIDTH, frame.display.lenses[0]))
-    color = layers["color"]
-    behind = layers["environment"] if frame.world_visible else (1 - color[..., 3:]) * frame.display.background
-    shown = ViewTransform(frame.color).to_uint8(np.maximum(color[..., :3] + behind, 0).astype(np.float32))
+    halves = []
+    with (overridden(scene.world.cycles, small) if scene.world is not None else nullcontext(),
+          overridden(scene.render, {"use_persistent_data": True})):
+        for seed in (frame.seed, (frame.seed + 1) % (MOST_SEED + 1)):
+            layers = _seen_from_middle(scene, (frame.array, frame.matrix_world),
+                                       dataclasses.replace(settings, seed=seed),
+                                       min(FIRST_WIDTH, frame.display.lenses[0]))
+            color = layers["color"]
+            behind = (layers["environment"] if frame.world_visible
+                      else (1 - color[..., 3:]) * frame.display.background)
+            halves.append(np.maximum(color[..., :3] + behind, 0).astype(np.float32))
+    transform = ViewTransform(frame.color)
     with unfinished(path) as temporary, temporary.open("wb") as file:
-        np.save(file, shown[None, None])
+        np.save(file, transform.to_uint8((halves[0] + halves[1]) / 2)[None, None])
+    first, second = (transform.to_uint8(half).astype(np.float32) / 255 for half in halves)
+    return float(np.abs(first - second).mean())
 
 
 def inputs_before_opening(request: Request, content: str) -> dict[str, str]:

@@ -153,6 +153,7 @@ SENTENCES: dict[str, Wording] = {
     "light-weak": "almost no light reaches what the array sees, so the image will be almost black. Increase the lights "
                   "or the exposure, or choose another light (--light)",
     "light-replaced": lambda values: f"{replaced(values)}: choose another light with --light",
+    "noisy": "the first view is noisy, so the image takes {times} times the rays of the setting",
     "world-inside": lambda values: f"{WORLDS[values['reason']]}, so the world is rendered with the subject and is less "
                                    "sharp",
     # Exports and imports

@@ -20,7 +20,7 @@ from lfsr_core.base.files import check_name, file_stamp, reading, replace_files,
 from lfsr_core.base.records import to_data
 from lfsr_core.frames import frame as files
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, Frame, read_frame, read_part, read_rendered
-from lfsr_core.frames.request import AUTO, Finish, Report, Request, read_report
+from lfsr_core.frames.request import AUTO, TIMES_RAYS, Finish, Report, Request, read_report
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lenses import rows_text
 
@@ -233,15 +233,19 @@ def request_facts(job: Request, free: Collection[str] = PLACES) -> dict[str, Any
 def wanted_facts(job: Request, found: Frame, content: str = "") -> Facts:
     """Return the fields that a frame must have to be the render of ``job``.
 
-    The values of ``found`` stand for what the job leaves open, such as the device or the choice of a scale; a
-    reference may have other samples and lenses than its job. ``content``: stamp of the scene's file, empty for any.
+    The values of ``found`` stand for what the job leaves open, such as the device, the choice of a scale, or how many
+    times the rays a noisy scene takes; a reference may have other samples and lenses than its job. ``content``: stamp
+    of the scene's file, empty for any.
     """
     is_reference, sampling = job.kind == "reference", job.sampling
     scale = found.scale if found.scale in sampling.scales else sampling.scale
+    samples = job.samples_at(scale)
+    if is_reference or (sampling.rays is not None and found.samples in (samples * times for times in TIMES_RAYS)):
+        samples = found.samples
     is_open_layout = job.layout == LAYOUTS[0] and found.layout != SUBPIXELS  # some devices need the lens card
     return {"display": job.display,
             "scale": scale,
-            "samples": found.samples if is_reference else job.samples_at(scale),
+            "samples": samples,
             "layout": found.layout if is_open_layout else job.layout,
             "convention": job.convention,
             "view_aperture": job.view_aperture,

@@ -64,6 +64,7 @@ EXAMPLES = {
     "lens-distorts": ({"photograph": "a.jpg", "fraction": 0.02}, "a.jpg distorts by 2.0%"),
     "light-replaced": ({"reason": "none", "light": "even"}, "lit evenly"),
     "light-weak": ({}, "--light"),
+    "noisy": ({"times": 4}, "4 times the rays"),
     "number-ignored": ({"name": "fringe", "value": 0.5}, "fringe of 0.5"),
     "override-ignored": ({"layer": "Main", "material": "clay"}, "override 'clay'"),
     "page-large": ({"bytes": 45_000_000}, "45 MB"),

@@ -30,7 +30,7 @@ LENSES = ((0, 0), (1, 1))
 
 @pytest.mark.parametrize(("changes", "sentence"), [
     ({"samples": 4}, "with 16 samples per pixel, but 4 were asked for"),
-    ({"scales": (2, 4), "rays": 1.0}, "with 16 samples per pixel, but 4 were asked for"),
+    ({"scales": (2, 4), "rays": 0.5}, "with 16 samples per pixel, but 2 were asked for"),
     ({"scale": 4, "samples": 4}, "with scale 2, but scale 4 was asked for"),
     ({"display": dataclasses.replace(MINI, name="other")}, "with display mini, but display other was"),
     ({"display": dataclasses.replace(MINI, viewing_angle_deg=33.0)},
@@ -207,6 +207,16 @@ def test_samples_follow_from_the_rays_at_the_chosen_scale():
     by_rays = job.sampled(rays=4.0)
     assert [by_rays.with_scale(ScaleChoice(scale)).sampling.samples for scale in job.sampling.scales] == [64, 16, 4]
     assert by_rays.judged_rays == 4
+
+
+def test_a_noisy_scene_takes_more_rays_and_stays_the_same_render():
+    usual = request.usual_rays(MINI)
+    assert [request.more_rays(MINI, usual, noise) for noise in (0.0, 0.019, 0.027, 0.039, 1.0)] == [1, 1, 2, 4, 4]
+    assert [request.more_rays(MINI, usual * times, 0.039) for times in (0.25, 1, 2, 4)] == [1, 4, 2, 1]
+    job = make_request("out", MINI, scale=4, scales=(4, 2)).sampled(rays=1.0)
+    for samples, same in ((16, True), (32, True), (64, True), (48, False), (8, False)):
+        frame = dataclasses.replace(FRAME, scale=4, samples=samples)
+        assert (folder.wanted_facts(job, frame)["samples"] == samples) == same
 
 
 def test_scene_is_checked_before_blender_starts(tmp_path):

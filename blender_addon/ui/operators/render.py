@@ -216,7 +216,7 @@ def image_job(scene: bpy.types.Scene, shows_first: bool = False) -> Job:
         show_image_of(name, folder)
         if (rendered := _scene(name)) is not None and rig.find(rendered) is None:
             edit.remove_planes(rendered)  # of an array that was deleted meanwhile
-        asked.learn(name, FrameFolder(folder).rendered)
+        asked.learn(name, FrameFolder(folder).rendered, request)
 
     return Job("make", {"request": request, "finish": finish, "overwrite": True,
                         "views": str(asked.views_file(folder))},

@@ -10,6 +10,8 @@ from blender_addon.render import frame_folder, output
 from blender_addon.render.frame_folder import Opened, render_job
 from lfsr_core.base.notices import Notice, silent
 from lfsr_core.exports.light_field import read_views
+from lfsr_core.frames import request as request_module
+from lfsr_core.frames.folder import is_same
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import LAYERS
 from lfsr_core.images import exr
@@ -112,6 +114,18 @@ def test_the_first_view_is_the_middle_of_the_image_which_keeps_its_bytes(lit, tm
     border = views[0, 0]
     error = [np.abs(view[0, 0] - other).mean() for other in (middle, border)]
     assert error[0] < min(8, error[1])
+
+
+@pytest.mark.parametrize("times", [1, 4])
+def test_a_noisy_first_view_gets_more_rays(lit, tmp_path, monkeypatch, times):
+    monkeypatch.setattr(request_module, "CALM", 1.0 if times == 1 else 0.0)
+    request = make_request(str(tmp_path / "frame"), MINI, scale=4, scales=(4, 2),
+                           first_view=str(tmp_path / "first.npy")).sampled(rays=1.0)
+    told = []
+    render_job(lit, request, tell=told.append)
+    frame = read_frame(tmp_path / "frame")
+    assert frame.samples == times * request.samples_at(frame.scale) and is_same(frame, request)
+    assert (Notice("noisy", {"times": times}) in told) == (times > 1)
 
 
 @pytest.mark.parametrize("layout", ["one-pass", "view-by-view"])
