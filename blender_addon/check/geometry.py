@@ -17,7 +17,6 @@ from lfsr_core.optics.rays import CameraArray
 
 from ..scene.array import placement, rig
 from ..scene.settings import Resolved, length
-from ..scene.subject import GEOMETRY
 from .problem import Problem
 
 COVERS = 0.8          # fraction of the display, in both directions, beyond which an object is its background
@@ -47,49 +46,13 @@ class Extents:
 def find(scene: bpy.types.Scene, settings: Resolved, placed: rig.Placement,
          subject: set[bpy.types.Object]) -> Iterator[Problem]:
     """Problems of the visible objects of ``subject``, by name; ``placed``: the camera array and its world matrix."""
-    owners, boxes, places = [], [], []
-    corners: dict[int, Array] = {}  # by the geometry, which is an object's own where modifiers change it
-    for item, owner, place in placement.instances(subject):
-        if item.type in GEOMETRY and not owner.hide_render:
-            geometry = item.data.as_pointer()
-            if geometry not in corners:
-                corners[geometry] = np.array(item.bound_box)
-            owners.append(owner)
-            boxes.append(corners[geometry])
-            places.append(place)
-    if not boxes:
+    owners, boxes = placement.boxes(subject)
+    if not owners:
         return
-    array, matrix = placed
+    array, toward = placed[0], np.linalg.inv(np.array(placed[1]))
     items = sorted(set(owners), key=lambda item: item.name)
     rows = {item: row for row, item in enumerate(items)}
-    extents = extents_of(np.array(boxes), np.linalg.inv(np.array(matrix)) @ np.array(places), array,
-                         np.array([rows[owner] for owner in owners]))
-    yield from _problems(scene, items, extents, settings, array)
-
-
-def extents_of(boxes: Array, places: Array, array: CameraArray, rows: Array) -> Extents:
-    """Return the extents, seen from the viewing position, of objects that have one or several boxes.
-
-    ``boxes``: their corners (n, 8, 3); ``places``: matrices (n, 4, 4) into camera-array space; ``rows``: the object
-    (n,) of each box, from 0.
-    """
-    points = np.einsum("nij,nkj->nki", places[:, :3, :3], boxes) + places[:, None, :3, 3]
-    depths = points[..., 2]
-    half = np.array([array.half_width, array.half_height]) / array.distance
-    # Points beside or behind the viewing position are off the display, far out: the object surrounds the viewer.
-    seen = points[..., :2] / np.maximum(depths, 1e-6 * array.distance)[..., None] / half
-    return Extents(_lowest(depths.min(1), rows), -_lowest(-depths.max(1), rows),
-                   _lowest(seen.min(1), rows), -_lowest(-seen.max(1), rows))
-
-
-def _lowest(values: Array, rows: Array) -> Array:
-    lowest = np.full((rows.max() + 1, *values.shape[1:]), np.inf)
-    np.minimum.at(lowest, rows, values)
-    return lowest
-
-
-def _problems(scene: bpy.types.Scene, items: list[bpy.types.Object], extents: Extents, settings: Resolved,
-              array: CameraArray) -> Iterator[Problem]:
+    extents = extents_of(boxes @ toward[:3, :3].T + toward[:3, 3], array, np.array([rows[owner] for owner in owners]))
     distance, (near, far) = array.distance, rig.usable_depth(array, settings.display)
     margin = TOLERANCE * distance
     # A floor or a room begins beside the viewer, or in front of the usable depth, and ends behind the display.
@@ -117,6 +80,25 @@ def _problems(scene: bpy.types.Scene, items: list[bpy.types.Object], extents: Ex
             yield _problem("thin", item, f"It is {length(scene, thickness)} thick, but at its depth the rendered views "
                            f"show nothing finer than {length(scene, seen[row])}. Choose a smaller scale or move it "
                            "nearer to the display plane.")
+
+
+def extents_of(points: Array, array: CameraArray, rows: Array) -> Extents:
+    """Return the extents, seen from the viewing position, of objects that have one or several boxes.
+
+    ``points``: their corners (n, 8, 3) in camera-array space; ``rows``: the object (n,) of each box, from 0.
+    """
+    depths = points[..., 2]
+    half = np.array([array.half_width, array.half_height]) / array.distance
+    # Points beside or behind the viewing position are off the display, far out: the object surrounds the viewer.
+    seen = points[..., :2] / np.maximum(depths, 1e-6 * array.distance)[..., None] / half
+    return Extents(_lowest(depths.min(1), rows), -_lowest(-depths.max(1), rows),
+                   _lowest(seen.min(1), rows), -_lowest(-seen.max(1), rows))
+
+
+def _lowest(values: Array, rows: Array) -> Array:
+    lowest = np.full((rows.max() + 1, *values.shape[1:]), np.inf)
+    np.minimum.at(lowest, rows, values)
+    return lowest
 
 
 def _problem(code: str, item: bpy.types.Object, reason: str, fix: str = "") -> Problem:

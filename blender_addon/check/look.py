@@ -165,11 +165,6 @@ def disparity(array: CameraArray, lenses: tuple[int, int], near: float, far: flo
     return array.spacing / pitch * max((plane - near) / near, (far - plane) / far)
 
 
-def balanced(near: float, far: float) -> float:
-    """Return the distance of the display plane from which both have the same parallax."""
-    return 2 / (1 / near + 1 / far)
-
-
 def _deep(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, near: float,
           far: float) -> Iterator[Problem]:
     array = placed[0]
@@ -181,7 +176,7 @@ def _deep(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile
     text = (f"The depth reaches {length(scene, max(array.distance - near, 0.0))} before the display and "
             f"{length(scene, max(far - array.distance, 0.0))} behind it. The display shows "
             f"{length(scene, array.distance - usable[0])} and {behind}.")
-    plane = balanced(near, far)
+    plane = placement.balanced(near, far)
     moved = disparity(array, display.lenses, near, far, plane)
     if moved < LEAST_GAIN * now and placement.is_free(scene, placed, display, plane / array.distance):
         yield _problem("plane", scene.name, text)
@@ -200,7 +195,7 @@ def flatten(scene: bpy.types.Scene) -> None:
 
 def move_plane(scene: bpy.types.Scene) -> None:
     """Move the display plane to where what is nearest and what is farthest have the same parallax."""
-    rig.set_distance(scene, balanced(*_seen(scene)[1:]))
+    rig.set_distance(scene, placement.balanced(*_seen(scene)[1:]))
 
 
 def _seen(scene: bpy.types.Scene) -> tuple[CameraArray, float, float]:

@@ -169,12 +169,12 @@ def _disks(scene: bpy.types.Scene, frames: int = 1) -> Iterator[Problem]:
         settings, folder = scene_settings.resolve(scene), folders.scene_folder(scene)
     except LfsrError:
         return  # said elsewhere
-    needed = frames * bytes_of_frame(settings)
-    if free(folder) < needed:
-        yield _full_disk("disk", "the disk of the output folder", needed, folder, "Choose Folder…")
-    temporary = Path(bpy.app.tempdir)
-    if free(temporary) < (needed := bytes_of_work(settings)):
-        yield _full_disk("temporary", "the disk of Blender's temporary files", needed, temporary, "Choose Folder…")
+    for code, disk, needed, place in (
+            ("disk", "the disk of the output folder", frames * bytes_of_frame(settings), folder),
+            ("temporary", "the disk of Blender's temporary files", bytes_of_work(settings), Path(bpy.app.tempdir))):
+        if (room := free(place)) < needed:
+            yield Problem(code, "Disk Space", f"The render needs up to {needed / GIGABYTE:.2g} GB, but {disk} has only "
+                          f"{room / GIGABYTE:.2g} GB free.", "Choose Folder…", ERROR, asks=True)
 
 
 def bytes_of_frame(settings: Resolved) -> int:
@@ -200,11 +200,6 @@ def free(folder: Path) -> float:
         except OSError:
             break
     return float("inf")
-
-
-def _full_disk(code: str, disk: str, needed: float, folder: Path, fix: str) -> Problem:
-    return Problem(code, "Disk Space", f"The render needs up to {needed / GIGABYTE:.2g} GB, but {disk} has only "
-                   f"{free(folder) / GIGABYTE:.2g} GB free.", fix, ERROR, asks=True)
 
 
 def _ignored(scene: bpy.types.Scene) -> Iterator[Problem]:

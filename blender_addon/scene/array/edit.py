@@ -16,7 +16,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..subject import GEOMETRY, find_subject, with_instanced
+from ..subject import find_subject, with_instanced
 from . import motion, placement, rig, room
 from .ray_cast import Rays
 from .rig import Placement, from_blender, to_blender, upright
@@ -31,32 +31,20 @@ def add(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.Object:
     """Add a camera array at the scene's camera, else in front of the subject, else in front of the origin."""
     if rig.find(scene) is not None:
         raise LfsrError(f"scene {scene.name!r} has a camera array already: fit it, or remove it first")
-    rig.check_editable(scene)
-    # Before the array exists: it would be taken for the scene's own.
-    placed = first_placement(scene, profile)
-    array = _new_array(scene)
-    put(array, placed)
-    return array
+    return _moved(scene, first_placement(scene, profile))  # before it exists: it would be taken for the scene's own
 
 
 def fit(scene: bpy.types.Scene, profile: DisplayProfile, items: Collection[bpy.types.Object]) -> bpy.types.Object:
     """Move the scene's array in front of ``items``, in its present direction; add one if there is none."""
-    rig.check_editable(scene)
-    array = rig.find(scene)
-    # Rotation from a new array, which looks along +Y with Z up.
-    turn = mathutils.Matrix.Identity(3)
-    if array is not None:
-        rig.check_editable(array)
+    array, turn = rig.find(scene), mathutils.Matrix.Identity(3)
+    if array is not None:  # rotation from a new array, which looks along +Y with Z up
         turn = upright(array).to_3x3() @ mathutils.Matrix.Rotation(-math.pi / 2, 3, "X")
     if not items:
         raise LfsrError("nothing is selected: select the objects that the display should show")
     points = np.concatenate(list(placement.world_points(set(items))) or [np.empty((0, 3))])
     if not len(points):
         raise LfsrError("the selection has no geometry: select the objects that the display should show")
-    placed = fit_turned(points, profile, turn)
-    array = array or _new_array(scene)
-    put(array, placed)
-    return array
+    return _moved(scene, fit_turned(points, profile, turn))
 
 
 def fit_to_camera(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.Object:
@@ -141,7 +129,6 @@ def _new_array(scene: bpy.types.Scene) -> bpy.types.Object:
     array.id_properties_ui(rig.SPACING).update(min=0.01, soft_max=1.0, default=1.0, description=SPACING_HELP)
     # The scene's own collection cannot be excluded or hidden.
     scene.collection.objects.link(array)
-    _new_plane(array)
     if scene.camera is None:
         scene.camera = array
     return array
@@ -191,7 +178,11 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
 
     In a room it stands inside. Else it looks along +Y with Z up, unless much more is seen from a side or from above.
     """
-    boxes = _boxes(scene, subject)
+    corners = dict[bpy.types.Object, list[Array]]()
+    for _ in motion.frames(scene):  # it stays in sight over an animation
+        for owner, found in boxes_now(subject).items():
+            corners.setdefault(owner, []).append(found)
+    boxes = {owner: np.concatenate(found) for owner, found in corners.items()}
     chosen = main_part(list(boxes), np.array([(box.min(0), box.max(0)) for box in boxes.values()]))
     points = np.concatenate([boxes[item] for item in chosen] or [np.empty((0, 3))])
     if not len(points):
@@ -199,14 +190,14 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     rays, shown = Rays(scene), with_instanced(set(chosen))
     if (view := room.view_of_room(rays, points.min(0), points.max(0))) is not None:
         return placement.array_of_view(scene, profile, subject, view)
-    found = list[tuple[float, Placement]]()
+    choices = list[tuple[float, Placement]]()
     for (tilt, high), (degrees, wide) in itertools.product(TILTS.items(), TURNS.items()):
         turn = (mathutils.Matrix.Rotation(math.radians(degrees), 3, "Z")
                 @ mathutils.Matrix.Rotation(math.radians(-tilt), 3, "X"))
         placed = fit_turned(points, profile, turn)
         seen = [hit[2] for hit in room.through(rays, placed, ACROSS, DOWN) if hit is not None and hit[2] in shown]
-        found.append((high * wide * len(seen) * len(set(seen))**0.5, placed))
-    return max(found, key=lambda each: each[0])[1]
+        choices.append((high * wide * len(seen) * len(set(seen))**0.5, placed))
+    return max(choices, key=lambda each: each[0])[1]
 
 
 def fit_turned(points: Array, profile: DisplayProfile, turn: mathutils.Matrix) -> Placement:
@@ -264,23 +255,10 @@ def _diagonal(low: Array, high: Array) -> Array:
     return size
 
 
-def _boxes(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
-    """World corners (n, 3) of the bounding boxes of what each object of the subject shows, over an animation."""
-    corners: dict[bpy.types.Object, list[Array]] = {}
-    for _ in motion.frames(scene):
-        for owner, found in boxes_now(subject).items():
-            corners.setdefault(owner, []).append(found)
-    return {owner: np.concatenate(found) for owner, found in corners.items()}
-
-
 def boxes_now(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
     """Return world corners (n, 3) of the bounding boxes of what each object of the subject shows in this frame."""
     corners: dict[bpy.types.Object, list[Array]] = {}
-    shapes: dict[int, Array] = {}  # by the geometry, which is an object's own where modifiers change it
-    for item, owner, matrix in placement.instances(subject):
-        if item.type in GEOMETRY and not owner.hide_render and any(item.dimensions):
-            geometry = item.data.as_pointer()
-            if geometry not in shapes:
-                shapes[geometry] = np.array(item.bound_box)
-            corners.setdefault(owner, []).append(shapes[geometry] @ matrix[:3, :3].T + matrix[:3, 3])
+    for owner, box in zip(*placement.boxes(subject), strict=True):
+        if np.ptp(box, axis=0).any():
+            corners.setdefault(owner, []).append(box)
     return {owner: np.concatenate(found) for owner, found in corners.items()}

@@ -21,7 +21,7 @@ from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..subject import find_subject
+from ..subject import GEOMETRY, find_subject
 from . import motion, rig
 from .ray_cast import MOST_REACH, Rays
 from .rig import Placement, from_blender, to_blender, upright
@@ -147,11 +147,22 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
     have equal parallax. It is nearer, and the array smaller, where the array would reach through a wall.
     """
     camera = scene.camera
-    half_width = _half_width(scene, camera.data)
+    if camera.data.type != "PERSP":
+        raise LfsrError(f"the scene's camera is of type {camera.data.type}, but a camera array needs a perspective "
+                        "one: change its type or remove it")
+    corners = camera.data.view_frame(scene=scene)
+    half_width = (max(c.x for c in corners) - min(c.x for c in corners)) / 2 / -corners[0].z  # at distance 1
     # The camera's scale does not apply to its clipping depths.
     clip = camera.data.clip_start, camera.data.clip_end
     sight = _Sight(scene, Rays(scene), upright(camera), clip)
-    distance = _focus(camera) or _balanced_depth(sight, _half(half_width, profile), subject)
+    distance, half = _focus(camera), _half(half_width, profile)
+    if not distance:
+        depths = _depths(sight, half, subject)
+        if not depths:
+            names = ", ".join(_seen_names(sight, half))
+            raise LfsrError(f"the scene's camera does not see the subject{f' but {names}' if names else ''}: turn the "
+                            f"camera, choose another camera (or {FIT!r}), or choose another subject")
+        distance = _middle(depths)
     return _array_at(sight, profile, half_width, distance)
 
 
@@ -196,9 +207,31 @@ def animated_bounds(scene: bpy.types.Scene, subject: Iterable[bpy.types.Object])
 def world_points(subject: set[bpy.types.Object]) -> Iterator[Array]:
     """World vertices (n, 3) of each object and instance of the subject that would be rendered."""
     for item, _, matrix in instances(subject):
-        points = _local_points(item)
+        points = np.array(item.bound_box if item.type in BOXED else (), np.float32)
+        if item.type in SOLID:
+            mesh = item.to_mesh()
+            points = np.empty(3 * len(mesh.vertices), np.float32)
+            mesh.vertices.foreach_get("co", points)
+            item.to_mesh_clear()
         if len(points):
-            yield points @ matrix[:3, :3].T + matrix[:3, 3]
+            yield points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def boxes(subject: set[bpy.types.Object]) -> tuple[list[bpy.types.Object], Array]:
+    """Return the owners, and the world corners (n, 8, 3) of the bounding boxes, of all that the subject shows."""
+    shapes = dict[int, Array]()  # by the geometry, which is an object's own where modifiers change it
+    owners, corners, places = [], [], []
+    for item, owner, place in instances(subject):
+        if item.type in GEOMETRY and not owner.hide_render:
+            geometry = item.data.as_pointer()
+            if geometry not in shapes:
+                shapes[geometry] = np.array(item.bound_box)
+            owners.append(owner)
+            corners.append(shapes[geometry])
+            places.append(place)
+    matrices = np.array(places).reshape(-1, 4, 4)
+    return owners, (np.einsum("nij,nkj->nki", matrices[:, :3, :3], np.array(corners).reshape(-1, 8, 3))
+                    + matrices[:, None, :3, 3])
 
 
 def instances(subject: set[bpy.types.Object]) -> Iterator[tuple[bpy.types.Object, bpy.types.Object, Array]]:
@@ -208,26 +241,6 @@ def instances(subject: set[bpy.types.Object]) -> Iterator[tuple[bpy.types.Object
         owner = (instance.parent if instance.is_instance else item).original
         if owner in subject or item.original in subject:
             yield item, owner, np.array(instance.matrix_world)
-
-
-def _local_points(item: bpy.types.Object) -> Array:
-    if item.type not in SOLID:
-        return np.array(item.bound_box) if item.type in BOXED else np.empty((0, 3))
-    mesh = item.to_mesh()
-    points = np.empty(3 * len(mesh.vertices), dtype=np.float32)
-    mesh.vertices.foreach_get("co", points)
-    item.to_mesh_clear()
-    return points.reshape(-1, 3)
-
-
-def _half_width(scene: bpy.types.Scene, camera: bpy.types.Camera) -> float:
-    """Half the width of the camera's frame at distance 1."""
-    if camera.type != "PERSP":
-        raise LfsrError(f"the scene's camera is of type {camera.type}, but a camera array needs a perspective one: "
-                        "change its type or remove it")
-    corners = camera.view_frame(scene=scene)
-    width = max(c.x for c in corners) - min(c.x for c in corners)
-    return width / 2 / -corners[0].z
 
 
 def _focus(camera: bpy.types.Object) -> float | None:
@@ -249,17 +262,6 @@ class _Sight:
     matrix: mathutils.Matrix  # the camera's world matrix, without scale
     clip: Clip | None = None  # depths between which the camera sees, None for all
 
-    @property
-    def start(self) -> float:
-        """Depth at which rays begin."""
-        return self.clip[0] if self.clip else 0.0
-
-    def trace(self, x: float, y: float, eye: mathutils.Vector) -> tuple[mathutils.Vector, bpy.types.Object] | None:
-        """World place and object seen from ``eye`` in the direction of (x, y) at depth 1, None for nothing."""
-        direction = mathutils.Vector((x, y, -1))
-        start, end = self.clip or (0.0, MOST_REACH)
-        return self.cast(direction, min((end - start) * direction.length, MOST_REACH), eye + start * direction)
-
     def cast(self, direction: Sequence[float], reach: float,
              start: Sequence[float]) -> tuple[mathutils.Vector, bpy.types.Object] | None:
         """World place and object that a ray hits within ``reach``, None for nothing; arguments in camera space."""
@@ -268,20 +270,14 @@ class _Sight:
         return (hit[0], hit[2]) if hit else None
 
 
-def _balanced_depth(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Object]) -> float:
-    """Depth D of equal parallax to the nearest and the farthest visible point: 2/D = 1/near + 1/far."""
-    depths = _depths(sight, half, subject)
-    if not depths:
-        names = ", ".join(_seen_names(sight, half))
-        raise LfsrError(f"the scene's camera does not see the subject{f' but {names}' if names else ''}: turn the "
-                        f"camera, choose another camera (or {FIT!r}), or choose another subject")
-    return _middle(depths)
-
-
 def _middle(depths: Sequence[float]) -> float:
     """Depth of equal parallax to the nearest and the farthest of ``depths``."""
-    near, far = np.percentile(depths, (2, 98))
-    return float(2 / (1 / near + 1 / far))
+    return balanced(*map(float, np.percentile(depths, (2, 98))))
+
+
+def balanced(near: float, far: float) -> float:
+    """Return the distance of the display plane from which both have the same parallax."""
+    return 2 / (1 / near + 1 / far)
 
 
 def _depths(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Object]) -> list[float]:
@@ -293,8 +289,11 @@ def _depths(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Obj
 def _hits(sight: _Sight, half: tuple[float, float], eye: Sequence[float] | Array = (0.0, 0.0),
           distance: float = 1.0) -> list[tuple[mathutils.Vector, bpy.types.Object]]:
     """World places and objects that a grid of PROBES rays meets, from ``eye`` through the frame at ``distance``."""
-    hits = (sight.trace(x * half[0] - eye[0] / distance, y * half[1] - eye[1] / distance, mathutils.Vector((*eye, 0)))
+    start, end = sight.clip or (0.0, MOST_REACH)
+    ways = (mathutils.Vector((x * half[0] - eye[0] / distance, y * half[1] - eye[1] / distance, -1))
             for x in np.linspace(-1, 1, PROBES[0]) for y in np.linspace(-1, 1, PROBES[1]))
+    hits = (sight.cast(way, min((end - start) * way.length, MOST_REACH), mathutils.Vector((*eye, 0)) + start * way)
+            for way in ways)
     return [hit for hit in hits if hit is not None]
 
 
@@ -307,7 +306,7 @@ def is_free(scene: bpy.types.Scene, placed: Placement, profile: DisplayProfile, 
 
 def _free_fraction(sight: _Sight, profile: DisplayProfile, array: CameraArray) -> float:
     """Fraction of the array's reach that is free of walls, at most 1."""
-    fraction, start = 1.0, (0, 0, -sight.start)
+    fraction, start = 1.0, (0, 0, -sight.clip[0] if sight.clip else 0.0)
     for axis, direction in ((0, (-1, 0, 0)), (0, (1, 0, 0)), (1, (0, -1, 0)), (1, (0, 1, 0))):
         reach = profile.views[axis] * array.spacing / 2
         hit = sight.cast(direction, reach / WALL_MARGIN, start)
