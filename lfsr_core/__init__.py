@@ -11,11 +11,7 @@ each name is loaded from its module when it is first used, and neither Blender n
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING
-
-from lfsr_core.version import __version__ as __version__
-
+TYPE_CHECKING = False  # here, because the module typing takes long to load
 if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.api import RenderedFrame, render
     from lfsr_core.base.errors import LfsrError
@@ -38,6 +34,7 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.plan.planner import Planned, make_plan
     from lfsr_core.process.child import Blender, find_blender
     from lfsr_core.reconstruct.methods import MethodName
+    from lfsr_core.version import __version__
 
 __all__ = [
     "Blender", "CameraArray", "DisplayProfile", "ExportOptions", "Finish", "Frame", "FrameFolder",
@@ -70,12 +67,15 @@ _MODULES = {
     "plan.planner": "Planned make_plan",
     "process.child": "Blender find_blender",
     "reconstruct.methods": "MethodName",
+    "version": "__version__",
 }
 
 
 if not TYPE_CHECKING:  # so that checkers find a misspelt name
     def __getattr__(name: str) -> object:
         """Load a public name from its module."""
+        import importlib
+
         home = next((module for module, names in _MODULES.items() if name in names.split()), None)
         if home is None:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """The ``lfsr`` command, whose verbs are in ``lfsr_core.commands``."""
 
 from __future__ import annotations
@@ -229,7 +228,3 @@ def _interrupt(_signal: int, _stack: object) -> None:
     global _interrupted
     _interrupted = True
     raise KeyboardInterrupt
-
-
-if __name__ == "__main__":
-    sys.exit(main())

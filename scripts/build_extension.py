@@ -41,8 +41,8 @@ EXTENSION_TOOL = "*/scripts/addons_core/bl_pkg/cli/blender_ext.py"
 MANIFEST, CHANGELOG, PROJECT = "blender_manifest.toml", "docs/CHANGELOG.md", "pyproject.toml"
 CORE, PACKAGES = "lfsr_core", "packages"  # the second stage's Python finds the first in the second
 # The command line, what only it and notebooks reach, and what starts Blender from a clone.
-NOT_IN_ZIP = shutil.ignore_patterns("__pycache__", ".*", "py.typed", "cli.py", "api.py", "cluster*.py",
-                                    "from_sources.py")
+NOT_IN_ZIP = shutil.ignore_patterns("__pycache__", ".*", "py.typed", "__main__.py", "cli.py", "api.py",
+                                    "cluster*.py", "from_sources.py")
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first date of a zip
 TOKEN = re.compile(rf"from\s+({CORE}[\w.]*)")
 

@@ -91,7 +91,7 @@ def rendering(folder, system):
     blender = Path(cold_blender(folder / "blender"))
     text = blender.read_text(encoding="utf-8")
     blender.write_text(text.replace("from tests", ENDLESS + "from tests", 1), encoding="utf-8")
-    program = system.start("-m", "lfsr_core.cli", *words(folder, str(blender)))
+    program = system.start("-m", "lfsr_core", *words(folder, str(blender)))
     for line in program.stdout:
         if "render" in line:
             break
@@ -113,7 +113,7 @@ def test_cancel_ends_blender_and_leaves_nothing(folder, rendering):
 def test_a_second_render_is_refused_and_what_a_killed_one_left_goes(folder, system, rendering):
     program, child = rendering
     again = words(folder, cold_blender(folder / "another"))
-    second = system.start("-m", "lfsr_core.cli", *again)
+    second = system.start("-m", "lfsr_core", *again)
     assert "another process is writing" in second.communicate(timeout=60)[0] and second.returncode == 2
     program.kill()
     with contextlib.suppress(ProcessLookupError):

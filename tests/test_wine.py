@@ -76,7 +76,7 @@ def words(folder):
     """A render of a file that Windows' Blender has saved."""
     made = f"import bpy; bpy.ops.wm.save_as_mainfile(filepath={'Z:' + str(folder / 'scene.blend')!r})"
     run("-c", made)
-    return ["-m", "lfsr_core.cli", "render", f"Z:{folder / 'scene.blend'}", "-o", f"Z:{folder / 'frame'}", "--display",
+    return ["-m", "lfsr_core", "render", f"Z:{folder / 'scene.blend'}", "-o", f"Z:{folder / 'frame'}", "--display",
             "mini", "--scale", "4", "--spp", "1", "--method", "bicubic"]
 
 
@@ -106,8 +106,8 @@ def test_renders_frames_upscale_and_view(folder, words):
     for seed in (1, 2):
         assert "eia.png: bicubic" in run(*words, "--seed", seed)
         assert read_frame(folder / "frame").seed == seed and read_png(folder / "frame" / "eia.png").any()
-    run("-m", "lfsr_core.cli", "upscale", f"Z:{folder / 'frame'}", "--method", "denoise+bilinear")
-    run("-m", "lfsr_core.cli", "view", f"Z:{folder / 'frame'}")
+    run("-m", "lfsr_core", "upscale", f"Z:{folder / 'frame'}", "--method", "denoise+bilinear")
+    run("-m", "lfsr_core", "view", f"Z:{folder / 'frame'}")
     assert {"eia.png", "frame.json", "lr_eia.exr", "mask.png", "report.json", "view.html"} <= {*names(folder / "frame")}
     words[words.index(f"Z:{folder / 'frame'}")] = f"Z:{folder / 'film'}"
     assert "2 frames: 2 made" in run(*words, "--frames", "1-2")

@@ -6,6 +6,7 @@ import io
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -369,7 +370,16 @@ def test_verbs_come_from_the_laboratory():
     assert tuple(laboratory()) == LABORATORY
 
 
-LFSR = [sys.executable, "-m", "lfsr_core.cli"]
+LFSR = [sys.executable, "-m", "lfsr_core"]
+
+
+def test_ctrl_c_while_modules_load_shows_no_traceback():
+    with subprocess.Popen([LFSR[0], "-X", "importtime", *LFSR[1:], "displays"], stdout=subprocess.DEVNULL,
+                          stderr=subprocess.PIPE, text=True, cwd=ROOT) as program:
+        said = [next(line for line in program.stderr if "lfsr_core.base.errors" in line)]
+        program.send_signal(signal.SIGINT)
+        said += program.stderr
+    assert program.returncode in (-signal.SIGINT, 130) and not any("Traceback" in line for line in said)
 
 
 @pytest.mark.parametrize(("name", "message"), [

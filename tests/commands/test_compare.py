@@ -156,7 +156,7 @@ def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, c
 
 
 def start(scene, blender, *options):
-    command = [sys.executable, "-m", "lfsr_core.cli", "plan", scene, "--target", "0.5", *FEW, "--blender", blender]
+    command = [sys.executable, "-m", "lfsr_core", "plan", scene, "--target", "0.5", *FEW, "--blender", blender]
     return subprocess.Popen([*command, *options], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                             start_new_session=True)
 

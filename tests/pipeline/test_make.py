@@ -210,7 +210,7 @@ def test_an_interrupted_run_loses_only_the_frame_in_work(tmp_path, number):
     blender.write_text(blender.read_text().replace(IMPORT, IMPORT + SLOW))
     film_request(tmp_path)
     output = tmp_path / "film"
-    command = [sys.executable, "-m", "lfsr_core.cli", "render", str(tmp_path / "scene.glb"), "-o", str(output),
+    command = [sys.executable, "-m", "lfsr_core", "render", str(tmp_path / "scene.glb"), "-o", str(output),
                "--frames", "1-3", "--display", "mini", "--scale", "2", "--method", "bicubic", "--seed", "5",
                "--blender", str(blender)]
     program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)

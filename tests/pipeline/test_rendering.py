@@ -241,7 +241,7 @@ sys.stdin.read()
 def test_interrupt_stops_blender_and_leaves_nothing(blender, job, tmp_path, sent):
     pid_file, scene = tmp_path / "pid", tmp_path / "scene.glb"
     scene.touch()
-    command = [sys.executable, "-m", "lfsr_core.cli", "render", str(scene), "-o", job.output, "--display", "mini",
+    command = [sys.executable, "-m", "lfsr_core", "render", str(scene), "-o", job.output, "--display", "mini",
                "--method", "bicubic", "--blender", blender(SLEEPER)]
     program = subprocess.Popen(command, cwd=Path(make.__file__).parents[2], stderr=subprocess.PIPE,
                                text=True, env=os.environ | {"PID_FILE": str(pid_file)})

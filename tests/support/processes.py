@@ -13,7 +13,7 @@ SECONDS = 120
 
 def start_lfsr(*words: object, **variables: object) -> subprocess.Popen[str]:
     """Start the command with these words and ``variables`` of the environment."""
-    return subprocess.Popen([sys.executable, "-m", "lfsr_core.cli", *map(str, words)], cwd=ROOT, text=True,
+    return subprocess.Popen([sys.executable, "-m", "lfsr_core", *map(str, words)], cwd=ROOT, text=True,
                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                             env=os.environ | {name: str(value) for name, value in variables.items()})
 

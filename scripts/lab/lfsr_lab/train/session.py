@@ -66,7 +66,7 @@ def _provenance(task: ComparatorTask | DenoiserTask, outcome: Outcome, yardstick
                 device: torch.device) -> dict[str, Any]:
     """How the weights were made, for the JSON file beside them."""
     program = Path(sys.argv[0]).name
-    command = shlex.join([*(["lfsr"] if program in ("lfsr", "cli.py") else ["python", program]), *sys.argv[1:]])
+    command = shlex.join([*(["lfsr"] if program in ("lfsr", "__main__.py") else ["python", program]), *sys.argv[1:]])
     return {"network": task.config.network, "config": dataclasses.asdict(task.config), "data": task.data(),
             "seconds": round(outcome.seconds, 1), "validation": outcome.validation | yardstick, "command": command,
             "versions": {"lfsr": __version__, "python": platform.python_version(), "torch": torch.__version__,

@@ -203,7 +203,7 @@ def _seeds(data: Any) -> Iterator[int]:
 
 
 UNIT_FILE, LOG_FILE, SCENES, MEASURED, IMAGES = "unit.json", "log.txt", "scenes", "measured", "images"
-PROGRAMS = {"lfsr": ["-c", "import sys; from lfsr_core.cli import main; sys.exit(main())"], "python": []}
+PROGRAMS = {"lfsr": ["-m", "lfsr_core"], "python": []}
 SECONDS_TO_STOP, BETWEEN_LOOKS, LAST_WORDS = 20.0, 0.5, 300
 
 
