@@ -111,11 +111,11 @@ def test_guides_are_six_more_channels(folder, scenes):
 @given(st.integers(0, 500), st.sampled_from([(1, 1), (5, 5), (1, 8)]))
 def test_a_printed_texture_is_in_colour_target_and_albedo_alike(seed, ei):
     white = [np.ones((20, 40, channels), np.float32) for channels in (3, 3, 1, 6)]
-    rendered, target, alpha, guides = textured(white, 10**8, ei, np.random.default_rng(seed))
+    rendered, target, alpha, guides = textured(white, 10**8, ei, 4, np.random.default_rng(seed))
     assert 0 <= target.min() < target.max() <= 1 + 1e-6 and (alpha == 1).all() and (guides[..., 3:] == 1).all()
     np.testing.assert_allclose(rendered, target, atol=1e-3)
     np.testing.assert_allclose(guides[..., :3], target, atol=1e-3)
-    few = textured(white, 1, ei, np.random.default_rng(seed))
+    few = textured(white, 1, ei, 4, np.random.default_rng(seed))
     np.testing.assert_array_equal(few[0], few[3][..., :3])  # the same samples make both
     assert few[0].min() >= 0 and few[0].max() <= 1 + 1e-6
 

@@ -125,7 +125,7 @@ def crop(scene: Scene, samples: int, rng: np.random.Generator, side: int, *, mir
         kept = not augment or rng.random() >= WITHOUT_GUIDES
         images.append(scene.layers[near].astype(np.float32) * np.float32(kept))
     if augment and rng.random() < TEXTURED:
-        images = textured(images, samples, scene.ei, rng)
+        images = textured(images, samples, scene.ei, scene.scale, rng)
     if mirror:
         images = [mirrored(image, scene.ei) for image in images]
     images, margins = _cut(images, scene.ei, side, rng if augment else None)
@@ -144,14 +144,15 @@ def crop(scene: Scene, samples: int, rng: np.random.Generator, side: int, *, mir
     return Crop(torch.cat(seen, 1), target.clamp(min=0)[cut], shown[cut], inside, ei, scene.scale, scene.is_tiled)
 
 
-def textured(images: Sequence[Array], samples: int, ei: tuple[int, int], rng: np.random.Generator) -> list[Array]:
+def textured(images: Sequence[Array], samples: int, ei: tuple[int, int], scale: int,
+             rng: np.random.Generator) -> list[Array]:
     """Print a fine periodic texture on everything: noisy colour, target, alpha, and the guides where there are some.
 
     It lies at a random depth, so that it moves from one elemental image to the next, and is as noisy as ``samples``
     random points in each pixel make it.
     """
     rendered, target, alpha, *rest = images
-    clean, spread = _printed((target.shape[0], target.shape[1]), ei, rng)
+    clean, spread = _printed((target.shape[0], target.shape[1]), ei, scale, rng)
     drawn = np.clip(clean + spread * rng.normal(size=spread.shape) / math.sqrt(samples), 0, 1).astype(np.float32)
     darkest = rng.uniform(0.05, 0.7, 3).astype(np.float32)
 
@@ -162,11 +163,15 @@ def textured(images: Sequence[Array], samples: int, ei: tuple[int, int], rng: np
     return [rendered * shade(drawn), target * shade(clean), alpha, *guides]
 
 
-def _printed(size: tuple[int, int], ei: tuple[int, int], rng: np.random.Generator) -> tuple[Array, Array]:
-    """Mean and standard deviation (H, W) float32 within each pixel of a chequered or woven texture in [0, 1]."""
+def _printed(size: tuple[int, int], ei: tuple[int, int], scale: int,
+             rng: np.random.Generator) -> tuple[Array, Array]:
+    """Mean and standard deviation (H, W) float32 within each pixel of a chequered or woven texture in [0, 1].
+
+    The rays of a pixel cover the cell of one finished view at least; a lens widens it where depth is small.
+    """
     period = np.exp(rng.uniform(math.log(FINEST), math.log(COARSEST)))
     turn, shift, sharp = rng.uniform(0, math.pi), rng.uniform(-MOST_SHIFT, MOST_SHIFT), rng.uniform(1, 8)
-    within = (np.arange(3) + 0.5) / 3 - 0.5
+    within = ((np.arange(3) + 0.5) / 3 - 0.5) * rng.uniform(1 / scale, 1)
     places = []
     for length, pixels in zip(size, ei, strict=True):
         index = np.arange(length)

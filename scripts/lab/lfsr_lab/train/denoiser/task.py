@@ -57,11 +57,7 @@ def _structure_of_eis(image: Tensor, target: Tensor, crop: Crop) -> Tensor:
         return image.sum() * 0
     images = _enlarged(_elemental_images(image, crop.ei)[shown], "bilinear").clamp(0, 1)
     with torch.no_grad():
-        low = _elemental_images(target, crop.ei)[shown]
-        # Cubic with one step of back-projection: means over its pixels are nearly ``low`` again.
-        targets = _enlarged(low, "bicubic")
-        targets += _enlarged(low - functional.avg_pool2d(targets, ENLARGED), "bicubic")
-        targets = targets.clamp(0, 1)
+        targets = _enlarged(_elemental_images(target, crop.ei)[shown], "bicubic").clamp(0, 1)
     sigma = ENLARGED * SSIM_SIGMA / crop.scale
     row, column = (window(length * ENLARGED, sigma) for length in crop.ei)
     return (1 - _ssim(images, targets, row, column)).mean()
@@ -102,8 +98,8 @@ def _ssim(x: Tensor, y: Tensor, row: Tensor, column: Tensor) -> Tensor:
 
 WIDTHS = {"small": SMALL, "base": BASE}
 # How often each count of samples is trained on.
-SAMPLES = {1: 0.28, 2: 0.1, 4: 0.24, 8: 0.08, 16: 0.2, 32: 0.06, 64: 0.04}
-VALIDATED = (1, 4, 16)  # samples
+SAMPLES = {1: 0.2, 2: 0.1, 4: 0.2, 8: 0.1, 16: 0.2, 32: 0.1, 64: 0.1}
+VALIDATED = (1, 4, 16, 64)  # samples
 MOST_VALIDATING, VALIDATED_SIDE = 24, 224  # scenes, pixels
 BALANCE, REMEMBERED = 0.7, 0.98  # how far losses of few and many samples are made alike; of their running means
 WARM_UP, LEAST_RATE = 100, 0.02  # steps; fraction of the rate at the end
