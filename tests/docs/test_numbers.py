@@ -341,8 +341,8 @@ CLAIMS: list[Claim | TableClaim] = [
         for error in (fmean(row["errors"][row["measured"].index(f"s4-spp16 {FAST}")] for row in rows), 0)]),
     Claim(STRESS, "loses {} when fitted without the scene, and always scale 4 {}", lambda: [
         fmean(loss for (scene, _), loss in losses.items() if scene != "print") for losses in (left_out(), always_4())]),
-    Claim(POOLING, "by {}, {} and {} with 1, 4 and 16 samples, mean of {} scenes, {} worse at most; with 64 by {}, mean "
-                   "of {}", places_gains),
+    Claim(POOLING, "by {}, {} and {} with 1, 4 and 16 samples, mean of {} scenes, {} worse at most; with 64 by {}, "
+                   "mean of {}", places_gains),
     TableClaim(POOLING, "| samples | scenes | before | after |", lambda row: [
         fmean(scene["renders"][f"scale 4, {row[0]} samples"][when][place]
               for scene in record("pooling")["scenes"].values() if row[1] in ("all", scene["group"]))
