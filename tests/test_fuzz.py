@@ -33,12 +33,12 @@ from lfsr_core.images.png import read_mask, read_png, write_mask
 from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.optics.panel.weave import gather_map
 from lfsr_core.reconstruct import denoiser
+from tests.calibration.test_makers import OLD, written
 from tests.support.damage import damaged
 from tests.support.panels import hexagonal, lenticular
 from tests.support.requests import make_request
 from tests.support.synthetic import MINI, frame_of, write_render
 
-CALIBRATION = {"pitch": 52.6, "slope": -7.1, "center": 0.8, "DPI": 324, "screenW": 1536, "screenH": 2048}
 MOST_MEMORY = 2**31  # bytes beyond what the tests hold already
 CASES, MANY_CASES = 400, 5000
 
@@ -58,10 +58,6 @@ def use_sheet(path: Path) -> None:
         assert gather_map(display, "nearest").first.min() >= 0
 
 
-def read_denoiser(path: Path) -> None:
-    denoiser._load.__wrapped__(path, 0)
-
-
 def denoiser_weights(path: Path) -> bytes:
     """The smallest network, of whose bytes a third are the table."""
     shapes = denoiser.network_shapes((1,) * 15 + (3,))
@@ -78,11 +74,6 @@ def telephone_jpeg() -> bytes:
     return file.getvalue()
 
 
-def use_frame(path: Path) -> None:
-    frame = read_frame(path.parent)
-    assert frame.rays.size and frame.rays.tiles
-
-
 def use_picture(path: Path) -> None:
     layers, replaced = read_finite(path)
     low_resolution(layers, frame_of(2))
@@ -97,11 +88,6 @@ def rendered() -> np.ndarray:
         return read_layers(write_render(Path(name)) / "lr_eia.exr")["color"]
 
 
-def read_pictures(path: Path) -> None:
-    read_mask(path)
-    read_png(path)
-
-
 def film_bytes(path: Path) -> bytes:
     """A film of two quilts."""
     pixels = rendered()[..., :3]
@@ -110,20 +96,16 @@ def film_bytes(path: Path) -> bytes:
     return path.read_bytes()
 
 
-def read_frames(path: Path) -> None:
-    for taken, _ in read_film(path, quilt_of(path)):
-        assert taken.views.shape[1] == 4
-
-
 KINDS: dict[str, tuple[str, Callable[[Path], Any]]] = {
-    "frame": (FRAME_FILE, use_frame), "report": (REPORT_FILE, lambda path: read_report(path.parent)),
+    "frame": (FRAME_FILE, lambda path: read_frame(path.parent).rays.tiles),
+    "report": (REPORT_FILE, lambda path: read_report(path.parent)),
     "job": ("job.json", read_request), "profile": ("profile.toml", load_display), "exr": ("lr_eia.exr", use_picture),
     "cylinders": ("cylinders.toml", use_sheet), "hexagonal": ("hexagonal.toml", use_sheet),
-    "png": ("mask.png", read_pictures), "photo": ("photo.jpg", read_photograph),
+    "png": ("mask.png", lambda path: (read_mask(path), read_png(path))), "photo": ("photo.jpg", read_photograph),
     "quilt": ("mask_qs2x2a1.png", lambda path: read_quilt(path, quilt_of(path))),
-    "quilt film": ("film_qs2x2a1.mp4", read_frames),
+    "quilt film": ("film_qs2x2a1.mp4", lambda path: list(read_film(path, quilt_of(path)))),
     "calibration": ("visual.json", lambda path: profile_from_calibration(read_calibration(path), "fuzz")),
-    "denoiser": ("denoiser.tza", read_denoiser)}
+    "denoiser": ("denoiser.tza", lambda path: denoiser._load.__wrapped__(path, 0))}
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +113,7 @@ def good(tmp_path_factory) -> dict[str, bytes]:
     folder = tmp_path_factory.mktemp("good")
     files = render_files(folder) | {"denoiser.tza": denoiser_weights(folder / "denoiser.tza")}
     files |= {"mask_qs2x2a1.png": files["mask.png"], "film_qs2x2a1.mp4": film_bytes(folder / "film_qs2x2a1.mp4"),
-              "visual.json": json.dumps({name: {"value": value} for name, value in CALIBRATION.items()}).encode(),
+              "visual.json": written(folder, OLD).read_bytes(),
               "photo.jpg": telephone_jpeg()}
     for name, display in (("profile", MINI), ("cylinders", lenticular()), ("hexagonal", hexagonal())):
         write_profile(folder / f"{name}.toml", display)

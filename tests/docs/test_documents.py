@@ -55,17 +55,6 @@ PAGE = ROOT / "docs" / "guide" / "troubleshooting.md"
 OWN = ("… is now …", "Exit code")  # made by argparse or described in words
 
 
-def texts() -> str:
-    """Every piece of text between values in the sources of the product."""
-    found = []
-    for package in ("lfsr_core", "blender_addon"):
-        for path in (ROOT / package).rglob("*.py"):
-            tree = ast.parse(path.read_text(encoding="utf-8"))
-            found += [node.value for node in ast.walk(tree)
-                      if isinstance(node, ast.Constant) and isinstance(node.value, str)]
-    return "\n".join(found)
-
-
 def messages() -> list[str]:
     """First cells of the tables that list messages."""
     sections = PAGE.read_text(encoding="utf-8").split("\n| message |")[1:]
@@ -75,7 +64,11 @@ def messages() -> list[str]:
 
 @pytest.fixture(scope="module")
 def sources():
-    return texts()
+    """Every piece of text between values in the sources of the product."""
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for package in ("lfsr_core", "blender_addon")
+             for path in (ROOT / package).rglob("*.py")]
+    return "\n".join(node.value for tree in trees for node in ast.walk(tree)
+                     if isinstance(node, ast.Constant) and isinstance(node.value, str))
 
 
 @pytest.mark.parametrize("message", [text for text in messages() if not text.startswith(OWN)])

@@ -186,7 +186,8 @@ def test_json_round_trip_keeps_every_field(tmp_path):
     ({"kind": "film"}, "kind is 'film'"), ({"layers": ("albedo", "norma")}, "'normal'"),
     ({"light": "nihgt"}, "'night'"),
     ({"layers": ("denoised",)}, "layer is 'denoised': It must be one of albedo, normal, position, index"),
-    ({"view_aperture": -0.1}, "view aperture is -0.1"), ({"rows": (0, 3)}, "rows are 0-3"),
+    ({"view_aperture": -0.1}, "view aperture is -0.1"), ({"view_aperture": float("nan")}, "view aperture is nan"),
+    ({"rows": (0, 3)}, "rows are 0-3"),
     ({"rows": (2, 2), "layout": "view-by-view"}, "rows 2 were asked for, but the layout view-by-view is not"),
     ({"rows": (1, 5), "lens_list": ((1, 2),)}, "but a list of lenses is not")])
 def test_bad_value_is_named(options, message):

@@ -139,12 +139,6 @@ def planned(folder: Path) -> None:
     then((folder / "scene.glb").write_text("a scene"), plan_words(folder))
 
 
-def sampled(folder: Path) -> None:
-    """Renders of a plan that was not finished."""
-    planned(folder)
-    (folder / "work" / "sample.json").unlink()
-
-
 def stressed(folder: Path) -> None:
     source = write_render(folder / "s" / "s2-spp16"), write_reference(folder / "s" / "reference")
     for value in next(iter(choose_sweeps(("wire",)))).quick:
@@ -220,8 +214,10 @@ CASES = {
                             "kept eia.png": "film/0002/eia.png"}, animation_words, part=0.1),
     "plan": Case(planned, {"plan's frame.json": "work/quick/frame.json", "plan's sample.json": "work/sample.json"},
                  plan_words, part=0.1),
-    "plan anew": Case(sampled, {"plan's .exr": "work/s2-spp4/lr_eia.exr", "plan's world": "work/quick/lr_eia.exr",
-                                "plan's reference": "work/reference-0/reference_a.exr"}, plan_words, part=0.1),
+    # Renders of a plan that was not finished.
+    "plan anew": Case(lambda folder: (planned(folder), (folder / "work" / "sample.json").unlink()),
+                      {"plan's .exr": "work/s2-spp4/lr_eia.exr", "plan's world": "work/quick/lr_eia.exr",
+                       "plan's reference": "work/reference-0/reference_a.exr"}, plan_words, part=0.1),
     "chart": Case(lambda folder: then(chart_folder.experiment_folder(folder), chart_folder.arguments(folder)),
                   {"chart.json": "chart.json", "chart's cell": "vase/cells/s2-spp1-bicubic.json",
                             "chart's frame.json": "vase/s2-spp1/frame.json"}, chart_folder.arguments, part=0.05),

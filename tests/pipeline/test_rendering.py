@@ -60,20 +60,19 @@ def leftovers(job: Request) -> list[str]:
     return sorted(str(path.relative_to(parent)) for path in parent.rglob("*")) if parent.exists() else []
 
 
-def without_wheel(monkeypatch) -> None:
-    real = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "bpy" else real(name))
+def with_wheel(monkeypatch, found: object, real=importlib.util.find_spec) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: found if name == "bpy" else real(name))
 
 
 def test_the_wheel_then_the_path_but_first_what_is_asked_for(monkeypatch, blender):
-    path, real = blender(GOOD), importlib.util.find_spec
+    path = blender(GOOD)
     monkeypatch.setenv("PATH", os.path.dirname(path))
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: object() if name == "bpy" else real(name))
+    with_wheel(monkeypatch, object())
     assert find_blender() == Blender(None)
     assert find_blender().command(Path("job.json"))[0] == sys.executable
     mine = blender(GOOD, name="blender-mine")
     assert find_blender(mine) == Blender(mine)
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "bpy" else real(name))
+    with_wheel(monkeypatch, None)
     assert find_blender() == Blender(path)
     command = find_blender().command(Path("job.json"))
     assert command[:2] == [path, "--background"] and command[-2:] == ["--", "job.json"]
@@ -81,7 +80,7 @@ def test_the_wheel_then_the_path_but_first_what_is_asked_for(monkeypatch, blende
 
 
 def test_the_newest_installed_blender_is_found(monkeypatch, tmp_path, blender):
-    without_wheel(monkeypatch)
+    with_wheel(monkeypatch, None)
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("ProgramFiles", f"{tmp_path}/Program Files")
     monkeypatch.setattr(child, "PLACES", {sys.platform: child.PLACES["win32"]})
@@ -100,7 +99,7 @@ def test_a_bundle_of_macos_is_the_blender_inside(tmp_path, blender):
 
 
 def test_missing_unsuitable_and_newer_blenders(monkeypatch, tmp_path, blender):
-    without_wheel(monkeypatch)
+    with_wheel(monkeypatch, None)
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(child, "PLACES", {})
     refuses("neither the bpy package nor an installed Blender", find_blender)

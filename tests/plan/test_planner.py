@@ -227,19 +227,14 @@ GRID = (7, 5)
 lens_lists = st.lists(st.tuples(st.integers(0, 4), st.integers(0, 6)), min_size=1, max_size=20, unique=True)
 
 
-def numbered(listed: list[tuple[int, int]]) -> LowResEIA:
-    """A render of ``listed`` lenses as one row of tiles, each filled with its lens's number."""
-    numbers = np.array([row * GRID[0] + column for row, column in listed], np.float32)
-    color = np.broadcast_to(numbers[None, :, None, None, None], (1, len(listed), 2, 2, 3))
-    return LowResEIA(color, color[..., :1] / 100, 4, 2, position=color)
-
-
 @given(lens_lists, st.integers(0, 2))
 def test_mosaic_shows_each_sampled_lens_amid_its_neighbours(lenses, reach_):
     listed, blocks = planner.with_neighbours(lenses, reach_, GRID)
     assert len(listed) == len(set(listed))
-    mosaic = Mosaic.of(blocks)
-    low = mosaic.of_render(numbered(listed))
+    # A render of them as one row of tiles, each filled with its lens's number.
+    numbers = np.array([row * GRID[0] + column for row, column in listed], np.float32)
+    color, mosaic = np.broadcast_to(numbers[None, :, None, None, None], (1, len(listed), 2, 2, 3)), Mosaic.of(blocks)
+    low = mosaic.of_render(LowResEIA(color, color[..., :1] / 100, 4, 2, position=color))
     assert low.color.shape[:2] == mosaic.index.shape and low.position.shape == low.color.shape
     for (row, column), (y, x) in zip(lenses, mosaic.centres, strict=True):
         for down in range(-reach_, reach_ + 1):

@@ -12,7 +12,6 @@ from lfsr_core.frames.request import Finish
 from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.reconstruct import averaging
 from lfsr_core.reconstruct.averaging import average_frames, near, neighbours_of, similarity
-from lfsr_core.reconstruct.second_stage import finished_linear
 from tests.support.synthetic import IDENTITY, write_render
 
 SHAPE = (10, 12, 4, 5, 3)
@@ -167,9 +166,3 @@ def test_the_second_stage_averages_and_says_with_which(tmp_path):
     alone = finish_frame(tmp_path / "0002", "bicubic")
     assert (alone.neighbours, alone.averaged) == ((), None)
     assert "average" not in alone.seconds
-
-
-def test_frames_without_noise_are_finished_as_alone(tmp_path):
-    film(tmp_path, (1, 2))
-    images = [finished_linear(tmp_path / "0001", Finish("bicubic", temporal_averaging=count)) for count in (0, 2)]
-    np.testing.assert_allclose(*images, atol=1e-5)

@@ -128,9 +128,3 @@ def test_scripts_need_only_the_standard_library():
                 "print(sorted(found - {'__main__', 'setup'}))")
         done = subprocess.run([sys.executable, "-I", "-S", "-c", code], capture_output=True, text=True, check=True)
         assert done.stdout == "[]\n", name
-
-
-def test_readme_has_one_python_line_for_each():
-    lines = [line.split("#")[0].strip() for line in (ROOT / "README.md").read_text(encoding="utf-8").splitlines()]
-    assert {"python scripts/demo.py", "python scripts/test.py"} <= {*lines}
-    assert not [line for line in lines if line.endswith(".sh")]

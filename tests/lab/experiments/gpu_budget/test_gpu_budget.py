@@ -59,7 +59,3 @@ def test_a_measured_frame_has_every_step_and_its_row_in_the_page(tmp_path):
     assert set(found.milliseconds) == {counts.TRACE, counts.DENOISE, counts.INTERPOLATE, counts.SHOW}
     assert found.samples_per_second > 0
     assert f"| {found.device} | {found.tensors} | 2, 1 |" in study.markdown(counts.read_gpus(), [found])
-
-
-def test_each_rate_has_its_sources():
-    assert all(sum("http" in source for source in gpu.sources) >= 2 for gpu in counts.read_gpus())

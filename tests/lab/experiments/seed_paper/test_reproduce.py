@@ -4,7 +4,7 @@ import dataclasses
 import json
 import math
 import statistics
-from unittest.mock import DEFAULT, Mock
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -91,13 +91,7 @@ def test_the_middle_lenses_are_shown_and_references_of_some_lenses_are_refused(f
     refuses("shows only some lenses", FIG9.measure, dataclasses.replace(frames, bench=tmp_path, output=tmp_path))
 
 
-def test_a_second_run_measures_nothing_and_a_stopped_one_keeps_what_is_done(frames, measured, tmp_path, monkeypatch):
-    accuracy = Mock(wraps=measuring.accuracy, side_effect=[DEFAULT, DEFAULT, KeyboardInterrupt, DEFAULT, DEFAULT])
-    monkeypatch.setattr(measuring, "accuracy", accuracy)
-    again = dataclasses.replace(frames, output=tmp_path)
-    with pytest.raises(KeyboardInterrupt):
-        FIG9.measure(again)
-    assert FIG9.measure(again).rows == measured["fig9"].rows and accuracy.call_count == 5
+def test_a_second_run_measures_nothing(frames, measured, monkeypatch):
     forbidden = Mock(side_effect=AssertionError("measured again"))
     for module, name in ((measuring, "finished_linear"), (timing, "take_turns"), (engine_records, "make")):
         monkeypatch.setattr(module, name, forbidden)

@@ -132,8 +132,10 @@ OPTIONS = ["--sweeps", ",".join(SWEEPS), "--methods", "bilinear,nearest", "--qui
            "--scale", str(SCALE), "--reference-spp", "8", "--seeds", "2", "--frames", str(FRAMES)]
 
 
-def fill(folder: Path) -> Path:
-    """Every scene, reference and render that OPTIONS ask for."""
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """A finished bench folder, with every scene, reference and render that OPTIONS ask for."""
+    folder = tmp_path_factory.mktemp("bench")
     source = write_render(folder / "source" / "low"), write_reference(folder / "source" / "reference")
     for sweep in choose_sweeps(SWEEPS):
         for value in sweep.quick:
@@ -147,13 +149,6 @@ def fill(folder: Path) -> Path:
             for name in names:
                 shutil.copytree(source[0], scene / name, dirs_exist_ok=True)
                 write_frame(scene / name, frame_of(SCALE, samples=sweep.samples(value)))
-    return folder
-
-
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory):
-    """A finished bench folder."""
-    folder = fill(tmp_path_factory.mktemp("bench"))
     assert main(["study", "stress", "-o", str(folder), *OPTIONS]) == 0
     return folder
 
