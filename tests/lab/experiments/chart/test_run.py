@@ -47,7 +47,7 @@ def timed(monkeypatch):
     return runs
 
 
-def test_every_cell_is_measured_once_on_all_seeds_and_renders_stay_as_they_were(tmp_path, finished, timed, capsys):
+def test_every_cell_is_measured_once_on_all_seeds_and_renders_stay(tmp_path, finished, timed, capsys, request):
     folder = experiment_folder(tmp_path)
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     assert main(arguments(folder)) == 0
@@ -73,6 +73,7 @@ def test_every_cell_is_measured_once_on_all_seeds_and_renders_stay_as_they_were(
     assert set(capsys.readouterr().out.split()) == {str(folder / f"chart.{kind}") for kind in
                                                     ("json", "html", "svg", "md")}
     assert "data:image/png;base64,iVBOR" in (folder / "chart.html").read_text(), "crops"
+    request.getfixturevalue("undrawn")
     crops = len(finished) - 12
     finished.clear()
     noisy_render(folder / "vase" / "s2-spp4-seed1", 4, 1, seconds={"open": 0.5, "render": 3.0})
