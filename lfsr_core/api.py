@@ -146,7 +146,7 @@ def render(scene: str | Path, output: str | Path | None = None, *, display: str 
     scales = (scale,) if scale is not None else (1,) if subpixels else scales_up_to(profile)
     given = {"device": AUTO, "layers": ("position",)} | request | {"light": check_light(request.get("light", AUTO))}
     asked = Request(str(output or Path(scene).stem), profile, check_scene(scene),
-                    sampling=Sampling.of(profile, scales, rays, samples), **given)
+                    sampling=Sampling.of(profile, scales, rays, samples, direct=subpixels), **given)
     if progress is None:
         progress = sys.stderr.isatty() or hasattr(builtins, "__IPYTHON__")  # a notebook
     bar = ProgressBar(words=sentence) if progress and not callable(progress) else None

@@ -15,7 +15,7 @@ from typing import NoReturn
 
 import bpy
 
-from lfsr_core.base.cores import machine_bytes, peak_bytes
+from lfsr_core.base.cores import watch_memory
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import file_stamp, system_errors
 from lfsr_core.base.notices import Notice, Progress, Tell
@@ -47,7 +47,6 @@ from ..scene.overrides import overridden
 
 STANDARD_INPUT = 0
 MOST_WAITING, LEAST_WORK = 60, 0.05  # seconds without CPU seconds, after which a file does not answer
-MOST_MEMORY = 0.9  # of this computer's, while a scene is opened
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -57,6 +56,7 @@ def main(arguments: Sequence[str]) -> int:
     """
     if os.environ.get(ENDS_WITH_INPUT):
         threading.Thread(target=_end_with_input, daemon=True, name="lfsr-stop").start()
+    watch_memory(lambda sentence: _end("error", sentence, EXIT_BAD_INPUT))
     try:
         with system_errors(), repeated():
             match arguments:
@@ -81,21 +81,21 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _end_with_input() -> None:
-    """At the end of standard input, remove unfinished files and end the process.
+    """End the process at the end of standard input.
 
     The process that started this one holds the other end of the pipe: it closes it to stop the render, and the system
     does when it dies. Cycles does not return to Python before its image is done, so that a thread waits for it.
     """
     while os.read(STANDARD_INPUT, 1):
         pass
-    for path in list(UNFINISHED):
-        with contextlib.suppress(OSError):  # Windows removes no open file: the next run does
-            shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
     _end("cancelled", "stopped", EXIT_CANCELLED)
 
 
 def _end(stage: str, message: str, code: int) -> NoReturn:
-    """End the process, whatever Blender does in other threads."""
+    """Remove unfinished files and end the process, whatever Blender does in other threads."""
+    for path in list(UNFINISHED):
+        with contextlib.suppress(OSError):  # Windows removes no open file: the next run does
+            shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
     shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
     try:
         emit_last(stage=stage, message=message)
@@ -105,7 +105,7 @@ def _end(stage: str, message: str, code: int) -> NoReturn:
 
 @contextlib.contextmanager
 def answered(scene: str) -> Iterator[None]:
-    """End the process where the block waits for a file without end, or takes this computer's memory.
+    """End the process where the block waits for a file without end.
 
     Blender opens the libraries of a scene before anyone can look at their names, and a drive may not answer.
     """
@@ -119,9 +119,6 @@ def answered(scene: str) -> Iterator[None]:
             if quiet >= MOST_WAITING:
                 _end("error", f"scene {scene} waits for a file that does not answer, such as a library that is a pipe, "
                      "or a drive: check what the scene links", EXIT_BAD_INPUT)
-            if (peak_bytes() or 0) > MOST_MEMORY * machine_bytes():
-                _end("error", f"scene {scene} takes {MOST_MEMORY:.0%} of this computer's memory to open: make it "
-                     "smaller, or open it on another", EXIT_BAD_INPUT)
 
     thread = threading.Thread(target=watch, daemon=True, name="lfsr-answered")
     thread.start()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import os
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
@@ -14,6 +16,8 @@ if sys.platform != "win32":
 
 CORES = "LFSR_CORES"  # environment variable of processes that leave some cores to others
 MOST_THREADS = 8  # more of them wait for memory
+MOST_MEMORY = 0.9  # of this computer's, that a child may take
+SECONDS_BETWEEN = 0.5  # looks at it
 Item = TypeVar("Item")
 
 
@@ -36,6 +40,17 @@ def machine_bytes() -> float:
     if sys.platform != "win32":
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     return math.inf
+
+
+def watch_memory(end: Callable[[str], object]) -> None:
+    """Call ``end`` with a sentence, from a thread, once this process has held MOST_MEMORY of this computer's memory."""
+    def watch() -> None:
+        while (peak_bytes() or 0) <= MOST_MEMORY * machine_bytes():
+            time.sleep(SECONDS_BETWEEN)
+        end(f"this takes more than {MOST_MEMORY:.0%} of this computer's memory: make the scene or the display "
+            "smaller, or use another computer")
+
+    threading.Thread(target=watch, daemon=True, name="lfsr-memory").start()
 
 
 def in_threads(work: Callable[[Item], object], items: Iterable[Item]) -> None:

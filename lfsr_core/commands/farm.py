@@ -9,7 +9,7 @@ from typing import Any
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.commands.common import progress
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.pipeline.farms import TEMPLATES, write_template
+from lfsr_core.pipeline.farms import NEXT, TEMPLATES, write_template
 
 
 def farm_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +27,7 @@ def run_farm(arguments: argparse.Namespace) -> Any:
     if output.is_dir():
         raise LfsrError(f"{output} is a folder, but the template is a file: give a file in it, as {output / name}")
     write_template(arguments.farm, output)
-    print(f"{output}: see docs/guide/farms.md")
+    print(f"{output}: {NEXT[arguments.farm].replace('FILE', str(output))}")
     return {"file": output}
 
 

@@ -29,8 +29,7 @@ def plan_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of this verb; their defaults are those of ``PlanOptions``."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     parser.add_argument("--target", type=float, metavar="0..1", help="accuracy to reach, default: 0.95")
-    parser.add_argument("--metric", metavar="NAME",
-                        help="ssim_lens_fg (default) or ssim_lens, see docs/reference/metrics.md")
+    parser.add_argument("--metric", metavar="NAME", help="ssim_lens_fg (default) or ssim_lens")
     parser.add_argument("--scales", type=numbers, metavar="N,N", help="default: those of 1,2,4,8 that the display has")
     parser.add_argument("--spps", dest="samples", type=numbers, metavar="N,N",
                         help="samples per pixel, default: 4,16,64,256")

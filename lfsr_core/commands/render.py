@@ -100,9 +100,8 @@ def run_render(arguments: argparse.Namespace) -> Any:
         scales = (1,)
     else:
         scales = MethodName.parse(common.method_of(arguments.method, subpixels)).scales_of(scales_up_to(display))
-    rays = USUAL_SAMPLES if subpixels and arguments.rays is None else arguments.rays
     deciding = spread(parse_frames(arguments.scale_frames)) if arguments.scale_frames is not None else ()
-    sampling = Sampling.of(display, scales, rays, arguments.spp, deciding)
+    sampling = Sampling.of(display, scales, arguments.rays, arguments.spp, deciding, direct=subpixels)
     output = arguments.output if arguments.frames is None else os.path.abspath(arguments.output)
     request = common.make_request(arguments, output=output, layers=arguments.layers, sampling=sampling)
     finish = common.finish_of(arguments, subpixels, request.sampling.scale)

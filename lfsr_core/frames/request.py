@@ -65,15 +65,16 @@ class Sampling:
 
     @classmethod
     def of(cls, display: DisplayProfile, scales: tuple[int, ...], rays: float | None, samples: int | None,
-           frames: tuple[int, ...] = ()) -> Sampling:
+           frames: tuple[int, ...] = (), direct: bool = False) -> Sampling:
         """Return the sampling at one of ``scales``, with ``samples`` per pixel or else ``rays`` per finished pixel.
 
-        Of several scales the depth of the scene decides, in ``frames``. LfsrError for impossible rays.
+        Of several scales the depth of the scene decides, in ``frames``. ``direct``: of a panel's own subpixels, which
+        nothing is made of later. LfsrError for impossible rays.
         """
         if samples is not None:
             rays = None
         else:
-            rays = usual_rays(display) if rays is None else rays
+            rays = (USUAL_SAMPLES if direct else usual_rays(display)) if rays is None else rays
             samples = samples_at(display, scales[0], rays)
         return cls(scales[0], samples) if len(scales) == 1 else cls(scales[0], samples, scales, rays, frames)
 

@@ -405,7 +405,7 @@ def load_display(name_or_file: str | Path) -> DisplayProfile:
         names = builtin_names()
         if str(name_or_file) not in names:
             raise LfsrError(f"unknown display {str(name_or_file)!r}: {did_you_mean(str(name_or_file), names)}"
-                            f"Give a .toml file or one of {', '.join(names)}")
+                            "Give a .toml file, or a name that `lfsr displays` lists")
         path = PROFILE_FOLDER / f"{name_or_file}.toml"
     content = read_bytes(path, "a display profile", MAX_BYTES)
     try:

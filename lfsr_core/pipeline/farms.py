@@ -16,6 +16,9 @@ from lfsr_core.frames.request import Finish, Request
 
 OPENJD, FLAMENCO = "openjd", "flamenco"
 TEMPLATES = {OPENJD: "openjd.yaml", FLAMENCO: "flamenco.js"}
+# What to do with the file of a template.
+NEXT = {OPENJD: "submit it to the farm, or try it with: openjd run FILE -p Scene=SCENE -p Output=FILM",
+        FLAMENCO: "put it into the folder scripts beside flamenco-manager, and restart that"}
 TEMPLATE_FOLDER = Path(__file__).with_name("templates")
 MOST_PARTS = 1000
 # Flamenco knows a job type by its file's name.

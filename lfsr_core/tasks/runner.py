@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from lfsr_core.base.cores import watch_memory
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path, read_json, system_errors
 from lfsr_core.base.notices import Notice, Progress
@@ -48,6 +49,7 @@ from lfsr_core.process.child import (
     LAST_STAGES,
     Child,
     emit,
+    emit_last,
     emit_told,
     repeated,
     told_of,
@@ -242,6 +244,7 @@ def main(arguments: list[str]) -> int:
         data = read_json(arguments[0], "a task of the add-on")
         name = data.pop("task")
         _end_on_request(unwinds=name in STARTING)
+        watch_memory(_fail)
         with system_errors(), repeated():
             result = TASKS[name](**data)
     except LfsrError as error:
@@ -273,6 +276,12 @@ def _end_on_request(unwinds: bool) -> None:
 
     signal.signal(signal.SIGTERM, _unwind if unwinds else _leave)
     threading.Thread(target=end_with_parent, daemon=True, name="lfsr-parent").start()
+
+
+def _fail(sentence: str) -> None:
+    emit_last(stage="error", message=sentence)
+    Child.stop_all(SECONDS_TO_STOP)
+    os._exit(EXIT_BAD_INPUT)
 
 
 def _unwind(*_: object) -> None:

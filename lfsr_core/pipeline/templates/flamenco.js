@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // A job type of Flamenco 3: light-field frames, split by rows of lenses, merged and finished. Put this file into the
-// folder "scripts" beside flamenco-manager and restart it; docs/guide/farms.md says the rest.
+// folder "scripts" beside flamenco-manager and restart it.
 // Every task may be repeated: files appear whole or not at all.
 
 const JOB_TYPE = {

@@ -63,6 +63,20 @@ def test_a_scene_that_waits_for_a_library_is_refused(blend, tmp_path):
     assert "waits for a file that does not answer" in records(done.stdout.splitlines())[-1]["message"]
 
 
+def test_a_render_that_takes_the_memory_ends_in_a_sentence(blend, tmp_path):
+    job = to_data(make_request(str(tmp_path / "out"), MINI, scene=str(blend), samples=400000))
+    write_json(tmp_path / "job.json", job)
+    program = ("from blender_addon.headless import main\nfrom lfsr_core.base import cores\n"
+               "emit = main.emit_told\n"
+               "def told(what):\n    emit(what)\n    cores.MOST_MEMORY = 0 if 'Sample' in str(what) else 9\n"
+               "main.emit_told, cores.MOST_MEMORY = told, 9\n"
+               f"raise SystemExit(main.main([{str(tmp_path / 'job.json')!r}]))")
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=100)
+    assert done.returncode == EXIT_BAD_INPUT
+    assert "of this computer's memory: make the scene" in records(done.stdout.splitlines())[-1]["message"]
+    assert not list((tmp_path / "out").iterdir())
+
+
 def test_job_becomes_a_frame_folder(blend, tmp_path):
     child = start(tmp_path, scene=str(blend), layers=("albedo",), seed=3, device="auto")
     emitted = records(child.communicate()[0].splitlines())
