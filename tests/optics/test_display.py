@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.request import MIN_VIEWS, MOST_SCALE, samples_at, scales_up_to, usual_rays
+from lfsr_core.frames.request import MIN_VIEWS, MOST_SCALE, Sampling, samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.depth_scale import LEAST_SAMPLES, MODEL, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.optics.eye import LiveRegion
@@ -272,6 +272,7 @@ def test_usual_rays_are_sixteen_samples_at_scale_4():
     assert [samples_at(SMALL, scale, 1) for scale in (1, 2, 4, 5)] == [1, 4, 16, 25]
     assert samples_at(SMALL, 1, 0.1) == 1, "never fewer"
     assert usual_rays(SMALL, 64) == 4
+    assert Sampling.of(LENTICULAR, (1,), None, None, direct=True).samples == 16
     for rays in [0.0, -1.0, math.nan, math.inf, 2**22]:
         refuses(r"rays per finished pixel are .* above 0, and at most 1048", samples_at, SMALL, 4, rays)
     for views, scales in [
