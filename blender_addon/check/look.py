@@ -32,6 +32,7 @@ from .problem import Problem
 MENDS = {"cube": ("leave_out_cube", "Leave Out Cube"), "frame": ("fit_objects", "Fit to Objects"),
          "plane": ("move_plane", "Move Display Plane"), "deep": ("flatten_depth", "Flatten Depth"),
          "dark": ("add_light", "Add World Light")}
+STARTUP_LAMP = (4.07625, 1.00545, 5.90386)  # where a new file's lamp stands
 STARTUP_CAMERA = (7.35889, -6.92579, 4.95831)  # where a new file's camera stands: nobody has aimed it
 TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject of an aimed camera, and of that one, fills
 CLOSE = 0.02  # of the subject's size: what lies nearer than that on the wrong side of a surface surrounds the array
@@ -67,7 +68,14 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
         placed = edit.in_front(scene, display, set(main))
     if depths := depths_of(scene, placed, main):
         yield from _deep(scene, placed, display, *depths)
-    if scene.lfsr.light in SCENE_LIGHTS and has_light(scene) and _is_dark(scene, rays, placed, is_new):
+    if scene.lfsr.light not in SCENE_LIGHTS or not has_light(scene):
+        return
+    lamps = [item for item in scene.objects if item.type == "LIGHT"]
+    is_imported = bool(reason) or startup_cube(scene) is not None
+    if is_imported and len(lamps) == 1 and not has_emission(scene) and (
+            lamps[0].matrix_world.translation - mathutils.Vector(STARTUP_LAMP)).length < 1e-3:
+        yield _problem("dark", scene.name, "Only the lamp of Blender's new file lights it. Images only are lit.")
+    elif _is_dark(scene, rays, placed, is_new):
         yield _problem("dark", scene.name, "Hardly any light reaches what the array sees: the image will be almost "
                        "black. Images only are lit; the scene keeps its own light.")
 
@@ -226,7 +234,7 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: 
         hit = rays.cast(eye.translation, way) if len(arriving) < LIT else None
         if hit is None:
             continue
-        place, normal, _ = hit
+        place, normal, *_ = hit
         normal = -normal if normal.dot(way) > 0 else normal
         start = place + normal * 1e-3 * (place - eye.translation).length
         light = sum(_arrives(rays, lamp, start, normal) for lamp in lamps) / math.pi

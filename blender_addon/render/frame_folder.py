@@ -230,7 +230,7 @@ def _seen_from_middle(scene: bpy.types.Scene, placed: Placement, settings: Rende
 def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> float:
     """Write that as decoded views are, uint8 (1, 1, sy, sx, 3): few pixels, so that it is there at once.
 
-    Returns by how much two halves of its rays differ, on average, in display values from 0 to 1.
+    Returns by how much two halves of its rays differ: root of the mean square, in display values from 0 to 1.
     """
     settings = RenderSettings(FIRST_SAMPLES // 2, frame.seed, device=frame.device, world_visible=frame.world_visible)
     # A world image is sampled by a small map, which is made at once.
@@ -250,7 +250,7 @@ def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> float:
     with unfinished(path) as temporary, temporary.open("wb") as file:
         np.save(file, transform.to_uint8((halves[0] + halves[1]) / 2)[None, None])
     first, second = (transform.to_uint8(half).astype(np.float32) / 255 for half in halves)
-    return float(np.abs(first - second).mean())
+    return float(np.sqrt(np.square(first - second).mean()))
 
 
 def inputs_before_opening(request: Request, content: str) -> dict[str, str]:

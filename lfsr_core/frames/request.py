@@ -40,8 +40,8 @@ MOST_SCALE = 5  # that is chosen
 MIN_VIEWS = 5  # along each axis that a scale above 2 must leave (docs/results/displays.md)
 USUAL_SCALE, USUAL_SAMPLES = 4, 16  # the rays of a render for which nothing was asked
 # Noise of a first view for which the usual rays are enough, and how many times as many others may take. With those
-# views of a Cornell box, whose noise is .039, had a mean FLIP of .084 to .101; of glass, .017, .053 to .058.
-CALM, TIMES_RAYS = 0.02, (1, 2, 4)
+# the views of a Cornell box, whose noise is .064, had a mean FLIP of .084 and .101; of glass, .030, .053 and .058.
+CALM, TIMES_RAYS = 0.04, (1, 2, 4)
 MOST_DIGITS = 30
 CLAMP_INDIRECT = 10.0  # Cycles' default: fewer fireflies at low sample counts
 SCENE_SUFFIXES = (".blend", ".glb", ".gltf", ".obj")
@@ -267,7 +267,7 @@ def samples_at(display: DisplayProfile, scale: int, rays: float) -> int:
 def more_rays(display: DisplayProfile, rays: float, noise: float) -> int:
     """Return how many times ``rays`` per finished pixel a scene needs, of TIMES_RAYS; 1 for fewer rays than usual.
 
-    ``noise``: by how much two halves of its first view differ, on average, in display values from 0 to 1.
+    ``noise``: by how much two halves of its first view differ, root of the mean square in display values from 0 to 1.
     """
     share = rays / usual_rays(display)
     return next((times for times in TIMES_RAYS if share < 1 or noise <= CALM * math.sqrt(times * share)),

@@ -212,8 +212,8 @@ def test_samples_follow_from_the_rays_at_the_chosen_scale():
 
 def test_a_noisy_scene_takes_more_rays_and_stays_the_same_render():
     usual = request.usual_rays(MINI)
-    assert [request.more_rays(MINI, usual, noise) for noise in (0.0, 0.019, 0.027, 0.039, 1.0)] == [1, 1, 2, 4, 4]
-    assert [request.more_rays(MINI, usual * times, 0.039) for times in (0.25, 1, 2, 4)] == [1, 4, 2, 1]
+    assert [request.more_rays(MINI, usual, noise) for noise in (0.0, 0.039, 0.05, 0.07, 1.0)] == [1, 1, 2, 4, 4]
+    assert [request.more_rays(MINI, usual * times, 0.07) for times in (0.25, 1, 2, 4)] == [1, 4, 2, 1]
     job = make_request("out", MINI, scale=4, scales=(4, 2)).sampled(rays=1.0)
     for samples, same in ((16, True), (32, True), (64, True), (48, False), (8, False)):
         frame = dataclasses.replace(FRAME, scale=4, samples=samples)
