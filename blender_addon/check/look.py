@@ -253,15 +253,9 @@ def _proof_is_dark(scene: bpy.types.Scene) -> bool:
     from ..render.frame_folder import is_dark  # reads EXR files, which the panel starts without
 
     result = bpy.data.images.get("Render Result")
-    slots = result.render_slots if result is not None else None
-    before = slots.active_index if slots else 0
-    try:
-        if slots:
-            slots.active_index = len(slots) - 1
+    slots = result.render_slots if result is not None else ()
+    with overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
         return is_dark(scene, scene_settings.resolve(scene).request)
-    finally:
-        if slots:
-            slots.active_index = before
 
 
 def _arrives(rays: Rays, lamp: bpy.types.Object, place: mathutils.Vector, normal: mathutils.Vector) -> float:

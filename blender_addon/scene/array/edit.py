@@ -79,8 +79,6 @@ def remove(scene: bpy.types.Scene) -> None:
     if array is None:
         raise LfsrError(f"scene {scene.name!r} has no camera array to remove")
     rig.check_editable(array)
-    for plane in [item for item in array.children if rig.PLANE in item]:
-        bpy.data.objects.remove(plane)
     camera = array.data
     bpy.data.objects.remove(array)
     if camera.users == 0:

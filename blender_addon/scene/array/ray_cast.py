@@ -15,7 +15,7 @@ MOST_REACH = 1.70141e38  # Blender's value for a ray without end
 
 # Place, normal of the surface, what is hit, and whether one sees through it.
 Hit = tuple[mathutils.Vector, mathutils.Vector, bpy.types.Object, bool]
-CLEAR = {"Alpha": 0.9, "Transmission Weight": 0.1}  # of a surface that is seen through: at most, and at least
+CLEAR = 0.1  # least transmission, or lack of alpha, of a surface that is seen through
 
 
 class Rays:
@@ -82,5 +82,5 @@ def _is_clear(item: bpy.types.Object, face: int) -> bool:
     slot = item.material_slots[min(mesh.polygons[face].material_index, len(item.material_slots) - 1)]
     nodes = slot.material.node_tree.nodes if slot.material is not None and slot.material.node_tree else ()
     return any(node.type == "BSDF_GLASS" or (node.type == "BSDF_PRINCIPLED" and (
-        node.inputs["Alpha"].default_value < CLEAR["Alpha"]
-        or node.inputs["Transmission Weight"].default_value > CLEAR["Transmission Weight"])) for node in nodes)
+        max(1 - node.inputs["Alpha"].default_value, node.inputs["Transmission Weight"].default_value) > CLEAR))
+        for node in nodes)
