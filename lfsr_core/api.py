@@ -24,16 +24,7 @@ from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS
 from lfsr_core.frames.low_res import LowResEIA
-from lfsr_core.frames.request import (
-    AUTO,
-    Finish,
-    Report,
-    Request,
-    Sampling,
-    check_light,
-    check_scene,
-    scales_up_to,
-)
+from lfsr_core.frames.request import AUTO, Finish, Report, Request, Sampling, check_light, check_scene, scales_up_to
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import encode_png, read_png
 from lfsr_core.metrics.eia_metrics import Metrics, compare_folders

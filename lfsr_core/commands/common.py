@@ -18,14 +18,7 @@ from lfsr_core.frames.frame import LAYOUTS, VIEW_BY_VIEW
 from lfsr_core.frames.request import AUTO, DEVICES, EVEN, OWN, WORLD_IMAGES, Finish, Request, check_light, check_scene
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lenses import parse_rows
-from lfsr_core.reconstruct.methods import (
-    DEFAULT_METHOD,
-    METHODS,
-    PLAIN_METHOD,
-    SUBPIXEL_METHODS,
-    MethodName,
-    oidn,
-)
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, METHODS, PLAIN_METHOD, SUBPIXEL_METHODS, MethodName, oidn
 
 FARTHEST_MM = 1e6
 BAR_WIDTH = 30

@@ -21,15 +21,7 @@ from lfsr_core.exports.folders import PARAMETERS_FILE
 from lfsr_core.exports.light_field import resized, view_between
 from lfsr_core.exports.options import Pair, read_quilt_name, usual_aspect, without_suffix
 from lfsr_core.frames.folder import DERIVED_FILES, FrameFolder
-from lfsr_core.frames.frame import (
-    EIA_FILE,
-    FRAME_FILE,
-    LOW_RES_FILE,
-    PANEL_FILE,
-    Frame,
-    read_frame,
-    write_frame,
-)
+from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, LOW_RES_FILE, PANEL_FILE, Frame, read_frame, write_frame
 from lfsr_core.images.color import srgb_decode
 from lfsr_core.images.exr import write_layers
 from lfsr_core.images.png import opened
@@ -55,47 +47,11 @@ BT709, UNKNOWN = "ITU709", 2  # a film's colour matrix, and FFmpeg's number for 
 HIGH_DEFINITION = 720  # rows from which films without a word on it have BT.709
 
 
-@dataclasses.dataclass(frozen=True)
-class Source:
-    """Views of others, and how they were taken."""
+def find_views(folder: Path, columns: int | None = None) -> list[list[Path]]:
+    """Files of the views in a folder, by row from the topmost cameras and from the left, all of one size.
 
-    views: Array  # (rows, columns, height, width, 3) uint8, row 0 the topmost cameras, column 0 the leftmost
-    aspect: float  # width / height of the picture, whose pixels need not be square
-    # whether neighbouring cameras differ by one angle, as in quilts; else by one distance
-    equal_angles: bool
-
-
-@dataclasses.dataclass(frozen=True)
-class ViewFiles:
-    """A full grid of view files of one size."""
-
-    paths: tuple[tuple[Path, ...], ...]  # rows from the topmost cameras, each from the left
-    size: tuple[int, int]  # (width, height) of every view
-
-    @property
-    def count(self) -> tuple[int, int]:
-        """Cameras (across, down)."""
-        return len(self.paths[0]), len(self.paths)
-
-    def square(self, tell: Tell = silent) -> ViewFiles:
-        """A single row, or the cameras in the middle, as many down as across; LfsrError for a single column or view."""
-        across, down = self.count
-        least = min(across, down)
-        if across == 1:
-            raise LfsrError(f"the folder has {across}×{down} cameras, but a display needs at least two beside each "
-                            "other: check the names")
-        if down in (across, 1):
-            return self
-        top, left = (down - least) // 2, (across - least) // 2
-        paths = tuple(row[left:left + least] for row in self.paths[top:top + least])
-        tell(Notice("cameras-cut", {"side": least, "across": across, "down": down}))
-        return dataclasses.replace(self, paths=paths)
-
-
-def find_views(folder: Path, columns: int | None = None) -> ViewFiles:
-    """Find the views in a folder by their names; LfsrError where one is missing or differs in size.
-
-    ``columns``: cameras across, for names that are mere numbers; None: as many as down.
+    ``columns``: cameras across, for names that are mere numbers; None: as many as down. LfsrError where a view is
+    missing or differs in size.
     """
     if not folder.is_dir():
         raise LfsrError(f"{folder} is no folder, expected one of views: check the path")
@@ -113,7 +69,7 @@ def find_views(folder: Path, columns: int | None = None) -> ViewFiles:
             raise LfsrError(f"{folder} has {len(places)} views, but the one in row {row}, column {column} of "
                             f"{len(down)} rows of {len(across)} is missing (another is {min(places.values())}): add "
                             "it, or remove its whole row or column")
-    paths = tuple(tuple(folder / places[row, column] for column in across) for row in down)
+    paths = [[folder / places[row, column] for column in across] for row in down]
     first = image_size(paths[0][0])  # from the header
     for path in itertools.chain(*paths):
         if (size := image_size(path)) != first:
@@ -122,15 +78,15 @@ def find_views(folder: Path, columns: int | None = None) -> ViewFiles:
     if max(first) > MAX_PIXELS or first[0] * first[1] * len(paths) * len(paths[0]) * 3 > MOST_BYTES:
         raise LfsrError(f"{len(paths[0])}×{len(paths)} views of {first[0]}×{first[1]} pixels are too many to import: "
                         "make them smaller")
-    return ViewFiles(paths, first)
+    return paths
 
 
-def read_views(files: ViewFiles, tell: Tell = silent) -> Array:
-    """Views (rows, columns, height, width, 3) uint8 display values."""
-    (across, down), (width, height) = files.count, files.size
-    views = np.empty((down, across, height, width, 3), np.uint8)
-    for row, paths in enumerate(files.paths):
-        tell(Progress("import", row / down, paths[0].name))
+def read_views(files: list[list[Path]], tell: Tell = silent) -> Array:
+    """Views (rows, columns, height, width, 3) uint8 display values of the ``files`` of ``find_views``."""
+    width, height = image_size(files[0][0])
+    views = np.empty((len(files), len(files[0]), height, width, 3), np.uint8)
+    for row, paths in enumerate(files):
+        tell(Progress("import", row / len(files), paths[0].name))
         for column, path in enumerate(paths):
             views[row, column] = read_image(path)
     return views
@@ -229,13 +185,13 @@ def quilt_of(path: Path, shape: str | None = None, top_first: bool = False) -> Q
                  Notice("aspect-assumed", {"across": across, "down": down, "aspect": aspect}))
 
 
-def read_quilt(path: Path, quilt: Quilt) -> Source:
-    """Views of a quilt that is an image; LfsrError where it cannot be read or is too large or too small."""
+def read_quilt(path: Path, quilt: Quilt) -> Array:
+    """Views (1, n, height, width, 3) uint8 of an image; LfsrError where it cannot be read, is too large or small."""
     _check_quilt(path, image_size(path), quilt)
-    return Source(_tiles(read_image(path), quilt), quilt.aspect, equal_angles=True)
+    return _tiles(read_image(path), quilt)
 
 
-def read_film(path: Path, quilt: Quilt) -> Iterator[tuple[Source, int]]:
+def read_film(path: Path, quilt: Quilt) -> Iterator[tuple[Array, int]]:
     """Views of each frame of a film of quilts, and the film's number of frames, 0 if not known; LfsrError as above."""
     try:
         import av
@@ -255,7 +211,7 @@ def read_film(path: Path, quilt: Quilt) -> Iterator[tuple[Source, int]]:
                 _check_quilt(path, (frame.width, frame.height), quilt)
                 matrix = BT709 if frame.colorspace == UNKNOWN and frame.height >= HIGH_DEFINITION else None
                 pixels = frame.reformat(format="rgb24", src_colorspace=matrix).to_ndarray()
-                yield Source(_tiles(pixels, quilt), quilt.aspect, equal_angles=True), stream.frames
+                yield _tiles(pixels, quilt), stream.frames
                 left -= float((frame.duration or 0) * (frame.time_base or 0))
             if left > 0.5 / float(stream.average_rate or 1):
                 raise LfsrError(f"{path} ends {left:.1f} s earlier than it says: replace it")
@@ -333,21 +289,31 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
                             f"{MOST_PIXELS // 10**6} million are imported: choose one with --display, or make it "
                             "smaller")
         tile = size[0] // quilt.grid[0], size[1] // quilt.grid[1]
-        display, name = _quilt_display(tile, scale, geometry, quilt, tell), without_suffix(source.stem)
-        taken = read_quilt(source, quilt)
+        name = without_suffix(source.stem)
+        display = _display(tile, (math.prod(quilt.grid), 1), scale, geometry, known, tell, quilt)
+        views = _views(read_quilt(source, quilt), geometry, quilt.aspect, geometry.angle_deg, equal_angles=True)
     else:
         if output.resolve() == source.resolve():
             raise LfsrError(f"{output} holds the views themselves, expected another folder for the frame: choose one")
         columns, lengths = _hci_parameters(source / PARAMETERS_FILE)
         files = find_views(source, columns)
-        files = files.square(tell) if geometry.display is None else files
+        down, across = len(files), len(files[0])
+        if geometry.display is None and across == 1:
+            raise LfsrError(f"the folder has {across}×{down} cameras, but a display needs at least two beside each "
+                            "other: check the names")
+        if geometry.display is None and down not in (across, 1):  # the cameras in the middle, as many down as across
+            side = min(across, down)
+            top, left = (down - side) // 2, (across - side) // 2
+            tell(Notice("cameras-cut", {"side": side, "across": across, "down": down}))
+            files, across, down = [row[left:left + side] for row in files[top:top + side]], side, side
+        size = image_size(files[0][0])
         if lengths:
             focal, sensor, baseline, focus = lengths
-            known = {"width_mm": focus * sensor / focal * files.size[0] / max(files.size), "distance_mm": focus,
-                     "angle_deg": 2 * math.degrees(math.atan(baseline * files.count[0] / 2 / focus))}
-        display, name = _display(files.size, files.count, scale, geometry, known, tell), source.resolve().name
-        taken = Source(read_views(files, tell), files.size[0] / files.size[1], equal_angles=False)
-    views = _views(taken, geometry, geometry.angle_deg or known.get("angle_deg"))
+            known = {"width_mm": focus * sensor / focal * size[0] / max(size), "distance_mm": focus,
+                     "angle_deg": 2 * math.degrees(math.atan(baseline * across / 2 / focus))}
+        display, name = _display(size, (across, down), scale, geometry, known, tell), source.resolve().name
+        views = _views(read_views(files, tell), geometry, size[0] / size[1],
+                       geometry.angle_deg or known.get("angle_deg"), equal_angles=False)
     _write(output, _frame(display, scale, name), views)
     tell(Progress("import", 1.0, str(output)))
     return display
@@ -357,11 +323,11 @@ def _import_film(source: Path, output: Path, quilt: Quilt, geometry: ImportGeome
     with system_errors():
         content = file_digest(source)
     display: DisplayProfile | None = None
-    for number, (taken, count) in enumerate(read_film(source, quilt), start=1):
+    for number, (views, count) in enumerate(read_film(source, quilt), start=1):
         of_all = f" of {count}" if count else ""
         tell(Progress("import", (number - 1) / max(count, number), f"frame {number}{of_all}"))
-        tile = taken.views.shape[3], taken.views.shape[2]
-        display = _quilt_display(tile, 1, geometry, quilt, tell if number == 1 else silent)
+        _, tiles, height, width, _ = views.shape
+        display = _display((width, height), (tiles, 1), 1, geometry, {}, tell if number == 1 else silent, quilt)
         frame = dataclasses.replace(_frame(display, 1, without_suffix(source.stem)), frame=number, content=content)
         folder = FrameFolder.of_frame(output, number).path
         if is_there := (folder / FRAME_FILE).exists():
@@ -370,7 +336,7 @@ def _import_film(source: Path, output: Path, quilt: Quilt, geometry: ImportGeome
                 raise LfsrError(f"{folder} holds a frame of another film, or for another display: choose another "
                                 "folder")
         if not (is_there and (folder / LOW_RES_FILE).is_file()):
-            _write(folder, frame, _views(taken, geometry, geometry.angle_deg))
+            _write(folder, frame, _views(views, geometry, quilt.aspect, geometry.angle_deg, equal_angles=True))
         if not all((folder / name).is_file() for name in (EIA_FILE, *((PANEL_FILE,) if display.is_woven else ()))):
             finish_frame(folder, "none")
     if display is None:
@@ -383,25 +349,27 @@ def _frame(display: DisplayProfile, scale: int, name: str) -> Frame:
     return Frame(display, scale, CameraArray.for_display(display, display.panel_mm[0]), IDENTITY, SAMPLES, scene=name)
 
 
-def _views(taken: Source, geometry: ImportGeometry, angle_deg: float | None) -> Array:
+def _views(taken: Array, geometry: ImportGeometry, aspect: float, angle_deg: float | None, *,
+           equal_angles: bool) -> Array:
     """Views (rows, columns, height, width, 3) uint8 in their order, made for the display if one was chosen.
 
-    ``angle_deg``: over which the cameras are spread horizontally; beyond it the outermost view repeats. None: the
-    display's own angle.
+    ``taken``: the same, row 0 the topmost cameras; ``aspect``: width / height of the picture, whose pixels need not be
+    square; ``angle_deg``: over which the cameras are spread horizontally, None for the display's own angle, beyond
+    which the outermost view repeats; ``equal_angles``: neighbouring cameras differ by one angle, else by one distance.
     """
-    views = taken.views[::-1 if "y" in geometry.mirror else 1, ::-1 if "x" in geometry.mirror else 1]
+    views = taken[::-1 if "y" in geometry.mirror else 1, ::-1 if "x" in geometry.mirror else 1]
     display = geometry.display
     if display is None:
         return views
-    wider = taken.aspect / (display.panel_mm[0] / display.panel_mm[1])
+    wider = aspect / (display.panel_mm[0] / display.panel_mm[1])
     across = max(1.0, wider) if geometry.fill else min(1.0, wider)
     covers = (across, across / wider)
     shown = np.stack([[resized(view, display.lenses, covers) for view in row] for row in views])
-    angle, (down, count) = math.radians(angle_deg or display.viewing_angle_deg), taken.views.shape[:2]
+    angle, (down, count) = math.radians(angle_deg or display.viewing_angle_deg), taken.shape[:2]
     right, up = ((np.arange(n) + 0.5 - n / 2) * display.camera_spacing_mm / display.viewing_distance_mm
                  for n in display.views)  # tangents of the display's cameras
     span = 2 * math.tan(angle / 2)
-    columns = ((np.arctan(right) / angle if taken.equal_angles else right / span) + 0.5) * count - 0.5
+    columns = ((np.arctan(right) / angle if equal_angles else right / span) + 0.5) * count - 0.5
     rows = up / span * count + (down - 1) / 2  # as far apart as columns
     return np.stack([np.stack([view_between(shown, column, row) for column in columns]) for row in rows])
 
@@ -420,19 +388,14 @@ def _write(output: Path, frame: Frame, views: Array) -> None:
         replace_files(staged, output, DERIVED_FILES if (output / FRAME_FILE).exists() else ())
 
 
-def _quilt_display(tile: Pair, scale: int, geometry: ImportGeometry, quilt: Quilt, tell: Tell) -> DisplayProfile:
-    if quilt.assumed is not None:
-        tell(quilt.assumed)
-    defaults = DEFAULTS | {"angle_deg": QUILT_ANGLE}
-    return _display(tile, (math.prod(quilt.grid), 1), scale, geometry, {}, tell, defaults, quilt.aspect)
-
-
 def _display(size: Pair, count: Pair, scale: int, given: ImportGeometry, known: dict[str, float],
-             tell: Tell, defaults: dict[str, float] = DEFAULTS, aspect: float | None = None) -> DisplayProfile:
+             tell: Tell, quilt: Quilt | None = None) -> DisplayProfile:
     """The chosen display, or one whose lenses are the pixels of the views; tells what is assumed.
 
-    ``size`` of the views, ``count`` of cameras (across, down); ``aspect`` of the picture, None: pixels are square.
+    ``size`` of the views, ``count`` of cameras (across, down).
     """
+    if quilt is not None and quilt.assumed is not None:
+        tell(quilt.assumed)
     if not 1 <= scale <= MOST_SCALE:
         raise LfsrError(f"scale is {scale}, but it must be a whole number from 1 to {MOST_SCALE}")
     if given.display is not None:
@@ -445,11 +408,12 @@ def _display(size: Pair, count: Pair, scale: int, given: ImportGeometry, known: 
             tell(Notice("angle-assumed", {"angle_deg": given.display.viewing_angle_deg}))
         return given.display
     known = known | {name: value for name in DEFAULTS if (value := getattr(given, name)) is not None}
+    defaults = DEFAULTS | ({} if quilt is None else {"angle_deg": QUILT_ANGLE})
     if assumed := {name: value for name, value in defaults.items() if name not in known}:
         tell(Notice("geometry-assumed", assumed))
     (width, height), (across, down), chosen = size, count, defaults | known
     views = (across * scale, down * scale if down > 1 else 1)
-    panel_mm = chosen["width_mm"], chosen["width_mm"] / (aspect or width / height)
+    panel_mm = chosen["width_mm"], chosen["width_mm"] / (quilt.aspect if quilt else width / height)
     return DisplayProfile(
         NAME, (width * views[0], height * views[1]), panel_mm, (width, height), views, chosen["distance_mm"],
         chosen["angle_deg"], description=f"{across}×{down} views of another program or camera")

@@ -60,15 +60,6 @@ class Device:
         return calibration_of(self.data, f"the calibration of display {self.name!r} in Bridge")
 
 
-@dataclasses.dataclass(frozen=True)
-class Quilt:
-    """A file that holds a quilt, or a film of quilts."""
-
-    path: Path
-    grid: tuple[int, int]  # columns and rows
-    aspect: float | None  # width / height of a view as it is seen, None for the panel's
-
-
 class Bridge:
     """A session with Bridge, the maker's program; LfsrError if it does not run.
 
@@ -102,13 +93,14 @@ class Bridge:
                             "and start it again")
         return sorted(devices, key=lambda device: device.index)
 
-    def play(self, quilt: Quilt, device: Device) -> None:
-        """Show a quilt, or a film of quilts over and over, instead of what is shown now."""
-        name = f"lfsr-{secrets.token_hex(8)}"
+    def play(self, path: Path, device: Device) -> None:
+        """Show a quilt, or a film of quilts over and over, instead of what is shown now; its name says its tiles."""
+        name, said = f"lfsr-{secrets.token_hex(8)}", read_quilt_name(path.stem)
+        assert said is not None, "of what is played"
         self._put("instance_playlist", name=name, loop=True)
-        columns, rows = quilt.grid
-        self._put("insert_playlist_entry", name=name, id=0, index=0, uri=str(quilt.path.resolve()), rows=rows,
-                  cols=columns, aspect=quilt.aspect or _aspect(device, 1.0), view_count=columns * rows, isRGBD=0,
+        columns, rows = said.grid
+        self._put("insert_playlist_entry", name=name, id=0, index=0, uri=str(path.resolve()), rows=rows,
+                  cols=columns, aspect=said.aspect or _aspect(device, 1.0), view_count=columns * rows, isRGBD=0,
                   focus=0, zoom=1, crop_pos_x=0, crop_pos_y=0, tag="", durationMS=STILL_MS)
         self._put("show_window", show_window=True, head_index=device.index)
         self._put("play_playlist", name=name, head_index=device.index)
@@ -210,7 +202,7 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: 
                        export(frames[0], "quilt", options=dataclasses.replace(options, fps=None)))
     elif not path.is_file():
         raise LfsrError(f"{path} does not exist, expected a frame folder, a quilt or another image: check the path")
-    elif is_quilt(path) and display != SCREEN:
+    elif (named := read_quilt_name(path.stem)) and min(named.grid) > 0 and display != SCREEN:
         bridge = Bridge()
         found = bridge, chosen(bridge.devices(), display)
     else:
@@ -227,9 +219,7 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: 
     if found is None:
         write_screen_page(page, images, seconds)
         return Shown("The browser shows it full screen: move its window to the display and click into it", page)
-    named = read_quilt_name(path.stem)
-    assert named is not None, "of what is played"
-    found[0].play(Quilt(path, *named), found[1])
+    found[0].play(path, found[1])
     return Shown(f"{path.name} is shown on {found[1].name} ({found[1].hardware})")
 
 
@@ -247,12 +237,6 @@ def find_display(folder: Path, display: str | None = None) -> tuple[Bridge, Devi
         return None
     bridge = Bridge()
     return bridge, chosen(bridge.devices(), display, profile.panel_mm[0] / profile.panel_mm[1])
-
-
-def is_quilt(path: Path) -> bool:
-    """Whether a file's name says that it is a quilt."""
-    named = read_quilt_name(path.stem)
-    return named is not None and min(named.grid) > 0
 
 
 def write_screen_page(path: Path, images: Sequence[Path], seconds: float) -> None:

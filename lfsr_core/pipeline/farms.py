@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import platform
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path, write_json
@@ -27,80 +25,57 @@ FLAMENCO_PLATFORMS = {"Linux": "linux", "Darwin": "darwin", "Windows": "windows"
 LINEAR_EXR = {True: "--linear-exr", False: "--no-linear-exr"}
 
 
-@dataclasses.dataclass(frozen=True)
-class FarmJob:
-    """An animation to be rendered by a farm; LfsrError on what no farm can do."""
-
-    request: Request  # its output is the folder of the frames' folders, its scene a file that every worker sees
-    finish: Finish
-    frames: tuple[int, ...]
-    parts: int = 1  # into which each frame is split, by rows of lenses
-    display: str = ""  # file of the display's profile, empty for the built-in one of its name
-
-    def __post_init__(self) -> None:
-        most = min(MOST_PARTS, self.request.display.lenses[1])
-        if not 1 <= self.parts <= most:
-            raise LfsrError(f"parts are {self.parts}, but they must be 1 to {most} on display "
-                            f"{self.request.display.name}")
-
-    @property
-    def values(self) -> dict[str, Any]:
-        """Settings by their names in the templates; Flamenco's are in lower case."""
-        request, sampling, finish = self.request, self.request.sampling, self.finish
-        return {"Output": request.output, "Parts": self.parts, "Display": self.display or request.display.name,
-                "Scale": str(sampling.scale),
-                "Rays": sampling.samples / request.display.finished_pixels(sampling.scale),
-                "Seed": request.seed, "Light": request.light, "Device": request.device, "Method": finish.method,
-                "Linear": LINEAR_EXR[finish.linear_exr], "TemporalAveraging": finish.temporal_averaging}
-
-
-@dataclasses.dataclass(frozen=True)
-class Submission:
-    """Files of a job, and how to submit it."""
-
-    files: tuple[Path, ...]
-    command: str  # that starts it
-    note: str  # a sentence to know with it
-
-
 def write_template(farm: str, output: Path) -> None:
     """Write the template of a farm in TEMPLATES."""
     with atomic_path(output) as temporary:
         temporary.write_bytes((TEMPLATE_FOLDER / TEMPLATES[farm]).read_bytes())
 
 
-def write_job(farm: str, folder: Path, job: FarmJob) -> Submission:
-    """Write the template and the settings of a job into ``folder``; LfsrError where that fails.
+def write_job(farm: str, folder: Path, request: Request, finish: Finish, frames: Sequence[int], parts: int = 1,
+              display: str = "") -> tuple[str, str]:
+    """Write an animation's job into ``folder``; return the command that starts it, and a sentence to know with it.
 
     For OpenJD a job bundle: AWS Deadline Cloud reads ``parameter_values``, openjd-cli the plain parameters. For
     Flamenco a job type for the manager, and a new job as its interface reads it.
+
+    Parameters
+    ----------
+    request : its output is the folder of the frames' folders, its scene a file that every worker sees
+    parts : into which each frame is split, by rows of lenses
+    display : file of the display's profile, empty for the built-in one of its name
+
+    LfsrError for parts that no farm can do, or where a file cannot be written.
     """
-    scene, frames = job.request.scene, _ranges(job.frames)
+    most = min(MOST_PARTS, request.display.lenses[1])
+    if not 1 <= parts <= most:
+        raise LfsrError(f"parts are {parts}, but they must be 1 to {most} on display {request.display.name}")
+    scene, sampling = request.scene, request.sampling
+    # By their names in the templates; Flamenco's are in lower case.
+    values = {"Output": request.output, "Parts": parts, "Display": display or request.display.name,
+              "Scale": str(sampling.scale), "Rays": sampling.samples / request.display.finished_pixels(sampling.scale),
+              "Seed": request.seed, "Light": request.light, "Device": request.device, "Method": finish.method,
+              "Linear": LINEAR_EXR[finish.linear_exr], "TemporalAveraging": finish.temporal_averaging}
+    # As OpenJD writes them: 1-48, 1-48:2 if all steps are equal, else a list.
+    listed, steps = ",".join(map(str, frames)), {second - first for first, second in itertools.pairwise(frames)}
+    step = min(steps, default=0)
+    ranges = f"{frames[0]}-{frames[-1]}{f':{step}' if step > 1 else ''}" if len(steps) == 1 and step > 0 else listed
     if farm == OPENJD:
-        values = {"Scene": scene, "Frames": frames} | job.values
-        template, plain, bundle = folder / "template.yaml", folder / "parameters.json", folder / "parameter_values.json"
+        values = {"Scene": scene, "Frames": ranges} | values
+        template, plain = folder / "template.yaml", folder / "parameters.json"
         write_template(OPENJD, template)
         write_json(plain, values)
-        write_json(bundle, {"parameterValues": [{"name": name, "value": value} for name, value in values.items()]})
+        write_json(folder / "parameter_values.json",
+                   {"parameterValues": [{"name": name, "value": value} for name, value in values.items()]})
         words = ["openjd", "run", str(template), "-p", f"file://{plain}", "--step", "Finish", "--run-dependencies"]
-        return Submission((template, plain, bundle), shlex.join(words),
-                          f"That runs it on this machine; for AWS Deadline Cloud: deadline bundle gui-submit {folder}")
+        return (shlex.join(words),
+                f"That runs it on this machine; for AWS Deadline Cloud: deadline bundle gui-submit {folder}")
     script, data = folder / f"{FLAMENCO_TYPE}.js", folder / "flamenco-job.json"
     write_template(FLAMENCO, script)
     write_json(data, {
-        "name": f"{Path(scene).stem} {frames}", "type": FLAMENCO_TYPE, "priority": FLAMENCO_PRIORITY,
+        "name": f"{Path(scene).stem} {ranges}", "type": FLAMENCO_TYPE, "priority": FLAMENCO_PRIORITY,
         "submitter_platform": FLAMENCO_PLATFORMS.get(platform.system(), "linux"),
-        "settings": {"blendfile": scene, "frames": ",".join(map(str, job.frames)), "lfsr": "lfsr"}
-        | {name.lower(): value for name, value in job.values.items()}})
+        "settings": {"blendfile": scene, "frames": listed, "lfsr": "lfsr"}
+        | {name.lower(): value for name, value in values.items()}})
     words = ["curl", "-H", "Content-Type: application/json", "--data", f"@{data}", "http://MANAGER:8080/api/v3/jobs"]
-    return Submission((script, data), shlex.join(words),
-                      f"Put your manager in place of MANAGER, once {script.name} is in its folder scripts")
-
-
-def _ranges(frames: Sequence[int]) -> str:
-    """Return frames as OpenJD writes them: ``1-48``, ``1-48:2`` if all steps are equal, else a list."""
-    steps = {second - first for first, second in itertools.pairwise(frames)}
-    if len(steps) != 1 or min(steps) < 1:
-        return ",".join(map(str, frames))
-    step = steps.pop()
-    return f"{frames[0]}-{frames[-1]}" + (f":{step}" if step > 1 else "")
+    return (shlex.join(words),
+            f"Put your manager in place of MANAGER, once {script.name} is in its folder scripts")

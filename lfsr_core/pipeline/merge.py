@@ -17,14 +17,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import staging_folder, system_errors
 from lfsr_core.base.notices import Progress, Tell, silent
 from lfsr_core.frames.folder import RENDERED_FILES, FrameFolder, first_difference, has_other_size, phrases
-from lfsr_core.frames.frame import (
-    DEVICES_JOINED,
-    FRAME_FILE,
-    REFERENCE_FILES,
-    WORLD_FILE,
-    Frame,
-    write_frame,
-)
+from lfsr_core.frames.frame import DEVICES_JOINED, FRAME_FILE, REFERENCE_FILES, WORLD_FILE, Frame, write_frame
 from lfsr_core.images import exr
 from lfsr_core.optics.lenses import check_cover, pixel_rows, rows_text
 

@@ -16,13 +16,13 @@ from hypothesis import strategies as st
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.exports import loopback
-from lfsr_core.exports.show import Bridge, Quilt, chosen
+from lfsr_core.exports.show import Bridge, chosen
 from tests.support.bridge import MONITOR, PORTRAIT, TOKEN
 from tests.support.told import refuses
 
 CALLS = ("enter_orchestration", "available_output_devices", "instance_playlist", "insert_playlist_entry", "show_window",
          "play_playlist")
-QUILTS = [Quilt(Path(f"/films/{name}_qs8x6a0.75.png"), (8, 6), 0.75) for name in "abc"]
+QUILTS = [Path(f"/films/{name}_qs8x6a0.75.png") for name in "abc"]
 
 
 def test_displays_with_lenses_are_listed(bridge):
@@ -39,7 +39,7 @@ def test_each_show_replaces_the_last_once_it_is_complete_and_bridge_is_told_all_
     for quilt in QUILTS:
         session = Bridge()
         session.play(quilt, session.devices()[0])
-        assert stand_in.shown == [str(quilt.path.resolve())]
+        assert stand_in.shown == [str(quilt.resolve())]
     assert "delete_playlist" not in stand_in.endpoints
     session = Bridge()
     portrait = session.devices()[0]
@@ -47,7 +47,7 @@ def test_each_show_replaces_the_last_once_it_is_complete_and_bridge_is_told_all_
     before = len(stand_in.requests)
     session.play(QUILTS[1], portrait)
     shown = [request["shown"] for request in stand_in.requests[before:]]
-    first, second = ([str(quilt.path.resolve())] for quilt in QUILTS[:2])
+    first, second = ([str(quilt.resolve())] for quilt in QUILTS[:2])
     assert shown == [first] * (len(shown) - 1) + [second]
     session = Bridge()
     session.play(QUILTS[0], session.devices()[1])

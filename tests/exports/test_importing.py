@@ -259,7 +259,7 @@ def test_tiles_in_other_orders(tmp_path, top_first, mirror):
 def test_grids_and_aspects_as_names_and_people_give_them(tmp_path):
     path = tmp_path / "q_qs5x9a1.6.png"
     write_png(path, np.zeros((4096 // 8, 4096 // 8, 3), np.uint8))
-    assert quilts.read_quilt(path, quilt_of(path)).views.shape == (1, 45, 56, 102, 3)
+    assert quilts.read_quilt(path, quilt_of(path)).shape == (1, 45, 56, 102, 3)
     for name, shape, expected, noted in [
         ("q_qs8x6a0.75", None, Quilt((8, 6), 0.75), False), ("plain", "8x6a0.5", Quilt((8, 6), 0.5), False),
         ("q_qs8x6a0.75", "4x12", Quilt((4, 12), 0.75), False), ("plain", "5x9", Quilt((5, 9), 16 / 9), True)]:
@@ -403,7 +403,7 @@ def test_a_film_without_a_word_on_its_colours(tmp_path):
         made.mux(stream.encode(frame.reformat(format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")))
         made.mux(stream.encode())
     ((taken, count),) = quilts.read_film(path, quilt_of(path))
-    assert count == 1 and np.abs(taken.views.astype(int) - (200, 60, 30)).max() <= 3
+    assert count == 1 and np.abs(taken.astype(int) - (200, 60, 30)).max() <= 3
 
 
 def test_quilts_and_films_that_cannot_be_read(tmp_path, monkeypatch):
@@ -446,9 +446,9 @@ def test_images_in_other_formats(tmp_path):
     path = tmp_path / "q_qs2x2a1.png"
     flat = np.array([[[40, 90, 200], [220, 120, 30]], [[10, 180, 60], [128, 128, 128]]], np.uint8)
     write_png(path, flat.repeat(64, 0).repeat(64, 1))
-    wanted = quilts.read_quilt(path, quilt_of(path)).views.astype(int)
+    wanted = quilts.read_quilt(path, quilt_of(path)).astype(int)
     for ending, most in ((".jpg", 3), (".webp", 3)):
         other = path.with_suffix(ending)
         Image.open(path).save(other, quality=95)
-        found = quilts.read_quilt(other, quilt_of(other)).views
+        found = quilts.read_quilt(other, quilt_of(other))
         assert np.abs(found.astype(int) - wanted).mean() < most

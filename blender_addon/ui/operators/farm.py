@@ -11,7 +11,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path, system_errors
 from lfsr_core.frames.folder import FARM_COPY
-from lfsr_core.pipeline.farms import FarmJob, Submission, write_job
+from lfsr_core.pipeline.farms import write_job
 
 from ...jobs import asked, images, session
 from ...jobs.task import save_copy
@@ -54,15 +54,15 @@ class LFSR_OT_submit(AsksForFile, bpy.types.Operator):
         if not self.directory.strip():
             raise LfsrError("no folder is chosen for the farm's job: give one that every machine of the farm can see")
         folder = folders.absolute(self.directory, "the folder of the job")
-        written = submit(context.scene, self.farm, folder, self.parts)
-        context.window_manager.clipboard = written.command
-        print(f"Light Field: the job is in {folder}. Next (in the clipboard): {written.command}")
-        session.tell(f"The job is in the folder {folder.name}, and its next command in the clipboard. {written.note}",
+        command, note = submit(context.scene, self.farm, folder, self.parts)
+        context.window_manager.clipboard = command
+        print(f"Light Field: the job is in {folder}. Next (in the clipboard): {command}")
+        session.tell(f"The job is in the folder {folder.name}, and its next command in the clipboard. {note}",
                      "INFO")
         return {"FINISHED"}
 
 
-def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> Submission:
+def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> tuple[str, str]:
     """Write the job of the timeline's range for ``farm``, "openjd" or "flamenco", with ``parts`` parts per frame.
 
     A copy of the file, the farm's template and the panel's settings go into ``folder``, which is created where it is
@@ -87,7 +87,7 @@ def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> Submi
     with atomic_path(copy) as temporary:
         save_copy(temporary)
     request = dataclasses.replace(request, scene=str(copy))
-    return write_job(farm, folder, FarmJob(request, finish, frames, parts, display))
+    return write_job(farm, folder, request, finish, frames, parts, display)
 
 
 class LFSR_MT_submit(bpy.types.Menu):

@@ -68,7 +68,7 @@ class Likeness:
 def read_field(clones: Path, task: Task) -> Array:
     """Return the views (m, n, H, W, 3) uint8 of a task, with those to leave out; LfsrError where they are missing."""
     files = find_views(clones / FOLDERS[task.field])
-    across, down = files.count
+    across, down = len(files[0]), len(files)
     if task.first + task.made > across:
         raise LfsrError(f"{clones / FOLDERS[task.field]} has {across} views across, expected "
                         f"{task.first + task.made}: fetch the whole folder")
