@@ -25,15 +25,7 @@ from typing import Any
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import MOST_JSON_BYTES, parse_json, read_bytes
 from lfsr_core.base.records import check_within
-from lfsr_core.optics.display import (
-    MAX_OFFSET,
-    MAX_SLANT,
-    DisplayProfile,
-    Lenticular,
-    PanelShape,
-    Subpixels,
-    proposed_light_field,
-)
+from lfsr_core.optics.display import MAX_OFFSET, MAX_SLANT, DisplayProfile, Lenticular, Subpixels, proposed_light_field
 
 INCH = 25.4
 # Quilt of the models with so many pixels, by whether they have cells, as those of the third generation; a 16-inch and a
@@ -141,7 +133,7 @@ def profile_from_calibration(calibration: Calibration, name: str) -> DisplayProf
             cells = tuple(cells[(pixels[1] - 1 - number) % count] for number in range(count))
         subpixels = dataclasses.replace(subpixels, cells=tuple(
             tuple(-value if axis % 2 else value for axis, value in enumerate(cell)) for cell in cells))
-    lenses, views = proposed_light_field(PanelShape(pixels, panel_mm), sheet)
+    lenses, views = proposed_light_field(pixels, panel_mm, sheet)
     serial = f" {calibration.serial}" if calibration.serial else ""
     return DisplayProfile(
         name, pixels, panel_mm, lenses, views, DISTANCE_BY_HEIGHT * panel_mm[1],
@@ -159,7 +151,7 @@ def profile_of_c1(slope: float, interval: float, x0: float, name: str = "cubevi-
     # Our stripes begin a third of a pixel earlier, pixels are counted from 0 and rows from the bottom.
     center = -(x0 + 2.5 + 3 * (C1_PIXELS[1] + 0.5) * slope) / interval
     sheet = Lenticular(interval / 3 * C1_PIXEL_MM * math.cos(math.atan(slope)), -slope, center % 1)
-    lenses, _ = proposed_light_field(PanelShape(C1_PIXELS, panel_mm), sheet)
+    lenses, _ = proposed_light_field(C1_PIXELS, panel_mm, sheet)
     return DisplayProfile(
         name, C1_PIXELS, panel_mm, lenses, (C1_VIEWS, 1), DISTANCE_BY_HEIGHT * panel_mm[1], CONE, ei_order="direct",
         description=f"CubeVi C1 of slope {slope:g}, interval {interval:g}, x0 {x0:g}.", subpixels=Subpixels("rgb"),

@@ -12,14 +12,7 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, cleaned
 from lfsr_core.commands.common import position
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.optics.display import (
-    DisplayProfile,
-    PanelShape,
-    builtin_names,
-    load_display,
-    proposed_light_field,
-    write_profile,
-)
+from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display, proposed_light_field, write_profile
 
 
 def displays_arguments(parser: argparse.ArgumentParser) -> None:
@@ -178,7 +171,7 @@ def _sheet(profile: DisplayProfile) -> list[tuple[str, str]]:
                                f"leaning {math.degrees(math.atan(cylinders.slant)):.4g}°"),
                  ("tilt", f"{cylinders.slant * height / width:.7f} panel heights per width"),
                  ("subpixels per cylinder", f"{3 * profile.panel_pixels[0] / across:.3f} in a row")]
-    lenses, views = proposed_light_field(PanelShape(profile.panel_pixels, profile.panel_mm), profile.sheet)
+    lenses, views = proposed_light_field(profile.panel_pixels, profile.panel_mm, profile.sheet)
     return [*rows,
             ("subpixels", f"{len(subpixels.cells)} cells, pixel x, y has number {subpixels.cell_rule}"
              if subpixels.cells else f"{subpixels.stripes} stripes".replace("white stripes", "in one place")),

@@ -72,7 +72,7 @@ def contact_sheet(image: Array, lenses: tuple[int, int], across: int = VIEWS_ACR
     # Each in the middle of an equal part of all views.
     rows, columns = (((np.arange(shown) + 0.5) * count / shown).astype(int)
                      for count in views.shape[:2] for shown in [min(count, across)])
-    times = _times(views.shape[3], LEAST_VIEW_WIDTH)
+    times = max(1, -(-LEAST_VIEW_WIDTH // views.shape[3]))
     shown = views[np.ix_(rows, columns)].repeat(times, axis=2).repeat(times, axis=3)
     padded = np.pad(shown, ((0, 0), (0, 0), (0, GAP_PIXELS), (0, GAP_PIXELS), (0, 0)), constant_values=255)
     return eia.from_elemental_images(padded)[:-GAP_PIXELS, :-GAP_PIXELS]
@@ -83,9 +83,12 @@ def epi_pair(image: Array, lenses: tuple[int, int]) -> tuple[Array, Array]:
 
     A slanted line is a point in depth, a vertical one lies on the display.
     """
-    px, py = eia.views_per_lens(image, lenses)
-    return (_enlarged(eia.horizontal_epi(image, lenses, lenses[1] // 2, py // 2)),
-            _enlarged(eia.vertical_epi(image, lenses, lenses[0] // 2, px // 2)))
+    views = eia.to_views(image, lenses)
+    (py, px), (sx, sy) = views.shape[:2], lenses
+    times = max(1, -(-LEAST_EPI_HEIGHT // px)), max(1, -(-LEAST_EPI_HEIGHT // py))
+    across, down = views[py // 2, :, sy // 2], views[:, px // 2, :, sx // 2]
+    return (across.repeat(times[0], axis=0).repeat(times[0], axis=1),
+            down.repeat(times[1], axis=0).repeat(times[1], axis=1))
 
 
 def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = None) -> list[Path]:
@@ -109,16 +112,6 @@ def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = 
     for name, pixels in images.items():
         write_png(folder / name, pixels)
     return [folder / name for name in images]
-
-
-def _enlarged(epi: Array) -> Array:
-    times = _times(epi.shape[0], LEAST_EPI_HEIGHT)
-    return epi.repeat(times, axis=0).repeat(times, axis=1)
-
-
-def _times(pixels: int, least: int) -> int:
-    """Return how often to repeat ``pixels`` to have at least ``least``."""
-    return max(1, -(-least // pixels))
 
 
 @dataclasses.dataclass(frozen=True)

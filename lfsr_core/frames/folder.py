@@ -32,8 +32,6 @@ ROOM = 70  # letters that the longest path in a staging folder has more than its
 PNG_END = b"IEND\xaeB`\x82"
 NUMBERED = re.compile(r"-?\d{3,}$")  # names of the folders of an animation's frames
 Facts = Mapping[str, object]  # what decides pixels, by name
-# Facts of the rays and their number; a render's folder is compared by these unless more are asked for.
-RAYS = ("display", "convention", "layout", "lens_list", "rows", "scale", "samples")
 PLACES = ("output", "parts", "world", "source", "allow_missing", "first_view")  # no pixel depends on them
 PLURAL = ("samples", "lens_list", "rows", "layers")
 SAMPLES = " samples per pixel"

@@ -107,11 +107,6 @@ class Frame:
             check_rows(self.rows, self.display.lenses[1])
 
     @property
-    def render_files(self) -> tuple[str, ...]:
-        """Files that the second stage reads, besides frame.json."""
-        return (LOW_RES_FILE, WORLD_FILE) if self.world_apart else (LOW_RES_FILE,)
-
-    @property
     def subpixels(self) -> PanelLayout | None:
         """Rays of the panel's subpixels in direct subpixel rendering, else None."""
         return PanelLayout(self.display, self.array) if self.layout == SUBPIXELS else None

@@ -52,7 +52,6 @@ METRIC_NAMES = ("p", "ssim_eia", "ssim_eia_fg", "ssim_lens", "ssim_lens_fg", "ps
                 "ssim_eia_plain", "ssim_ceiling", "flip")
 # For a reference of only some lenses: SSIM windows cannot cross into lenses that it does not show.
 SAMPLED_NAMES = ("p", "ssim_lens", "ssim_lens_fg", "psnr_fg", "ssim_lens_plain", "ssim_lens_ceiling", "flip")
-NO_FLIP = Notice("flip-missing")
 MIN_SAMPLES = 8
 SAME_AS_REFERENCE = ("display", "convention", "frame", "world_visible", "light")
 MOST_NAME = 60  # characters of a scene's name in a message
@@ -177,7 +176,7 @@ def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], 
     if mask.shape != lenses[::-1]:
         raise LfsrError(f"the foreground mask has shape {mask.shape}, expected {lenses[::-1]}, one entry per lens: "
                         "upscale the frame again")
-    notes = {} if flip_evaluator else {"notes": [to_data(NO_FLIP)]}
+    notes = {} if flip_evaluator else {"notes": [to_data(Notice("flip-missing"))]}
     if lens_list is not None:
         return _compare_sampled(image, halves, lenses, mask, lens_list) | notes
     for half in halves:

@@ -386,9 +386,10 @@ class DisplayProfile:
         if tables:
             data.setdefault("ei_order", "direct")
         if tables and ("lenses" not in data or "views" not in data):  # the light field is proposed
-            shape = from_data(PanelShape, {key: data.get(key) for key in ("panel_pixels", "panel_mm")}, source)
-            read: dict[str, Any] = {key: from_data(TABLES[key], data[key], f"{source}: {key}") for key in tables}
-            lenses, views = proposed_light_field(shape, read.get("lenslet") or read.get("lenticular"))
+            read: dict[str, Any] = {key: from_data(kind, data.get(key), f"{source}: {key}") for key, kind in (
+                ("panel_pixels", Pair), ("panel_mm", tuple[float, float]), *((key, TABLES[key]) for key in tables))}
+            lenses, views = proposed_light_field(read["panel_pixels"], read["panel_mm"],
+                                                 read.get("lenslet") or read.get("lenticular"))
             data = {"lenses": list(lenses), "views": list(views)} | data
         return from_data(cls, data, source)
 
@@ -416,35 +417,25 @@ def load_display(name_or_file: str | Path) -> DisplayProfile:
     return DisplayProfile.from_dict(data, source=str(path.name))
 
 
-@dataclasses.dataclass(frozen=True)
-class PanelShape:
-    """A panel's pixels and size; pairs are (horizontal, vertical)."""
-
-    panel_pixels: tuple[int, int]
-    panel_mm: tuple[float, float]
-
-    def __post_init__(self) -> None:
-        if min(self.panel_pixels) < 1 or max(self.panel_pixels) > MAX_PIXELS or min(self.panel_mm) <= 0:
-            raise LfsrError(f"panel_pixels is {self.panel_pixels} and panel_mm is {self.panel_mm}, but both must be "
-                            f"above 0 and pixels at most {MAX_PIXELS} a side")
-
-
-def proposed_light_field(panel: PanelShape, sheet: Sheet | None) -> tuple[Pair, Pair]:
-    """Return lenses and views of a light field that loses nothing on the panel.
+def proposed_light_field(pixels: Pair, panel_mm: tuple[float, float], sheet: Sheet | None) -> tuple[Pair, Pair]:
+    """Return lenses and views of a light field that loses nothing on a panel; LfsrError for no panel, or no sheet.
 
     Lenslets: one lens for every lens of the sheet and one view for every pixel behind it.
     Cylinders: one column for every cylinder, one row for two rows of pixels, and two views
     for every subpixel behind a cylinder, because neighbouring rows show views in between
     (docs/reference/displays.md). Views are rounded up to a multiple of 4.
     """
+    if min(pixels) < 1 or max(pixels) > MAX_PIXELS or min(panel_mm) <= 0:
+        raise LfsrError(f"panel_pixels is {pixels} and panel_mm is {panel_mm}, but both must be above 0 and pixels at "
+                        f"most {MAX_PIXELS} a side")
     if sheet is None:
         raise LfsrError("there is no lens sheet to propose a light field for: give lenses and views")
     if isinstance(sheet, Lenticular):
-        across = sheet.lenses_across(panel.panel_mm[0])
-        views = _up(VIEWS_PER_SUBPIXEL * 3 * panel.panel_pixels[0] / across, MULTIPLE)
-        return (_up(across), _up(panel.panel_pixels[1] / VIEWS_PER_SUBPIXEL)), (views, 1)
-    pixel, (pitch_x, pitch_y) = panel.panel_mm[0] / panel.panel_pixels[0], sheet.lenses.pitch_mm
-    lenses = _up(panel.panel_mm[0] / pitch_x), _up(panel.panel_mm[1] / pitch_y)
+        across = sheet.lenses_across(panel_mm[0])
+        views = _up(VIEWS_PER_SUBPIXEL * 3 * pixels[0] / across, MULTIPLE)
+        return (_up(across), _up(pixels[1] / VIEWS_PER_SUBPIXEL)), (views, 1)
+    pixel, (pitch_x, pitch_y) = panel_mm[0] / pixels[0], sheet.lenses.pitch_mm
+    lenses = _up(panel_mm[0] / pitch_x), _up(panel_mm[1] / pitch_y)
     # The cell of a lens in a hexagonal lattice is higher than the distance between rows.
     cell_y = pitch_y * (4 / 3 if sheet.packing == "hexagonal" else 1)
     return lenses, (_up(pitch_x / pixel, MULTIPLE), _up(cell_y / pixel, MULTIPLE))
@@ -472,16 +463,9 @@ def write_profile(path: str | Path, profile: DisplayProfile) -> None:
 def _lines(data: dict[str, Any], table: str) -> list[str]:
     """Lines of TOML: the plain values of ``data``, then a table for each nested record."""
     plain = {key: value for key, value in data.items() if not isinstance(value, dict) and value is not None}
-    lines = [f"{key} = {_value(value)}" for key, value in plain.items()]
+    # TOML writes numbers, truth values, lists and basic strings as JSON does.
+    lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in plain.items()]
     for key, value in data.items():
         if isinstance(value, dict):
             lines += ["", f"[{table}{key}]", *_lines(value, f"{table}{key}.")]
     return lines
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(_value, value))}]"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)  # TOML's basic strings have the same escapes
-    return str(value).lower() if isinstance(value, bool) else repr(value)

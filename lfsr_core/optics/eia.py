@@ -33,16 +33,6 @@ def from_views(views: Array) -> Array:
     return from_elemental_images(views.transpose(2, 3, 0, 1, 4))
 
 
-def horizontal_epi(eia: Array, lenses: tuple[int, int], lens_row: int, view_row: int) -> Array:
-    """Epipolar-plane image (px, sx, C) of one row of lenses and one row of views of an EIA (H, W, C)."""
-    return to_views(eia, lenses)[view_row, :, lens_row]
-
-
-def vertical_epi(eia: Array, lenses: tuple[int, int], lens_column: int, view_column: int) -> Array:
-    """Epipolar-plane image (py, sy, C) of one column of lenses and one column of views of an EIA (H, W, C)."""
-    return to_views(eia, lenses)[:, view_column, :, lens_column]
-
-
 def flip_order(eia: Array, lenses: tuple[int, int]) -> Array:
     """Reverse the pixels inside each EI in both axes: view order <-> panel order behind lenses."""
     return from_elemental_images(to_elemental_images(eia, lenses)[:, :, ::-1, ::-1])

@@ -1,4 +1,6 @@
-"""From a pixel of the encoded EIA to its ray: the reference for ``ray_layout.osl`` and for the lens card.
+"""Which ray each pixel of the encoded EIA sends: the numbers of a layout, and the lens card that renders it.
+
+``tests/support/reference_rays.py`` has the ray of each pixel, the reference for ``ray_layout.osl`` and for the card.
 
 Camera-array space is Cycles' camera space: origin at the viewing position, +X
 right, +Y up, +Z towards the display plane. The camera plane is z = 0, the
@@ -133,62 +135,6 @@ def view_offset(index: Array, count: int, spacing: float, convention: str = "cen
     if convention == "paper":
         return (index - count // 2) * spacing
     return (index + 0.5 - count / 2) * spacing
-
-
-def rays(layout: RayLayout, raster_x: Array, raster_y: Array,
-         random_x: Array | float = 0.5, random_y: Array | float = 0.5) -> tuple[Array, Array]:
-    """Rays of points of the image, in camera-array space.
-
-    Parameters
-    ----------
-    layout : which ray each pixel sends
-    raster_x, raster_y : in [0, 1), y up: the pixel; the place inside it chooses the point on the lens
-    random_x, random_y : in [0, 1), choose the point in the view's cell
-
-    Returns origins and unit directions, (..., 3) each.
-    """
-    width, height = layout.size
-    tile_x, view_x, place_x = _split(raster_x, width, layout.views[0])
-    tile_y, view_y, place_y = _split(raster_y, height, layout.views[1], downwards=True)
-    lens = layout.shown_lenses[tile_y, tile_x]
-    origin_x, target_x = _axis(layout, 0, lens[..., 1], view_x, place_x, random_x)
-    # Rows count downwards and the camera's Y upwards: the same formula, mirrored.
-    origin_y, target_y = _axis(layout, 1, lens[..., 0], view_y, place_y, 1 - np.asarray(random_y, float))
-    return directed((origin_x, -origin_y), (target_x, -target_y), layout.array.distance)
-
-
-def directed(origin: tuple[Array, Array], target: tuple[Array, Array], distance: float) -> tuple[Array, Array]:
-    """Origins and unit directions, (..., 3) each, of rays from the camera plane to a plane at ``distance``.
-
-    ``origin``, ``target``: (x, y) arrays that broadcast.
-    """
-    depth = np.full_like(target[0], distance)
-    start = np.stack(np.broadcast_arrays(*origin, 0.0 * depth), axis=-1)
-    direction = np.stack(np.broadcast_arrays(*target, depth), axis=-1) - start
-    return start, direction / np.linalg.norm(direction, axis=-1, keepdims=True)
-
-
-def _split(raster: Array, pixels: int, views: int, downwards: bool = False) -> tuple[Array, Array, Array]:
-    """Tile, view and place in the pixel of raster coordinates along one axis; a pixel includes its lower edge."""
-    position = np.clip(np.asarray(raster, float) * pixels, 0, pixels - 1e-9)
-    index = np.floor(position).astype(int)
-    place = position - index
-    if downwards:
-        index, place = pixels - 1 - index, 1 - place
-    return index // views, index % views, place
-
-
-def _axis(layout: RayLayout, axis: int, lens: Array, view: Array, place: Array,
-          random: Array | float) -> tuple[Array, Array]:
-    """Origin on the camera plane and target on the display plane along one axis."""
-    half = layout.array.half_size[axis]
-    views, lenses = layout.views[axis], layout.lenses[axis]
-    origin = view_offset(view, views, layout.spacing, layout.convention)
-    if layout.convention == "paper":
-        # Eq. (8): the target is the pixel's own place on the panel.
-        return origin, ((lens * views + view + place) / (lenses * views) * 2 - 1) * half
-    jitter = (np.asarray(random) - 0.5) * layout.cell[axis]
-    return origin + jitter, ((lens + place) / lenses * 2 - 1) * half
 
 
 @dataclasses.dataclass(frozen=True)

@@ -165,7 +165,6 @@ def read_low(folder: Path) -> LowResEIA:
 
 def averaging_notices(neighbours: Sequence[Neighbour]) -> list[Notice]:
     """Notices of neighbours that were not averaged: those with the same noise, and those that show other rays."""
-    same_seed = [each.number for each in neighbours if each.same_seed]
-    other_rays = [each.number for each in neighbours if not each.same_rays]
-    return [*([Notice("averaging-same-seed", {"frames": same_seed})] if same_seed else []),
-            *([Notice("averaging-other-rays", {"frames": other_rays})] if other_rays else [])]
+    numbers = {"averaging-same-seed": [each.number for each in neighbours if each.same_seed],
+               "averaging-other-rays": [each.number for each in neighbours if not each.same_rays]}
+    return [Notice(code, {"frames": frames}) for code, frames in numbers.items() if frames]

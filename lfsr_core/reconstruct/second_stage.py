@@ -23,17 +23,8 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.cores import MOST_THREADS, in_threads, peak_bytes, usable_cores
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
-from lfsr_core.frames.frame import (
-    EIA_FILE,
-    EIA_LINEAR_FILE,
-    LOW_RES_FILE,
-    MASK_FILE,
-    PANEL_FILE,
-    SUBPIXELS,
-    Frame,
-    read_frame,
-    read_rendered,
-)
+from lfsr_core.frames import frame as files
+from lfsr_core.frames.frame import SUBPIXELS, Frame, read_frame, read_rendered
 from lfsr_core.frames.low_res import (
     LowResEIA,
     foreground_mask,
@@ -85,19 +76,19 @@ def finish_into(folder: str | Path, staged: Path, finish: Finish | str, tell: Te
     frame, clock = work.frame, work.clock
     pixels, linear = work.panel_images(tell)
     if frame.display.is_woven:
-        tell(Progress("weave", 0.0, PANEL_FILE))
+        tell(Progress("weave", 0.0, files.PANEL_FILE))
         with clock("map"):
             mapped = cached_gather_map(frame.display)
         with clock("weave"):
             panel = weave(pixels, mapped)
         with clock("write"):
-            write_png(staged / PANEL_FILE, panel)
-    tell(Progress("write", 0.0, EIA_FILE))
+            write_png(staged / files.PANEL_FILE, panel)
+    tell(Progress("write", 0.0, files.EIA_FILE))
     with clock("write"):
-        write_png(staged / EIA_FILE, pixels)
-        write_mask(staged / MASK_FILE, work.mask)
+        write_png(staged / files.EIA_FILE, pixels)
+        write_mask(staged / files.MASK_FILE, work.mask)
         if linear is not None:
-            write_layers(staged / EIA_LINEAR_FILE, {"color": linear}, half=True)
+            write_layers(staged / files.EIA_LINEAR_FILE, {"color": linear}, half=True)
     lenses = np.argwhere(work.mask | work.fill)
     rows, columns = lenses[::len(lenses) // MOST_JUDGED + 1].T
     judged = to_elemental_images(pixels, frame.rays.tiles)[rows, columns]
@@ -148,7 +139,7 @@ def read_finished_linear(folder: str | Path) -> Array | None:
 
     LfsrError where the file is damaged or has another size than the frame.
     """
-    path, frame = Path(folder) / EIA_LINEAR_FILE, read_frame(folder)
+    path, frame = Path(folder) / files.EIA_LINEAR_FILE, read_frame(folder)
     if not path.exists():
         return None
     pixels, tiles = read_layers(path)["color"][..., :3].astype(np.float32), frame.rays.tiles
@@ -175,13 +166,13 @@ class _Work:
         self.background = np.asarray(frame.display.background, np.float32)  # (3,), scene-linear
         averaged, count = None, finish.temporal_averaging
         self.neighbours = neighbours_of(folder, frame, count) if count else []
-        tell(Progress("load", 0.0, LOW_RES_FILE))
+        tell(Progress("load", 0.0, files.LOW_RES_FILE))
         with ThreadPoolExecutor(1) as beside:
             # A table of the view transform takes as long as reading, and neither keeps all cores busy.
             show = beside.submit(ViewTransform, frame.color,
                                  math.prod((*frame.rays.tiles, *frame.display.views))) if shows else None
             with self.clock("load"):
-                layers, self.replaced = read_finite(folder / LOW_RES_FILE)  # pixels that were not finite
+                layers, self.replaced = read_finite(folder / files.LOW_RES_FILE)  # pixels that were not finite
                 if not self.method.upscaler.follows_depth:
                     layers.pop("position", None)
                 low = low_resolution(layers, frame, read_world(folder, frame))
@@ -249,9 +240,11 @@ class _Work:
             put(lenses, images)
 
         most = 1 if self.method.upscaler.thread_safe else None
-        with blas_threads(most), ThreadPoolExecutor(workers) as pool, self.clock.shared_by(workers):
+        self.clock.threads = workers
+        with blas_threads(most), ThreadPoolExecutor(workers) as pool:
             for done, _ in enumerate(pool.map(work, parts), start=1):
                 tell(Progress("upscale", done / len(parts), f"{done} of {len(parts)} steps"))
+        self.clock.threads = 1
 
 
 def _filler(method: Method, scale: int) -> Upscaler:
@@ -263,7 +256,8 @@ def _filler(method: Method, scale: int) -> Upscaler:
 def _report(frame: Frame, finish: Finish, clock: StageClock, **found: Any) -> Report:
     """Report of a frame, with what was ``found`` in the second stage."""
     return Report(finish=finish, display=frame.display.name, scale=frame.scale, samples=frame.samples,
-                  seconds=clock.rounded, peak_bytes=peak_bytes(), layout=frame.layout, device=frame.device, **found)
+                  seconds={stage: round(seconds, 4) for stage, seconds in clock.seconds.items()},
+                  peak_bytes=peak_bytes(), layout=frame.layout, device=frame.device, **found)
 
 
 def check_subpixels_finish(finish: Finish) -> None:
@@ -280,13 +274,13 @@ def _finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, 
     """Write the panel.png of a frame folder after direct subpixel rendering into the folder ``staged``."""
     check_subpixels_finish(finish)
     clock, said, method = StageClock(frame.seconds), list[Notice](), MethodName.parse(finish.method)
-    tell(Progress("load", 0.0, LOW_RES_FILE))
+    tell(Progress("load", 0.0, files.LOW_RES_FILE))
     with clock("load"):
-        layers, replaced = read_finite(folder / LOW_RES_FILE)
+        layers, replaced = read_finite(folder / files.LOW_RES_FILE)
     tell(Progress("denoise", 0.0, method.text))
     with clock("upscale"):
         image = linear_panel_image(layers, frame, method, said.append)
-    tell(Progress("color", 0.0, PANEL_FILE))
+    tell(Progress("color", 0.0, files.PANEL_FILE))
     with clock("color"):
         show = ViewTransform(frame.color, image.shape[0] * image.shape[1])
         pixels = np.empty(image.shape, np.uint8)
@@ -297,7 +291,7 @@ def _finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, 
 
         in_threads(work, range(0, len(image), ROWS_AT_ONCE))
     with clock("write"):
-        write_png(staged / PANEL_FILE, pixels)
+        write_png(staged / files.PANEL_FILE, pixels)
     background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]
     notes = (*frame.notes, *replaced_notices(replaced, layers["color"][..., 3].size), *said,
              *(unseen_notices(layers) or exposure_notices(pixels, background)))
@@ -323,19 +317,14 @@ def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: Method
 class StageClock:
     """``with clock("load"): ...`` adds the wall time of the block to ``seconds["load"]``.
 
-    Inside ``shared_by(n)`` n threads run at once and each block counts for 1/n, so that the stages add up to the time
+    While ``threads`` of them run at once each block counts for 1 / ``threads``, so that the stages add up to the time
     that passed. ``rendered``: seconds per step of the render, from its frame.
     """
 
     def __init__(self, rendered: Mapping[str, float] | None = None) -> None:
         self.seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
         self.seconds["render"] = float(sum((rendered or {}).get(step, 0.0) for step in ("open", "render")))
-        self._threads, self._lock = 1, threading.Lock()
-
-    @property
-    def rounded(self) -> dict[str, float]:
-        """Seconds per stage, for a report."""
-        return {stage: round(seconds, 4) for stage, seconds in self.seconds.items()}
+        self.threads, self._lock = 1, threading.Lock()
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
@@ -345,16 +334,7 @@ class StageClock:
         finally:
             passed = time.perf_counter() - started
             with self._lock:
-                self.seconds[stage] = self.seconds.get(stage, 0.0) + passed / self._threads
-
-    @contextmanager
-    def shared_by(self, threads: int) -> Iterator[None]:
-        """Divide the times of blocks by ``threads``, which run at once."""
-        self._threads = threads
-        try:
-            yield
-        finally:
-            self._threads = 1
+                self.seconds[stage] = self.seconds.get(stage, 0.0) + passed / self.threads
 
 
 def filled(size: tuple[int, int], color: Array) -> Array:

@@ -33,7 +33,7 @@ def test_every_row_makes_what_it_says_and_every_name_that_is_offered_is_one():
         assert part.text and part.kind in (methods.PREFILTER, methods.UPSCALER)
         made = part.make(None)
         assert callable(made) and isinstance(made, Upscaler) == (part.kind != methods.PREFILTER), name
-    for text in (DEFAULT_METHOD, *methods.COMPARED, *SUBPIXEL_METHODS, *methods.MENU, *methods.MORE):
+    for text in (DEFAULT_METHOD, *SUBPIXEL_METHODS, *methods.MENU, *methods.MORE):
         assert MethodName.parse(text).text == text
     for text in SUBPIXEL_METHODS:
         assert not any(part.needs_lenses for part in MethodName.parse(text).parts)
@@ -83,7 +83,8 @@ def test_weights_are_for_the_denoiser_that_takes_them():
 
 def test_threads_share_the_clock():
     clock = StageClock()
-    with clock.shared_by(2), ThreadPoolExecutor(2) as pool:
+    clock.threads = 2
+    with ThreadPoolExecutor(2) as pool:
         def work(_):
             with clock("upscale"):
                 time.sleep(0.2)

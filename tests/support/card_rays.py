@@ -9,7 +9,8 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.optics.panel.panel_card import PARTS, Linear, PanelCard, Rows
 from lfsr_core.optics.panel.subpixel_rays import PERIOD
-from lfsr_core.optics.rays import RIM, LensCard, RayLayout, directed, rays
+from lfsr_core.optics.rays import RIM, LensCard, RayLayout
+from tests.support.reference_rays import directed, rays
 
 Precision = type[np.floating[Any]]
 

@@ -12,10 +12,10 @@ from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.images.color import ColorSettings
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.optics.panel.subpixel_rays import panel_rays
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.optics.world_view import WorldImage
 from tests.support.card_rays import pixel_rays
+from tests.support.reference_rays import panel_rays
 
 MINI = load_display("mini")
 # Sixteen columns of eight views; a row of lenses for every second row of pixels of MINI.

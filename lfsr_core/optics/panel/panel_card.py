@@ -1,10 +1,10 @@
 """The panel card: a quad before an orthographic camera that turns its parallel rays into those of a panel's subpixels.
 
-Everything that ``panel_rays`` computes is linear in the place on the panel and in how far that place is from the
-centre of its elemental image. So the quad's corners store the linear parts, which Cycles interpolates, and the material
-only rounds, adds and multiplies; ``tests/support/card_rays.py`` repeats it. Elemental images are counted along the rows
-of their lattice, in which neighbours are nearest, and from row to row, the first axis square to the second: the nearest
-centre is then in the row below the place or above it.
+All that decides a ray (``tests/support/reference_rays.py``) is linear in the place on the panel and in how far that
+place is from the centre of its elemental image. So the quad's corners store the linear parts, which Cycles
+interpolates, and the material only rounds, adds and multiplies; ``tests/support/card_rays.py`` repeats it. Elemental
+images are counted along the rows of their lattice, in which neighbours are nearest, and from row to row, the first axis
+square to the second: the nearest centre is then in the row below the place or above it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.optics.display import Lenticular
 from lfsr_core.optics.panel.subpixel_rays import (
     PERIOD,
     Geometry,
@@ -75,23 +74,6 @@ class PanelCard:
         return bool(self.lens_steps.any())
 
 
-class _Sheet(NamedTuple):
-    """Of a kind of sheet, in millimetres; matrices are (2, 2), acting on columns."""
-
-    waves: Array  # place on the panel -> counts
-    phases: Array
-    lens: Array  # place on the panel -> where its ray crosses the lenses, without the steps
-    lens_shift: Array
-    images: Rows
-    lenses: Rows
-    start: Array  # the same on the camera plane
-    start_shift: Array
-    start_steps: Array
-    end_steps: Array
-    lens_steps: Array
-    extent: tuple[float, float]  # of what a subpixel lights on the plane of the lenses
-
-
 def panel_card(layout: PanelLayout, radius: float = math.inf, of_subpixels: bool = True) -> PanelCard:
     """Return the card of ``layout``, within ``radius`` of its centre.
 
@@ -100,17 +82,45 @@ def panel_card(layout: PanelLayout, radius: float = math.inf, of_subpixels: bool
     """
     display, array = layout.display, layout.array
     geometry = Geometry.of(display)
-    sheet = (_cylinders if display.lenticular else _lenses)(layout, geometry)
+    # In millimetres; matrices (2, 2) act on columns. From a place on the panel: the counts of elemental images (waves,
+    # phases), where its ray crosses the lenses without the steps (lens), and where it begins on the camera plane.
+    if cylinders := display.lenticular:
+        waves, phases = elemental_waves(display)
+        zone, nearer = display.views[0] * geometry.spacing, geometry.nearer
+        (across, along), none = np.array(cylinders.directions), np.zeros(2)
+        lens, lens_shift, start, start_shift = np.eye(2) * nearer, none, np.zeros((2, 2)), none
+        images = lenses = Rows(0, 1)
+        start_steps = np.array([[zone if cylinders.reversed else -zone, 0], [0, 0]])
+        # Square to the axes a ray crosses its cylinder's, along them it goes straight on.
+        step = along * zone * -along[0] * (1 - nearer) - across * cylinders.pitch_mm * nearer
+        end_steps = np.stack([step, none], -1)
+        lens_steps = np.stack([across * cylinders.pitch_mm * nearer, none], -1)
+        # Of what a subpixel lights on the plane of the lenses.
+        extent = math.hypot(1, cylinders.slant) * cylinders.pitch_mm * nearer, geometry.pixel[1] * nearer
+    else:
+        sheet = display.lenslet
+        assert sheet is not None
+        throw, elemental = geometry.distance / geometry.gap, elemental_lattice(sheet, geometry)
+        matrix, images_matrix = sheet.lenses.matrix(sheet.packing), elemental.matrix(sheet.packing)
+        short = short_steps(images_matrix)
+        steps, images = _by_rows(images_matrix @ short)
+        lens_steps, lenses = _by_rows(matrix @ short_steps(matrix))
+        waves = np.linalg.inv(steps)
+        phases = waves @ np.array(elemental.shift_mm)
+        counted = matrix @ short @ [[1, -images.shift], [0, 1]]  # a lens's place by the count of its elemental image
+        lens, lens_shift = counted @ waves, sheet.lenses.shift_mm - counted @ phases
+        start, start_shift = lens * (1 + throw) - np.eye(2) * throw, lens_shift * (1 + throw)
+        start_steps, end_steps, extent = -counted * (1 + throw), -counted, sheet.lenses.pitch_mm
     end_units = np.array([2 * array.half_width, 2 * array.half_height]) / geometry.lens_plane
     start_unit, pitch = array.spacing / geometry.spacing, np.diag(geometry.pixel)
     panel = np.array(display.panel_pixels)
     size = panel * (display.pixel_layout.count if of_subpixels else 1, 1)
-    pixel = float(np.mean(np.multiply(sheet.extent, end_units)))
+    pixel = float(np.mean(np.multiply(extent, end_units)))
     pixel *= min(1, max(MIN_SIZE, radius / pixel / (math.hypot(*size) / 2)))
     # Corners (4, 2) in pixels of the image, from its upper left corner; then of the panel, from its lower left one.
     places = UNIT * size + RIM * (2 * UNIT - 1)
     shown = (places / size - 0.5) * (1, -1) * np.where(display.flip, -1, 1) * panel
-    starts, ends = sheet.start * start_unit, end_units[:, None] * sheet.lens
+    starts, ends = start * start_unit, end_units[:, None] * lens
     ways, millimetres = ends - starts, shown @ pitch
     wide, high = display.pixel_layout.size
     table = np.zeros((PERIOD, PERIOD * PARTS, 3))
@@ -122,46 +132,13 @@ def panel_card(layout: PanelLayout, radius: float = math.inf, of_subpixels: bool
     return PanelCard(
         pixel=pixel, corners=(places - size / 2) * (1, -1) * pixel,
         places=(shown + panel / 2) * (PARTS, 1), mixes=not of_subpixels and display.pixel_layout.count > 1,
-        counts=Linear(millimetres @ sheet.waves.T - sheet.phases, sheet.waves @ pitch),
-        starts=Linear(millimetres @ starts.T + sheet.start_shift * start_unit, starts @ pitch),
-        ways=Linear(millimetres @ ways.T + sheet.lens_shift * end_units - sheet.start_shift * start_unit, ways @ pitch),
-        images=sheet.images, lenses=sheet.lenses, start_steps=sheet.start_steps * start_unit,
-        way_steps=end_units[:, None] * sheet.end_steps - sheet.start_steps * start_unit,
-        lens_steps=end_units[:, None] * sheet.lens_steps * layout.aperture,
+        counts=Linear(millimetres @ waves.T - phases, waves @ pitch),
+        starts=Linear(millimetres @ starts.T + start_shift * start_unit, starts @ pitch),
+        ways=Linear(millimetres @ ways.T + lens_shift * end_units - start_shift * start_unit, ways @ pitch),
+        images=images, lenses=lenses, start_steps=start_steps * start_unit,
+        way_steps=end_units[:, None] * end_steps - start_steps * start_unit,
+        lens_steps=end_units[:, None] * lens_steps * layout.aperture,
         table=table, stretch=(wide - 1 / PARTS, high - 1) if display.pixel_layout.cells else None)
-
-
-def _cylinders(layout: PanelLayout, geometry: Geometry) -> _Sheet:
-    display, sheet = layout.display, layout.display.sheet
-    assert isinstance(sheet, Lenticular)
-    waves, phases = elemental_waves(display)
-    zone, nearer = display.views[0] * geometry.spacing, geometry.nearer
-    (across, along), none = np.array(sheet.directions), np.zeros(2)
-    # Square to the axes a ray crosses its cylinder's, along them it goes straight on.
-    step = along * zone * -along[0] * (1 - nearer) - across * sheet.pitch_mm * nearer
-    row = math.hypot(1, sheet.slant) * sheet.pitch_mm * nearer, geometry.pixel[1] * nearer
-    return _Sheet(
-        waves, phases, np.eye(2) * nearer, none, Rows(0, 1), Rows(0, 1), np.zeros((2, 2)), none,
-        np.array([[zone if sheet.reversed else -zone, 0], [0, 0]]), np.stack([step, none], -1),
-        np.stack([across * sheet.pitch_mm * nearer, none], -1), row)
-
-
-def _lenses(layout: PanelLayout, geometry: Geometry) -> _Sheet:
-    sheet = layout.display.lenslet
-    assert sheet is not None
-    throw = geometry.distance / geometry.gap
-    elemental = elemental_lattice(sheet, geometry)
-    matrix, images_matrix = sheet.lenses.matrix(sheet.packing), elemental.matrix(sheet.packing)
-    short = short_steps(images_matrix)
-    steps, images = _by_rows(images_matrix @ short)
-    lens_steps, lenses = _by_rows(matrix @ short_steps(matrix))
-    waves = np.linalg.inv(steps)
-    phases = waves @ np.array(elemental.shift_mm)
-    counted = matrix @ short @ [[1, -images.shift], [0, 1]]  # a lens's place by the count of its elemental image
-    lens, shift = counted @ waves, sheet.lenses.shift_mm - counted @ phases
-    return _Sheet(
-        waves, phases, lens, shift, images, lenses, lens * (1 + throw) - np.eye(2) * throw, shift * (1 + throw),
-        -counted * (1 + throw), -counted, lens_steps, sheet.lenses.pitch_mm)
 
 
 def _by_rows(matrix: Array) -> tuple[Array, Rows]:

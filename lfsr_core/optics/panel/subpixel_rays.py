@@ -16,7 +16,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile, Lattice, Lenslet, Lenticular
-from lfsr_core.optics.rays import CameraArray, directed, view_offset
+from lfsr_core.optics.rays import CameraArray
 
 Pair = tuple[Array, Array]
 PERIOD = 4  # pixels after which every cell rule repeats
@@ -194,14 +194,6 @@ def elemental_lattice(sheet: Lenslet, geometry: Geometry) -> Lattice:
     return sheet.elemental_images or sheet.lenses.scaled(1 + geometry.gap / geometry.distance)
 
 
-class SubpixelTable(NamedTuple):
-    """Subpixels by pixel row (from the panel's bottom) and column, both modulo PERIOD; (PERIOD, PERIOD, n) each."""
-
-    right: Array  # offset from the pixel's centre, in pixels
-    up: Array
-    channel: Array  # 0 red … 2 blue; 0 if a subpixel shows all three
-
-
 @dataclasses.dataclass(frozen=True)
 class PanelLayout:
     """Which ray each pixel sends in a render of a panel's subpixels."""
@@ -236,62 +228,20 @@ def rendered_size(display: DisplayProfile) -> tuple[int, int]:
     return display.panel_pixels[0] * display.pixel_layout.count, display.panel_pixels[1]
 
 
-def subpixel_table(layout: PanelLayout) -> SubpixelTable:
-    """The subpixels of every pixel, from left to right in the panel's image."""
+def subpixel_table(layout: PanelLayout) -> tuple[Array, Array, Array]:
+    """The subpixels of every pixel, from left to right in the panel's image: (PERIOD, PERIOD, n) each.
+
+    By pixel row (from the panel's bottom) and column, both modulo PERIOD: offsets (right, up) from the pixel's centre
+    in pixels, and the channel, 0 red … 2 blue; 0 if a subpixel shows all three.
+    """
     if layout.display.pixel_layout.count == 1:
         zeros = np.zeros((PERIOD, PERIOD, 1))
-        return SubpixelTable(zeros, zeros, zeros.astype(int))
+        return zeros, zeros, zeros.astype(int)
     rows, columns = np.arange(PERIOD)[:, None], np.arange(PERIOD)
     each = [layout.display.pixel_layout.offsets(channel, rows, columns) for channel in range(CHANNELS)]
     right, up = (np.stack([np.broadcast_to(pair[axis], (PERIOD, PERIOD)) for pair in each], -1) for axis in (0, 1))
     order = np.argsort(-right if layout.display.flip[0] else right, axis=-1, kind="stable")
-    return SubpixelTable(np.take_along_axis(right, order, -1), np.take_along_axis(up, order, -1), order)
-
-
-def panel_rays(layout: PanelLayout, raster_x: Array, raster_y: Array, random_x: Array | float = 0.5,
-               random_y: Array | float = 0.5) -> tuple[Array, Array]:
-    """Rays of points of the rendered image: origins and unit directions, (..., 3) each, in camera-array space.
-
-    ``raster_x``, ``raster_y``, in [0, 1) and y up, are the subpixel and the place inside it; ``random_x`` and
-    ``random_y``, in [0, 1), choose the point on the lens.
-    """
-    display, array = layout.display, layout.array
-    # The subpixel, and the place in millimetres from the panel's centre, y up.
-    (across, down), pixel = display.panel_pixels, display.pixel_layout
-    at_x, at_y = (np.clip(np.asarray(raster, float) * pixels, 0, pixels - 1e-9)
-                  for raster, pixels in zip((raster_x, raster_y), layout.size, strict=True))
-    index, line = np.floor(at_x).astype(int), np.floor(at_y).astype(int)
-    row, column = _on_panel(layout, line, index // pixel.count)
-    (right, up, _), (wide, high) = subpixel_table(layout), pixel.size
-    entry = row % PERIOD, column % PERIOD, index % pixel.count
-    seen = point_rays(
-        display, ((column + 0.5 + right[entry] + (at_x - index - 0.5) * wide) / across - 0.5) * display.panel_mm[0],
-        ((row + 0.5 + up[entry] + (at_y - line - 0.5) * high) / down - 0.5) * display.panel_mm[1])
-    right, up = lens_points(display, np.asarray(random_x, float), np.asarray(random_y, float))
-    right, up = right * layout.aperture, up * layout.aperture
-    width, height = Geometry.of(display).lens_plane
-    target_x = ((seen.column + 0.5) / display.lenses[0] * 2 - 1 + 2 * right / width) * array.half_width
-    target_y = (1 - (seen.row + 0.5) / display.lenses[1] * 2 + 2 * up / height) * array.half_height
-    origin_x, origin_y = (view_offset(view, count, array.spacing)
-                          for view, count in zip((seen.view_x, seen.view_y), display.views, strict=True))
-    return directed((origin_x, -origin_y), (target_x, target_y), array.distance)
-
-
-def lens_points(display: DisplayProfile, first: Array, second: Array) -> tuple[Array, Array]:
-    """Millimetres (x, y) from the centre of a lens, or from a cylinder's axis, for two numbers in [0, 1).
-
-    Points cover evenly what lies nearer to that lens than to any other.
-    """
-    sheet = display.sheet
-    if isinstance(sheet, Lenticular):
-        geometry = Geometry.of(display)
-        off = (first - 0.5) * sheet.pitch_mm * geometry.distance / (geometry.distance + geometry.gap)
-        long = np.hypot(1, sheet.slant)
-        return off / long, off * sheet.slant / long
-    around = dataclasses.replace(sheet.lenses, shift_mm=(0.0, 0.0))
-    x, y = lattice_point(around, sheet.packing, first - 0.5, second - 0.5)
-    near_x, near_y = lattice_point(around, sheet.packing, *nearest_point(around, sheet.packing, x, y))
-    return x - near_x, y - near_y
+    return np.take_along_axis(right, order, -1), np.take_along_axis(up, order, -1), order
 
 
 def panel_image(layout: PanelLayout, rendered: Array) -> Array:
@@ -303,13 +253,8 @@ def panel_image(layout: PanelLayout, rendered: Array) -> Array:
         return rendered
     width, height = layout.display.panel_pixels
     by_pixel = rendered.reshape(height, width, CHANNELS, CHANNELS)
-    rows, columns = _on_panel(layout, np.arange(height)[::-1], np.arange(width))
-    channel = subpixel_table(layout).channel[rows[:, None] % PERIOD, columns % PERIOD]
+    flip = layout.display.flip  # whether the image is mirrored on the panel
+    rows, columns = np.arange(height)[::1 if flip[1] else -1], np.arange(width)[::-1 if flip[0] else 1]
+    channel = subpixel_table(layout)[2][rows[:, None] % PERIOD, columns % PERIOD]
     place = np.argsort(channel, axis=-1)  # of the subpixel that shows each colour
     return np.take_along_axis(by_pixel, place[:, :, None], 2)[:, :, 0]
-
-
-def _on_panel(layout: PanelLayout, rows: Array, columns: Array) -> tuple[Array, Array]:
-    """Rows (from the bottom) and columns of the panel for those of its image, which may be mirrored."""
-    (across, down), flip = layout.display.panel_pixels, layout.display.flip
-    return down - 1 - rows if flip[1] else rows, across - 1 - columns if flip[0] else columns

@@ -14,7 +14,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.optics.display import DisplayProfile, Lenticular
-from lfsr_core.optics.panel.subpixel_rays import Geometry, Pair, subpixel_places, subpixel_rays
+from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_places, subpixel_rays
 
 SAMPLES = 24  # rays per pixel of the result
 # Bases of the generalised golden ratio in four dimensions: points that fill the unit cube evenly.
@@ -118,25 +118,17 @@ def trace(profile: DisplayProfile, eye_mm: Point, x: Array, y: Array,
     if subpixels.count == 1:
         return SeenSubpixels(row, column, np.full(row.shape, -1), on_panel)
     if subpixels.cells:
-        return SeenSubpixels(*_nearest_subpixel(profile, (on_x, on_y), row, column), on_panel)
+        # Of the subpixels of the pixels around, the nearest.
+        best, found = np.full(on_x.shape, np.inf), [np.zeros(on_x.shape, int) for _ in range(3)]
+        for one, two, channel in itertools.product((-1, 0, 1), (-1, 0, 1), range(3)):
+            place = np.clip(row + one, 0, down - 1), np.clip(column + two, 0, across - 1), channel
+            at_x, at_y = subpixel_places(profile, channel, *place[:2])
+            far = (at_x - on_x) ** 2 + (at_y - on_y) ** 2
+            found = [np.where(far < best, new, old) for new, old in zip(place, found, strict=True)]
+            best = np.minimum(best, far)
+        return SeenSubpixels(*found, on_panel)
     third = np.floor(((on_x / width + 0.5) * across % 1) * 3).astype(int).clip(0, 2)
     return SeenSubpixels(row, column, third if subpixels.stripes == "rgb" else 2 - third, on_panel)
-
-
-def _nearest_subpixel(profile: DisplayProfile, point: Pair, near_row: Array,
-                      near_column: Array) -> tuple[Array, Array, Array]:
-    """Row, column and channel of the subpixel nearest to ``point`` among the pixels around a pixel."""
-    (across, down), (x, y) = profile.panel_pixels, point
-    best = np.full(x.shape, np.inf)
-    found_row, found_column, found_channel = (np.zeros(x.shape, int) for _ in range(3))
-    for one, two, channel in itertools.product((-1, 0, 1), (-1, 0, 1), range(3)):
-        row, column = np.clip(near_row + one, 0, down - 1), np.clip(near_column + two, 0, across - 1)
-        at_x, at_y = subpixel_places(profile, channel, row, column)
-        far = (at_x - x) ** 2 + (at_y - y) ** 2
-        nearer = far < best
-        found_row, found_column = np.where(nearer, row, found_row), np.where(nearer, column, found_column)
-        found_channel, best = np.where(nearer, channel, found_channel), np.minimum(best, far)
-    return found_row, found_column, found_channel
 
 
 def _filled(values: Array) -> Array:

@@ -69,8 +69,6 @@ SUBPIXEL_METHODS = ("oidn", AS_RENDERED)
 PLAIN_METHOD = "bilinear"  # after a denoiser more accurate than bicubic, see docs/results/measurements.md
 FAST_METHOD = f"denoise+{PLAIN_METHOD}"
 DEFAULT_METHOD = "denoise+pool"  # see docs/results/pooling.md
-# What studies compare the default with.
-COMPARED = (f"oidn+{PLAIN_METHOD}", "oidn+pool", FAST_METHOD)
 # Names in the panel's menu, with a title for a narrow sidebar and a line for the tooltip; and those under More.
 MENU = {
     DEFAULT_METHOD: ("Default", "Denoise, then make the missing views from every lens that sees the same point"),

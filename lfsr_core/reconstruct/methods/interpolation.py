@@ -45,11 +45,6 @@ def decode(encoded: Array, out: Array | None = None) -> Array:
     return linear
 
 
-def nearest(distance: Array) -> Array:
-    """Box, one sample wide; a tie goes to the sample on the right."""
-    return ((distance > -0.5) & (distance <= 0.5)).astype(np.float64)
-
-
 def linear(distance: Array) -> Array:
     """Tent, two samples wide."""
     return np.asarray(np.maximum(1 - np.abs(distance), 0))
@@ -63,20 +58,14 @@ def cubic(distance: Array) -> Array:
     return np.where(x <= 1, inner, np.where(x < 2, outer, 0))
 
 
-def lanczos(distance: Array) -> Array:
-    """sinc windowed by a sinc four times as wide: eight samples."""
-    return np.where(np.abs(distance) < 4, np.sinc(distance) * np.sinc(distance / 4), 0)
-
-
-def halfway(distance: Array) -> Array:
-    """Mean of the tent and the cubic: sharper than the one, less noisy than the other."""
-    return (linear(distance) + cubic(distance)) / 2
-
-
 KERNELS: dict[str, tuple[int, Callable[[Array], Array]]] = {
-    "nearest": (1, nearest), "linear": (1, linear), "cubic": (2, cubic), "lanczos": (4, lanczos),
-    "halfway": (2, halfway),
-}
+    # A box, one sample wide; a tie goes to the sample on the right.
+    "nearest": (1, lambda distance: ((distance > -0.5) & (distance <= 0.5)).astype(np.float64)),
+    "linear": (1, linear), "cubic": (2, cubic),
+    # sinc windowed by a sinc four times as wide.
+    "lanczos": (4, lambda distance: np.where(np.abs(distance) < 4, np.sinc(distance) * np.sinc(distance / 4), 0)),
+    # Sharper than the tent, less noisy than the cubic.
+    "halfway": (2, lambda distance: (linear(distance) + cubic(distance)) / 2)}
 """By name: samples to either side, and the weight at a distance in samples."""
 
 

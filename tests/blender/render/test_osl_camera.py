@@ -17,13 +17,14 @@ from blender_addon.scene.overrides import overridden
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.images import exr
 from lfsr_core.optics import eia
-from lfsr_core.optics.panel.subpixel_rays import PanelLayout, panel_rays
+from lfsr_core.optics.panel.subpixel_rays import PanelLayout
 from lfsr_core.optics.rays import CameraArray, RayLayout, view_offset
 from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.methods.denoise import denoise_eia
 from lfsr_lab.networks.denoiser import Denoiser, hdr_decode, hdr_encode, stock_weights
 from tests.support.card_rays import pixel_rays
 from tests.support.panels import SHEETS, large, lenticular
+from tests.support.reference_rays import panel_rays
 from tests.support.scenes import (
     ARRAY,
     FLAT,
@@ -138,7 +139,7 @@ def where_they_meet(plane, origin, direction):
 
 
 def expected_hits(layout, plane):
-    """World hit points (H, W, 3) of rays.py's pixel-centre rays on the plane."""
+    """World hit points (H, W, 3) of reference_rays.py's pixel-centre rays on the plane."""
     return where_they_meet(plane, *pixel_rays(layout, CENTRE))
 
 
@@ -246,7 +247,7 @@ def test_every_subpixel_hits_where_panel_rays_says(scene, tmp_path, name):
 
 @pytest.mark.parametrize("name", ["cells", "hexagonal"])
 def test_samples_fill_the_subpixel_and_the_lens(scene, tmp_path, name):
-    """Beyond the plane of the lenses, where both count: as far around the middle as in panel_rays.py."""
+    """Beyond the plane of the lenses, where both count: as far around the middle as in reference_rays.py."""
     display = small(DISPLAYS[name])
     array = CameraArray.for_display(display, 2.0)
     layout, looking_down = PanelLayout(display, array), rig.from_blender(mathutils.Matrix())
@@ -262,7 +263,7 @@ def test_samples_fill_the_subpixel_and_the_lens(scene, tmp_path, name):
 
 
 def spread(layout, depth):
-    """Variance (H, W, 2) of where the rays of pixels pass a plane, in panel_rays.py."""
+    """Variance (H, W, 2) of where the rays of pixels pass a plane, in reference_rays.py."""
     (width, height), random = layout.size, np.random.default_rng(0)
     draws = random.random((4, 64, height, width))
     origin, direction = panel_rays(layout, (np.arange(width) + draws[0]) / width,

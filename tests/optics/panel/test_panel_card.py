@@ -1,4 +1,4 @@
-"""The panel card's quad and sums give the rays of panel_rays.py, in single precision too."""
+"""The panel card's quad and sums give the rays of reference_rays.py, in single precision too."""
 
 import dataclasses
 import json
@@ -15,10 +15,11 @@ from lfsr_core.frames.frame import Frame
 from lfsr_core.optics.display import CELL_RULES, PACKINGS, DisplayProfile, Lattice, cell_of
 from lfsr_core.optics.panel import subpixel_rays
 from lfsr_core.optics.panel.panel_card import PARTS, Rows, panel_card
-from lfsr_core.optics.panel.subpixel_rays import PanelLayout, lattice_point, nearest_point, panel_image, panel_rays
+from lfsr_core.optics.panel.subpixel_rays import PanelLayout, lattice_point, nearest_point, panel_image
 from lfsr_core.optics.rays import CameraArray
 from tests.support.card_rays import nearest, panel_card_rays
 from tests.support.panels import CELLS, SHEETS, hexagonal, large, lenticular, profile, square
+from tests.support.reference_rays import lens_points, panel_rays
 from tests.support.synthetic import frame_of
 from tests.support.told import refuses
 
@@ -97,7 +98,7 @@ def test_a_subpixels_ray_is_the_one_that_the_weave_looks_for(name):
 @pytest.mark.parametrize("name", ["lenticular", "hexagonal", "square"])
 def test_points_on_a_lens_are_even_around_its_middle_and_its_own(name):
     display, random = DISPLAYS[name], np.random.default_rng(1).random((2, 4000))
-    x, y = subpixel_rays.lens_points(display, *random)
+    x, y = lens_points(display, *random)
     assert abs(x.mean()) < 0.02 * x.std() + 0.05 and abs(y.mean()) < 0.02 * y.std() + 0.05
     if display.lenticular:
         assert np.hypot(x, y).max() < display.lenticular.pitch_mm / 2

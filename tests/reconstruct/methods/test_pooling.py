@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
-from lfsr_core.optics.rays import rays
 from lfsr_core.reconstruct.methods.interpolation import Interpolation
 from lfsr_core.reconstruct.methods.pooling import Pooling
+from tests.support.reference_rays import rays
 from tests.support.synthetic import frame_of
 
 LENSES, VIEWS, SCALE = (10, 14), (5, 6), 4  # (rows, columns) of lenses, and of rendered views

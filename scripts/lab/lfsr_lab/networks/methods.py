@@ -9,9 +9,11 @@ from pathlib import Path
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.frames.request import Finish
 from lfsr_core.reconstruct.denoiser import WEIGHTS
-from lfsr_core.reconstruct.methods import METHODS, PLAIN_METHOD, MethodName, load_method
+from lfsr_core.reconstruct.methods import FAST_METHOD, METHODS, PLAIN_METHOD, MethodName, load_method
 from lfsr_core.reconstruct.upscaler import Upscaler
 from lfsr_lab.networks.comparators import NETWORKS, Comparator
+
+COMPARED = (f"oidn+{PLAIN_METHOD}", "oidn+pool", FAST_METHOD)  # what studies compare the default with
 
 
 @dataclasses.dataclass(frozen=True)

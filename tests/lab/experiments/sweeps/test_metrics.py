@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
-from lfsr_core.optics.rays import CameraArray, RayLayout, rays
+from lfsr_core.optics.rays import CameraArray, RayLayout
 from lfsr_lab.experiments.sweeps import metrics
 from lfsr_lab.experiments.sweeps.measure import DISPLAY_FILE
 from lfsr_lab.experiments.sweeps.metrics import Compared
 from lfsr_lab.scenes.sweeps.space import Space, card_centre, card_of_motion, hole, rectangle_path
 from tests.support.card_rays import pixel_rays
+from tests.support.reference_rays import rays
 from tests.support.synthetic import FLAT
 from tests.support.told import refuses
 

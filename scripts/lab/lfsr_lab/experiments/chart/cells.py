@@ -14,12 +14,13 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.metrics.eia_metrics import check_reference
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.reconstruct.methods import COMPARED, DEFAULT_METHOD, UPSCALER, names
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, UPSCALER, names
 from lfsr_lab.experiments.chart.analysis import DIRECT, LOW, ChartSettings, Measured, Role, Times, short
 from lfsr_lab.experiments.engine.records import Fingerprint, Records, StudySettings, frame_digest, method_facts
 from lfsr_lab.experiments.engine.timing import StageTimes, scratch_copy, second_stage_times
 from lfsr_lab.experiments.engine.truth import VERSION, Truth, errors
 from lfsr_lab.networks.comparators import NETWORKS
+from lfsr_lab.networks.methods import COMPARED
 
 AS_RENDERED = "none"
 DIRECT_METHODS = (AS_RENDERED, "oidn")

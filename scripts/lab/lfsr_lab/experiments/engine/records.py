@@ -18,7 +18,7 @@ from lfsr_core.base.files import read_json, write_json
 from lfsr_core.base.records import from_data, read_record, to_data, write_record
 from lfsr_core.commands.common import ProgressBar
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.frames.folder import RAYS, FrameFolder
+from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
 from lfsr_core.frames.low_res import foreground_mask
 from lfsr_core.frames.request import Request, Sampling
@@ -95,7 +95,8 @@ class Store:
 
 def check_render(job: Request) -> None:
     """LfsrError with the first difference unless the job's folder holds its render; a subject only if it is named."""
-    names = (*RAYS, "world_visible", *(["subject"] if job.subject else []))
+    names = ("display", "convention", "layout", "lens_list", "rows", "scale", "samples", "world_visible",
+             *(["subject"] if job.subject else []))
     FrameFolder(job.output).check_rendered(job, names=names)
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.frames.frame import FRAME_FILE, read_frame
+from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, WORLD_FILE, read_frame
 from lfsr_core.pipeline.make import finish_frame
 from lfsr_lab.experiments.engine.report import load_average
 from lfsr_lab.networks.methods import ready
@@ -58,7 +58,7 @@ def second_stage_times(folder: Path, name: str, repeats: int, warm: bool) -> Sta
 def scratch_copy(folder: Path) -> Iterator[Path]:
     """Yield a temporary folder beside ``folder`` with the same render, so that ``folder`` stays as it is."""
     with tempfile.TemporaryDirectory(prefix=".scratch-", dir=folder.parent) as name:
-        for file in (FRAME_FILE, *read_frame(folder).render_files):
+        for file in (FRAME_FILE, LOW_RES_FILE, *([WORLD_FILE] if read_frame(folder).world_apart else [])):
             try:
                 os.link(folder / file, Path(name) / file)
             except OSError:  # another file system, or one without links

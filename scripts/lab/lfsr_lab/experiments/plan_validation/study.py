@@ -28,7 +28,15 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Tell
 from lfsr_core.base.records import to_data, write_record
 from lfsr_core.commands.common import names, numbers
-from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, REFERENCE_FILES, Frame, read_frame, write_frame
+from lfsr_core.frames.frame import (
+    FRAME_FILE,
+    LOW_RES_FILE,
+    REFERENCE_FILES,
+    WORLD_FILE,
+    Frame,
+    read_frame,
+    write_frame,
+)
 from lfsr_core.frames.request import Request
 from lfsr_core.images.exr import read_layers, write_layers
 from lfsr_core.metrics.eia_metrics import NORMAL_95
@@ -155,8 +163,8 @@ def replay(scene: Path, job: Request, rate: float | None = None) -> None:
             cut[layer] = rearrange(images, "(down across) y x c -> (down y) (across x) c", down=down)
     for name in names:
         write_layers(target / name, cut)
-    for name in frame.render_files[1:]:
-        shutil.copy(source / name, target)
+    if frame.world_apart:
+        shutil.copy(source / WORLD_FILE, target)
     whole, world = render_seconds(frame), 0.0 if job.world else frame.seconds.get("world", 0.0)
     setup = min(setup_seconds(scene, rate), whole)
     seconds = {**frame.seconds, "world": world, "render": world + setup + (whole - setup) * float(fraction)}

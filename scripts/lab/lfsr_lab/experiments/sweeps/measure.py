@@ -12,14 +12,14 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.frames.low_res import recall
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.images.color import srgb_encode
-from lfsr_core.reconstruct.methods import COMPARED, DEFAULT_METHOD
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_lab.experiments.engine import records
 from lfsr_lab.experiments.engine.truth import Metrics, Truth, finite
 from lfsr_lab.experiments.sweeps import metrics
 from lfsr_lab.experiments.sweeps.records import EYE, MOTION, Cell, Settings, Sweep
 from lfsr_lab.networks.comparators import NETWORKS
-from lfsr_lab.networks.methods import LabMethod, ready
+from lfsr_lab.networks.methods import COMPARED, LabMethod, ready
 from lfsr_lab.scenes.sweeps.space import Space, card_centre, card_of_motion
 
 DISPLAY_FILE = Path(__file__).parent / "sweeps.toml"

@@ -11,7 +11,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.png import read_png, write_png
-from lfsr_core.optics.eia import horizontal_epi, to_elemental_images
+from lfsr_core.optics.eia import to_elemental_images, to_views
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.records import Cell
@@ -96,7 +96,7 @@ def measure_epis(made: Finished) -> Row:
     image, half_a, half_b = map(srgb_encode, (made.image, *made.truth.whole))
     fullest = int(mask.sum(1).argmax())
     for path, shown in ((made.file, image), (_reference(made.file), (half_a + half_b) / 2)):
-        write_image(path, horizontal_epi(shown, display.lenses, fullest, display.views[1] // 2))
+        write_image(path, to_views(shown, display.lenses)[display.views[1] // 2, :, fullest])
     squares = to_elemental_images(((image - half_a) * (image - half_b)).astype(np.float64), display.lenses)
     errors = tuple(float(squares[row][mask[row]].mean()) for row in np.flatnonzero(mask.any(1)))
     mean = float(np.mean(errors)) if errors else 0.0
