@@ -21,7 +21,7 @@ from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import check_name, system_errors
 from lfsr_core.base.notices import cleaned
 from lfsr_core.base.records import to_data
-from lfsr_core.commands.common import BOLD, RED, accept_all_letters, be_quiet, is_openjd, styled, tell_openjd
+from lfsr_core.commands.common import BOLD, RED, is_openjd, styled, tell_openjd
 from lfsr_core.version import __version__
 
 MOST_LETTERS = 2000  # of an error, which may quote files and devices of others
@@ -83,7 +83,10 @@ def _run(words: list[str]) -> int:
     if sys.unraisablehook is sys.__unraisablehook__:
         sys.unraisablehook = _unraisable
     sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115, to the end
-    accept_all_letters()
+    for stream in (sys.stdout, sys.stderr):  # "?" for letters that they lack, instead of an error
+        if isinstance(stream, io.TextIOWrapper):
+            with contextlib.suppress(OSError):  # a file that became a pipe
+                stream.reconfigure(errors="replace")
     is_asked = "_ARGCOMPLETE" in os.environ
     parser = build_parser(None if is_asked else words)
     if is_asked:  # a shell asks what can follow
@@ -103,8 +106,7 @@ def _run(words: list[str]) -> int:
                     if isinstance(path, Path):
                         check_name(path)
             with contextlib.ExitStack() as stack:
-                if getattr(arguments, "quiet", False):
-                    stack.enter_context(be_quiet())
+                if getattr(arguments, "quiet", False):  # progress is not shown either then
                     stack.enter_context(contextlib.redirect_stdout(None))
                 elif is_json:  # what is for people goes where progress goes
                     stack.enter_context(contextlib.redirect_stdout(sys.stderr))

@@ -20,7 +20,7 @@ from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import read_json, write_json
 
 Record = TypeVar("Record")
-MOST_VALUE, MOST_PLACE, MOST_RULE = 50, 70, 90  # characters in a sentence
+MOST_VALUE = 50  # characters of a value in a sentence
 MOST_TEXT, MOST_WHOLE = 4096, 2**63
 SURROGATE = re.compile("[\ud800-\udfff]")  # which JSON can hold but no file name or terminal
 PLAIN: dict[type, tuple[tuple[type, ...], str]] = {
@@ -37,11 +37,11 @@ def from_data(cls: type[Record], data: Any, source: str) -> Record:
         record: Record = _value(data, cls)
         return record
     except _WrongError as error:
-        place = _end("".join(reversed(error.places)).removeprefix("."), MOST_PLACE)
+        place = "".join(reversed(error.places)).removeprefix(".")
         rest = f"{place or 'it'} {error}" if error.of_value else f"{place}: {error}" if place else str(error)
     except LfsrError as error:  # a record's own check
         rest = str(error)
-    raise LfsrError(f"{_end(source, MOST_PLACE)}: {rest}")
+    raise LfsrError(f"{source}: {rest}")
 
 
 def to_data(record: Any) -> Any:
@@ -94,7 +94,7 @@ class _WrongError(Exception):
 
 
 def _value_error(value: Any, rule: str) -> _WrongError:
-    return _WrongError(f"is {_start(repr(value), MOST_VALUE)}, but it must be {_start(rule, MOST_RULE)}", of_value=True)
+    return _WrongError(f"is {repr(value)[:MOST_VALUE]}, but it must be {rule}", of_value=True)
 
 
 def _value(value: Any, kind: Any) -> Any:
@@ -113,7 +113,19 @@ def _value(value: Any, kind: Any) -> Any:
                                else "a number below 2⁶³, or with a point")
         return value
     if dataclasses.is_dataclass(kind):
-        return _record(value, kind)
+        if not isinstance(value, dict):
+            raise _value_error(value, "an object")
+        fields = {_key(field): field for field in dataclasses.fields(kind) if field.init}
+        for key in value:
+            if key not in fields:
+                raise _WrongError(f"unknown field {repr(key)[:MOST_VALUE]}; {did_you_mean(key, fields)}the fields are "
+                                  f"{', '.join(fields)}")
+        for key, field in fields.items():
+            if key not in value and field.default is field.default_factory is dataclasses.MISSING:
+                raise _WrongError(f"field {key!r} is missing; every {kind.__name__} needs it")
+        hints = _hints(kind)
+        return kind(**{fields[key].name: _item(f".{key}", inner, hints[fields[key].name])
+                       for key, inner in value.items()})
     origin = typing.get_origin(kind)
     kinds: tuple[Any, ...] = typing.get_args(kind)
     if origin is tuple:
@@ -135,21 +147,6 @@ def _value(value: Any, kind: Any) -> Any:
     return None if value is None else _value(value, other)
 
 
-def _record(data: Any, cls: Any) -> Any:
-    if not isinstance(data, dict):
-        raise _value_error(data, "an object")
-    fields = {_key(field): field for field in dataclasses.fields(cls) if field.init}
-    for key in data:
-        if key not in fields:
-            raise _WrongError(f"unknown field {_start(repr(key), MOST_VALUE)}; {did_you_mean(key, fields)}"
-                              f"the fields are {_start(', '.join(fields), MOST_RULE)}")
-    for key, field in fields.items():
-        if key not in data and field.default is field.default_factory is dataclasses.MISSING:
-            raise _WrongError(f"field {key!r} is missing; every {cls.__name__} needs it")
-    hints = _hints(cls)
-    return cls(**{fields[key].name: _item(f".{key}", value, hints[fields[key].name]) for key, value in data.items()})
-
-
 def _key(field: dataclasses.Field[Any]) -> str:
     """Return the JSON key of a field: ``metadata["key"]``, else its name."""
     return str(field.metadata.get("key", field.name))
@@ -165,11 +162,3 @@ def _item(place: str, value: Any, kind: Any) -> Any:
     except _WrongError as error:
         error.places.append(place)
         raise
-
-
-def _start(text: str, most: int) -> str:
-    return text if len(text) <= most else text[:most - 1] + "…"
-
-
-def _end(text: str, most: int) -> str:
-    return text if len(text) <= most else "…" + text[1 - most:]

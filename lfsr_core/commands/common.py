@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import io
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -25,7 +24,6 @@ BAR_WIDTH = 30
 SECONDS_BETWEEN_LINES = 4.0  # a render writes a record each second, so that a line comes every five at the latest
 PROGRESS_VARIABLE, OPENJD = "LFSR_PROGRESS", "openjd"  # environment variable, set by our OpenJD template
 BOLD, RED = "1", "31"  # styles of terminals
-_quiet = False
 OFFERED_LAYOUTS = tuple(layout for layout in LAYOUTS if layout != VIEW_BY_VIEW)
 
 
@@ -166,7 +164,7 @@ class ProgressBar:
 
     def __call__(self, told: Progress | Notice) -> None:
         """Show progress, elsewhere than on a terminal only at a new stage, at the end, and every few seconds."""
-        if _quiet:
+        if sys.stdout is None:  # --quiet
             return
         if isinstance(told, Notice):
             if told not in self._told:
@@ -203,29 +201,10 @@ class ProgressBar:
         self._stage = ""
 
 
-@contextlib.contextmanager
-def be_quiet() -> Iterator[None]:
-    """Show neither progress nor notices inside the block."""
-    global _quiet
-    _quiet = True
-    try:
-        yield
-    finally:
-        _quiet = False
-
-
 def styled(text: str, style: str, stream: TextIO | None) -> str:
     """Return a text in BOLD or RED where ``stream`` is a terminal and NO_COLOR (no-color.org) is not set."""
     is_plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not (stream and stream.isatty())
     return text if is_plain else f"\x1b[{style}m{text}\x1b[0m"
-
-
-def accept_all_letters() -> None:
-    """Print "?" for letters that standard output or error lacks, instead of failing."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            with contextlib.suppress(OSError):  # a file that became a pipe
-                stream.reconfigure(errors="replace")
 
 
 def is_openjd() -> bool:

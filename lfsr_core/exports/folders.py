@@ -12,10 +12,13 @@ import OpenImageIO as oiio
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress
-from lfsr_core.exports.light_field import LightField, camera_places, central_disparity, read_linear_views
+from lfsr_core.exports.light_field import LightField, camera_places, central_disparity
 from lfsr_core.exports.options import VIEW_TYPES, ExportOptions, chosen_type
+from lfsr_core.frames.frame import EIA_LINEAR_FILE
 from lfsr_core.images.exr import HALF_MAX
 from lfsr_core.images.png import write_png
+from lfsr_core.optics.eia import to_views
+from lfsr_core.reconstruct.second_stage import read_finished_linear
 
 EXR_FILE = "views.exr"
 MOST_PARTS = 1024  # that readers here and elsewhere accept
@@ -48,8 +51,11 @@ def write_views(field: LightField, folder: Path, options: ExportOptions) -> None
         for row, column, view in each_view(field, options):
             write_png(folder / f"view_{row:03d}_{column:03d}.png", view)
         return
-    path = str(folder / EXR_FILE)
-    linear = np.clip(read_linear_views(field), 0, HALF_MAX)
+    path, image = str(folder / EXR_FILE), read_finished_linear(field.folder)
+    if image is None:
+        raise LfsrError(f"{field.folder} has no {EIA_LINEAR_FILE}, which scene-linear views need: finish the "
+                        "frame with a linear EXR, or export PNG")
+    linear = np.clip(to_views(image, field.display.lenses), 0, HALF_MAX)
     columns, rows = (sorted({min(max(round(place), 0), n - 1) for place in camera_places(n, wanted)})
                      for n, wanted in zip(field.count, options.views or field.count, strict=True))
     if len(columns) * len(rows) > MOST_PARTS:

@@ -19,7 +19,7 @@ from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.base.records import check_within
 from lfsr_core.exports.folders import PARAMETERS_FILE
 from lfsr_core.exports.light_field import resized, view_between
-from lfsr_core.exports.options import Pair, read_quilt_name, usual_aspect, without_suffix
+from lfsr_core.exports.options import PRESETS, Pair, read_quilt_name, without_suffix
 from lfsr_core.frames.folder import DERIVED_FILES, FrameFolder
 from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, LOW_RES_FILE, PANEL_FILE, Frame, read_frame, write_frame
 from lfsr_core.images.color import srgb_decode
@@ -177,7 +177,8 @@ def quilt_of(path: Path, shape: str | None = None, top_first: bool = False) -> Q
     aspect = said.aspect or (named.aspect if named else None)
     if aspect is not None:
         return Quilt(said.grid, aspect, top_first)
-    aspect, (across, down) = usual_aspect(said.grid), said.grid
+    # That of the panels whose quilts have this grid.
+    aspect, (across, down) = {preset.grid: preset.aspect for preset in PRESETS.values()}.get(said.grid), said.grid
     if aspect is None:
         raise LfsrError(f"the aspect ratio of a quilt of {across}x{down} tiles is not known: give --quilt with it, as "
                         f"{across}x{down}a0.75")

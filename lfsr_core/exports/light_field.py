@@ -12,9 +12,9 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array, Bytes
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LOW_RES_FILE, PANEL_FILE, Frame, read_frame, read_rendered
+from lfsr_core.frames.frame import EIA_FILE, LOW_RES_FILE, PANEL_FILE, Frame, read_frame, read_rendered
 from lfsr_core.frames.low_res import low_resolution
-from lfsr_core.images.exr import read_finite, read_layers
+from lfsr_core.images.exr import read_finite
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics import eia
 from lfsr_core.optics.display import DisplayProfile
@@ -176,15 +176,6 @@ def read_light_field(folder: str | Path) -> LightField:
     folder, frame = Path(folder), read_frame(folder)
     name = re.sub(r"[^A-Za-z0-9-]+", "_", Path(frame.scene).stem or folder.resolve().name)
     return LightField(read_views(folder), frame, folder, name[:LONGEST_NAME].strip("_") or "lightfield")
-
-
-def read_linear_views(field: LightField) -> Array:
-    """Scene-linear views (py, px, sy, sx, 3) float32 from the folder's eia.exr; LfsrError where there is none."""
-    path = field.folder / EIA_LINEAR_FILE
-    if not path.is_file():
-        raise LfsrError(f"{field.folder} has no {EIA_LINEAR_FILE}, which scene-linear views need: finish the "
-                        "frame with a linear EXR, or export PNG")
-    return eia_to_views(read_layers(path)["color"][..., :3], field.display)
 
 
 def _between(value: float, count: int) -> tuple[int, int, float]:

@@ -60,8 +60,18 @@ def port() -> int:
 
 
 def _exchange(endpoint: str, content: bytes, seconds: float) -> tuple[int, bytes]:
-    """Status and content of the answer; TimeoutError after ``seconds``, however slowly it drips in."""
-    line = _connected(seconds)
+    """Status and content of the answer; LfsrError if nobody listens, TimeoutError after ``seconds``, even if it drips."""
+    for address in ADDRESSES:
+        try:
+            line = socket.create_connection((address, port()), seconds)
+            break
+        except TimeoutError:
+            raise
+        except OSError:  # nobody listens, or this computer has no such address
+            continue
+    else:
+        raise LfsrError(f"{PROGRAM} is not running: nothing listens on port {port()} of this computer. Start it, with "
+                        "the display connected")
     connection = http.client.HTTPConnection(ADDRESSES[0], port())
     connection.sock = line
     late = threading.Event()
@@ -92,16 +102,3 @@ def _exchange(endpoint: str, content: bytes, seconds: float) -> tuple[int, bytes
     if late.is_set():
         raise TimeoutError
     return found
-
-
-def _connected(seconds: float) -> socket.socket:
-    """Return a connection to this computer; LfsrError if nobody listens."""
-    for address in ADDRESSES:
-        try:
-            return socket.create_connection((address, port()), seconds)
-        except TimeoutError:
-            raise
-        except OSError:  # nobody listens, or this computer has no such address
-            continue
-    raise LfsrError(f"{PROGRAM} is not running: nothing listens on port {port()} of this computer. Start it, with the "
-                    "display connected")

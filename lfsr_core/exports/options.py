@@ -159,8 +159,3 @@ def read_quilt_name(name: str) -> QuiltShape | None:
 def without_suffix(name: str) -> str:
     """A quilt's name without its tiles and aspect ratio."""
     return SUFFIX.sub("", name)
-
-
-def usual_aspect(grid: Pair) -> float | None:
-    """Aspect ratio of the panel whose quilts have this grid; None where programs know none."""
-    return next((preset.aspect for preset in reversed(PRESETS.values()) if preset.grid == grid), None)

@@ -139,12 +139,6 @@ def _pitch(frame: Frame, axis: int) -> float:
     return 2 * frame.array.half_size[axis] / frame.display.lenses[axis]
 
 
-def finished_layout(frame: Frame) -> RayLayout:
-    """Return the rays of every view of the frame's display."""
-    return RayLayout.for_display(frame.display, frame.array, convention=frame.convention,
-                                 view_aperture=frame.view_aperture)
-
-
 def read_world(folder: str | Path, frame: Frame) -> WorldView | None:
     """Read what the frame's display sees of the world; None where it is hidden or part of the render.
 
@@ -154,7 +148,9 @@ def read_world(folder: str | Path, frame: Frame) -> WorldView | None:
 
     if not frame.world_apart:
         return None
-    path, layout = Path(folder) / WORLD_FILE, finished_layout(frame)
+    path = Path(folder) / WORLD_FILE
+    layout = RayLayout.for_display(frame.display, frame.array, convention=frame.convention,
+                                   view_aperture=frame.view_aperture)  # the rays of every view
     pixels = read_finite(path)[0]["color"][..., :3]
     width, height = WorldImage.of(layout).size
     if pixels.shape[:2] != (height, width):

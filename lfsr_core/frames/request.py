@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.files import read_json
 from lfsr_core.base.notices import Notice
-from lfsr_core.base.records import check_choice, from_data, read_record, write_record
+from lfsr_core.base.records import check_choice, read_record, write_record
 from lfsr_core.frames.frame import LAYOUTS, REPORT_FILE, SUBPIXELS, check_direct
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import DisplayProfile
@@ -116,7 +115,7 @@ class Request:
         for layer in self.layers:
             check_choice("layer", layer, LAYERS)
         if not is_light_file(self.light):
-            _check_light_name(self.light)
+            check_light(self.light)
         if os.sep != "\\" and "\\" in self.output:
             raise LfsrError(f"output {self.output} has a backslash, which Blender takes for a slash: choose another "
                             "folder")
@@ -276,10 +275,7 @@ def more_rays(display: DisplayProfile, rays: float, noise: float) -> int:
 
 def read_request(path: str | Path) -> Request:
     """Read a request from a JSON file; LfsrError if it is unreadable or wrong."""
-    data = read_json(path, "a render request")
-    if not isinstance(data, dict):
-        raise LfsrError(f"{path} holds a {type(data).__name__}, but a render request must be a JSON object")
-    return from_data(Request, data, "request")
+    return read_record(path, Request, "a render request")
 
 
 def parse_frames(text: str) -> tuple[int, ...]:
@@ -325,7 +321,9 @@ def check_scene(scene: str | Path) -> str:
 def check_light(light: str) -> str:
     """Return a light by its name, or the absolute path of its file; LfsrError if there is neither."""
     if not is_light_file(light):
-        _check_light_name(light)
+        if light not in LIGHTS:
+            raise LfsrError(f"light is {light!r}: {did_you_mean(light, LIGHTS)}It must be one of {', '.join(LIGHTS)}, "
+                            f"or a {' or '.join(LIGHT_SUFFIXES)} file")
         return light
     if not Path(light).is_file():
         raise LfsrError(f"light {light} {'is no file' if Path(light).exists() else 'does not exist'}: check the path, "
@@ -336,12 +334,6 @@ def check_light(light: str) -> str:
 def is_light_file(light: str) -> bool:
     """Return True if a light is the file of a world image."""
     return Path(light).suffix.lower() in LIGHT_SUFFIXES
-
-
-def _check_light_name(light: str) -> None:
-    if light not in LIGHTS:
-        raise LfsrError(f"light is {light!r}: {did_you_mean(light, LIGHTS)}It must be one of {', '.join(LIGHTS)}, or a "
-                        f"{' or '.join(LIGHT_SUFFIXES)} file")
 
 
 def _shown(value: object) -> str:

@@ -6,6 +6,7 @@ glTF 2.0, section 3.6.1.1: names are relative to the scene; OBJ names material l
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -58,8 +59,18 @@ def check_regular(scene: str | Path, named: str | Path) -> None:
 
 
 def _check_gltf(path: Path) -> Iterator[Path]:
-    """Yield the files that a glTF names."""
-    content = _gltf(path)
+    """Yield the files that a .gltf or .glb names."""
+    content: Any = None
+    with path.open("rb") as file:
+        head, size, kind = file.read(20), MOST_TEXT, JSON_CHUNK
+        if len(head) == 20 and struct.unpack_from("<I", head)[0] == GLB:
+            size, kind = struct.unpack_from("<II", head, 12)
+        else:
+            file.seek(0)
+        with contextlib.suppress(ValueError, RecursionError):
+            content = json.loads(file.read(min(size, MOST_TEXT))) if kind == JSON_CHUNK else None
+    if not isinstance(content, dict):
+        return
     for kind in ("buffers", "images"):
         for entry in _records(content.get(kind)):
             name = entry.get("uri")
@@ -83,24 +94,6 @@ def _check_gltf(path: Path) -> Iterator[Path]:
         if angle is not None and not (isinstance(angle, int | float) and 0 < angle < math.pi):
             raise LfsrError(f"scene {path} has a camera whose angle of view is {angle!r:.40} radians, but it must be "
                             "between 0 and π: correct the camera")
-
-
-def _gltf(path: Path) -> dict[str, Any]:
-    """Return the JSON of a .gltf or .glb; empty where there is none."""
-    with path.open("rb") as file:
-        head = file.read(20)
-        size = MOST_TEXT
-        if len(head) == 20 and struct.unpack_from("<I", head)[0] == GLB:
-            size, kind = struct.unpack_from("<II", head, 12)
-            if kind != JSON_CHUNK:
-                return {}
-        else:
-            file.seek(0)
-        try:
-            found = json.loads(file.read(min(size, MOST_TEXT)))
-        except (ValueError, RecursionError):
-            return {}
-    return found if isinstance(found, dict) else {}
 
 
 def _records(value: Any) -> Iterable[dict[str, Any]]:

@@ -386,8 +386,9 @@ class DisplayProfile:
         if tables:
             data.setdefault("ei_order", "direct")
         if tables and ("lenses" not in data or "views" not in data):  # the light field is proposed
-            read: dict[str, Any] = {key: from_data(kind, data.get(key), f"{source}: {key}") for key, kind in (
-                ("panel_pixels", Pair), ("panel_mm", tuple[float, float]), *((key, TABLES[key]) for key in tables))}
+            kinds: dict[str, Any] = {"panel_pixels": Pair, "panel_mm": tuple[float, float], **TABLES}
+            read: dict[str, Any] = {key: from_data(kinds[key], data.get(key), f"{source}: {key}")
+                                    for key in ("panel_pixels", "panel_mm", *tables)}
             lenses, views = proposed_light_field(read["panel_pixels"], read["panel_mm"],
                                                  read.get("lenslet") or read.get("lenticular"))
             data = {"lenses": list(lenses), "views": list(views)} | data

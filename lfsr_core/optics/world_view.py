@@ -34,7 +34,13 @@ class WorldImage:
     @classmethod
     def of(cls, layout: RayLayout) -> WorldImage:
         """The image that contains every ray of ``layout``."""
-        (width, reach_x), (height, reach_y) = _extent(layout, 0), _extent(layout, 1)
+        extents = []
+        for axis in (0, 1):
+            boxes = _boxes(layout, axis)
+            edge = max(float(np.abs(slopes(layout, axis)).max()) + sum(boxes) / 2, 1e-6)
+            count = min(max(2 * math.ceil(edge / (max(boxes) / PER_PIXEL) + MARGIN), MIN_SIDE), MAX_SIDE)
+            extents.append((count, edge * count / (count - 2 * MARGIN)))
+        (width, reach_x), (height, reach_y) = extents
         return cls((width, height), (reach_x, reach_y))
 
     @property
@@ -101,14 +107,6 @@ def slopes(layout: RayLayout, axis: int) -> Array:
     target = (place / lenses * 2 - 1) * half
     steps: Array = target - view_offset(view, views, layout.spacing, layout.convention)
     return np.divide(steps, layout.array.distance)
-
-
-def _extent(layout: RayLayout, axis: int) -> tuple[int, float]:
-    """Pixels of the image along an axis, and the slope of its edges."""
-    boxes = _boxes(layout, axis)
-    edge = max(float(np.abs(slopes(layout, axis)).max()) + sum(boxes) / 2, 1e-6)
-    count = min(max(2 * math.ceil(edge / (max(boxes) / PER_PIXEL) + MARGIN), MIN_SIDE), MAX_SIDE)
-    return count, edge * count / (count - 2 * MARGIN)
 
 
 def _boxes(layout: RayLayout, axis: int) -> tuple[float, float]:

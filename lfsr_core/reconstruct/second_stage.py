@@ -124,8 +124,10 @@ def finished_lenses(low: LowResEIA, mask: Array, finish: Finish | str, lenses: A
     """
     finish = Finish.of(finish)
     name = MethodName.parse(finish.method)
-    method = load_method(name if upscaler else name.at_scale(low.scale), finish.weights, upscaler=upscaler,
-                         block=block)
+    if upscaler is None:
+        name.check_scale(low.scale)
+        name = name.at_scale(low.scale)
+    method = load_method(name, finish.weights, upscaler=upscaler, block=block)
     ready = method.prepare(low)
     images = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
     for wanted, chosen in ((mask, method.upscaler), (~mask, _filler(method, low.scale))):

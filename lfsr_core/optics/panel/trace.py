@@ -126,7 +126,7 @@ def trace(profile: DisplayProfile, eye_mm: Point, x: Array, y: Array,
             far = (at_x - on_x) ** 2 + (at_y - on_y) ** 2
             found = [np.where(far < best, new, old) for new, old in zip(place, found, strict=True)]
             best = np.minimum(best, far)
-        return SeenSubpixels(*found, on_panel)
+        return SeenSubpixels(found[0], found[1], found[2], on_panel)
     third = np.floor(((on_x / width + 0.5) * across % 1) * 3).astype(int).clip(0, 2)
     return SeenSubpixels(row, column, third if subpixels.stripes == "rgb" else 2 - third, on_panel)
 

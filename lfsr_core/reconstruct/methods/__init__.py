@@ -19,7 +19,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import rendered_size
 from lfsr_core.reconstruct.denoiser import WEIGHTS
 from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution, denoised_opacity
-from lfsr_core.reconstruct.methods.interpolation import Interpolation, NoUpscaling
+from lfsr_core.reconstruct.methods.interpolation import Interpolation
 from lfsr_core.reconstruct.methods.pooling import Pooling
 from lfsr_core.reconstruct.upscaler import Upscaler
 
@@ -52,7 +52,7 @@ METHODS: dict[str, Part] = {
                  versions={"pool": 2}, per_finished=0.05),
     "bicubic-eia": Part(UPSCALER, "cubic over the whole array: shows crosstalk",
                         lambda _: Interpolation("cubic", crosstalk=True)),
-    "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda _: NoUpscaling("nearest"),
+    "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda _: Interpolation("nearest"),
                  needs_lenses=False),
     "denoise": Part(PREFILTER, "Open Image Denoise with weights trained on elemental images",
                     lambda weights: functools.partial(denoise_low_resolution, weights=weights or WEIGHTS),

@@ -12,7 +12,6 @@ from collections.abc import Callable
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.upscaler import Upscaler
 
@@ -109,7 +108,7 @@ def interpolated(images: Array, kernel: str, factors: tuple[int, int], margin: i
 
 @dataclasses.dataclass(frozen=True)
 class Interpolation(Upscaler):
-    """One kernel in both directions of each EI."""
+    """One kernel in both directions of each EI; at scale 1 the EIs as they are."""
 
     kernel: str  # of KERNELS
     crosstalk: bool = False  # interpolate across the borders of EIs, as if the EIA were one photograph
@@ -117,22 +116,14 @@ class Interpolation(Upscaler):
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
         lenses, margin = np.asarray(lenses), CROSSTALK_REACH if self.crosstalk else 0
+        if low.scale == 1:
+            return np.asarray(low.color[lenses[:, 0], lenses[:, 1]])
         result = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
         for start in range(0, len(lenses), EIS_IN_CACHE):
             part = slice(start, start + EIS_IN_CACHE)
             seen = encode(_gather(low.color, lenses[part], margin))
             decode(interpolated(seen, self.kernel, low.factors, margin, result[part]), out=result[part])
         return result
-
-
-class NoUpscaling(Interpolation):
-    """The EIs as they are, for renders at scale 1."""
-
-    def __call__(self, low: LowResEIA, lenses: Array) -> Array:
-        if low.scale != 1:
-            raise LfsrError(f"method 'none' does not upscale, but the frame was rendered at scale {low.scale}: "
-                            "choose an upscaling method, or render at scale 1")
-        return np.asarray(low.color[lenses[:, 0], lenses[:, 1]])
 
 
 def _gather(images: Array, lenses: Array, margin: int) -> Array:
