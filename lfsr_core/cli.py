@@ -34,25 +34,25 @@ GROUPS: tuple[tuple[str, str, dict[str, tuple[str, str]]], ...] = (
         "render": ("render", "render a scene's low-resolution EIA with Blender and upscale it to eia.png"),
         "upscale": ("render", "repeat the second stage of a rendered frame folder")}),
     ("Look at it", "lfsr view frame --open", {
-        "view": ("view", "write one HTML file that shows finished EIAs as an eye in front of the display sees them"),
-        "views": ("view", "write a contact sheet of decoded views, a pair of EPIs, and what an eye would see"),
-        "show": ("view", "show a frame, an animation or a quilt on a display: through Looking Glass Bridge, or full "
-                         "screen in a browser")}),
+        "view": ("export", "write one HTML file that shows finished EIAs as an eye in front of the display sees them"),
+        "views": ("export", "write a contact sheet of decoded views, a pair of EPIs, and what an eye would see"),
+        "show": ("export", "show a frame, an animation or a quilt on a display: through Looking Glass Bridge, or full "
+                           "screen in a browser")}),
     ("Hand it on", "lfsr export frame --format quilt", {
         "export": ("export", "write a finished frame or an animation as quilt, stereo pair, film or folder of views"),
         "import": ("export", "make a frame folder from a quilt or a folder of views (HCI, Stanford, JPEG Pleno), or "
                              "several from a quilt film")}),
     ("Measure", "lfsr plan scene.blend --target 0.95", {
-        "reference": ("reference", "render the full-resolution reference as two independent halves"),
-        "compare": ("reference", "measure a finished frame against a reference: print a table, write report.json"),
-        "plan": ("plan", "find the cheapest scale, samples and method that reach an accuracy, from a small sample of "
-                         "lenses")}),
+        "reference": ("measure", "render the full-resolution reference as two independent halves"),
+        "compare": ("measure", "measure a finished frame against a reference: print a table, write report.json"),
+        "plan": ("measure", "find the cheapest scale, samples and method that reach an accuracy, from a small sample "
+                            "of lenses")}),
     ("Displays", "lfsr displays looking-glass-portrait", {
         "displays": ("displays", "list the display profiles, show one with its derived numbers, import or calibrate "
                                  "one")}),
     ("Farms", "lfsr farm openjd", {
-        "farm": ("farm", "write the job template of a render farm: openjd, or flamenco"),
-        "merge": ("farm", "join parts of `lfsr render --rows` or `lfsr reference --rows`, or average references of "
+        "farm": ("render", "write the job template of a render farm: openjd, or flamenco"),
+        "merge": ("render", "join parts of `lfsr render --rows` or `lfsr reference --rows`, or average references of "
                           "other seeds")}))
 VERBS = {name: verb for _, _, verbs in GROUPS for name, verb in verbs.items()}
 LABORATORY = ("study", "train")  # verbs of the package ``lfsr_lab``, found through entry points: the core imports none

@@ -60,7 +60,7 @@ def port() -> int:
 
 
 def _exchange(endpoint: str, content: bytes, seconds: float) -> tuple[int, bytes]:
-    """Status and content of the answer; LfsrError if nobody listens, TimeoutError after ``seconds``, even if it drips."""
+    """Status and content of the answer; LfsrError if nobody listens, TimeoutError after ``seconds`` in all."""
     for address in ADDRESSES:
         try:
             line = socket.create_connection((address, port()), seconds)

@@ -178,28 +178,44 @@ def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], 
                         "upscale the frame again")
     notes = {} if flip_evaluator else {"notes": [to_data(Notice("flip-missing"))]}
     if lens_list is not None:
-        return _compare_sampled(image, halves, lenses, mask, lens_list) | notes
+        rows, columns = np.asarray(lens_list).T
+        chosen = to_elemental_images(image, lenses)[rows, columns]
+        count, py, px, channels = chosen.shape
+        encoded = [srgb_encode(chosen)]
+        for half in halves:  # its first tiles are those of the lenses
+            if half.shape[0] % py or half.shape[1] % px or half.shape[0] * half.shape[1] < count * py * px:
+                raise _shape_error(half.shape, (f"{count} tiles of", py, px, channels))
+            tiles = to_elemental_images(half, (half.shape[1] // px, half.shape[0] // py)).reshape(-1, py, px, channels)
+            encoded.append(srgb_encode(tiles[:count]))
+        x, a, b = encoded
+        mean = (a + b) / 2
+        # Metrics (N,) of each elemental image on its own; "psnr" holds squared errors.
+        values = {
+            "ssim_lens": stacked_ssim(x, a, b).mean((1, 2)),
+            "ssim_lens_plain": stacked_ssim(x, mean, mean).mean((1, 2)),
+            "ssim_lens_ceiling": stacked_ssim(a, b, b).mean((1, 2)),
+            "psnr": np.mean((x - a) * (x - b), (1, 2, 3), dtype=np.float64),
+        }
+        if flip_evaluator:
+            values["flip"] = np.array([mean_flip(*pair) for pair in zip(x, mean, strict=True)])
+        in_foreground = mask[rows, columns]
+        found: dict[str, Estimate] = {
+            name: stratified(values[name], in_foreground, mask) if name in values else (None, None)
+            for name in ("ssim_lens", "ssim_lens_plain", "ssim_lens_ceiling", "flip")}
+        for name in ("ssim_lens", "psnr"):
+            found[f"{name}_fg"] = stratum(values[name][in_foreground], int(mask.sum()))
+        # Decibels and their half-width (first order) from a squared error and its half-width.
+        error, width = found["psnr_fg"]
+        found["psnr_fg"] = (None, None) if error is None or error <= 0 else (
+            psnr(error), None if width is None else 10 / math.log(10) * width / error)
+        metrics = {"p": mean_of(mask)} | {name: value for name, (value, _) in found.items()}
+        return {**{name: metrics[name] for name in SAMPLED_NAMES},
+                "lenses": len(lens_list), "ci95": {name: width for name, (_, width) in found.items()}} | notes
     for half in halves:
         if half.shape != image.shape:
             raise _shape_error(half.shape, image.shape)
-    return _compare_whole(srgb_encode(image), srgb_encode(halves[0]), srgb_encode(halves[1]), mask) | notes
-
-
-def mean_flip(image: Array, reference: Array) -> float | None:
-    """Mean LDR-FLIP (Andersson et al. 2020) of two (H, W, 3) sRGB images in [0, 1]; None without its package."""
-    if flip_evaluator is None:
-        return None
-    images = [np.ascontiguousarray(values, np.float32) for values in (reference, image)]
-    return float(flip_evaluator.evaluate(*images, "LDR", inputsRGB=True, applyMagma=False, computeMeanError=True)[1])
-
-
-def _shape_error(reference: tuple[int, ...], expected: object) -> LfsrError:
-    return LfsrError(f"the reference has shape {reference}, but {expected} was expected: "
-                     "render the reference of the same frame")
-
-
-def _compare_whole(x: Array, a: Array, b: Array, mask: Mask) -> dict[str, Any]:
-    mean, any_foreground, (sy, sx) = (a + b) / 2, bool(mask.any()), mask.shape
+    x, a, b = srgb_encode(image), srgb_encode(halves[0]), srgb_encode(halves[1])
+    mean, any_foreground, (sx, sy) = (a + b) / 2, bool(mask.any()), lenses
     px, py = views_per_lens(x, (sx, sy))
     foreground = np.kron(mask, np.ones((py, px), bool))
     # Windows cross from lens to lens in ``local``, but not in ``alone``.
@@ -220,44 +236,20 @@ def _compare_whole(x: Array, a: Array, b: Array, mask: Mask) -> dict[str, Any]:
         "ssim_eia_plain": ssim(x, mean),
         "ssim_ceiling": ssim(a, b),
         "flip": mean_flip(x, mean),
-    }
+    } | notes
 
 
-def _compare_sampled(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], mask: Mask,
-                     lens_list: LensList) -> dict[str, Any]:
-    rows, columns = np.asarray(lens_list).T
-    chosen = to_elemental_images(image, lenses)[rows, columns]
-    count, py, px, channels = chosen.shape
-    encoded = [srgb_encode(chosen)]
-    for half in halves:  # its first tiles are those of the lenses
-        if half.shape[0] % py or half.shape[1] % px or half.shape[0] * half.shape[1] < count * py * px:
-            raise _shape_error(half.shape, (f"{count} tiles of", py, px, channels))
-        tiles = to_elemental_images(half, (half.shape[1] // px, half.shape[0] // py)).reshape(-1, py, px, channels)
-        encoded.append(srgb_encode(tiles[:count]))
-    x, a, b = encoded
-    mean = (a + b) / 2
-    # Metrics (N,) of each elemental image on its own; "psnr" holds squared errors.
-    values = {
-        "ssim_lens": stacked_ssim(x, a, b).mean((1, 2)),
-        "ssim_lens_plain": stacked_ssim(x, mean, mean).mean((1, 2)),
-        "ssim_lens_ceiling": stacked_ssim(a, b, b).mean((1, 2)),
-        "psnr": np.mean((x - a) * (x - b), (1, 2, 3), dtype=np.float64),
-    }
-    if flip_evaluator:
-        values["flip"] = np.array([mean_flip(*pair) for pair in zip(x, mean, strict=True)])
-    in_foreground = mask[rows, columns]
-    found: dict[str, Estimate] = {
-        name: stratified(values[name], in_foreground, mask) if name in values else (None, None)
-        for name in ("ssim_lens", "ssim_lens_plain", "ssim_lens_ceiling", "flip")}
-    for name in ("ssim_lens", "psnr"):
-        found[f"{name}_fg"] = stratum(values[name][in_foreground], int(mask.sum()))
-    # Decibels and their half-width (first order) from a squared error and its half-width.
-    error, width = found["psnr_fg"]
-    found["psnr_fg"] = (None, None) if error is None or error <= 0 else (
-        psnr(error), None if width is None else 10 / math.log(10) * width / error)
-    metrics = {"p": mean_of(mask)} | {name: value for name, (value, _) in found.items()}
-    return {**{name: metrics[name] for name in SAMPLED_NAMES},
-            "lenses": len(lens_list), "ci95": {name: width for name, (_, width) in found.items()}}
+def mean_flip(image: Array, reference: Array) -> float | None:
+    """Mean LDR-FLIP (Andersson et al. 2020) of two (H, W, 3) sRGB images in [0, 1]; None without its package."""
+    if flip_evaluator is None:
+        return None
+    images = [np.ascontiguousarray(values, np.float32) for values in (reference, image)]
+    return float(flip_evaluator.evaluate(*images, "LDR", inputsRGB=True, applyMagma=False, computeMeanError=True)[1])
+
+
+def _shape_error(reference: tuple[int, ...], expected: object) -> LfsrError:
+    return LfsrError(f"the reference has shape {reference}, but {expected} was expected: "
+                     "render the reference of the same frame")
 
 
 def stratum(values: Array, population: int) -> Estimate:

@@ -140,37 +140,8 @@ class SampleRenders:
     def __init__(self, folder: Path, request: Request, render: Render, tell: Tell) -> None:
         self.frames: list[Frame] = []
         self.whole = 1.0  # path samples of the plan, if all candidates are rendered
+        self.world: str | None = None  # file of the world, the same for all lenses and samples, where it is apart
         self._folder, self._request, self._render, self._tell = folder, request, render, tell
-        self._world: str | None = None  # file of the world, the same for all lenses and samples, where it is apart
-
-    def quick(self) -> tuple[Path, Frame]:
-        """Every lens, with few samples."""
-        display = self._request.display
-        scale = min(display.scales() or [1], key=lambda scale: abs(scale - QUICK_SCALE))
-        folder, frame = self._rendered("quick", "every lens", sampling=Sampling(scale, QUICK_SAMPLES))
-        self._world = str(folder / WORLD_FILE) if frame.world_apart else None
-        return folder, frame
-
-    def reference(self, samples: int, lenses: Sequence[Lens]) -> tuple[Quarters, Array, Frame]:
-        """Quarters of the lenses' reference, with ``samples`` together, which lenses (n,) show any foreground, and a
-        frame of theirs."""
-        quarters, hits = list[Array](), []
-        for part in range(REFERENCE_PARTS):
-            folder, frame = self._rendered(
-                f"reference-{part}", f"reference of {len(lenses)} lenses, part {part + 1} of {REFERENCE_PARTS}",
-                kind="reference", layers=(), clamp_indirect=0.0, lens_list=tuple(lenses),
-                sampling=Sampling(1, max(2, samples // REFERENCE_PARTS)))
-            for name in REFERENCE_FILES:
-                image, hit = read_half(folder / name, frame)
-                quarters.append(listed_images(image, frame)[:len(lenses)])
-                hits.append(hit)
-        return quarters, np.any(hits, 0).reshape(-1)[:len(lenses)], frame
-
-    def sampled(self, scale: int, samples: int, lenses: Sequence[Lens], count: int) -> Path:
-        """``count`` lenses and their neighbours, all in ``lenses``, at one scale and sample count."""
-        message = f"{count} lenses at scale {scale}, {samples} samples"
-        return self._rendered(f"s{scale}-spp{samples}", message, sampling=Sampling(scale, samples),
-                              lens_list=tuple(lenses))[0]
 
     @property
     def seconds(self) -> float:
@@ -182,10 +153,10 @@ class SampleRenders:
         """Path samples of all renders so far."""
         return sum(map(path_samples, self.frames))
 
-    def _rendered(self, name: str, message: str, **changes: Any) -> tuple[Path, Frame]:
+    def rendered(self, name: str, message: str, **changes: Any) -> tuple[Path, Frame]:
         """Folder of the request with ``changes``, rendered unless it is there; its name decides its random numbers."""
         seed = (self._request.seed + zlib.crc32(name.encode())) % 2**31
-        request = dataclasses.replace(self._request, output=str(self._folder / name), seed=seed, world=self._world,
+        request = dataclasses.replace(self._request, output=str(self._folder / name), seed=seed, world=self.world,
                                       **changes)
         lenses = math.prod(request.display.lenses) if request.lens_list is None else len(request.lens_list)
         scale, samples = request.sampling.scale, request.sampling.samples
@@ -284,7 +255,9 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
         raise LfsrError(f"{folder} holds the sample of another scene or of other options: choose another folder")
     write_json(described, facts)
     renders = SampleRenders(folder, request, render, tell)
-    quick, first = renders.quick()
+    scale = min(display.scales() or [1], key=lambda scale: abs(scale - QUICK_SCALE))
+    quick, first = renders.rendered("quick", "every lens", sampling=Sampling(scale, QUICK_SAMPLES))
+    renders.world = str(quick / WORLD_FILE) if first.world_apart else None
     layers, _ = read_finite(quick / LOW_RES_FILE)
     mask, wide = (foreground_mask(layers, first.rays.tiles, grown) for grown in (0, 1))
     if not mask.any():
@@ -299,7 +272,17 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
     is_limited = options.lenses is None and len(lenses) > LEAST_LENSES
     allowed = options.most_paths(display) if is_limited else math.inf
 
-    quarters, shown, reference = renders.reference(options.reference_samples, lenses)
+    quarters, hits = list[Array](), []
+    for part in range(REFERENCE_PARTS):
+        halves, reference = renders.rendered(
+            f"reference-{part}", f"reference of {len(lenses)} lenses, part {part + 1} of {REFERENCE_PARTS}",
+            kind="reference", layers=(), clamp_indirect=0.0, lens_list=tuple(lenses),
+            sampling=Sampling(1, max(2, options.reference_samples // REFERENCE_PARTS)))
+        for name in REFERENCE_FILES:
+            image, hit = read_half(halves / name, reference)
+            quarters.append(listed_images(image, reference)[:len(lenses)])
+            hits.append(hit)
+    shown = np.any(hits, 0).reshape(-1)[:len(lenses)]  # which lenses (n,) show any foreground
     if tone := extreme_tone(srgb_encode(np.mean(quarters, 0)[shown])):
         change = "stronger" if tone == "black" else "weaker"
         raise LfsrError(f"the sampled lenses are almost {tone}, so that every setting would seem perfect: make the "
@@ -329,7 +312,9 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
             rows |= {row.candidate: dataclasses.replace(row, unmeasured=why) for row in open_rows}
             continue
         listed, blocks = with_neighbours(lenses, reach(display, group[0]), display.lenses)
-        rendered = renders.sampled(*group, listed, len(lenses))
+        rendered, _ = renders.rendered(
+            "s{}-spp{}".format(*group), "{} lenses at scale {}, {} samples".format(len(lenses), *group),
+            sampling=Sampling(*group), lens_list=tuple(listed))
         read_finite(rendered / LOW_RES_FILE)  # where it is damaged, no method is to blame
         started = time.perf_counter()
         for row in open_rows:

@@ -281,8 +281,8 @@ def test_progress_of_a_render_moves_that_of_the_plan(tmp_path):
         render(request)
     renders = SampleRenders(tmp_path, JOB, telling, told.append)
     renders.whole = 4 * 64 * 48
-    renders.sampled(2, 1, [(0, 0), (5, 5)], 2)
-    renders.quick()
+    renders.rendered("s2-spp1", "2 lenses", sampling=Sampling(2, 1), lens_list=((0, 0), (5, 5)))
+    renders.rendered("quick", "every lens", sampling=Sampling(4, 4))
     assert Notice("subject-unseen") in told
     fractions = [each.fraction for each in told if isinstance(each, Progress)]
     assert fractions == sorted(fractions) and fractions[-1] == pytest.approx(
