@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import _thread
 import argparse
 import contextlib
 import importlib.metadata
@@ -22,6 +21,7 @@ from lfsr_core.base.files import check_name, system_errors
 from lfsr_core.base.notices import cleaned
 from lfsr_core.base.records import to_data
 from lfsr_core.commands.common import BOLD, RED, is_openjd, styled, tell_openjd
+from lfsr_core.process.child import interrupt_main
 from lfsr_core.version import __version__
 
 MOST_LETTERS = 2000  # of an error, which may quote files and devices of others
@@ -214,16 +214,9 @@ def _check_output() -> None:
 def _unraisable(found: Any) -> None:
     """Interrupt again where Python has swallowed it, in a finalizer or in a callback of the garbage collector."""
     if found.exc_type is KeyboardInterrupt:
-        threading.Timer(SECONDS_AFTER, _interrupt_main).start()
+        threading.Timer(SECONDS_AFTER, interrupt_main, (signal.SIGINT,)).start()
     elif not str(getattr(found.object, "__module__", "")).startswith("distributed"):  # a client that never connected
         sys.__unraisablehook__(found)
-
-
-def _interrupt_main() -> None:
-    if hasattr(signal, "pthread_kill"):  # wakes it where it waits
-        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
-    else:
-        _thread.interrupt_main()
 
 
 def _interrupt(_signal: int, _stack: object) -> None:

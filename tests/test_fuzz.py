@@ -23,7 +23,7 @@ from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import to_data
 from lfsr_core.calibration.makers import profile_from_calibration, read_calibration
 from lfsr_core.calibration.photograph import read_photograph
-from lfsr_core.exports import films
+from lfsr_core.exports import images
 from lfsr_core.exports.importing import quilt_of, read_film, read_quilt
 from lfsr_core.frames.frame import FRAME_FILE, REPORT_FILE, read_frame
 from lfsr_core.frames.low_res import foreground_mask, low_resolution
@@ -97,7 +97,7 @@ def film_bytes(path: Path) -> bytes:
     """A film of two quilts."""
     pixels = rendered()[..., :3]
     frames = iter([np.rint(np.clip(pixels, 0, 1) * 255).astype(np.uint8)] * 2)
-    films.write_film(path, frames, 10)
+    images.write_film(path, frames, 10)
     return path.read_bytes()
 
 

@@ -32,12 +32,10 @@ from lfsr_core.optics.panel.trace import seen_at
 
 MOST_ACROSS = 2048  # points at which a photograph is sampled
 PER_LENS = 3  # pixels of a photograph that are enough for a lens
-MAX_DIFFERENCE = 0.05  # between the lenses of several photographs, in lens pitches
 PLACE, PLACE_MM = 0.06, 5.0  # from the stated place to that by the perspective: of the distance, and millimetres
 PITCH, LENSES, TURN = 1e-5, 2e-3, 1e-4  # most errors: of the pitch, all over the panel in pitches, of the rotation
 SURE = 2.2  # standard deviations as estimated; errors of simulated photographs deviated by 0.7 of one
 ROUNDS = 3  # until the gap, which follows from the pitch, stays
-WORTH_SAYING = 0.005  # distortion of the lens at the photograph's corner
 # Of the picture that compares photographs with what a profile predicts.
 ACROSS, EDGE = 720, 12  # pixels of one picture, and between pictures
 BLOCK = 4  # pixels whose mean is compared: lenses themselves are no matter
@@ -46,9 +44,6 @@ MIN_CONTRAST = 0.02  # amplitude of fringes, where white is 1
 MIN_FRACTION = 0.08  # of a channel's variation that its fringes must make up
 REACH = 0.45  # most difference of the wave that is seen from the expected one, as a fraction of the latter
 MOST_WINDOWS, LEAST_WINDOWS, FRINGES = 9, 3, 3.0  # windows along each side, each of this many fringes if there is room
-MIN_AMPLITUDE = 0.35  # of a window's fringes, by the median
-MOST_COVERED = 0.06  # of the windows
-MOST_SCATTER = 0.06  # of the phases, in fringes
 OVERLAP = 4 / 3  # neighbouring windows share a sixth of their errors, so the mean errs by this much more
 
 
@@ -117,8 +112,8 @@ def find_fringes(picture: Picture, expected: Array, other: Array) -> Fringes:
         centres.append([x.mean(), y.mean()])
     places, fitted = np.array(centres), np.array(factors)
     first = fitted[:, 0] - 1j * fitted[:, 1]
-    seen = np.abs(first) >= MIN_AMPLITUDE * np.median(np.abs(first))
-    if (~seen).mean() > MOST_COVERED:
+    seen = np.abs(first) >= 0.35 * np.median(np.abs(first))
+    if (~seen).mean() > 0.06:  # of the windows
         x, y = places[~seen].mean(0) / np.abs(places).max(0)
         down = "upper " if y > 0.3 else "lower " if y < -0.3 else ""
         across = "right" if x > 0.3 else "left" if x < -0.3 else "part" if down else "middle"
@@ -132,7 +127,7 @@ def find_fringes(picture: Picture, expected: Array, other: Array) -> Fringes:
     solved, *_ = np.linalg.lstsq(known, phases, rcond=None)
     rest = phases - known @ solved
     scatter = math.sqrt(float((rest ** 2).sum()) / max(len(rest) - 3, 1))
-    if scatter > MOST_SCATTER:
+    if scatter > 0.06:  # fringes
         raise LfsrError(f"the fringes are not straight (they scatter by {scatter:.2f} of a fringe): take the whole, "
                         "uncropped photograph with the main camera, sharp, without zoom")
     return Fringes(wave + solved[:2], float(solved[2] + middle / 2 / math.pi),
@@ -210,7 +205,7 @@ def calibrate(profile: DisplayProfile, photos: Sequence[Path], places: Sequence[
             notices.append(Notice("photograph-mirrored", {"photograph": name}))
         if view.turn_deg:
             notices.append(Notice("photograph-turned", {"photograph": name, "degrees": view.turn_deg}))
-        if abs(view.bent) > WORTH_SAYING:
+        if abs(view.bent) > 0.005:  # at the photograph's corner
             notices.append(Notice("lens-distorts", {"photograph": name, "fraction": abs(view.bent)}))
     return found.profile, notices
 
@@ -267,7 +262,7 @@ def combine(profile: DisplayProfile, seen: Sequence[Seen]) -> Calibration:
     corners = np.array([[0, 0], [-1, -1], [-1, 1], [1, -1], [1, 1]]) / 2 * profile.panel_mm
     lenses = np.array([corners @ wave.T - phase for wave, phase in zip(waves, phases, strict=True)])
     apart = float(np.ptp(lenses, axis=0).max())
-    if apart > MAX_DIFFERENCE:
+    if apart > 0.05:  # lens pitches
         raise LfsrError(f"the photographs disagree by {apart:.2f} of a lens pitch: check the places that they were "
                         "taken from, and the profile's viewing angle and distance")
     # What windows and photographs scatter by, the larger of both, of the axis that is known least.

@@ -48,7 +48,6 @@ RANGES = {name: (-1e9, 1e9) for name in OPTIONAL} | {
     "pitch": (0.1, 1e4), "slope": (-1e4, 1e4), "center": (-1e4, 1e4), "DPI": (1.0, 1e5), "screenW": (1, 1e5),
     "screenH": (1, 1e5), "viewCone": (0.0, 180.0)} | dict.fromkeys(OFFSETS, (-MAX_OFFSET, MAX_OFFSET)) | {
     "slope (obliquity)": (-MAX_SLANT, MAX_SLANT), "interval (lineNumber)": (6.0, 200.0), "x0 (deviation)": (-1e4, 1e4)}
-LEAST_SLOPE = 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,7 +85,7 @@ def calibration_of(data: Any, path: str | Path) -> Calibration:
     numbers |= {name: _number(path, data, name, value) for name, value in OPTIONAL.items()}
     for name in ("screenW", "screenH"):
         _check(path, name, numbers[name], numbers[name] == int(numbers[name]), "a whole number of pixels")
-    _check(path, "slope", numbers["slope"], abs(numbers["slope"]) >= LEAST_SLOPE, "a number other than 0")
+    _check(path, "slope", numbers["slope"], abs(numbers["slope"]) >= 1e-3, "a number other than 0")
     mode = _unwrapped(data.get("CellPatternMode", data.get("cellPatternMode", 0)))
     _check(path, "CellPatternMode", mode, isinstance(mode, (int, float)) and mode in RULES, "one of 0, 1, 2, 3, 4")
     cells = _unwrapped(data.get("subpixelCells")) or []

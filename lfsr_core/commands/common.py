@@ -39,7 +39,7 @@ def add_scene_arguments(parser: argparse.ArgumentParser, when: str = "") -> None
     add_geometry_arguments(parser)
     parser.add_argument("--rows", metavar="A-B|K/N", help="render only these rows of lenses, counted from 1, or the "
                                                           "Kth of N equal parts, for `lfsr merge`; default: all")
-    parser.add_argument("--cluster", type=_not_empty, metavar="ADDRESS",
+    parser.add_argument("--cluster", metavar="ADDRESS",
                         help=f"{when}on the workers of this Dask scheduler, such as tcp://host:8786")
 
 
@@ -131,12 +131,6 @@ def position(text: str) -> tuple[float, float, float]:
         raise argparse.ArgumentTypeError(f"{text!r} is not three numbers X,Y,Z in millimetres, "
                                          f"each below {FARTHEST_MM:g}") from None
     return x, y, z
-
-
-def _not_empty(text: str) -> str:
-    if not text.strip():
-        raise argparse.ArgumentTypeError("it is empty")
-    return text
 
 
 def numbers(text: str, kind: type = int) -> tuple[Any, ...]:

@@ -121,6 +121,9 @@ def run_displays(arguments: argparse.Namespace) -> Any:
 
 def describe(profile: DisplayProfile) -> list[str]:
     """Lines that describe a profile: its own numbers, then those derived from them."""
+    from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice
+    from lfsr_core.optics.panel.trace import view_spread
+
     pitch_x, pitch_y = profile.lens_pitch_mm
     spacing = profile.camera_spacing_mm
 
@@ -128,6 +131,32 @@ def describe(profile: DisplayProfile) -> list[str]:
         """Angle in degrees of so many neighbouring views at the viewing distance."""
         return math.degrees(2 * math.atan(views * spacing / 2 / profile.viewing_distance_mm))
 
+    woven = list[tuple[str, str]]()  # lens sheet, subpixels and weave, and how much of each view an eye sees
+    if profile.is_woven:
+        spread, geometry = view_spread(profile), Geometry.of(profile)
+        (width, height), subpixels = profile.panel_mm, profile.pixel_layout
+        if sheet := profile.lenslet:
+            images = elemental_lattice(sheet, geometry)
+            (across, down), (right, up) = sheet.lenses.pitch_mm, sheet.lenses.shift_mm
+            woven += [("lens sheet", f"{sheet.packing}, {across:.4g} × {down:.4g} mm apart, turned by "
+                                     f"{sheet.lenses.rotation_deg:g}°, shifted by {right:.4g} × {up:.4g} mm"),
+                      ("pixels behind a lens", " × ".join(f"{pitch * profile.panel_pixels[0] / width:.3f}"
+                                                          for pitch in images.pitch_mm))]
+        if cylinders := profile.lenticular:
+            across = cylinders.lenses_across(width)
+            woven += [("cylinders", f"{across:.3f} across (P), {cylinders.pitch_mm:.6g} mm apart, "
+                                    f"leaning {math.degrees(math.atan(cylinders.slant)):.4g}°"),
+                      ("tilt", f"{cylinders.slant * height / width:.7f} panel heights per width"),
+                      ("subpixels per cylinder", f"{3 * profile.panel_pixels[0] / across:.3f} in a row")]
+        lenses, views = proposed_light_field(profile.panel_pixels, profile.panel_mm, profile.sheet)
+        woven += [
+            ("subpixels", f"{len(subpixels.cells)} cells, pixel x, y has number {subpixels.cell_rule}"
+             if subpixels.cells else f"{subpixels.stripes} stripes".replace("white stripes", "in one place")),
+            ("panel to lenses", f"{geometry.gap:.3f} mm"),
+            ("full resolution", f"{_pair(lenses)} lenses of {_pair(views)} views"),
+            ("weave", f"interpolates {profile.weave}" if profile.weave != "nearest" else "takes the nearest view"),
+            ("an eye at a view sees", f"{spread.own:.0%} of that view, {spread.neighbours:.0%} of its neighbours"),
+            ("crosstalk", f"{spread.others:.1%} of other views")]
     rows = [
         ("panel", f"{_pair(profile.panel_pixels)} px, {profile.panel_mm[0]:g} × {profile.panel_mm[1]:g} mm"),
         ("lenses", f"{_pair(profile.lenses)} = {math.prod(profile.lenses)}"),
@@ -136,7 +165,7 @@ def describe(profile: DisplayProfile) -> list[str]:
         ("viewing angle", f"{profile.viewing_angle_deg:g}° (horizontal)"),
         ("pixels inside an EI", profile.ei_order),
         ("background", " ".join(f"{value:g}" for value in profile.background) + " (scene-linear)"),
-        *(_sheet(profile) if profile.is_woven else ()),
+        *woven,
         ("lens pitch", f"{pitch_x:.3f} × {pitch_y:.3f} mm"),
         ("pixel pitch", f"{profile.panel_mm[0] / profile.panel_pixels[0]:.4f} mm"),
         ("view spacing", f"{spacing:.3f} mm at the viewing distance, {angle(1):.3f}°"),
@@ -149,37 +178,6 @@ def describe(profile: DisplayProfile) -> list[str]:
         rows.append((f"depth at scale {scale}", f"{front:.1f} mm in front, {far} behind the display"))
     heading = f"{profile.name}: {profile.title}" if profile.title else profile.name
     return [heading, f"  {profile.description}", *(f"  {label:22} {value}" for label, value in rows)]
-
-
-def _sheet(profile: DisplayProfile) -> list[tuple[str, str]]:
-    """Lens sheet, subpixels and weave of the panel, and how much of each view an eye sees."""
-    from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice
-    from lfsr_core.optics.panel.trace import view_spread
-
-    spread, geometry, rows = view_spread(profile), Geometry.of(profile), list[tuple[str, str]]()
-    (width, height), subpixels = profile.panel_mm, profile.pixel_layout
-    if sheet := profile.lenslet:
-        images = elemental_lattice(sheet, geometry)
-        (pitch_x, pitch_y), (shift_x, shift_y) = sheet.lenses.pitch_mm, sheet.lenses.shift_mm
-        rows += [("lens sheet", f"{sheet.packing}, {pitch_x:.4g} × {pitch_y:.4g} mm apart, turned by "
-                                f"{sheet.lenses.rotation_deg:g}°, shifted by {shift_x:.4g} × {shift_y:.4g} mm"),
-                 ("pixels behind a lens", " × ".join(f"{pitch * profile.panel_pixels[0] / width:.3f}"
-                                                     for pitch in images.pitch_mm))]
-    if cylinders := profile.lenticular:
-        across = cylinders.lenses_across(width)
-        rows += [("cylinders", f"{across:.3f} across (P), {cylinders.pitch_mm:.6g} mm apart, "
-                               f"leaning {math.degrees(math.atan(cylinders.slant)):.4g}°"),
-                 ("tilt", f"{cylinders.slant * height / width:.7f} panel heights per width"),
-                 ("subpixels per cylinder", f"{3 * profile.panel_pixels[0] / across:.3f} in a row")]
-    lenses, views = proposed_light_field(profile.panel_pixels, profile.panel_mm, profile.sheet)
-    return [*rows,
-            ("subpixels", f"{len(subpixels.cells)} cells, pixel x, y has number {subpixels.cell_rule}"
-             if subpixels.cells else f"{subpixels.stripes} stripes".replace("white stripes", "in one place")),
-            ("panel to lenses", f"{geometry.gap:.3f} mm"),
-            ("full resolution", f"{_pair(lenses)} lenses of {_pair(views)} views"),
-            ("weave", f"interpolates {profile.weave}" if profile.weave != "nearest" else "takes the nearest view"),
-            ("an eye at a view sees", f"{spread.own:.0%} of that view, {spread.neighbours:.0%} of its neighbours"),
-            ("crosstalk", f"{spread.others:.1%} of other views")]
 
 
 def _pair(pair: tuple[int, int]) -> str:

@@ -30,10 +30,9 @@ from lfsr_core.optics.lenses import check_count, choose_lenses
 if TYPE_CHECKING:
     from lfsr_core.metrics.eia_metrics import Metrics
     from lfsr_core.optics.display import DisplayProfile
-    from lfsr_core.plan.options import Candidate, Choice, PlanOptions, Rated
+    from lfsr_core.plan.options import Candidate, Rated
     from lfsr_core.plan.planner import Planned
 
-DEFAULT_SAMPLES = 1024
 SCALE_FOR_MASK, SAMPLES_FOR_MASK = 4, 4
 OPTIONS = ("target", "metric", "scales", "samples", "rays", "methods", "most_seconds", "budget", "lenses",
            "reference_samples")
@@ -44,7 +43,7 @@ HEADINGS = ("", "scale", "rays", "spp", "method", "seconds", "accuracy", "95 % a
 def reference_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `lfsr reference`."""
     add_scene_arguments(parser)
-    parser.add_argument("--spp", type=int, default=DEFAULT_SAMPLES, metavar="N",
+    parser.add_argument("--spp", type=int, default=1024, metavar="N",
                         help="samples per pixel, default: %(default)s")
     parser.add_argument("--lenses", type=int, metavar="N",
                         help="only N random lenses, spread over the foreground; default: all")
@@ -185,23 +184,20 @@ def table(planned: Planned, display: DisplayProfile, details: bool) -> str:
     seconds = sample.seconds + sample.measuring_seconds
     cost = (f"sampled {sample.lenses} lenses in {seconds:.0f} s: {sample.fraction:.1%} of the path samples of "
             f"{sample.costliest}, {seconds / sample.costliest_seconds:.1%} of its {sample.costliest_seconds:.0f} s")
-    return "\n".join([*lines, "", cost, outcome(choice, planned.options)])
 
-
-def outcome(choice: Choice, options: PlanOptions) -> str:
-    """The outcome in one sentence."""
     def accuracy(row: Rated) -> str:
         return "not measured" if row.estimate is None else f"{row.estimate.mean:.3f}, at least {row.low:.3f}"
 
-    target = f"{options.metric} {options.target:g}"
+    target = f"{planned.options.metric} {planned.options.target:g}"
     if choice.chosen is not None:
-        return (f"{choice.chosen.name} reaches {target} with 95 % confidence ({accuracy(choice.chosen)}) in about "
-                f"{choice.chosen.seconds:.0f} s")
-    limit = sentence(choice.limit) if choice.limit else ""
-    if choice.best is None:
-        return f"nothing reaches {target}: {limit}"
-    return (f"nothing reaches {target} with 95 % confidence; best is {choice.best.name} ({accuracy(choice.best)}). "
+        found = (f"{choice.chosen.name} reaches {target} with 95 % confidence ({accuracy(choice.chosen)}) in about "
+                 f"{choice.chosen.seconds:.0f} s")
+    else:
+        limit = sentence(choice.limit) if choice.limit else ""
+        found = f"nothing reaches {target}: {limit}" if choice.best is None else (
+            f"nothing reaches {target} with 95 % confidence; best is {choice.best.name} ({accuracy(choice.best)}). "
             f"Limit: {limit}")
+    return "\n".join([*lines, "", cost, found])
 
 
 def render_command(arguments: argparse.Namespace, chosen: Candidate, display: DisplayProfile) -> str:

@@ -41,8 +41,8 @@ def render_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scale-frames", metavar="A-B|A-BxN|A,B,C",
                         help="with --scale auto, frames whose depth decides one scale for all of them; default: those "
                              "of --frames, else the frame that is rendered")
-    parser.add_argument("--layers", type=_layers, default=(), metavar="NAME,NAME",
-                        help=f"auxiliary layers from the same render, of {', '.join(LAYERS)}")
+    parser.add_argument("--layers", type=lambda text: common.names("" if text == "none" else text), default=(),
+                        metavar="NAME,NAME", help=f"auxiliary layers from the same render, of {', '.join(LAYERS)}")
     parser.add_argument("--frames", metavar="A-B|A-BxN|A,B,C",
                         help="an animation: frames A to B, every Nth, or a list, each in a folder of DIR such as 0001; "
                              "finished frames are not rendered again")
@@ -150,10 +150,6 @@ def _scale(text: str) -> int | str:
         return text if text == AUTO_SCALE else int(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is neither a whole number nor {AUTO_SCALE!r}") from None
-
-
-def _layers(text: str) -> tuple[str, ...]:
-    return () if text.strip() == "none" else common.names(text)
 
 
 def upscale_arguments(parser: argparse.ArgumentParser) -> None:

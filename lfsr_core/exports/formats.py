@@ -13,7 +13,7 @@ from typing import NamedTuple
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import check_name, replace_files, staging_folder, system_errors
 from lfsr_core.base.notices import Notice, Progress, Tell
-from lfsr_core.exports import films, images
+from lfsr_core.exports import images
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import FORMATS, ExportOptions, default_target
 from lfsr_core.frames.folder import frame_folders, is_sequence, one_display
@@ -35,12 +35,12 @@ class Writer(NamedTuple):
 
 WRITERS = {  # by the names of ``options.FORMATS``
     "quilt": Writer(images.write_quilt, one_file=True),
-    "quilt-film": Writer(films.write_quilt_film, ("*_qs*_*.png",), is_film=True),
+    "quilt-film": Writer(images.write_quilt_film, ("*_qs*_*.png",), is_film=True),
     "rgbd": Writer(images.write_rgbd, one_file=True),
     **{name: Writer(functools.partial(images.write_stereo, layout), one_file=True)
        for name, layout in images.LAYOUTS.items()},
-    "wiggle": Writer(functools.partial(films.write_motion, films.WIGGLE), ("*_wiggle_*.png",), is_film=True),
-    "sway": Writer(functools.partial(films.write_motion, films.SWAY), ("*_sway_*.png",), is_film=True),
+    "wiggle": Writer(functools.partial(images.write_motion, images.WIGGLE), ("*_wiggle_*.png",), is_film=True),
+    "sway": Writer(functools.partial(images.write_motion, images.SWAY), ("*_sway_*.png",), is_film=True),
     "views": Writer(images.write_views, ("view_*_*.png",)),
     "hci": Writer(images.write_hci, ("input_Cam*.png", images.DISPARITY_FILE)),
     "stanford": Writer(images.write_stanford, ("out_*_*_*_*_.png",)),

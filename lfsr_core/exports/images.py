@@ -1,6 +1,8 @@
-"""Images of a light field: quilts, stereo pairs of two eyes, anaglyphs, RGB-D; and folders of views.
+"""Images of a light field (quilts, stereo pairs of two eyes, anaglyphs, RGB-D), films, and folders of views.
 
-Views are PNG, a multi-part EXR, or as in Stanford's archive, JPEG Pleno and the HCI benchmark.
+Films are MP4 with H.264 or HEVC, GIF, WebP and numbered PNG images; of quilts, and of an eye that moves: sway goes
+round an ellipse, wiggle between two eyes. Views are PNG, a multi-part EXR, or as in Stanford's archive, JPEG Pleno and
+the HCI benchmark.
 
 Quilts are for Looking Glass displays and their programs. Tile 0 is at the bottom left and holds the leftmost camera's
 view; tiles go rightwards, then upwards. The name holds columns, rows and the panel's proportions.
@@ -8,10 +10,12 @@ view; tiles go rightwards, then upwards. The name holds columns, rows and the pa
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from fractions import Fraction
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import OpenImageIO as oiio
@@ -30,7 +34,19 @@ from lfsr_core.exports.light_field import (
     screen_size,
     usual_width,
 )
-from lfsr_core.exports.options import PRESETS, VIEW_TYPES, ExportOptions, Pair, Preset, chosen_type, quilt_name
+from lfsr_core.exports.options import (
+    FILM_TYPES,
+    H264_SIDE,
+    PRESETS,
+    QUILT_FILM_TYPES,
+    VIEW_TYPES,
+    WIGGLE_TYPES,
+    ExportOptions,
+    Pair,
+    Preset,
+    chosen_type,
+    quilt_name,
+)
 from lfsr_core.frames.frame import EIA_LINEAR_FILE
 from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.exr import HALF_MAX
@@ -39,12 +55,18 @@ from lfsr_core.optics.eia import to_views
 from lfsr_core.reconstruct.second_stage import read_finished_linear
 
 MOST_SIDE = 16384  # pixels; no program takes more
-EYES_MM = 63.0
 EXR_FILE = "views.exr"
 MOST_PARTS = 1024  # that readers here and elsewhere accept
 PLENO_MAX = 1023
 SENSOR_MM = 35.0  # arbitrary: the focal length follows from it
 DISPARITY_FILE, PARAMETERS_FILE = "gt_disp_lowres.pfm", "parameters.cfg"
+QUALITY = 90  # of WebP
+ENCODERS = {"libx264": {"crf": "18", "preset": "medium"},  # without visible loss
+            "libx265": {"crf": "20", "preset": "fast", "x265-params": "log-level=error"}}
+RATES = {"mp4": 30, "gif": 20, "webp": 20, "png": 30}  # frames per second; GIF counts in hundredths of a second
+LOOPING = ("gif", "webp")  # start again by themselves
+ANIMATION_RATE = 24  # Blender's default
+REACH, RISE = 0.85, 0.35  # fraction of the half viewing zone, across and up
 LEAST_SPAN = 1e-6  # of disparities, in pixels per view
 # Left and right eye's linear red, green and blue to those of red-cyan glasses on a liquid crystal display: E. Dubois,
 # "Conversion of a stereo pair to anaglyph with the least-squares projection method", March 2009.
@@ -144,7 +166,7 @@ def write_stereo(layout: Layout, field: LightField, folder: Path, options: Expor
 
 def eye_distance(field: LightField, options: ExportOptions) -> float:
     """Millimetres between the eyes; LfsrError where they do not both see the display's views."""
-    between = options.eyes_mm or EYES_MM
+    between = options.eyes_mm or 63.0
     zone = field.display.camera_spacing_mm * field.count[0]
     if between > zone:
         raise LfsrError(f"eyes {between:g} mm apart are outside the viewing zone of display {field.display.name!r}, "
@@ -161,8 +183,8 @@ def write_rgbd(field: LightField, folder: Path, options: ExportOptions) -> None:
     if rendered is None:
         raise LfsrError(f"{field.folder} has no position layer, from which depth comes: render it with the "
                         "layer position")
-    color = on_screen(field.view_at(*rendered.place), field.display, options.width or usual_width(field.display))
-    disparity, infinite = rendered.disparity, infinite_disparity(field.frame)
+    (disparity, camera), infinite = rendered, infinite_disparity(field.frame)
+    color = on_screen(field.view_at(*camera), field.display, options.width or usual_width(field.display))
     hit = disparity[disparity > infinite]
     far, near = (float(hit.min()), float(hit.max())) if hit.size else (infinite, 0.0)
     if near - far < LEAST_SPAN:  # all at one depth: emptiness is behind it
@@ -276,3 +298,114 @@ def write_hci(field: LightField, folder: Path, options: ExportOptions) -> None:
     (folder / PARAMETERS_FILE).write_text(parameters, encoding="ascii", errors="replace")
     if disparity is None:
         options.tell(Notice("disparity-missing"))
+
+
+class Motion(NamedTuple):
+    """How the eye moves."""
+
+    name: str
+    types: tuple[str, ...]  # of files, the default first
+    seconds: float  # of one round
+    rounds: int  # of a film that does not start again by itself
+    # place (x, y) of the eye in millimetres, at a phase of the round in [0, 1)
+    place: Callable[[LightField, ExportOptions, float], tuple[float, float]]
+
+
+def eye_place(field: LightField, phase: float) -> tuple[float, float]:
+    """Place (x, y) of the swaying eye in millimetres, at ``phase`` in [0, 1)."""
+    spacing, (across, down) = field.display.camera_spacing_mm, field.count
+    angle = 2 * math.pi * phase
+    return (REACH * across / 2 * spacing * math.sin(angle), RISE * down / 2 * spacing * math.cos(angle))
+
+
+SWAY = Motion("sway", FILM_TYPES, 4.0, 1, lambda field, _, phase: eye_place(field, phase))
+WIGGLE = Motion("wiggle", WIGGLE_TYPES, 0.8, 5, lambda field, options, phase:
+                (eye_distance(field, options) / 2 * math.sin(2 * math.pi * phase), 0.0))
+
+
+def write_motion(motion: Motion, fields: Iterator[LightField], count: int | None, folder: Path,
+                 options: ExportOptions) -> None:
+    """Write the film of ``count`` frames, while the eye moves one or more whole rounds; of one frame for count None."""
+    first, chosen = next(fields), chosen_type(options, motion.types)
+    if count is None:
+        rate: float = options.fps or RATES[chosen]
+        rounds = 1 if chosen in LOOPING else motion.rounds
+        total = max(2, round((options.seconds or motion.seconds) * rate)) * rounds
+        fields = itertools.repeat(first, total)
+    else:
+        rate, total = options.fps or ANIMATION_RATE, count
+        rounds = max(1, round(count / rate / (options.seconds or motion.seconds)))
+        fields = itertools.chain([first], fields)
+
+    def frames() -> Iterator[Array]:
+        for number, field in enumerate(fields):
+            options.tell(Progress("export", number / total, f"frame {number + 1} of {total}"))
+            view = field.seen_from(*motion.place(field, options, rounds * number / total % 1))
+            yield on_screen(view, field.display, options.width or usual_width(field.display))
+
+    write_film(folder / f"{first.name}_{motion.name}.{chosen}", frames(), rate)
+
+
+def write_quilt_film(fields: Iterator[LightField], count: int | None, folder: Path, options: ExportOptions) -> None:
+    """Write ``count`` quilts as a film, None for one, of even sides, as its encoders need."""
+    first = next(fields)
+    grid, (width, height) = quilt_layout(first, options)
+    tile = width - width * grid[0] % 2, height - height * grid[1] % 2
+    name = f"{quilt_name(first.name, grid, panel_aspect(first))}.{chosen_type(options, QUILT_FILM_TYPES)}"
+
+    def quilts() -> Iterator[Array]:
+        for number, field in enumerate(itertools.chain([first], fields)):
+            options.tell(Progress("export", number / (count or 1), f"frame {number + 1} of {count or 1}"))
+            yield quilt_of_views(field, grid, tile)
+
+    write_film(folder / name, quilts(), options.fps or ANIMATION_RATE)
+
+
+def write_film(path: Path, frames: Iterator[Array], rate: float) -> None:
+    """Write frames (H, W, 3) uint8 of one size, with even sides, by the ending of ``path``.
+
+    PNG becomes numbered images, ``stem_0001.png``. LfsrError where the encoder is missing.
+    """
+    if path.suffix == ".png":
+        for number, frame in enumerate(frames, start=1):
+            write_png(path.with_name(f"{path.stem}_{number:04d}.png"), frame)
+        return
+    if path.suffix != ".mp4":
+        try:
+            from PIL import Image
+        except ImportError:
+            raise LfsrError(f"{path.suffix[1:].upper()} needs the package pillow, which this Python lacks: pip install "
+                            "'lfsr[video]', or choose another type") from None
+        picture, *others = [Image.fromarray(frame) for frame in frames]
+        quality: dict[str, Any] = {"quality": QUALITY, "method": 4}
+        if path.suffix == ".gif":  # one palette, so that colours do not flicker, and no bands
+            palette = picture.quantize()
+            picture, *others = [image.quantize(palette=palette) for image in (picture, *others)]
+            quality = {"optimize": True}
+        picture.save(path, save_all=True, append_images=others, duration=round(1000 / rate), loop=0, **quality)
+        return
+    try:
+        import av
+    except ImportError:
+        raise LfsrError("MP4 needs the package av, which this Python lacks: pip install 'lfsr[video]', or choose "
+                        "type png and encode the frames elsewhere") from None
+    first = next(frames)
+    encoder = "libx264" if max(first.shape[:2]) <= H264_SIDE else "libx265"
+    with av.open(str(path), "w", options={"movflags": "faststart"}) as film:
+        try:
+            stream: Any = film.add_stream(encoder, rate=Fraction(rate).limit_denominator(1001),
+                                          options=ENCODERS[encoder])
+        except ValueError:
+            raise LfsrError(f"films of {first.shape[1]}×{first.shape[0]} pixels need {encoder}, which this Python's "
+                            "package av lacks: choose type png and encode the frames elsewhere") from None
+        stream.height, stream.width = first.shape[:2]
+        stream.pix_fmt = "yuv420p"
+        # The file says BT.709 of limited range, which players otherwise guess from the size.
+        codec = stream.codec_context
+        codec.color_primaries = codec.color_trc = codec.colorspace = codec.color_range = 1
+        if encoder == "libx265":
+            codec.codec_tag = "hvc1"  # without which Apple's programs do not play HEVC
+        for pixels in itertools.chain([first], frames):
+            film.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, format="rgb24").reformat(
+                format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")))
+        film.mux(stream.encode())

@@ -6,7 +6,6 @@ import dataclasses
 import functools
 import re
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -247,8 +246,8 @@ def central_disparity(field: LightField) -> Array | None:
     rendered = rendered_disparity(field)
     if rendered is None:
         return None
-    seen, array, (sx, sy) = rendered.disparity, field.frame.array, field.display.lenses
-    right, down = (place - (count - 1) / 2 for place, count in zip(rendered.place, field.count, strict=True))
+    (seen, camera), array, (sx, sy) = rendered, field.frame.array, field.display.lenses
+    right, down = (place - (count - 1) / 2 for place, count in zip(camera, field.count, strict=True))
     down = down * array.half_width / sx / (array.half_height / sy)  # in lenses across, which may not be square
     # One step of a fixed-point iteration, enough for the fractions of a pixel between the centre and the nearest view.
     rows, columns = np.indices(seen.shape)
@@ -257,15 +256,11 @@ def central_disparity(field: LightField) -> Array | None:
     return np.asarray(seen[row, column])
 
 
-class Rendered(NamedTuple):
-    """Disparity of a rendered view."""
+def rendered_disparity(field: LightField) -> tuple[Array, tuple[float, float]] | None:
+    """Disparity (sy, sx), as of ``central_disparity``, of the rendered view nearest to the centre; its camera's place.
 
-    disparity: Array  # (sy, sx) float32, as of ``central_disparity``
-    place: tuple[float, float]  # of its camera, as numbers of finished views (column, row)
-
-
-def rendered_disparity(field: LightField) -> Rendered | None:
-    """Disparity of the rendered view nearest to the centre; None where the frame has no position layer."""
+    The place counts finished views (column, row). None where the frame has no position layer.
+    """
     path = field.folder / LOW_RES_FILE
     if "position" not in field.frame.layers or not path.is_file() or field.frame.lens_list is not None:
         return None
@@ -281,8 +276,8 @@ def rendered_disparity(field: LightField) -> Rendered | None:
     distance = low.position[:, :, row, column] @ to_array[2, :3] + to_array[2, 3]  # from the camera plane
     depth, array = np.where(hit, distance, np.inf), field.frame.array
     nearness = array.distance / np.maximum(depth, 1e-6 * array.distance)
-    return Rendered(np.asarray((1 - nearness) * infinite_disparity(field.frame), np.float32),
-                    ((column + 0.5) * steps[0] - 0.5, (row + 0.5) * steps[1] - 0.5))
+    return (np.asarray((1 - nearness) * infinite_disparity(field.frame), np.float32),
+            ((column + 0.5) * steps[0] - 0.5, (row + 0.5) * steps[1] - 0.5))
 
 
 def infinite_disparity(frame: Frame) -> float:

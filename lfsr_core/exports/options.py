@@ -16,8 +16,6 @@ from typing import NamedTuple
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Tell, silent
 
-EXPORT_FOLDER = "export"  # in the frame folder
-
 
 class Format(NamedTuple):
     """A format of exports, as menus show it."""
@@ -132,7 +130,7 @@ def chosen_type(options: ExportOptions, choices: tuple[str, ...]) -> str:
 
 def default_target(folder: str | Path, name: str) -> Path:
     """Default folder for an export of a frame folder in format ``name``."""
-    return Path(folder, EXPORT_FOLDER, name)
+    return Path(folder, "export", name)
 
 
 def quilt_name(name: str, grid: Pair, aspect: float) -> str:

@@ -90,7 +90,11 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
         if sum(map(len, images)) > MOST_PAGE_BYTES:
             raise LfsrError(f"the page would be over {MOST_PAGE_BYTES / 1e6:.0f} MB after {number + 1} of "
                             f"{len(frames)} frames: give fewer frames or a lower quality")
-    url = f"data:image/webp;base64,{base64.b64encode(still(next(iter(frames)), profile)).decode()}"
+    # A camera in the middle: what the page shows before its EIA, and where WebGL is missing.
+    eis = to_elemental_images(read_png(next(iter(frames)) / EIA_FILE), profile.lenses)
+    middle = np.ascontiguousarray(eis[:, :, profile.views[1] // 2, profile.views[0] // 2])
+    still = encode_webp(middle, BEST if middle.size <= MOST_LOSSLESS else STILL_QUALITY)
+    url = f"data:image/webp;base64,{base64.b64encode(still).decode()}"
     data = json.dumps({  # lengths in millimetres, pairs as (across, down)
         "name": profile.title or profile.name, "lenses": profile.lenses, "views": profile.views,
         "panel_mm": profile.panel_mm,
@@ -114,13 +118,6 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
     if size > WARN_BYTES:
         tell(Notice("page-large", {"bytes": size}))
     return Page(path, size)
-
-
-def still(folder: Path, profile: DisplayProfile) -> bytes:
-    """View of a camera in the middle, as WebP: what the page shows before its EIA, and where WebGL is missing."""
-    images = to_elemental_images(read_png(folder / EIA_FILE), profile.lenses)
-    middle = np.ascontiguousarray(images[:, :, profile.views[1] // 2, profile.views[0] // 2])
-    return encode_webp(middle, BEST if middle.size <= MOST_LOSSLESS else STILL_QUALITY)
 
 
 def fewer_views(pixels: Array, profile: DisplayProfile) -> Array:

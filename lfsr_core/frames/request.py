@@ -41,12 +41,10 @@ USUAL_SCALE, USUAL_SAMPLES = 4, 16  # the rays of a render for which nothing was
 # Noise of a first view for which the usual rays are enough, and how many times as many others may take. With those
 # the views of a Cornell box, whose noise is .064, had a mean FLIP of .084 and .101; of glass, .030, .053 and .058.
 CALM, TIMES_RAYS = 0.04, (1, 2, 4)
-MOST_DIGITS = 30
 CLAMP_INDIRECT = 10.0  # Cycles' default: fewer fireflies at low sample counts
 SCENE_SUFFIXES = (".blend", ".glb", ".gltf", ".obj")
 RANGE = re.compile(r"(-?\d{1,8})(?:-(-?\d{1,8})(?:[x:](\d{1,8}))?)?$")
 MOST_FRAMES = 100_000
-MOST_SPREAD = 5
 MOST_DILATE = 65536  # lenses
 MOST_AVERAGED = 8  # frames to each side
 
@@ -121,7 +119,7 @@ class Request:
                             "folder")
         least, samples = 2 if self.kind == "reference" else 1, self.sampling.samples
         if type(samples) is not int or not least <= samples <= MOST_SAMPLES:
-            raise LfsrError(f"samples per pixel is {_shown(samples)}, but a {self.kind} needs a whole number of at "
+            raise LfsrError(f"samples per pixel is {samples!r:.30}, but a {self.kind} needs a whole number of at "
                             f"least {least} and at most {MOST_SAMPLES}")
         scales = (self.sampling.scale, *self.sampling.scales)
         for scale in scales:
@@ -130,10 +128,10 @@ class Request:
         for name, most in (("view_aperture", max(scales)), ("seed", MOST_SEED), ("clamp_indirect", MOST_CLAMP)):
             value = getattr(self, name)
             if value is not None and not 0 <= value <= most:
-                raise LfsrError(f"{name.replace('_', ' ')} is {_shown(value)}, but it must be between 0 and {most}")
+                raise LfsrError(f"{name.replace('_', ' ')} is {value!r:.30}, but it must be between 0 and {most}")
         for frame in (self.frame, *self.sampling.frames):
             if frame is not None and abs(frame) > MOST_FRAME:
-                raise LfsrError(f"frame is {_shown(frame)}, but it must be between -{MOST_FRAME} and {MOST_FRAME}")
+                raise LfsrError(f"frame is {frame!r:.30}, but it must be between -{MOST_FRAME} and {MOST_FRAME}")
         for scale in scales:
             self.display.low_views(scale)
             self.samples_at(scale)
@@ -302,7 +300,7 @@ def parse_frames(text: str) -> tuple[int, ...]:
     return tuple(frames)
 
 
-def spread(frames: Sequence[int], most: int = MOST_SPREAD) -> tuple[int, ...]:
+def spread(frames: Sequence[int], most: int = 5) -> tuple[int, ...]:
     """Return at most ``most`` of ``frames``, evenly spread over them, with the first and the last."""
     places = np.linspace(0, len(frames) - 1, min(len(frames), most))
     return tuple(frames[round(place)] for place in places)
@@ -334,7 +332,3 @@ def check_light(light: str) -> str:
 def is_light_file(light: str) -> bool:
     """Return True if a light is the file of a world image."""
     return Path(light).suffix.lower() in LIGHT_SUFFIXES
-
-
-def _shown(value: object) -> str:
-    return repr(value)[:MOST_DIGITS]

@@ -164,14 +164,15 @@ def check_complete(path: str | Path, named: str | Path | None = None) -> None:
     ``named``: the file's name in the error, None for ``path``.
     """
     with reading(path, "an EXR image"), opened(path) as source:
-        if source is None:
-            raise _truncated(named or path, oiio.geterror())
-        index = 0
-        while source.seek_subimage(index, 0):
+        index, reason = 0, oiio.geterror() if source is None else None
+        while source is not None and reason is None and source.seek_subimage(index, 0):
             pixels = source.read_image(index, 0, 0, source.spec().nchannels, "half")
-            if pixels is None or source.has_error:
-                raise _truncated(named or path, source.geterror())
+            reason = source.geterror() if pixels is None or source.has_error else None
             index += 1
+    if reason is not None:
+        line = next(iter(reason.strip().splitlines()), "it has no pixels")
+        raise LfsrError(f"{named or path} was not written completely ({line}): free some space or choose another "
+                        "folder")
 
 
 def clean(layers: Mapping[str, Array]) -> tuple[Layers, int]:
@@ -233,18 +234,9 @@ def _read_parts(path: Path) -> Iterator[tuple[tuple[str, ...], Array]]:
             index += 1
 
 
-def _first_line(reason: str, otherwise: str) -> str:
-    return reason.strip().splitlines()[0] if reason.strip() else otherwise
-
-
 def _unreadable(path: Path, reason: str) -> LfsrError:
-    return LfsrError(f"{path} cannot be read ({_first_line(reason, 'unknown format')}): the file is damaged or not an "
-                     "EXR, render it again")
-
-
-def _truncated(path: str | Path, reason: str) -> LfsrError:
-    return LfsrError(f"{path} was not written completely ({_first_line(reason, 'it has no pixels')}): free some space "
-                     "or choose another folder")
+    line = next(iter(reason.strip().splitlines()), "unknown format")
+    return LfsrError(f"{path} cannot be read ({line}): the file is damaged or not an EXR, render it again")
 
 
 def _layer_columns(names: Sequence[str]) -> dict[str, dict[str, int]]:

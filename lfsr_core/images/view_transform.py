@@ -31,7 +31,6 @@ BRIGHTEST = 2.0**STOPS[1] - 2.0**STOPS[0]
 # Accuracy that a table must have on TRIED random colours: the largest error in steps of 255, the largest fraction of
 # colours with that error (so small that none is expected beyond), and the smallest fraction within one step.
 MAX_STEPS, MAX_FRACTION, MIN_WITHIN_ONE, TRIED = 3, 1e-4, 0.999, 1 << 17
-THREADS = 4
 BLACK, WHITE = 8.5 / 255, 249.5 / 255  # display values
 # Percentiles that are compared with these, so that a few sparks in the dark or specks on white do not count.
 SPARKS, SPECKS = 99.5, 5.0
@@ -90,15 +89,9 @@ class ViewTransform:
         self._to_float = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_F32, flags)
         self._to_bytes = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, flags)
         self.table: ocio.CPUProcessor | None = None  # from which bytes come, in place of the chain
-        if pixels >= MIN_BAKED_PIXELS and not (settings.look in NO_LOOK and settings.view_transform in FAST_VIEWS):
-            table, colors = self._baked(), random_colors()
-            exact, baked = self.to_uint8(colors), np.empty(colors.shape, np.uint8)
-            table.apply(_image(colors), _image(baked))
-            if is_accurate(np.abs(baked.astype(np.int16) - exact).max(-1)):
-                self.table = table
-
-    def _baked(self) -> ocio.CPUProcessor:
-        """The chain as a table from scene-linear floats to bytes."""
+        if pixels < MIN_BAKED_PIXELS or (settings.look in NO_LOOK and settings.view_transform in FAST_VIEWS):
+            return
+        # The chain as a table from scene-linear floats to bytes.
         (low, high), width = STOPS, STOPS[1] - STOPS[0]
         shaper = ocio.LogAffineTransform(logSideSlope=[1 / width] * 3, logSideOffset=[-low / width] * 3,
                                          linSideSlope=[1.0] * 3, linSideOffset=[2.0**low] * 3)
@@ -110,13 +103,18 @@ class ViewTransform:
             colors[..., 0], colors[..., 1], colors[..., 2] = red, light[:, None], light
             return self(colors)
 
-        with ThreadPoolExecutor(THREADS) as pool:
+        with ThreadPoolExecutor(4) as pool:
             values = np.stack(list(pool.map(slab, light)))
-        table = ocio.Lut3DTransform(gridSize=GRID)
-        table.setInterpolation(ocio.INTERP_TETRAHEDRAL)
-        table.setData(values.ravel())
-        processor = ocio.Config.CreateRaw().getProcessor(ocio.GroupTransform([shaper, table]))
-        return processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, ocio.OPTIMIZATION_DEFAULT)
+        cube = ocio.Lut3DTransform(gridSize=GRID)
+        cube.setInterpolation(ocio.INTERP_TETRAHEDRAL)
+        cube.setData(values.ravel())
+        processor = ocio.Config.CreateRaw().getProcessor(ocio.GroupTransform([shaper, cube]))
+        table = processor.getOptimizedCPUProcessor(ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, ocio.OPTIMIZATION_DEFAULT)
+        colors = random_colors()
+        exact, baked = self.to_uint8(colors), np.empty(colors.shape, np.uint8)
+        table.apply(_image(colors), _image(baked))
+        if is_accurate(np.abs(baked.astype(np.int16) - exact).max(-1)):
+            self.table = table
 
     def __call__(self, linear: Array) -> Array:
         """Display values, float32 (..., W, 3), of scene-linear (..., W, 3); the display shows 0 to 1."""

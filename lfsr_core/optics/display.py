@@ -27,7 +27,6 @@ from lfsr_core.base.records import check_choice, check_within, fail, from_data, 
 
 PROFILE_FOLDER = Path(__file__).parent / "displays"
 EI_ORDERS = ("flipped", "direct")
-MAX_PIXEL_ASPECT_ERROR = 0.01
 MAX_MM = 1e9
 MAX_NAME, MAX_DESCRIPTION = 100, 1000  # characters
 MAX_BYTES = 100_000  # of a profile's file
@@ -257,7 +256,7 @@ class DisplayProfile:
                 fail("panel_pixels", list(self.panel_pixels),
                      f"its {name} must be lenses × views = {self.lenses[axis]} × {self.views[axis]} = {product}")
         pitch_x, pitch_y = (mm / px for mm, px in zip(self.panel_mm, self.panel_pixels, strict=True))
-        if all(self.parallax) and abs(pitch_x / pitch_y - 1) > MAX_PIXEL_ASPECT_ERROR:
+        if all(self.parallax) and abs(pitch_x / pitch_y - 1) > 0.01:
             fail("panel_mm", list(self.panel_mm),
                  f"pixels must be square within 1 %, and these are {pitch_x:.4f} × {pitch_y:.4f} mm")
         if self.lenslet and self.lenticular:

@@ -23,7 +23,6 @@ from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.panel.trace import seen_panel
 from lfsr_core.optics.rays import LensCard, RayLayout, lens_card
 
-DEFAULT_WIDTH = 960
 Point = tuple[float, float, float]
 PIXEL_SIZES = (8, 4, 2, 1)  # of a viewport
 MIN_FILLED = 0.8  # fraction of the region, below which smaller pixels are used
@@ -37,7 +36,7 @@ def gap_mm(profile: DisplayProfile) -> float:
     return profile.lens_pitch_mm[0] / 2 / math.tan(math.radians(profile.viewing_angle_deg) / 2)
 
 
-def eye_view(panel: Array, profile: DisplayProfile, eye_mm: Point, width: int = DEFAULT_WIDTH) -> Array:
+def eye_view(panel: Array, profile: DisplayProfile, eye_mm: Point, width: int = 960) -> Array:
     """Return what an eye sees of the panel's image: about one pixel per lens, black beyond the panel.
 
     From outside the viewing zone an eye sees the elemental image of a neighbouring lens, as on a real display.

@@ -112,6 +112,8 @@ def run_on(address: str, output: Path, scene: str, tasks: Callable[[int], Iterat
     except ImportError:
         raise LfsrError("a cluster needs the package distributed: install the extra 'farm', as by pip install "
                         "'lfsr[farm]'") from None
+    if not address.strip():  # Dask would start a cluster of its own
+        raise LfsrError("the address of a scheduler is empty: give one, as tcp://host:8786")
     package: Any = distributed  # has no types
     place = output / f"{PLACE_FILE}{secrets.token_hex(4)}"  # by which workers recognise the folder
     before = logging.root.manager.disable

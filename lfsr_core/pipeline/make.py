@@ -11,7 +11,7 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from pathlib import Path
 
 from lfsr_core.base.errors import LfsrError
@@ -53,10 +53,6 @@ class Made:
     # seconds of the render and of all that follows it, 0 where it failed
     render: float = 0.0
     finish: float = 0.0
-
-
-class _StoppedError(Exception):
-    """The second stage is to stop."""
 
 
 def make(request: Request | Sequence[Request], finish: Finish | None = None, frames: Sequence[int] | None = None, *,
@@ -140,7 +136,7 @@ def make(request: Request | Sequence[Request], finish: Finish | None = None, fra
         """Finish a rendered frame, in a thread of its own beside Blender."""
         def stop_or_tell(told: Progress | Notice) -> None:
             if stopped.is_set():
-                raise _StoppedError
+                raise CancelledError
             if frames is None and isinstance(told, Progress):
                 begin = RENDER_FRACTION if count else 0.0
                 # The other stages are short.

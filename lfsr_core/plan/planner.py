@@ -22,7 +22,7 @@ from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.folder import PLACES, FrameFolder, digest, request_facts, scene_stamp
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, read_frame
-from lfsr_core.frames.low_res import LowResEIA, foreground_mask, low_resolution, read_world
+from lfsr_core.frames.low_res import foreground_mask, low_resolution, read_world
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.exr import read_finite
@@ -37,7 +37,6 @@ from lfsr_core.reconstruct.methods import seconds as finish_seconds
 from lfsr_core.reconstruct.second_stage import finished_lenses
 from lfsr_core.version import __version__
 
-SAMPLE_FILE = "sample.json"
 SECONDS_CACHED = 24 * 3600  # changes of textures and linked files are not noticed, so old renders are not reused
 CONTEXT = 16  # low-resolution pixels around a sampled lens that a denoiser should see
 WIDE_ENOUGH = 32  # pixels across an elemental image that needs no neighbours: most of it is far from the border
@@ -99,39 +98,19 @@ def with_neighbours(lenses: Sequence[Lens], reach_: int, grid: tuple[int, int]) 
     return [(int(n) // grid[0], int(n) % grid[0]) for n in listed], index.reshape(flat.shape)
 
 
-@dataclasses.dataclass(frozen=True)
-class Mosaic:
-    """Blocks of lenses side by side, as one small EIA, on which a method runs as on a whole frame.
+def mosaic(blocks: Array) -> tuple[Array, Array]:
+    """Lay blocks of lenses side by side, as one small EIA, on which a method runs as on a whole frame.
 
-    A denoiser looks at the neighbours of a lens. So a sampled lens is rendered with a block of lenses around it.
+    A denoiser looks at the neighbours of a lens, so a sampled lens is rendered with a block of lenses around it.
+    ``blocks`` (n, side, side): places in a list of rendered lenses. Returns those of the mosaic's lenses, nearly square
+    (rows, columns), where unused places repeat the last block, and row and column of each block's middle (n, 2).
     """
-
-    index: Array  # (rows, columns) of its lenses, into a list of rendered ones
-    centres: Array  # (n, 2) row and column of each block's middle
-
-    @classmethod
-    def of(cls, blocks: Array) -> Mosaic:
-        """Nearly square mosaic of ``blocks`` (n, side, side); unused places repeat the last block."""
-        count, side, _ = blocks.shape
-        across = math.isqrt(count - 1) + 1
-        down = math.ceil(count / across)
-        filled = blocks[np.minimum(np.arange(across * down), count - 1)].reshape(down, across, side, side)
-        places = np.stack(np.divmod(np.arange(count), across), -1) * side + side // 2
-        return cls(filled.transpose(0, 2, 1, 3).reshape(down * side, across * side), places)
-
-    @property
-    def side(self) -> int:
-        """Lenses across a block."""
-        return 2 * int(self.centres[0, 0]) + 1
-
-    def of_render(self, low: LowResEIA) -> LowResEIA:
-        """The mosaic of a rendered list of lenses, whose tiles ``low`` holds in reading order."""
-        return low.each(lambda layer: layer.reshape(-1, *layer.shape[2:])[self.index])
-
-    def of_mask(self, tiles: Array) -> Array:
-        """(n,) bool: the values of a mask (rows, columns) of the rendered tiles at each block's centre."""
-        centres: Array = tiles.reshape(-1)[self.index[tuple(self.centres.T)]]
-        return centres
+    count, side, _ = blocks.shape
+    across = math.isqrt(count - 1) + 1
+    down = math.ceil(count / across)
+    filled = blocks[np.minimum(np.arange(across * down), count - 1)].reshape(down, across, side, side)
+    centres = np.stack(np.divmod(np.arange(count), across), -1) * side + side // 2
+    return filled.transpose(0, 2, 1, 3).reshape(down * side, across * side), centres
 
 
 class SampleRenders:
@@ -176,14 +155,14 @@ class SampleRenders:
         return folder.path, folder.frame
 
 
-def scores(folder: Path, name: str, mosaic: Mosaic, quarters: Quarters) -> Array:
+def scores(folder: Path, name: str, blocks: Array, quarters: Quarters) -> Array:
     """Accuracy (n,) of the method ``name`` on each sampled lens, from a render of them and their neighbours."""
-    frame = read_frame(folder)
+    frame, (index, centres) = read_frame(folder), mosaic(blocks)
     layers, _ = read_finite(folder / LOW_RES_FILE)
-    low = mosaic.of_render(low_resolution(layers, frame, read_world(folder, frame)))
-    mask = mosaic.of_mask(foreground_mask(layers, frame.rays.tiles))
-    images = finished_lenses(low, mask, name, mosaic.centres, block=mosaic.side)
-    return split_scores(srgb_encode(images), quarters)
+    low = low_resolution(layers, frame, read_world(folder, frame))
+    low = low.each(lambda layer: layer.reshape(-1, *layer.shape[2:])[index])  # tiles are in reading order
+    mask = foreground_mask(layers, frame.rays.tiles).reshape(-1)[index[tuple(centres.T)]]
+    return split_scores(srgb_encode(finished_lenses(low, mask, name, centres, block=blocks.shape[1])), quarters)
 
 
 def split_scores(images: Array, quarters: Quarters) -> Array:
@@ -250,7 +229,7 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
     if request.layout in ("view-by-view", SUBPIXELS):
         raise LfsrError(f"a plan renders single lenses, which the layout {request.layout} cannot: choose another "
                         "layout")
-    facts, described = sample_facts(request, options), folder / SAMPLE_FILE
+    facts, described = sample_facts(request, options), folder / "sample.json"
     if described.exists() and read_json(described, "the description of a sample") != facts:
         raise LfsrError(f"{folder} holds the sample of another scene or of other options: choose another folder")
     write_json(described, facts)
@@ -319,7 +298,7 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
         started = time.perf_counter()
         for row in open_rows:
             try:
-                values = scores(rendered, row.method, Mosaic.of(blocks), quarters)
+                values = scores(rendered, row.method, blocks, quarters)
                 found = estimate(values, counts, int(places.sum()))
                 rows[row.candidate] = dataclasses.replace(row, estimate=found)
             except LfsrError as error:

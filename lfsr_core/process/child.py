@@ -6,6 +6,7 @@ They write ``LFSR {json}`` lines on their standard output. The last one has the 
 
 from __future__ import annotations
 
+import _thread
 import collections
 import contextlib
 import ctypes
@@ -192,6 +193,14 @@ def _write(record: dict[str, Any]) -> None:
     # In one write, because Cycles' thread writes too.
     sys.stdout.write(PROGRESS_PREFIX + json.dumps(record) + "\n")
     sys.stdout.flush()
+
+
+def interrupt_main(number: int) -> None:
+    """Raise a signal in the main thread, and wake it where it waits for another."""
+    if sys.platform == "win32":
+        _thread.interrupt_main(number)
+    else:
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
 
 
 class CrashError(LfsrError):

@@ -135,11 +135,6 @@ class Neighbour:
     same_rays: bool  # False where the camera array has moved, or render settings differ
     same_seed: bool  # True where both have the same noise, which a mean over both would keep
 
-    @property
-    def usable(self) -> bool:
-        """Whether averaging with it removes noise."""
-        return self.same_rays and not self.same_seed
-
 
 def neighbours_of(folder: Path, frame: Frame, count: int) -> list[Neighbour]:
     """Rendered frames ``near`` the one in ``folder``, from the folders beside it."""

@@ -184,7 +184,8 @@ class _Work:
         if count:
             tell(Progress("average", 0.0, "neighbouring frames"))
             with self.clock("average"):
-                low, averaged = average_frames(low, (read_low(each.folder) for each in self.neighbours if each.usable))
+                usable = (each.folder for each in self.neighbours if each.same_rays and not each.same_seed)
+                low, averaged = average_frames(low, map(read_low, usable))
         self.averaged = averaged  # fraction of the image
         with self.clock("mask"):
             self.unseen = unseen_notices(layers)

@@ -8,7 +8,6 @@ The process ends when its standard input does, so that it does not outlive Blend
 
 from __future__ import annotations
 
-import _thread
 import dataclasses
 import math
 import os
@@ -51,6 +50,7 @@ from lfsr_core.process.child import (
     emit,
     emit_last,
     emit_told,
+    interrupt_main,
     repeated,
     told_of,
 )
@@ -266,10 +266,7 @@ def _end_on_request(unwinds: bool) -> None:
         while os.read(0, 1):
             pass
         if unwinds:
-            if sys.platform == "win32":
-                _thread.interrupt_main(signal.SIGTERM)
-            else:  # wakes the main thread where it waits for another
-                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
+            interrupt_main(signal.SIGTERM)
             Child.stop_all(SECONDS_TO_STOP)  # the main thread waits for what they write
         else:
             _leave()

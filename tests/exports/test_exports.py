@@ -16,7 +16,7 @@ from PIL import Image, ImageSequence
 
 from lfsr_core.base.notices import Notice
 from lfsr_core.cli import main
-from lfsr_core.exports import films
+from lfsr_core.exports import images
 from lfsr_core.exports.formats import WRITERS, export
 from lfsr_core.exports.images import anaglyph
 from lfsr_core.exports.light_field import central_disparity, on_screen, read_light_field, resized
@@ -103,7 +103,7 @@ def test_what_a_quilts_name_says(name, expected):
 @pytest.mark.parametrize(("side", "codec"), [(None, "h264"), (400, "hevc")])
 def test_film_of_quilts(folder, tmp_path, monkeypatch, side, codec):
     if side:
-        monkeypatch.setattr(films, "H264_SIDE", side)  # as for quilts of 8192 pixels
+        monkeypatch.setattr(images, "H264_SIDE", side)  # as for quilts of 8192 pixels
     options = ExportOptions(grid=(4, 2), width=112, fps=10)
     (path,) = export(folder, "quilt-film", tmp_path, options)
     assert path.name == "two_depths_qs4x2a1.333.mp4"

@@ -32,7 +32,6 @@ from lfsr_core.plan import planner
 from lfsr_core.plan.options import Candidate, Estimate, PlanOptions, Rated, choose, estimate, first_guess
 from lfsr_core.plan.planner import (
     USUAL_LENSES,
-    Mosaic,
     Planned,
     SampleRenders,
     lens_count,
@@ -231,23 +230,22 @@ lens_lists = st.lists(st.tuples(st.integers(0, 4), st.integers(0, 6)), min_size=
 def test_mosaic_shows_each_sampled_lens_amid_its_neighbours(lenses, reach_):
     listed, blocks = planner.with_neighbours(lenses, reach_, GRID)
     assert len(listed) == len(set(listed))
-    # A render of them as one row of tiles, each filled with its lens's number.
-    numbers = np.array([row * GRID[0] + column for row, column in listed], np.float32)
-    color, mosaic = np.broadcast_to(numbers[None, :, None, None, None], (1, len(listed), 2, 2, 3)), Mosaic.of(blocks)
-    low = mosaic.of_render(LowResEIA(color, color[..., :1] / 100, 4, 2, position=color))
-    assert low.color.shape[:2] == mosaic.index.shape and low.position.shape == low.color.shape
-    for (row, column), (y, x) in zip(lenses, mosaic.centres, strict=True):
+    # A render of them as one row of tiles, each with its lens's number.
+    numbers = np.array([row * GRID[0] + column for row, column in listed])
+    index, centres = planner.mosaic(blocks)
+    for (row, column), (y, x) in zip(lenses, centres, strict=True):
         for down in range(-reach_, reach_ + 1):
             for right in range(-reach_, reach_ + 1):
                 neighbour = np.clip(row + down, 0, 4) * GRID[0] + np.clip(column + right, 0, 6)
-                assert low.color[y + down, x + right, 0, 0, 0] == neighbour
+                assert numbers[index[y + down, x + right]] == neighbour
 
 
 @given(lens_lists)
 def test_mask_of_a_mosaic_is_that_of_its_centres(lenses):
     listed, blocks = planner.with_neighbours(lenses, 1, GRID)
     tiles = np.array([(row + column) % 2 == 0 for row, column in listed])[None]
-    assert Mosaic.of(blocks).of_mask(tiles).tolist() == [(row + column) % 2 == 0 for row, column in lenses]
+    index, centres = planner.mosaic(blocks)
+    assert tiles[0][index[tuple(centres.T)]].tolist() == [(row + column) % 2 == 0 for row, column in lenses]
 
 
 @given(st.integers(4, 60), st.integers(0, 9))

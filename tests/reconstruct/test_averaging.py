@@ -128,7 +128,8 @@ def film(folder, numbers, **changes):
 
 def numbers_near(folder, number, count):
     frame = folder / f"{number:04d}"
-    return [(each.number, each.usable) for each in neighbours_of(frame, read_frame(frame), count)]
+    return [(each.number, each.same_rays and not each.same_seed)
+            for each in neighbours_of(frame, read_frame(frame), count)]
 
 
 def test_the_nearest_on_both_sides():

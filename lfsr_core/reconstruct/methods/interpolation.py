@@ -18,7 +18,6 @@ from lfsr_core.reconstruct.upscaler import Upscaler
 MAX_EXPONENT = 80  # keeps overshoot beside the brightest floats finite
 EIS_IN_CACHE = 8  # per step
 CROSSTALK_REACH = 4  # half the widest kernel
-CUBIC_SHARPNESS = -0.75  # OpenCV's and Blender's choice of Keys' a (1981)
 
 
 def encode(linear: Array) -> Array:
@@ -51,7 +50,7 @@ def linear(distance: Array) -> Array:
 
 def cubic(distance: Array) -> Array:
     """Keys' cubic convolution, four samples wide."""
-    a, x = CUBIC_SHARPNESS, np.abs(distance)
+    a, x = -0.75, np.abs(distance)  # OpenCV's and Blender's choice of Keys' a (1981)
     inner = ((a + 2) * x - (a + 3)) * x * x + 1
     outer = ((a * x - 5 * a) * x + 8 * a) * x - 4 * a
     return np.where(x <= 1, inner, np.where(x < 2, outer, 0))

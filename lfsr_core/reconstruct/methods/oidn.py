@@ -42,27 +42,20 @@ Note = Callable[[Notice], object]  # what hears a notice
 _HANDLE, _SIZE, _NAME = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
 SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
     "oidnGetNumPhysicalDevices": (ctypes.c_int, ()),
-    "oidnGetPhysicalDeviceBool": (ctypes.c_bool, (ctypes.c_int, ctypes.c_char_p)),
-    "oidnGetPhysicalDeviceInt": (ctypes.c_int, (ctypes.c_int, ctypes.c_char_p)),
-    "oidnNewDevice": (_HANDLE, (ctypes.c_int,)),
-    "oidnNewDeviceByID": (_HANDLE, (ctypes.c_int,)),
-    "oidnCommitDevice": (None, (_HANDLE,)),
-    "oidnGetDeviceError": (ctypes.c_int, (_HANDLE, ctypes.POINTER(ctypes.c_char_p))),
-    "oidnReleaseDevice": (None, (_HANDLE,)),
+    "oidnGetPhysicalDeviceBool": (ctypes.c_bool, (ctypes.c_int, _NAME)),
+    "oidnGetPhysicalDeviceInt": (ctypes.c_int, (ctypes.c_int, _NAME)),
+    **dict.fromkeys(("oidnNewDevice", "oidnNewDeviceByID"), (_HANDLE, (ctypes.c_int,))),
+    "oidnGetDeviceError": (ctypes.c_int, (_HANDLE, ctypes.POINTER(_NAME))),
     "oidnNewBuffer": (_HANDLE, (_HANDLE, _SIZE)),
     "oidnNewSharedBuffer": (_HANDLE, (_HANDLE, _HANDLE, _SIZE)),
-    "oidnWriteBuffer": (None, (_HANDLE, _SIZE, _SIZE, _HANDLE)),
-    "oidnReadBuffer": (None, (_HANDLE, _SIZE, _SIZE, _HANDLE)),
-    "oidnReleaseBuffer": (None, (_HANDLE,)),
+    **dict.fromkeys(("oidnWriteBuffer", "oidnReadBuffer"), (None, (_HANDLE, _SIZE, _SIZE, _HANDLE))),
     "oidnNewFilter": (_HANDLE, (_HANDLE, _NAME)),
     "oidnSetFilterImage": (None, (_HANDLE, _NAME, _HANDLE, ctypes.c_int, *(_SIZE,) * 5)),
     "oidnSetSharedFilterData": (None, (_HANDLE, _NAME, _HANDLE, _SIZE)),
-    "oidnSetFilterBool": (None, (_HANDLE, _NAME, ctypes.c_bool)),
-    "oidnSetFilterInt": (None, (_HANDLE, _NAME, ctypes.c_int)),
-    "oidnSetFilterFloat": (None, (_HANDLE, _NAME, ctypes.c_float)),
-    "oidnCommitFilter": (None, (_HANDLE,)),
-    "oidnExecuteFilter": (None, (_HANDLE,)),
-    "oidnReleaseFilter": (None, (_HANDLE,)),
+    **{f"oidnSetFilter{kind}": (None, (_HANDLE, _NAME, of)) for kind, of in (
+        ("Bool", ctypes.c_bool), ("Int", ctypes.c_int), ("Float", ctypes.c_float))},
+    **dict.fromkeys(("oidnCommitDevice", "oidnReleaseDevice", "oidnReleaseBuffer", "oidnCommitFilter",
+                     "oidnExecuteFilter", "oidnReleaseFilter"), (None, (_HANDLE,))),
 }
 
 

@@ -10,7 +10,7 @@ import pytest
 from blender_addon.scene import folders
 from lfsr_core.calibration.patterns import pattern
 from lfsr_core.exports import loopback
-from lfsr_core.exports.films import eye_place
+from lfsr_core.exports.images import eye_place
 from lfsr_core.exports.light_field import on_screen, read_light_field
 from lfsr_core.exports.options import FORMATS
 from lfsr_core.frames.frame import read_frame
