@@ -57,7 +57,6 @@ GROUPS: tuple[tuple[str, str, dict[str, tuple[str, str]]], ...] = (
 VERBS = {name: verb for _, _, verbs in GROUPS for name, verb in verbs.items()}
 LABORATORY = ("study", "train")  # verbs of the package ``lfsr_lab``, found through entry points: the core imports none
 
-SECONDS_AFTER = 0.1  # a finalizer was interrupted, until it has ended
 EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_UNREAD = 2, 130, 141
 ENDINGS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")  # signals that interrupt: Ctrl-C, and what means the same
 _interrupted = False
@@ -214,7 +213,7 @@ def _check_output() -> None:
 def _unraisable(found: Any) -> None:
     """Interrupt again where Python has swallowed it, in a finalizer or in a callback of the garbage collector."""
     if found.exc_type is KeyboardInterrupt:
-        threading.Timer(SECONDS_AFTER, interrupt_main, (signal.SIGINT,)).start()
+        threading.Timer(0.1, interrupt_main, (signal.SIGINT,)).start()
     elif not str(getattr(found.object, "__module__", "")).startswith("distributed"):  # a client that never connected
         sys.__unraisablehook__(found)
 

@@ -113,6 +113,7 @@ def _value(value: Any, kind: Any) -> Any:
                                else "a number below 2⁶³, or with a point")
         return value
     if dataclasses.is_dataclass(kind):
+        record: Any = kind
         if not isinstance(value, dict):
             raise _value_error(value, "an object")
         fields = {_key(field): field for field in dataclasses.fields(kind) if field.init}
@@ -122,9 +123,9 @@ def _value(value: Any, kind: Any) -> Any:
                                   f"{', '.join(fields)}")
         for key, field in fields.items():
             if key not in value and field.default is field.default_factory is dataclasses.MISSING:
-                raise _WrongError(f"field {key!r} is missing; every {kind.__name__} needs it")
-        hints = _hints(kind)
-        return kind(**{fields[key].name: _item(f".{key}", inner, hints[fields[key].name])
+                raise _WrongError(f"field {key!r} is missing; every {record.__name__} needs it")
+        hints = _hints(record)
+        return record(**{fields[key].name: _item(f".{key}", inner, hints[fields[key].name])
                        for key, inner in value.items()})
     origin = typing.get_origin(kind)
     kinds: tuple[Any, ...] = typing.get_args(kind)

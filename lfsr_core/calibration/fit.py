@@ -142,29 +142,13 @@ def _spectrum(weighted: Array, picture: Picture, across: Array, up: Array) -> Ar
 
 
 @dataclasses.dataclass(frozen=True)
-class Photograph:
-    """A photograph of the phase pattern and where it was taken."""
+class Seen:
+    """What one photograph of the phase pattern shows."""
 
     image: Array  # (H, W, 3) from 0 to 1
-    eye_mm: tuple[float, float, float]  # camera, from the middle of the lenses, y up, z towards the viewer
-
-
-@dataclasses.dataclass(frozen=True)
-class Seen:
-    """What one photograph shows."""
-
     view: View
     lenses: tuple[Fringes, ...]  # waves of the lenses as they lie before the panel; cylinders: one, small lenses: two
-    eye_mm: tuple[float, float, float]
-
-
-@dataclasses.dataclass(frozen=True)
-class Errors:
-    """Standard deviations of what was measured."""
-
-    pitch: float  # as a fraction of it
-    turn: float  # radians
-    shift: float  # lens pitches
+    eye_mm: tuple[float, float, float]  # camera, from the middle of the lenses, y up, z towards the viewer
 
 
 @dataclasses.dataclass(frozen=True)
@@ -173,7 +157,8 @@ class Calibration:
 
     profile: DisplayProfile
     seen: tuple[Seen, ...]
-    errors: Errors
+    # standard deviations: of the pitch as a fraction of it, of the rotation in radians, of the shift in lens pitches
+    errors: tuple[float, float, float]
     per_mm: float  # change of the pitch, as a fraction, with a millimetre of the camera's distance
 
 
@@ -184,21 +169,19 @@ def calibrate(profile: DisplayProfile, photos: Sequence[Path], places: Sequence[
     Written, if ``output`` (.toml) is given: the profile, and beside it a PNG with the photographs as taken and as the
     profile predicts them. LfsrError names the photograph that is not accepted.
     """
-    photographs = [Photograph(read_photograph(photo), place) for photo, place in zip(photos, places, strict=True)]
-    seen = []
-    for photo, photograph in zip(photos, photographs, strict=True):
+    images, seen = [read_photograph(photo) for photo in photos], []
+    for photo, image, place in zip(photos, images, places, strict=True):
         try:
-            seen.append(see(profile, photograph))
+            seen.append(see(profile, image, place))
         except LfsrError as error:
             raise LfsrError(f"{photo.name}: {error}") from None
     found = combine(profile, seen)
-    picture = comparison(profile, found, photographs)
+    picture = comparison(profile, found)
     if output:
         write_profile(output, found.profile)
         write_png(output.with_suffix(".png"), picture)
-    errors = found.errors
-    notices = [Notice("calibrated", {"photographs": len(photos), "pitch": errors.pitch, "turn": errors.turn,
-                                     "shift": errors.shift}),
+    pitch, turn, shift = found.errors
+    notices = [Notice("calibrated", {"photographs": len(photos), "pitch": pitch, "turn": turn, "shift": shift}),
                Notice("calibrated-at-distance", {"pitch": found.per_mm})]
     for name, view in ((photo.name, one.view) for photo, one in zip(photos, seen, strict=True)):
         if view.mirrored:
@@ -210,21 +193,20 @@ def calibrate(profile: DisplayProfile, photos: Sequence[Path], places: Sequence[
     return found.profile, notices
 
 
-def see(profile: DisplayProfile, photograph: Photograph) -> Seen:
-    """Return the panel and its fringes in one photograph; LfsrError if they are not found."""
-    if photograph.eye_mm[2] <= 0:
-        raise LfsrError(f"a photograph was taken at z = {photograph.eye_mm[2]:g} mm, but it must be in front of the "
-                        "panel, above 0")
-    view = find_panel(photograph.image, profile)
-    eye, found_at = photograph.eye_mm, view.camera(photograph.eye_mm[2])
+def see(profile: DisplayProfile, image: Array, eye: tuple[float, float, float]) -> Seen:
+    """Return the panel and its fringes in one photograph (H, W, 3), as of ``Seen``; LfsrError if they are not found."""
+    if eye[2] <= 0:
+        raise LfsrError(f"a photograph was taken at z = {eye[2]:g} mm, but it must be in front of the panel, above 0")
+    view = find_panel(image, profile)
+    found_at = view.camera(eye[2])
     if np.abs(found_at - eye[:2]).max() > PLACE * eye[2] + PLACE_MM:
         raise LfsrError(f"the photograph was taken from about {found_at[0]:.0f},{found_at[1]:.0f} by its perspective, "
                         f"but from {eye[0]:g},{eye[1]:g} was stated: correct the place, or give the whole, uncropped "
                         "photograph")
     geometry, (waves, phases) = Geometry.of(profile), elemental_waves(profile)
-    nearer = (1 + geometry.gap / geometry.distance) / (1 + geometry.gap / photograph.eye_mm[2])
+    nearer = (1 + geometry.gap / geometry.distance) / (1 + geometry.gap / eye[2])
     # The panel from the front, with at least PER_LENS pixels for a lens if the photograph has them.
-    size, half = np.array(profile.panel_mm), Raster.of(photograph.image).half
+    size, half = np.array(profile.panel_mm), Raster.of(image).half
     ends = view.places(np.array([[-1, 0], [1, 0]]) / 2 * size)
     pixels = float(np.linalg.norm(ends[1] - ends[0])) * half
     times = max(1, int(pixels / max(size[0] / min(profile.sheet.pitches) * PER_LENS, 400)))
@@ -232,7 +214,7 @@ def see(profile: DisplayProfile, photograph: Photograph) -> Seen:
     places, light = view.places(points), dots(profile).shown(points[..., 0], points[..., 1])
     found: list[list[Fringes]] = [[], []]
     for channel, other in (FRINGE_CHANNELS, FRINGE_CHANNELS[::-1]):
-        values = Raster.of(photograph.image[..., channel]).shrunk(times).at(places)
+        values = Raster.of(image[..., channel]).shrunk(times).at(places)
         picture = Picture(values, points[0, :, 0], points[:, 0, 1], light)
         for axis, lenses in tones(profile, channel):
             shown = (1 + 1 / lenses) * waves[axis]
@@ -241,7 +223,7 @@ def see(profile: DisplayProfile, photograph: Photograph) -> Seen:
             # The lenses through which the pattern is seen as these fringes.
             found[axis].append(Fringes(shown - fringes.wave, fringes.phase + (1 + 1 / lenses) * phases[axis],
                                        fringes.errors, fringes.wave))
-    return Seen(view, tuple(_mean(tones, view, profile) for tones in found if tones), photograph.eye_mm)
+    return Seen(image, view, tuple(_mean(tones, view, profile) for tones in found if tones), eye)
 
 
 def combine(profile: DisplayProfile, seen: Sequence[Seen]) -> Calibration:
@@ -277,16 +259,16 @@ def combine(profile: DisplayProfile, seen: Sequence[Seen]) -> Calibration:
         between = (np.append(waves[:, axis] @ turned[:2, :2].T, phases[:, axis:axis + 1], -1).std(0, ddof=1)
                    / math.sqrt(len(seen)) if len(seen) > 1 else np.zeros(3))
         results.append(np.maximum(inside, between) / [length, length, 1])
-    errors = Errors(*(float(value) for value in np.max(results, 0)))
+    pitch, turn, shift = (float(value) for value in np.max(results, 0))
     across = min(profile.panel_mm[:1] if profile.lenticular else profile.panel_mm) / max(profile.sheet.pitches)
     allowed = max(PITCH, LENSES / across)
-    if errors.pitch * SURE > allowed or errors.turn * SURE > TURN:
-        raise LfsrError(f"the pitch is known only to {errors.pitch * SURE:.1e} of it and the rotation to "
-                        f"{errors.turn * SURE:.1e}, but {allowed:.1e} and {TURN:g} are needed: fill the photograph "
+    if pitch * SURE > allowed or turn * SURE > TURN:
+        raise LfsrError(f"the pitch is known only to {pitch * SURE:.1e} of it and the rotation to "
+                        f"{turn * SURE:.1e}, but {allowed:.1e} and {TURN:g} are needed: fill the photograph "
                         "with the panel, hold the camera still, or give several photographs")
     distance = float(np.mean([one.eye_mm[2] for one in seen]))
     behind = Geometry.of(fitted).gap / distance
-    return Calibration(fitted, tuple(seen), errors, behind / distance / (1 + behind))
+    return Calibration(fitted, tuple(seen), (pitch, turn, shift), behind / distance / (1 + behind))
 
 
 def _mean(found: list[Fringes], view: View, profile: DisplayProfile) -> Fringes:
@@ -328,7 +310,7 @@ def _with_sheet(profile: DisplayProfile, before: DisplayProfile, waves: Array, p
         sheet, lenses=lenses, elemental_images=None, gap_mm=Geometry.of(profile).gap))
 
 
-def comparison(profile: DisplayProfile, calibration: Calibration, photographs: list[Photograph]) -> Array:
+def comparison(profile: DisplayProfile, calibration: Calibration) -> Array:
     """Return a picture (H, W, 3) uint8: a row for each photograph, taken on the left, predicted on the right.
 
     The prediction traces rays from the camera through the lenses (``trace.py``), which shares no formula with the fit.
@@ -336,9 +318,9 @@ def comparison(profile: DisplayProfile, calibration: Calibration, photographs: l
     """
     shown, fitted = pattern(profile, "phase"), calibration.profile
     rows = []
-    for photograph, seen in zip(photographs, calibration.seen, strict=True):
+    for seen in calibration.seen:
         # The panel of the photograph from the front.
-        points, raster = grid(np.array(profile.panel_mm), ACROSS), Raster.of(photograph.image)
+        points, raster = grid(np.array(profile.panel_mm), ACROSS), Raster.of(seen.image)
         ends = seen.view.places(points[0, [0, -1]])
         times = int(np.linalg.norm(ends[1] - ends[0]) * raster.half / ACROSS)
         taken = raster.shrunk(times).at(seen.view.places(points))

@@ -2,10 +2,9 @@
 
 ``phase``: fringes, slightly more than one per lens, so that an eye sees one fringe over several lenses, and light and
 dark dots as landmarks, arranged so that no turn and no mirror maps them onto themselves; ``fit.py`` measures a sheet by
-them. ``lens``: all pixels behind one lens in LENS_STEP, the others dark.
-``band``: only the middle view, so that the panel is white from the middle of the viewing zone and dark from elsewhere.
-``rgb``: the left third of the views red, the middle third green, the right third blue. ``grid``: the borders of the
-elemental images.
+them. ``lens``: all pixels behind one lens in LENS_STEP, the others dark. ``band``: only the middle view, so that the
+panel is white from the middle of the viewing zone and dark from elsewhere. ``rgb``: the left third of the views red,
+the middle third green, the right third blue. ``grid``: the borders of the elemental images.
 """
 
 from __future__ import annotations
@@ -33,7 +32,6 @@ BORDER = 0.12  # of a lens pitch
 DOT_CHANNEL, FRINGE_CHANNELS = 1, (0, 2)
 MIN_CARRIER, MAX_CARRIER, FRINGES = 5, 28, 12
 FINER = 0.75  # carrier of the second tone, by the first: fringes that a far-off profile turns round disagree
-CONTRAST = 0.44
 MOST_DOTS, DOT_LENSES = 13, 7.5  # dots along the longer side; least lenses from one to the next
 DOT_SPREAD = 1 / 6  # standard deviation of a dot, of the distance to the next
 DOT_LIGHT, DOT_CONTRAST = 0.55, 0.4
@@ -81,7 +79,7 @@ def _painted(profile: DisplayProfile, kind: str, channel: int, rows: Array, colu
             return dots(profile).shown(x, y)
         places, used = lattice_coordinates(profile, x, y), tones(profile, channel)
         waves = [np.cos(2 * np.pi * (1 + 1 / lenses) * places[axis]) for axis, lenses in used]
-        return np.asarray(0.5 + CONTRAST * sum(waves) / len(waves))
+        return np.asarray(0.5 + 0.44 * sum(waves) / len(waves))
     if kind == "grid":
         across, up = (np.abs(number - np.floor(number) - 0.5) < BORDER for number in lattice_coordinates(profile, x, y))
         return np.asarray(across | up if profile.lenslet else across, float)

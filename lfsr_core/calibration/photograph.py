@@ -132,7 +132,6 @@ class View:
     bend: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     alike: float = 0.0  # correlation of their channel with the dots
     offsets: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 2)))  # (n, 2) dots from their places, mm
-    seen: Array = dataclasses.field(default_factory=lambda: np.zeros(0, bool))  # (n,) dots that are there
 
     def places(self, points: Array) -> Array:
         """Places (…, 2) in the photograph of points (…, 2) of the panel."""
@@ -341,18 +340,16 @@ def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wid
     plain: Array = seen - flat @ _solved(flat, seen)
     alike = math.sqrt(max(0.0, 1 - float((rest ** 2).sum() / max((plain ** 2).sum(), 1e-12))))
     gain = columns[:, under.shape[1]:-1] @ solved[under.shape[1]:columns.shape[1] - 1]
-    # Millimetres by which each dot lies elsewhere than the fit says, and whether it is there at all.
+    # Millimetres by which each dot lies elsewhere than the fit says.
     rest, gain = (values.reshape(points.shape[:2]) for values in (rest, gain))
     up, right = (np.gradient(gain, places, axis=axis) for axis, places in enumerate(axes))
-    offsets, there = [], []
+    offsets = []
     for y in marks.y:
         for x in marks.x:
             part = np.ix_(np.abs(axes[0] - y) < 2.5 * marks.spread, np.abs(axes[1] - x) < 2.5 * marks.spread)
             known = np.stack([np.ones_like(gain[part]), -right[part], -up[part], gain[part]], -1).reshape(-1, 4)
-            _, *offset, more = _solved(known, rest[part].ravel())
-            offsets.append(offset)
-            there.append(abs(more) < 0.6)
-    return dataclasses.replace(view, alike=alike, offsets=np.array(offsets), seen=np.array(there))
+            offsets.append(_solved(known, rest[part].ravel())[1:3])
+    return dataclasses.replace(view, alike=alike, offsets=np.array(offsets))
 
 
 def _moved(view: View, delta: Array, size: Array, bend: bool) -> View:

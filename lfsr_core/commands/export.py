@@ -11,7 +11,7 @@ from typing import Any
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, cleaned
 from lfsr_core.commands.common import position, progress
-from lfsr_core.exports.options import FILM_TYPES, FORMATS, PRESETS, VIEW_TYPES, ExportOptions
+from lfsr_core.exports.options import FORMATS, PRESETS, ExportOptions
 
 
 def export_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +27,7 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
                         help="tiles and size of a quilt that other programs know; default: that of the display's panel")
     parser.add_argument("--width", type=int, metavar="PX", help="of an image, or of a quilt's tile")
     parser.add_argument("--eyes-mm", type=float, metavar="MM", help="between two eyes, default: 63")
-    parser.add_argument("--type", choices=sorted({*VIEW_TYPES, *FILM_TYPES}),
+    parser.add_argument("--type", choices=sorted({kind for one in FORMATS.values() for kind in one.types}),
                         help="views: png or exr; sway: mp4, gif, webp or png; wiggle: gif, webp, mp4 or png; "
                              "quilt-film: mp4 or png")
     parser.add_argument("--fps", type=float, metavar="N", help="frames a second of a film; default of an animation: 24")

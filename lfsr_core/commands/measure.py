@@ -14,14 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.commands.common import (
-    add_geometry_arguments,
-    add_scene_arguments,
-    make_request,
-    names,
-    numbers,
-    progress,
-)
+from lfsr_core.commands import common
+from lfsr_core.commands.common import add_geometry_arguments, add_scene_arguments, make_request, names, numbers
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS
 from lfsr_core.frames.request import Sampling
@@ -63,7 +57,7 @@ def run_reference(arguments: argparse.Namespace) -> Any:
                             "both given: leave out one of them")
     request = make_request(arguments, kind="reference", sampling=Sampling(1, arguments.spp), clamp_indirect=0.0)
     display = request.display
-    with progress() as bar:
+    with common.progress() as bar:
         if arguments.lenses is not None:
             check_count(arguments.lenses, math.prod(display.lenses))
             print(f"choosing {arguments.lenses} lenses from a quick render", file=sys.stderr)
@@ -151,7 +145,7 @@ def run_plan(arguments: argparse.Namespace) -> Any:
     options = PlanOptions(**{name: value for name in OPTIONS if (value := getattr(arguments, name)) is not None})
     request = make_request(arguments, output=".", sampling=Sampling(1, 1))
     blender = find_blender(arguments.blender)
-    with progress() as bar, work_folder(arguments.work, request, options, bar) as folder:
+    with common.progress() as bar, work_folder(arguments.work, request, options, bar) as folder:
         planned = make_plan(request, options, lambda one, tell: make(one, blender=blender, tell=tell), folder, bar)
     print(table(planned, request.display, arguments.details))
     if planned.choice.chosen is not None:

@@ -55,14 +55,9 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
     An animation becomes one film where the format is a film. Else each frame is exported on its own: into a folder
     named as the frame's, or, in formats of one file, into one folder with the frame's name in that of the file.
 
-    Parameters
-    ----------
-    folder : finished frame folder, or a folder of frame folders
-    name : format, one of FORMATS
-    target : folder to write into, by default ``export/NAME`` in ``folder``
-    options : options of the format
-
-    LfsrError for bad input; no export is half-written then, and an earlier one stays.
+    ``folder``: finished frame folder, or a folder of frame folders; ``name``: one of FORMATS; ``target``: folder to
+    write into, by default ``export/NAME`` in ``folder``. LfsrError for bad input; no export is half-written then, and
+    an earlier one stays.
     """
     if name not in FORMATS:
         raise LfsrError(f"unknown format {name!r}: {did_you_mean(name, FORMATS)}Choose from {', '.join(FORMATS)}")

@@ -23,33 +23,21 @@ import OpenImageIO as oiio
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.notices import Notice, Progress
-from lfsr_core.exports.light_field import (
-    LightField,
-    camera_places,
-    central_disparity,
-    infinite_disparity,
-    on_screen,
-    rendered_disparity,
-    resized,
-    screen_size,
-    usual_width,
-)
+from lfsr_core.exports.light_field import LightField, camera_places, on_screen, resized, screen_size, usual_width
 from lfsr_core.exports.options import (
-    FILM_TYPES,
     H264_SIDE,
     PRESETS,
-    QUILT_FILM_TYPES,
-    VIEW_TYPES,
-    WIGGLE_TYPES,
+    QUILT_FILM,
     ExportOptions,
     Pair,
     Preset,
     chosen_type,
     quilt_name,
 )
-from lfsr_core.frames.frame import EIA_LINEAR_FILE
+from lfsr_core.frames.frame import EIA_LINEAR_FILE, LOW_RES_FILE, Frame
+from lfsr_core.frames.low_res import low_resolution
 from lfsr_core.images.color import srgb_decode, srgb_encode
-from lfsr_core.images.exr import HALF_MAX
+from lfsr_core.images.exr import HALF_MAX, read_finite
 from lfsr_core.images.png import write_png
 from lfsr_core.optics.eia import to_views
 from lfsr_core.reconstruct.second_stage import read_finished_linear
@@ -217,7 +205,7 @@ def write_pleno(field: LightField, folder: Path, options: ExportOptions) -> None
 
 def write_views(field: LightField, folder: Path, options: ExportOptions) -> None:
     """Write ``view_ROW_COLUMN.png`` of display values, or an EXR of scene-linear half-float parts ``vROW_COLUMN``."""
-    if chosen_type(options, VIEW_TYPES) == "png":
+    if chosen_type(options, "views") == "png":
         for row, column, view in each_view(field, options):
             write_png(folder / f"view_{row:03d}_{column:03d}.png", view)
         return
@@ -304,7 +292,6 @@ class Motion(NamedTuple):
     """How the eye moves."""
 
     name: str
-    types: tuple[str, ...]  # of files, the default first
     seconds: float  # of one round
     rounds: int  # of a film that does not start again by itself
     # place (x, y) of the eye in millimetres, at a phase of the round in [0, 1)
@@ -318,15 +305,15 @@ def eye_place(field: LightField, phase: float) -> tuple[float, float]:
     return (REACH * across / 2 * spacing * math.sin(angle), RISE * down / 2 * spacing * math.cos(angle))
 
 
-SWAY = Motion("sway", FILM_TYPES, 4.0, 1, lambda field, _, phase: eye_place(field, phase))
-WIGGLE = Motion("wiggle", WIGGLE_TYPES, 0.8, 5, lambda field, options, phase:
+SWAY = Motion("sway", 4.0, 1, lambda field, _, phase: eye_place(field, phase))
+WIGGLE = Motion("wiggle", 0.8, 5, lambda field, options, phase:
                 (eye_distance(field, options) / 2 * math.sin(2 * math.pi * phase), 0.0))
 
 
 def write_motion(motion: Motion, fields: Iterator[LightField], count: int | None, folder: Path,
                  options: ExportOptions) -> None:
     """Write the film of ``count`` frames, while the eye moves one or more whole rounds; of one frame for count None."""
-    first, chosen = next(fields), chosen_type(options, motion.types)
+    first, chosen = next(fields), chosen_type(options, motion.name)
     if count is None:
         rate: float = options.fps or RATES[chosen]
         rounds = 1 if chosen in LOOPING else motion.rounds
@@ -351,7 +338,7 @@ def write_quilt_film(fields: Iterator[LightField], count: int | None, folder: Pa
     first = next(fields)
     grid, (width, height) = quilt_layout(first, options)
     tile = width - width * grid[0] % 2, height - height * grid[1] % 2
-    name = f"{quilt_name(first.name, grid, panel_aspect(first))}.{chosen_type(options, QUILT_FILM_TYPES)}"
+    name = f"{quilt_name(first.name, grid, panel_aspect(first))}.{chosen_type(options, QUILT_FILM)}"
 
     def quilts() -> Iterator[Array]:
         for number, field in enumerate(itertools.chain([first], fields)):
@@ -409,3 +396,52 @@ def write_film(path: Path, frames: Iterator[Array], rate: float) -> None:
             film.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, format="rgb24").reformat(
                 format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")))
         film.mux(stream.encode())
+
+
+def central_disparity(field: LightField) -> Array | None:
+    """Disparity (sy, sx) float32 at the centre of the cameras; None where the frame has no position layer.
+
+    In pixels (lenses) per finished view, positive in front of the display plane: a camera one step to the right sees
+    a point that many pixels further left, one step up that many further down. Empty pixels have that of infinity.
+    """
+    rendered = rendered_disparity(field)
+    if rendered is None:
+        return None
+    (seen, camera), array, (sx, sy) = rendered, field.frame.array, field.display.lenses
+    right, down = (place - (count - 1) / 2 for place, count in zip(camera, field.count, strict=True))
+    down = down * array.half_width / sx / (array.half_height / sy)  # in lenses across, which may not be square
+    # One step of a fixed-point iteration, enough for the fractions of a pixel between the centre and the nearest view.
+    rows, columns = np.indices(seen.shape)
+    column = np.clip(np.rint(columns - right * seen), 0, seen.shape[1] - 1).astype(int)
+    row = np.clip(np.rint(rows - down * seen), 0, seen.shape[0] - 1).astype(int)
+    return np.asarray(seen[row, column])
+
+
+def rendered_disparity(field: LightField) -> tuple[Array, tuple[float, float]] | None:
+    """Disparity (sy, sx), as of ``central_disparity``, of the rendered view nearest to the centre; its camera's place.
+
+    The place counts finished views (column, row). None where the frame has no position layer.
+    """
+    path = field.folder / LOW_RES_FILE
+    if "position" not in field.frame.layers or not path.is_file() or field.frame.lens_list is not None:
+        return None
+    layers, _ = read_finite(path)
+    if "position" not in layers:
+        return None
+    low = low_resolution(layers, field.frame)
+    row, column = low.color.shape[2] // 2, low.color.shape[3] // 2
+    steps = (field.count[0] / low.color.shape[3], field.count[1] / low.color.shape[2])  # in finished views
+    assert low.position is not None, "the layers have it"
+    hit = low.alpha[:, :, row, column, 0] > 0
+    to_array = np.linalg.inv(np.asarray(field.frame.matrix_world, float))
+    distance = low.position[:, :, row, column] @ to_array[2, :3] + to_array[2, 3]  # from the camera plane
+    depth, array = np.where(hit, distance, np.inf), field.frame.array
+    nearness = array.distance / np.maximum(depth, 1e-6 * array.distance)
+    return (np.asarray((1 - nearness) * infinite_disparity(field.frame), np.float32),
+            ((column + 0.5) * steps[0] - 0.5, (row + 0.5) * steps[1] - 0.5))
+
+
+def infinite_disparity(frame: Frame) -> float:
+    """Disparity at infinity, in pixels (lenses) per finished view."""
+    pixel = 2 * frame.array.half_width / frame.display.lenses[0]
+    return float(np.float32(-frame.array.spacing / pixel))

@@ -34,7 +34,6 @@ NAME = "imported"
 MOST_SCALE = 10
 SAMPLES = 1024  # per pixel, like a render almost without noise
 IDENTITY = tuple(tuple(float(row == column) for column in range(4)) for row in range(4))
-MOST_PARAMETER_BYTES = 100_000
 MOST_CAMERAS = 65536
 MOST_BYTES = 2**35  # of all views together
 SEPARATOR, ENDING = "[-_. x]", r"\.(?:png|jpe?g|ppm|tiff?)"
@@ -429,7 +428,7 @@ def _hci_parameters(path: Path) -> tuple[int | None, tuple[float, ...]]:
         return None, ()
     parser = configparser.ConfigParser(interpolation=None)
     try:
-        parser.read_string(read_bytes(path, "the parameters of an HCI light field", MOST_PARAMETER_BYTES).decode())
+        parser.read_string(read_bytes(path, "the parameters of an HCI light field", 100_000).decode())
         inside, outside = parser["intrinsics"], parser["extrinsics"]
         lengths = (float(inside["focal_length_mm"]), float(inside["sensor_size_mm"]),
                    float(outside["baseline_mm"]), float(outside["focus_distance_m"]) * 1000)

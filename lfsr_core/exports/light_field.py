@@ -1,4 +1,4 @@
-"""The light field of a finished frame: its views as arrays, in other sizes and as images, and its disparity."""
+"""The light field of a finished frame: its views as arrays, in other sizes and as images."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array, Bytes
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.frames.frame import EIA_FILE, LOW_RES_FILE, PANEL_FILE, Frame, read_frame, read_rendered
-from lfsr_core.frames.low_res import low_resolution
-from lfsr_core.images.exr import read_finite
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, Frame, read_frame, read_rendered
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics import eia
 from lfsr_core.optics.display import DisplayProfile
@@ -84,10 +82,10 @@ def epi_pair(image: Array, lenses: tuple[int, int]) -> tuple[Array, Array]:
     """
     views = eia.to_views(image, lenses)
     (py, px), (sx, sy) = views.shape[:2], lenses
-    times = max(1, -(-LEAST_EPI_HEIGHT // px)), max(1, -(-LEAST_EPI_HEIGHT // py))
-    across, down = views[py // 2, :, sy // 2], views[:, px // 2, :, sx // 2]
-    return (across.repeat(times[0], axis=0).repeat(times[0], axis=1),
-            down.repeat(times[1], axis=0).repeat(times[1], axis=1))
+    across, down = (epi.repeat(times, axis=0).repeat(times, axis=1)
+                    for epi in (views[py // 2, :, sy // 2], views[:, px // 2, :, sx // 2])
+                    for times in [max(1, -(-LEAST_EPI_HEIGHT // len(epi)))])
+    return across, down
 
 
 def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = None) -> list[Path]:
@@ -235,52 +233,3 @@ def _weights(size: int, target: int, covers: float = 1) -> Array:
               weights / weights.sum(1, keepdims=True))
     matrix[(places < -0.5) | (places > size - 0.5)] = 0
     return matrix
-
-
-def central_disparity(field: LightField) -> Array | None:
-    """Disparity (sy, sx) float32 at the centre of the cameras; None where the frame has no position layer.
-
-    In pixels (lenses) per finished view, positive in front of the display plane: a camera one step to the right sees
-    a point that many pixels further left, one step up that many further down. Empty pixels have that of infinity.
-    """
-    rendered = rendered_disparity(field)
-    if rendered is None:
-        return None
-    (seen, camera), array, (sx, sy) = rendered, field.frame.array, field.display.lenses
-    right, down = (place - (count - 1) / 2 for place, count in zip(camera, field.count, strict=True))
-    down = down * array.half_width / sx / (array.half_height / sy)  # in lenses across, which may not be square
-    # One step of a fixed-point iteration, enough for the fractions of a pixel between the centre and the nearest view.
-    rows, columns = np.indices(seen.shape)
-    column = np.clip(np.rint(columns - right * seen), 0, seen.shape[1] - 1).astype(int)
-    row = np.clip(np.rint(rows - down * seen), 0, seen.shape[0] - 1).astype(int)
-    return np.asarray(seen[row, column])
-
-
-def rendered_disparity(field: LightField) -> tuple[Array, tuple[float, float]] | None:
-    """Disparity (sy, sx), as of ``central_disparity``, of the rendered view nearest to the centre; its camera's place.
-
-    The place counts finished views (column, row). None where the frame has no position layer.
-    """
-    path = field.folder / LOW_RES_FILE
-    if "position" not in field.frame.layers or not path.is_file() or field.frame.lens_list is not None:
-        return None
-    layers, _ = read_finite(path)
-    if "position" not in layers:
-        return None
-    low = low_resolution(layers, field.frame)
-    row, column = low.color.shape[2] // 2, low.color.shape[3] // 2
-    steps = (field.count[0] / low.color.shape[3], field.count[1] / low.color.shape[2])  # in finished views
-    assert low.position is not None, "the layers have it"
-    hit = low.alpha[:, :, row, column, 0] > 0
-    to_array = np.linalg.inv(np.asarray(field.frame.matrix_world, float))
-    distance = low.position[:, :, row, column] @ to_array[2, :3] + to_array[2, 3]  # from the camera plane
-    depth, array = np.where(hit, distance, np.inf), field.frame.array
-    nearness = array.distance / np.maximum(depth, 1e-6 * array.distance)
-    return (np.asarray((1 - nearness) * infinite_disparity(field.frame), np.float32),
-            ((column + 0.5) * steps[0] - 0.5, (row + 0.5) * steps[1] - 0.5))
-
-
-def infinite_disparity(frame: Frame) -> float:
-    """Disparity at infinity, in pixels (lenses) per finished view."""
-    pixel = 2 * frame.array.half_width / frame.display.lenses[0]
-    return float(np.float32(-frame.array.spacing / pixel))

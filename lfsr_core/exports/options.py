@@ -23,12 +23,14 @@ class Format(NamedTuple):
     title: str
     text: str  # one line
     options: tuple[str, ...]  # names of the options that it has
+    types: tuple[str, ...] = ()  # of files, the first by default, where it has several
 
 
 QUILT_OPTIONS, EYES = ("views", "grid", "width", "preset"), ("eyes_mm", "width")
 FORMATS = {
     "quilt": Format("Quilt", "one image of all views at eye level, for Looking Glass displays", QUILT_OPTIONS),
-    "quilt-film": Format("Quilt Film", "the quilts of an animation as a film", (*QUILT_OPTIONS, "type", "fps")),
+    "quilt-film": Format("Quilt Film", "the quilts of an animation as a film", (*QUILT_OPTIONS, "type", "fps"),
+                         ("mp4", "png")),
     "rgbd": Format("RGB-D", "colour and depth side by side, for Looking Glass displays", ("width",)),
     "stereo": Format("Stereo Pair", "the views of two eyes, side by side", EYES),
     "half-side-by-side": Format("Stereo Half Side by Side", "the views of two eyes at half width, side by side, for 3D "
@@ -38,21 +40,17 @@ FORMATS = {
                               EYES),
     "anaglyph": Format("Anaglyph", "the views of two eyes in red and cyan, for paper glasses", EYES),
     "wiggle": Format("Wiggle", "a short film that changes between two eyes, for people without any display",
-                     ("width", "type", "seconds", "fps", "eyes_mm")),
+                     ("width", "type", "seconds", "fps", "eyes_mm"), ("gif", "webp", "mp4", "png")),
     "sway": Format("Sway Film", "a short film of an eye that sways in front of the display",
-                   ("width", "type", "seconds", "fps")),
-    "views": Format("Views", "every view as PNG, or as one part of a scene-linear EXR", ("views", "type")),
+                   ("width", "type", "seconds", "fps"), ("mp4", "gif", "webp", "png")),
+    "views": Format("Views", "every view as PNG, or as one part of a scene-linear EXR", ("views", "type"),
+                    ("png", "exr")),
     "hci": Format("HCI Benchmark", "views, parameters.cfg and disparity as in the HCI 4D light field benchmark",
                   ("views",)),
     "stanford": Format("Stanford Archive", "views named by their places, as in the Stanford light field archive",
                        ("views",)),
     "pleno": Format("JPEG Pleno", "views as PPM, named as in the JPEG Pleno test sets", ("views",)),
 }
-# Types of files; the first is the default.
-FILM_TYPES = ("mp4", "gif", "webp", "png")
-WIGGLE_TYPES = ("gif", "webp", "mp4", "png")
-QUILT_FILM_TYPES = ("mp4", "png")
-VIEW_TYPES = ("png", "exr")
 FILMS, FILM_RATE = ("sway", "wiggle"), 30.0  # of one frame, and their frames a second
 QUILT_FILM = "quilt-film"  # of an animation
 H264_SIDE = 6000  # pixels; films of longer sides are HEVC
@@ -119,8 +117,9 @@ class ExportOptions:
         return [name for name, value in vars(self).items() if name not in ("tell", "shape") and value is not None]
 
 
-def chosen_type(options: ExportOptions, choices: tuple[str, ...]) -> str:
-    """File type, by default the first of ``choices``; LfsrError for a type that is none of them."""
+def chosen_type(options: ExportOptions, name: str) -> str:
+    """File type of an export in format ``name``, by default its first; LfsrError for a type that it has not."""
+    choices = FORMATS[name].types
     if options.type is None:
         return choices[0]
     if options.type not in choices:

@@ -52,14 +52,9 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
                tell: Tell = silent) -> Page:
     """Write the viewer of one finished frame folder, or of several as an animation.
 
-    Parameters
-    ----------
-    folders : frame folders of one display, or folders of frame folders, in order
-    output : the HTML file, by default ``view.html`` in the first folder
-    quality : of the WebP, 1 to 100; 100 is lossless; None: 95, or 100 where the loss would show
-    tell : called with ``Progress`` and ``Notice``
-
-    LfsrError where an image is missing or the displays differ; no page is written then.
+    ``folders``: frame folders of one display, or folders of frame folders, in order; ``output``: the HTML file, by
+    default ``view.html`` in the first folder; ``quality``: of the WebP, 1 to 100 (lossless), None for 95, or 100 where
+    the loss would show. LfsrError where an image is missing or the displays differ; no page is written then.
     """
     if quality is not None and not 1 <= quality <= BEST:
         raise LfsrError(f"quality is {quality}, but it must be from 1 to {BEST} (lossless)")

@@ -175,15 +175,10 @@ class Shown:
 def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: Tell = silent) -> Shown:
     """Show a finished frame, an animation, a quilt or a panel's own image.
 
-    Quilts, and frames for lenticular displays that have views, go through Bridge; other images get a page.
-
-    Parameters
-    ----------
-    path : frame folder, folder of frame folders, quilt or film of quilts by its name, or another image for the panel
-    display : index or name of one of Bridge's displays, or SCREEN; None: the first that has the image's proportions
-    fps : frames a second of an animation
-
-    LfsrError without an image, without Bridge, without a display that it is for.
+    Quilts, and frames for lenticular displays that have views, go through Bridge; other images get a page. ``path``:
+    frame folder, folder of frame folders, quilt or film of quilts by its name, or another image for the panel;
+    ``display``: index or name of one of Bridge's displays, or SCREEN, None for the first that has the image's
+    proportions; ``fps``: frames a second of an animation. LfsrError without an image, Bridge, or a display for it.
     """
     path, images, seconds, options = Path(path), list[Path](), 1.0, ExportOptions(fps=fps, tell=tell)
     if path.is_dir():

@@ -139,6 +139,12 @@ def _pitch(frame: Frame, axis: int) -> float:
     return 2 * frame.array.half_size[axis] / frame.display.lenses[axis]
 
 
+def finished_layout(frame: Frame) -> RayLayout:
+    """Return the rays of every view of the frame's display."""
+    return RayLayout.for_display(frame.display, frame.array, convention=frame.convention,
+                                 view_aperture=frame.view_aperture)
+
+
 def read_world(folder: str | Path, frame: Frame) -> WorldView | None:
     """Read what the frame's display sees of the world; None where it is hidden or part of the render.
 
@@ -148,9 +154,7 @@ def read_world(folder: str | Path, frame: Frame) -> WorldView | None:
 
     if not frame.world_apart:
         return None
-    path = Path(folder) / WORLD_FILE
-    layout = RayLayout.for_display(frame.display, frame.array, convention=frame.convention,
-                                   view_aperture=frame.view_aperture)  # the rays of every view
+    path, layout = Path(folder) / WORLD_FILE, finished_layout(frame)
     pixels = read_finite(path)[0]["color"][..., :3]
     width, height = WorldImage.of(layout).size
     if pixels.shape[:2] != (height, width):
@@ -167,7 +171,11 @@ def foreground_mask(layers: Mapping[str, Array], lenses: tuple[int, int], dilate
     """
     hit = foreground_pixels(layers)
     mask: Mask = to_elemental_images(hit[..., None], lenses).any(axis=(2, 3, 4))
-    return _grown(_grown(mask, dilate).T, dilate).T if dilate else mask
+    for _ in range(2 if dilate else 0):  # up and down, then sideways
+        reach = min(dilate, len(mask))
+        padded = np.pad(mask, ((reach, reach), (0, 0)))
+        mask = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=0).any(-1).T
+    return mask
 
 
 def foreground_pixels(layers: Mapping[str, Array]) -> Mask:
@@ -204,11 +212,3 @@ def recall(mask: Mask, reference_mask: Mask) -> float:
         raise LfsrError(f"foreground masks have shapes {mask.shape} and {reference_mask.shape}: "
                         "compare frames of the same display")
     return float((mask & reference_mask).sum() / reference_mask.sum()) if reference_mask.any() else 1.0
-
-
-def _grown(mask: Mask, reach: int) -> Mask:
-    """Return the mask grown by ``reach`` up and down."""
-    reach = min(reach, len(mask))
-    padded = np.pad(mask, ((reach, reach), (0, 0)))
-    grown: Mask = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=0).any(-1)
-    return grown

@@ -61,14 +61,14 @@ def check_regular(scene: str | Path, named: str | Path) -> None:
 def _check_gltf(path: Path) -> Iterator[Path]:
     """Yield the files that a .gltf or .glb names."""
     content: Any = None
-    with path.open("rb") as file:
-        head, size, kind = file.read(20), MOST_TEXT, JSON_CHUNK
+    with path.open("rb") as scene:
+        head, size, chunk = scene.read(20), MOST_TEXT, JSON_CHUNK
         if len(head) == 20 and struct.unpack_from("<I", head)[0] == GLB:
-            size, kind = struct.unpack_from("<II", head, 12)
+            size, chunk = struct.unpack_from("<II", head, 12)
         else:
-            file.seek(0)
+            scene.seek(0)
         with contextlib.suppress(ValueError, RecursionError):
-            content = json.loads(file.read(min(size, MOST_TEXT))) if kind == JSON_CHUNK else None
+            content = json.loads(scene.read(min(size, MOST_TEXT))) if chunk == JSON_CHUNK else None
     if not isinstance(content, dict):
         return
     for kind in ("buffers", "images"):

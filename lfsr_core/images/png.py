@@ -1,8 +1,7 @@
 """Image files of 8 bits, and a PNG encoder that uses every core: rows are filtered and deflated in bands.
 
-A deflate stream can be cut at full flushes (RFC 1950, 1951), so the standard library's zlib, which
-releases the GIL, compresses bands in parallel. For the EIA of an 8K display this takes 2.4 s; OpenImageIO, on one
-core, takes 6.4 s.
+A deflate stream can be cut at full flushes (RFC 1950, 1951), so the standard library's zlib, which releases the GIL,
+compresses bands in parallel. For the EIA of an 8K display this takes 2.4 s; OpenImageIO, on one core, takes 6.4 s.
 """
 
 from __future__ import annotations
@@ -106,26 +105,8 @@ def write_png(path: str | Path, pixels: Array) -> None:
             file.write(part)
 
 
-def read_png(path: str | Path) -> Array:
-    """Read an 8-bit image as uint8 (H, W, 3) RGB; LfsrError if it cannot be read."""
-    return _decode(path, grey=False)
-
-
-def write_mask(path: str | Path, mask: Array) -> None:
-    """Write a boolean (rows, columns) mask as a black-and-white PNG, one pixel per entry."""
-    write_png(path, np.where(mask, np.uint8(255), np.uint8(0)))
-
-
-def read_mask(path: str | Path, lenses: tuple[int, int] | None = None) -> Array:
-    """Read a boolean (rows, columns) mask that ``write_mask`` wrote; LfsrError unless it has the size ``lenses``."""
-    mask = np.asarray(_decode(path, grey=True) >= 128)
-    if lenses and mask.shape[::-1] != tuple(lenses):
-        raise LfsrError(f"{path} has {mask.shape[1]}×{mask.shape[0]} pixels, but the display has "
-                        f"{lenses[0]}×{lenses[1]} lenses: upscale the folder again")
-    return mask
-
-
-def _decode(path: str | Path, grey: bool) -> Array:
+def read_png(path: str | Path, grey: bool = False) -> Array:
+    """Read an 8-bit image as uint8 (H, W, 3) RGB, or its first channel (H, W); LfsrError if it cannot be read."""
     with reading(path, "a PNG image") as file:
         head, size, pixels = file.read(26), file.seek(0, os.SEEK_END), None
     if len(head) == 26 and head.startswith(SIGNATURE):
@@ -141,3 +122,17 @@ def _decode(path: str | Path, grey: bool) -> Array:
     if grey:
         return pixels[..., 0]
     return np.ascontiguousarray(pixels[..., :3]) if pixels.shape[2] >= 3 else pixels[..., :1].repeat(3, axis=2)
+
+
+def write_mask(path: str | Path, mask: Array) -> None:
+    """Write a boolean (rows, columns) mask as a black-and-white PNG, one pixel per entry."""
+    write_png(path, np.where(mask, np.uint8(255), np.uint8(0)))
+
+
+def read_mask(path: str | Path, lenses: tuple[int, int] | None = None) -> Array:
+    """Read a boolean (rows, columns) mask that ``write_mask`` wrote; LfsrError unless it has the size ``lenses``."""
+    mask = np.asarray(read_png(path, grey=True) >= 128)
+    if lenses and mask.shape[::-1] != tuple(lenses):
+        raise LfsrError(f"{path} has {mask.shape[1]}×{mask.shape[0]} pixels, but the display has "
+                        f"{lenses[0]}×{lenses[1]} lenses: upscale the folder again")
+    return mask

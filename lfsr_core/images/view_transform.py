@@ -39,12 +39,10 @@ SPARKS, SPECKS = 99.5, 5.0
 class ViewTransform:
     """Show scene-linear colour as Blender does under ``settings``, without dither.
 
-    The order is Blender's: exposure, look, view and display, gamma. May be called
-    from several threads at once. If there are enough ``pixels`` to show, bytes come from a table
-    of the chain: nearly all within 1 of 255 of Blender's, none beyond 3. A chain
-    without such a table stays exact.
-    LfsrError if the configuration is not found (the plain sRGB view needs none) or
-    does not know a name.
+    The order is Blender's: exposure, look, view and display, gamma. May be called from several threads at once. If
+    there are enough ``pixels`` to show, bytes come from a table of the chain: nearly all within 1 of 255 of Blender's,
+    none beyond 3. A chain without such a table stays exact. LfsrError if the configuration is not found (the plain sRGB
+    view needs none) or does not know a name.
     """
 
     def __init__(self, settings: ColorSettings, pixels: int = 0) -> None:

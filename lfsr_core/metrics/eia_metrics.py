@@ -24,16 +24,7 @@ from lfsr_core.frames.request import Request, Sampling, read_report, write_repor
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.exr import read_finite
 from lfsr_core.images.png import read_mask
-from lfsr_core.metrics.split_ssim import (
-    inside_border,
-    lens_ssim,
-    mean_of,
-    psnr,
-    split_mse,
-    split_ssim_map,
-    ssim,
-    stacked_ssim,
-)
+from lfsr_core.metrics.split_ssim import inside_border, lens_ssim, mean_of, psnr, split_ssim_map, ssim, stacked_ssim
 from lfsr_core.optics.eia import to_elemental_images, to_views, views_per_lens
 from lfsr_core.optics.lenses import choose_lenses
 from lfsr_core.optics.rays import LensList
@@ -157,17 +148,11 @@ def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], 
             lens_list: LensList | None = None) -> dict[str, Any]:
     """Return every metric of an EIA by name; None if it cannot be known.
 
-    With ``lens_list`` the metrics are estimates for the whole EIA from lenses drawn at random
-    inside and outside the mask, and "ci95" holds the half-widths of their 95 %
+    ``image`` (H, W, 3): scene-linear, in view order; ``halves``: the two independent halves of the reference,
+    scene-linear, (H, W, 3) or tiles of the listed lenses as ``RayLayout`` places them; ``lenses``: (sx, sy); ``mask``
+    (sy, sx): the foreground. With ``lens_list``, (row, column) of the reference's lenses, drawn at random inside and
+    outside the mask, the metrics are estimates for the whole EIA, and "ci95" holds the half-widths of their 95 %
     confidence intervals.
-
-    Parameters
-    ----------
-    image : (H, W, 3), scene-linear, in view order
-    halves : the two independent halves of the reference, scene-linear: (H, W, 3), or tiles of the listed lenses
-    lenses : (sx, sy)
-    mask : (sy, sx), the foreground
-    lens_list : (row, column) of the reference's lenses, in tiles as ``RayLayout`` places them; None for all
 
     The names are METRIC_NAMES, or with ``lens_list`` SAMPLED_NAMES, "lenses" and "ci95"; without the package
     flip-evaluator "flip" is None and "notes" tells so. LfsrError if shapes differ.
@@ -218,6 +203,7 @@ def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], 
     mean, any_foreground, (sx, sy) = (a + b) / 2, bool(mask.any()), lenses
     px, py = views_per_lens(x, (sx, sy))
     foreground = np.kron(mask, np.ones((py, px), bool))
+    shown, of_a, of_b = (values[foreground] for values in (x, a, b))
     # Windows cross from lens to lens in ``local``, but not in ``alone``.
     local, inside = inside_border(split_ssim_map(x, a, b)), inside_border(foreground)
     alone = lens_ssim(x, a, b, (sx, sy))
@@ -231,7 +217,7 @@ def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], 
         "ssim_eia_fg": mean_of(local[inside]) if inside.any() else None,
         "ssim_lens": mean_of(alone),
         "ssim_lens_fg": mean_of(alone[mask]) if any_foreground else None,
-        "psnr_fg": psnr(split_mse(x[foreground], a[foreground], b[foreground])) if any_foreground else None,
+        "psnr_fg": psnr(mean_of((shown - of_a) * (shown - of_b))) if any_foreground else None,
         "ssim_views_fg": views_ssim,
         "ssim_eia_plain": ssim(x, mean),
         "ssim_ceiling": ssim(a, b),
@@ -323,12 +309,9 @@ def compare_with_reference(request: Request, folder: str | Path, output: str | P
                            blender: str | Starts | None = None, tell: Tell = silent) -> Metrics:
     """Render the reference of a finished frame, and return its metrics as ``compare_folders`` does.
 
-    Parameters
-    ----------
-    request : of the frame's render
-    folder, output : the frame folder, and the reference's, in which a reference begun earlier continues
-    lenses : number of random lenses, most of them foreground; 0, or as many as there are: all
-    samples : of the reference per pixel, in two halves
+    ``request``: of the frame's render in ``folder``; ``output``: the reference's folder, in which one begun earlier
+    continues; ``lenses``: number of random lenses, most of them foreground, 0 or as many as there are for all;
+    ``samples``: of the reference per pixel, in two halves.
     """
     mask = read_mask(Path(folder) / MASK_FILE, request.display.lenses)
     chosen = choose_lenses(mask, lenses, request.seed) if 0 < lenses < mask.size else None
@@ -340,10 +323,9 @@ def compare_with_reference(request: Request, folder: str | Path, output: str | P
 def compare_folders(folder: str | Path, reference: str | Path) -> Metrics:
     """Return the metrics of ``folder`` against ``reference``, and write them into its report.json.
 
-    If the reference shows every lens, the foreground is the reference's, so that a mask that
-    lost lenses does not hide them from the metrics. The finished image is read from eia.exr if
-    that exists, else computed again.
-    LfsrError if a folder is incomplete or the two show different images.
+    If the reference shows every lens, the foreground is the reference's, so that a mask that lost lenses does not hide
+    them from the metrics. The finished image is read from eia.exr if that exists, else computed again. LfsrError if a
+    folder is incomplete or the two show different images.
     """
     folder, frame = Path(folder), read_frame(folder)
     check_reference(frame, read_frame(reference))
@@ -368,9 +350,8 @@ def compare_folders(folder: str | Path, reference: str | Path) -> Metrics:
 def sampled_recall(mask: Mask, hits: Mask, lens_list: LensList) -> float | None:
     """Estimate the recall of ``mask`` (sy, sx) from the true ``hits`` (N,) of listed (row, column) lenses.
 
-    The list samples lenses inside and outside the mask at different rates, so
-    each group counts by its size. None if a group is sampled by fewer than
-    MIN_SAMPLES lenses, because one stray hit outside would stand for hundreds.
+    The list samples lenses inside and outside the mask at different rates, so each group counts by its size. None if a
+    group is sampled by fewer than MIN_SAMPLES lenses, because one stray hit outside would stand for hundreds.
     """
     rows, columns = np.asarray(lens_list).T
     found = mask[rows, columns]

@@ -27,10 +27,9 @@ STRIP_ROWS = 16  # rows whose sums fit into a core's cache
 def split_ssim_map(image: Array, half_a: Array, half_b: Array) -> Array:
     """Local SSIM (H, W, C) of ``image`` against two noisy halves of one reference.
 
-    All are (H, W, C) in [0, 1]. Gaussian window of 11 × 11, σ = 1.5, data
-    range 1, borders mirrored. Estimates: of the reference's variance cov(a, b),
-    of its squared mean mean(a) · mean(b), of its covariance with the image
-    cov(image, (a + b) / 2). With a = b this is plain SSIM.
+    All are (H, W, C) in [0, 1]. Gaussian window of 11 × 11, σ = 1.5, data range 1, borders mirrored. Estimates: of the
+    reference's variance cov(a, b), of its squared mean mean(a) · mean(b), of its covariance with the image cov(image,
+    (a + b) / 2). With a = b this is plain SSIM.
     """
     local = np.empty(image.shape, np.float64 if image.size < 1 << 26 else np.float32)
     for start in range(0, image.shape[0], BAND_ROWS):

@@ -66,13 +66,9 @@ def choose_scale(display: DisplayProfile, moves: Array, scales: Collection[int],
                  model: LossModel = MODEL) -> ScaleChoice:
     """Return the scale with the least predicted loss; of equal ones, the largest.
 
-    Parameters
-    ----------
-    display : whose views are divided
-    moves : (n,) disparities of points of the subject, spread over the image, as of ``disparities``
-    scales : to choose from; those that would get less than one sample are left out, unless all would
-    rays : per finished pixel
-    model : predicts the loss
+    ``moves`` (n,): disparities of points of the subject, spread over the image, as of ``disparities``; ``scales``: to
+    choose from, of which those that would get less than one sample are left out, unless all would; ``rays``: per
+    finished pixel; ``model``: predicts the loss.
     """
     samples = {scale: rays * display.finished_pixels(scale) for scale in sorted(scales, reverse=True)}
     largest = next(iter(samples))

@@ -318,9 +318,8 @@ class DisplayProfile:
     def depth_range_mm(self, scale: int = 1) -> tuple[float, float]:
         """Usable depth (in front of, behind) the display plane in millimetres.
 
-        A point is usable if neighbouring views move it by at most one lens
-        pitch on the display plane (display bandwidth; Zwicker et al. 2006).
-        ``scale`` widens the view spacing to that of the low-resolution array.
+        A point is usable if neighbouring views move it by at most one lens pitch on the display plane (display
+        bandwidth; Zwicker et al. 2006). ``scale`` widens the view spacing to that of the low-resolution array.
         """
         distance = self.viewing_distance_mm
         pitch = min(self.lens_pitch_mm) if self.parallax[1] else self.lens_pitch_mm[0]
@@ -420,10 +419,9 @@ def load_display(name_or_file: str | Path) -> DisplayProfile:
 def proposed_light_field(pixels: Pair, panel_mm: tuple[float, float], sheet: Sheet | None) -> tuple[Pair, Pair]:
     """Return lenses and views of a light field that loses nothing on a panel; LfsrError for no panel, or no sheet.
 
-    Lenslets: one lens for every lens of the sheet and one view for every pixel behind it.
-    Cylinders: one column for every cylinder, one row for two rows of pixels, and two views
-    for every subpixel behind a cylinder, because neighbouring rows show views in between
-    (docs/reference/displays.md). Views are rounded up to a multiple of 4.
+    Lenslets: one lens for every lens of the sheet and one view for every pixel behind it. Cylinders: one column for
+    every cylinder, one row for two rows of pixels, and two views for every subpixel behind a cylinder, because
+    neighbouring rows show views in between (docs/reference/displays.md). Views are rounded up to a multiple of 4.
     """
     if min(pixels) < 1 or max(pixels) > MAX_PIXELS or min(panel_mm) <= 0:
         raise LfsrError(f"panel_pixels is {pixels} and panel_mm is {panel_mm}, but both must be above 0 and pixels at "

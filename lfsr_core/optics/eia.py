@@ -1,8 +1,7 @@
 """One EIA, three orders of the same pixels: reshapes only, no arithmetic.
 
-An EIA is (H, W, C); as elemental images (sy, sx, py, px, C); as views
-(py, px, sy, sx, C). Lens pairs are (horizontal, vertical) counts. View order:
-pixel k of an EI is view k, left to right and top to bottom.
+An EIA is (H, W, C); as elemental images (sy, sx, py, px, C); as views (py, px, sy, sx, C). Lens pairs are (horizontal,
+vertical) counts. View order: pixel k of an EI is view k, left to right and top to bottom.
 """
 
 from __future__ import annotations

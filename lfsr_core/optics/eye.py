@@ -1,9 +1,8 @@
 """The simulated eye: what a viewer in front of the display sees of the panel's image.
 
-Millimetres from the centre of the lens array: x rightwards, y upwards, z towards
-the viewer; the panel lies one gap behind. Each lens is a pinhole. Lenses are
-spaced a little closer than elemental images, so that every lens sends view k to the
-place of camera k at the viewing distance.
+Millimetres from the centre of the lens array: x rightwards, y upwards, z towards the viewer; the panel lies one gap
+behind. Each lens is a pinhole. Lenses are spaced a little closer than elemental images, so that every lens sends view k
+to the place of camera k at the viewing distance.
 
 An eye's card shows the same in a viewport: a lens card on which every lens of the display shows the view that the eye
 sees. Its rays are those of the rendered views, with one colour per lens, and it costs one pixel per lens.

@@ -52,20 +52,14 @@ def pixel_rows(rows: Rows, height: int) -> tuple[int, int]:
 def check_cover(parts: Iterable[Rows], count: int) -> None:
     """LfsrError unless ``parts``, in any order, cover each of the rows 1 to ``count`` once."""
     at = 0
-    for first, last in sorted(parts):
+    for first, last in [*sorted(parts), (count + 1, count)]:
         if first > at + 1:
-            raise _missing(at + 1, first - 1)
+            raise LfsrError(f"rows {rows_text((at + 1, first - 1))} are in none of the parts: render them with "
+                            f"--rows {at + 1}-{first - 1}, or name their folder too")
         if first <= at:
             raise LfsrError(f"rows {rows_text((first, min(last, at)))} are in more than one part: leave one of the "
                             "parts out")
         at = last
-    if at < count:
-        raise _missing(at + 1, count)
-
-
-def _missing(first: int, last: int) -> LfsrError:
-    return LfsrError(f"rows {rows_text((first, last))} are in none of the parts: render them with "
-                     f"--rows {first}-{last}, or name their folder too")
 
 
 def rows_text(rows: Rows) -> str:

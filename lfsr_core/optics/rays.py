@@ -2,10 +2,9 @@
 
 ``tests/support/reference_rays.py`` has the ray of each pixel, the reference for ``ray_layout.osl`` and for the card.
 
-Camera-array space is Cycles' camera space: origin at the viewing position, +X
-right, +Y up, +Z towards the display plane. The camera plane is z = 0, the
-display plane (zero parallax) z = distance. Lengths are scene units.
-Pixel rows count from the top, raster coordinates (as in OSL) from the bottom.
+Camera-array space is Cycles' camera space: origin at the viewing position, +X right, +Y up, +Z towards the display
+plane. The camera plane is z = 0, the display plane (zero parallax) z = distance. Lengths are scene units. Pixel rows
+count from the top, raster coordinates (as in OSL) from the bottom.
 """
 
 from __future__ import annotations

@@ -36,15 +36,10 @@ def write_job(farm: str, folder: Path, request: Request, finish: Finish, frames:
     """Write an animation's job into ``folder``; return the command that starts it, and a sentence to know with it.
 
     For OpenJD a job bundle: AWS Deadline Cloud reads ``parameter_values``, openjd-cli the plain parameters. For
-    Flamenco a job type for the manager, and a new job as its interface reads it.
-
-    Parameters
-    ----------
-    request : its output is the folder of the frames' folders, its scene a file that every worker sees
-    parts : into which each frame is split, by rows of lenses
-    display : file of the display's profile, empty for the built-in one of its name
-
-    LfsrError for parts that no farm can do, or where a file cannot be written.
+    Flamenco a job type for the manager, and a new job as its interface reads it. ``request``: its output is the folder
+    of the frames' folders, its scene a file that every worker sees; ``parts``: into which each frame is split, by rows
+    of lenses; ``display``: file of the display's profile, empty for the built-in one of its name. LfsrError for parts
+    that no farm can do, or where a file cannot be written.
     """
     most = min(MOST_PARTS, request.display.lenses[1])
     if not 1 <= parts <= most:

@@ -30,7 +30,6 @@ from lfsr_core.reconstruct.second_stage import finish_into
 from lfsr_core.reconstruct.upscaler import Upscaler
 
 REQUEST_FILE = "request.json"
-CHUNK = 16  # frames of one Blender
 TRIES = 2  # of a frame of an animation at which Blender crashes
 RENDER_FRACTION = 0.85  # of the time of one frame that is rendered and finished
 MADE, KEPT, FAILED = "made", "kept", "failed"
@@ -57,7 +56,7 @@ class Made:
 
 def make(request: Request | Sequence[Request], finish: Finish | None = None, frames: Sequence[int] | None = None, *,
          blender: str | Starts | None = None, tell: Tell = silent, overwrite: bool = False, lenient: bool = False,
-         chunk: int = CHUNK) -> list[Made]:
+         chunk: int = 16) -> list[Made]:
     """Render and finish every frame that is not there, and return the outcome of each.
 
     A long render continues where the last one ended. Blender stays open over several frames, and frames are finished

@@ -123,11 +123,6 @@ class SampleRenders:
         self._folder, self._request, self._render, self._tell = folder, request, render, tell
 
     @property
-    def seconds(self) -> float:
-        """Seconds of all renders so far, including loading the scene."""
-        return sum(frame.seconds["open"] + frame.seconds["render"] for frame in self.frames)
-
-    @property
     def paths(self) -> int:
         """Path samples of all renders so far."""
         return sum(map(path_samples, self.frames))
@@ -212,17 +207,11 @@ class Planned:
 
 def make_plan(request: Request, options: PlanOptions, render: Render, folder: str | Path,
               tell: Tell = silent) -> Planned:
-    """Find the cheapest settings for the scene, display and frame of a request.
+    """Find the cheapest settings for the scene, display and frame of a request, whose sampling and output are ignored.
 
-    Parameters
-    ----------
-    request : its sampling and output are ignored
-    options : target, candidates, and cost of the sample
-    render : renders one request into its folder, all or nothing; called with the request and a ``Tell``
-    folder : holds the renders: a second call continues where one stopped
-    tell : called with progress and with what the renders tell
-
-    LfsrError for bad options, a scene without foreground, or as of ``render``.
+    ``render``: renders one request into its folder, all or nothing, called with the request and a ``Tell``;
+    ``folder``: holds the renders, from which a second call continues; ``tell``: called with progress and with what the
+    renders tell. LfsrError for bad options, a scene without foreground, or as of ``render``.
     """
     request, display, folder = request.with_scale(ScaleChoice(1)), request.display, Path(folder)
     wanted = options.candidates(display)
@@ -309,7 +298,8 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
 
     rated = tuple(sorted(rows.values(), key=lambda row: row.seconds))
     costliest = rows[wanted[-1]]
-    sample = SampleFacts(len(lenses), int(mask.sum()), costliest.name, costliest.seconds, renders.seconds, measuring,
+    spent = sum(frame.seconds["open"] + frame.seconds["render"] for frame in renders.frames)
+    sample = SampleFacts(len(lenses), int(mask.sum()), costliest.name, costliest.seconds, spent, measuring,
                          renders.paths / costliest.paths(display))
     return Planned(request.scene, display.name, request.seed, options, sample, rated,
                    choose(rated, options.target, options.limit))

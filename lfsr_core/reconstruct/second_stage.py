@@ -24,16 +24,9 @@ from lfsr_core.base.cores import MOST_THREADS, in_threads, peak_bytes, usable_co
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice, Progress, Tell, silent
 from lfsr_core.frames import frame as files
+from lfsr_core.frames import low_res
 from lfsr_core.frames.frame import SUBPIXELS, Frame, read_frame, read_rendered
-from lfsr_core.frames.low_res import (
-    LowResEIA,
-    foreground_mask,
-    foreground_pixels,
-    low_resolution,
-    over_background,
-    read_world,
-    unseen_notices,
-)
+from lfsr_core.frames.low_res import LowResEIA, foreground_mask, low_resolution, over_background, read_world
 from lfsr_core.frames.request import Finish, Report
 from lfsr_core.images.exr import HALF_MAX, read_finite, read_layers, replaced_notices, write_layers
 from lfsr_core.images.png import write_mask, write_png
@@ -42,15 +35,7 @@ from lfsr_core.optics.eia import flip_order, to_elemental_images
 from lfsr_core.optics.panel.subpixel_rays import panel_image
 from lfsr_core.optics.panel.weave import cached_gather_map, weave
 from lfsr_core.reconstruct.averaging import average_frames, averaging_notices, neighbours_of, read_low
-from lfsr_core.reconstruct.methods import (
-    AS_RENDERED,
-    METHODS,
-    PLAIN_METHOD,
-    SUBPIXEL_METHODS,
-    Method,
-    MethodName,
-    load_method,
-)
+from lfsr_core.reconstruct.methods import METHODS, PLAIN_METHOD, SUBPIXEL_METHODS, Method, MethodName, load_method
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, span
 from lfsr_core.reconstruct.methods.interpolation import decode, encode, interpolated
 from lfsr_core.reconstruct.methods.oidn import Note, Wanted
@@ -188,7 +173,7 @@ class _Work:
                 low, averaged = average_frames(low, map(read_low, usable))
         self.averaged = averaged  # fraction of the image
         with self.clock("mask"):
-            self.unseen = unseen_notices(layers)
+            self.unseen = low_res.unseen_notices(layers)
             mask = foreground_mask(layers, frame.rays.tiles, finish.dilate)
             # (sy, sx) bool, lenses for the method's upscaler, and for the filler
             self.mask = np.full_like(mask, not selection) if self.unseen or not selection else mask
@@ -297,9 +282,9 @@ def _finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, 
         write_png(staged / files.PANEL_FILE, pixels)
     background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]
     notes = (*frame.notes, *replaced_notices(replaced, layers["color"][..., 3].size), *said,
-             *(unseen_notices(layers) or exposure_notices(pixels, background)))
+             *(low_res.unseen_notices(layers) or exposure_notices(pixels, background)))
     return _report(frame, finish, clock, method=method.text, notes=notes, replaced_pixels=replaced,
-                   foreground_fraction=float(foreground_pixels(layers).mean()))
+                   foreground_fraction=float(low_res.foreground_pixels(layers).mean()))
 
 
 def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: MethodName,
@@ -307,7 +292,7 @@ def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: Method
     """Panel image (H, W, 3), scene-linear, from the layers of a direct subpixel rendering; ``note``: see ``oidn``."""
     assert frame.subpixels is not None, "a frame of direct subpixel rendering has them"
     shown = over_background(layers, frame)
-    if method.text != AS_RENDERED:
+    if method.prefilters:
         # Of the rectangle that shows more than the background.
         seen = (shown != np.asarray(frame.display.background, np.float32)).any(-1)
         part = span(seen.any(1), 1), span(seen.any(0), 1)

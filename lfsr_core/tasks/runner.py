@@ -271,7 +271,7 @@ def _end_on_request(unwinds: bool) -> None:
         else:
             _leave()
 
-    signal.signal(signal.SIGTERM, _unwind if unwinds else _leave)
+    signal.signal(signal.SIGTERM, signal.default_int_handler if unwinds else _leave)
     threading.Thread(target=end_with_parent, daemon=True, name="lfsr-parent").start()
 
 
@@ -279,10 +279,6 @@ def _fail(sentence: str) -> None:
     emit_last(stage="error", message=sentence)
     Child.stop_all(SECONDS_TO_STOP)
     os._exit(EXIT_BAD_INPUT)
-
-
-def _unwind(*_: object) -> None:
-    raise KeyboardInterrupt
 
 
 def _leave(*_: object) -> None:

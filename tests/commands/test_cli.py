@@ -299,10 +299,10 @@ def test_an_interrupt_is_not_lost(inside):
     assert done.returncode == 130 and "interrupted" in done.stderr, done.stderr
 
 
-@pytest.mark.parametrize(("option", "told"), [("--cluster", "it is empty"), ("--scale-frames", "frames are ''")])
+@pytest.mark.parametrize(("option", "told"), [("--cluster", "is empty"), ("--scale-frames", "frames are ''")])
 def test_an_empty_option_is_refused(scene, tmp_path, capsys, option, told):
     try:
-        assert main(["render", str(scene), "-o", str(tmp_path / "out"), option, ""]) == 2
+        assert main(["render", str(scene), "-o", str(tmp_path / "out"), "--frames", "1-2", option, ""]) == 2
     except SystemExit as ended:
         assert ended.code == 2
     assert told in capsys.readouterr().err

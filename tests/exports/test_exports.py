@@ -18,8 +18,8 @@ from lfsr_core.base.notices import Notice
 from lfsr_core.cli import main
 from lfsr_core.exports import images
 from lfsr_core.exports.formats import WRITERS, export
-from lfsr_core.exports.images import anaglyph
-from lfsr_core.exports.light_field import central_disparity, on_screen, read_light_field, resized
+from lfsr_core.exports.images import anaglyph, central_disparity
+from lfsr_core.exports.light_field import on_screen, read_light_field, resized
 from lfsr_core.exports.options import FORMATS, PRESETS, ExportOptions, quilt_name, read_quilt_name
 from lfsr_core.frames.folder import frame_folders
 from lfsr_core.frames.frame import read_frame, write_frame
@@ -442,7 +442,7 @@ def test_the_film_plays_the_animation_while_the_eye_sways(film, tmp_path, kind):
             found = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
     for number, name in enumerate(NAMES):
         field = read_light_field(film / name)
-        expected = on_screen(field.seen_from(*films.eye_place(field, number / 3)), field.display, 320)
+        expected = on_screen(field.seen_from(*images.eye_place(field, number / 3)), field.display, 320)
         assert np.abs(found[number].astype(float) - expected).mean() < (4 if kind == "mp4" else 1e-9)
     assert len(found) == 3
 

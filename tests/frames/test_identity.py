@@ -197,9 +197,9 @@ def test_bad_value_is_named(options, message):
 
 def test_a_bad_job_file_is_named(tmp_path):
     (tmp_path / "job.json").write_text(json.dumps(to_data(FULL) | {"sed": 3}))
-    refuses("request: unknown field 'sed'", read_request, tmp_path / "job.json")
+    refuses("job.json: unknown field 'sed'", read_request, tmp_path / "job.json")
     (tmp_path / "job.json").write_text("[]")
-    refuses("holds a list, but a render request", read_request, tmp_path / "job.json")
+    refuses("it is .., but it must be an object", read_request, tmp_path / "job.json")
 
 
 def test_samples_follow_from_the_rays_at_the_chosen_scale():

@@ -35,8 +35,6 @@ def test_every_row_makes_what_it_says_and_every_name_that_is_offered_is_one():
         assert callable(made) and isinstance(made, Upscaler) == (part.kind != methods.PREFILTER), name
     for text in (DEFAULT_METHOD, *SUBPIXEL_METHODS, *methods.MENU, *methods.MORE):
         assert MethodName.parse(text).text == text
-    for text in SUBPIXEL_METHODS:
-        assert not any(part.needs_lenses for part in MethodName.parse(text).parts)
 
 
 def test_what_follows_from_a_name():

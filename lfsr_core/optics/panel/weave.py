@@ -32,20 +32,14 @@ APPEARANCE = ("name", "title", "description", "background")
 
 
 @dataclasses.dataclass(frozen=True)
-class Axis:
-    """One interpolated axis of a gather map."""
-
-    stride: int  # bytes of the EIA from a sample to the next along it
-    weights: Array  # (H, W, 3) uint8 of that next sample, in 1 / ONE
-
-
-@dataclasses.dataclass(frozen=True)
 class GatherMap:
     """Where the subpixels of a panel (H, W, 3) find their values in the bytes of an EIA (rows, columns, 3)."""
 
     eia_pixels: tuple[int, int]  # (columns, rows) of the EIA
     first: Array  # (H, W, 3) int32, index of the first sample's byte
-    axes: tuple[Axis, ...]  # what is interpolated; empty: the nearest sample
+    # What is interpolated, none for the nearest sample: bytes of the EIA from a sample to the next along an axis, and
+    # the weights of that next sample, (H, W, 3) uint8 in 1 / ONE.
+    axes: tuple[tuple[int, Array], ...]
 
 
 def gather_map(profile: DisplayProfile, sampling: str) -> GatherMap:
@@ -82,8 +76,8 @@ def gather_map(profile: DisplayProfile, sampling: str) -> GatherMap:
             first[part, :, channel] = index
 
     in_threads(work, range(0, size[0], ROWS_AT_ONCE))
-    axes = (Axis(stride, weight) for stride, weight in zip(strides, weights, strict=True))
-    return GatherMap((columns, rows), first, tuple(axis for axis in axes if axis.weights.any()))
+    axes = tuple(axis for axis in zip(strides, weights, strict=True) if axis[1].any())
+    return GatherMap((columns, rows), first, axes)
 
 
 def cached_gather_map(profile: DisplayProfile) -> GatherMap:
@@ -91,25 +85,27 @@ def cached_gather_map(profile: DisplayProfile) -> GatherMap:
     size = (profile.panel_pixels[1], profile.panel_pixels[0], 3)
     if np.prod(size) < MIN_SUBPIXELS:
         return gather_map(profile, profile.weave)
-    folder = cache_folder() / "weave" / digest(profile)
+    data = {key: value for key, value in profile.to_dict().items() if key not in APPEARANCE} | {"version": VERSION}
+    name = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:32]
+    folder = cache_folder() / "weave" / name
     with contextlib.suppress(OSError, LfsrError, ValueError, KeyError):
         strides = parse_json((folder / ABOUT).read_bytes())["strides"]
-        first, *weights = (np.load(folder / name, mmap_mode="r", allow_pickle=False)
-                           for name in (FIRST, *(f"axis{number}.npy" for number in range(len(strides)))))
+        first, *weights = (np.load(folder / file, mmap_mode="r", allow_pickle=False)
+                           for file in (FIRST, *(f"axis{number}.npy" for number in range(len(strides)))))
         intact = first.dtype == np.int32 and all(array.dtype == np.uint8 for array in weights)
         if intact and all(array.shape == size for array in (first, *weights)):
             os.utime(folder)
-            return GatherMap(profile.eia_pixels, first, tuple(map(Axis, strides, weights)))
+            return GatherMap(profile.eia_pixels, first, tuple(zip(strides, weights, strict=True)))
     mapped = gather_map(profile, profile.weave)
     with contextlib.suppress(OSError):
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".map-", dir=folder.parent) as name:
-            part = Path(name, "map")
+        with tempfile.TemporaryDirectory(prefix=".map-", dir=folder.parent) as staging:
+            part = Path(staging, "map")
             part.mkdir()
             np.save(part / FIRST, mapped.first)
-            for number, axis in enumerate(mapped.axes):
-                np.save(part / f"axis{number}.npy", axis.weights)
-            (part / ABOUT).write_text(json.dumps({"strides": [axis.stride for axis in mapped.axes]}), encoding="utf-8")
+            for number, (_, axis) in enumerate(mapped.axes):
+                np.save(part / f"axis{number}.npy", axis)
+            (part / ABOUT).write_text(json.dumps({"strides": [stride for stride, _ in mapped.axes]}), encoding="utf-8")
             shutil.rmtree(folder, ignore_errors=True)
             replace(part, folder)
         kept = sorted((entry for entry in folder.parent.iterdir() if not entry.name.startswith(".")),
@@ -117,12 +113,6 @@ def cached_gather_map(profile: DisplayProfile) -> GatherMap:
         for entry in kept[:-MAX_MAPS]:
             shutil.rmtree(entry, ignore_errors=True)
     return mapped
-
-
-def digest(profile: DisplayProfile) -> str:
-    """Hash of everything that a map depends on, for a folder's name."""
-    data = {key: value for key, value in profile.to_dict().items() if key not in APPEARANCE} | {"version": VERSION}
-    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:32]
 
 
 def weave(eia: Array, mapped: GatherMap) -> Array:
@@ -135,11 +125,11 @@ def weave(eia: Array, mapped: GatherMap) -> Array:
         raise LfsrError(f"the EIA has shape {eia.shape} of {eia.dtype}, but the weave needs ({rows}, {columns}, 3) of "
                         "uint8: upscale the folder again")
     # Samples beyond the last byte have a weight of 0, but are read.
-    source = np.zeros(eia.size + sum(axis.stride for axis in mapped.axes), np.uint8)
+    source = np.zeros(eia.size + sum(stride for stride, _ in mapped.axes), np.uint8)
     source[:eia.size] = eia.reshape(-1)
     result = np.empty(mapped.first.shape, np.uint8)
     first, shown = mapped.first.reshape(-1), result.reshape(-1)
-    axes = [(axis.stride, axis.weights.reshape(-1)) for axis in mapped.axes]
+    axes = [(stride, weights.reshape(-1)) for stride, weights in mapped.axes]
 
     def work(start: int) -> None:
         part = slice(start, start + AT_ONCE)

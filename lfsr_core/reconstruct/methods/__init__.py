@@ -35,7 +35,6 @@ class Part:
     # A PREFILTER as function of a weights file or None; an UPSCALER of the side of blocks, see ``pooling.Pooling``.
     make: Callable[..., Any]
     needs_denoiser: bool = False  # Open Image Denoise
-    needs_lenses: bool = True  # elemental images, which direct subpixel rendering does not have
     takes_weights: bool = False
     versions: Mapping[str, int] = dataclasses.field(default_factory=dict)  # of results: figures of others are outdated
     # seconds of two cores per million rendered and finished pixels, besides those of every method
@@ -52,14 +51,13 @@ METHODS: dict[str, Part] = {
                  versions={"pool": 2}, per_finished=0.05),
     "bicubic-eia": Part(UPSCALER, "cubic over the whole array: shows crosstalk",
                         lambda _: Interpolation("cubic", crosstalk=True)),
-    "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda _: Interpolation("nearest"),
-                 needs_lenses=False),
+    "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda _: Interpolation("nearest")),
     "denoise": Part(PREFILTER, "Open Image Denoise with weights trained on elemental images",
                     lambda weights: functools.partial(denoise_low_resolution, weights=weights or WEIGHTS),
                     needs_denoiser=True, takes_weights=True, versions={"denoiser": 10}, per_rendered=0.45),
     "oidn": Part(PREFILTER, "Open Image Denoise with its own weights",
                  lambda _: functools.partial(denoise_low_resolution, weights=None), needs_denoiser=True,
-                 needs_lenses=False, versions={"denoiser": 10}, per_rendered=0.45),
+                 versions={"denoiser": 10}, per_rendered=0.45),
 }
 # Seconds of every method on two cores: its start, per million finished pixels, and per million rendered ones.
 START, PER_FINISHED, PER_RENDERED = 1.2, 0.07, 0.05
