@@ -160,6 +160,6 @@ def read_low(folder: Path) -> LowResEIA:
 
 def averaging_notices(neighbours: Sequence[Neighbour]) -> list[Notice]:
     """Notices of neighbours that were not averaged: those with the same noise, and those that show other rays."""
-    numbers = {"averaging-same-seed": [each.number for each in neighbours if each.same_seed],
-               "averaging-other-rays": [each.number for each in neighbours if not each.same_rays]}
-    return [Notice(code, {"frames": frames}) for code, frames in numbers.items() if frames]
+    notices = (Notice("averaging-same-seed", {"frames": [each.number for each in neighbours if each.same_seed]}),
+               Notice("averaging-other-rays", {"frames": [each.number for each in neighbours if not each.same_rays]}))
+    return [notice for notice in notices if notice.values["frames"]]

@@ -9,6 +9,7 @@ from lfsr_core.metrics.split_ssim import blur
 from lfsr_core.optics import eia
 from lfsr_core.reconstruct.methods import load_method
 from lfsr_core.reconstruct.methods.interpolation import decode, encode
+from lfsr_core.reconstruct.second_stage import finished_lenses
 from tests.support.told import refuses
 
 FLAGS = {"nearest": cv2.INTER_NEAREST, "bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC,
@@ -83,7 +84,8 @@ def test_highlight_leaves_no_dark_ring_in_its_neighbourhood():
 
 
 def test_none_refuses_to_upscale_and_passes_full_resolution():
-    refuses("rendered at scale 4", upscaled, "none", low_eia())
+    refuses("upscales nothing, but scale 4", finished_lenses, low_eia(), np.ones(1, bool), "none",
+            np.zeros((1, 2), int))
     low = low_eia(scale=1)
     np.testing.assert_array_equal(upscaled("none", low).reshape(low.color.shape), low.color)
     assert load_method("bicubic").upscaler(low_eia(), np.zeros((0, 2), int)).shape == (0, 20, 24, 3)
