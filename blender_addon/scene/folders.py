@@ -14,7 +14,7 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import check_name, is_forbidden, read_json, write_json
-from lfsr_core.frames.folder import FrameFolder
+from lfsr_core.frames.folder import FrameFolder, is_of
 from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, PANEL_FILE
 
 from .words import DIRECT
@@ -81,7 +81,7 @@ def source_of(scene: bpy.types.Scene) -> str:
 
 def is_own(scene: bpy.types.Scene, folder: Path) -> bool:
     """False if the frame in ``folder`` is known to be of another file or scene."""
-    return FrameFolder(folder).is_of(source_of(scene), scene.name_full)
+    return is_of(FrameFolder(folder).readable, source_of(scene), scene.name_full)
 
 
 def first_foreign(scene: bpy.types.Scene, frames: Iterable[int]) -> str:

@@ -10,7 +10,7 @@ import bpy
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import duration
-from lfsr_core.frames.folder import FrameFolder
+from lfsr_core.frames.folder import FrameFolder, is_of
 from lfsr_core.frames.frame import REPORT_FILE, SUBPIXELS
 from lfsr_core.frames.request import read_report, samples_at
 from lfsr_core.optics.display import DisplayProfile
@@ -119,7 +119,7 @@ def metric_facts(scene: bpy.types.Scene) -> Facts:
 @functools.lru_cache(maxsize=4)
 def _metrics(folder: Path, _changed: int, source: str, scene_name: str) -> tuple[tuple[str, str], ...]:
     """Panels ask on every redraw; the file is read once per change."""
-    if not FrameFolder(folder).is_of(source, scene_name):
+    if not is_of(FrameFolder(folder).readable, source, scene_name):
         return ()
     metrics = read_report(folder).metrics
     facts = [(title, f"{metrics[name]:.1f} dB" if name == "psnr_fg" else f"{metrics[name]:.4f}")

@@ -30,7 +30,6 @@ from lfsr_core.optics.display import DisplayProfile, Lattice, Lenticular, write_
 from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_waves
 from lfsr_core.optics.panel.trace import seen_at
 
-MOST_ACROSS = 2048  # points at which a photograph is sampled
 PER_LENS = 3  # pixels of a photograph that are enough for a lens
 PLACE, PLACE_MM = 0.06, 5.0  # from the stated place to that by the perspective: of the distance, and millimetres
 PITCH, LENSES, TURN = 1e-5, 2e-3, 1e-4  # most errors: of the pitch, all over the panel in pitches, of the rotation
@@ -210,7 +209,7 @@ def see(profile: DisplayProfile, image: Array, eye: tuple[float, float, float]) 
     ends = view.places(np.array([[-1, 0], [1, 0]]) / 2 * size)
     pixels = float(np.linalg.norm(ends[1] - ends[0])) * half
     times = max(1, int(pixels / max(size[0] / min(profile.sheet.pitches) * PER_LENS, 400)))
-    points = grid(size, int(min(pixels / times, MOST_ACROSS)))
+    points = grid(size, int(min(pixels / times, 2048)))
     places, light = view.places(points), dots(profile).shown(points[..., 0], points[..., 1])
     found: list[list[Fringes]] = [[], []]
     for channel, other in (FRINGE_CHANNELS, FRINGE_CHANNELS[::-1]):

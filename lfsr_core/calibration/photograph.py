@@ -43,8 +43,6 @@ COARSE_SPREAD = 1.5  # width of the dots in the first rounds, by theirs
 ROUNDS, STILL = 15, 1e-4  # most rounds of a fit, and pixels of movement that end it
 GAIN, OFFSET = 4, 5  # terms per axis of the brightness of dots, and of what lies under them
 LEAST_ALIKE, LEAST_APART = 0.3, 0.1  # correlation with the dots, and by how much the other turns must be below it
-LEAST_SEEN = 0.75  # correlation after the fit
-MOST_BEND = 0.3  # distortion at the photograph's corner
 
 
 def read_photograph(path: str | Path) -> Array:
@@ -216,7 +214,7 @@ def find_panel(image: Array, profile: DisplayProfile) -> View:
         parts = [np.take(ends, np.arange(soft.shape[axis]) + step, axis) for step in range(3)]
         soft = parts[0] / 4 + parts[1] / 2 + parts[2] / 4
     view = _align(view, fine._replace(values=soft), marks, size, FINE, 1.0, True)
-    if not view.alike >= LEAST_SEEN or abs(view.bent) > MOST_BEND:
+    if not view.alike >= 0.75 or abs(view.bent) > 0.3:
         raise LfsrError(f"the pattern's dots are not seen clearly (agreement {max(view.alike, 0):.0%}): photograph the "
                         "whole panel, sharp, showing nothing but the phase pattern 1:1")
     return view

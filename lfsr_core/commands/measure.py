@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from lfsr_core.plan.options import Candidate, Rated
     from lfsr_core.plan.planner import Planned
 
-SCALE_FOR_MASK, SAMPLES_FOR_MASK = 4, 4
 OPTIONS = ("target", "metric", "scales", "samples", "rays", "methods", "most_seconds", "budget", "lenses",
            "reference_samples")
 MOST_ROWS = 5  # so that heading, rows, cost, sentence and command are ten lines
@@ -61,10 +60,10 @@ def run_reference(arguments: argparse.Namespace) -> Any:
         if arguments.lenses is not None:
             check_count(arguments.lenses, math.prod(display.lenses))
             print(f"choosing {arguments.lenses} lenses from a quick render", file=sys.stderr)
-            scale = min(display.scales(), key=lambda scale: abs(scale - SCALE_FOR_MASK), default=1)
+            scale = min(display.scales(), key=lambda scale: abs(scale - 4), default=1)
             with tempfile.TemporaryDirectory() as name:
                 quick = dataclasses.replace(request, kind="render", output=str(Path(name, "mask")),
-                                            sampling=Sampling(scale, SAMPLES_FOR_MASK))
+                                            sampling=Sampling(scale, 4))
                 make(quick, blender=arguments.blender, tell=bar)
                 mask = foreground_mask(read_layers(Path(quick.output, LOW_RES_FILE)), display.lenses)
             request = dataclasses.replace(request, lens_list=choose_lenses(mask, arguments.lenses, arguments.seed))

@@ -263,19 +263,13 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
                  tell: Tell = silent, quilt: Quilt | None = None) -> DisplayProfile:
     """Make a frame folder of a folder of views or of a quilt, as if they had been rendered; return its display.
 
-    Parameters
-    ----------
-    source : folder of views named as in the HCI benchmark, the Stanford archive, JPEG Pleno, or our own exports; or the
-        image or film of a quilt. Of a film, each frame gets a finished folder ``0001`` … in ``output``, where those
-        that are there already stay
-    output : frame folder to write
-    scale : views that the second stage is to make of each, along each axis; 1 for a display of one's choice
-    geometry : replaces what the folder's parameters say
-    tell : called with ``Progress`` and ``Notice``
-    quilt : how to read a quilt, as of ``quilt_of``; None for a folder of views
-
-    LfsrError for views that are missing, unreadable or of several sizes, a scale or geometry out of range, or where
-        a folder holds another film or another import of this one.
+    ``source``: folder of views named as in the HCI benchmark, the Stanford archive, JPEG Pleno, or our own exports; or
+    the image or film of a quilt. Of a film, each frame gets a finished folder ``0001`` … in ``output``, where those
+    that are there already stay. ``output``: frame folder to write; ``scale``: views that the second stage is to make of
+    each, along each axis, 1 for a display of one's choice; ``geometry``: replaces what the folder's parameters say;
+    ``quilt``: how to read a quilt, as of ``quilt_of``, None for a folder of views. LfsrError for views that are
+    missing, unreadable or of several sizes, a scale or geometry out of range, or where a folder holds another film or
+    another import of this one.
     """
     source, output, geometry, known = Path(source), Path(output), geometry or ImportGeometry(), dict[str, float]()
     if quilt is not None and is_film(source):

@@ -97,11 +97,6 @@ class FrameFolder:
         """True if it has all files of a render, or of a reference where that is the ``kind``."""
         return all((self.path / name).is_file() for name in (files.FRAME_FILE, *RENDERED_FILES[kind]))
 
-    def is_of(self, source: str, scene_name: str = "") -> bool:
-        """False if it is known to be a render of another file than ``source``, or of another scene in it."""
-        found = self.readable
-        return found is None or is_of(found, source, scene_name)
-
     def is_rendered(self, request: Request) -> bool:
         """True if it holds the whole render of ``request``, on any device; its files are read to their ends."""
         found = self.readable
@@ -262,11 +257,13 @@ def wanted_facts(job: Request, found: Frame, content: str = "") -> Facts:
             "content": content if is_changed(found.content, content) else found.content}
 
 
-def is_of(frame: Frame, source: str, scene_name: str = "") -> bool:
+def is_of(frame: Frame | None, source: str, scene_name: str = "") -> bool:
     """True if ``frame`` may be a render of the file ``source``, as of ``Frame.source``, and of the scene in it.
 
-    A frame that does not know its source, such as that of a farm, is known by its file's name; "" is any.
+    A frame that does not know its source, such as that of a farm, is known by its file's name; "" and None are any.
     """
+    if frame is None:
+        return True
     if scene_name and frame.scene_name not in ("", scene_name):
         return False
     if frame.source or not (source and frame.scene):

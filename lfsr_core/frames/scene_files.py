@@ -19,7 +19,6 @@ from typing import Any
 from lfsr_core.base.errors import LfsrError
 
 MOST_TEXT = 2**28  # bytes of a glTF's JSON, or of a material library
-MOST_LINE = 2**16  # bytes
 SPARE = 2**20  # bytes by which a buffer may be larger than its scene says
 GLB, JSON_CHUNK = 0x46546C67, 0x4E4F534A
 MAPS = re.compile(rb"\s*(?:map_\w+|bump|disp|decal|refl|norm)\s+(.+)", re.IGNORECASE)
@@ -103,6 +102,6 @@ def _records(value: Any) -> Iterable[dict[str, Any]]:
 def _named(path: Path, pattern: re.Pattern[bytes]) -> Iterator[str]:
     """Yield the names that lines of a regular file give."""
     with path.open("rb") as file:
-        while line := file.readline(MOST_LINE):
+        while line := file.readline(2**16):
             if found := pattern.match(line):
                 yield os.fsdecode(found[1].strip(b" \t\r\n\"").replace(b"\\", b"/"))

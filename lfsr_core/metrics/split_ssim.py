@@ -20,7 +20,6 @@ HALF_WINDOW: Array = np.exp(-np.arange(SSIM_BORDER + 1) ** 2 / (2 * SSIM_SIGMA**
 HALF_WINDOW = HALF_WINDOW / (2 * HALF_WINDOW.sum() - HALF_WINDOW[0])  # from its centre outwards; the whole sums to 1
 SSIM_C1, SSIM_C2 = 0.01**2, 0.03**2  # for data in [0, 1], Wang et al. 2004
 BAND_ROWS = 256
-MAX_CHANNELS = 512  # of many small images that are filtered in one call
 STRIP_ROWS = 16  # rows whose sums fit into a core's cache
 
 
@@ -62,7 +61,7 @@ def ssim(image: Array, reference: Array) -> float:
 def stacked_ssim(images: Array, halves_a: Array, halves_b: Array) -> Array:
     """Local split SSIM (N, h, w) of many separate small images (N, h, w, C), mean over C."""
     count, height, width, channels = images.shape
-    step, parts = max(1, MAX_CHANNELS // channels), []
+    step, parts = max(1, 512 // channels), []  # images in one call
     for start in range(0, count, step):
         # As channels of one image, each is filtered on its own, all in one call.
         x, a, b = (np.moveaxis(stack[start:start + step], 0, 2).reshape(height, width, -1)

@@ -30,7 +30,6 @@ EI_ORDERS = ("flipped", "direct")
 MAX_MM = 1e9
 MAX_NAME, MAX_DESCRIPTION = 100, 1000  # characters
 MAX_BYTES = 100_000  # of a profile's file
-FORMATS = (1, 2)
 WEAVES = ("nearest", "views", "all")
 VIEWS_PER_SUBPIXEL = 2
 MULTIPLE = 4  # of views, so that scales 2 and 4 divide them
@@ -376,7 +375,7 @@ class DisplayProfile:
         """Return the profile of TOML or JSON data; LfsrError names the field, its value and the rule."""
         data = dict(data)
         number = data.pop("format", 1)
-        if number not in FORMATS or isinstance(number, bool):
+        if number not in (1, 2) or isinstance(number, bool):
             raise LfsrError(f"{source}: format is {repr(number)[:MAX_NAME]}, but this version reads 1 and 2")
         tables = [key for key in TABLES if data.get(key) is not None]
         if number == 1 and tables:

@@ -39,16 +39,9 @@ def eye_view(panel: Array, profile: DisplayProfile, eye_mm: Point, width: int = 
     """Return what an eye sees of the panel's image: about one pixel per lens, black beyond the panel.
 
     From outside the viewing zone an eye sees the elemental image of a neighbouring lens, as on a real display.
-
-    Parameters
-    ----------
-    panel : (H, W, C) in panel order, as in eia.png; with a lens sheet (H, W, 3) uint8, as in panel.png
-    profile : the display
-    eye_mm : (x, y, z) of the eye
-    width : most pixels across of the result
-
-    Returns (rows·n, columns·n, C) with each pixel repeated n times, the largest n that fits ``width``, or 1. LfsrError
-    if the eye is behind the lenses or the image has another size than the panel.
+    ``panel``: (H, W, C) in panel order, as in eia.png; with a lens sheet (H, W, 3) uint8, as in panel.png; ``eye_mm``:
+    (x, y, z) of the eye. Returns (rows·n, columns·n, C) with each pixel repeated n times, the largest n that fits
+    ``width`` pixels, or 1. LfsrError if the eye is behind the lenses or the image has another size than the panel.
     """
     columns, rows = profile.panel_pixels
     if panel.shape[:2] != (rows, columns):

@@ -30,7 +30,6 @@ from lfsr_core.reconstruct.second_stage import finish_into
 from lfsr_core.reconstruct.upscaler import Upscaler
 
 REQUEST_FILE = "request.json"
-TRIES = 2  # of a frame of an animation at which Blender crashes
 RENDER_FRACTION = 0.85  # of the time of one frame that is rendered and finished
 MADE, KEPT, FAILED = "made", "kept", "failed"
 FINISHED_FILES = (EIA_FILE, EIA_LINEAR_FILE, MASK_FILE, PANEL_FILE)
@@ -172,7 +171,7 @@ def make(request: Request | Sequence[Request], finish: Finish | None = None, fra
                     crashes[current.output] += 1
                     if frames is None:
                         raise
-                    if crashes[current.output] >= TRIES:
+                    if crashes[current.output] >= 2:  # a second try may succeed
                         failed[waiting.pop(0).output] = str(error)
                         finish_ready()
                         tell(Notice("frame-left-out", {"frame": current.frame, "error": str(error)}))

@@ -43,7 +43,6 @@ WIDE_ENOUGH = 32  # pixels across an elemental image that needs no neighbours: m
 MOST_REACH = 2  # lenses on each side; more neighbours would cost more than the lens
 REACH_IN_A_VIEW = 4  # for displays with parallax along one axis, whose elemental images are one pixel high
 LEAST_LENSES, USUAL_LENSES = 12, 48
-QUICK_SCALE, QUICK_SAMPLES = 4, 4
 REFERENCE_PARTS = 2  # renders of two independent halves each: four quarters
 CORRECTED = 0.5  # fraction of the loss by the reference's remaining noise that is added to the metric
 
@@ -223,8 +222,8 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
         raise LfsrError(f"{folder} holds the sample of another scene or of other options: choose another folder")
     write_json(described, facts)
     renders = SampleRenders(folder, request, render, tell)
-    scale = min(display.scales() or [1], key=lambda scale: abs(scale - QUICK_SCALE))
-    quick, first = renders.rendered("quick", "every lens", sampling=Sampling(scale, QUICK_SAMPLES))
+    scale = min(display.scales() or [1], key=lambda scale: abs(scale - 4))
+    quick, first = renders.rendered("quick", "every lens", sampling=Sampling(scale, 4))
     renders.world = str(quick / WORLD_FILE) if first.world_apart else None
     layers, _ = read_finite(quick / LOW_RES_FILE)
     mask, wide = (foreground_mask(layers, first.rays.tiles, grown) for grown in (0, 1))

@@ -18,7 +18,7 @@ from lfsr_core.base.files import read_json
 from lfsr_core.base.notices import Notice, Progress
 from lfsr_core.base.records import read_record, write_record
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame, write_frame
-from lfsr_core.frames.low_res import LowResEIA, finished_layout
+from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.frames.request import Request, Sampling, samples_at
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.exr import read_layers, write_layers

@@ -17,7 +17,6 @@ from lfsr_core.reconstruct.upscaler import Upscaler
 
 MAX_EXPONENT = 80  # keeps overshoot beside the brightest floats finite
 EIS_IN_CACHE = 8  # per step
-CROSSTALK_REACH = 4  # half the widest kernel
 
 
 def encode(linear: Array) -> Array:
@@ -114,7 +113,7 @@ class Interpolation(Upscaler):
     thread_safe: bool = True
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
-        lenses, margin = np.asarray(lenses), CROSSTALK_REACH if self.crosstalk else 0
+        lenses, margin = np.asarray(lenses), 4 if self.crosstalk else 0  # half the widest kernel
         if low.scale == 1:
             return np.asarray(low.color[lenses[:, 0], lenses[:, 1]])
         result = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
