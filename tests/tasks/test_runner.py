@@ -66,6 +66,19 @@ def test_task_with_bad_options_ends_with_one_sentence(tmp_path, blender):
     assert record["stage"] == "error" and "target is 2.0" in record["message"]
 
 
+def test_a_task_that_takes_the_memory_ends_in_a_sentence(tmp_path):
+    write_render(tmp_path / "frame")
+    data = {"task": "finish", "folder": str(tmp_path / "frame"), "finish": {"method": "bicubic"}}
+    (tmp_path / "task.json").write_text(json.dumps(data))
+    code = (f"import sys\nfrom lfsr_core.base import cores\nfrom {runner.__name__} import main\n"
+            "cores.MOST_MEMORY = 0\nsys.exit(main(sys.argv[1:]))")
+    with subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "task.json")], cwd=ROOT, stdin=subprocess.PIPE,
+                          stdout=subprocess.PIPE, text=True) as process:
+        last = [parse_progress(line) for line in process.stdout][-1]
+    assert process.returncode == EXIT_BAD_INPUT and "of this computer's memory" in last["message"]
+    assert not (tmp_path / "frame" / "eia.png").exists()
+
+
 @pytest.mark.parametrize(("how", "name"), [("signal", "plan"), ("end of input", "plan"), ("signal", "make")])
 def test_task_takes_its_render_along_when_it_ends(tmp_path, how, name):
     sleeper = tmp_path / "blender"
