@@ -234,7 +234,7 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: 
         hit = rays.cast(eye.translation, way) if len(arriving) < LIT else None
         if hit is None:
             continue
-        place, normal, *_ = hit
+        place, normal, _ = hit
         normal = -normal if normal.dot(way) > 0 else normal
         start = place + normal * 1e-3 * (place - eye.translation).length
         light = sum(_arrives(rays, lamp, start, normal) for lamp in lamps) / math.pi

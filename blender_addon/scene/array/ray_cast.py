@@ -13,9 +13,7 @@ TINY = 1e-30  # in place of 0 where a ray is parallel to the sides of boxes
 FEW = 100  # objects up to which Blender's own search, which asks each of them, is the fastest
 MOST_REACH = 1.70141e38  # Blender's value for a ray without end
 
-# Place, normal of the surface, what is hit, and whether one sees through it.
-Hit = tuple[mathutils.Vector, mathutils.Vector, bpy.types.Object, bool]
-CLEAR = 0.1  # least transmission, or lack of alpha, of a surface that is seen through
+Hit = tuple[mathutils.Vector, mathutils.Vector, bpy.types.Object]  # place, normal of the surface, what is hit
 
 
 class Rays:
@@ -46,8 +44,8 @@ class Rays:
     def cast(self, start: mathutils.Vector, way: mathutils.Vector, reach: float = MOST_REACH) -> Hit | None:
         """Return what a ray meets first within ``reach``; hair and volumes let it pass."""
         if not self.items:
-            found, place, normal, face, item, _ = self.scene.ray_cast(self.depsgraph, start, way, distance=reach)
-            return (place, normal, item.original, _is_clear(item, face)) if found else None
+            found, place, normal, _, item, _ = self.scene.ray_cast(self.depsgraph, start, way, distance=reach)
+            return (place, normal, item.original) if found else None
         way = way.normalized()
         # First the spheres around all boxes, then the few boxes that are left.
         apart = self.middles - np.array(start)
@@ -65,22 +63,10 @@ class Rays:
             item, matrix = self.items[near[index]]
             with contextlib.suppress(RuntimeError, ValueError):  # it has no mesh of its own, or no size
                 inverse = matrix.inverted()
-                shown = item.evaluated_get(self.depsgraph)
-                found, at, normal, face = shown.ray_cast(inverse @ start, inverse.to_3x3() @ way)
+                found, at, normal, _ = item.evaluated_get(self.depsgraph).ray_cast(
+                    inverse @ start, inverse.to_3x3() @ way)
                 at = matrix @ at
                 if found and (at - start).length <= nearest:
                     nearest = (at - start).length
-                    best = (at, (inverse.to_3x3().transposed() @ normal).normalized(), item, _is_clear(shown, face))
+                    best = at, (inverse.to_3x3().transposed() @ normal).normalized(), item
         return best
-
-
-def _is_clear(item: bpy.types.Object, face: int) -> bool:
-    """True if the material of a face of an evaluated object is glass, or lets light pass."""
-    mesh = item.data
-    if item.type != "MESH" or not 0 <= face < len(mesh.polygons) or not item.material_slots:
-        return False
-    slot = item.material_slots[min(mesh.polygons[face].material_index, len(item.material_slots) - 1)]
-    nodes = slot.material.node_tree.nodes if slot.material is not None and slot.material.node_tree else ()
-    return any(node.type == "BSDF_GLASS" or (node.type == "BSDF_PRINCIPLED" and (
-        max(1 - node.inputs["Alpha"].default_value, node.inputs["Transmission Weight"].default_value) > CLEAR))
-        for node in nodes)

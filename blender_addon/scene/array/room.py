@@ -27,15 +27,14 @@ SIDE, WIDE, BOXY = 0.42, 2.0, 0.5  # the fraction of rays that must end there at
 NEAR = 0.15  # of the median depth of a view, at which nothing may stand in its way
 AROUND = [mathutils.Vector(way).normalized() for way in itertools.product((-1, 0, 1), repeat=3) if any(way)]
 
-# Place, whether the front of a surface is hit, what is hit, and whether one sees through it.
-Hit = tuple[mathutils.Vector, bool, bpy.types.Object, bool]
+Hit = tuple[mathutils.Vector, bool, bpy.types.Object]  # place, whether the front of a surface is hit, what is hit
 Box = tuple[Array, Array]  # lowest and highest world corner (3,)
 
 
 def cast(rays: Rays, start: mathutils.Vector, ways: Iterable[mathutils.Vector]) -> list[Hit | None]:
     """Return what rays from ``start`` meet first."""
     hits = ((rays.cast(start, way), way) for way in ways)
-    return [(hit[0], hit[1].dot(way) < 0, *hit[2:]) if hit else None for hit, way in hits]
+    return [(hit[0], hit[1].dot(way) < 0, hit[2]) if hit else None for hit, way in hits]
 
 
 def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = PROBES[1]) -> list[Hit | None]:
@@ -53,7 +52,7 @@ def is_inside(rays: Rays, place: mathutils.Vector, box: Box | None = None) -> bo
     something stands between them: else it is the inside of a solid thing, or of a dome.
     """
     hits = cast(rays, place, AROUND)
-    met = [hit for hit in hits if hit is not None and not hit[3]]  # an aquarium is no room
+    met = [hit for hit in hits if hit is not None]
     if len(met) < ENCLOSED * len(hits):
         return False
     if box is not None:
@@ -62,11 +61,11 @@ def is_inside(rays: Rays, place: mathutils.Vector, box: Box | None = None) -> bo
         if (np.median(middle) > WIDE or (middle > SIDE).mean() < BOXY
                 or not (middle < SIDE).any()):
             return False
-    if sum(faces for _, faces, *_ in met) >= FACING * len(met):
+    if sum(faces for _, faces, _ in met) >= FACING * len(met):
         return True
-    walls = {item for _, faces, item, _ in met if not faces}
+    walls = {item for _, faces, item in met if not faces}
     return (all(item.type == "MESH" and len(item.data.polygons) < WALLS for item in walls)
-            and any(faces and item not in walls for _, faces, item, _ in met))
+            and any(faces and item not in walls for _, faces, item in met))
 
 
 def view_of_room(rays: Rays, low: Array, high: Array) -> View | None:
@@ -86,8 +85,8 @@ def view_of_room(rays: Rays, low: Array, high: Array) -> View | None:
         hits = [hit for hit in cast(rays, place, ways) if hit is not None]
         if len(hits) < len(ways):
             continue  # it looks out of a window or a hole
-        nearest, middle = np.percentile([(at - place).length for at, *_ in hits], (5, 50))
-        worth = middle * len({item for _, _, item, _ in hits})**0.5  # a long view of things, not of a wall
+        nearest, middle = np.percentile([(at - place).length for at, _, _ in hits], (5, 50))
+        worth = middle * len({item for _, _, item in hits})**0.5  # a long view of things, not of a wall
         if nearest > NEAR * middle and worth > most:
             matrix = turn.to_4x4()
             matrix.translation = place

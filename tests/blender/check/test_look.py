@@ -115,18 +115,6 @@ def test_a_solid_thing_and_a_dome_are_no_rooms(startup):
     assert room.view_of_room(Rays(startup), np.full(3, -1.0), np.full(3, 1.0)) is None
 
 
-def test_a_tank_of_glass_is_no_room_to_stand_in(startup):
-    bpy.data.objects.remove(bpy.data.objects["Cube"])
-    make_room(startup, lamp=True)
-    glass = bpy.data.materials.new("glass")
-    glass.node_tree.nodes["Principled BSDF"].inputs["Alpha"].default_value = 0.3
-    for item in startup.objects:
-        if item.type == "MESH":
-            item.data.materials.append(glass)
-    bpy.context.view_layer.update()
-    assert room.view_of_room(Rays(startup), np.array((-2.6, -3.6, 0)), np.array((2.6, 3.6, 2.7))) is None
-
-
 def test_the_lamp_of_the_new_file_is_not_all_the_light_of_what_was_imported(startup):
     add_box((90, 40, 0), (2, 2, 2))
     assert "new file" in looked(startup)["dark"]
