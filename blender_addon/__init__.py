@@ -11,10 +11,8 @@ import importlib
 # Each of these may list in CLASSES what Blender registers, in HANDLERS what it calls after changes (name, function), in
 # DRAWN what draws in every 3D view (event, function), and have a register() and unregister() of its own.
 MODULES = ("ui.preferences", "ui.properties", "scene.array.cached", "jobs.images", "check.last", "jobs.task",
-           "jobs.session", "live.session", "ui.operators.render", "ui.operators.array",
-           "ui.operators.check", "ui.operators.plan", "ui.operators.exports",
-           "ui.operators.farm", "ui.operators.live", "ui.operators.calibration", "ui.menus", "ui.panels",
-           "ui.overlay", "ui.array_view")
+           "jobs.session", "live.session", "ui.operators.render", "ui.operators.array", "ui.operators.check",
+           "ui.operators.plan", "ui.operators.show", "ui.panels", "ui.array_view")
 
 
 _drawn: list[object] = []

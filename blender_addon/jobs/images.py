@@ -150,12 +150,6 @@ def redraw_sidebars() -> None:
         region.tag_redraw()
 
 
-def top_window() -> bpy.types.Window | None:
-    """Return the window that no other window of this Blender hides: of those that lie over others, the newest."""
-    windows = bpy.context.window_manager.windows
-    return next((window for window in reversed(windows) if window.parent is not None), next(iter(windows), None))
-
-
 @contextmanager
 def wait_cursor() -> Iterator[None]:
     """Show in every window that Blender is busy inside the block; background mode has none."""

@@ -133,12 +133,6 @@ def lacking(settings: Resolved) -> str:
     return f"{name} needs Open Image Denoise, which this Blender does not have"
 
 
-def is_replaced(scene: bpy.types.Scene) -> bool:
-    """True if ``scene``, where no method was chosen, gets one without denoising unasked: that was answered before."""
-    return (not scene.lfsr.is_property_set("method")
-            and getattr(preferences_of_addon(), "without_denoiser", False))
-
-
 def use_replacement(scene: bpy.types.Scene, settings: Resolved) -> None:
     """Set the method of ``settings`` without denoising in ``scene``, with more rays: nothing removes their noise.
 

@@ -121,14 +121,16 @@ def tell(message: str, icon: str) -> None:
 
 
 def _pop_up(message: str, icon: str) -> None:
-    window = images.top_window()
-    if bpy.app.background or window is None:
+    windows = bpy.context.window_manager.windows
+    if bpy.app.background or not windows:
         return
 
     def draw(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
         for line in textwrap.wrap(for_panel(message), POPUP_COLUMNS):
             menu.layout.label(text=line)
 
+    # The window that no other hides: of those that lie over others, the newest.
+    window = next((window for window in reversed(windows) if window.parent is not None), windows[0])
     with bpy.context.temp_override(window=window):
         bpy.context.window_manager.popup_menu(draw, title="Light Field", icon=icon)
 

@@ -1,8 +1,13 @@
-"""Start, update and stop the live views, and keep them out of saved files."""
+"""Start, update and stop the live views and their windows, and keep them out of saved files.
+
+The windows are main windows, which can show another scene, with nothing but a 3D view.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+from collections.abc import Iterator
 
 import bpy
 
@@ -10,12 +15,13 @@ from lfsr_core.base.errors import LfsrError
 
 from ..scene import devices
 from . import scene as live_scene
-from . import window as live_window
-from .scene import EYE, PANEL
+from .scene import EYE, MARK, PANEL
 
 SECONDS_BETWEEN_UPDATES = 0.1
 # A region large enough for any display, to check a view before there is a window.
 LARGE = (65536, 65536)
+SECONDS_TO_ACT = 0.05
+LEFT = "left"  # value of MARK: the screen of a live window that is closed
 
 
 @dataclasses.dataclass
@@ -30,6 +36,7 @@ class _Shown:
 
 # Only the identity of the scene is stored: undo and reloads replace everything else.
 _on: dict[str, _Shown] = {}
+_removals: list[Iterator[float]] = []
 
 
 def is_on(kind: str = PANEL) -> bool:
@@ -48,7 +55,7 @@ def start(scene: bpy.types.Scene, kind: str = PANEL) -> None:
         raise LfsrError("the live view is on already: press Stop Live first")
     devices.cycles_preferences()
     live_scene.view_of(scene, LARGE, kind)
-    live_window.open_window(kind)
+    open_window(kind)
     _on[kind] = _Shown(scene.session_uid)
     try:
         keep_up(kind)
@@ -63,10 +70,15 @@ def stop(*kinds: str) -> None:
     """Close the windows of these kinds, by default of all, and remove their live scenes."""
     for kind in kinds or (PANEL, EYE):
         _on.pop(kind, None)
-        live_window.close_window(kind)
+        close_window(kind)
         live_scene.remove_all(kind)
     if not _on and bpy.app.timers.is_registered(_update):
         bpy.app.timers.unregister(_update)
+
+
+@bpy.app.handlers.persistent
+def _stop(*_: object) -> None:
+    stop()
 
 
 def artists_scene(kind: str = PANEL) -> bpy.types.Scene | None:
@@ -76,15 +88,15 @@ def artists_scene(kind: str = PANEL) -> bpy.types.Scene | None:
 
 def live(kind: str = PANEL) -> bpy.types.Scene | None:
     """Return the live scene, None if there is none."""
-    return next((scene for scene in bpy.data.scenes if scene.get(live_scene.MARK) == kind), None)
+    return next((scene for scene in bpy.data.scenes if scene.get(MARK) == kind), None)
 
 
 def keep_up(kind: str = PANEL) -> None:
     """Update the live scene to the artist's scene and the window; LfsrError if it cannot be shown."""
-    scene, window, state = artists_scene(kind), live_window.find(kind), _on[kind]
+    scene, window, state = artists_scene(kind), find_window(kind), _on[kind]
     if scene is None or window is None:
         return
-    region = live_window.region_of(window)
+    region = region_of(window)
     view, smooth = live_scene.view_of(scene, (region.width, region.height), kind), scene.lfsr.live_smooth
     shown = live(kind)
     if shown is None:
@@ -97,13 +109,13 @@ def keep_up(kind: str = PANEL) -> None:
         if window.scene == shown:
             return
     state.view, state.smooth = view, smooth
-    live_window.show(window, shown)
+    _show(window, shown)
 
 
 def _update() -> float | None:
     """Timer: update the live views, and stop those whose window or scene is gone."""
     for kind in tuple(_on):
-        if live_window.find(kind) is None or artists_scene(kind) is None:
+        if find_window(kind) is None or artists_scene(kind) is None:
             stop(kind)
             continue
         try:
@@ -118,17 +130,128 @@ def _update() -> float | None:
 def _say(kind: str, text: str) -> None:
     if text != _on[kind].message:
         _on[kind].message = text
-        for window in bpy.context.window_manager.windows:
-            for area in window.screen.areas:
-                if area.type == "VIEW_3D":
-                    area.tag_redraw()
+        for area in (area for window in bpy.context.window_manager.windows for area in window.screen.areas):
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+def find_window(kind: str = PANEL) -> bpy.types.Window | None:
+    """Return the live window of one kind, None if it is closed."""
+    return next((window for window in bpy.context.window_manager.windows if window.screen.get(MARK) == kind), None)
+
+
+def open_window(kind: str = PANEL) -> bpy.types.Window:
+    """Open a window that is one 3D view from edge to edge; LfsrError if Blender cannot."""
+    before = set(bpy.context.window_manager.windows)
+    if bpy.app.background or not before:
+        raise LfsrError("Blender runs without a window, but the live view needs one: start Blender with its window")
+    if bpy.ops.wm.window_new_main() != {"FINISHED"}:
+        raise LfsrError("Blender opened no second window: close another window and try again")
+    window = next(window for window in bpy.context.window_manager.windows if window not in before)
+    while len(window.screen.areas) > 1:
+        # All areas but the largest are closed; some close only after a neighbour has.
+        closed = False
+        for area in sorted(window.screen.areas, key=lambda area: area.width * area.height)[:-1]:
+            with (bpy.context.temp_override(window=window, screen=window.screen, area=area),
+                  contextlib.suppress(RuntimeError)):
+                closed = bpy.ops.screen.area_close() == {"FINISHED"}
+            if closed:
+                break
+        if not closed:
+            raise LfsrError("Blender's new window cannot become a single view: use the workspace Layout and try again")
+    window.screen[MARK] = kind
+    area = window.screen.areas[0]
+    area.type = "VIEW_3D"
+    with _place(window):
+        bpy.ops.screen.screen_full_area(use_hide_panels=True)
+    window.screen[MARK] = kind
+    return window
+
+
+def close_window(kind: str = PANEL) -> None:
+    """Close the live window of one kind, if it is open, and remove its screens, which Blender would keep."""
+    window = find_window(kind)
+    if window is not None:
+        if window.screen.show_fullscreen:
+            with bpy.context.temp_override(window=window, area=window.screen.areas[0]):
+                bpy.ops.screen.back_to_previous()
+        with bpy.context.temp_override(window=window):
+            bpy.ops.wm.window_close()
+    for screen in bpy.data.screens:
+        if screen.get(MARK) == kind:
+            screen[MARK] = LEFT
+    if any(screen.get(MARK) == LEFT for screen in bpy.data.screens):
+        if not bpy.app.timers.is_registered(_remove):  # also after another file was opened, which ends it
+            _removals.clear()
+            bpy.app.timers.register(_remove, first_interval=0)
+        _removals.append(_removal())
+
+
+def _remove() -> float | None:
+    """Timer: one removal after the other."""
+    while _removals:
+        if (seconds := next(_removals[0], None)) is not None:
+            return seconds
+        del _removals[0]
+    return None
+
+
+def _removal() -> Iterator[float]:
+    """Remove screens that are left, and yield where Blender must act first.
+
+    Blender deletes only the screen that a window shows. So a main window shows each for a moment, which Blender acts on
+    after the timers, mostly before it draws. A screen of a workspace that no window shows stays until the next time.
+    """
+    homes: dict[str, str] = {}  # by workspace: what its window shows
+    for name in [screen.name for screen in bpy.data.screens if screen.get(MARK) == LEFT]:
+        screen = bpy.data.screens.get(name)
+        window = next((window for window in bpy.context.window_manager.windows
+                       if window.parent is None and name in window.workspace.screens), None)
+        if screen is None or window is None:
+            continue
+        home = homes.setdefault(window.workspace.name, window.screen.name)
+        window.screen = screen
+        if screen.show_fullscreen:  # of a window that the user has closed: Blender shows the one without borders
+            while window.screen.name == home:
+                yield SECONDS_TO_ACT
+            with bpy.context.temp_override(window=window, screen=window.screen, area=window.screen.areas[0]):
+                bpy.ops.screen.back_to_previous()
+            screen = window.screen
+        with bpy.context.temp_override(window=window, screen=screen):
+            bpy.ops.screen.delete()
+        window.screen = bpy.data.screens[home]
+        while window.screen.name != home:
+            yield SECONDS_TO_ACT
+
+
+def region_of(window: bpy.types.Window) -> bpy.types.Region:
+    """Return the region in which the 3D view is drawn."""
+    return next(region for region in window.screen.areas[0].regions if region.type == "WINDOW")
+
+
+def _show(window: bpy.types.Window, live: bpy.types.Scene) -> None:
+    """Show ``live`` rendered by Cycles through its camera, pixel by pixel, without overlays."""
+    window.scene = live
+    space = window.screen.areas[0].spaces.active
+    space.overlay.show_overlays = space.show_gizmo = False
+    space.shading.type = "RENDERED"
+    space.shading.use_compositor = "ALWAYS"
+    space.use_local_camera = False
+    view = space.region_3d
+    view.view_perspective, view.view_camera_offset = "CAMERA", (0.0, 0.0)
+    with _place(window):
+        bpy.ops.view3d.zoom_camera_1_to_1()
+
+
+def _place(window: bpy.types.Window) -> bpy.types.ContextTempOverride:
+    return bpy.context.temp_override(window=window, area=window.screen.areas[0], region=region_of(window))
 
 
 @bpy.app.handlers.persistent
 def _before_save(*_: object) -> None:
     """Keep the live scenes out of the file."""
     for kind in _on:
-        window, scene = live_window.find(kind), artists_scene(kind)
+        window, scene = find_window(kind), artists_scene(kind)
         if window is not None and scene is not None:  # solid while there is no live scene
             window.screen.areas[0].spaces.active.shading.type = "SOLID"
             window.scene = scene
@@ -138,13 +261,8 @@ def _before_save(*_: object) -> None:
 @bpy.app.handlers.persistent
 def _after_save(*_: object) -> None:
     """Show the live views again, without waiting for the timer."""
-    if any(live_window.find(kind) is not None for kind in _on):
+    if any(find_window(kind) is not None for kind in _on):
         _update()
-
-
-@bpy.app.handlers.persistent
-def _before_load(*_: object) -> None:
-    stop()
 
 
 @bpy.app.handlers.persistent
@@ -164,6 +282,6 @@ def _frame_changed(scene: bpy.types.Scene, *_: object) -> None:
 
 
 HANDLERS = (("save_pre", _before_save), ("save_post", _after_save), ("save_post_fail", _after_save),
-            ("load_pre", _before_load), ("load_post", _tidy), ("undo_post", _tidy), ("redo_post", _tidy),
+            ("load_pre", _stop), ("load_post", _tidy), ("undo_post", _tidy), ("redo_post", _tidy),
             ("frame_change_post", _frame_changed))
 unregister = stop

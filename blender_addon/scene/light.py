@@ -43,7 +43,8 @@ def light_items() -> list[tuple[str, str, str, int]]:
 def has_light(scene: bpy.types.Scene) -> bool:
     """Return True if anything in the scene emits light: a lamp, a world, or a material in use."""
     world = scene.world is not None and _shines(scene.world.node_tree, scene.world.color)
-    return world or _has_lamps(scene) or has_emission(scene)
+    lamps = any(item.type == "LIGHT" and not item.hide_render and item.data.energy for item in scene.objects)
+    return world or lamps or has_emission(scene)
 
 
 def _shines(tree: bpy.types.NodeTree | None, plain: tuple[float, ...]) -> bool:
@@ -68,10 +69,6 @@ def is_certain(scene: bpy.types.Scene) -> bool:
     suns = [item.data.energy for item in scene.objects if item.type == "LIGHT" and item.data.type == "SUN"
             and not item.hide_render and any(item.data.color)]
     return max(suns, default=0.0) * factor >= CERTAIN_SUN or _plain_world(scene.world) * factor >= CERTAIN_WORLD
-
-
-def _has_lamps(scene: bpy.types.Scene) -> bool:
-    return any(item.type == "LIGHT" and not item.hide_render and item.data.energy for item in scene.objects)
 
 
 def has_emission(scene: bpy.types.Scene) -> bool:

@@ -193,6 +193,14 @@ def display_of(scene: bpy.types.Scene) -> DisplayProfile:
     return _read(str(path), changed)
 
 
+def readable_display(scene: bpy.types.Scene) -> DisplayProfile | None:
+    """The scene's display profile, None where it is missing or wrong: the panel says so."""
+    try:
+        return display_of(scene)
+    except LfsrError:
+        return None
+
+
 @functools.lru_cache(maxsize=32)
 def _read(name: str, _changed: int = 0) -> DisplayProfile:
     """Read a display; panels ask on every redraw, and a file is read once per change."""
@@ -215,19 +223,14 @@ def profile_items() -> list[tuple[str, str, str, str, int]]:
 
 def offered_scales(scene: bpy.types.Scene) -> list[str]:
     """Names of the scales that divide the views of the scene's display; only Auto where it cannot be read."""
-    try:
-        possible = {1, *display_of(scene).scales()}
-    except LfsrError:
-        possible = set()
+    display = readable_display(scene)
+    possible = {1, *display.scales()} if display else set()
     return [AUTO_SCALE, *(f"{scale}" for scale in SCALES if scale in possible)]
 
 
 def qualities(scene: bpy.types.Scene) -> dict[str, tuple[float, int, str]]:
     """Rays per pixel, fixed samples (none) and method of each quality preset, on the scene's display."""
-    try:
-        display = display_of(scene)
-    except LfsrError:  # the panel shows what is wrong with it
-        display = load_display(DEFAULT_DISPLAY)
+    display = readable_display(scene) or load_display(DEFAULT_DISPLAY)
     subpixels = scene.lfsr.subpixels and display.is_woven
     return {name: (float(samples) if subpixels else usual_rays(display, samples), 0, DEFAULT_METHOD)
             for name, samples in QUALITY_SAMPLES.items()}
@@ -235,18 +238,14 @@ def qualities(scene: bpy.types.Scene) -> dict[str, tuple[float, int, str]]:
 
 def is_woven(scene: bpy.types.Scene) -> bool:
     """True if the display has a lens sheet; False also where it cannot be read."""
-    try:
-        return display_of(scene).is_woven
-    except LfsrError:
-        return False
+    display = readable_display(scene)
+    return display is not None and display.is_woven
 
 
 def has_quilts(scene: bpy.types.Scene) -> bool:
     """True if images for the display have views that Looking Glass Bridge can show."""
-    try:
-        return display_of(scene).lenticular is not None and not renders_subpixels(scene)
-    except LfsrError:
-        return False
+    display = readable_display(scene)
+    return display is not None and display.lenticular is not None and not renders_subpixels(scene)
 
 
 def live_scale(scene: bpy.types.Scene, display: DisplayProfile, is_eye: bool) -> int:
@@ -259,11 +258,8 @@ def live_samples(scene: bpy.types.Scene, is_eye: bool) -> int:
     lfsr = scene.lfsr
     if lfsr.live_samples or not lfsr.live_rays:
         return int(lfsr.live_samples)
-    try:
-        display = display_of(scene)
-        return samples_at(display, live_scale(scene, display, is_eye), lfsr.live_rays)
-    except LfsrError:
-        return 0  # the live view says what is wrong with the display
+    display = readable_display(scene)  # the live view says what is wrong with it
+    return samples_at(display, live_scale(scene, display, is_eye), lfsr.live_rays) if display else 0
 
 
 def title(method: str) -> str:

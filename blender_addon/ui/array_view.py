@@ -1,25 +1,31 @@
-"""Look through the camera array: the view of the display's centre, with the display's own frame."""
+"""The camera array in the 3D views: its frustum, display and limits of usable depth, and the view through it.
+
+Who looks through the array sees the view of the display's centre, with the display's own frame.
+"""
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import blf
 import bpy
 import gpu
 import mathutils
+import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
+from gpu_extras.batch import batch_for_shader
 
+from lfsr_core.base.arrays import Array
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.rays import CameraArray
 
 from ..jobs import images
 from ..scene import settings as scene_settings
 from ..scene.array import cached, rig
 from ..scene.array.placement import View
-from .drawing import draw_points
 
 FILL = 0.92  # of the 3D view's free part
 MARGIN_COLOR, FRAME_COLOR = (0.0, 0.0, 0.0, 0.5), (0.36, 0.78, 1.0, 1.0)
@@ -28,29 +34,21 @@ SECONDS_BETWEEN_CHECKS = 0.3
 ZOOMS = (-30.0, 600.0)  # Blender's least and most
 GUIDES = "show_camera_guides"  # since Blender 5.0: the frame of the scene's own resolution
 
+DISPLAY_COLOR, FRUSTUM_COLOR = (0.36, 0.78, 1.0), (0.75, 0.85, 0.95)
+USABLE_COLOR, SPARSE_COLOR = (1.0, 0.62, 0.25), (0.55, 1.0, 0.55)
+BEYOND = 4.0  # display distances up to which an unlimited range is drawn
+CORNERS = np.array([(-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)])
+Lines = tuple[tuple[float, ...], float, float, Array]
+
+# What a 3D view, its region and its overlay were like before it looked through the array, and where its eye was.
+Before = tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any]]
 _before: dict[int, Before] = {}  # by 3D view
-
-
-@dataclasses.dataclass(frozen=True)
-class Before:
-    """A 3D view as it was before it looked through the array."""
-
-    space: dict[str, Any]
-    region: dict[str, Any]
-    overlay: dict[str, Any]
-    place: dict[str, Any]  # where its eye was
-
-
-def camera_of(space: bpy.types.SpaceView3D, scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """Return the camera that a 3D view looks through, None if it looks freely."""
-    if space.region_3d.view_perspective != "CAMERA":
-        return None
-    return space.camera if space.use_local_camera else scene.camera
 
 
 def is_looking(space: bpy.types.SpaceView3D | None, scene: bpy.types.Scene) -> bool:
     """Return True if a 3D view looks through a camera array."""
-    return space is not None and rig.is_array(camera_of(space, scene))
+    return (space is not None and space.region_3d.view_perspective == "CAMERA"
+            and rig.is_array(space.camera if space.use_local_camera else scene.camera))
 
 
 def enter(area: bpy.types.Area, scene: bpy.types.Scene) -> None:
@@ -61,7 +59,7 @@ def enter(area: bpy.types.Area, scene: bpy.types.Scene) -> None:
         raise LfsrError("there is no camera array to look through: add one")
     space = area.spaces.active
     region = space.region_3d
-    _before[space.as_pointer()] = Before(
+    _before[space.as_pointer()] = (
         _values(space, "use_local_camera", "camera", "lock_camera"),
         _values(region, "view_camera_zoom", "view_camera_offset"), _values(space.overlay, GUIDES),
         _values(region, "view_perspective", "view_location", "view_rotation", "view_distance"))
@@ -77,16 +75,15 @@ def enter(area: bpy.types.Area, scene: bpy.types.Scene) -> None:
 def leave(area: bpy.types.Area) -> None:
     """Give a 3D view back the place and the settings that it had."""
     space = area.spaces.active
-    before = _before.pop(space.as_pointer(), None)
-    if before is None:
+    if (before := _before.pop(space.as_pointer(), None)) is None:
         space.region_3d.view_perspective = "PERSP"
-        return
-    _set(space.region_3d, before.place)
-    _give_back(space, before)
+    else:
+        _set(space.region_3d, before[-1])
+        _give_back(space, before)
 
 
 def _give_back(space: bpy.types.SpaceView3D, before: Before) -> None:
-    for item, values in ((space, before.space), (space.region_3d, before.region), (space.overlay, before.overlay)):
+    for item, values in zip((space, space.region_3d, space.overlay), before, strict=False):
         _set(item, values)
 
 
@@ -170,7 +167,7 @@ def frame_corners(scene: bpy.types.Scene, region: bpy.types.Region,
     return [] if any(point is None for point in points) else points
 
 
-def draw() -> None:
+def draw_frame() -> None:
     """Draw handler of the 3D views, in pixels: the display's frame, its name, and what lies outside in the dark."""
     context = bpy.context
     scene, region = context.scene, context.region
@@ -180,13 +177,10 @@ def draw() -> None:
         corners, display = frame_corners(scene, region, context.region_data), scene_settings.display_of(scene)
     except LfsrError:
         return  # the panel shows what is wrong
-    if corners:
-        _draw_frame(corners, (region.width, region.height), display.title or display.name)
-
-
-def _draw_frame(corners: list[mathutils.Vector], size: tuple[int, int], title: str) -> None:
+    if not corners:
+        return
     (left, bottom), (right, top) = corners[0], corners[2]
-    scale = bpy.context.preferences.system.ui_scale
+    size, scale = (region.width, region.height), context.preferences.system.ui_scale
     gpu.state.blend_set("ALPHA")
     try:
         for low, high in (((0, 0), (left, size[1])), ((right, 0), size), ((left, 0), (right, bottom)),
@@ -200,7 +194,88 @@ def _draw_frame(corners: list[mathutils.Vector], size: tuple[int, int], title: s
     blf.size(0, TEXT_SIZE * scale)
     blf.color(0, *FRAME_COLOR)
     blf.position(0, left + TEXT_GAP * scale, bottom + TEXT_GAP * scale, 0)
-    blf.draw(0, title)
+    blf.draw(0, display.title or display.name)
+
+
+def rectangle(array: CameraArray, distance: float) -> Array:
+    """Corners (4, 3) in array space of what the display shows at ``distance``, from bottom left, in order."""
+    x, y = array.half_width * distance / array.distance, array.half_height * distance / array.distance
+    return CORNERS * (x, y, distance)
+
+
+def viewing_zone(array: CameraArray, display: DisplayProfile) -> Array:
+    """Corners (4, 3) of the cameras' rectangle at the viewing position."""
+    x, y = (count * array.spacing / 2 for count in display.views)
+    return CORNERS * (x, y, 0)
+
+
+def lines(array: CameraArray, display: DisplayProfile, scale: int) -> list[Lines]:
+    """(colour, opacity, width in pixels, points (2n, 3) in array space) of each set of lines."""
+    near, far = rig.usable_depth(array, display)
+    seen_far = far if math.isfinite(far) else BEYOND * array.distance
+    plane, zone = rectangle(array, array.distance), viewing_zone(array, display)
+    edges = np.stack([rectangle(array, near), rectangle(array, seen_far)], axis=1).reshape(-1, 3)
+    sight = np.stack([np.zeros((4, 3)), rectangle(array, near)], axis=1).reshape(-1, 3)
+    drawn: list[Lines] = [
+        (FRUSTUM_COLOR, 0.35, 1.0, edges), (FRUSTUM_COLOR, 0.18, 1.0, sight), (FRUSTUM_COLOR, 0.7, 1.5, _loop(zone)),
+        (DISPLAY_COLOR, 1.0, 2.5, _loop(plane)), (USABLE_COLOR, 0.9, 1.5, _loop(rectangle(array, near)))]
+    if math.isfinite(far):
+        drawn.append((USABLE_COLOR, 0.9, 1.5, _loop(rectangle(array, far))))
+    if scale > 1:
+        drawn += [(SPARSE_COLOR, 0.55, 1.0, _loop(rectangle(array, limit)))
+                  for limit in rig.usable_depth(array, display, scale) if math.isfinite(limit)]
+    return drawn
+
+
+def _loop(corners: Array) -> Array:
+    return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1).reshape(-1, 3)
+
+
+def draw_array() -> None:
+    """Draw handler of the 3D views, in world space."""
+    context = bpy.context
+    scene, space = context.scene, context.space_data
+    if not scene.lfsr.show_frustum or not space.overlay.show_overlays or is_looking(space, scene):
+        return
+    array = cached.find(scene)
+    if array is None or not array.visible_get():
+        return
+    try:
+        settings = scene_settings.resolve(scene)
+        placed = cached.placement(scene, settings.display)
+    except LfsrError:
+        return  # the panel shows what is wrong
+    if placed is None:
+        return
+    layout, to_world = placed[0], np.array(placed[1])
+    gpu.state.blend_set("ALPHA")
+    gpu.state.depth_test_set("LESS_EQUAL")
+    gpu.state.depth_mask_set(False)
+    try:
+        corners = _in_world(rectangle(layout, layout.distance), to_world)
+        draw_points("UNIFORM_COLOR", "TRIS", corners, {"color": (*DISPLAY_COLOR, 0.06)}, [(0, 1, 2), (0, 2, 3)])
+        for color, opacity, width, points in lines(layout, settings.display, settings.sampling.scale):
+            draw_points("POLYLINE_UNIFORM_COLOR", "LINES", _in_world(points, to_world), {
+                "viewportSize": gpu.state.viewport_get()[2:], "color": (*color, opacity),
+                "lineWidth": width * context.preferences.system.ui_scale})
+    finally:
+        gpu.state.blend_set("NONE")
+        gpu.state.depth_test_set("NONE")
+
+
+def _in_world(points: Array, to_world: Array) -> list[tuple[float, ...]]:
+    return [tuple(point) for point in points @ to_world[:3, :3].T + to_world[:3, 3]]
+
+
+def draw_points(shader_name: str, kind: str, points: Sequence[tuple[float, ...]], uniforms: dict[str, Any],
+                indices: list[tuple[int, ...]] | None = None) -> None:
+    """Draw lines or triangles (``kind``) in a 3D view with one of Blender's shaders."""
+    shader = gpu.shader.from_builtin(shader_name)
+    batch = batch_for_shader(shader, kind, {"pos": points}, indices=indices)
+    shader.bind()
+    for name, value in uniforms.items():
+        shader.uniform_float(name, value)
+    batch.draw(shader)
 
 
 def unregister() -> None:
@@ -212,4 +287,4 @@ def unregister() -> None:
         bpy.app.timers.unregister(_watch)
 
 
-DRAWN = (("POST_PIXEL", draw),)
+DRAWN = (("POST_VIEW", draw_array), ("POST_PIXEL", draw_frame))

@@ -1,14 +1,10 @@
-"""Parts of panels: their place, labels beside values, sentences over several lines; lines and triangles in 3D views."""
+"""Parts of panels: their place, labels beside values, sentences over several lines."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
-from typing import Any
 
 import bpy
-import gpu
-from gpu_extras.batch import batch_for_shader
 
 from ..scene.words import for_panel
 
@@ -61,14 +57,3 @@ def sentence(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.type
     column.scale_y = 0.75
     for number, line in enumerate(textwrap.wrap(for_panel(text), letters)):
         column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
-
-
-def draw_points(shader_name: str, kind: str, points: Sequence[tuple[float, ...]], uniforms: dict[str, Any],
-                indices: list[tuple[int, ...]] | None = None) -> None:
-    """Draw lines or triangles (``kind``) in a 3D view with one of Blender's shaders."""
-    shader = gpu.shader.from_builtin(shader_name)
-    batch = batch_for_shader(shader, kind, {"pos": points}, indices=indices)
-    shader.bind()
-    for name, value in uniforms.items():
-        shader.uniform_float(name, value)
-    batch.draw(shader)

@@ -1,10 +1,15 @@
-"""Panels of the sidebar's tab "Light Field": drawing only. What an artist needs first is open, all else is closed."""
+"""Panels of the sidebar's tab "Light Field", their presets, and entries in Blender's own menus: drawing only.
+
+What an artist needs first is open, all else is closed.
+"""
 
 from __future__ import annotations
 
 import contextlib
 
 import bpy
+from bl_operators.presets import AddPresetBase
+from bl_ui.utils import PresetPanel
 
 from lfsr_core.base.errors import LfsrError
 
@@ -14,7 +19,7 @@ from ..check.problem import INFO, MOST_ROWS, Problem
 from ..jobs import images, session
 from ..live import nodes
 from ..live import session as live_session
-from ..live.scene import EYE
+from ..live.scene import EYE, PANEL
 from ..scene import devices, folders
 from ..scene import settings as scene_settings
 from ..scene.array import cached, rig
@@ -23,13 +28,15 @@ from ..scene.settings import PROFILE_FILE
 from ..scene.words import counted
 from . import array_view, summary
 from .drawing import LightFieldPanel, columns, facts, row_if, sentence
-from .menus import LFSR_PT_presets
 from .operators.array import FIT_ITEMS
 
 UNSAVED_NOTE = "Images are lost when Blender quits, unless you save the file: they then move beside it"
 HOW_TO_PLACE = "Drag the new window to the display and make it full screen. It follows all changes here"
 ICONS = {"ERROR": "CANCEL", "WARNING": "ERROR", "INFO": "INFO"}
 MOST_NAMES = 8  # of an expanded row
+SUBFOLDER = "lfsr/light_field"
+SAVED = ("display", "profile_file", "subpixels", "scale", "rays", "samples", "method", "seed", "linear_exr",
+         "reference_samples", "reference_lenses")
 VIEW_SCALE = 10.0  # of the view in the panel, in buttons; a sidebar of the usual width shows no more
 
 
@@ -40,11 +47,9 @@ class LFSR_PT_image(LightFieldPanel, bpy.types.Panel):
     bl_order = 0
 
     def draw_header_preset(self, _context: bpy.types.Context) -> None:
-        """Draw the preset menu."""
         LFSR_PT_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the display, the button, what the eye will see or sees, and one line of checks."""
         scene, layout, task = context.scene, self.layout, session.current()
         layout.prop(scene.lfsr, "display", text="")  # without a column for labels, where long names would be cut off
         if scene.lfsr.display == PROFILE_FILE:
@@ -164,7 +169,6 @@ class LFSR_PT_array(ClosedPanel, bpy.types.Panel):
     bl_order = 1
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the buttons, distance and spacing."""
         scene, layout = context.scene, self.layout
         array = cached.find(scene)
         row = layout.row(align=True)
@@ -201,7 +205,6 @@ class LFSR_PT_quality(ClosedPanel, bpy.types.Panel):
     bl_order = 2
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw preset, rays, method, light and output."""
         scene, lfsr = context.scene, context.scene.lfsr
         layout = columns(self.layout)
         layout.prop(lfsr, "quality", text="Preset")
@@ -224,7 +227,6 @@ class LFSR_PT_advanced(ClosedPanel, bpy.types.Panel):
     bl_order = 1
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw scale, samples, seed, device, and what follows from them."""
         scene, lfsr, has_lenses = context.scene, context.scene.lfsr, not scene_settings.renders_subpixels(context.scene)
         if scene_settings.is_woven(scene):
             self.layout.prop(lfsr, "subpixels")  # its label is as long as the sidebar is wide
@@ -239,7 +241,7 @@ class LFSR_PT_advanced(ClosedPanel, bpy.types.Panel):
         layout.prop(lfsr, "seed")
         if hasattr(scene, "cycles"):
             layout.prop(scene.cycles, "device")
-            if summary.lacks_gpu(scene):
+            if scene.cycles.device != "CPU" and scene_settings.device_of(scene) == "CPU":
                 sentence(self.layout, "No GPU is set up in Preferences > System", "INFO", context)
         row_if(has_lenses, columns(self.layout)).prop(lfsr, "linear_exr")
         with contextlib.suppress(LfsrError):  # the first panel says what is wrong
@@ -254,7 +256,6 @@ class LFSR_PT_plan(ClosedPanel, bpy.types.Panel):
     bl_order = 0
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the target, the button and what it found last."""
         state = context.window_manager.lfsr
         columns(self.layout).prop(context.scene.lfsr, "plan_target")
         row_if(session.current() is None, self.layout).operator("lfsr.plan", text="Find", icon="VIEWZOOM")
@@ -273,7 +274,6 @@ class LFSR_PT_animation(ClosedPanel, bpy.types.Panel):
     bl_order = 3
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the button, what it does with frames that are there, and the farms."""
         layout = self.layout
         row_if(session.current() is None, layout).operator("lfsr.render_animation", icon="RENDER_ANIMATION")
         # Without a column for labels, where this one would be cut off.
@@ -290,7 +290,6 @@ class LFSR_PT_exports(ClosedPanel, bpy.types.Panel):
     bl_order = 4
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the viewer's button, the menu of formats and what shows the image on its display."""
         layout = row_if(session.current() is None, self.layout).column()
         row = layout.row(align=True)
         row.operator("lfsr.preview_view", icon="HIDE_OFF")
@@ -314,20 +313,18 @@ class LFSR_PT_live(ClosedPanel, bpy.types.Panel):
     bl_order = 5
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the buttons, the eye and the notes."""
         layout, lfsr = self.layout, context.scene.lfsr
         row = layout.row(align=True)
-        if live_session.is_on():
-            row.operator("lfsr.live_stop", icon="PAUSE")
+        is_on = live_session.is_on()
+        row.operator("lfsr.live", text="Stop Live" if is_on else "Start Live",
+                     icon="PAUSE" if is_on else "PLAY").kind = PANEL
+        if is_on:
             row.operator("lfsr.live_full_screen", icon="FULLSCREEN_ENTER")
-        else:
-            row.operator("lfsr.live_start", icon="PLAY")
         for text, icon in notes(context.scene):
             sentence(layout, text, icon, context)
-        if live_session.is_on(EYE):
-            layout.operator("lfsr.live_eye_stop", icon="HIDE_ON")
-        else:
-            layout.operator("lfsr.live_eye_start", icon="HIDE_OFF")
+        is_on = live_session.is_on(EYE)
+        layout.operator("lfsr.live", text="Hide Eye" if is_on else "Show One Eye",
+                        icon="HIDE_ON" if is_on else "HIDE_OFF").kind = EYE
         column = columns(layout).column(align=True)
         for name in ("live_eye_right", "live_eye_up", "live_eye_near"):
             column.prop(lfsr, name, slider=True)
@@ -342,7 +339,6 @@ class LFSR_PT_live_advanced(ClosedPanel, bpy.types.Panel):
     bl_parent_id = "LFSR_PT_live"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw pixel size, rays, interpolation and denoising."""
         lfsr, column, woven = context.scene.lfsr, columns(self.layout), scene_settings.is_woven(context.scene)
         row_if(not woven, column).prop(lfsr, "live_scale")
         row_if(not lfsr.live_samples, column).prop(lfsr, "live_rays")
@@ -373,7 +369,6 @@ class LFSR_PT_reference(ClosedPanel, bpy.types.Panel):
     bl_order = 6
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw samples, lenses, the button and the last metrics."""
         layout, lfsr = columns(self.layout), context.scene.lfsr
         layout.prop(lfsr, "reference_samples")
         layout.prop(lfsr, "reference_lenses")
@@ -387,10 +382,79 @@ class LFSR_MT_scale(bpy.types.Menu):
     bl_label = "Scale"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the scales that divide the display's views."""
         for name in scene_settings.offered_scales(context.scene):
             self.layout.prop_enum(context.scene.lfsr, "scale", name)
 
 
-CLASSES = (LFSR_MT_scale, LFSR_PT_image, LFSR_PT_array, LFSR_PT_quality, LFSR_PT_plan, LFSR_PT_advanced,
-           LFSR_PT_animation, LFSR_PT_exports, LFSR_PT_live, LFSR_PT_live_advanced, LFSR_PT_reference)
+class LFSR_MT_render(bpy.types.Menu):
+    """Light-field renders of this scene"""
+
+    bl_label = "Light Field"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"  # elsewhere a render would block Blender until its end
+        layout.operator("lfsr.render_eia", icon="RENDER_STILL")
+        layout.operator("lfsr.render_animation", text="Render EIA Animation", icon="RENDER_ANIMATION")
+        layout.separator()
+        if cached.find(context.scene) is None:
+            _draw_add(layout)
+        layout.operator("lfsr.array_fit", text="Fit Camera Array to Selection")
+        layout.operator("lfsr.check_scene")
+        layout.separator()
+        layout.operator("lfsr.preview_view")
+        layout.operator("lfsr.open_viewer")
+        layout.operator("lfsr.show")
+
+
+def _draw_add(layout: bpy.types.UILayout) -> None:
+    layout.operator("lfsr.array_add", text="Light Field Camera Array", icon="OUTLINER_OB_CAMERA")
+
+
+def draw_render(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    """End of the menu *Render*."""
+    menu.layout.separator()
+    menu.layout.menu("LFSR_MT_render", icon="CAMERA_STEREO")
+
+
+def draw_camera(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    """End of the menu *Add > Camera*."""
+    _draw_add(menu.layout)
+
+
+def register() -> None:
+    """Append the entries."""
+    bpy.types.TOPBAR_MT_render.append(draw_render)
+    bpy.types.VIEW3D_MT_camera_add.append(draw_camera)
+
+
+def unregister() -> None:
+    """Remove them again."""
+    bpy.types.VIEW3D_MT_camera_add.remove(draw_camera)
+    bpy.types.TOPBAR_MT_render.remove(draw_render)
+
+
+class LFSR_OT_preset_add(AddPresetBase, bpy.types.Operator):
+    """Add or remove a light-field preset of display, scale, rays and method"""
+
+    bl_idname = "lfsr.preset_add"
+    bl_label = "Add Light Field Preset"
+    preset_menu = "LFSR_PT_presets"
+    preset_subdir = SUBFOLDER
+    # Lines of the preset file; they are executed in this order.
+    preset_defines = ("import bpy", "lfsr = bpy.context.scene.lfsr")
+    preset_values = tuple(f"lfsr.{name}" for name in SAVED)
+
+
+class LFSR_PT_presets(PresetPanel, bpy.types.Panel):
+    """Menu of the presets"""
+
+    bl_label = "Light Field Presets"
+    preset_subdir = SUBFOLDER
+    preset_operator = "script.execute_preset"
+    preset_add_operator = LFSR_OT_preset_add.bl_idname
+
+
+CLASSES = (LFSR_MT_render, LFSR_OT_preset_add, LFSR_PT_presets, LFSR_MT_scale, LFSR_PT_image, LFSR_PT_array,
+           LFSR_PT_quality, LFSR_PT_plan, LFSR_PT_advanced, LFSR_PT_animation, LFSR_PT_exports, LFSR_PT_live,
+           LFSR_PT_live_advanced, LFSR_PT_reference)

@@ -32,7 +32,6 @@ class LfsrPreferences(bpy.types.AddonPreferences):
         description="Seconds of a path sample on this machine, measured with the last image; 0 before the first")
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """Draw the cores, the library and what is done without it."""
         column = columns(self.layout)
         for name in ("free_cores", "oidn_path", "without_denoiser"):
             column.prop(self, name)

@@ -6,14 +6,7 @@ import contextlib
 import zlib
 
 import bpy
-from bpy.props import (
-    BoolProperty,
-    EnumProperty,
-    FloatProperty,
-    IntProperty,
-    PointerProperty,
-    StringProperty,
-)
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.request import MOST_AVERAGED
@@ -40,7 +33,7 @@ def _display_changed(settings: SceneSettings, context: bpy.types.Context) -> Non
     if settings.scale not in offered_scales(settings.id_data):
         settings.scale = AUTO_SCALE
     forget_message()
-    _draws(settings, context)
+    images.redraw_views()
 
 
 def forget_message() -> None:

@@ -102,11 +102,6 @@ def depth_facts(scene: bpy.types.Scene) -> Facts:
             ("Behind", "unlimited" if math.isinf(far) else length(scene, far - array.distance))]
 
 
-def lacks_gpu(scene: bpy.types.Scene) -> bool:
-    """True if the scene asks for a GPU and Blender's preferences have none."""
-    return scene.cycles.device != "CPU" and scene_settings.device_of(scene) == "CPU"
-
-
 def metric_facts(scene: bpy.types.Scene) -> Facts:
     """Metrics in the report of the current frame; empty where there are none."""
     try:
@@ -122,7 +117,5 @@ def _metrics(folder: Path, _changed: int, source: str, scene_name: str) -> tuple
     if not is_of(FrameFolder(folder).readable, source, scene_name):
         return ()
     metrics = read_report(folder).metrics
-    facts = [(title, f"{metrics[name]:.1f} dB" if name == "psnr_fg" else f"{metrics[name]:.4f}")
-             for name, title in METRICS.items() if isinstance(metrics.get(name), (int, float))]
-    without_flip = "flip" in metrics and metrics["flip"] is None
-    return (*facts, ("FLIP", "not computed")) if without_flip else tuple(facts)
+    return tuple((title, f"{metrics[name]:.1f} dB" if name == "psnr_fg" else f"{metrics[name]:.4f}")
+                 for name, title in METRICS.items() if isinstance(metrics.get(name), (int, float)))

@@ -5,14 +5,12 @@ from __future__ import annotations
 import bpy
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.optics.display import DisplayProfile
 
 from ...scene import settings as scene_settings
 from ...scene.array import edit, rig
-from ...scene.array.placement import View
 from .. import array_view
 from ..properties import forget_message
-from .base import UNDO, Result, activate, reports_errors
+from .base import UNDO, DescribedByItem, Result, activate, reports_errors
 
 FIT_ITEMS = [
     ("SELECTION", "Selection", "Move the camera array in front of the selected objects, so that they fill the display "
@@ -30,24 +28,19 @@ class LFSR_OT_array_add(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Add it; the selection stays."""
         edit.add(context.scene, scene_settings.display_of(context.scene))
         return {"FINISHED"}
 
 
-class LFSR_OT_array_fit(bpy.types.Operator):
+class LFSR_OT_array_fit(DescribedByItem, bpy.types.Operator):
     """Move the camera array, so that the display shows what you see or select"""
 
     bl_idname = "lfsr.array_fit"
     bl_label = "Fit Camera Array"
+    item = "to"
     bl_options = UNDO
 
     to: bpy.props.EnumProperty(name="Fit To", description="What the display should show", items=FIT_ITEMS)
-
-    @classmethod
-    def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        """Return the tooltip of each kind of fit."""
-        return dict((name, text) for name, _, text in FIT_ITEMS)[properties.to]
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
@@ -57,7 +50,11 @@ class LFSR_OT_array_fit(bpy.types.Operator):
         if self.to == "CAMERA":
             edit.fit_to_camera(scene, display)
         elif self.to == "VIEW":
-            edit.fit_to_view(scene, display, _view_of(context, display))
+            if context.area is None or context.area.type != "VIEW_3D":
+                raise LfsrError("there is no 3D view here: press the button in the sidebar of a 3D view")
+            if array_view.is_looking(context.space_data, scene):
+                raise LfsrError("this view looks through the camera array already: leave it first")
+            edit.fit_to_view(scene, display, array_view.view_of(context.area, display))
         else:
             items = [item for item in context.selected_objects if not rig.is_array(item) and rig.PLANE not in item]
             edit.fit(scene, display, items)
@@ -73,7 +70,6 @@ class LFSR_OT_array_remove(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Remove viewing position and display plane."""
         edit.remove(context.scene)
         return {"FINISHED"}
 
@@ -87,7 +83,6 @@ class LFSR_OT_select_plane(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Select the handle and nothing else."""
         array = rig.find(context.scene)
         plane = rig.plane_of(array) if array else None
         if plane is None:
@@ -104,26 +99,15 @@ class LFSR_OT_look_through(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Only in a 3D view."""
         return context.area is not None and context.area.type == "VIEW_3D"
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Look through it, or return."""
         if array_view.is_looking(context.space_data, context.scene):
             array_view.leave(context.area)
         else:
             array_view.enter(context.area, context.scene)
         return {"FINISHED"}
-
-
-def _view_of(context: bpy.types.Context, display: DisplayProfile) -> View:
-    """The 3D view in which the button was pressed; LfsrError without one, or if it looks through the array."""
-    if context.area is None or context.area.type != "VIEW_3D":
-        raise LfsrError("there is no 3D view here: press the button in the sidebar of a 3D view")
-    if rig.is_array(array_view.camera_of(context.space_data, context.scene)):
-        raise LfsrError("this view looks through the camera array already: leave it first")
-    return array_view.view_of(context.area, display)
 
 
 CLASSES = (LFSR_OT_array_add, LFSR_OT_array_fit, LFSR_OT_array_remove, LFSR_OT_select_plane, LFSR_OT_look_through)

@@ -79,7 +79,8 @@ class TaskOperator:
     @reports_errors
     def ask(self, context: bpy.types.Context) -> Result:
         """Show a dialog with the questions; start where there are none."""
-        self.asked = self._questions(context)
+        session.check_idle()
+        self.asked = self.questions(context)
         if not self.asked:
             return self.start(context)
         for question in self.asked:
@@ -90,7 +91,6 @@ class TaskOperator:
         return answer
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the questions."""
         for question in self.asked or ():
             if question.mend:
                 self.layout.prop(self, question.mend, text=question.title)
@@ -115,7 +115,8 @@ class TaskOperator:
                 question.accept()
             self._mend(self.asked)
             return self.start(context)
-        questions = self._questions(context)
+        session.check_idle()
+        questions = self.questions(context)
         for question in questions:
             if question.advice:
                 raise LfsrError(f"{question.sentence}: {question.advice}")
@@ -134,9 +135,17 @@ class TaskOperator:
         if chosen:
             bpy.ops.ed.undo_push(message=" and ".join(question.title for question in chosen))
 
-    def _questions(self, context: bpy.types.Context) -> list[Question]:
-        session.check_idle()
-        return self.questions(context)
+
+class DescribedByItem:
+    """An operator whose tooltip is that of the value of its enumeration ``item``."""
+
+    item: str
+
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        """Return the tooltip of a button."""
+        items = properties.bl_rna.properties[cls.item].enum_items
+        return str(items[getattr(properties, cls.item)].description)
 
 
 class AsksForFile:

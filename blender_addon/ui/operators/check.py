@@ -31,7 +31,6 @@ class LFSR_OT_check_scene(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Check the scene and report the number of problems."""
         problems = last.check(context.scene)
         serious = [problem for problem in problems if problem.severity != INFO]
         if serious:
@@ -55,7 +54,6 @@ class LFSR_OT_check_select(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Select them and nothing else."""
         names = [self.target] if self.target else [problem.target for problem in last.problems(self.code)]
         items = [find_object(name) for name in names]
         if not items:
@@ -79,7 +77,6 @@ class LFSR_OT_check_fix(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Fix it and check again."""
         if self.code not in FIXES:
             raise LfsrError(f"problem {self.code!r} cannot be fixed by a button: choose one of {', '.join(FIXES)}")
         if self.code not in OUTSIDE_SCENE:
@@ -106,7 +103,6 @@ class LFSR_OT_choose_output(AsksForFile, bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Set it and check again."""
         check_editable(context.scene)
         context.scene.lfsr.output = self.directory
         last.check(context.scene)

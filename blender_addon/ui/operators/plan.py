@@ -26,7 +26,6 @@ class LFSR_OT_estimate_time(TaskOperator, bpy.types.Operator):
     bl_label = "Estimate Time"
 
     def prepare(self, context: bpy.types.Context) -> Job:
-        """Measure the current frame."""
         scene = context.scene
         add_missing_array(scene)
         name = scene.name_full
@@ -41,7 +40,6 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
     bl_label = "Find Cheapest Settings"
 
     def prepare(self, context: bpy.types.Context) -> Job:
-        """Plan for the current frame, then show the result in the panel."""
         scene = context.scene
         scene_settings.resolve(scene).check_light_field("a plan")
         add_missing_array(scene)
@@ -69,7 +67,6 @@ class LFSR_OT_plan_use(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        """Set scale, rays and method."""
         scene, state = context.scene, context.window_manager.lfsr
         if state.plan_scene != scene.name_full or not state.plan_method:
             raise LfsrError(f"no settings were found for scene {scene.name!r}: press Find first")

@@ -1,9 +1,10 @@
-"""Buttons that render, compare and preview: read the settings, start a task, show its result."""
+"""Buttons that render, here or on a farm, compare and preview: read the settings, start a task, show its result."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
+import shutil
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,23 +13,29 @@ from typing import Any
 import bpy
 
 from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.files import atomic_path, system_errors
 from lfsr_core.base.notices import Notice
-from lfsr_core.frames.folder import FrameFolder
+from lfsr_core.frames.folder import FARM_COPY, FrameFolder
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
 from lfsr_core.frames.request import Finish
+from lfsr_core.pipeline.farms import write_job
 from lfsr_core.reconstruct.methods import AS_RENDERED, MENU, MORE, SUBPIXEL_METHODS, MethodName
 
 from ...jobs import asked, images, runtime, session
-from ...jobs.task import Job
+from ...jobs.task import Job, save_copy
 from ...scene import folders
 from ...scene import settings as scene_settings
 from ...scene.array import edit, rig
-from ...scene.settings import title
+from ...scene.array.placement import scale_of
+from ...scene.settings import PROFILE_FILE, title
 from ...scene.subject import find_subject
 from ...scene.words import counted
 from . import check
-from .base import Question, Result, TaskOperator, add_missing_array
+from .base import AsksForFile, DescribedByItem, Question, Result, TaskOperator, add_missing_array, reports_errors
 
+COPY_SUFFIX = f"{FARM_COPY}.blend"  # never the name of a file that somebody works on
+FARM_ITEMS = [("openjd", "OpenJD", "Request bundle of Open Request Description, for AWS Deadline Cloud and others"),
+              ("flamenco", "Flamenco", "Request type and job for a Flamenco 3 manager")]
 FIRST_VIEW = "A first view from the middle, with few rays. The image follows; cancel if this looks wrong"
 
 
@@ -95,7 +102,6 @@ class LFSR_OT_render_reference(TaskOperator, bpy.types.Operator):
     bl_label = "Render Reference + SSIM"
 
     def prepare(self, context: bpy.types.Context) -> Job:
-        """Render the reference of the current frame, then write the metrics into its report."""
         scene = context.scene
         scene_settings.resolve(scene).check_light_field("a reference")
         request, finish = asked.asked(scene)
@@ -184,7 +190,6 @@ class LFSR_OT_cancel(bpy.types.Operator):
     bl_label = "Cancel Light Field Render"
 
     def execute(self, _context: bpy.types.Context) -> Result:
-        """Stop the worker and tidy up."""
         task = session.cancel()
         if task is None:
             self.report({"WARNING"}, "No light-field render is running")
@@ -245,19 +250,20 @@ def _asked(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
 
 def _denoising(scene: bpy.types.Scene) -> list[Question]:
     settings = scene_settings.resolve(scene)
-    lacking = runtime.lacking(settings)
-    if lacking and runtime.is_replaced(scene):
-        _use_replacement(scene, settings)
+    if not (lacking := runtime.lacking(settings)):
         return []
-    name = title(settings.method.undenoised.text)
-    advice = f"choose the method {name}, or get it. {runtime.where_to_get()}"
-    return [Question(lacking, f"Use {name}", advice, f"{name} takes twice the rays. {runtime.where_to_get()}",
-                     functools.partial(_use_replacement, scene, settings))] if lacking else []
 
+    def use_replacement() -> None:
+        runtime.use_replacement(scene, settings)
+        bpy.ops.ed.undo_push(message="Set Method")
 
-def _use_replacement(scene: bpy.types.Scene, settings: scene_settings.Resolved) -> None:
-    runtime.use_replacement(scene, settings)
-    bpy.ops.ed.undo_push(message="Set Method")
+    # Where no method was chosen, the answer of another scene holds.
+    if not scene.lfsr.is_property_set("method") and getattr(runtime.preferences_of_addon(), "without_denoiser", False):
+        use_replacement()
+        return []
+    name, where = title(settings.method.undenoised.text), runtime.where_to_get()
+    return [Question(lacking, f"Use {name}", f"choose the method {name}, or get it. {where}",
+                     f"{name} takes twice the rays. {where}", use_replacement)]
 
 
 def show_image_of(scene_name: str, folder: Path) -> None:
@@ -298,5 +304,72 @@ def _show_view(scene_name: str, views: Path) -> None:
         images.in_editor(images.show(scene, (scene.lfsr.eye_right, scene.lfsr.eye_up)))
 
 
+class LFSR_OT_submit(DescribedByItem, AsksForFile, bpy.types.Operator):
+    """Write a job that renders the timeline's range on a render farm, into a folder that its machines can see"""
+
+    bl_idname = "lfsr.submit"
+    bl_label = "Write Farm Request"
+    item = "farm"
+
+    farm: bpy.props.EnumProperty(name="Farm", description="Render farm that the job is for", items=FARM_ITEMS)
+    directory: bpy.props.StringProperty(
+        name="Folder", description="Folder for the job's files; every machine must see it under the same path",
+        subtype="DIR_PATH", options={"SKIP_SAVE", "PATH_SUPPORTS_BLEND_RELATIVE"})
+    parts: bpy.props.IntProperty(
+        name="Parts", description="Number of parts, by rows of lenses, of each frame", min=1, soft_max=64,
+        default=1)
+    filter_folder: bpy.props.BoolProperty(
+        name="Folders", description="Show folders only", default=True, options={"HIDDEN"})
+
+    @reports_errors
+    def execute(self, context: bpy.types.Context) -> Result:
+        if not self.directory.strip():
+            raise LfsrError("no folder is chosen for the farm's job: give one that every machine of the farm can see")
+        folder = folders.absolute(self.directory, "the folder of the job")
+        command, note = submit(context.scene, self.farm, folder, self.parts)
+        context.window_manager.clipboard = command
+        print(f"Light Field: the job is in {folder}. Next (in the clipboard): {command}")
+        session.tell(f"The job is in the folder {folder.name}, and its next command in the clipboard. {note}", "INFO")
+        return {"FINISHED"}
+
+
+def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> tuple[str, str]:
+    """Write the job of the timeline's range for ``farm``, "openjd" or "flamenco", with ``parts`` parts per frame.
+
+    A copy of the file, the farm's template and the panel's settings go into ``folder``, which is created where it is
+    missing; every machine of the farm must see it under the same path. LfsrError where the scene cannot be rendered or
+    the folder cannot be written to.
+    """
+    scene_settings.resolve(scene).check_light_field("a farm's job")
+    request, finish, frames = asked.asked_animation(scene)
+    if request.sampling.scales:
+        with images.wait_cursor():
+            request = request.with_scale(scale_of(scene, request))
+    with system_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    display = ""
+    if scene.lfsr.display == PROFILE_FILE:
+        path = folders.absolute(scene.lfsr.profile_file, "the display profile")
+        display = str(folder / path.name)
+        if path.resolve() != Path(display).resolve():
+            with atomic_path(display) as temporary:
+                shutil.copyfile(path, temporary)
+    copy = folder / f"{folders.file_stem()}{COPY_SUFFIX}"
+    with atomic_path(copy) as temporary:
+        save_copy(temporary)
+    request = dataclasses.replace(request, scene=str(copy))
+    return write_job(farm, folder, request, finish, frames, parts, display)
+
+
+class LFSR_MT_submit(bpy.types.Menu):
+    """Render farms that can render the timeline's range"""
+
+    bl_label = "Submit"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        for name, text, _ in FARM_ITEMS:
+            self.layout.operator("lfsr.submit", text=f"{text}…").farm = name
+
+
 CLASSES = (LFSR_OT_render_eia, LFSR_OT_render_animation, LFSR_OT_render_reference, LFSR_OT_preview_view,
-           LFSR_OT_finish_frame, LFSR_OT_cancel)
+           LFSR_OT_finish_frame, LFSR_OT_cancel, LFSR_OT_submit, LFSR_MT_submit)

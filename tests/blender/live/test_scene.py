@@ -180,7 +180,7 @@ def test_without_an_array_that_can_be_followed_there_is_no_view(scene):
 
 def test_start_without_a_window_says_so(scene):
     before = snapshot()
-    panel.refused("without a window", bpy.ops.lfsr.live_start)
+    panel.refused("without a window", bpy.ops.lfsr.live)
     assert not session.is_on() and snapshot() == before
 
 

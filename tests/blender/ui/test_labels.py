@@ -74,6 +74,19 @@ def test_texts_of_buttons_follow_them_too(tmp_path):
     assert [wrong_label(text) for text in texts if wrong_label(text)] == []
 
 
+def test_buttons_of_one_operator_have_tooltips_of_their_own(scene):
+    for name, item, values in (("live", "kind", ("panel", "eye")), ("export", "format", ("quilt", "views")),
+                               ("submit", "farm", ("openjd", "flamenco")), ("array_fit", "to", ("VIEW", "CAMERA")),
+                               ("show", "full_screen", (False, True)), ("show", "animation", (False, True))):
+        properties = bpy.context.window_manager.operator_properties_last(f"lfsr.{name}")
+        cls, texts = getattr(bpy.types, f"LFSR_OT_{name}"), set()
+        for value in values:
+            setattr(properties, item, value)
+            texts.add(cls.description(bpy.context, properties))
+        properties.property_unset(item)
+        assert len(texts) == 2 and not any(map(wrong_tooltip, texts - {""}))
+
+
 def test_no_two_check_boxes_have_one_title():
     with panel.registered():
         owners = [bpy.types.Scene.bl_rna.properties["lfsr"].fixed_type,

@@ -41,7 +41,7 @@ def state():
     return plain | held | {"windows": windows, "camera": scene.camera and scene.camera.name,
                            "marked": [item.name for item in live_scene.marked()]}
 """
-IMPORTS = ("from bl_ext.user_default.lfsr.live import scene as live_scene, session as live, window as live_window\n"
+IMPORTS = ("from bl_ext.user_default.lfsr.live import scene as live_scene, session as live\n"
            f"SAMPLES = {SAMPLES}\n")
 LIVE = "next(s for s in bpy.data.scenes if 'lfsr_live' in s)"
 
@@ -182,7 +182,7 @@ def test_start_and_stop_leave_everything_as_it_was(window):
     assert len(during["windows"]) == 2 and during["marked"]
     assert {key for key in before if key.split(".")[0] in {"scene", "render", "cycles", "view", "space", "region"}
             and during[key] != before[key]} <= {"scene.users"}
-    window.run("bpy.ops.lfsr.live_stop()")
+    window.run("bpy.ops.lfsr.live()")
     window.settle()
     assert window.get("state()") == before
 
@@ -204,7 +204,7 @@ def test_closed_windows_leave_no_screens(window, by):
     after = window.get("state()")
     assert {key for key in before if after[key] != before[key]} <= {"scene.users"}
     start(window)
-    window.run("bpy.ops.lfsr.live_stop(); bpy.ops.lfsr.live_start()")
+    window.run("bpy.ops.lfsr.live(); bpy.ops.lfsr.live()")
     window.settle()
     assert window.get("len(bpy.data.screens)") == len(before["screens"]) + 2, "only those of the window that is open"
 
@@ -236,14 +236,14 @@ def test_panel_and_eye_together_and_one_after_the_other(window):
     assert window.get("len(bpy.context.window_manager.windows)") == 3
     scenes = "sorted(s['lfsr_live'] for s in bpy.data.scenes if 'lfsr_live' in s)"
     assert window.get(scenes) == ["eye", "panel"]
-    window.run("bpy.ops.lfsr.live_stop()")
+    window.run("bpy.ops.lfsr.live()")
     window.settle()
     assert window.get(scenes) == ["eye"] and window.get("live.is_on('eye') and not live.is_on()")
     path = str(window.folder / "eye.blend")
     window.run(f"bpy.ops.wm.save_as_mainfile(filepath={path!r}, copy=True)")
     window.settle()
     assert window.get(f"{scenes}") == ["eye"]
-    window.run("bpy.ops.lfsr.live_eye_stop()")
+    window.run("bpy.ops.lfsr.live(kind='eye')")
     window.settle()
     after = window.get("state()")
     # Blender keeps a count of users from the window that showed the scene during the save.
@@ -257,7 +257,7 @@ def test_a_save_in_the_middle_holds_nothing_of_it(window):
     held = window.run(f"bpy.ops.wm.save_as_mainfile(filepath={path!r}, copy=True)\n" + HELD.format(path=path))
     assert held == plain
     window.settle()
-    assert window.get("live.is_on()") and window.get(f"live_window.find().scene == {LIVE}")
+    assert window.get("live.is_on()") and window.get(f"live.find_window().scene == {LIVE}")
 
 
 HELD = """
@@ -275,9 +275,9 @@ def test_undo_in_the_middle_and_after(window):
         window.run(f"bpy.ops.ed.{step}()")
         window.settle()
         window.until("sum('lfsr_live' in s for s in bpy.data.scenes) == 1", 10)
-        window.until(f"live_window.find().scene == {LIVE}", 10)
+        window.until(f"live.find_window().scene == {LIVE}", 10)
         assert window.get(f"{LIVE}.background_set.name") == "Scene"
-    window.run("bpy.ops.lfsr.live_stop()")
+    window.run("bpy.ops.lfsr.live()")
     for step in ("undo", "redo"):
         window.run(f"bpy.ops.ed.{step}()")
         window.settle()

@@ -15,7 +15,7 @@ from blender_addon.live.scene import EYE, PANEL
 from blender_addon.scene import devices, folders
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import rig
-from blender_addon.ui import menus, overlay, panels, summary
+from blender_addon.ui import array_view, panels, summary
 from blender_addon.ui.panels import LFSR_MT_scale
 from lfsr_core.base.notices import Progress
 from lfsr_core.frames.request import LIGHTS, Finish, Report, write_report
@@ -24,6 +24,9 @@ from tests.support.panel import found
 from tests.support.recording_layout import RecordingLayout
 from tests.support.synthetic import write_render
 from tests.support.told import refuses
+
+# The menu of presets is Blender's.
+PANELS = [cls for cls in panels.CLASSES if issubclass(cls, bpy.types.Panel) and cls != panels.LFSR_PT_presets]
 
 
 def draw(cls) -> list:
@@ -38,9 +41,9 @@ def draw(cls) -> list:
 
 
 def draw_all() -> dict[str, list]:
-    """Every panel but those of Live, which ``test_live_panel`` draws."""
+    """Every panel but those of Live, which have tests of their own."""
     live = (panels.LFSR_PT_live, panels.LFSR_PT_live_advanced)
-    return {cls.bl_label: draw(cls) for cls in panels.CLASSES if issubclass(cls, bpy.types.Panel) and cls not in live}
+    return {cls.bl_label: draw(cls) for cls in PANELS if cls not in live}
 
 
 def labels(drawn: list) -> str:
@@ -88,7 +91,7 @@ def test_with_an_array(scene):
 def test_few_controls_are_open_at_first(scene):
     """The image's own panel is open; of the others only the headers."""
     closed = [cls for cls in panels.CLASSES if "DEFAULT_CLOSED" in getattr(cls, "bl_options", ())]
-    opened = [cls for cls in panels.CLASSES if issubclass(cls, bpy.types.Panel) and cls not in closed]
+    opened = [cls for cls in PANELS if cls not in closed]
     assert opened == [panels.LFSR_PT_image]
     headers = [cls for cls in closed if not hasattr(cls, "bl_parent_id")]
     assert [cls.bl_label for cls in sorted(headers, key=lambda cls: cls.bl_order)] == [
@@ -98,7 +101,7 @@ def test_few_controls_are_open_at_first(scene):
 
 
 def test_words_of_the_laboratory_are_advanced(scene):
-    plain = [draw(cls) for cls in panels.CLASSES if issubclass(cls, bpy.types.Panel) and cls.bl_label != "Advanced"]
+    plain = [draw(cls) for cls in PANELS if cls.bl_label != "Advanced"]
     assert not {"samples", "seed", "scale", "live_samples", "device"} & set().union(*map(properties, plain))
     assert "Renders On" not in " ".join(map(labels, plain))
     assert {"samples", "seed"} <= properties(draw(panels.LFSR_PT_advanced))
@@ -270,21 +273,21 @@ def drawn(draw) -> list[tuple[str, dict]]:
 
 def entries() -> dict[str, str]:
     """Operator and text of each entry of the menu *Light Field*."""
-    return {named["operator"]: named.get("text", "") for name, named in drawn(menus.LFSR_MT_render.draw)
+    return {named["operator"]: named.get("text", "") for name, named in drawn(panels.LFSR_MT_render.draw)
             if name == "operator"}
 
 
 def test_blenders_menus_have_the_entries(scene):
-    for menu, draw in ((bpy.types.TOPBAR_MT_render, menus.draw_render),
-                       (bpy.types.VIEW3D_MT_camera_add, menus.draw_camera)):
+    for menu, draw in ((bpy.types.TOPBAR_MT_render, panels.draw_render),
+                       (bpy.types.VIEW3D_MT_camera_add, panels.draw_camera)):
         assert draw in menu._dyn_ui_initialize()
-    assert ("menu", {"menu": "LFSR_MT_render", "icon": "CAMERA_STEREO"}) in drawn(menus.draw_render)
-    assert [(named["operator"], named["text"]) for _, named in drawn(menus.draw_camera)] == [
+    assert ("menu", {"menu": "LFSR_MT_render", "icon": "CAMERA_STEREO"}) in drawn(panels.draw_render)
+    assert [(named["operator"], named["text"]) for _, named in drawn(panels.draw_camera)] == [
         ("lfsr.array_add", "Light Field Camera Array")]
 
 
 def test_renders_start_without_blocking_blender(scene):
-    assert ("set", {"operator_context": "INVOKE_DEFAULT"}) in drawn(menus.LFSR_MT_render.draw)
+    assert ("set", {"operator_context": "INVOKE_DEFAULT"}) in drawn(panels.LFSR_MT_render.draw)
     assert {"lfsr.render_eia", "lfsr.render_animation", "lfsr.check_scene"} <= set(entries())
 
 
@@ -294,10 +297,14 @@ def test_an_array_is_added_once(scene):
     assert entries()["lfsr.array_add"] == "Light Field Camera Array"
 
 
+def buttons(drawn) -> list[str]:
+    return [named.get("text", "") for name, named in drawn if name == "operator"]
+
+
 def test_off(scene):
     drawn = draw(panels.LFSR_PT_live)
     assert not bpy.ops.lfsr.live_full_screen.poll()
-    assert operators(drawn) == {"lfsr.live_start", "lfsr.live_eye_start"}
+    assert buttons(drawn) == ["Start Live", "Show One Eye"]
     assert {"live_eye_right", "live_eye_up", "live_eye_near"} == properties(drawn)
     advanced = {"live_scale", "live_rays", "live_samples", "live_smooth", "live_denoise"}
     assert properties(draw(panels.LFSR_PT_live_advanced)) == advanced
@@ -313,12 +320,12 @@ def test_on(scene, monkeypatch):
     assert "exact" in labels(draw(panels.LFSR_PT_live))
     live_session._on[PANEL].message = "the live window shows 5×5 pixels"
     drawn = draw(panels.LFSR_PT_live)
-    assert operators(drawn) == {"lfsr.live_stop", "lfsr.live_full_screen", "lfsr.live_eye_start"}
+    assert buttons(drawn) == ["Stop Live", "", "Show One Eye"]
     assert "5×5" in labels(drawn) and "full screen" in labels(drawn) and "exact" not in labels(drawn)
     live_session._on[EYE] = live_session._Shown(bpy.context.scene.session_uid, message="make the window larger")
     drawn = draw(panels.LFSR_PT_live)
     assert "Make the window larger" in labels(drawn)
-    assert operators(drawn) == {"lfsr.live_stop", "lfsr.live_full_screen", "lfsr.live_eye_stop"}
+    assert buttons(drawn) == ["Stop Live", "", "Hide Eye"]
 
 
 def test_what_this_blender_cannot_do(scene, monkeypatch):
@@ -331,7 +338,7 @@ def test_what_this_blender_cannot_do(scene, monkeypatch):
 def test_a_scene_without_an_array_gets_one(scene):
     bpy.ops.lfsr.array_remove()
     with pytest.raises(RuntimeError, match="without a window"):
-        bpy.ops.lfsr.live_start()
+        bpy.ops.lfsr.live()
     assert rig.find(scene) is not None
 
 
@@ -341,13 +348,13 @@ MINI = load_display("mini")
 def test_the_drawn_frustum_is_the_array(scene):
     array, _ = rig.placement(scene, MINI)
     near, far = rig.usable_depth(array, MINI)
-    drawn = overlay.lines(array, MINI, scale=2)
+    drawn = array_view.lines(array, MINI, scale=2)
     depths = {round(float(z), 4) for *_, points in drawn for z in points[:, 2]}
     sparse = rig.usable_depth(array, MINI, 2)
     assert {round(z, 4) for z in (0.0, near, array.distance, far, *sparse)} == depths
-    rectangle = overlay.rectangle(array, array.distance)
+    rectangle = array_view.rectangle(array, array.distance)
     assert np.allclose(np.abs(rectangle), [(array.half_width, array.half_height, array.distance)] * 4)
-    zone = overlay.viewing_zone(array, MINI)
+    zone = array_view.viewing_zone(array, MINI)
     assert np.abs(zone[:, 0]).max() == pytest.approx(MINI.views[0] * array.spacing / 2)
 
 
@@ -360,9 +367,9 @@ def test_metrics_of_this_files_frame_are_shown(scene):
     folder = folders.frame_folder(scene)
     assert summary.metric_facts(scene) == []
     folder.mkdir(parents=True)
-    for flip, shown in ((0.01234, "0.0123"), (None, "not computed")):
+    for flip, shown in ((0.01234, [("FLIP", "0.0123")]), (None, [])):
         write_metrics(folder, {"ssim_eia_fg": 0.91234, "psnr_fg": 31.26, "flip": flip})
-        assert summary.metric_facts(scene) == [("SSIM Foreground", "0.9123"), ("PSNR", "31.3 dB"), ("FLIP", shown)]
+        assert summary.metric_facts(scene) == [("SSIM Foreground", "0.9123"), ("PSNR", "31.3 dB"), *shown]
     write_render(folder, source="../other.blend")
     write_metrics(folder, {"psnr_fg": 31.26})
     assert summary.metric_facts(scene) == [], "it is another file's"

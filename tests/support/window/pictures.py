@@ -96,7 +96,7 @@ def live(window: Window, folder: Path) -> None:
     window.close_others()
     window.run(f"lfsr = bpy.context.scene.lfsr; lfsr.profile_file = {str(window.folder / 'lenticular.toml')!r}")
     window.run("lfsr.display, lfsr.live_rays = 'FILE', 64; bpy.data.objects['Suzanne'].select_set(True)\n"
-               "bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True); bpy.ops.lfsr.live_start()")
+               "bpy.ops.lfsr.array_fit('INVOKE_DEFAULT', True); bpy.ops.lfsr.live()")
     window.settle()
     window.place(window.windows()[-1], *panel.panel_pixels)
     time.sleep(SECONDS_OF_LIVE)

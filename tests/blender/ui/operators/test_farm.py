@@ -15,8 +15,8 @@ import pytest
 from blender_addon.jobs import session
 from blender_addon.scene import settings as scene_settings
 from blender_addon.ui import panels
-from blender_addon.ui.operators import farm as buttons
 from blender_addon.ui.operators import plan
+from blender_addon.ui.operators import render as buttons
 from blender_addon.ui.properties import method_items
 from lfsr_core.base.files import read_json
 from lfsr_core.base.notices import Notice
