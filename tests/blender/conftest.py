@@ -25,6 +25,7 @@ else:
 
     import blender_addon
     from tests.support import panel
+    from tests.support.scenes import fresh_scene
 
 
 def pytest_report_header() -> str:
@@ -37,11 +38,11 @@ def pytest_unconfigure() -> None:
 
 
 @pytest.fixture
-def scene():
-    """An empty scene in an empty file."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    bpy.context.scene.render.engine = "CYCLES"
-    return bpy.context.scene
+def scene(request):
+    """An artist's scene with the add-on on where jobs, panels and the live view are tested, else an empty one."""
+    if {"jobs", "live", "ui"} & {*request.path.parts}:
+        return request.getfixturevalue("artist")
+    return fresh_scene()
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """The extension as an artist gets it: built, validated, installed, used, removed, with nothing but Blender around."""
 
+import ast
 import hashlib
 import importlib.util
 import json
@@ -116,6 +117,12 @@ def test_zip_has_the_repositorys_files(files):
         ours, theirs = content.decode(errors="replace"), source.read_bytes().decode(errors="replace")
         differ = [pair for pair in zip(ours.splitlines(), theirs.splitlines(), strict=True) if pair[0] != pair[1]]
         assert all("from ." in new and "from lfsr_core" in old for new, old in differ), name
+        for node in ast.walk(ast.parse(content)) if name.endswith(".py") else ():
+            if isinstance(node, ast.ImportFrom) and node.level:
+                place = PurePosixPath(name).parents[node.level - 1] / (node.module or "").replace(".", "/")
+                inside = place.is_relative_to("packages")
+                module = ROOT / place.relative_to("packages") if inside else ROOT / "blender_addon" / place
+                assert module.is_dir() or module.with_suffix(".py").is_file(), f"{name} imports {place}"
 
 
 def test_two_builds_are_the_same_bytes(archive, tmp_path):
@@ -130,23 +137,6 @@ def test_two_builds_are_the_same_bytes(archive, tmp_path):
     subprocess.run([sys.executable, copied / "scripts" / "build_extension.py", "--output", tmp_path], check=True,
                    umask=0o077, env=os.environ | {"TZ": "Asia/Tokyo", "PYTHONHASHSEED": "7"})
     assert (tmp_path / archive.name).read_bytes() == archive.read_bytes()
-
-
-@pytest.mark.parametrize(("module", "place", "name"), [
-    ("lfsr_core.base.errors", "ui/operators/render.py", "...packages.lfsr_core.base.errors"),
-    ("lfsr_core.base.errors", "__init__.py", ".packages.lfsr_core.base.errors"),
-    ("lfsr_core", "ui/panels.py", "..packages.lfsr_core"),
-    ("lfsr_core.base.errors", "packages/lfsr_core/base/files.py", ".errors"),
-    ("lfsr_core.optics.panel.weave", "packages/lfsr_core/calibration/fit.py", "..optics.panel.weave"),
-    ("lfsr_core.optics.rays", "packages/lfsr_core/tasks/runner.py", "..optics.rays"),
-    ("lfsr_core.tasks", "packages/lfsr_core/tasks/runner.py", "."),
-])
-def test_relative_names(module, place, name):
-    assert builder.relative_name(module, PurePosixPath(place)) == name
-    # Python's own rule leads back to the module.
-    package = ".".join(PurePosixPath("bl_ext.user_default.lfsr", place).parent.parts)
-    whole = importlib.util.resolve_name(name, package).rstrip(".")
-    assert whole == f"bl_ext.user_default.lfsr.packages.{module}"
 
 
 def test_imports_are_rewritten_and_nothing_else():
@@ -176,8 +166,6 @@ def test_from_installation_to_removal(archive, blender, tmp_path):
     assert Path(found["core"]).is_relative_to(resources)
     assert "Open Image Denoise" in found["second_stage"]
 
-    assert blender("render") == {"enabled": ON}
-    check_cube(blender.folder / "frame")
     exports = {name: ["FINISHED"] for name in ("quilt", "views", "sway")}
     assert blender("press") == {"enabled": ON, "render": ["FINISHED"], "reference": ["FINISHED"],
                                 "viewer": ["FINISHED"], "exports": exports}

@@ -38,30 +38,8 @@ def install(folder: Path, archive: str) -> dict[str, object]:
     return found
 
 
-def render(folder: Path) -> dict[str, object]:
-    """In a new session: render the default cube with the extension's two commands."""
-    runtime = importlib.import_module(f"{MODULE}.jobs.runtime")
-    display = importlib.import_module(f"{CORE}.optics.display").load_display("mini")
-    records = importlib.import_module(f"{CORE}.frames.request")
-    request = records.Request(str(folder / "frame"), display, str(folder / "cube.blend"),
-                              sampling=records.Sampling(samples=2), layers=("albedo", "normal"))
-    bpy.ops.wm.save_as_mainfile(filepath=request.scene, copy=True)
-    importlib.import_module(f"{CORE}.base.records").write_record(folder / "request.json", request)
-    task = {"task": "finish", "folder": request.output, "finish": {"method": "denoise+bilinear"}}
-    (folder / "task.json").write_text(json.dumps(task))
-    commands = ([*runtime.render_command(), str(folder / "request.json")],
-                [*runtime.second_stage_command("lfsr_core.tasks.runner"), str(folder / "task.json")])
-    child = importlib.import_module(f"{CORE}.process.child")
-    for command in commands:
-        with child.Child(command, runtime.environment()) as running:
-            records = list(running.records())
-            if not running.is_done():
-                return {"enabled": state(), "failed": records[-1:], "reason": str(running.crash("", ""))}
-    return {"enabled": state()}
-
-
 def press(folder: Path) -> dict[str, object]:
-    """In a new session: render the default cube and its reference from the panel's operators."""
+    """In a new session: render the default cube and its reference from the panel's operators; the state before."""
     settings = bpy.context.scene.lfsr
     settings.display, settings.samples, settings.method = "mini", 2, "denoise+bilinear"
     settings.output = str(folder / "images")
@@ -116,7 +94,7 @@ def policy_warnings() -> list[str]:
 
 
 if __name__ == "__main__":
-    step = {step.__name__: step for step in (install, render, press, install_other, both, uninstall)}[sys.argv[1]]
+    step = {step.__name__: step for step in (install, press, install_other, both, uninstall)}[sys.argv[1]]
     if step is not install:
         # A Blender application does so on its own when it starts.
         bpy.ops.wm.read_userpref()

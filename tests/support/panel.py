@@ -1,6 +1,5 @@
 """What the tests of the panel share: the registered add-on, a small saved scene, and a picture of its settings."""
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +13,7 @@ from blender_addon.check import problems
 from blender_addon.jobs import images, session
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import edit
+from tests.support import processes
 from tests.support.scenes import add_box
 
 SECONDS_TO_RENDER = 300
@@ -61,12 +61,7 @@ def refused(pattern: str, operator: Callable[..., Any], **options: Any) -> None:
 
 def wait_for(condition: Callable[[], bool], look: bool = True) -> None:
     """Turn the task's timer by hand until ``condition``: without a window nothing else does."""
-    ends = time.monotonic() + SECONDS_TO_RENDER
-    while not condition():
-        assert time.monotonic() < ends
-        if look:
-            session._look()
-        time.sleep(0.02)
+    processes.wait_for(lambda: (look and session._look(), condition())[1], SECONDS_TO_RENDER)
 
 
 def found(scene, code: str) -> problems.Problem | None:

@@ -1,11 +1,13 @@
 """The command as a process of its own, and the processes that it starts."""
 
+import json
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 120
@@ -24,6 +26,14 @@ def run_lfsr(*words: object, code: int = 0) -> str:
     said, _ = program.communicate(timeout=2 * SECONDS)
     assert program.returncode == code and "Traceback" not in said, said
     return said
+
+
+def run_script(name: str, *words: object) -> tuple[int, list[dict[str, Any]]]:
+    """Run a script of the laboratory's scenes to its end: its exit code, and the messages that it printed."""
+    script = ROOT / "scripts" / "lab" / "lfsr_lab" / "scenes" / name
+    done = subprocess.run([sys.executable, script, *map(str, words)], capture_output=True, text=True, check=False)
+    lines = [line.removeprefix("LFSR ") for line in done.stdout.splitlines() if line.startswith("LFSR ")]
+    return done.returncode, [json.loads(line) for line in lines]
 
 
 def children(pid: int) -> list[int]:

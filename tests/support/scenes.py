@@ -13,12 +13,13 @@ from blender_addon import compat
 from blender_addon.render import cycles
 from blender_addon.scene.array import rig
 from lfsr_core.images import exr
-from lfsr_core.optics.display import load_display
+from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.rays import CameraArray, RayLayout
 
 ROOT = Path(__file__).resolve().parents[2]
 MINI = load_display("mini")
 FLAT = dataclasses.replace(MINI, lenses=(16, 96), views=(8, 1))  # no vertical parallax, and views of oblong pixels
+TINY = DisplayProfile("tiny", (64, 48), (59.04, 44.28), (8, 6), (8, 8), 500.0, 40.0)
 ARRAY = CameraArray.for_display(MINI, 2.0)
 # Turned and moved, so that no axis and no origin can be mistaken for another.
 TURNED = mathutils.Matrix.Translation((0.3, -4.0, 0.7)) @ mathutils.Euler((1.3, 0.2, -0.4)).to_matrix().to_4x4()
@@ -86,6 +87,16 @@ def add_lamp(scene: bpy.types.Scene, energy: float = 200.0, size: float = 2.0, p
     lamp.data.energy, lamp.data.size, lamp.location, lamp.rotation_euler = energy, size, place, turn
     scene.collection.objects.link(lamp)
     return lamp
+
+
+def add_world(scene: bpy.types.Scene, color: float, strength: float = 1.0) -> bpy.types.World:
+    """The scene's world, grey of this brightness."""
+    world = scene.world = bpy.data.worlds.new("world")
+    compat.use_nodes(world)
+    background = next(node for node in world.node_tree.nodes if node.type == "BACKGROUND")
+    background.inputs["Color"].default_value = (color, color, color, 1)
+    background.inputs["Strength"].default_value = strength
+    return world
 
 
 def emission(color: tuple[float, float, float]) -> bpy.types.Material:

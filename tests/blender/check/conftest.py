@@ -2,13 +2,9 @@
 
 import pytest
 
-from tests.support import panel
-
 
 @pytest.fixture
-def scene(tmp_path):
+def scene(artist):
     """An artist's scene with the add-on on."""
-    with panel.registered():
-        scene = panel.artist_scene(tmp_path)
-        scene.cycles.pixel_filter_type, scene.cycles.use_denoising = "BOX", False
-        yield scene
+    artist.cycles.pixel_filter_type, artist.cycles.use_denoising = "BOX", False
+    return artist

@@ -1,6 +1,7 @@
-"""The entry point as a process of its own: its lines, its exit codes, and what it leaves behind."""
+"""Blender as a process of its own: its lines, its exit codes, what it leaves behind, and the demo scene's views."""
 
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -12,13 +13,16 @@ import pytest
 
 from lfsr_core.base.files import write_json
 from lfsr_core.base.records import to_data
-from lfsr_core.commands.sentences import sentence
+from lfsr_core.exports.light_field import read_views
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import DEVICES
 from lfsr_core.images import exr
 from lfsr_core.images.exr import read_layers
+from lfsr_core.images.png import read_png
 from lfsr_core.pipeline.make import render_all
 from lfsr_core.process.child import ENDS_WITH_INPUT, EXIT_BAD_INPUT, find_blender, parse_progress, told_of
+from tests.support.other_systems import FOLDER, SYSTEMS
+from tests.support.processes import run_lfsr, run_script
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, ROOT, add_box, add_camera, add_lamp, emission
 
@@ -113,24 +117,6 @@ def test_what_the_user_must_know_is_said_before_the_render_and_kept_in_the_frame
     assert notes[2].values == {"seen": ["Wall"], "place": "hidden"} and read_frame(tmp_path / "out").notes == (*notes,)
 
 
-def test_a_scene_with_unreadable_files_is_refused_unless_that_is_allowed(scene, tmp_path):
-    material = emission((1, 0.5, 0.2))
-    image = material.node_tree.nodes.new("ShaderNodeTexImage").image = bpy.data.images.new("wood", 4, 4)
-    image.source, image.filepath = "FILE", str(tmp_path / "wood.png")
-    (tmp_path / "wood.png").write_bytes(b"no image")
-    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), material)
-    add_camera(scene, (0, -6, 0))
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    child = start(tmp_path, scene=str(tmp_path / "scene.blend"))
-    said, error = records(child.communicate()[0].splitlines())[-2:]
-    assert child.returncode == 2 and "wood.png is damaged" in sentence(told_of(said))
-    assert "1 of the scene's files cannot be read" in error["message"] and not list((tmp_path / "out").glob("**/*"))
-    child = start(tmp_path, scene=str(tmp_path / "scene.blend"), allow_missing=True)
-    child.communicate()
-    assert child.returncode == 0
-    assert [note.code for note in read_frame(tmp_path / "out").notes] == ["file-unreadable"], "said once"
-
-
 def test_that_parts_cannot_be_used_is_said_before_the_scene_is_opened(blend, tmp_path):
     parts = tmp_path / "parts"
     parts.mkdir()
@@ -221,3 +207,35 @@ def test_frames_of_one_blender_are_those_of_several(animated, tmp_path, layout):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["0001", "0005", "0009", "alone", "scene.blend"]
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="the stand-ins are of Linux")
+def test_a_render_and_another_into_the_same_folder_as_on_windows(scene, tmp_path):
+    folder = tmp_path / FOLDER
+    folder.mkdir()
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), emission((1, 0.5, 0.2)))
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
+    for seed in (1, 2):
+        SYSTEMS[0].lfsr(["render", str(folder / "scene.blend"), "-o", str(folder / "frame"), "--display", "mini",
+                         "--scale", "4", "--spp", "1", "--method", "bicubic", "--seed", str(seed)])
+        assert read_frame(folder / "frame").seed == seed and read_png(folder / "frame" / "eia.png").any()
+    assert sorted(path.name for path in folder.iterdir()) == ["frame", "scene.blend"]
+
+
+def test_demo_scene_stands_the_right_way_round_and_moves_against_the_eye(tmp_path):
+    assert run_script("demo_scene.py", tmp_path / "demo.blend")[0] == 0
+    said = run_lfsr("render", tmp_path / "demo.blend", "-o", tmp_path / "frame", "--display", "small", "--scale", 4,
+                    "--spp", 4)
+    assert re.search(r"^render +\d+%", said, re.M) and "write      100%" in said
+    views = read_views(tmp_path / "frame").astype(int)
+    middle = views[20, 20]
+    bluest = (middle[..., 2] - middle[..., 0]).argmax()
+    greenest = (2 * middle[..., 1] - middle[..., 0] - middle[..., 2]).argmax()
+    rows, columns = np.unravel_index([bluest, greenest], middle.shape[:2])
+    assert columns[0] < 8, "the blue cone is on the left"
+    assert rows[1] > 8, "the green cube is low"
+    assert middle[1:4, 12:19].sum() > 4 * middle[1:4, 3:10].sum(), "the text is at the upper right"
+
+    def column_of_green(view: np.ndarray) -> float:
+        green = np.maximum(2 * view[..., 1] - view[..., 0] - view[..., 2] - 40, 0).sum(0)
+        return green @ np.arange(len(green)) / green.sum()
+
+    assert column_of_green(views[20, 35]) < column_of_green(views[20, 4]) - 0.5, "near things move left"

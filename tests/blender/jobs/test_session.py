@@ -26,7 +26,7 @@ from lfsr_core.images.png import write_png
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.tasks.runner import TASKS
 from tests.support import panel
-from tests.support.processes import children
+from tests.support.processes import children, lives
 from tests.support.scenes import snapshot
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -48,11 +48,9 @@ def test_cancel_while_rendering_is_quick_and_leaves_nothing(scene):
     before = snapshot()
     task = start(scene, lambda _: pytest.fail("it finished"))
     panel.wait_for(lambda: task.progress.stage == "render")
-    started = time.perf_counter()
-    assert bpy.ops.lfsr.cancel() == {"FINISHED"}
-    seconds = time.perf_counter() - started
-    print(f"cancel: {seconds:.2f} s")
-    assert seconds < 2 and session.current() is None and message() == ("Cancelled", False)
+    pid, started = task.child.pid, time.perf_counter()
+    assert bpy.ops.lfsr.cancel() == {"FINISHED"} and time.perf_counter() - started < 2 and not lives(pid)
+    assert session.current() is None and message() == ("Cancelled", False)
     assert snapshot() == before
     assert list(folders.scene_folder(scene).iterdir()) == []
     assert not list(Path(bpy.app.tempdir).glob("lfsr-*/*"))
@@ -331,27 +329,19 @@ def test_it_goes_with_the_render_and_where_no_parts_are_left(scene, output, tmp_
     assert not copy.parent.exists()
 
 
-def test_preview_is_fast_for_an_8k_image(scene):
-    views = np.random.default_rng(0).integers(0, 255, (80, 80, 54, 96, 3), np.uint8)
-    path = asked.views_file(Path("/8k"))
+def test_a_preview_shows_the_view_without_a_mapped_file_or_an_image_to_save(scene, tmp_path):
+    views, path = np.random.default_rng(0).integers(0, 255, (8, 8, 54, 96, 3), np.uint8), tmp_path / "views.npy"
     np.save(path, views)
     images.load(scene, path)
-    seconds = []
-    for eye in np.linspace(-1, 1, 9):
-        started = time.perf_counter()
-        scene.lfsr.eye_right = eye
-        seconds.append(time.perf_counter() - started)
+    scene.lfsr.eye_right = 1
     maps = Path("/proc/self/maps")
     assert not maps.is_file() or str(path) not in maps.read_text(), "Windows replaces no mapped file"
-    path.unlink()
-    print(f"preview of an 8K image: {np.median(seconds) * 1000:.1f} ms")
     image = bpy.data.images[images.IMAGE_NAME]
     assert not any(item.is_dirty for item in bpy.data.images), "Blender asks about it when it quits"
     shown = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(shown)
-    expected = images.to_pixels(views[images.view_index((80, 80), (1, scene.lfsr.eye_up))])
+    expected = images.to_pixels(views[images.view_index((8, 8), (1, scene.lfsr.eye_up))])
     assert np.abs(shown - expected.ravel()).max() < 1e-3 and len(bpy.data.images) == 1
-    assert np.median(seconds) < 0.1
 
 
 def test_our_images_stay_out_of_the_file(scene, tmp_path):

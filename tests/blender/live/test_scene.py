@@ -19,17 +19,11 @@ from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.panel.subpixel_rays import panel_image
 from lfsr_core.optics.rays import RIM
 from lfsr_core.reconstruct.methods.interpolation import decode, encode
-from tests.support import panel
 from tests.support.panels import cells, hexagonal, small
 from tests.support.scenes import encoded, snapshot
 from tests.support.told import refuses
 
 SIZE = (128, 96)
-
-
-@pytest.fixture
-def scene(artist):
-    return artist
 
 
 @pytest.fixture
@@ -178,12 +172,6 @@ def test_without_an_array_that_can_be_followed_there_is_no_view(scene):
     refuses("needs a camera array", live_scene.view_of, scene, SIZE)
 
 
-def test_start_without_a_window_says_so(scene):
-    before = snapshot()
-    panel.refused("without a window", bpy.ops.lfsr.live)
-    assert not session.is_on() and snapshot() == before
-
-
 def test_file_of_a_crash_is_tidied(scene, shown, tmp_path):
     path = tmp_path / "crash.blend"
     assert not session.is_on()
@@ -227,10 +215,5 @@ def evaluate(tree, value):
         node = socket.links[0].from_node
         if node.bl_idname == "NodeGroupInput":
             return value
-        function = OPERATIONS[node.operation]
-        return function(*[of(item) for item in list(node.inputs)[:function_arity(node)]])
+        return OPERATIONS[node.operation](*[of(item) for item in node.inputs if item.enabled])
     return of(next(node for node in tree.nodes if node.bl_idname == "NodeGroupOutput").inputs[0])
-
-
-def function_arity(node):
-    return sum(1 for item in node.inputs if item.enabled)

@@ -19,8 +19,20 @@ from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.pipeline.merge import merge
 from lfsr_core.pipeline.parts import Part
 from tests.support.requests import make_request
-from tests.support.scenes import MINI, add_camera
+from tests.support.scenes import MINI, add_box, add_camera, add_lamp, emission
 from tests.support.told import Told
+
+
+@pytest.fixture
+def lit(scene):
+    """A wall that fills the view and a box that shines before it, in noisy light, shadow and a world."""
+    add_box(scene, (0, 1, 0), (5, 0.1, 5))
+    add_box(scene, (0, 0, 0.2), (0.4, 0.3, 0.3), emission((0.2, 0.6, 0.1))).name = "box"
+    add_lamp(scene)
+    scene.world = bpy.data.worlds.new("world")
+    add_camera(scene, (0, -3, 0), 0.9)
+    return scene
+
 
 LENSES = ((0, 0), (3, 4), (5, 8), (6, 9), (11, 15))
 
@@ -69,13 +81,6 @@ def test_the_second_stage_gets_albedo_normal_and_position_where_views_are_left_o
     images = images_of(lit, tmp_path, **options)
     assert read_frame(tmp_path).layers == expected
     assert all({"albedo", "normal"} & set(layers) == {"albedo", "normal"} & set(expected) for layers in images.values())
-
-
-def test_reference_of_listed_lenses(lit, tmp_path):
-    halves = colors(lit, tmp_path, kind="reference", lens_list=LENSES, scale=4)
-    frame = read_frame(tmp_path)
-    assert (frame.scale, frame.lens_list, frame.rays.size) == (1, LENSES, (2 * 8, 3 * 8))
-    assert all(half.shape == (3 * 8, 2 * 8, 3) for half in halves.values())
 
 
 def test_halves_share_the_samples_and_are_not_clamped(lit, tmp_path):

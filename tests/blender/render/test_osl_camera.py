@@ -8,7 +8,6 @@ import bpy
 import mathutils
 import numpy as np
 import pytest
-import torch
 
 from blender_addon.render import cycles, output
 from blender_addon.render.cards import card_camera
@@ -19,9 +18,6 @@ from lfsr_core.images import exr
 from lfsr_core.optics import eia
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout
 from lfsr_core.optics.rays import CameraArray, RayLayout, view_offset
-from lfsr_core.reconstruct import denoiser
-from lfsr_core.reconstruct.methods.denoise import denoise_eia
-from lfsr_lab.networks.denoiser import Denoiser, hdr_decode, hdr_encode, stock_weights
 from tests.support.card_rays import pixel_rays
 from tests.support.panels import SHEETS, large, lenticular
 from tests.support.reference_rays import panel_rays
@@ -32,9 +28,7 @@ from tests.support.scenes import (
     POSITION_OFFSET,
     TURNED,
     WAYS,
-    add_box,
     add_plane,
-    emission,
     encoded,
     fresh_scene,
     position_emission,
@@ -81,35 +75,6 @@ def test_new_parameters_replace_those_of_an_older_layout(scene):
     layout = RayLayout.for_display(MINI, ARRAY)
     cycles.set_shader(camera, cycles.layout_source(layout), cycles.layout_parameters(layout))
     assert "left_over" not in camera.cycles_custom
-
-
-def test_hundreds_of_listed_lenses_render(scene, tmp_path):
-    scene.world = bpy.data.worlds.new("world")
-    lenses = tuple((row % 12, row // 12 % 16) for row in range(512))
-    layout = RayLayout.for_display(MINI, ARRAY, 2, lens_list=lenses)
-    add_box(scene, (0, 0, 0), (9, 0.1, 9), emission((0.5, 0.5, 0.5)))
-    color = encoded(scene, layout, tmp_path)["color"]
-    assert color.shape == (24 * 4, 22 * 4, 4) and color[..., :3] == pytest.approx(0.5)
-
-
-@pytest.mark.parametrize("size", ["base", "small"])
-def test_a_render_is_denoised_alike(scene, tmp_path, monkeypatch, size):
-    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
-    scene.world = bpy.data.worlds.new("world")
-    noisy = encoded(scene, RayLayout.for_display(MINI, ARRAY, 2), tmp_path, samples=2)["color"][..., :3]
-    stock = stock_weights("hdr", size)
-    denoiser.write_tza(tmp_path / "some.tza", stock)
-    by_library = denoise_eia(noisy, weights=denoiser.load(tmp_path / "some.tza"))
-    assert np.abs(by_library - noisy).mean() > 1e-3, "there is noise to take away"
-
-    seen = torch.from_numpy(noisy.astype(np.float32)).permute(2, 0, 1)[None]
-    with torch.inference_mode():
-        by_twin = hdr_decode(Denoiser.from_tensors(stock)(hdr_encode(seen)))[0].permute(1, 2, 0).numpy()
-    np.testing.assert_allclose(by_twin, by_library, rtol=1e-4, atol=1e-4)
-
-    monkeypatch.setitem(sys.modules, "pyoidn", None)
-    by_blender = denoise_eia(noisy, weights=denoiser.load(tmp_path / "some.tza"))
-    np.testing.assert_allclose(by_blender, by_library, rtol=1e-3, atol=1e-3)
 
 
 TOLERANCE = 1e-5 * ARRAY.distance

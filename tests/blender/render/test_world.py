@@ -17,7 +17,7 @@ from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.pipeline.make import finish_frame
 from tests.support.panels import cells, hexagonal, small
 from tests.support.requests import make_request
-from tests.support.scenes import MINI, WAYS, add_box, add_camera, emission, mixed
+from tests.support.scenes import MINI, WAYS, add_box, add_camera, add_world, emission, mixed
 
 
 @pytest.fixture
@@ -144,9 +144,7 @@ SAMPLES = 32
 def pane(scene):
     """A clear pane of glass in an even grey world, in front of nothing."""
     add_box(scene, (0, 0, 0), (0.5, 0.05, 0.5), mixed(("ShaderNodeBsdfGlass", {"Roughness": 0.0})))
-    scene.world = bpy.data.worlds.new("grey")
-    background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
-    background.inputs["Color"].default_value = (0.5, 0.5, 0.5, 1)
+    add_world(scene, 0.5)
     add_camera(scene, (0, -4, 0), 0.3)
     scene.render.film_transparent = True
     return scene

@@ -21,7 +21,7 @@ from lfsr_core.frames.request import EVEN, OWN
 from lfsr_core.images import exr
 from lfsr_core.images.exr import read_layers
 from tests.support.requests import make_request
-from tests.support.scenes import MINI, add_box, add_camera, add_lamp, add_mesh, emission, save_box
+from tests.support.scenes import MINI, add_box, add_camera, add_lamp, add_mesh, add_world, emission, mixed, save_box
 from tests.support.told import Told, refuses
 
 
@@ -40,11 +40,7 @@ def test_scene_without_light_gets_an_hdri_that_is_not_seen(tmp_path):
 
 def test_own_black_world_is_put_back(scene, tmp_path):
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
-    scene.world = black = bpy.data.worlds.new("black")
-    black.color = (0, 0, 0)
-    for node in black.node_tree.nodes if black.node_tree else ():
-        if node.type == "BACKGROUND":
-            node.inputs["Strength"].default_value = 0.0
+    black = add_world(scene, 0, 0)
     for name in (light.DEFAULT_LIGHT, EVEN, OWN):
         with light.lit(scene, name):
             assert light.has_light(scene) == (name != OWN)
@@ -62,11 +58,7 @@ def test_what_counts_as_light(scene, kind, lit):
         lamp.hide_render = "hidden" in kind
         scene.collection.objects.link(lamp)
     if "world" in kind:
-        scene.world = bpy.data.worlds.new("world")
-        scene.world.color = (0, 0, 0) if "black" in kind else (0.5, 0.5, 0.5)
-        if scene.world.node_tree:
-            background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
-            background.inputs["Strength"].default_value = 0.0 if "black" in kind else 1.0
+        add_world(scene, 0.5, 0 if "black" in kind else 1)
     assert light.has_light(scene) == lit
 
 
@@ -84,21 +76,13 @@ def brightness(stage, tmp_path, **options):
     return color[..., :3].max(), " ".join(sentence(notice) for notice in told.notices)
 
 
-def far_glow(scene):
-    add_box(scene, (0, 40, 0), (0.01, 0.01, 0.01), emission((0.01, 0.01, 0.01)))
-
-
 def lantern(scene):
     """A bright pane, too small to light the rest."""
     add_box(scene, (0, -0.5, 0), (0.1, 0.01, 0.1), emission((20, 20, 20)))
 
 
-def weak_sun(scene):
-    with_sun(scene, 3 / 683)
-
-
 @pytest.mark.parametrize(("shine", "file"), [
-    (far_glow, ""), (lantern, ""), (weak_sun, ""), (lantern, "scene.glb")])
+    (lantern, ""), (lambda scene: with_sun(scene, 3 / 683), ""), (lantern, "scene.glb")])
 def test_light_that_does_not_arrive_counts_as_none(scene, tmp_path, shine, file):
     """A .blend keeps its own light; files from elsewhere are lit."""
     box = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
@@ -121,18 +105,10 @@ def test_what_shines_all_over_needs_no_light(scene, tmp_path):
     assert read_frame(tmp_path / "out").light == "own"
 
 
-def grey_world(scene, value):
-    scene.world = bpy.data.worlds.new("grey")
-    scene.world.color = (value,) * 3
-    if scene.world.node_tree:
-        background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
-        background.inputs["Color"].default_value = (value, value, value, 1)
-
-
 @pytest.mark.parametrize(("value", "exposure", "dark"), [(0.05, 0, True), (0.05, 2, False), (0.5, 0, False)])
 def test_the_world_of_a_new_file_is_too_dark(scene, tmp_path, value, exposure, dark):
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
-    grey_world(scene, value)
+    add_world(scene, value)
     scene.view_settings.exposure = exposure
     _, said = brightness(scene, tmp_path)
     assert ("lmost no light reaches" in said) == dark
@@ -140,15 +116,11 @@ def test_the_world_of_a_new_file_is_too_dark(scene, tmp_path, value, exposure, d
 
 
 def test_black_things_in_good_light_are_not_dark(scene, tmp_path):
-    item = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
-    black = bpy.data.materials.new("black")
-    black.use_nodes = True
-    shader = next(node for node in black.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    shader.inputs["Base Color"].default_value, shader.inputs["Roughness"].default_value = (0.02, 0.02, 0.02, 1), 1.0
-    item.data.materials.append(black)
-    grey_world(scene, 1.0)
+    black = mixed(("ShaderNodeBsdfDiffuse", {"Color": (0.02, 0.02, 0.02, 1)}))
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), black)
+    add_world(scene, 1.0)
     assert not frame_folder.is_dark(scene, make_request(str(tmp_path), MINI))
-    grey_world(scene, 0.05)
+    add_world(scene, 0.05)
     assert frame_folder.is_dark(scene, make_request(str(tmp_path), MINI))
 
 
@@ -207,14 +179,6 @@ def test_every_frame_of_an_animation_has_the_same_light(scene, tmp_path):
         with frame_folder.prepared(scene, job) as frame:
             lights.add(frame.light)
     assert lights == {"own"}
-
-
-def test_lamp_that_arrives_is_left_alone(scene, tmp_path):
-    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
-    add_lamp(scene)
-    assert not light.is_certain(scene)
-    brightest, said = brightness(scene, tmp_path)
-    assert brightest > 0.05 and not said and scene.world is None
 
 
 def test_keys_of_samples_do_not_make_the_proof_of_light_long(scene, tmp_path):

@@ -6,9 +6,8 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from blender_addon import compat
 from blender_addon.scene import devices, settings
-from blender_addon.scene.notices import SWITCHES, left_out
+from blender_addon.scene.notices import left_out
 from blender_addon.scene.words import PANEL, sentence
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
@@ -23,41 +22,6 @@ def plain(scene):
     add_box(scene, (0, 0, 0), (1, 1, 1))
     add_camera(scene)
     return scene
-
-
-def inner(scene):
-    """A collection of the box's copy in the first view layer."""
-    made = bpy.data.collections.new("inner")
-    scene.collection.children.link(made)
-    made.objects.link(bpy.data.objects.new("copy", scene.objects["item"].data))
-    return scene.view_layers[0].layer_collection.children["inner"]
-
-
-def negative_world(scene):
-    scene.world = bpy.data.worlds.new("night")
-    compat.use_nodes(scene.world)
-    scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = -1
-
-
-@pytest.mark.parametrize(("spoil", "code", "values"), [
-    (negative_world, "world-negative", {"world": "night"}),
-    (lambda scene: setattr(scene.camera.data, "shift_y", 0.25), "shift-ignored", {"x": 0, "y": 0.25}),
-    (lambda scene: setattr(scene.view_layers[0], "material_override", bpy.data.materials.new("clay")),
-     "override-ignored", {"material": "clay"}),
-    (lambda scene: scene.view_layers.new("beauty"), "layers-left-out", {"names": ["beauty"]}),
-    *((lambda scene, switch=switch: setattr(inner(scene), switch, True), "collections-switched",
-       {"switch": switch, "names": ["inner"]}) for switch in SWITCHES)])
-def test_what_a_render_leaves_out_is_said(plain, spoil, code, values):
-    assert left_out(plain) == []
-    spoil(plain)
-    (notice,) = left_out(plain)
-    assert notice.code == code and notice.values.items() >= values.items()
-
-
-def test_an_empty_collection_that_is_switched_off_is_not_said(plain):
-    bpy.data.objects.remove((made := inner(plain)).collection.objects[0])
-    setattr(made, SWITCHES[0], True)
-    assert left_out(plain) == []
 
 
 def test_compositor_nodes_that_change_the_image_are_said(plain):

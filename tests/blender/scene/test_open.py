@@ -2,7 +2,6 @@
 
 import importlib
 import json
-from pathlib import Path
 
 import bpy
 import numpy as np
@@ -13,7 +12,6 @@ from blender_addon.scene import subject
 from blender_addon.scene.array import edit, placement, rig
 from blender_addon.scene.open import camera_notices, choose_camera, open_scene
 from blender_addon.scene.subject import find_subject
-from lfsr_core.base.errors import LfsrError
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images import exr
@@ -37,21 +35,12 @@ def test_every_format_puts_the_box_where_it_was(tmp_path, suffix):
     assert high == pytest.approx(CENTRE + HALF, abs=1e-5)
 
 
-def damaged(path):
-    data = path.read_bytes()
-    path.write_bytes(data[:len(data) // 3])
-    return path
-
-
-@pytest.mark.parametrize("suffix", [".blend", ".glb", ".gltf"])
-def test_truncated_file_is_refused(tmp_path, suffix):
-    with pytest.raises(LfsrError, match=f"scene{suffix} cannot be read"):
-        open_scene(damaged(save_box(tmp_path / f"scene{suffix}", tuple(CENTRE), tuple(HALF))))
-
-
 @pytest.mark.parametrize("suffix", [".blend", ".glb", ".gltf", ".obj"])
-def test_file_of_nonsense_is_refused(tmp_path, suffix):
-    path = tmp_path / f"scene{suffix}"
+def test_a_truncated_file_and_one_of_nonsense_are_refused(tmp_path, suffix):
+    path = save_box(tmp_path / f"scene{suffix}", tuple(CENTRE), tuple(HALF))
+    if suffix != ".obj":
+        path.write_bytes(path.read_bytes()[:path.stat().st_size // 3])
+        refuses(f"scene{suffix} cannot be read", open_scene, path)
     path.write_bytes(b"\x00nonsense" * 100)
     refuses("cannot be read|nothing of the subject|is empty", lambda: find_subject(open_scene(path)))
 
@@ -60,9 +49,7 @@ def test_an_importers_long_traceback_is_one_short_sentence(tmp_path):
     """Blender cuts what its importer says, and then adds where it called it from."""
     path = tmp_path / "scene.gltf"
     path.write_text(BAD_ACCESSOR)
-    with pytest.raises(LfsrError, match=r"scene\.gltf cannot be read \(TypeError: .*the file is complete") as caught:
-        open_scene(path)
-    assert len(str(caught.value)) <= 300
+    assert len(refuses(r"scene\.gltf cannot be read \(TypeError: .*the file is complete", open_scene, path)) <= 300
 
 
 @pytest.mark.parametrize(("extension", "name", "command"), [
@@ -133,17 +120,6 @@ def test_camera_by_name_comes_before_an_array(scene):
     assert rig.find(scene) == array
     choose_camera(scene, camera.name)
     assert rig.find(scene) is None and scene.camera == camera
-
-
-@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs a device among files")
-def test_a_device_that_a_blend_names_is_refused(tmp_path):
-    scene = fresh_scene()
-    add_box(scene, tuple(CENTRE), tuple(HALF))
-    image = bpy.data.images.new("endless", 4, 4)
-    image.source, image.filepath = "FILE", "/dev/zero"
-    image.use_fake_user = True
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    refuses("/dev/zero, which is no regular file", open_scene, tmp_path / "scene.blend")
 
 
 @pytest.mark.parametrize("far", [3e38, float("nan"), float("inf")])

@@ -1,8 +1,6 @@
 """Scripts that write the laboratory's scenes or change one: what stands in them, and where."""
 
 import json
-import subprocess
-import sys
 
 import bpy
 import numpy as np
@@ -10,20 +8,18 @@ import pytest
 from mathutils import Vector
 from PIL import Image
 
+import lfsr_lab.scenes
 from blender_addon.scene.array import placement
 from blender_addon.scene.open import open_scene
 from blender_addon.scene.subject import find_subject
 from lfsr_core.base.files import write_json
-from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.process.child import find_blender
 from lfsr_lab.experiments.animations.study import NAMES
-from lfsr_lab.scenes import run_script, scene_script
-from tests.support.prerequisites import needs_bpy
-from tests.support.scenes import MINI, ROOT, add_box, add_camera, emission
+from lfsr_lab.scenes import scene_script
+from tests.support.processes import run_script
+from tests.support.scenes import MINI, ROOT, TINY, add_box, add_camera, emission
 
-pytestmark = needs_bpy
 SCRIPTS = ROOT / "scripts" / "lab" / "lfsr_lab" / "scenes"
-DISPLAY = DisplayProfile("tiny", (64, 48), (59.04, 44.28), (8, 6), (8, 8), 500.0, 40.0)
 MOVING = {"object": "ball", "light": "lamp", "dance": "dancer"}  # the camera in the others
 UNSEEN = ("glitter", "cloth", "room", "city", "deep", "world")
 MODELS = ("FlightHelmet.gltf", "GlassVaseFlowers.gltf", "head.glb", "japaneseMaple.obj")
@@ -33,12 +29,6 @@ MODELS = ("FlightHelmet.gltf", "GlassVaseFlowers.gltf", "head.glb", "japaneseMap
 def scripts(monkeypatch):
     """Scripts are modules here."""
     monkeypatch.syspath_prepend(str(SCRIPTS))
-
-
-def run(name, *arguments):
-    """A script in a process of its own."""
-    return subprocess.run([sys.executable, SCRIPTS / name, *map(str, arguments)], capture_output=True, text=True,
-                          check=False)
 
 
 def corners(items):
@@ -54,7 +44,7 @@ def test_one_thing_moves_in_an_animation_and_nothing_else(name):
     from lfsr_lab.scenes.sweeps.stage import Stage
 
     assert set(animation_scenes.BUILDERS) == set(NAMES)
-    animation_scenes.BUILDERS[name](Stage.empty(DISPLAY, 4, 4), 0.0)
+    animation_scenes.BUILDERS[name](Stage.empty(TINY, 4, 4), 0.0)
     scene, places = bpy.context.scene, []
     for frame in (1, 4):
         scene.frame_set(frame)
@@ -92,7 +82,7 @@ def test_textured_scenes_stand_before_their_cameras_with_light_and_photographs(t
 
     for number in range(2):
         Image.fromarray(np.full((4, 6, 3), 90 * number, np.uint8)).save(tmp_path / f"{number}.png")
-    assert run("textured_scenes.py", tmp_path, tmp_path / "out").returncode == 0
+    assert run_script("textured_scenes.py", tmp_path, tmp_path / "out")[0] == 0
     assert {path.stem for path in (tmp_path / "out").glob("*.blend")} == set(textured_scenes.NAMES)
     assert len(textured_scenes.NAMES) == 10
     for name in textured_scenes.NAMES:
@@ -124,8 +114,7 @@ def models(tmp_path):
 
 
 def test_models_of_deep_scenes_stand_one_behind_another_and_a_missing_one_is_named(models, tmp_path):
-    made = run("deep_scenes.py", models, tmp_path / "scenes")
-    assert made.returncode == 0, made.stderr
+    assert run_script("deep_scenes.py", models, tmp_path / "scenes")[0] == 0
     assert {path.name for path in (tmp_path / "scenes").iterdir()} == {"row.blend", "grove.blend", "steps.blend"}
     scene = open_scene(tmp_path / "scenes" / "row.blend")
     bpy.context.view_layer.update()
@@ -139,8 +128,8 @@ def test_models_of_deep_scenes_stand_one_behind_another_and_a_missing_one_is_nam
     assert not [item for item in scene.objects if item.type == "LIGHT"]
     assert scene.render.film_transparent and all(image.packed_file for image in bpy.data.images if image.filepath)
     next(models.rglob("*.obj")).unlink()
-    failed = run("deep_scenes.py", models, tmp_path / "others")
-    assert failed.returncode == 2 and "japaneseMaple.obj" in failed.stdout
+    code, messages = run_script("deep_scenes.py", models, tmp_path / "others")
+    assert code == 2 and "japaneseMaple.obj" in messages[-1]["message"]
 
 
 def test_a_moved_array_keeps_its_display_plane(scene, tmp_path):
@@ -157,7 +146,7 @@ def test_a_moved_array_keeps_its_display_plane(scene, tmp_path):
     for share in (0.5, 2.0):
         write_json(tmp_path / "job.json", {"scene": str(blend), "display": MINI.to_dict(), "share": share,
                                            "output": str(after)})
-        assert run("move_camera_array.py", tmp_path / "job.json").returncode == 0
+        assert run_script("move_camera_array.py", tmp_path / "job.json")[0] == 0
         array, moved = placed(after)
         for name in ("distance", "half_width", "half_height", "spacing"):
             assert getattr(array, name) == pytest.approx(share * getattr(before, name), rel=1e-5), name
@@ -174,6 +163,6 @@ def test_a_script_sees_the_depths_that_auto_sees(scene, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     job, output = tmp_path / "job.json", tmp_path / "moves.json"
     write_json(job, {"scene": str(tmp_path / "scene.blend"), "display": MINI.to_dict(), "output": str(output)})
-    run_script(find_blender(), scene_script("seen_depths.py"), job, [output])
+    lfsr_lab.scenes.run_script(find_blender(), scene_script("seen_depths.py"), job, [output])
     assert json.loads(output.read_text()) == pytest.approx(sorted(expected), abs=1e-5)
     assert len(expected) > 50 and expected.max() > 0.1

@@ -1,10 +1,6 @@
 """Scenes of the parameter sweeps: the value is in them, as large as it says, and nothing else changes."""
 
-import json
 import math
-import subprocess
-import sys
-from pathlib import Path
 
 import bpy
 import numpy as np
@@ -14,19 +10,17 @@ from blender_addon.render.frame_folder import render_job
 from blender_addon.scene import light, open, subject
 from blender_addon.scene.array import rig
 from blender_addon.scene.files import unreadable
-from lfsr_core.base.files import read_json
+from lfsr_core.base.files import read_json, write_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.low_res import foreground_mask
 from lfsr_core.images.exr import read_layers
-from lfsr_core.optics.display import DisplayProfile
+from lfsr_core.optics.display import write_profile
 from lfsr_lab.experiments.sweeps.records import SWEEPS
 from lfsr_lab.scenes.sweeps.space import Space, card_of_motion, hole
-from tests.support.prerequisites import needs_bpy
+from tests.support.processes import run_script
 from tests.support.requests import make_request
+from tests.support.scenes import TINY as DISPLAY
 
-pytestmark = needs_bpy
-SCRIPTS = Path(__file__).parents[3] / "scripts" / "lab" / "lfsr_lab" / "scenes"
-DISPLAY = DisplayProfile("tiny", (64, 48), (59.04, 44.28), (8, 6), (8, 8), 500.0, 40.0)
 SCALE, FRAMES = 4, 6
 SPACE = Space.of(DISPLAY, SCALE)
 
@@ -110,9 +104,6 @@ def test_bodies_are_spread_over_the_whole_range(built):
     front, behind = SPACE.depth(-1.5), SPACE.depth(1.5)
     assert front <= min(depths) < 0.8 * front and 0.8 * behind < max(depths) <= behind
     assert {item.location.y for item in meshes(built("depth-range", 0), "body")} == {0}
-
-
-def test_samples_keep_within_half_a_usable_depth(built):
     depths = [item.location.y for item in meshes(built("samples", 1), "body")]
     assert SPACE.depth(-0.5) <= min(depths) < 0 < max(depths) <= SPACE.depth(0.5)
 
@@ -245,22 +236,13 @@ def test_specks_are_as_large_as_the_sweep_says(built):
         assert 2 * radius == pytest.approx(SPACE.footprint(speck.location.y) / 4, rel=1e-2)
 
 
-def run_script(folder, scenes):
-    """The script in a process of its own: exit code and its last message."""
-    job = folder / "scenes.json"
-    job.write_text(json.dumps({"display": DISPLAY.to_dict(), "scale": SCALE, "frames": FRAMES, "scenes": scenes}),
-                   encoding="utf-8")
-    command = [sys.executable, SCRIPTS / "sweep_scenes.py", job]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    lines = [line.removeprefix("LFSR ") for line in done.stdout.splitlines() if line.startswith("LFSR ")]
-    return done.returncode, json.loads(lines[-1])
-
-
 def test_the_script_writes_files_that_hold_all_they_need(tmp_path):
     """An impossible depth is reported and leaves no file."""
     wire, eye = (tmp_path / name / "scene.blend" for name in ("wire", "eye"))
-    code, message = run_script(tmp_path, [{"name": "wire", "value": 1, "path": str(wire)},
-                                          {"name": "eye", "value": 50, "path": str(eye)}])
+    scenes = [{"name": "wire", "value": 1, "path": str(wire)}, {"name": "eye", "value": 50, "path": str(eye)}]
+    job = {"display": DISPLAY.to_dict(), "scale": SCALE, "frames": FRAMES, "scenes": scenes}
+    write_json(tmp_path / "job.json", job)
+    code, (*_, message) = run_script("sweep_scenes.py", tmp_path / "job.json")
     assert (code, message["stage"]) == (2, "error") and "slope of 50" in message["message"] and not eye.exists()
     assert [item.name for item in wire.parent.iterdir()] == ["scene.blend"]
     scene = open.open_scene(wire)
@@ -272,13 +254,9 @@ def test_the_script_writes_files_that_hold_all_they_need(tmp_path):
 def test_the_suite_runs_from_scene_to_page(tmp_path):
     from lfsr_core.cli import main
 
-    display = tmp_path / "tiny.toml"
-    display.write_text('name = "tiny"\npanel_pixels = [64, 48]\npanel_mm = [59.04, 44.28]\nlenses = [8, 6]\n'
-                       "views = [8, 8]\nviewing_distance_mm = 500.0\nviewing_angle_deg = 40.0\n", encoding="utf-8")
-    command = ["study", "stress", "-o", str(tmp_path / "out"), "--display", str(display), "--quick", "--reference-spp",
-               "8",
-               "--sweeps", "samples"]
-    assert main([*command, "--methods", "bilinear"]) == 0
+    write_profile(tmp_path / "tiny.toml", DISPLAY)
+    assert main(["study", "stress", "-o", str(tmp_path / "out"), "--display", str(tmp_path / "tiny.toml"), "--quick",
+                 "--reference-spp", "8", "--sweeps", "samples", "--methods", "bilinear"]) == 0
     sweep = read_json(tmp_path / "out" / "stress.json", "the report")["dials"][0]
     quality = {(cell["value"], cell["method"]): cell["metrics"]["ssim_eia_fg"] for cell in sweep["cells"]}
     assert quality[64, "bicubic"] > quality[1, "bicubic"] + 0.05

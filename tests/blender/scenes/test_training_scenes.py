@@ -1,39 +1,28 @@
 """Training scenes at tiny size: complete, repeatable, resumable files that agree with each other."""
 
 import json
-import subprocess
-import sys
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from tests.support.prerequisites import needs_bpy
+from lfsr_core.optics.display import DisplayProfile, write_profile
+from tests.support.processes import ROOT, run_script
 from tests.support.told import refuses
 
-pytestmark = [needs_bpy, pytest.mark.slow]
-SCRIPTS = Path(__file__).parents[3] / "scripts" / "lab" / "lfsr_lab" / "scenes"
+pytestmark = pytest.mark.slow
 SCALE, LENSES, VIEWS = 2, (6, 4), (8, 8)
 SPPS, REFERENCE_SPP, SEED = (1, 16), 96, 10
 NAMES = ("1_0", "1_1", "1_2", "1_3", "16_0", "16_1", "target")
-DISPLAY = """
-name = "tiny"
-panel_pixels = [48, 32]
-panel_mm = [88.56, 59.04]
-lenses = [6, 4]
-views = [8, 8]
-viewing_distance_mm = 500.0
-viewing_angle_deg = 40.0
-"""
+DISPLAY = DisplayProfile("tiny", (48, 32), (88.56, 59.04), LENSES, VIEWS, 500.0, 40.0)
 
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
     """A display file and two photographs."""
     folder = tmp_path_factory.mktemp("inputs")
-    folder.joinpath("tiny.toml").write_text(DISPLAY, encoding="utf-8")
+    write_profile(folder / "tiny.toml", DISPLAY)
     rng = np.random.default_rng(0)
     for index in range(2):
         write_picture(folder / "photos" / f"{index}.png", rng.random((48, 64, 3), np.float32))
@@ -49,13 +38,9 @@ def write_picture(path, pixels):
 
 def run(inputs, models, output, *options):
     """The script in a process of its own: exit code and its messages."""
-    command = [sys.executable, SCRIPTS / "training_scenes.py", "--output", output, "--display", inputs / "tiny.toml",
-               "--textures", inputs / "photos", "--models", models, "--scale", SCALE,
-               "--spps", ",".join(map(str, SPPS)), "--reference-spp", REFERENCE_SPP, "--seed", SEED,
-               "--threads", 2, *options]
-    result = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
-    lines = [line.removeprefix("LFSR ") for line in result.stdout.splitlines() if line.startswith("LFSR ")]
-    return result.returncode, [json.loads(line) for line in lines]
+    return run_script("training_scenes.py", "--output", output, "--display", inputs / "tiny.toml", "--textures",
+                      inputs / "photos", "--models", models, "--scale", SCALE, "--spps", ",".join(map(str, SPPS)),
+                      "--reference-spp", REFERENCE_SPP, "--seed", SEED, "--threads", 2, *options)
 
 
 CUBE = "mtllib cube.mtl\n" + "".join(f"v {x} {y} {z}\n" for x in (0, 40) for y in (0, 20) for z in (0, 20)) + \
@@ -163,7 +148,7 @@ def test_bad_input_is_one_sentence(inputs, models, scenes, monkeypatch):
     assert code == 2 and messages[-1]["stage"] == "error"
     assert "other settings" in messages[-1]["message"] and "\n" not in messages[-1]["message"]
     assert not (scenes / "scene_000007.npz").exists()
-    monkeypatch.syspath_prepend(str(SCRIPTS))
+    monkeypatch.syspath_prepend(str(ROOT / "scripts" / "lab" / "lfsr_lab" / "scenes"))
     import training_scenes
 
     for option, value, pattern in (("--reference-spp", "0", "is 0"), ("--textures", "nowhere", "nowhere"),

@@ -3,6 +3,7 @@
 import resource
 import signal
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import pytest
@@ -65,20 +66,14 @@ def test_what_cannot_be_rendered_is_refused_before_the_render(scene, monkeypatch
     refuse(scene, sentence)
 
 
-def test_linked_array_cannot_be_changed(library, scene):
+def test_linked_and_overridden_arrays_cannot_be_changed(library, scene):
     bpy.ops.lfsr.array_remove()
-    link(library, scene)
+    collection = link(library, scene)
     bpy.data.objects["Box"].select_set(True)
     refuse(scene, "is linked from library.blend: make it local first", bpy.ops.lfsr.array_fit)
     refuse(scene, "is linked from library.blend", bpy.ops.lfsr.array_remove)
-
-
-def test_overridden_array_that_is_not_editable(library, scene):
-    bpy.ops.lfsr.array_remove()
-    collection = link(library, scene)
-    override = collection.override_hierarchy_create(scene, bpy.context.view_layer, do_fully_editable=False)
+    assert collection.override_hierarchy_create(scene, bpy.context.view_layer, do_fully_editable=False)
     scene.collection.children.unlink(collection)
-    assert override is not None
     bpy.data.objects["Box"].select_set(True)
     refuse(scene, "library override that is not editable", bpy.ops.lfsr.array_fit)
 
@@ -117,18 +112,17 @@ def test_a_full_disk_is_noticed_before_anything_is_rendered(scene, tmp_path):
     assert not (tmp_path / "lightfield").exists(), "what was tried leaves nothing"
 
 
-def test_missing_texture(scene, tmp_path):
+def test_a_missing_texture_is_said_and_the_render_goes_on(scene, tmp_path):
     material = bpy.data.materials.new("Textured")
     material.use_nodes = True
     texture = material.node_tree.nodes.new("ShaderNodeTexImage")
     texture.image = bpy.data.images.new("Gone", 4, 4)
     texture.image.source, texture.image.filepath = "FILE", "//textures/gone.png"
     bpy.data.objects["Box"].data.materials.append(material)
-    last.check(scene)
-    line = next(line for line in last.rows() if line.code == "texture")
-    assert line.target == "gone.png" and line.severity == "ERROR" and "looks wrong" in line.reason
     task = session.run("Render EIA", render.image_job(scene))
     assert [notice for notice in task.notices if "gone.png" in str(notice.values)]
+    kept = read_frame(tmp_path / "lightfield" / "scene" / "Scene" / "0001").notes
+    assert [notice.code for notice in kept] == ["file-unreadable"], "said once"
 
 
 def test_render_already_running(scene, monkeypatch):
@@ -138,26 +132,9 @@ def test_render_already_running(scene, monkeypatch):
         panel.refused("Render EIA is still running: wait for it or cancel it", operator)
     assert session.current() is task
     session.cancel()
-    monkeypatch.setattr(session.bpy, "app", _BusyApp())
+    monkeypatch.setattr(session.bpy, "app", SimpleNamespace(is_job_running=lambda kind: kind == "RENDER"))
     with pytest.raises(Exception, match="Blender is rendering"):
         session.check_idle()
-
-
-class _BusyApp:
-    """bpy.app while Blender's own render runs."""
-
-    @staticmethod
-    def is_job_running(kind: str) -> bool:
-        return kind == "RENDER"
-
-
-def test_profile_file_wrong_or_deleted(scene, tmp_path):
-    path = tmp_path / "own.toml"
-    path.write_text("name = 3")
-    scene.lfsr.display, scene.lfsr.profile_file = "FILE", str(path)
-    refuse(scene, "own.toml: field")
-    path.unlink()
-    refuse(scene, "own.toml cannot be read .*: choose another file or a built-in display")
 
 
 def test_two_scenes_with_different_displays(scene, tmp_path):

@@ -10,11 +10,8 @@ import pytest
 from blender_addon.scene import subject
 from blender_addon.scene.array import edit, placement, rig
 from blender_addon.scene.array.placement import View
-from lfsr_core.optics.display import load_display
 from tests.support import panel
-from tests.support.scenes import add_box, add_camera
-
-MINI = load_display("mini")
+from tests.support.scenes import MINI, add_box, add_camera
 
 
 def place(artist):

@@ -17,7 +17,6 @@ from lfsr_core.base.notices import Notice
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_core.optics.rays import CameraArray
-from tests.support import panel
 from tests.support.requests import make_request
 from tests.support.scenes import add_box, add_camera, add_lamp
 from tests.support.told import refuses
@@ -193,17 +192,6 @@ def test_mirror_of_a_camera_is_undone(scene, scale):
     assert camera_notices(scene, None, is_imported=False) == [Notice("camera-mirrored", {"camera": "camera"})]
 
 
-def test_mirror_of_a_parent_is_undone_where_it_puts_the_camera(scene):
-    add_box(scene, (-CENTRE[0], *CENTRE[1:]), tuple(HALF))
-    camera, parent = add_camera(scene), bpy.data.objects.new("parent", None)
-    scene.collection.objects.link(parent)
-    camera.parent = parent
-    _, matrix = scaled(scene, parent, (-1, 1, 1))
-    expected = mathutils.Matrix.Translation((-1, -5, 3)) @ mathutils.Matrix.Rotation(np.pi / 2, 4, "X")
-    assert np.ravel(matrix) == pytest.approx(np.ravel(rig.from_blender(expected)), abs=1e-6)
-    assert [notice.code for notice in camera_notices(scene, None, is_imported=False)] == ["camera-mirrored"]
-
-
 @pytest.mark.parametrize("scale", [(0, 0, 0), (0, 1, 1), (1, 1, 0)])
 @pytest.mark.parametrize("whose", ["camera", "parent"])
 def test_camera_without_a_direction_is_one_sentence(scene, scale, whose):
@@ -343,18 +331,16 @@ def test_a_frame_without_an_array_does_not_count(scene):
     assert frame_of(scene, frames=(1, 9)).scale == frame_of(scene).scale
 
 
-def test_the_panel_leaves_the_choice_to_blender_and_gives_an_animation_one_scale(tmp_path, monkeypatch):
-    with panel.registered():
-        scene = panel.artist_scene(tmp_path)
-        job = asked.asked(scene)[0]
-        assert (job.sampling.scale, job.sampling.scales, job.sampling.rays) == (2, (), None)
-        scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.rays = scene_settings.AUTO_SCALE, 0, 0.5
-        auto = asked.asked(scene)[0]
-        assert (auto.sampling.scale, auto.sampling.scales, auto.sampling.samples, auto.sampling.rays) == (2, (2,), 2,
-                0.5)
-        scene.frame_end = 2
-        monkeypatch.setattr(placement, "seen_depths", lambda *_: pytest.fail("Blender's window waits for it"))
-        made = session.run("Animation", render.animation_job(scene)).result["made"]
-        first, last = (read_frame(frame["folder"]) for frame in made)
-        assert first.scale == last.scale and first.scale_reason.values["scale"] == first.scale
-        assert first.samples == max(1, round(0.5 * first.scale**2))
+def test_the_panel_leaves_the_choice_to_blender_and_gives_an_animation_one_scale(artist, monkeypatch):
+    job = asked.asked(artist)[0]
+    assert (job.sampling.scale, job.sampling.scales, job.sampling.rays) == (2, (), None)
+    artist.lfsr.scale, artist.lfsr.samples, artist.lfsr.rays = scene_settings.AUTO_SCALE, 0, 0.5
+    auto = asked.asked(artist)[0]
+    assert (auto.sampling.scale, auto.sampling.scales, auto.sampling.samples, auto.sampling.rays) == (2, (2,), 2,
+            0.5)
+    artist.frame_end = 2
+    monkeypatch.setattr(placement, "seen_depths", lambda *_: pytest.fail("Blender's window waits for it"))
+    made = session.run("Animation", render.animation_job(artist)).result["made"]
+    first, last = (read_frame(frame["folder"]) for frame in made)
+    assert first.scale == last.scale and first.scale_reason.values["scale"] == first.scale
+    assert first.samples == max(1, round(0.5 * first.scale**2))

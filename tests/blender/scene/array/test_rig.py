@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 
 from blender_addon.scene.array import cached, edit, rig
-from lfsr_core.optics.display import load_display
 from tests.support import panel
 from tests.support.panel import found
+from tests.support.scenes import MINI
 from tests.support.told import refuses
-
-MINI = load_display("mini")
 
 
 @pytest.fixture

@@ -90,12 +90,6 @@ def test_without_an_image_it_says_what_to_do(add_on, tmp_path, press):
     panel.refused("render the EIA first", press)
 
 
-def test_a_page_without_an_image_of_the_right_size_is_refused(frame):
-    write_png(frame / "eia.png", read_png(frame / "eia.png")[:48])
-    panel.refused("has 128×48 pixels", bpy.ops.lfsr.open_viewer)
-    assert not (frame / "view.html").exists()
-
-
 @pytest.fixture
 def lenticular_frame(add_on, tmp_path, monkeypatch):
     """A finished frame for a lenticular display of 240×160 pixels."""

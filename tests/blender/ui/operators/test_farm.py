@@ -5,7 +5,6 @@ import json
 import os
 import shlex
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -17,19 +16,17 @@ from blender_addon.scene import settings as scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.operators import plan
 from blender_addon.ui.operators import render as buttons
-from blender_addon.ui.properties import method_items
 from lfsr_core.base.files import read_json
 from lfsr_core.base.notices import Notice
 from lfsr_core.pipeline.farms import TEMPLATES
 from lfsr_core.plan import options
-from lfsr_core.plan.options import Candidate, Choice, Estimate, Guess, Rated, default_methods
+from lfsr_core.plan.options import Candidate, Choice, Estimate, Guess, Rated
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from tests.blender.ui.test_panels import draw, labels, operators, properties
 from tests.pipeline.test_farms import STUB, node
 from tests.support import panel
+from tests.support.processes import children, lives, wait_for
 from tests.support.scenes import snapshot
-
-OPENJD = Path(sys.executable).with_name("openjd")
 
 
 @pytest.fixture
@@ -57,15 +54,6 @@ def test_the_openjd_job_is_valid_and_says_what_the_panel_says(scene, tmp_path, c
     assert {entry["name"]: entry["value"] for entry in bundle} == values
     said = capsys.readouterr().out
     assert f"the job is in {job}" in said and "deadline bundle gui-submit" in said
-
-
-@pytest.mark.skipif(not OPENJD.exists() and not os.environ.get("CI"), reason="needs openjd-cli")
-def test_openjd_takes_the_job(scene, tmp_path):
-    bpy.ops.lfsr.submit(farm="openjd", directory=str(tmp_path / "job"), parts=2)
-    template, values = (tmp_path / "job" / name for name in ("template.yaml", "parameters.json"))
-    done = subprocess.run([OPENJD, "summary", template, "-p", f"file://{values}"], capture_output=True, text=True,
-                          check=False)
-    assert done.returncode == 0 and "Render" in done.stdout and "6 total Tasks" in done.stdout, done.stdout
 
 
 @pytest.mark.skipif(not node() and not os.environ.get("CI"), reason="needs Node")
@@ -105,9 +93,6 @@ def test_what_cannot_be_is_said(scene, tmp_path, options, sentence):
 
 def test_every_farm_is_in_the_menu():
     assert {name for name, _, _ in buttons.FARM_ITEMS} == set(TEMPLATES)
-
-
-SECONDS_TO_START = 60
 
 
 @pytest.fixture
@@ -154,41 +139,14 @@ def test_cancel_ends_the_render_it_started(few):
     context = bpy.context
     few.lfsr.display = "bupt-32in-8k"  # its quick render alone would go on for many seconds
     task = session.start("Plan", plan.LFSR_OT_plan.prepare(None, context))
-    work = Path(bpy.app.tempdir)
-    wait_for(lambda: children(work))
+    panel.wait_for(lambda: task.child and children(task.child.pid))
+    (render,) = children(task.child.pid)
     started = time.perf_counter()
     assert bpy.ops.lfsr.cancel() == {"FINISHED"}
     assert time.perf_counter() - started < 5 and session.current() is None
-    wait_for(lambda: not children(work), seconds=3)
-    assert not list(work.glob("lfsr-*/*")) and task.ended
+    wait_for(lambda: not lives(render), seconds=3)
+    assert not list(Path(bpy.app.tempdir).glob("lfsr-*/*")) and task.ended
     assert not context.window_manager.lfsr.plan_text or "Not measured" in context.window_manager.lfsr.plan_text
-
-
-def test_every_method_tried_can_be_set(few):
-    listed = {item[0] for item in method_items()}
-    tried = plan.wanted(few).methods or default_methods()
-    assert set(tried) <= listed
-
-
-def children(work: Path) -> list[str]:
-    """Render processes whose job file lies under ``work``."""
-    found = []
-    for entry in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
-            words = entry.read_bytes().decode(errors="replace").split("\0")
-        except OSError:
-            continue
-        if any(word.startswith(str(work)) and word.endswith("request.json") for word in words):
-            found.append(" ".join(words))
-    return found
-
-
-def wait_for(condition, seconds: float = SECONDS_TO_START) -> None:
-    ends = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < ends
-        session._look()
-        time.sleep(0.05)
 
 
 def test_a_first_guess_comes_before_anything_is_measured(few, monkeypatch):

@@ -48,13 +48,6 @@ def test_render_writes_the_frame_folder_beside_the_file(rendered):
     assert report["method"] == "bicubic" and 0 < report["foreground_fraction"] < 1
 
 
-def test_render_used_the_array_of_the_scene(opened, rendered):
-    array, matrix = rig.placement(opened, scene_settings.display_of(opened))
-    frame = read_frame(panel.frame_one(rendered))
-    assert frame.array.distance == pytest.approx(array.distance, rel=1e-6)
-    assert np.allclose(frame.matrix_world, matrix, atol=1e-6)
-
-
 def test_a_scene_without_an_array_gets_one(scene):
     bpy.ops.lfsr.array_remove()
     add_camera(scene, (0.3, -3, 0.5))
@@ -64,12 +57,6 @@ def test_a_scene_without_an_array_gets_one(scene):
     frame = read_frame(folder)
     assert np.allclose(frame.matrix_world, matrix, atol=1e-6) and scene.camera.name == "camera"
     assert read_json(folder / "report.json", "report")["foreground_fraction"] > 0.05
-
-
-def test_where_nothing_would_be_rendered_nothing_is_asked(scene):
-    bpy.data.objects["Box"].hide_render = True
-    scene.collection.objects.unlink(bpy.data.objects["Sun"])
-    panel.refused("nothing of the subject 'Scene' would be rendered|Nothing of the subject", bpy.ops.lfsr.render_eia)
 
 
 def test_preview_shows_the_view_of_the_eye(opened, rendered):
@@ -83,13 +70,6 @@ def test_preview_shows_the_view_of_the_eye(opened, rendered):
         times = image.size[0] // 16
         shown = pixels[::-1, :, :3][times // 2::times, times // 2::times]
         assert np.allclose(shown, views[index] / 255, atol=0.01), eye
-
-
-def test_decoded_views_are_not_mirrored(opened, rendered):
-    # Behind lenses the panel holds each elemental image turned round: the left eye's view comes from its right end.
-    panel_order = read_png(panel.frame_one(rendered) / "eia.png").reshape(12, 8, 16, 8, 3)
-    views = np.load(asked.views_file(panel.frame_one(rendered)))
-    assert np.array_equal(views[0, 0], panel_order[:, 7, :, 7])
 
 
 def test_another_file_does_not_show_the_old_ones_views(opened, rendered):
