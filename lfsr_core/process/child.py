@@ -195,7 +195,7 @@ def _write(record: dict[str, Any]) -> None:
     sys.stdout.flush()
 
 
-def interrupt_main(number: int) -> None:
+def interrupt_main(number: signal.Signals) -> None:
     """Raise a signal in the main thread, and wake it where it waits for another."""
     if sys.platform == "win32":
         _thread.interrupt_main(number)
