@@ -10,6 +10,7 @@ import dataclasses
 import functools
 import re
 import sys
+import textwrap
 import types
 import typing
 from collections.abc import Mapping, Sequence
@@ -20,7 +21,7 @@ from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import read_json, write_json
 
 Record = TypeVar("Record")
-MOST_VALUE = 50  # characters of a value in a sentence
+MOST_VALUE, MOST_NAMES = 50, 80  # characters of a value and of a list of names in a sentence
 MOST_TEXT, MOST_WHOLE = 4096, 2**63
 SURROGATE = re.compile("[\ud800-\udfff]")  # which JSON can hold but no file name or terminal
 PLAIN: dict[type, tuple[tuple[type, ...], str]] = {
@@ -120,7 +121,7 @@ def _value(value: Any, kind: Any) -> Any:
         for key in value:
             if key not in fields:
                 raise _WrongError(f"unknown field {repr(key)[:MOST_VALUE]}; {did_you_mean(key, fields)}the fields are "
-                                  f"{', '.join(fields)}")
+                                  f"{textwrap.shorten(', '.join(fields), MOST_NAMES, placeholder=' …')}")
         for key, field in fields.items():
             if key not in value and field.default is field.default_factory is dataclasses.MISSING:
                 raise _WrongError(f"field {key!r} is missing; every {record.__name__} needs it")
