@@ -142,7 +142,7 @@ def live(window: Window, scale: int, halves: Sequence[Halves], edits: int) -> Li
     """Edits forth and back at one pixel size, then playback."""
     window.run(f"edit(0); lfsr.live_scale = '{scale}'")
     size = load_display(window.get("lfsr.display")).panel_pixels
-    assert window.get("list(bpy.ops.lfsr.live_start())") == ["FINISHED"]
+    assert window.get("list(bpy.ops.lfsr.live())") == ["FINISHED"]
     window.settle()
     window.place(window.windows()[-1], *size)
     window.until(f"live.live().render.resolution_x == {size[0]} and live.message() == ''", 20)
@@ -169,7 +169,7 @@ def live(window: Window, scale: int, halves: Sequence[Halves], edits: int) -> Li
         measures["per_second"].append(later / (TIMES[-1] - complete) if complete else 0.0)
     window.run("bpy.context.scene.frame_set(1); bpy.ops.screen.animation_play()")
     pictures = screen.record(SECONDS_OF_PLAYBACK)[1:]
-    window.run("bpy.ops.screen.animation_cancel(restore_frame=True); bpy.ops.lfsr.live_stop()")
+    window.run("bpy.ops.screen.animation_cancel(restore_frame=True); bpy.ops.lfsr.live()")
     window.settle()
     measures["playing"] = [len(pictures) / SECONDS_OF_PLAYBACK]
     measures["playing_complete"] = [sum(is_complete(picture, scale) for _, picture in pictures) / SECONDS_OF_PLAYBACK]

@@ -76,7 +76,7 @@ def fresh_file(window: Window) -> None:
 
 def start(window: Window, size: tuple[int, int] | None = None, kind: str = "panel") -> None:
     """Start the live view or the eye's, in a window of ``size`` in the screen's upper left corner."""
-    assert window.get(f"list(bpy.ops.lfsr.live_{'eye_' if kind == 'eye' else ''}start())") == ["FINISHED"]
+    assert window.get(f"list(bpy.ops.lfsr.live(kind={kind!r}))") == ["FINISHED"]
     window.settle()
     if size is not None:
         window.place(window.windows()[-1], *size)
