@@ -21,7 +21,8 @@ from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import read_json, write_json
 
 Record = TypeVar("Record")
-MOST_VALUE, MOST_NAMES = 50, 80  # characters of a value and of a list of names in a sentence
+# Characters of a value, of a list of names and of a place or a path in a sentence: what is wrong must fit beside them.
+MOST_VALUE, MOST_NAMES, MOST_PLACE = 50, 80, 70
 MOST_TEXT, MOST_WHOLE = 4096, 2**63
 SURROGATE = re.compile("[\ud800-\udfff]")  # which JSON can hold but no file name or terminal
 PLAIN: dict[type, tuple[tuple[type, ...], str]] = {
@@ -38,11 +39,15 @@ def from_data(cls: type[Record], data: Any, source: str) -> Record:
         record: Record = _value(data, cls)
         return record
     except _WrongError as error:
-        place = "".join(reversed(error.places)).removeprefix(".")
+        place = _end("".join(reversed(error.places)).removeprefix("."))
         rest = f"{place or 'it'} {error}" if error.of_value else f"{place}: {error}" if place else str(error)
     except LfsrError as error:  # a record's own check
         rest = str(error)
-    raise LfsrError(f"{source}: {rest}")
+    raise LfsrError(f"{_end(source)}: {rest}")
+
+
+def _end(text: str) -> str:
+    return text if len(text) <= MOST_PLACE else "…" + text[1 - MOST_PLACE:]
 
 
 def to_data(record: Any) -> Any:
