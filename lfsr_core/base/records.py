@@ -21,8 +21,7 @@ from lfsr_core.base.errors import LfsrError, did_you_mean
 from lfsr_core.base.files import read_json, write_json
 
 Record = TypeVar("Record")
-# Characters of a value, of a list of names and of a place or a path in a sentence: what is wrong must fit beside them.
-MOST_VALUE, MOST_NAMES, MOST_PLACE = 50, 80, 70
+MOST_VALUE = 50  # characters of a value, or of a list of names, so that what is wrong fits beside a long path
 MOST_TEXT, MOST_WHOLE = 4096, 2**63
 SURROGATE = re.compile("[\ud800-\udfff]")  # which JSON can hold but no file name or terminal
 PLAIN: dict[type, tuple[tuple[type, ...], str]] = {
@@ -39,15 +38,11 @@ def from_data(cls: type[Record], data: Any, source: str) -> Record:
         record: Record = _value(data, cls)
         return record
     except _WrongError as error:
-        place = _end("".join(reversed(error.places)).removeprefix("."))
+        place = "".join(reversed(error.places)).removeprefix(".")
         rest = f"{place or 'it'} {error}" if error.of_value else f"{place}: {error}" if place else str(error)
     except LfsrError as error:  # a record's own check
         rest = str(error)
-    raise LfsrError(f"{_end(source)}: {rest}")
-
-
-def _end(text: str) -> str:
-    return text if len(text) <= MOST_PLACE else "…" + text[1 - MOST_PLACE:]
+    raise LfsrError(f"{source}: {rest}")
 
 
 def to_data(record: Any) -> Any:
@@ -126,7 +121,7 @@ def _value(value: Any, kind: Any) -> Any:
         for key in value:
             if key not in fields:
                 raise _WrongError(f"unknown field {repr(key)[:MOST_VALUE]}; {did_you_mean(key, fields)}the fields are "
-                                  f"{textwrap.shorten(', '.join(fields), MOST_NAMES, placeholder=' …')}")
+                                  f"{textwrap.shorten(', '.join(fields), MOST_VALUE, placeholder=' …')}")
         for key, field in fields.items():
             if key not in value and field.default is field.default_factory is dataclasses.MISSING:
                 raise _WrongError(f"field {key!r} is missing; every {record.__name__} needs it")
