@@ -196,13 +196,13 @@ def farm_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("farm", choices=TEMPLATES, help="openjd: a job template of Open Job Description; flamenco: a "
                                                         "job type of Flamenco 3")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE",
-                        help="default: lfsr-openjd.yaml or lfsr-flamenco.js here")
+                        help="default: " + " or ".join(TEMPLATES.values()) + " here")
 
 
 def run_farm(arguments: argparse.Namespace) -> Any:
     """Write the template and print its path."""
     name = TEMPLATES[arguments.farm]
-    output = arguments.output or Path(f"lfsr-{name}")
+    output = arguments.output or Path(name)
     if output.is_dir():
         raise LfsrError(f"{output} is a folder, but the template is a file: give a file in it, as {output / name}")
     write_template(arguments.farm, output)

@@ -13,14 +13,14 @@ from lfsr_core.base.files import atomic_path, write_json
 from lfsr_core.frames.request import Finish, Request
 
 OPENJD, FLAMENCO = "openjd", "flamenco"
-TEMPLATES = {OPENJD: "openjd.yaml", FLAMENCO: "flamenco.js"}
+# Flamenco knows a job type by its file's name.
+TEMPLATES = {OPENJD: "lfsr-openjd.yaml", FLAMENCO: "lfsr-light-field.js"}
 # What to do with the file of a template.
 NEXT = {OPENJD: "submit it to the farm, or try it with: openjd run FILE -p Scene=SCENE -p Output=FILM",
         FLAMENCO: "put it into the folder scripts beside flamenco-manager, and restart that"}
 TEMPLATE_FOLDER = Path(__file__).with_name("templates")
 MOST_PARTS = 1000
-# Flamenco knows a job type by its file's name.
-FLAMENCO_TYPE, FLAMENCO_PRIORITY = "lfsr-light-field", 50
+FLAMENCO_PRIORITY = 50
 FLAMENCO_PLATFORMS = {"Linux": "linux", "Darwin": "darwin", "Windows": "windows"}
 LINEAR_EXR = {True: "--linear-exr", False: "--no-linear-exr"}
 
@@ -64,10 +64,10 @@ def write_job(farm: str, folder: Path, request: Request, finish: Finish, frames:
         words = ["openjd", "run", str(template), "-p", f"file://{plain}", "--step", "Finish", "--run-dependencies"]
         return (shlex.join(words),
                 f"That runs it on this machine; for AWS Deadline Cloud: deadline bundle gui-submit {folder}")
-    script, data = folder / f"{FLAMENCO_TYPE}.js", folder / "flamenco-job.json"
+    script, data = folder / TEMPLATES[FLAMENCO], folder / "flamenco-job.json"
     write_template(FLAMENCO, script)
     write_json(data, {
-        "name": f"{Path(scene).stem} {ranges}", "type": FLAMENCO_TYPE, "priority": FLAMENCO_PRIORITY,
+        "name": f"{Path(scene).stem} {ranges}", "type": script.stem, "priority": FLAMENCO_PRIORITY,
         "submitter_platform": FLAMENCO_PLATFORMS.get(platform.system(), "linux"),
         "settings": {"blendfile": scene, "frames": listed, "lfsr": "lfsr"}
         | {name.lower(): value for name, value in values.items()}})

@@ -1,5 +1,6 @@
 """Templates for farms: checked by a stub and the standard's tool, and run with a played Blender."""
 
+import contextlib
 import importlib.util
 import json
 import os
@@ -40,10 +41,11 @@ SETTINGS = {"frames": "1", "parts": 1, "output": "/o", "blendfile": "/s.blend", 
 
 
 def compiled(folder: Path, **settings) -> dict:
-    assert main(["farm", "flamenco", "-o", str(folder / "lfsr.js")]) == 0
+    with contextlib.chdir(folder):
+        assert main(["farm", "flamenco"]) == 0
     (folder / "settings.json").write_text(json.dumps(SETTINGS | settings))
-    done = subprocess.run([node(), STUB, folder / "lfsr.js", folder / "settings.json"], capture_output=True, text=True,
-                          check=True)
+    done = subprocess.run([node(), STUB, folder / "lfsr-light-field.js", folder / "settings.json"], capture_output=True,
+                          text=True, check=True)
     return json.loads(done.stdout)
 
 
