@@ -1,6 +1,7 @@
 """Start, update and stop the live views and their windows, and keep them out of saved files.
 
-The windows are main windows, which can show another scene, with nothing but a 3D view.
+The windows show another scene than Blender's own, with nothing but a 3D view: the panel's is a main window, which can
+be exact on a display, the eye's a smaller one beside the sidebar.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import bpy
 from lfsr_core.base.errors import LfsrError
 
 from ..scene import devices
+from ..scene.settings import display_of
 from . import scene as live_scene
 from .scene import EYE, MARK, PANEL
 
@@ -21,6 +23,9 @@ SECONDS_BETWEEN_UPDATES = 0.1
 # A region large enough for any display, to check a view before there is a window.
 LARGE = (65536, 65536)
 SECONDS_TO_ACT = 0.05
+SHARE, MOST_ROOM = 2 / 3, 0.9  # of the display; of the room beside the sidebar
+NO_WINDOW = "Blender runs without a window, but the live view needs one: start Blender with its window"
+NO_SECOND = "Blender opened no second window: close another window and try again"
 LEFT = "left"  # value of MARK: the screen of a live window that is closed
 
 
@@ -55,7 +60,7 @@ def start(scene: bpy.types.Scene, kind: str = PANEL) -> None:
         raise LfsrError("the live view is on already: press Stop Live first")
     devices.cycles_preferences()
     live_scene.view_of(scene, LARGE, kind)
-    open_window(kind)
+    _beside(scene) if kind == EYE else open_window()
     _on[kind] = _Shown(scene.session_uid)
     try:
         keep_up(kind)
@@ -140,13 +145,57 @@ def find_window(kind: str = PANEL) -> bpy.types.Window | None:
     return next((window for window in bpy.context.window_manager.windows if window.screen.get(MARK) == kind), None)
 
 
-def open_window(kind: str = PANEL) -> bpy.types.Window:
+def _beside(scene: bpy.types.Scene) -> None:
+    """Open the eye's window beside the sidebar: two thirds of the display, or what there is room for.
+
+    It is Blender's window of a rendered image, the only one that has a given size and can show another scene.
+    """
+    context, before = bpy.context, list(bpy.context.window_manager.windows)
+    if bpy.app.background or not before:
+        raise LfsrError(NO_WINDOW)
+    room = (min([context.window.width, *(region.x for area in context.screen.areas if area.type == "VIEW_3D"
+                                         for region in area.regions if region.type == "UI" and region.width > 1)]),
+            context.window.height)
+    pixels, sizes = display_of(scene).panel_pixels, bpy.data.scenes.new("LFSR Window")
+    share = min(SHARE, *(MOST_ROOM * there / wanted for there, wanted in zip(room, pixels, strict=True)))
+    # Blender adds its borders, which this window does not have.
+    sizes.render.resolution_x, sizes.render.resolution_y = (
+        max(4, round(share * side - border * context.preferences.system.ui_scale))
+        for side, border in zip(pixels, (30, 60), strict=True))
+    sizes.render.resolution_percentage = 100
+    # Blender would show a rendered image's window again.
+    images = [window.screen.areas[0] for window in before
+              if window.screen.is_temporary and window.screen.areas[0].type == "IMAGE_EDITOR"]
+    usual = context.preferences.view.render_display_type
+    try:
+        context.preferences.view.render_display_type = "WINDOW"
+        for area in images:
+            area.type = "VIEW_3D"
+        with context.temp_override(scene=sizes):
+            bpy.ops.render.view_show("INVOKE_DEFAULT")
+    finally:
+        context.preferences.view.render_display_type = usual
+        for area in images:
+            area.type = "IMAGE_EDITOR"
+        window = next((window for window in context.window_manager.windows if window not in before), None)
+        if window is not None:
+            window.scene = scene
+        bpy.data.scenes.remove(sizes)
+    if window is None:
+        raise LfsrError(NO_SECOND)
+    window.screen[MARK] = EYE
+    window.screen.areas[0].type = "VIEW_3D"
+    space = window.screen.areas[0].spaces.active
+    space.show_region_header = space.show_region_toolbar = space.show_region_ui = False  # the tool header goes too
+
+
+def open_window() -> None:
     """Open a window that is one 3D view from edge to edge; LfsrError if Blender cannot."""
     before = set(bpy.context.window_manager.windows)
     if bpy.app.background or not before:
-        raise LfsrError("Blender runs without a window, but the live view needs one: start Blender with its window")
+        raise LfsrError(NO_WINDOW)
     if bpy.ops.wm.window_new_main() != {"FINISHED"}:
-        raise LfsrError("Blender opened no second window: close another window and try again")
+        raise LfsrError(NO_SECOND)
     window = next(window for window in bpy.context.window_manager.windows if window not in before)
     while len(window.screen.areas) > 1:
         # All areas but the largest are closed; some close only after a neighbour has.
@@ -159,13 +208,12 @@ def open_window(kind: str = PANEL) -> bpy.types.Window:
                 break
         if not closed:
             raise LfsrError("Blender's new window cannot become a single view: use the workspace Layout and try again")
-    window.screen[MARK] = kind
+    window.screen[MARK] = PANEL
     area = window.screen.areas[0]
     area.type = "VIEW_3D"
     with _place(window):
         bpy.ops.screen.screen_full_area(use_hide_panels=True)
-    window.screen[MARK] = kind
-    return window
+    window.screen[MARK] = PANEL
 
 
 def close_window(kind: str = PANEL) -> None:

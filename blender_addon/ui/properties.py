@@ -1,4 +1,4 @@
-"""Settings of a scene, which are saved with it, and what the panel knows in this session, as RNA properties."""
+"""Settings of a scene, which are saved with it, the add-on's preferences, and what the panel knows in this session."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.frames.request import MOST_AVERAGED
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, MENU, MORE
 
-from ..jobs import images
+from ..jobs import images, runtime
 from ..scene import folders
 from ..scene.array import cached, rig
 from ..scene.light import AUTO_LIGHT, light_items
 from ..scene.settings import AUTO_SCALE, DEFAULT_DISPLAY, SCALES, offered_scales, profile_items, qualities
 from ..scene.words import DIRECT
+from .drawing import columns
 
 LIVE_SCALES = (1, 2, 4, 8)  # pixel sizes of Blender's viewport
 
@@ -96,6 +97,35 @@ def method_items() -> list[tuple[str, str, str, str, int]]:
     items = [(name, title, text, "NONE", zlib.crc32(name.encode()) & 0x7FFFFFFF)
              for name, (title, text) in (MENU | MORE).items()]
     return [*items[:len(MENU)], ("", "More", "", "NONE", 0), *items[len(MENU):]]
+
+
+class LfsrPreferences(bpy.types.AddonPreferences):
+    """Settings for all files"""
+
+    bl_idname = runtime.PACKAGE
+
+    oidn_path: StringProperty(
+        name="Open Image Denoise", subtype="FILE_PATH",
+        description="Library that denoises, such as libOpenImageDenoise.so.2 of a download from openimagedenoise.org; "
+                    "empty for Blender's own")
+
+    free_cores: IntProperty(
+        name="Free Cores", default=1, min=0, soft_max=8,
+        description="Processor cores that renders and the second stage leave to Blender and other programs")
+
+    without_denoiser: BoolProperty(
+        name="Render Without Denoiser",
+        description="Give new scenes a method that a Blender without Open Image Denoise can run, instead of asking; "
+                    "the answer to that question sets it")
+
+    seconds_per_path: FloatProperty(
+        name="Time per Path", default=0.0, min=0.0, precision=8, options={"HIDDEN"},
+        description="Seconds of a path sample on this machine, measured with the last image; 0 before the first")
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        column = columns(self.layout)
+        for name in ("free_cores", "oidn_path", "without_denoiser"):
+            column.prop(self, name)
 
 
 class SceneSettings(bpy.types.PropertyGroup):
@@ -257,5 +287,5 @@ class SessionState(bpy.types.PropertyGroup):
     plan_method: StringProperty(name="Planned Method", description="Method that the last plan found, if any")
 
 
-CLASSES = (SceneSettings, SessionState)
+CLASSES = (LfsrPreferences, SceneSettings, SessionState)
 HANDLERS = (("save_post", keep_saved),)

@@ -209,18 +209,38 @@ def test_closed_windows_leave_no_screens(window, by):
     assert window.get("len(bpy.data.screens)") == len(before["screens"]) + 2, "only those of the window that is open"
 
 
+@pytest.mark.parametrize(("display", "wide"), [("small", 640), ("fhd", None)])
+def test_the_eye_opens_beside_the_sidebar(window, display, wide):
+    """Two thirds of the display where there is room; a rendered image in a window of its own stays there."""
+    window.run(f"bpy.context.scene.lfsr.display = {display!r}\n"
+               "bpy.context.preferences.view.render_display_type = 'WINDOW'")
+    window.open_tab()
+    left = window.get("[r.x for r in bpy.context.area.regions if r.type == 'UI'][0]")
+    if wide is None:
+        window.run("bpy.ops.render.view_show('INVOKE_DEFAULT')")
+    start(window, kind="eye")
+    window.screenshot(f"live-beside-{display}")
+    types = window.get("[w.screen.areas[0].type for w in bpy.context.window_manager.windows][1:]")
+    assert types == (["VIEW_3D"] if wide else ["IMAGE_EDITOR", "VIEW_3D"])
+    x, width, height = window.get("[(w.x, w.width, w.height) for w in [live.find_window('eye')]][0]")
+    panel = load_display(display).panel_pixels
+    assert width / height == pytest.approx(panel[0] / panel[1], rel=0.02) and width <= 0.9 * left + 1
+    if wide:
+        assert width == pytest.approx(wide, abs=1) and x + width <= left
+
+
 @pytest.mark.parametrize("place", [(0.0, 0.0, 1.0), (0.6, -0.4, 1.0), (-0.3, 0.2, 2.0)])
 def test_the_eye_sees_the_light_field(window, place):
     """Through every lens the view that an eye there would see of the offline image of the same samples."""
     display, offline = load_display("mini"), render_offline(window, "mini", "2", "nearest")
-    wanted = eye_view(offline, display, eye_place(display, *place), width=128).astype(float)
-    start(window, (128, 96), "eye")
+    wanted = eye_view(offline, display, eye_place(display, *place), width=256).astype(float)
+    start(window, (256, 192), "eye")
     first = window.get("live.live('eye').camera.session_uid")
     window.run("lfsr = bpy.context.scene.lfsr\n"
                f"lfsr.live_eye_right, lfsr.live_eye_up, lfsr.live_eye_near = {place}")
     if place != (0, 0, 1):
         window.until(f"live.live('eye').camera.session_uid != {first}", 10)
-    seen = resting(window, "eye-{}-{}-{}".format(*place))[:96, :128].astype(float)
+    seen = resting(window, "eye-{}-{}-{}".format(*place))[:192, :256].astype(float)
     difference = np.abs(seen - wanted)
     print(f"eye {place}: mean {difference.mean((0, 1)).round(2)}")
     assert difference.mean((0, 1)).max() <= 2

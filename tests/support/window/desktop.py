@@ -99,8 +99,8 @@ class Window:
 
     def windows(self) -> list[str]:
         """Numbers of Blender's windows on the screen, the newest last."""
-        found = subprocess.run(inside("xdotool", "search", "--onlyvisible", "--name", "Blender"), env=self._environment,
-                               check=True, timeout=30, capture_output=True, text=True)
+        found = subprocess.run(inside("xdotool", "search", "--onlyvisible", "--class", "Blender"),
+                               env=self._environment, check=True, timeout=30, capture_output=True, text=True)
         return found.stdout.split()
 
     def place(self, number: str, width: int, height: int) -> None:
