@@ -5,10 +5,11 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import os
+import queue
 import shutil
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import NoReturn
@@ -30,6 +31,7 @@ from lfsr_core.process.child import (
     EXIT_BAD_INPUT,
     EXIT_CANCELLED,
     RENDERED_STAGE,
+    STAY,
     emit,
     emit_last,
     emit_told,
@@ -50,12 +52,13 @@ MOST_WAITING, LEAST_WORK = 60, 0.05  # seconds without CPU seconds, after which 
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the request files named in ``arguments``, ``encode FRAMES FILE RATE``, ``scale`` or ``depth`` and a request.
+    """Run the request files named in ``arguments``, ``stay``, ``encode FRAMES FILE RATE``, or ``scale`` and a request.
 
-    Returns the exit code.
+    Returns the exit code. ``stay``: request files come on standard input, one a line, until that ends.
     """
+    asked = queue.SimpleQueue[str]()
     if os.environ.get(ENDS_WITH_INPUT):
-        threading.Thread(target=_end_with_input, daemon=True, name="lfsr-stop").start()
+        threading.Thread(target=_end_with_input, args=(asked,), daemon=True, name="lfsr-stop").start()
     watch_memory(lambda sentence: _end("error", sentence, EXIT_BAD_INPUT))
     try:
         with system_errors(), repeated():
@@ -65,14 +68,13 @@ def main(arguments: Sequence[str]) -> int:
                 case ["scale", path]:
                     request = read_request(path)
                     result = to_data(placement.scale_of(_chosen_scene(request), request))
-                case ["depth", path]:
-                    request = read_request(path)
-                    result = {"moves": placement.all_moves(_chosen_scene(request), request).tolist()}
-                case [] | ["encode" | "scale" | "depth", *_]:
-                    raise LfsrError("expected request files, encode, two paths and a rate, or scale or depth and a "
+                case [word] if word == STAY:
+                    result = {"folder": str(run_all(map(read_request, iter(asked.get, None)), several=True))}
+                case [] | ["encode" | "scale", *_]:
+                    raise LfsrError("expected request files, stay, encode, two paths and a rate, or scale and a "
                                     f"request file, but got {len(arguments)} arguments")
                 case _:
-                    result = {"folder": str(run_all([read_request(path) for path in arguments]))}
+                    result = {"folder": str(run_all(map(read_request, arguments), several=len(arguments) > 1))}
     except LfsrError as error:
         emit(stage="error", message=str(error))
         return EXIT_BAD_INPUT
@@ -80,14 +82,17 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _end_with_input() -> None:
-    """End the process at the end of standard input.
+def _end_with_input(asked: queue.SimpleQueue[str]) -> None:
+    """Put lines of standard input into ``asked``, and end the process at its end.
 
     The process that started this one holds the other end of the pipe: it closes it to stop the render, and the system
     does when it dies. Cycles does not return to Python before its image is done, so that a thread waits for it.
     """
-    while os.read(STANDARD_INPUT, 1):
-        pass
+    rest = b""
+    while some := os.read(STANDARD_INPUT, 4096):
+        *lines, rest = (rest + some).split(b"\n")
+        for line in lines:
+            asked.put(line.decode())
     _end("cancelled", "stopped", EXIT_CANCELLED)
 
 
@@ -129,15 +134,18 @@ def answered(scene: str) -> Iterator[None]:
         thread.join()
 
 
-def run_all(requests: Sequence[Request]) -> Path:
-    """Render ``requests``, opening a scene where it differs from the one before; return the last frame folder."""
+def run_all(requests: Iterable[Request], several: bool) -> Path:
+    """Render ``requests``, opening a scene where it differs from the one before; return the last frame folder.
+
+    ``several``: whether each is told of, and Cycles keeps the scene for the next.
+    """
     scene, opened, last, choices = None, Opened(), None, dict[str, ScaleChoice]()
     with ExitStack() as stack:
         for request in requests:
             if last is None or (request.scene, request.scene_name) != (last.scene, last.scene_name):
                 stack.close()
                 scene, opened = _opened(request)
-                if len(requests) > 1:
+                if several:
                     # Without it Cycles would build the scene again for each frame.
                     stack.enter_context(overridden(scene.render, {"use_persistent_data": True}))
             last = request
@@ -148,7 +156,7 @@ def run_all(requests: Sequence[Request]) -> Path:
                 request = request.with_scale(choices[question])
             folder = render_job(scene, request, opened, emit_told)
             opened = dataclasses.replace(opened, seconds=0.0)
-            if len(requests) > 1:
+            if several:
                 emit(stage=RENDERED_STAGE, folder=str(folder))
     return folder
 

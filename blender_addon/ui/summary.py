@@ -80,9 +80,9 @@ def plan_cost(scene: bpy.types.Scene) -> str:
         return ""  # the panel Display says what is wrong
     state = bpy.context.window_manager.lfsr
     if state.probe_scene == scene.name_full:
-        return f"Takes {duration(paths * state.probe_per_path)} at most. A first guess comes at once"
+        return f"Takes {duration(paths * state.probe_per_path)} at most"
     images = max(1, round(paths / asked.paths_of(settings)))
-    return f"Takes as long as {counted(images, 'image')} at most. A first guess comes at once"
+    return f"Takes as long as {counted(images, 'image')} at most"
 
 
 @functools.lru_cache(maxsize=8)

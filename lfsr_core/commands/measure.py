@@ -120,10 +120,10 @@ def plan_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", dest="most_seconds", type=float, metavar="N", help="longest time of a frame")
     parser.add_argument("--budget", type=float, metavar="0..1",
                         help="most that the sample may cost, as a fraction of the costliest candidate's frame, "
-                             "default: 0.05; 100 million path samples are always allowed")
+                             "default: 0.02; 10 million path samples are always allowed")
     parser.add_argument("--lenses", type=int, metavar="N",
                         help="number of lenses to sample, whatever the budget; default: 48, or what the budget "
-                        "allows, at least 12")
+                        "allows, at least 24")
     parser.add_argument("--reference-spp", dest="reference_samples", type=int, metavar="N",
                         help="of the sampled lenses, default: 256")
     parser.add_argument("--details", action="store_true", help="show every measured candidate, not at most ten lines")
@@ -134,7 +134,7 @@ def plan_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_plan(arguments: argparse.Namespace) -> Any:
     """Plan; print the table and the command that renders the choice."""
-    from lfsr_core.pipeline.make import make
+    from lfsr_core.pipeline.make import open_blender
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import make_plan, work_folder
     from lfsr_core.process.child import find_blender
@@ -143,9 +143,9 @@ def run_plan(arguments: argparse.Namespace) -> Any:
         raise LfsrError("--rays and --spps were both given: leave out one of them")
     options = PlanOptions(**{name: value for name in OPTIONS if (value := getattr(arguments, name)) is not None})
     request = make_request(arguments, output=".", sampling=Sampling(1, 1))
-    blender = find_blender(arguments.blender)
-    with common.progress() as bar, work_folder(arguments.work, request, options, bar) as folder:
-        planned = make_plan(request, options, lambda one, tell: make(one, blender=blender, tell=tell), folder, bar)
+    with (common.progress() as bar, work_folder(arguments.work, request, options, bar) as folder,
+          open_blender(find_blender(arguments.blender), folder) as render):
+        planned = make_plan(request, options, render, folder, bar)
     print(table(planned, request.display, arguments.details))
     if planned.choice.chosen is not None:
         print(render_command(arguments, planned.choice.chosen, request.display))

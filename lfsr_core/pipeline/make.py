@@ -8,9 +8,10 @@ import dataclasses
 import math
 import os
 import shutil
+import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LOG_FILE, MASK_FIL
 from lfsr_core.frames.request import Finish, Report, Request, check_scene, spread, write_report
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.parts import has_parts
-from lfsr_core.process.child import RENDERED_STAGE, Child, CrashError, Starts, find_blender, told_of
+from lfsr_core.process.child import RENDERED_STAGE, STAY, Child, CrashError, Starts, find_blender, told_of
 from lfsr_core.reconstruct.averaging import near
 from lfsr_core.reconstruct.methods import seconds
 from lfsr_core.reconstruct.second_stage import finish_into
@@ -300,6 +301,40 @@ def render_all(requests: Sequence[Request], blender: Starts, tell: Tell = silent
             if waiting and has_parts(parts := folders[waiting[0][0].output].parts):
                 tell(Notice("parts-kept", {"folder": str(parts)}))
             raise
+
+
+@contextlib.contextmanager
+def open_blender(blender: Starts, folder: Path) -> Iterator[Callable[[Request, Tell], None]]:
+    """Hold one Blender open inside the block, for renders of which each decides the next, as those of a plan.
+
+    Yields the function that renders a request into its folder, whole or not at all. ``folder``: for Blender's temporary
+    files. Errors as of ``render_all``.
+    """
+    with contextlib.ExitStack() as stack:
+        folder.mkdir(parents=True, exist_ok=True)
+        temporary = stack.enter_context(tempfile.TemporaryDirectory(dir=folder.resolve(), ignore_cleanup_errors=True))
+        environment = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), temporary)
+        child = stack.enter_context(Child(blender.command(STAY), environment))
+
+        def render(request: Request, tell: Tell) -> None:
+            check_scene(request.scene)
+            target = FrameFolder(request.output)
+            target.check_free(request.kind)
+            with staging_folder(target.path) as staging, system_errors():
+                frame = staging / "frame"
+                frame.mkdir()
+                write_record(staging / REQUEST_FILE, dataclasses.replace(request, output=str(frame.resolve())))
+                child.ask(str((staging / REQUEST_FILE).resolve()))
+                for record in child.records():
+                    if record["stage"] == RENDERED_STAGE:
+                        target.publish(frame)
+                        return
+                    if (told := told_of(record)) is not None:
+                        tell(told)
+                child.wait()  # raises Blender's own sentence
+                raise child.crash("Blender stopped with", "try again")
+
+        yield render
 
 
 class TimeLeft:

@@ -11,13 +11,12 @@ from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.notices import Notice
 from lfsr_core.frames.frame import Frame
 from lfsr_core.frames.request import samples_at
-from lfsr_core.optics.depth_scale import MODEL
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD, PLAIN_METHOD, MethodName, load_method, oidn
 
 METRICS = ("ssim_lens_fg", "ssim_lens")
 SCALES, SAMPLES = (1, 2, 4, 8), (4, 16, 64, 256)
-FREE_PATHS = 10**8  # path samples, a minute or two of most scenes, that a plan may take beyond its budget
+FREE_PATHS = 10**7  # path samples, a few seconds of most scenes, that a plan may take beyond its budget
 AS_GOOD = 1.05  # ratio of times within which candidates count as equally cheap: the simpler method is taken
 
 
@@ -61,7 +60,7 @@ class PlanOptions:
     rays: tuple[float, ...] | None = None  # per finished pixel, instead of ``samples``
     most_seconds: float | None = None  # longest time of a frame, None for any
     # most that the sample may cost, as a fraction of the path samples of the costliest candidate's frame
-    budget: float = 0.05
+    budget: float = 0.02
     lenses: int | None = None  # number of lenses to sample, whatever the budget; None for the usual number
     reference_samples: int = 256  # samples per pixel of the sampled lenses' reference
 
@@ -222,25 +221,3 @@ def choose(rated: Sequence[Rated], target: float, most_seconds: float = math.inf
         return Choice(None, best, Notice("plan-limit-noise", {"samples": best.samples}))
     return Choice(None, best, Notice("plan-limit-upscaling" if best.scale > 1 else "plan-limit-method",
                                      {"scale": best.scale}))
-
-
-@dataclasses.dataclass(frozen=True)
-class Guess:
-    """A candidate that was not measured."""
-
-    candidate: Candidate
-    reaches: bool  # whether it is predicted to reach the target
-
-
-def first_guess(display: DisplayProfile, moves: Array, options: PlanOptions) -> Guess:
-    """Return the cheapest candidate that is predicted to reach the target, else the one predicted to lose least.
-
-    ``moves`` (n,): disparities of points of the subject, as of ``optics.depth_scale.disparities``. Of the methods at
-    one scale and sample count, which the model does not tell apart, the one with most steps is taken.
-    """
-    found = options.candidates(display)
-    loss = {candidate: MODEL.loss(moves, candidate.scale, candidate.samples) for candidate in found}
-    enough = [candidate for candidate in found if loss[candidate] <= 1 - options.target]
-    chosen = enough[0] if enough else min(found, key=loss.__getitem__)
-    same = [each for each in found if (each.scale, each.samples) == (chosen.scale, chosen.samples)]
-    return Guess(max(same, key=lambda candidate: candidate.steps), bool(enough))

@@ -8,7 +8,7 @@ import shutil
 import tempfile
 import time
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lenses import systematic_sample
 from lfsr_core.plan.options import Candidate, Choice, PlanOptions, Rated, choose, estimate, path_samples, render_seconds
+from lfsr_core.reconstruct.methods import MethodName
 from lfsr_core.reconstruct.methods import seconds as finish_seconds
 from lfsr_core.reconstruct.second_stage import finished_lenses
 from lfsr_core.version import __version__
@@ -40,9 +41,9 @@ from lfsr_core.version import __version__
 SECONDS_CACHED = 24 * 3600  # changes of textures and linked files are not noticed, so old renders are not reused
 CONTEXT = 16  # low-resolution pixels around a sampled lens that a denoiser should see
 WIDE_ENOUGH = 32  # pixels across an elemental image that needs no neighbours: most of it is far from the border
-MOST_REACH = 2  # lenses on each side; more neighbours would cost more than the lens
+MOST_REACH = 1  # lenses on each side; more neighbours would cost more than the lens
 REACH_IN_A_VIEW = 4  # for displays with parallax along one axis, whose elemental images are one pixel high
-LEAST_LENSES, USUAL_LENSES = 12, 48
+LEAST_LENSES, USUAL_LENSES = 24, 48
 REFERENCE_PARTS = 2  # renders of two independent halves each: four quarters
 CORRECTED = 0.5  # fraction of the loss by the reference's remaining noise that is added to the metric
 
@@ -51,17 +52,23 @@ Quarters = Sequence[Array]  # four independent renders of the sampled lenses (n,
 Render = Callable[[Request, Tell], object]  # renders a request into its folder, all or nothing
 
 
-def reach(display: DisplayProfile, scale: int) -> int:
-    """Neighbours on each side of a sampled lens at ``scale``."""
+def reach(display: DisplayProfile, scale: int, methods: Iterable[str]) -> int:
+    """Neighbours on each side of a sampled lens at ``scale``, for ``methods`` that judge it."""
+    if not any(MethodName.parse(name).sees_neighbours for name in methods):
+        return 0
     if not all(display.parallax):
         return REACH_IN_A_VIEW
     width = min(display.low_views(scale))
     return 0 if width >= WIDE_ENOUGH else min(math.ceil(CONTEXT / width), MOST_REACH)
 
 
-def paths_per_lens(display: DisplayProfile, scale: int, samples: int) -> int:
-    """Path samples of a render for each sampled lens, with its neighbours."""
-    return (2 * reach(display, scale) + 1) ** 2 * math.prod(display.low_views(scale)) * samples
+def paths_per_lens(display: DisplayProfile, candidates: Iterable[Candidate]) -> dict[tuple[int, int], int]:
+    """Path samples for each sampled lens, with its neighbours, of the render of each scale and number of samples."""
+    methods: dict[tuple[int, int], list[str]] = {}
+    for each in candidates:
+        methods.setdefault((each.scale, each.samples), []).append(each.method)
+    return {(scale, samples): (2 * reach(display, scale, names) + 1)**2 * math.prod(display.low_views(scale)) * samples
+            for (scale, samples), names in methods.items()}
 
 
 def lens_count(display: DisplayProfile, options: PlanOptions) -> int:
@@ -69,8 +76,7 @@ def lens_count(display: DisplayProfile, options: PlanOptions) -> int:
     if options.lenses is not None:
         return options.lenses
     reference = math.prod(display.views) * options.reference_samples
-    costs = [paths_per_lens(display, scale, samples) for scale, samples in
-             {(candidate.scale, candidate.samples) for candidate in options.candidates(display)}]
+    costs = paths_per_lens(display, options.candidates(display)).values()
     # Renders that cost more than the reference are rarely needed.
     usual = reference + sum(cost for cost in costs if cost < reference)
     return min(max(int(options.most_paths(display) / usual), LEAST_LENSES), USUAL_LENSES)
@@ -232,8 +238,7 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
     # A ring around the foreground is sampled too, where the quick look may have missed something thin.
     places = np.ones_like(mask) if options.metric == "ssim_lens" else wide
     lenses = sampled_lenses(places, lens_count(display, options), request.seed)
-    costs = {(each.scale, each.samples): len(lenses) * paths_per_lens(display, each.scale, each.samples)
-             for each in wanted}
+    costs = {group: len(lenses) * paths for group, paths in paths_per_lens(display, wanted).items()}
     reference_paths = len(lenses) * math.prod(display.views) * options.reference_samples
     renders.whole = path_samples(first) + reference_paths + sum(costs.values())
     is_limited = options.lenses is None and len(lenses) > LEAST_LENSES
@@ -278,7 +283,8 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
         if why is not None:
             rows |= {row.candidate: dataclasses.replace(row, unmeasured=why) for row in open_rows}
             continue
-        listed, blocks = with_neighbours(lenses, reach(display, group[0]), display.lenses)
+        wide_by = reach(display, group[0], (row.method for row in open_rows))
+        listed, blocks = with_neighbours(lenses, wide_by, display.lenses)
         rendered, _ = renders.rendered(
             "s{}-spp{}".format(*group), "{} lenses at scale {}, {} samples".format(len(lenses), *group),
             sampling=Sampling(*group), lens_list=tuple(listed))

@@ -95,6 +95,7 @@ else:
                 os.killpg(self._id, signal.SIGKILL)
 PROGRESS_PREFIX = "LFSR "
 RENDERED_STAGE = "rendered"  # one of several jobs is complete in its folder
+STAY = "stay"  # word for request files: they come later, one a line on standard input
 LAST_STAGES = ("done", "error", "cancelled")
 EXIT_BAD_INPUT, EXIT_CANCELLED = 2, 130
 # Environment variable that tells a process to end when its standard input does.
@@ -262,6 +263,13 @@ class Child:
             elif line.strip():
                 self._tail.append(line.strip())
 
+    def ask(self, line: str) -> None:
+        """Write a line to its standard input; where it has ended, ``wait`` and ``crash`` tell why."""
+        assert self._process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):
+            self._process.stdin.write(f"{line}\n")
+            self._process.stdin.flush()
+
     def wait(self) -> int:
         """Wait for the end and return the exit code; LfsrError with the child's own sentence after bad input."""
         code = self._process.wait()
@@ -321,8 +329,8 @@ def output_of(command: Sequence[str], environment: Mapping[str, str] | None = No
 class Starts(Protocol):
     """Anything that knows how to start Blender."""
 
-    def command(self, *job_files: Path) -> list[str]:
-        """Return the command line that runs the render jobs in ``job_files`` one after the other."""
+    def command(self, *job_files: Path | str) -> list[str]:
+        """Return the command line that runs the render jobs in ``job_files``, or STAY, one after the other."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -331,8 +339,8 @@ class Blender:
 
     executable: str | None = None  # path of Blender, None for the bpy wheel of this Python
 
-    def command(self, *job_files: Path) -> list[str]:
-        """Return the command line that runs the render jobs in ``job_files`` one after the other."""
+    def command(self, *job_files: Path | str) -> list[str]:
+        """Return the command line that runs the render jobs in ``job_files``, or STAY, one after the other."""
         spec = importlib.util.find_spec("blender_addon")  # which is not imported here
         if spec is None or not spec.submodule_search_locations:
             raise LfsrError("the package blender_addon is not installed beside lfsr_core: install LFSR again")

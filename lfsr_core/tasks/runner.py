@@ -27,7 +27,7 @@ from lfsr_core.base.cores import watch_memory
 from lfsr_core.base.errors import LfsrError
 from lfsr_core.base.files import atomic_path, read_json, system_errors
 from lfsr_core.base.notices import Notice, Progress
-from lfsr_core.base.records import from_data, to_data, write_record
+from lfsr_core.base.records import from_data, to_data
 from lfsr_core.exports.formats import export as export_frames
 from lfsr_core.exports.light_field import read_views
 from lfsr_core.exports.options import FILM_RATE, FILMS, QUILT_FILM, ExportOptions, default_target
@@ -38,9 +38,9 @@ from lfsr_core.frames.folder import FrameFolder, frame_folders
 from lfsr_core.frames.frame import EIA_FILE, LAYOUTS, PANEL_FILE, SUBPIXELS, read_part
 from lfsr_core.frames.request import Finish, Request
 from lfsr_core.metrics.eia_metrics import compare_with_reference
-from lfsr_core.pipeline.make import FAILED, finish_frame
+from lfsr_core.pipeline.make import FAILED, finish_frame, open_blender
 from lfsr_core.pipeline.make import make as make_frames
-from lfsr_core.plan.options import Measured, PlanOptions, first_guess, path_samples, render_seconds
+from lfsr_core.plan.options import Measured, PlanOptions, path_samples, render_seconds
 from lfsr_core.plan.planner import make_plan
 from lfsr_core.process.child import (
     EXIT_BAD_INPUT,
@@ -67,7 +67,7 @@ class RenderCommand:
 
     words: tuple[str, ...]
 
-    def command(self, *request_files: Path) -> list[str]:
+    def command(self, *request_files: Path | str) -> list[str]:
         """Return the command line that renders ``request_files``."""
         return [*self.words, *map(str, request_files)]
 
@@ -138,21 +138,15 @@ def estimate(request: dict[str, Any], command: list[str]) -> dict[str, Any]:
 
 
 def plan(request: dict[str, Any], options: dict[str, Any], command: list[str]) -> dict[str, Any]:
-    """Plan for the scene of a request, with ``PlanOptions``; return data of a ``plan.choose.Choice``.
+    """Plan for the scene of a request, with ``PlanOptions``; return data of a ``plan.options.Choice``.
 
-    ``command``: words that start a render, before the request files. A first guess, from the depth of the scene, is
-    told before anything is measured, by the notice "first-guess".
+    ``command``: words that start a render, before the request files.
     """
-    wanted, blender = from_data(PlanOptions, options, "options of the plan"), RenderCommand(tuple(command))
-    asked = from_data(Request, request, "the request")
-    with tempfile.TemporaryDirectory() as work:
-        file = Path(work, "request.json")
-        write_record(file, asked)
-        moves = np.array(blender.run("depth", str(file))["moves"])
-        emit_told(Notice("first-guess", to_data(first_guess(asked.display, moves, wanted))))
-        choice = make_plan(asked, wanted, lambda one, tell: make_frames(one, blender=blender, tell=tell), work,
-                           emit_told).choice
-    found: dict[str, Any] = to_data(choice)
+    wanted = from_data(PlanOptions, options, "options of the plan")
+    with (tempfile.TemporaryDirectory() as work,
+          open_blender(RenderCommand(tuple(command)), Path(work)) as render):
+        planned = make_plan(from_data(Request, request, "the request"), wanted, render, work, emit_told)
+    found: dict[str, Any] = to_data(planned.choice)
     return found
 
 

@@ -13,7 +13,7 @@ from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, write_frame
 from lfsr_core.frames.request import Request, read_request
 from lfsr_core.images.exr import write_layers
 from lfsr_core.optics.lenses import pixel_rows
-from lfsr_core.process.child import RENDERED_STAGE, emit
+from lfsr_core.process.child import RENDERED_STAGE, STAY, emit
 from tests.support.requests import make_request
 from tests.support.synthetic import MINI, frame_of, light_field, tiles, traced_panel, write_reference, write_render
 
@@ -55,13 +55,9 @@ def play(arguments: Sequence[str]) -> int:
         print("Blender 5.0.1")
         return 0
     words = arguments[arguments.index("--") + 1:]
-    if words[0] == "depth":
-        emit(stage="done", moves=[0.1, 0.2])
-        return 0
-    jobs = [read_request(path) for path in words]
-    for job in jobs:
-        render(job)
-        if len(jobs) > 1:
+    for path in (line.strip() for line in sys.stdin) if words == [STAY] else words:
+        render(read_request(path))
+        if words == [STAY] or len(words) > 1:
             emit(stage=RENDERED_STAGE)
     emit(stage="done", folder=".")
     return 0

@@ -318,16 +318,11 @@ def _free_fraction(sight: _Sight, profile: DisplayProfile, array: CameraArray) -
 
 def scale_of(scene: bpy.types.Scene, job: Request) -> ScaleChoice:
     """Choose one of the job's scales by the depth at which the middle of the array sees the subject in its frames."""
-    return choose_scale(job.display, all_moves(scene, job), job.sampling.scales, job.judged_rays)
-
-
-def all_moves(scene: bpy.types.Scene, job: Request) -> Array:
-    """Disparities (n,), in lenses, of what the middle of the array sees of the subject in the job's frames."""
     subject, moves = find_subject(scene, job.subject), [np.empty(0)]
     for _ in motion.visited(scene, job.sampling.frames):
         with suppress(LfsrError):  # no array where the subject is out of sight: its frame says so when it is rendered
             moves.append(moves_of(scene, job.display, subject))
-    return np.concatenate(moves)
+    return choose_scale(job.display, np.concatenate(moves), job.sampling.scales, job.judged_rays)
 
 
 def moves_of(scene: bpy.types.Scene, display: DisplayProfile, subject: set[bpy.types.Object]) -> Array:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import bpy
 
 from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
 from lfsr_core.base.records import from_data
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.plan.options import Candidate, Choice, Guess, Measured, PlanOptions, Rated
+from lfsr_core.plan.options import Candidate, Choice, Measured, PlanOptions, Rated
 from lfsr_core.reconstruct.methods import AS_RENDERED
 
 from ...jobs import asked, session
@@ -48,14 +47,8 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
         state = context.window_manager.lfsr
         state.plan_scene = state.plan_text = state.plan_method = ""  # the last result must not seem to be this one's
         name = scene.name_full
-
-        def notice(told: Notice) -> bool:
-            if told.code == "first-guess":
-                guess(name, from_data(Guess, told.values, "the first guess"))
-            return told.code == "first-guess"
-
         return Job("plan", {"request": request, "options": options},
-                   lambda result: show(options.target, name, from_data(Choice, result, "the plan's result")), notice)
+                   lambda result: show(options.target, name, from_data(Choice, result, "the plan's result")))
 
 
 class LFSR_OT_plan_use(bpy.types.Operator):
@@ -81,12 +74,6 @@ def wanted(scene: bpy.types.Scene) -> PlanOptions:
     return PlanOptions(target=round(scene.lfsr.plan_target, 4))
 
 
-def guess(scene_name: str, found: Guess) -> None:
-    """Store what is expected before anything was measured."""
-    text = f"First guess, from the depth: {in_words(found.candidate)}. Not measured yet: lenses decide"
-    _store(scene_name, text, found.candidate if found.reaches else None)
-
-
 def show(target: float, scene_name: str, choice: Choice) -> None:
     """Store the result for the panel."""
     goal = f"SSIM {target:g}"
@@ -96,7 +83,12 @@ def show(target: float, scene_name: str, choice: Choice) -> None:
         best = f" with 95 % confidence; best is {measured(choice.best)}" if choice.best else ""
         limit = f". Limit: {sentence(choice.limit)}" if choice.limit else ""
         text = f"nothing reaches {goal}{best}{limit}"
-    _store(scene_name, text, choice.chosen)
+    state, chosen = bpy.context.window_manager.lfsr, choice.chosen
+    state.plan_scene, state.plan_text = scene_name, text
+    if chosen is not None:
+        state.plan_scale, state.plan_samples, state.plan_method = chosen.scale, chosen.samples, chosen.method
+    print(f"Light Field: {text}")
+    session.redraw()
 
 
 def measured(row: Rated) -> str:
@@ -109,15 +101,6 @@ def in_words(candidate: Candidate) -> str:
     """Return what the panel calls a candidate, as in "scale 4×, 16 samples, Fast"."""
     method = "no denoiser" if candidate.method == AS_RENDERED else title(candidate.method)
     return f"scale {candidate.scale}×, {counted(candidate.samples, 'sample')}, {method}"
-
-
-def _store(scene_name: str, text: str, chosen: Candidate | None) -> None:
-    state = bpy.context.window_manager.lfsr
-    state.plan_scene, state.plan_text, state.plan_method = scene_name, text, ""
-    if chosen is not None:
-        state.plan_scale, state.plan_samples, state.plan_method = chosen.scale, chosen.samples, chosen.method
-    print(f"Light Field: {text}")
-    session.redraw()
 
 
 CLASSES = (LFSR_OT_estimate_time, LFSR_OT_plan, LFSR_OT_plan_use)

@@ -36,6 +36,7 @@ class Part:
     make: Callable[..., Any]
     needs_denoiser: bool = False  # Open Image Denoise
     takes_weights: bool = False
+    sees_neighbours: bool = False  # whether an elemental image depends on those beside it
     versions: Mapping[str, int] = dataclasses.field(default_factory=dict)  # of results: figures of others are outdated
     # seconds of two cores per million rendered and finished pixels, besides those of every method
     per_rendered: float = 0.0
@@ -48,16 +49,17 @@ METHODS: dict[str, Part] = {
     "bicubic": Part(UPSCALER, "cubic inside each elemental image", lambda _: Interpolation("cubic")),
     "lanczos": Part(UPSCALER, "8-tap Lanczos inside each elemental image", lambda _: Interpolation("lanczos")),
     "pool": Part(UPSCALER, "linear along the depth of what is seen, from every lens that sees it", Pooling,
-                 versions={"pool": 2}, per_finished=0.05),
+                 sees_neighbours=True, versions={"pool": 2}, per_finished=0.05),
     "bicubic-eia": Part(UPSCALER, "cubic over the whole array: shows crosstalk",
-                        lambda _: Interpolation("cubic", crosstalk=True)),
+                        lambda _: Interpolation("cubic", crosstalk=True), sees_neighbours=True),
     "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda _: Interpolation("nearest")),
     "denoise": Part(PREFILTER, "Open Image Denoise with weights trained on elemental images",
                     lambda weights: functools.partial(denoise_low_resolution, weights=weights or WEIGHTS),
-                    needs_denoiser=True, takes_weights=True, versions={"denoiser": 10}, per_rendered=0.45),
+                    needs_denoiser=True, takes_weights=True, sees_neighbours=True, versions={"denoiser": 10},
+                    per_rendered=0.45),
     "oidn": Part(PREFILTER, "Open Image Denoise with its own weights",
                  lambda _: functools.partial(denoise_low_resolution, weights=None), needs_denoiser=True,
-                 versions={"denoiser": 10}, per_rendered=0.45),
+                 sees_neighbours=True, versions={"denoiser": 10}, per_rendered=0.45),
 }
 # Seconds of every method on two cores: its start, per million finished pixels, and per million rendered ones.
 START, PER_FINISHED, PER_RENDERED = 1.2, 0.07, 0.05
@@ -130,6 +132,11 @@ class MethodName:
     def needs_denoiser(self) -> bool:
         """Whether it needs Open Image Denoise."""
         return any(part.needs_denoiser for part in self.parts)
+
+    @property
+    def sees_neighbours(self) -> bool:
+        """Whether an elemental image depends on those beside it."""
+        return any(part.sees_neighbours for part in self.parts)
 
     @property
     def undenoised(self) -> MethodName:

@@ -1,5 +1,6 @@
 """Blender as a process of its own: its lines, its exit codes, what it leaves behind, and the demo scene's views."""
 
+import dataclasses
 import os
 import re
 import resource
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.files import write_json
+from lfsr_core.base.notices import Progress
 from lfsr_core.base.records import to_data
 from lfsr_core.exports.light_field import read_views
 from lfsr_core.frames.frame import read_frame
@@ -19,12 +21,13 @@ from lfsr_core.frames.request import DEVICES
 from lfsr_core.images import exr
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_png
-from lfsr_core.pipeline.make import render_all
+from lfsr_core.pipeline.make import open_blender, render_all
 from lfsr_core.process.child import ENDS_WITH_INPUT, EXIT_BAD_INPUT, find_blender, parse_progress, told_of
 from tests.support.other_systems import FOLDER, SYSTEMS
 from tests.support.processes import run_lfsr, run_script
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, ROOT, add_box, add_camera, add_lamp, emission
+from tests.support.told import refuses
 
 ENTRY = ROOT / "blender_addon" / "headless" / "from_sources.py"
 
@@ -96,6 +99,19 @@ def test_job_becomes_a_frame_folder(blend, tmp_path):
     layers = exr.read_layers(tmp_path / "out" / "lr_eia.exr")
     assert layers["color"].shape == (24, 32, 4)
     assert layers["color"].reshape(-1, 4)[layers["color"][..., 3].argmax()] == pytest.approx((1, 0.5, 0.2, 1), rel=1e-3)
+
+
+def test_one_blender_stays_open_for_renders_that_are_asked_for_later(blend, tmp_path):
+    told, work = [], tmp_path / "work"
+    with open_blender(find_blender(), work) as render:
+        for scale in (4, 2):
+            request = make_request(str(work / f"s{scale}"), MINI, scene=str(blend), scale=scale, samples=1)
+            render(request, told.append)
+            assert read_frame(work / f"s{scale}").scale == scale
+        assert [each.stage for each in told if isinstance(each, Progress)].count("open") == 1, "the scene is kept"
+        wrong = dataclasses.replace(request, subject="Nowhere", output=str(work / "none"))
+        refuses("'Nowhere'", render, wrong, told.append)
+    assert sorted(path.name for path in work.iterdir()) == ["s2", "s4"], "nothing else stays"
 
 
 def test_what_the_user_must_know_is_said_before_the_render_and_kept_in_the_frame(scene, tmp_path):

@@ -20,7 +20,7 @@ from lfsr_core.base.files import read_json
 from lfsr_core.base.notices import Notice
 from lfsr_core.pipeline.farms import TEMPLATES
 from lfsr_core.plan import options
-from lfsr_core.plan.options import Candidate, Choice, Estimate, Guess, Rated
+from lfsr_core.plan.options import Choice, Estimate, Rated
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from tests.blender.ui.test_panels import draw, labels, operators, properties
 from tests.pipeline.test_farms import STUB, node
@@ -146,21 +146,7 @@ def test_cancel_ends_the_render_it_started(few):
     assert time.perf_counter() - started < 5 and session.current() is None
     wait_for(lambda: not lives(render), seconds=3)
     assert not list(Path(bpy.app.tempdir).glob("lfsr-*/*")) and task.ended
-    assert not context.window_manager.lfsr.plan_text or "Not measured" in context.window_manager.lfsr.plan_text
-
-
-def test_a_first_guess_comes_before_anything_is_measured(few, monkeypatch):
-    session.start("Find Cheapest Settings", plan.LFSR_OT_plan.prepare(None, bpy.context))
-    try:
-        panel.wait_for(lambda: bpy.context.window_manager.lfsr.plan_text)
-        assert "scale 2×, 1 sample" in bpy.context.window_manager.lfsr.plan_text
-        for reaches in (False, True):
-            plan.guess(few.name, Guess(Candidate(2, 1, DEFAULT_METHOD), reaches))
-            drawn = draw(panels.LFSR_PT_plan)
-            assert "First guess" in labels(drawn) and ("lfsr.plan_use" in operators(drawn)) == reaches
-    finally:
-        session.cancel()
-    assert bpy.context.window_manager.lfsr.plan_text.startswith("First guess"), "it stays after a cancel"
+    assert not context.window_manager.lfsr.plan_text, "nothing is said that was not measured"
 
 
 def test_what_it_costs_is_said_before(few):
