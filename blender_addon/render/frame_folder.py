@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
@@ -28,7 +30,7 @@ from lfsr_core.frames.frame import (
     write_frame,
 )
 from lfsr_core.frames.low_res import finished_layout
-from lfsr_core.frames.request import AUTO, EVEN, GUIDES, MOST_SEED, OWN, POSITION, Request, more_rays
+from lfsr_core.frames.request import AUTO, EVEN, GUIDES, MOST_SEED, OWN, POSITION, TIMES_RAYS, Request, more_rays
 from lfsr_core.images.exr import Layers, clean, read_layers
 from lfsr_core.images.view_transform import ViewTransform
 from lfsr_core.optics.lenses import pixel_rows
@@ -65,6 +67,7 @@ SETTLED = ("scene", "device", "light", "sampling")
 SOURCES = ("render", "scene")  # packages of the add-on that decide pixels
 LIGHT_WIDTH, LIGHT_SAMPLES = 64, 4  # pixels across, and samples per pixel, of the measurement of light
 FIRST_WIDTH, FIRST_SAMPLES, FIRST_MAP = 160, 24, 128  # of the first view
+MOST_SECONDS = 60.0  # that an image may take because more rays are taken than were asked for
 # Darker surfaces count as if they reflected this much: black things in good light are not in the dark.
 LEAST_ALBEDO = 0.1
 Say = Callable[[Notice], object]
@@ -99,11 +102,14 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
     with prepared(scene, request, say) as frame:
         if request.first_view is not None:
             tell(Progress("first"))
-            noise, rays = _write_first_view(scene, frame, request.first_view), request.sampling.rays
+            noise, per_ray = _write_first_view(scene, frame, request.first_view)
+            rays, usual = request.sampling.rays, per_ray * math.prod(frame.rays.size) * frame.samples
             tell(Notice("first-view", {"path": request.first_view}))
-            if rays is not None and (times := more_rays(request.display, rays, noise)) > 1:
+            if rays is not None and (wanted := more_rays(request.display, rays, noise)) > 1:
+                times = max(times for times in TIMES_RAYS if times == 1 or times <= min(wanted, MOST_SECONDS / usual))
                 frame = dataclasses.replace(frame, samples=frame.samples * times)
-                say(Notice("noisy", {"times": times}))
+                say(Notice("noisy", {"times": times}) if times == wanted else
+                    Notice("noisy-long", {"times": wanted, "seconds": wanted * usual, "taken": times}))
         inputs = None
         if request.parts and opened.content:
             resolved = to_data(dataclasses.replace(frame, seconds={}, gpus=()))
@@ -227,10 +233,11 @@ def _seen_from_middle(scene: bpy.types.Scene, placed: Placement, settings: Rende
         return clean(read_layers(path))[0]
 
 
-def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> float:
+def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> tuple[float, float]:
     """Write that as decoded views are, uint8 (1, 1, sy, sx, 3): few pixels, so that it is there at once.
 
-    Returns by how much two halves of its rays differ: root of the mean square, in display values from 0 to 1.
+    Returns by how much two halves of its rays differ, the root of the mean square in display values from 0 to 1, and
+    the seconds of a ray, of the second half: Cycles prepares the scene before the first.
     """
     settings = RenderSettings(FIRST_SAMPLES // 2, frame.seed, device=frame.device, world_visible=frame.world_visible)
     # A world image is sampled by a small map, which is made at once.
@@ -239,6 +246,7 @@ def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> float:
     with (overridden(scene.world.cycles, small) if scene.world is not None else nullcontext(),
           overridden(scene.render, {"use_persistent_data": True})):
         for seed in (frame.seed, (frame.seed + 1) % (MOST_SEED + 1)):
+            started = time.perf_counter()
             layers = _seen_from_middle(scene, (frame.array, frame.matrix_world),
                                        dataclasses.replace(settings, seed=seed),
                                        min(FIRST_WIDTH, frame.display.lenses[0]))
@@ -246,11 +254,13 @@ def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> float:
             behind = (layers["environment"] if frame.world_visible
                       else (1 - color[..., 3:]) * frame.display.background)
             halves.append(np.maximum(color[..., :3] + behind, 0).astype(np.float32))
+            seconds = time.perf_counter() - started
     transform = ViewTransform(frame.color)
     with unfinished(path) as temporary, temporary.open("wb") as file:
         np.save(file, transform.to_uint8((halves[0] + halves[1]) / 2)[None, None])
     first, second = (transform.to_uint8(half).astype(np.float32) / 255 for half in halves)
-    return float(np.sqrt(np.square(first - second).mean()))
+    noise = float(np.sqrt(np.square(first - second).mean()))
+    return noise, seconds / (math.prod(color.shape[:2]) * settings.samples)
 
 
 def inputs_before_opening(request: Request, content: str) -> dict[str, str]:

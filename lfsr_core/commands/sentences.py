@@ -154,6 +154,8 @@ SENTENCES: dict[str, Wording] = {
                   "or the exposure, or choose another light (--light)",
     "light-replaced": lambda values: f"{replaced(values)}: choose another light with --light",
     "noisy": "the first view is noisy, so the image takes {times} times the rays of the setting",
+    "noisy-long": "the first view is noisy, but {times} times the rays of the setting would take about {seconds:.0f} "
+                  "s, so the image takes {taken} times as many: ask for more rays where you can wait",
     "world-inside": lambda values: f"{WORLDS[values['reason']]}, so the world is rendered with the subject and is less "
                                    "sharp",
     # Exports and imports

@@ -64,6 +64,7 @@ EXAMPLES = {
     "light-replaced": ({"reason": "none", "light": "even"}, "lit evenly"),
     "light-weak": ({}, "--light"),
     "noisy": ({"times": 4}, "4 times the rays"),
+    "noisy-long": ({"times": 4, "seconds": 99.6, "taken": 2}, "would take about 100 s"),
     "number-ignored": ({"name": "fringe", "value": 0.5}, "fringe of 0.5"),
     "override-ignored": ({"layer": "Main", "material": "clay"}, "override 'clay'"),
     "page-large": ({"bytes": 45_000_000}, "45 MB"),
