@@ -153,4 +153,4 @@ def test_what_it_costs_is_said_before(few):
     assert "as long as" in labels(draw(panels.LFSR_PT_plan)) and "images at most" in labels(draw(panels.LFSR_PT_plan))
     state = bpy.context.window_manager.lfsr
     state.probe_scene, state.probe_per_path = few.name_full, 1e-6
-    assert "Takes 1 min 40 s at most" in labels(draw(panels.LFSR_PT_plan))
+    assert "Takes 10 s at most" in labels(draw(panels.LFSR_PT_plan))
