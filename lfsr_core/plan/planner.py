@@ -44,6 +44,7 @@ WIDE_ENOUGH = 32  # pixels across an elemental image that needs no neighbours: m
 MOST_REACH = 1  # lenses on each side; more neighbours would cost more than the lens
 REACH_IN_A_VIEW = 4  # for displays with parallax along one axis, whose elemental images are one pixel high
 LEAST_LENSES, USUAL_LENSES = 24, 48
+REFERENCE_FRACTION = 0.3  # of the budget: most plans end after a few candidates, which cost less
 REFERENCE_PARTS = 2  # renders of two independent halves each: four quarters
 CORRECTED = 0.5  # fraction of the loss by the reference's remaining noise that is added to the metric
 
@@ -76,10 +77,7 @@ def lens_count(display: DisplayProfile, options: PlanOptions) -> int:
     if options.lenses is not None:
         return options.lenses
     reference = math.prod(display.views) * options.reference_samples
-    costs = paths_per_lens(display, options.candidates(display)).values()
-    # Renders that cost more than the reference are rarely needed.
-    usual = reference + sum(cost for cost in costs if cost < reference)
-    return min(max(int(options.most_paths(display) / usual), LEAST_LENSES), USUAL_LENSES)
+    return min(max(int(REFERENCE_FRACTION * options.most_paths(display) / reference), LEAST_LENSES), USUAL_LENSES)
 
 
 def sampled_lenses(mask: Array, count: int, seed: int) -> list[Lens]:

@@ -30,7 +30,7 @@ from lfsr_core.plan import options as plan_options
 from lfsr_core.plan import planner
 from lfsr_core.plan.options import Candidate, Estimate, PlanOptions, Rated, choose, estimate
 from lfsr_core.plan.planner import (
-    USUAL_LENSES,
+    LEAST_LENSES,
     Planned,
     SampleRenders,
     lens_count,
@@ -393,7 +393,7 @@ def test_plans_of_the_recorded_scenes_meet_their_target_at_little_more_than_the_
         for seed in range(5):
             random = np.random.default_rng([seed, count])
             shared = 0.9 * spread * random.gamma(1.0, 1.0, count)
-            chosen = random.permutation(count)[:USUAL_LENSES]
+            chosen = random.permutation(count)[:LEAST_LENSES]
             rows = []
             for each, accuracy in found.items():
                 off = 0.44 * spread * random.normal(size=count) - shared
