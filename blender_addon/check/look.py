@@ -21,7 +21,7 @@ from lfsr_core.optics.rays import CameraArray
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig, room
 from ..scene.array.ray_cast import Rays
-from ..scene.light import DIM, SCENE_LIGHTS, has_emission, has_light, world_radiance
+from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, world_radiance
 from ..scene.overrides import overridden
 from ..scene.settings import length
 from ..scene.subject import GEOMETRY, find_subject, with_instanced
@@ -76,7 +76,7 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
             lamps[0].matrix_world.translation - mathutils.Vector(STARTUP_LAMP)).length < 1e-3:
         yield _problem("dark", scene.name, "Only the lamp of Blender's new file lights it. Images only are lit.")
     elif _is_dark(scene, rays, placed, is_new):
-        yield _problem("dark", scene.name, "Hardly any light reaches what the array sees: the image will be almost "
+        yield _problem("dark", scene.name, "Hardly any light comes from what the array sees: the image will be almost "
                        "black. Images only are lit; the scene keeps its own light.")
 
 
@@ -215,7 +215,7 @@ def _seen(scene: bpy.types.Scene) -> tuple[CameraArray, float, float]:
 
 
 def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: bool) -> bool:
-    """True if hardly any light of lamps and of the world reaches the places that the array sees.
+    """True if hardly any light of lamps and of the world comes back from the places that the array sees.
 
     What rays do not tell, light that is reflected or of a material, a proof of 64 pixels across does, but for a scene
     that ``is_new``.
@@ -234,7 +234,7 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: 
         hit = rays.cast(eye.translation, way) if len(arriving) < LIT else None
         if hit is None:
             continue
-        place, normal, _ = hit
+        place, normal, item = hit
         normal = -normal if normal.dot(way) > 0 else normal
         start = place + normal * 1e-3 * (place - eye.translation).length
         light = sum(_arrives(rays, lamp, start, normal) for lamp in lamps) / math.pi
@@ -242,10 +242,18 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: 
             ways = [mathutils.Vector(way) for way in generator.normal(size=(SKY, 3))]
             free = [rays.cast(start, way if way.dot(normal) > 0 else -way) is None for way in ways]
             light += sky * sum(free) / SKY
-        arriving.append(light)
+        arriving.append(light * min(_reflected(item) / LEAST_ALBEDO, 1.0))
     if not arriving or float(np.median(arriving)) * 2.0**scene.view_settings.exposure >= DIM:
         return False
     return is_new or _proof_is_dark(scene)
+
+
+def _reflected(item: bpy.types.Object) -> float:
+    """Brightest colour of an object's materials, 1 where it is not known."""
+    colors = [node.inputs["Base Color"] for slot in item.material_slots if slot.material and slot.material.node_tree
+              for node in slot.material.node_tree.nodes if node.type == "BSDF_PRINCIPLED"]
+    known = [1.0 if color.is_linked else max(color.default_value[:3]) for color in colors]
+    return max(known, default=1.0)
 
 
 def _proof_is_dark(scene: bpy.types.Scene) -> bool:

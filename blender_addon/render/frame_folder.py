@@ -42,7 +42,7 @@ from ..scene import devices
 from ..scene.array import motion, placement
 from ..scene.array.rig import Placement
 from ..scene.files import check_files, image_files
-from ..scene.light import DEFAULT_LIGHT, DIM, has_light, is_certain, lit
+from ..scene.light import DEFAULT_LIGHT, DIM, LEAST_ALBEDO, has_light, is_certain, lit
 from ..scene.overrides import overridden
 from ..scene.settings import color_settings
 from ..scene.subject import find_subject, has_background_meshes
@@ -68,8 +68,6 @@ SOURCES = ("render", "scene")  # packages of the add-on that decide pixels
 LIGHT_WIDTH, LIGHT_SAMPLES = 64, 4  # pixels across, and samples per pixel, of the measurement of light
 FIRST_WIDTH, FIRST_SAMPLES, FIRST_MAP = 160, 24, 128  # of the first view
 MOST_SECONDS = 60.0  # that an image may take because more rays are taken than were asked for
-# Darker surfaces count as if they reflected this much: black things in good light are not in the dark.
-LEAST_ALBEDO = 0.1
 Say = Callable[[Notice], object]
 
 

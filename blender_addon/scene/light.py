@@ -18,6 +18,7 @@ from .. import compat
 DEFAULT_LIGHT = "city"  # neutral, from all sides: suits glass as well as skin
 # Brightness below which a white surface is almost in the dark. The world of a new file, 0.05, lights less.
 DIM = 0.08
+LEAST_ALBEDO = 0.1  # darker surfaces count as if they reflected this much: what is black needs more light to be seen
 SKY = 0.5  # radiance of a sky that is an image or a texture
 CERTAIN_SUN, CERTAIN_WORLD = 0.5, 0.1   # W/m² and radiance that show a white surface well above that
 # Lamps of even light: direction from which they shine, in degrees around Z from the front and above the ground, W/m².

@@ -165,6 +165,17 @@ def test_hardly_any_light_is_noticed(startup, energy, world, exposure, is_dark):
     assert startup.lfsr.light == ("CITY" if is_dark else "AUTO")
 
 
+@pytest.mark.parametrize("gray", [0.004, 0.4])
+def test_black_things_need_more_light_to_be_seen(startup, gray):
+    aimed(startup)
+    box, paint = add_box((0, 0, 1), (1, 0.5, 1)), bpy.data.materials.new("Lacquer")
+    node = paint.node_tree.nodes["Principled BSDF"]
+    node.inputs["Base Color"].default_value = (gray, gray, gray, 1)
+    box.data.materials.append(paint)
+    startup.objects["Light"].data.energy = 50
+    assert ("dark" in looked(startup)) == (gray < 0.1)
+
+
 def test_the_dialog_offers_each_mend_ticked_and_asks_once(startup):
     add_box((90, 40, 0), (2, 2, 2))
     looked(startup)
