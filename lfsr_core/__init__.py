@@ -14,8 +14,7 @@ from __future__ import annotations
 TYPE_CHECKING = False  # here, because the module typing takes long to load
 if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.api import RenderedFrame, render
-    from lfsr_core.base.errors import LfsrError
-    from lfsr_core.base.notices import Notice, Progress
+    from lfsr_core.base.messages import LfsrError, Notice, Progress
     from lfsr_core.exports.formats import export
     from lfsr_core.exports.importing import ImportGeometry, import_views
     from lfsr_core.exports.light_field import eia_to_views, views_to_eia, write_views
@@ -49,8 +48,7 @@ _MODULES = {
     "exports.light_field": "eia_to_views views_to_eia write_views",
     "metrics.eia_metrics": "Reference Metrics compare_folders",
     "api": "RenderedFrame render",
-    "base.errors": "LfsrError",
-    "base.notices": "Notice Progress",
+    "base.messages": "LfsrError Notice Progress",
     "exports.formats": "export",
     "exports.importing": "ImportGeometry import_views",
     "exports.options": "ExportOptions",

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array, Bytes
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Tell, silent
+from lfsr_core.base.messages import LfsrError, Tell, silent
 from lfsr_core.commands.common import ProgressBar, method_of
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.exports.formats import export

@@ -16,10 +16,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.files import check_name, system_errors
-from lfsr_core.base.notices import cleaned
+from lfsr_core.base.messages import LfsrError, cleaned, did_you_mean
 from lfsr_core.base.records import to_data
+from lfsr_core.base.system import check_name, system_errors
 from lfsr_core.commands.common import BOLD, RED, is_openjd, styled, tell_openjd
 from lfsr_core.process.child import interrupt_main
 from lfsr_core.version import __version__

@@ -32,8 +32,8 @@ sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (0, 1)
 import setup
 from review_extension import OF_COMMANDS, review
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import atomic_path
 from lfsr_core.version import __version__
 
 ROOT = setup.ROOT

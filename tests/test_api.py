@@ -8,7 +8,7 @@ import pytest
 
 import lfsr_core
 from lfsr_core.api import reconstruct
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.low_res import low_resolution
 from lfsr_core.images.exr import read_layers
 from lfsr_core.images.png import read_png

@@ -18,8 +18,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lfsr_core.base.errors import MOST_CHARACTERS, LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import MOST_CHARACTERS, LfsrError, Notice
 from lfsr_core.base.records import to_data
 from lfsr_core.calibration.makers import profile_from_calibration, read_calibration
 from lfsr_core.calibration.photograph import read_photograph

@@ -18,13 +18,13 @@ FOUND = os.environ.get("LFSR_WINDOWS_PYTHON", "")
 pytestmark = pytest.mark.skipif(not FOUND, reason="needs LFSR_WINDOWS_PYTHON=DIR, made by scripts/windows_python.sh")
 # Tests that need nothing of POSIX.
 PORTABLE = ("tests/base/test_records.py", "tests/frames", "tests/pipeline/test_parts.py",
-            "tests/base/test_files.py::"
+            "tests/base/test_system.py::"
             "test_a_second_render_into_the_same_folder_is_refused_and_what_a_dead_one_left_goes",
-            "tests/base/test_files.py::test_a_released_folder_locks_nobody_out_and_goes_with_its_process",
-            "tests/base/test_files.py::test_a_folder_goes_at_whatever_moment_its_process_was_killed",
-            "tests/base/test_files.py::test_files_are_replaced_all_or_none",
-            "tests/base/test_files.py::test_failure_keeps_the_old_file_and_leaves_nothing_else",
-            "tests/base/test_files.py::test_what_a_killed_writer_left_goes_with_the_next_and_a_living_one_keeps_its_own")
+            "tests/base/test_system.py::test_a_released_folder_locks_nobody_out_and_goes_with_its_process",
+            "tests/base/test_system.py::test_a_folder_goes_at_whatever_moment_its_process_was_killed",
+            "tests/base/test_system.py::test_files_are_replaced_all_or_none",
+            "tests/base/test_system.py::test_failure_keeps_the_old_file_and_leaves_nothing_else",
+            "tests/base/test_system.py::test_what_a_killed_writer_left_goes_with_the_next_and_a_living_one_keeps_its_own")
 # A child and its own child, which do not read their input; the first says who they are.
 DEAF = """import subprocess, sys, time
 child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])

@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.request import EVEN
 
 from ..jobs import runtime

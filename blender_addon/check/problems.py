@@ -10,8 +10,7 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
 
 from ..jobs import images, runtime
 from ..scene import devices, folders

@@ -16,11 +16,9 @@ from typing import NoReturn
 
 import bpy
 
-from lfsr_core.base.cores import watch_memory
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import file_stamp, system_errors
-from lfsr_core.base.notices import Notice, Progress, Tell
+from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell
 from lfsr_core.base.records import to_data
+from lfsr_core.base.system import file_stamp, system_errors, watch_memory
 from lfsr_core.exports.options import H264_SIDE
 from lfsr_core.frames.folder import PLACES, digest, request_facts, scene_stamp
 from lfsr_core.frames.request import Request, read_request

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.folder import FrameFolder, is_same
 from lfsr_core.frames.frame import EIA_FILE, Frame
 from lfsr_core.frames.request import Finish, Request, samples_at, spread

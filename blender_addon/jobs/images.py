@@ -16,7 +16,7 @@ import bpy.utils.previews
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 
 OWN = "lfsr_image"  # property of images that we have loaded: the file need not keep them
 IMAGE_NAME = "Light Field View"

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.base.cores import CORES
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import CORES
 from lfsr_core.process.child import BLENDER_FOLDER, PACKAGES, output_of
 from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
 from lfsr_core.tasks.probe import DENOISER

@@ -8,8 +8,8 @@ import textwrap
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import system_errors
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import system_errors
 
 from ..scene.words import capitalized, clock, for_panel, sentence
 from . import images

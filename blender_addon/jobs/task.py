@@ -28,10 +28,9 @@ from typing import Any
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import file_stamp, read_json, remove_dead, write_json
-from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.messages import LfsrError, Notice, Progress
 from lfsr_core.base.records import to_data
+from lfsr_core.base.system import file_stamp, read_json, remove_dead, write_json
 from lfsr_core.frames.folder import FrameFolder, digest
 from lfsr_core.frames.request import Request
 from lfsr_core.pipeline.parts import has_parts

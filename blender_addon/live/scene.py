@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 import mathutils
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.request import CLAMP_INDIRECT
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eye import LiveRegion, Point, eye_card, eye_place, eye_region

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 
 from ..scene import devices
 from ..scene.settings import display_of

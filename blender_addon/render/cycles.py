@@ -15,9 +15,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from lfsr_core.base.cores import CORES, usable_cores
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import system_errors
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import CORES, system_errors, usable_cores
 from lfsr_core.frames.frame import SUBPIXELS, Clip
 from lfsr_core.frames.request import CLAMP_INDIRECT
 from lfsr_core.images import exr

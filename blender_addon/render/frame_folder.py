@@ -15,10 +15,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import file_digest, file_stamp
-from lfsr_core.base.notices import Notice, Progress, Tell, silent
+from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
 from lfsr_core.base.records import to_data
+from lfsr_core.base.system import file_digest, file_stamp
 from lfsr_core.frames.folder import PLACES, digest, request_facts
 from lfsr_core.frames.frame import (
     LOW_RES_FILE,

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, lock_file
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import atomic_path, lock_file
 from lfsr_core.images import exr
 from lfsr_core.pipeline.parts import ImageParts, Pace, Part, gaps, is_worth_storing
 

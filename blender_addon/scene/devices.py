@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.request import AUTO
 
 from .overrides import overridden

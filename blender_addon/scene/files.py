@@ -18,9 +18,8 @@ from typing import Any
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import file_stamp
-from lfsr_core.base.notices import Notice, Progress, Tell
+from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell
+from lfsr_core.base.system import file_stamp
 from lfsr_core.frames.scene_files import check_regular
 
 SECONDS_IN_PANEL = 1.0  # of looking for damage before a button's question

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import check_name, is_forbidden, read_json, write_json
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import check_name, is_forbidden, read_json, write_json
 from lfsr_core.frames.folder import FrameFolder, is_of
 from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, PANEL_FILE
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.request import AUTO, EVEN, OWN, WORLD_IMAGES, check_light, is_light_file
 
 from .. import compat

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import bpy
 
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import Notice
 
 from .. import compat
 from .array.rig import is_sheared

@@ -9,8 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.notices import Notice, Tell, silent
+from lfsr_core.base.messages import LfsrError, Notice, Tell, did_you_mean, silent
 from lfsr_core.frames.request import FIT, check_scene
 from lfsr_core.frames.scene_files import check_named_files
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.request import (
     AUTO,

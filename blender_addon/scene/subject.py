@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 
 BACKGROUND_COLLECTION = "Background"
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "FONT", "META", "VOLUME", "CURVES", "POINTCLOUD"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from lfsr_core.base.notices import Notice, cleaned
+from lfsr_core.base.messages import Notice, cleaned
 from lfsr_core.commands import sentences
 from lfsr_core.commands.sentences import DARK, MOST_NAMES, Wording, listed
 

@@ -11,7 +11,7 @@ import bpy
 from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 
 from ..check import last
 from ..check.fixes import OPERATORS

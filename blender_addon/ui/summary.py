@@ -8,8 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import duration
+from lfsr_core.base.messages import LfsrError, duration
 from lfsr_core.frames.folder import FrameFolder, is_of
 from lfsr_core.frames.frame import REPORT_FILE, SUBPIXELS
 from lfsr_core.frames.request import read_report, samples_at

@@ -17,8 +17,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
-from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.files import read_json, write_json
+from lfsr_core.base.messages import LfsrError, did_you_mean
+from lfsr_core.base.system import read_json, write_json
 
 Record = TypeVar("Record")
 MOST_VALUE = 50  # characters of a value, or of a list of names, so that what is wrong fits beside a long path

@@ -21,8 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.calibration.patterns import FRINGE_CHANNELS, dots, pattern, tones
 from lfsr_core.calibration.photograph import Raster, View, find_panel, grid, read_photograph
 from lfsr_core.images.png import write_png

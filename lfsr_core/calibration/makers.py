@@ -22,9 +22,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import MOST_JSON_BYTES, parse_json, read_bytes
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import check_within
+from lfsr_core.base.system import MOST_JSON_BYTES, parse_json, read_bytes
 from lfsr_core.optics.display import MAX_OFFSET, MAX_SLANT, DisplayProfile, Lenticular, Subpixels, proposed_light_field
 
 INCH = 25.4

@@ -14,7 +14,7 @@ import dataclasses
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile, Lenslet, Lenticular
 from lfsr_core.optics.panel.subpixel_rays import (
     Geometry,

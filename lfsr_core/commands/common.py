@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
-from lfsr_core.base.notices import Notice, Progress, cleaned, duration
+from lfsr_core.base.messages import Notice, Progress, cleaned, duration
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LAYOUTS, VIEW_BY_VIEW
 from lfsr_core.frames.request import AUTO, DEVICES, EVEN, OWN, WORLD_IMAGES, Finish, Request, check_light, check_scene

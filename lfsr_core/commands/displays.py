@@ -8,8 +8,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice, cleaned
+from lfsr_core.base.messages import LfsrError, Notice, cleaned
 from lfsr_core.commands.common import position
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display, proposed_light_field, write_profile

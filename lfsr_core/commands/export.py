@@ -8,8 +8,7 @@ import webbrowser
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice, cleaned
+from lfsr_core.base.messages import LfsrError, Notice, cleaned
 from lfsr_core.commands.common import position, progress
 from lfsr_core.exports.options import FORMATS, PRESETS, ExportOptions
 

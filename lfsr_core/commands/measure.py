@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.commands import common
 from lfsr_core.commands.common import add_geometry_arguments, add_scene_arguments, make_request, names, numbers
 from lfsr_core.commands.sentences import sentence

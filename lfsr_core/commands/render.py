@@ -10,8 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import duration
+from lfsr_core.base.messages import LfsrError, duration
 from lfsr_core.commands import common
 from lfsr_core.commands.common import ProgressBar, progress
 from lfsr_core.commands.measure import metrics_table

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from lfsr_core.base.notices import Notice, cleaned
+from lfsr_core.base.messages import Notice, cleaned
 
 MOST_NAMES = 3
 EVEN = "even"  # the light of a scene that no world image reaches

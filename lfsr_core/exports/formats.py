@@ -10,9 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.files import check_name, replace_files, staging_folder, system_errors
-from lfsr_core.base.notices import Notice, Progress, Tell
+from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, did_you_mean
+from lfsr_core.base.system import check_name, replace_files, staging_folder, system_errors
 from lfsr_core.exports import images
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import FORMATS, ExportOptions, default_target

@@ -21,8 +21,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.messages import LfsrError, Notice, Progress, did_you_mean
 from lfsr_core.exports.light_field import LightField, camera_places, on_screen, resized, screen_size, usual_width
 from lfsr_core.exports.options import (
     H264_SIDE,

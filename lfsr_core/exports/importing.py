@@ -13,10 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import file_digest, read_bytes, replace_files, staging_folder, system_errors
-from lfsr_core.base.notices import Notice, Progress, Tell, silent
+from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
 from lfsr_core.base.records import check_within
+from lfsr_core.base.system import file_digest, read_bytes, replace_files, staging_folder, system_errors
 from lfsr_core.exports.images import PARAMETERS_FILE
 from lfsr_core.exports.light_field import resized, view_between
 from lfsr_core.exports.options import PRESETS, Pair, read_quilt_name, without_suffix

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.base.arrays import Array, Bytes
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, Frame, read_frame, read_rendered
 from lfsr_core.images.png import read_png, write_png
 from lfsr_core.optics import eia

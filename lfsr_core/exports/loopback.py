@@ -15,8 +15,8 @@ import socket
 import threading
 from typing import Any
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import MOST_JSON_BYTES, parse_json
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import MOST_JSON_BYTES, parse_json
 
 ADDRESSES = ("127.0.0.1", "::1")  # tried in this order
 PORT, PORT_VARIABLE = 33334, "LFSR_BRIDGE_PORT"

@@ -13,8 +13,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Tell, silent
+from lfsr_core.base.messages import LfsrError, Tell, silent
 
 
 class Format(NamedTuple):

@@ -19,9 +19,8 @@ import numpy as np
 import OpenImageIO as oiio
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path
-from lfsr_core.base.notices import Notice, Progress, Tell, silent
+from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
+from lfsr_core.base.system import atomic_path
 from lfsr_core.frames.folder import frame_folders, one_display
 from lfsr_core.frames.frame import EIA_FILE, VIEWER_FILE, read_frame
 from lfsr_core.images.png import opened, read_png

@@ -10,9 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, cache_folder, parse_json
-from lfsr_core.base.notices import Tell, silent
+from lfsr_core.base.messages import LfsrError, Tell, silent
+from lfsr_core.base.system import atomic_path, cache_folder, parse_json
 from lfsr_core.calibration.makers import Calibration, calibration_of
 from lfsr_core.exports import loopback
 from lfsr_core.exports.formats import export

@@ -15,9 +15,9 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import check_name, file_stamp, reading, replace_files, system_errors
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import to_data
+from lfsr_core.base.system import check_name, file_stamp, reading, replace_files, system_errors
 from lfsr_core.frames import frame as files
 from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, Frame, read_frame, read_part, read_rendered
 from lfsr_core.frames.request import AUTO, TIMES_RAYS, Finish, Report, Request, read_report

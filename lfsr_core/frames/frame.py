@@ -9,10 +9,9 @@ import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import read_json, write_json
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.base.records import from_data, to_data
+from lfsr_core.base.system import read_json, write_json
 from lfsr_core.images.color import ColorSettings
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lenses import check_rows, rows_text

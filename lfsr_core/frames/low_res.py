@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array, Mask
-from lfsr_core.base.cores import in_threads
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
+from lfsr_core.base.system import in_threads
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, Frame
 from lfsr_core.frames.request import GUIDES
 from lfsr_core.optics.eia import to_elemental_images

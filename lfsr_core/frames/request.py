@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice, did_you_mean
 from lfsr_core.base.records import check_choice, read_record, write_record
 from lfsr_core.frames.frame import LAYOUTS, REPORT_FILE, SUBPIXELS, check_direct
 from lfsr_core.optics.depth_scale import ScaleChoice

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 
 MOST_TEXT = 2**28  # bytes of a glTF's JSON, or of a material library
 SPARE = 2**20  # bytes by which a buffer may be larger than its scene says

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 
 MAX_STOPS, MAX_GAMMA = 100, 100
 

@@ -10,9 +10,8 @@ import numpy as np
 import OpenImageIO as oiio
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, reading
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
+from lfsr_core.base.system import atomic_path, reading
 from lfsr_core.images.png import opened
 
 # Names, in lower case, that Blender 4.5, Blender 5.x and this program give the same pass.

@@ -19,8 +19,8 @@ import numpy as np
 import OpenImageIO as oiio
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, reading
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import atomic_path, reading
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 BAND_ROWS = 64

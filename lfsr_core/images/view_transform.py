@@ -16,8 +16,7 @@ import numpy as np
 import PyOpenColorIO as ocio
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice, did_you_mean
 from lfsr_core.images.color import ColorSettings
 
 CONFIG_IN_BLENDER = "datafiles/colormanagement/config.ocio"

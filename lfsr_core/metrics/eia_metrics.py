@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array, Mask
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice, Tell, silent
+from lfsr_core.base.messages import LfsrError, Notice, Tell, silent
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.folder import first_difference, phrases
 from lfsr_core.frames.frame import MASK_FILE, REFERENCE_FILES, Frame, read_frame

@@ -14,7 +14,7 @@ from collections.abc import Collection
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import Notice
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 

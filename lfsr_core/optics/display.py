@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.files import atomic_path, read_bytes, without_advice
+from lfsr_core.base.messages import LfsrError, did_you_mean
 from lfsr_core.base.records import check_choice, check_within, fail, from_data, to_data
+from lfsr_core.base.system import atomic_path, read_bytes, without_advice
 
 PROFILE_FOLDER = Path(__file__).parent / "displays"
 EI_ORDERS = ("flipped", "direct")

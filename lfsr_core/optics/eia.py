@@ -7,7 +7,7 @@ vertical) counts. View order: pixel k of an EI is view k, left to right and top 
 from __future__ import annotations
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 
 
 def to_elemental_images(eia: Array, lenses: tuple[int, int]) -> Array:

@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.panel.trace import seen_panel

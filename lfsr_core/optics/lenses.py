@@ -11,7 +11,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 
 Rows = tuple[int, int]  # first and last
 RANGE = re.compile(r"(\d{1,9})(?:([-/])(\d{1,9}))?$")

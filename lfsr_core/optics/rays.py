@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 
 CONVENTIONS = ("centred", "paper")

@@ -17,9 +17,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import system_errors
-from lfsr_core.base.notices import Progress, Tell
+from lfsr_core.base.messages import LfsrError, Progress, Tell
+from lfsr_core.base.system import system_errors
 from lfsr_core.frames.folder import FrameFolder, digest, request_facts, scene_stamp
 from lfsr_core.frames.request import Finish, Request
 from lfsr_core.optics.lenses import parse_rows

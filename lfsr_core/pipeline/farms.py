@@ -8,8 +8,8 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, write_json
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import atomic_path, write_json
 from lfsr_core.frames.request import Finish, Request
 
 OPENJD, FLAMENCO = "openjd", "flamenco"

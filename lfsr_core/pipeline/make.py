@@ -15,10 +15,17 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from pathlib import Path
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, release, remove, remove_dead, replace_files, staging_folder, system_errors
-from lfsr_core.base.notices import Notice, Progress, Tell, silent
+from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
 from lfsr_core.base.records import write_record
+from lfsr_core.base.system import (
+    atomic_path,
+    release,
+    remove,
+    remove_dead,
+    replace_files,
+    staging_folder,
+    system_errors,
+)
 from lfsr_core.frames.folder import FrameFolder, numbered, scene_stamp
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LOG_FILE, MASK_FILE, PANEL_FILE, read_rendered
 from lfsr_core.frames.request import Finish, Report, Request, check_scene, spread, write_report

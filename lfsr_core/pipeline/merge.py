@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import staging_folder, system_errors
-from lfsr_core.base.notices import Progress, Tell, silent
+from lfsr_core.base.messages import LfsrError, Progress, Tell, silent
+from lfsr_core.base.system import staging_folder, system_errors
 from lfsr_core.frames.folder import RENDERED_FILES, FrameFolder, first_difference, has_other_size, phrases
 from lfsr_core.frames.frame import DEVICES_JOINED, FRAME_FILE, REFERENCE_FILES, WORLD_FILE, Frame, write_frame
 from lfsr_core.images import exr

@@ -9,8 +9,8 @@ import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import read_json, replace, write_json
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import read_json, replace, write_json
 from lfsr_core.frames.folder import digest, first_difference
 
 RANGE = re.compile(r"(\d+)-(\d+)-(\d+)$")  # end of a part's name: its first row or view, the next one, milliseconds

@@ -7,8 +7,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.frames.frame import Frame
 from lfsr_core.frames.request import samples_at
 from lfsr_core.optics.display import DisplayProfile

@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import LOCK_FILE, cache_folder, locks, read_json, write_json
-from lfsr_core.base.notices import Notice, Progress, Tell, silent
+from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
 from lfsr_core.base.records import to_data
+from lfsr_core.base.system import LOCK_FILE, cache_folder, locks, read_json, write_json
 from lfsr_core.frames.folder import PLACES, FrameFolder, digest, request_facts, scene_stamp
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, read_frame
 from lfsr_core.frames.low_res import foreground_mask, low_resolution, read_world

@@ -29,8 +29,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, Self
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.messages import LfsrError, Notice, Progress
 
 SECONDS_TO_STOP = 5.0
 LINES_IN_MESSAGE, MOST_LAST_WORDS = 3, 120

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, read_bytes, read_json
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import atomic_path, read_bytes, read_json
 
 WEIGHTS = Path(__file__).parent / "weights" / "denoiser.tza"
 INPUT = "input"

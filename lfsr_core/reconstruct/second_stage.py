@@ -20,9 +20,8 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.cores import MOST_THREADS, in_threads, peak_bytes, usable_cores
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice, Progress, Tell, silent
+from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
+from lfsr_core.base.system import MOST_THREADS, in_threads, peak_bytes, usable_cores
 from lfsr_core.frames import frame as files
 from lfsr_core.frames import low_res
 from lfsr_core.frames.frame import SUBPIXELS, Frame, read_frame, read_rendered

@@ -23,11 +23,9 @@ from typing import Any
 
 import numpy as np
 
-from lfsr_core.base.cores import watch_memory
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, read_json, system_errors
-from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.messages import LfsrError, Notice, Progress
 from lfsr_core.base.records import from_data, to_data
+from lfsr_core.base.system import atomic_path, read_json, system_errors, watch_memory
 from lfsr_core.exports.formats import export as export_frames
 from lfsr_core.exports.light_field import read_views
 from lfsr_core.exports.options import FILM_RATE, FILMS, QUILT_FILM, ExportOptions, default_target

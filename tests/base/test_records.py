@@ -13,10 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.base.cores import CORES, usable_cores
-from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.messages import LfsrError, Notice, Progress, did_you_mean
 from lfsr_core.base.records import from_data, read_record, to_data, write_record
+from lfsr_core.base.system import CORES, usable_cores
 from lfsr_core.commands.common import ProgressBar
 from tests.support.told import refuses
 

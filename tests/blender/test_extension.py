@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from lfsr_core import __version__
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_mask, read_png
 from tests.support.told import refuses
@@ -140,13 +140,14 @@ def test_two_builds_are_the_same_bytes(archive, tmp_path):
 
 
 def test_imports_are_rewritten_and_nothing_else():
-    source = ('"""from lfsr_core.base.errors import LfsrError"""\nfrom lfsr_core.base.errors import (\n    LfsrError)\n'
-              "def f():\n    from lfsr_core.base.files import read_json  # from lfsr_core.base.files\n")
+    source = ('"""from lfsr_core.base.messages import LfsrError"""\n'
+              "from lfsr_core.base.messages import (\n    LfsrError)\n"
+              "def f():\n    from lfsr_core.base.system import read_json  # from lfsr_core.base.system\n")
     assert builder.with_relative_imports(source, PurePosixPath("ui/panels.py")) == source.replace(
         "\nfrom lfsr_core", "\nfrom ..packages.lfsr_core").replace(
         "    from lfsr_core", "    from ..packages.lfsr_core")
     with pytest.raises(LfsrError, match=r"ui/panels\.py, line 1 imports lfsr_core itself"):
-        builder.with_relative_imports("import lfsr_core.base.errors", PurePosixPath("ui/panels.py"))
+        builder.with_relative_imports("import lfsr_core.base.messages", PurePosixPath("ui/panels.py"))
 
 
 def test_blender_of_each_version_finds_the_zip_valid(archive, blender):

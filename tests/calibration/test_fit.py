@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageOps
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.calibration.fit import Calibration, combine, comparison, see
 from lfsr_core.calibration.patterns import PATTERNS, pattern
 from lfsr_core.calibration.photograph import LONGER_SIDE, find_panel, fit_homography, project, read_photograph

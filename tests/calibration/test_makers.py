@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.calibration import makers
 from lfsr_core.calibration.makers import profile_from_calibration, profile_of_c1, read_calibration
 from lfsr_core.optics.display import builtin_names, cell_of, load_display, write_profile

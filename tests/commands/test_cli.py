@@ -370,7 +370,7 @@ LFSR = [sys.executable, "-m", "lfsr_core"]
 def test_ctrl_c_while_modules_load_shows_no_traceback():
     with subprocess.Popen([LFSR[0], "-X", "importtime", *LFSR[1:], "displays"], stdout=subprocess.DEVNULL,
                           stderr=subprocess.PIPE, text=True, cwd=ROOT) as program:
-        said = [next(line for line in program.stderr if "lfsr_core.base.errors" in line)]
+        said = [next(line for line in program.stderr if "lfsr_core.base.messages" in line)]
         program.send_signal(signal.SIGINT)
         said += program.stderr
     assert program.returncode in (-signal.SIGINT, 130) and not any("Traceback" in line for line in said)

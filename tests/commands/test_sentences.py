@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base.notices import MOST_LETTERS, Notice, cleaned
+from lfsr_core.base.messages import MOST_LETTERS, Notice, cleaned
 from lfsr_core.commands.sentences import SENTENCES, sentence
 
 # Values of each notice, and a word of its sentence that the reader needs.

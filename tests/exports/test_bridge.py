@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.exports import loopback
 from lfsr_core.exports.show import Bridge, chosen
 from tests.support.bridge import MONITOR, PORTRAIT, TOKEN

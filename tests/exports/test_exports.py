@@ -14,7 +14,7 @@ import OpenEXR
 import pytest
 from PIL import Image, ImageSequence
 
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import Notice
 from lfsr_core.cli import main
 from lfsr_core.exports import images
 from lfsr_core.exports.formats import WRITERS, export

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.messages import LfsrError, Notice, Progress
 from lfsr_core.cli import main
 from lfsr_core.exports import importing as quilts
 from lfsr_core.exports.formats import export

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.exports import page
 from lfsr_core.exports.page import PARTS, fewer_views, write_page
 from lfsr_core.images.png import read_png, write_png

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.frames.frame import FRAME_FILE, REFERENCE_FILES, Frame, read_frame, read_part, write_frame
 from lfsr_core.images.color import ColorSettings, srgb_encode
 from lfsr_core.metrics.eia_metrics import Reference, check_reference

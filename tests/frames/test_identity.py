@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.base.records import from_data, to_data, write_record
 from lfsr_core.frames import folder, request
 from lfsr_core.frames.folder import FrameFolder, has_other_size, is_changed, is_same, phrases, scene_stamp

@@ -6,7 +6,7 @@ import struct
 
 import pytest
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.scene_files import check_named_files
 from tests.support.told import refuses
 

@@ -5,8 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.exports.light_field import contact_sheet, eia_to_views, epi_pair, read_views, views_to_eia
 from lfsr_core.frames.low_res import foreground_mask, recall, unseen_notices
 from lfsr_core.images.png import read_png

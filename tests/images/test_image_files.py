@@ -13,8 +13,7 @@ import OpenImageIO as oiio
 import pytest
 from PIL import Image
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.images import exr, png
 from tests.support.small_disk import on_a_small_disk
 from tests.support.told import refuses

@@ -28,8 +28,8 @@ import pytest
 from _pytest.mark import ParameterSet
 from PIL import Image
 
-from lfsr_core.base.files import LOCK, UNFINISHED, write_json
 from lfsr_core.base.records import to_data
+from lfsr_core.base.system import LOCK, UNFINISHED, write_json
 from lfsr_core.calibration.patterns import pattern
 from lfsr_core.cli import main
 from lfsr_core.frames.request import read_request

@@ -6,7 +6,7 @@ import pytest
 import scipy.stats
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
-from lfsr_core.base.files import read_json
+from lfsr_core.base.system import read_json
 from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE
 from lfsr_core.frames.request import Finish
 from lfsr_core.images.color import srgb_decode, srgb_encode

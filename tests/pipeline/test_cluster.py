@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.base.notices import silent
+from lfsr_core.base.messages import silent
 from lfsr_core.cli import main
 from lfsr_core.frames.frame import REFERENCE_FILES, read_part
 from lfsr_core.images.exr import read_layers

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.messages import Notice, Progress
 from lfsr_core.cli import main
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import read_frame, write_frame

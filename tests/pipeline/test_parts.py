@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.base.files import staging_folder
-from lfsr_core.base.notices import Progress
+from lfsr_core.base.messages import Progress
+from lfsr_core.base.system import staging_folder
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.images.exr import write_layers
 from lfsr_core.pipeline import parts as part_files

@@ -11,8 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.messages import LfsrError, Notice, Progress
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import LOG_FILE, LOW_RES_FILE, REFERENCE_FILES, REPORT_FILE

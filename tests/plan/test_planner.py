@@ -13,10 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import read_json
-from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.messages import LfsrError, Notice, Progress
 from lfsr_core.base.records import read_record, write_record
+from lfsr_core.base.system import read_json
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame, write_frame
 from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.frames.request import Request, Sampling, samples_at

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import Notice
 from lfsr_core.process import child as protocol
 from lfsr_core.process.child import Blender, Child, emit, emit_last, emit_told, output_of, parse_progress, repeated
 from tests.support.told import refuses

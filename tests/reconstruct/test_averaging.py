@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import Notice
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.frames.request import Finish

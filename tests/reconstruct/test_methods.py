@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.display import load_display
 from lfsr_core.reconstruct import methods

@@ -9,8 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.frames import low_res
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame, write_frame
 from lfsr_core.frames.low_res import low_resolution, read_world

@@ -20,8 +20,8 @@ import numpy as np
 from PIL import Image
 from safetensors.numpy import load_file
 
-from lfsr_core.base.errors import MOST_CHARACTERS, LfsrError
-from lfsr_core.base.files import system_errors
+from lfsr_core.base.messages import MOST_CHARACTERS, LfsrError
+from lfsr_core.base.system import system_errors
 from lfsr_core.cli import main
 from lfsr_core.images.exr import read_layers
 

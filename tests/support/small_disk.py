@@ -5,7 +5,7 @@ import sys
 import textwrap
 
 PROGRAM = """import resource, sys
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
 try:
 {code}

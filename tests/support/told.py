@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from lfsr_core.base.errors import MOST_CHARACTERS, LfsrError
-from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.messages import MOST_CHARACTERS, LfsrError, Notice, Progress
 
 
 class Told:

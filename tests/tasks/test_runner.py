@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import Notice
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import read_frame, write_frame
 from lfsr_core.optics.display import load_display
@@ -69,8 +69,8 @@ def test_a_task_that_takes_the_memory_ends_in_a_sentence(tmp_path):
     write_render(tmp_path / "frame")
     data = {"task": "finish", "folder": str(tmp_path / "frame"), "finish": {"method": "bicubic"}}
     (tmp_path / "task.json").write_text(json.dumps(data))
-    code = (f"import sys\nfrom lfsr_core.base import cores\nfrom {runner.__name__} import main\n"
-            "cores.MOST_MEMORY = 0\nsys.exit(main(sys.argv[1:]))")
+    code = (f"import sys\nfrom lfsr_core.base import system\nfrom {runner.__name__} import main\n"
+            "system.MOST_MEMORY = 0\nsys.exit(main(sys.argv[1:]))")
     with subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "task.json")], cwd=ROOT, stdin=subprocess.PIPE,
                           stdout=subprocess.PIPE, text=True) as process:
         last = [parse_progress(line) for line in process.stdout][-1]

@@ -13,8 +13,7 @@ import mathutils
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.frames.frame import Clip
 from lfsr_core.frames.request import FIT, Request
 from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale, disparities

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 import bpy
 import mathutils
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 
 from ...scene import settings as scene_settings
 from ...scene.array import edit, rig

@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import system_errors
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import system_errors
 
 from ...jobs import session
 from ...jobs.task import Job

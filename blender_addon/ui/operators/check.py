@@ -6,8 +6,7 @@ import functools
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import duration
+from lfsr_core.base.messages import LfsrError, duration
 
 from ...check import last
 from ...check.fixes import FIXES, OUTSIDE_SCENE, find_object

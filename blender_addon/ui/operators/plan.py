@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import from_data
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.plan.options import Candidate, Choice, Measured, PlanOptions, Rated

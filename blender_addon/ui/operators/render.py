@@ -12,9 +12,8 @@ from typing import Any
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, system_errors
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
+from lfsr_core.base.system import atomic_path, system_errors
 from lfsr_core.frames.folder import FARM_COPY, FrameFolder
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
 from lfsr_core.frames.request import Finish

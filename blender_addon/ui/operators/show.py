@@ -10,7 +10,7 @@ from pathlib import Path
 
 import bpy
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.calibration.patterns import pattern
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.exports.options import FILMS, FORMATS, QUILT_FILM, default_target

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile, Lattice, Lenslet, Lenticular
 from lfsr_core.optics.rays import CameraArray
 

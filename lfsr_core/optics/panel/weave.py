@@ -14,9 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.cores import in_threads
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import cache_folder, parse_json, replace
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import cache_folder, in_threads, parse_json, replace
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
 

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
-from lfsr_core.base.errors import LfsrError, did_you_mean
+from lfsr_core.base.messages import LfsrError, did_you_mean
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.display import DisplayProfile

@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import silent
+from lfsr_core.base.messages import LfsrError, silent
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct import denoiser

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.notices import Notice, silent
+from lfsr_core.base.messages import Notice, silent
 from lfsr_core.frames.frame import DEVICES_JOINED
 from lfsr_core.process.child import BLENDER_FOLDER
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.cores import in_threads
+from lfsr_core.base.system import in_threads
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.methods.interpolation import decode, encode, interpolated, kernel_matrix
 from lfsr_core.reconstruct.upscaler import Upscaler

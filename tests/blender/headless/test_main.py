@@ -12,9 +12,9 @@ import bpy
 import numpy as np
 import pytest
 
-from lfsr_core.base.files import write_json
-from lfsr_core.base.notices import Progress
+from lfsr_core.base.messages import Progress
 from lfsr_core.base.records import to_data
+from lfsr_core.base.system import write_json
 from lfsr_core.exports.light_field import read_views
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import DEVICES
@@ -73,10 +73,10 @@ def test_a_scene_that_waits_for_a_library_is_refused(blend, tmp_path):
 def test_a_render_that_takes_the_memory_ends_in_a_sentence(blend, tmp_path):
     job = to_data(make_request(str(tmp_path / "out"), MINI, scene=str(blend), samples=400000))
     write_json(tmp_path / "job.json", job)
-    program = ("from blender_addon.headless import main\nfrom lfsr_core.base import cores\n"
+    program = ("from blender_addon.headless import main\nfrom lfsr_core.base import system\n"
                "emit = main.emit_told\n"
-               "def told(what):\n    emit(what)\n    cores.MOST_MEMORY = 0 if 'Sample' in str(what) else 9\n"
-               "main.emit_told, cores.MOST_MEMORY = told, 9\n"
+               "def told(what):\n    emit(what)\n    system.MOST_MEMORY = 0 if 'Sample' in str(what) else 9\n"
+               "main.emit_told, system.MOST_MEMORY = told, 9\n"
                f"raise SystemExit(main.main([{str(tmp_path / 'job.json')!r}]))")
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=100)
     assert done.returncode == EXIT_BAD_INPUT

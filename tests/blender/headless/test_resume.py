@@ -14,7 +14,7 @@ import pytest
 from blender_addon.jobs import session
 from blender_addon.scene import folders
 from blender_addon.ui.operators import render
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import Notice
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import read_report
 from lfsr_core.images.exr import read_layers

@@ -19,7 +19,7 @@ from blender_addon.scene import folders
 from blender_addon.scene.files import unreadable
 from blender_addon.scene.words import sentence
 from blender_addon.ui.operators import render
-from lfsr_core.base.notices import Notice, Progress
+from lfsr_core.base.messages import Notice, Progress
 from lfsr_core.frames.folder import FrameFolder, scene_stamp
 from lfsr_core.images.exr import write_layers
 from lfsr_core.images.png import write_png

@@ -18,7 +18,7 @@ from blender_addon import compat
 from blender_addon.render.frame_folder import render_job
 from blender_addon.scene.notices import left_out
 from blender_addon.scene.open import camera_notices
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.exports.light_field import read_views
 from lfsr_core.images.png import read_png
 from lfsr_core.reconstruct.second_stage import finish_into

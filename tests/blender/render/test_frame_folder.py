@@ -8,7 +8,7 @@ import pytest
 
 from blender_addon.render import frame_folder, output
 from blender_addon.render.frame_folder import Opened, render_job
-from lfsr_core.base.notices import Notice, silent
+from lfsr_core.base.messages import Notice, silent
 from lfsr_core.exports.light_field import read_views
 from lfsr_core.frames import request as request_module
 from lfsr_core.frames.folder import is_same

@@ -7,7 +7,7 @@ import pytest
 from blender_addon.render import cycles, frame_folder, output, world
 from blender_addon.render.frame_folder import render_job
 from blender_addon.scene import devices
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, WORLD_FILE, read_frame
 from lfsr_core.frames.low_res import read_world

@@ -13,8 +13,7 @@ import pytest
 from blender_addon import compat
 from blender_addon.scene.files import check_files, unreadable
 from blender_addon.scene.open import open_scene
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
 from tests.support.scenes import add_box, add_camera
 from tests.support.told import refuses
 

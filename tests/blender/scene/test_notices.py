@@ -9,8 +9,7 @@ import pytest
 from blender_addon.scene import devices, settings
 from blender_addon.scene.notices import left_out
 from blender_addon.scene.words import PANEL, sentence
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.commands.sentences import SENTENCES
 from lfsr_core.optics import display
 from tests.commands.test_sentences import EXAMPLES

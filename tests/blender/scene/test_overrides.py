@@ -9,8 +9,8 @@ import pytest
 from blender_addon.render import frame_folder
 from blender_addon.render.cycles import RenderSettings, cycles_settings
 from blender_addon.scene.overrides import overridden
-from lfsr_core.base.cores import CORES
-from lfsr_core.base.notices import Progress
+from lfsr_core.base.messages import Progress
+from lfsr_core.base.system import CORES
 from lfsr_core.images import exr
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, emission, snapshot

@@ -10,7 +10,7 @@ from blender_addon.render.frame_folder import render_job
 from blender_addon.scene import light, open, subject
 from blender_addon.scene.array import rig
 from blender_addon.scene.files import unreadable
-from lfsr_core.base.files import read_json, write_json
+from lfsr_core.base.system import read_json, write_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.low_res import foreground_mask
 from lfsr_core.images.exr import read_layers

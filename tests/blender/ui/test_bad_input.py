@@ -14,7 +14,7 @@ from blender_addon.scene import folders
 from blender_addon.scene.open import choose_scene
 from blender_addon.ui import panels
 from blender_addon.ui.operators import render
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.frame import read_frame
 from tests.blender.ui.test_panels import draw, labels
 from tests.support import panel

@@ -9,7 +9,7 @@ import cv2
 import pytest
 import torch
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_lab.networks import comparators
 from lfsr_lab.train import loop
 from lfsr_lab.train.config import DENOISER, DenoiserConfig, builtin_configs, load_config

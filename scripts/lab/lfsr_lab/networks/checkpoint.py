@@ -20,8 +20,8 @@ from safetensors.numpy import save as to_bytes
 from torch import nn
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, read_bytes, write_json
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import atomic_path, read_bytes, write_json
 
 FORMAT, VERSION = "lfsr-weights", 1
 MAX_BYTES = 1_000_000

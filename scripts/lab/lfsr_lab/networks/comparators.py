@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.errors import LfsrError, did_you_mean
+from lfsr_core.base.messages import LfsrError, did_you_mean
 
 FOLDER = Path(__file__).parent / "weights"
 SCALES = (2, 3, 4, 8)  # that every architecture has

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.denoiser import COLOR_INPUTS, LAYERS, SKIPS, SMALL, check_network, network_shapes
 from lfsr_core.reconstruct.methods import oidn

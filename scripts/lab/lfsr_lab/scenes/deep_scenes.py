@@ -18,7 +18,7 @@ sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4)
 import bpy
 from mathutils import Vector
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.process.child import EXIT_BAD_INPUT, emit
 from lfsr_lab.scenes.shared.objects import add_object, leave, save, script_arguments, settle, world
 

@@ -21,8 +21,8 @@ from pathlib import Path
 # Where lfsr_lab and lfsr_core are: installed side by side, or in a clone, scripts/lab and the root.
 sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4))
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import read_json, write_json
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import read_json, write_json
 from lfsr_core.optics.display import load_display
 from lfsr_core.process.child import EXIT_BAD_INPUT, emit
 from lfsr_lab.scenes.shared.objects import leave, script_arguments

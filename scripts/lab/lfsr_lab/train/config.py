@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import get_type_hints
 
-from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.files import read_bytes, without_advice
+from lfsr_core.base.messages import LfsrError, did_you_mean
+from lfsr_core.base.system import read_bytes, without_advice
 from lfsr_core.reconstruct.denoiser import COLOR_INPUTS, GUIDED_INPUTS
 
 CONFIG_FOLDER = Path(__file__).parent / "configs"

@@ -21,10 +21,9 @@ from typing import IO, Any, Protocol
 import torch
 from torch import Tensor
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, reading, system_errors
-from lfsr_core.base.notices import Progress, Tell, silent
+from lfsr_core.base.messages import LfsrError, Progress, Tell, silent
 from lfsr_core.base.records import from_data
+from lfsr_core.base.system import atomic_path, reading, system_errors
 
 
 @contextmanager

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from lfsr_core import __version__
-from lfsr_core.base.files import write_json
+from lfsr_core.base.system import write_json
 from lfsr_core.reconstruct.denoiser import write_tza
 from lfsr_lab.networks import checkpoint, comparators
 from lfsr_lab.networks.networks import multiply_adds, parameters

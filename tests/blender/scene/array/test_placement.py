@@ -12,8 +12,7 @@ from blender_addon.scene import subject
 from blender_addon.scene.array import motion, placement, rig
 from blender_addon.scene.open import camera_notices
 from blender_addon.ui.operators import render
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_core.optics.rays import CameraArray

@@ -16,8 +16,8 @@ from blender_addon.scene import settings as scene_settings
 from blender_addon.ui import panels
 from blender_addon.ui.operators import plan
 from blender_addon.ui.operators import render as buttons
-from lfsr_core.base.files import read_json
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import Notice
+from lfsr_core.base.system import read_json
 from lfsr_core.pipeline.farms import TEMPLATES
 from lfsr_core.plan import options
 from lfsr_core.plan.options import Choice, Estimate, Rated

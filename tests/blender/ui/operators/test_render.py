@@ -12,7 +12,7 @@ from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import rig
 from blender_addon.ui import summary
 from blender_addon.ui.operators import render
-from lfsr_core.base.files import read_json
+from lfsr_core.base.system import read_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.png import read_png
 from tests.support import panel

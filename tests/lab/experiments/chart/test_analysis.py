@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import to_data, write_record
 from lfsr_lab.experiments.chart import analysis, findings, panels
 from lfsr_lab.experiments.chart.analysis import mean_duels

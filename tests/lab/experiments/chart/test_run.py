@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base.files import staging_folder
+from lfsr_core.base.system import staging_folder
 from lfsr_core.cli import main
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.chart import cells as chart_cells

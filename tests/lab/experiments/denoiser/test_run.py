@@ -6,8 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from lfsr_core.base.files import read_json
 from lfsr_core.base.records import read_record, write_record
+from lfsr_core.base.system import read_json
 from lfsr_core.cli import main
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.optics.depth_scale import LossModel

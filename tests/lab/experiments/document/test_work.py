@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import write_record
 from lfsr_core.cli import build_parser
 from lfsr_lab.experiments.animations.study import NAMES as ANIMATIONS

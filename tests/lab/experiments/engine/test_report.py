@@ -17,7 +17,7 @@ from jinja2 import ChoiceLoader, DictLoader, UndefinedError
 from matplotlib.text import Text
 
 import lfsr_core
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import from_data, to_data
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_lab.experiments.engine import plots, report

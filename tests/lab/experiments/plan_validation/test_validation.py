@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.base.notices import Notice
+from lfsr_core.base.messages import Notice
 from lfsr_core.base.records import read_record
 from lfsr_core.cli import main
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame, write_frame

@@ -10,7 +10,7 @@ from PIL import Image
 from scipy.io import savemat
 from scipy.ndimage import gaussian_filter
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.metrics.eia_metrics import student_95
 from lfsr_core.reconstruct.methods import oidn
 from lfsr_lab.experiments.engine.records import Store

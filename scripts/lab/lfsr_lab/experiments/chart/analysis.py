@@ -17,9 +17,9 @@ from typing import Final, Literal
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import read_json
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import from_data
+from lfsr_core.base.system import read_json
 from lfsr_core.metrics.eia_metrics import NORMAL_95
 from lfsr_lab.experiments.engine.report import Environment
 from lfsr_lab.experiments.engine.seeds import DRAWS, Estimate, interval, replicates

@@ -9,10 +9,9 @@ import argparse
 import dataclasses
 from pathlib import Path
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import staging_folder
-from lfsr_core.base.notices import Progress
+from lfsr_core.base.messages import LfsrError, Progress
 from lfsr_core.base.records import write_record
+from lfsr_core.base.system import staging_folder
 from lfsr_core.commands.common import ProgressBar, names, numbers
 from lfsr_core.frames.folder import FrameFolder, is_changed, scene_stamp
 from lfsr_core.frames.frame import FRAME_FILE, read_frame

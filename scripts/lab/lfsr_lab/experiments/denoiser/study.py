@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import from_data
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import Frame, read_frame

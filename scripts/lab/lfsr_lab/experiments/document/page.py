@@ -13,9 +13,9 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, read_json
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import from_data, read_record
+from lfsr_core.base.system import atomic_path, read_json
 from lfsr_lab.experiments.animations import study as animations
 from lfsr_lab.experiments.chart import findings, panels
 from lfsr_lab.experiments.chart.analysis import read_chart

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import read_json, write_json
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import read_json, write_json
 from lfsr_core.commands.common import names
 from lfsr_lab.experiments.document.work import (
     FORMS,

@@ -26,10 +26,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-from lfsr_core.base.errors import LfsrError, did_you_mean
-from lfsr_core.base.files import atomic_path, locks, read_json, replace, write_json
-from lfsr_core.base.notices import duration
+from lfsr_core.base.messages import LfsrError, did_you_mean, duration
 from lfsr_core.base.records import from_data, read_record, write_record
+from lfsr_core.base.system import atomic_path, locks, read_json, replace, write_json
 from lfsr_core.process.child import START, ProcessGroup, find_blender
 from lfsr_lab.experiments.engine.records import to_stderr
 from lfsr_lab.experiments.engine.report import Environment, environment, load_average

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.files import atomic_path
+from lfsr_core.base.system import atomic_path
 from lfsr_lab.experiments.engine.truth import FLIP, SMAPE
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from lfsr_core.base.arrays import Mask
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import read_json, write_json
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import from_data, read_record, to_data, write_record
+from lfsr_core.base.system import read_json, write_json
 from lfsr_core.commands.common import ProgressBar
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.folder import FrameFolder

@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from lfsr_core import __version__
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import write_record
+from lfsr_core.base.system import atomic_path
 
 if TYPE_CHECKING:
     import jinja2

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, WORLD_FILE, read_frame
 from lfsr_core.pipeline.make import finish_frame

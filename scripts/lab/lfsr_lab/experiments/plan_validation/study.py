@@ -24,8 +24,7 @@ from typing import Any
 import numpy as np
 from einops import rearrange
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.notices import Tell
+from lfsr_core.base.messages import LfsrError, Tell
 from lfsr_core.base.records import to_data, write_record
 from lfsr_core.commands.common import names, numbers
 from lfsr_core.frames.frame import (

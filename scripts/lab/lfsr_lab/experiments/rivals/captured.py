@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.exports.importing import find_views, import_views, read_views
 from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.png import write_png

@@ -20,7 +20,7 @@ from scipy.ndimage import convolve1d
 from torch import Tensor
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.images.png import read_png, write_png
 from lfsr_lab.experiments.rivals import matlab
 from lfsr_lab.experiments.rivals.matlab import state

@@ -14,7 +14,7 @@ from scipy.ndimage import median_filter
 from torch import Tensor
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 
 KEYS = -0.5  # of MATLAB's cubic convolution
 # rows: Y, Cb, Cr of red, green, blue in [0, 1], as in ITU-R BT.601 with head and foot room

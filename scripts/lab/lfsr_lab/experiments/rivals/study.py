@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.files import read_json, write_json
 from lfsr_core.base.records import to_data
+from lfsr_core.base.system import read_json, write_json
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world

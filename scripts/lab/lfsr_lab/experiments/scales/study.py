@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import read_json, write_json
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import read_record, write_record
+from lfsr_core.base.system import read_json, write_json
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.request import scales_up_to
 from lfsr_core.optics.depth_scale import LEAST_SAMPLES, MODEL, LossModel, choose_scale

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import read_json, write_json
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import read_json, write_json
 from lfsr_core.commands.common import ProgressBar
 from lfsr_core.frames.frame import Frame, read_frame
 from lfsr_core.frames.request import Request, Sampling, check_scene

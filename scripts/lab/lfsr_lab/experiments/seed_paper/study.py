@@ -11,9 +11,9 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import read_json, write_json
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import from_data, to_data
+from lfsr_core.base.system import read_json, write_json
 from lfsr_lab.experiments.engine.plots import save
 from lfsr_lab.experiments.engine.report import Environment, environment, write_text
 from lfsr_lab.experiments.seed_paper import measuring

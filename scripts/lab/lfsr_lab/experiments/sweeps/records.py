@@ -8,7 +8,7 @@ from statistics import fmean
 
 import numpy as np
 
-from lfsr_core.base.errors import LfsrError, did_you_mean
+from lfsr_core.base.messages import LfsrError, did_you_mean
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_lab.experiments.engine.records import StudySettings
 from lfsr_lab.experiments.engine.report import Environment

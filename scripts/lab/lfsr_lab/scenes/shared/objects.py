@@ -17,8 +17,8 @@ import numpy as np
 from blender_addon import compat
 from blender_addon.scene.light import add_light
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, read_json
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import atomic_path, read_json
 from lfsr_core.process.child import EXIT_BAD_INPUT, emit
 from lfsr_lab.scenes.shared.surfaces import Surface
 

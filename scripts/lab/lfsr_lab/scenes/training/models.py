@@ -11,8 +11,8 @@ import numpy as np
 import OpenImageIO as oiio
 from mathutils import Matrix
 
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import read_json, write_json
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import read_json, write_json
 
 SUFFIXES = {".obj", ".glb", ".gltf"}
 LICENSES_FILE = "licenses.json"  # {model's path in the folder: {"license": ..., "author": ...}}

@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.errors import LfsrError
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import from_data
 from lfsr_lab.networks.denoiser import hdr_encode, normal_encode
 from lfsr_lab.train.loop import open_data

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base import files
-from lfsr_core.base.errors import LfsrError
-from lfsr_core.base.files import atomic_path, check_name, read_bytes, read_json, staging_folder, write_json
+from lfsr_core.base import system
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import atomic_path, check_name, read_bytes, read_json, staging_folder, write_json
 from tests.support.small_disk import on_a_small_disk
 from tests.support.told import refuses
 
@@ -56,7 +56,7 @@ def test_failure_keeps_the_old_file_and_leaves_nothing_else(tmp_path, failure):
 
 WRITER = """
 import sys, time
-from lfsr_core.base.files import atomic_path
+from lfsr_core.base.system import atomic_path
 with atomic_path(sys.argv[1]) as temporary:
     temporary.write_bytes(b"half of the ne")
     print(flush=True)
@@ -98,7 +98,7 @@ def test_a_file_that_is_held_for_a_moment_is_replaced_and_one_that_stays_held_is
         real(source, target)
 
     monkeypatch.setattr(os, "replace", replaced)
-    monkeypatch.setattr(files, "PAUSES", (0.0,) * 4)
+    monkeypatch.setattr(system, "PAUSES", (0.0,) * 4)
     write_json(tmp_path / "data.json", 1)
     refusals[0] = 9
     with pytest.raises(LfsrError, match=r"data\.json cannot be written .*: close the program that has it open"):
@@ -110,7 +110,7 @@ def test_a_file_that_is_held_for_a_moment_is_replaced_and_one_that_stays_held_is
     ("CON", True), ("nul.png", True), ("com1 .tar.gz", True), ("a:b", True), ("what?", True), ("end.", True),
     ("end ", True), ("CONE", False), ("com10", False), ("..", False), (".hidden", False), ("Jürgen's – 光", False)])
 def test_names_that_windows_forbids(tmp_path, monkeypatch, name, forbidden):
-    assert files.is_forbidden(name) == forbidden
+    assert system.is_forbidden(name) == forbidden
     check_name(tmp_path / name / "frame")
     monkeypatch.setattr(sys, "platform", "win32")
     if forbidden:
@@ -122,7 +122,7 @@ def test_names_that_windows_forbids(tmp_path, monkeypatch, name, forbidden):
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX limit on file size")
 def test_a_full_disk_is_told_and_keeps_the_old_file(tmp_path):
     write_json(tmp_path / "data.json", "old")
-    code = "from lfsr_core.base.files import write_json\nwrite_json(sys.argv[2], 'x' * 100_000)"
+    code = "from lfsr_core.base.system import write_json\nwrite_json(sys.argv[2], 'x' * 100_000)"
     said = on_a_small_disk(20_000, code, tmp_path / "data.json")
     assert "data.json cannot be written (File too large): free some space" in said
     assert read_json(tmp_path / "data.json", "a text") == "old" and names(tmp_path) == ["data.json"]
@@ -162,7 +162,7 @@ def test_only_regular_files_up_to_a_size_are_read(tmp_path):
 HOLDER = """
 import sys, time
 from pathlib import Path
-from lfsr_core.base.files import staging_folder
+from lfsr_core.base.system import staging_folder
 with staging_folder(Path(sys.argv[1])) as folder:
     print(folder, flush=True)
     time.sleep(60)
@@ -235,10 +235,10 @@ def test_files_are_replaced_all_or_none(tmp_path):
             (folder / name).write_text(folder.name)
     (old / "z.png").mkdir()
     before = names_in(old)
-    refuses(r"z\.png cannot be written \(it is a folder\)", files.replace_files, new, old, ["stale.exr", "a.png"])
+    refuses(r"z\.png cannot be written \(it is a folder\)", system.replace_files, new, old, ["stale.exr", "a.png"])
     assert names_in(old) == before
     (old / "z.png").rmdir()
-    files.replace_files(new, old, ["stale.exr", "a.png"])
+    system.replace_files(new, old, ["stale.exr", "a.png"])
     assert names_in(old) == {"a.json": "staged", "a.png": "staged", "other.txt": "frame", "z.png": "staged"}
 
 
@@ -248,7 +248,7 @@ def names_in(folder):
 
 def test_a_released_folder_locks_nobody_out_and_goes_with_its_process(tmp_path, holder):
     process, left = holder
-    files.release(Path(left))
+    system.release(Path(left))
     with staging_folder(tmp_path / "frame"):
         assert Path(left).is_dir()
     process.kill()
@@ -258,21 +258,21 @@ def test_a_released_folder_locks_nobody_out_and_goes_with_its_process(tmp_path, 
 
 
 def test_a_released_folder_that_goes_while_it_is_looked_at_locks_nobody_out(tmp_path, holder, monkeypatch):
-    files.release(Path(holder[1]))
+    system.release(Path(holder[1]))
 
     def held_until_now(_lock):
         (Path(holder[1]) / "released").unlink()
         return False
 
-    monkeypatch.setattr(files, "locks", held_until_now)
-    assert files.remove_dead(tmp_path / "frame") == []
+    monkeypatch.setattr(system, "locks", held_until_now)
+    assert system.remove_dead(tmp_path / "frame") == []
 
 
 def test_names_that_a_system_takes_for_the_same_lock_each_other(tmp_path, monkeypatch):
     with staging_folder(tmp_path / "Frame"):
         with staging_folder(tmp_path / "frame"):
             pass
-        monkeypatch.setattr(files, "_ignores_case", lambda folder: True)
+        monkeypatch.setattr(system, "_ignores_case", lambda folder: True)
         with pytest.raises(LfsrError, match="another process is writing"), staging_folder(tmp_path / "frame"):
             pass
     for name in ["a[1]", "a*", "[!x]", "ü ?"]:
@@ -289,7 +289,7 @@ def test_a_folder_goes_at_whatever_moment_its_process_was_killed(tmp_path, left)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
     (tmp_path / name).mkdir(exist_ok=True)
-    assert files.remove_dead(tmp_path / "frame") == [] and names(tmp_path) == []
+    assert system.remove_dead(tmp_path / "frame") == [] and names(tmp_path) == []
 
 
 def test_the_lock_file_is_the_last_that_goes(tmp_path, monkeypatch):
@@ -301,5 +301,5 @@ def test_the_lock_file_is_the_last_that_goes(tmp_path, monkeypatch):
         (folder / "finished").mkdir()
         (folder / "finished" / "eia.png").touch()
         (folder / "log.txt").touch()
-        files.release(folder)
+        system.release(folder)
     assert seen[-2:] == [["in-use", "released"], ["released"]] and names(tmp_path) == []

@@ -1,4 +1,4 @@
-"""What long work tells while it runs: progress, and notices that the user should know although they stop nothing.
+"""What a user is told: errors, progress, and notices of what stops nothing; in a module that is quick to import.
 
 Codes and values cross boundaries. Who shows a notice words it: the command line with ``commands.sentences``, the panel
 with the add-on's own table.
@@ -7,10 +7,35 @@ with the add-on's own table.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+import difflib
+from collections.abc import Callable, Iterable
 from typing import Any
 
+MOST_CHARACTERS = 300  # of an error
 MOST_LETTERS = 300  # of a text from elsewhere, such as a file's or a device's name
+
+
+class LfsrError(ValueError):
+    """Bad input or a missing prerequisite, reported in one sentence.
+
+    The message names the value, what was expected and what to do; commands print it and exit with code 2. One longer
+    than MOST_CHARACTERS loses its middle, because it begins with what is wrong and ends with what to do.
+    """
+
+    def __init__(self, message: str) -> None:
+        message = " ".join(message.splitlines())
+        if len(message) > MOST_CHARACTERS:
+            message = f"{message[:MOST_CHARACTERS // 2]}…{message[1 - MOST_CHARACTERS // 2:]}"
+        super().__init__(message)
+
+
+def did_you_mean(value: str, choices: Iterable[str], cutoff: float = 0.6) -> str:
+    """Return ``did you mean 'x'? `` for the choice most like ``value``, "" where none is like it.
+
+    ``cutoff`` in [0, 1]: the least likeness, as in ``difflib``.
+    """
+    near = difflib.get_close_matches(value, list(choices), n=1, cutoff=cutoff)
+    return f"did you mean {near[0]!r}? " if near else ""
 
 
 @dataclasses.dataclass(frozen=True)
