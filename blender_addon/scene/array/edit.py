@@ -186,15 +186,20 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     if not len(points):
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
     rays, shown = Rays(scene), with_instanced(set(chosen))
-    if (view := room.view_of_room(rays, points.min(0), points.max(0))) is not None:
+    low, high = points.min(0), points.max(0)
+    if (view := room.view_of_room(rays, low, high)) is not None:
         return placement.array_of_view(scene, profile, subject, view)
     choices = list[tuple[float, Placement]]()
-    for (tilt, high), (degrees, wide) in itertools.product(TILTS.items(), TURNS.items()):
+    # What lies below a sea or a ground that cuts the subject may be hidden: it is fitted with and without it.
+    grounds = [top for item, box in boxes.items() if item not in chosen and (top := box[:, 2].max()) < high[2]
+               and top > low[2] + FLAT * (high - low)[2] and np.ptp(box[:, 2]) < FLAT * np.ptp(box, axis=0).max()]
+    lowest = {-math.inf, max(grounds, default=-math.inf)}
+    for ground, (tilt, above), (degrees, wide) in itertools.product(lowest, TILTS.items(), TURNS.items()):
         turn = (mathutils.Matrix.Rotation(math.radians(degrees), 3, "Z")
                 @ mathutils.Matrix.Rotation(math.radians(-tilt), 3, "X"))
-        placed = fit_turned(points, profile, turn)
+        placed = fit_turned(np.maximum(points, (-math.inf, -math.inf, ground)), profile, turn)
         seen = [hit[2] for hit in room.through(rays, placed, ACROSS, DOWN) if hit is not None and hit[2] in shown]
-        choices.append((high * wide * len(seen) * len(set(seen))**0.5, placed))
+        choices.append((above * wide * len(seen) * len(set(seen))**0.5, placed))
     return max(choices, key=lambda each: each[0])[1]
 
 

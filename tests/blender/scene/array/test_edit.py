@@ -150,6 +150,17 @@ def test_what_is_flat_is_looked_at_from_above(scene, half, rises):
     assert (edit.add(scene, MINI).matrix_world.translation.z > 0.5) == rises
 
 
+@pytest.mark.parametrize(("boxes", "is_above"), [(6, True), (0, False)])
+def test_an_island_is_looked_at_from_above_the_sea_and_what_is_in_the_sea_from_below_it(scene, boxes, is_above):
+    bpy.ops.mesh.primitive_plane_add(size=400)
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=3, location=(0, 0, -2 if is_above else -2.9))
+    for number in range(boxes):
+        add_box(scene, (-1 + 0.4 * number, 0, 2), (0.2, 0.2, 1))
+    bpy.context.view_layer.update()
+    _, matrix = edit.in_front(scene, MINI, {*scene.objects})
+    assert (matrix[2][3] > 0) == is_above
+
+
 def test_what_is_wide_from_a_side_is_looked_at_from_there(scene):
     add_box(scene, (0, 0, 0), (0.02, 2, 1))
     bpy.context.view_layer.update()
