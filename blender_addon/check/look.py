@@ -111,10 +111,19 @@ def _is_unaimed(scene: bpy.types.Scene) -> bool:
 
 
 def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list[bpy.types.Object]:
-    """Return what a picture of the scene is of, largest first: what was imported, which is selected, without floors."""
+    """Return what a picture of the scene is of, largest first: what was imported, which is selected, without floors.
+
+    A selected part of something larger, as of a figure that was just modelled, is not all that it is of.
+    """
     cube = startup_cube(scene)
     boxes = {item: box for item, box in edit.boxes_now(subject).items() if item != cube}
     chosen = [item for item in boxes if item.select_get()] if _is_unaimed(scene) else []
+    if chosen:
+        points = np.concatenate([boxes[item] for item in chosen])
+        low, high = points.min(0), points.max(0)
+        if any((box.min(0) < high).all() and (box.max(0) > low).all()
+               for item, box in boxes.items() if item not in chosen):
+            chosen = []
     chosen = chosen or list(boxes)
     chosen = edit.main_part(chosen, np.array([(boxes[item].min(0), boxes[item].max(0)) for item in chosen]))
     return sorted(chosen, key=lambda item: -float(np.linalg.norm(np.ptp(boxes[item], axis=0))))

@@ -115,6 +115,18 @@ def test_a_solid_thing_and_a_dome_are_no_rooms(startup):
     assert room.view_of_room(Rays(startup), np.full(3, -1.0), np.full(3, 1.0)) is None
 
 
+def test_a_selected_part_of_a_figure_is_not_all_of_the_picture(startup):
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    base, body = add_box((0, 0, 0.1), (1, 1, 0.2)), add_box((0, 0, 1), (0.4, 0.4, 0.9))
+    base.select_set(True)
+    body.select_set(False)
+    bpy.context.view_layer.update()
+    assert set(look.main_objects(startup, {base, body})) == {base, body}
+    body.location.z = 9
+    bpy.context.view_layer.update()
+    assert look.main_objects(startup, {base, body}) == [base], "what was imported"
+
+
 def test_the_lamp_of_the_new_file_is_not_all_the_light_of_what_was_imported(startup):
     add_box((90, 40, 0), (2, 2, 2))
     assert "new file" in looked(startup)["dark"]
