@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.frames.folder import FrameFolder
     from lfsr_core.frames.frame import Frame
     from lfsr_core.frames.request import Finish, Report, Request, Sampling
-    from lfsr_core.images.png import read_png, write_png
+    from lfsr_core.images.image_files import read_png, write_png
     from lfsr_core.metrics.eia_metrics import Metrics, Reference, compare_folders
     from lfsr_core.optics.display import DisplayProfile, load_display
     from lfsr_core.optics.eye import eye_view
@@ -56,7 +56,7 @@ _MODULES = {
     "frames.folder": "FrameFolder",
     "frames.frame": "Frame",
     "frames.request": "Finish Report Request Sampling",
-    "images.png": "read_png write_png",
+    "images.image_files": "read_png write_png",
     "optics.display": "DisplayProfile load_display",
     "optics.eye": "eye_view",
     "optics.rays": "CameraArray RayLayout",

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from lfsr_core.base.system import atomic_path
 from lfsr_core.frames.frame import EIA_FILE, read_frame
-from lfsr_core.images.png import read_png
+from lfsr_core.images.image_files import read_png
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eye import eye_view
 

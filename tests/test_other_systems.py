@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.images.png import read_png
+from lfsr_core.images.image_files import read_png
 from tests.support.other_systems import FOLDER, SYSTEMS
 from tests.support.played_blender import cold_blender
 

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 
 import pytest
 
-from lfsr_core.images.png import read_png
+from lfsr_core.images.image_files import read_png
 from lfsr_core.optics.display import load_display
 from tests.support.prerequisites import needs_bpy
 from tests.support.project_files import ROOT, project_files

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.images.png import read_png
+from lfsr_core.images.image_files import read_png
 from tests.support.other_systems import FOLDER, ROOT
 
 FOUND = os.environ.get("LFSR_WINDOWS_PYTHON", "")

@@ -19,7 +19,7 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import CORES, system_errors, usable_cores
 from lfsr_core.frames.frame import SUBPIXELS, Clip
 from lfsr_core.frames.request import CLAMP_INDIRECT
-from lfsr_core.images import exr
+from lfsr_core.images import image_files
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
 from lfsr_core.pipeline.parts import ImageParts, Part
@@ -99,14 +99,14 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
                 seconds = render_to(scene, path, follow)
     if (shot.has_card or ended) and "position" in settings.layers:
         # Where a ray hit nothing, Cycles stores the position of the card or of the clip plane: 0 stands for nothing.
-        layers, matrix = exr.read_layers(path), np.asarray(shot.matrix_world, float)
+        layers, matrix = image_files.read_layers(path), np.asarray(shot.matrix_world, float)
         depth = (layers["position"] - matrix[:3, 3]) @ matrix[:3, 2]
         # The card stands behind the camera plane. Single precision cannot tell what is near to the clip plane from it.
         missed = ~(depth > 0) if shot.has_card else np.zeros(depth.shape, bool)
         if shot.clip and ended:
             missed |= depth > shot.clip[1] * (1 - 1e-5)
         layers["position"] = np.where(missed[..., None], np.float32(0), layers["position"])
-        exr.write_layers(path, layers, settings.half)
+        image_files.write_layers(path, layers, settings.half)
     return seconds
 
 

@@ -30,8 +30,8 @@ from lfsr_core.frames.frame import (
 )
 from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.frames.request import AUTO, EVEN, GUIDES, MOST_SEED, OWN, POSITION, TIMES_RAYS, Request, more_rays
-from lfsr_core.images.exr import Layers, clean, read_layers
-from lfsr_core.images.view_transform import ViewTransform
+from lfsr_core.images.color import ViewTransform
+from lfsr_core.images.image_files import Layers, clean, read_layers
 from lfsr_core.optics.lenses import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.pipeline.parts import ImageParts, Part, remove_others

@@ -19,7 +19,7 @@ import bpy
 
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import atomic_path, lock_file
-from lfsr_core.images import exr
+from lfsr_core.images import image_files
 from lfsr_core.pipeline.parts import ImageParts, Pace, Part, gaps, is_worth_storing
 
 from .. import compat
@@ -64,7 +64,7 @@ def render_to(scene: bpy.types.Scene, path: str | Path, follow: Follow | None = 
             raise stopped[0]
         if not temporary.is_file():
             raise LfsrError(f"Blender wrote no image for {path}: see its messages")
-        exr.check_complete(temporary)
+        image_files.check_complete(temporary)
     return time.perf_counter() - started
 
 
@@ -177,7 +177,7 @@ def render_in_bands(scene: bpy.types.Scene, rows: Part, path: Path, follow: Foll
                     cached.append((done, parts.store(band_file, done)))
                 count = pace.after(sampling) if is_whole else pace.after_timeout(band)
         started = time.perf_counter()
-        exr.join_rows([path for _, path in sorted(cached)], path,
+        image_files.join_rows([path for _, path in sorted(cached)], path,
                       half=scene.render.image_settings.color_depth == "16")
         return sum(band.seconds for band, _ in cached) + time.perf_counter() - started
     finally:

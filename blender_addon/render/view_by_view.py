@@ -15,9 +15,8 @@ import bpy
 import mathutils
 import numpy as np
 
-from lfsr_core.images import exr
-from lfsr_core.optics import eia
-from lfsr_core.optics.rays import view_offset
+from lfsr_core.images import image_files
+from lfsr_core.optics.rays import from_views, view_offset
 
 from .. import compat
 from ..scene.array.rig import to_blender
@@ -37,7 +36,7 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
     Parameters and result as of ``cycles.render_encoded``; no parts are cached.
     """
     started, layout = time.perf_counter(), shot.light_field
-    count, images = layout.views[0] * layout.views[1], list[exr.Layers]()
+    count, images = layout.views[0] * layout.views[1], list[image_files.Layers]()
     # A pixel has the proportions of a lens.
     ratio = (layout.array.half_height / layout.lenses[1]) / (layout.array.half_width / layout.lenses[0])
     # In the paper's convention a pixel sees only its own part of the lens.
@@ -52,7 +51,7 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
             # Each view needs its own random numbers, as each pixel of a one-pass render has.
             scene.cycles.seed = (settings.seed * 65537 + number) % 2**31
             render_to(scene, Path(folder, "view.exr"), one_of(follow, number, count))
-            images.append(exr.read_layers(Path(folder, "view.exr")))
+            images.append(image_files.read_layers(Path(folder, "view.exr")))
         assembled = {}
         for name in images[0]:  # (py, px, sy, sx, C); listed lenses become tiles, row by row
             views = np.stack([layers[name] for layers in images])
@@ -61,8 +60,8 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
                 lenses, (across, down) = np.asarray(layout.lens_list), layout.tiles
                 shown = lenses[np.minimum(np.arange(across * down), len(lenses) - 1)].reshape(down, across, 2)
                 views = views[:, :, shown[..., 0], shown[..., 1]]
-            assembled[name] = eia.from_views(views)
-        exr.write_layers(target, assembled, half=settings.half)
+            assembled[name] = from_views(views)
+        image_files.write_layers(target, assembled, half=settings.half)
     return time.perf_counter() - started
 
 

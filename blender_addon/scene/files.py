@@ -206,7 +206,7 @@ def _is_damaged_inside(item: bpy.types.ID) -> bool:
 def _read_suffixes() -> frozenset[str]:
     """Suffixes of the images that OpenImageIO reads; none in a Blender whose Python lacks it, where Blender decides."""
     try:
-        from lfsr_core.images.png import readable_suffixes
+        from lfsr_core.images.image_files import readable_suffixes
     except ImportError:
         return frozenset()
     return readable_suffixes()
@@ -219,7 +219,7 @@ def _is_damaged(path: str, _stamp: str) -> bool:
     if not Path(path).is_file():
         return False
     if suffix[1:] in _read_suffixes():
-        from lfsr_core.images.png import why_unreadable
+        from lfsr_core.images.image_files import why_unreadable
 
         return bool(why_unreadable(path))
     with Path(path).open("rb") as file:

@@ -131,7 +131,7 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.W
     """
     unreadable = LfsrError(f"light {light} cannot be read as an image: choose another file")
     if is_light_file(light):
-        from lfsr_core.images.exr import check_complete  # needs OpenImageIO, which Blender's panel does without
+        from lfsr_core.images.image_files import check_complete  # needs OpenImageIO, which Blender's panel does without
 
         check_light(light)
         path = Path(light)

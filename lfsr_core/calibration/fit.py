@@ -24,7 +24,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.calibration.patterns import FRINGE_CHANNELS, dots, pattern, tones
 from lfsr_core.calibration.photograph import Raster, View, find_panel, grid, read_photograph
-from lfsr_core.images.png import write_png
+from lfsr_core.images.image_files import write_png
 from lfsr_core.optics.display import DisplayProfile, Lattice, Lenticular, write_profile
 from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_waves
 from lfsr_core.optics.panel.trace import seen_at

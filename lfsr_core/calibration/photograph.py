@@ -20,7 +20,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import reading
 from lfsr_core.calibration.patterns import DOT_CHANNEL, FRINGE_CHANNELS, Dots, dots
-from lfsr_core.images.png import opened
+from lfsr_core.images.image_files import opened
 from lfsr_core.optics.display import DisplayProfile
 
 # Of the file.

@@ -43,7 +43,7 @@ def run_displays(arguments: argparse.Namespace) -> Any:
     from lfsr_core.calibration.makers import profile_from_calibration, profile_of_c1, read_calibration
     from lfsr_core.calibration.patterns import pattern
     from lfsr_core.exports.show import Bridge, chosen
-    from lfsr_core.images.png import write_png
+    from lfsr_core.images.image_files import write_png
 
     output = arguments.output
     if arguments.bridge and not output:

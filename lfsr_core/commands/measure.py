@@ -45,7 +45,7 @@ def reference_arguments(parser: argparse.ArgumentParser) -> None:
 def run_reference(arguments: argparse.Namespace) -> Any:
     """Choose lenses if asked to; render them at full resolution, unclamped."""
     from lfsr_core.frames.low_res import foreground_mask
-    from lfsr_core.images.exr import read_layers
+    from lfsr_core.images.image_files import read_layers
     from lfsr_core.pipeline.make import make
 
     if arguments.layout == SUBPIXELS:

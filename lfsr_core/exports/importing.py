@@ -22,11 +22,9 @@ from lfsr_core.exports.options import PRESETS, Pair, read_quilt_name, without_su
 from lfsr_core.frames.folder import DERIVED_FILES, FrameFolder
 from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, LOW_RES_FILE, PANEL_FILE, Frame, read_frame, write_frame
 from lfsr_core.images.color import srgb_decode
-from lfsr_core.images.exr import write_layers
-from lfsr_core.images.png import opened
+from lfsr_core.images.image_files import opened, write_layers
 from lfsr_core.optics.display import MAX_PIXELS, DisplayProfile
-from lfsr_core.optics.eia import from_views
-from lfsr_core.optics.rays import CameraArray
+from lfsr_core.optics.rays import CameraArray, from_views
 from lfsr_core.pipeline.make import finish_frame
 
 NAME = "imported"

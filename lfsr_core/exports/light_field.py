@@ -12,10 +12,10 @@ import numpy as np
 from lfsr_core.base.arrays import Array, Bytes
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, Frame, read_frame, read_rendered
-from lfsr_core.images.png import read_png, write_png
-from lfsr_core.optics import eia
+from lfsr_core.images.image_files import read_png, write_png
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eye import eye_view
+from lfsr_core.optics.rays import flip_order, from_elemental_images, from_views, to_views
 from lfsr_core.reconstruct.methods.interpolation import cubic
 
 LONGEST_NAME = 60  # characters
@@ -38,7 +38,7 @@ def read_views(folder: str | Path) -> Bytes:
 
 def eia_to_views(panel: Array, display: DisplayProfile) -> Array:
     """EIA (H, W, C) in panel order, as in eia.png -> views (py, px, sy, sx, C); LfsrError if it has another size."""
-    return eia.to_views(view_order(panel, display), display.lenses)
+    return to_views(view_order(panel, display), display.lenses)
 
 
 def views_to_eia(views: Array, display: DisplayProfile) -> Array:
@@ -47,8 +47,8 @@ def views_to_eia(views: Array, display: DisplayProfile) -> Array:
     if views.ndim != 5 or views.shape[:4] != expected:
         raise LfsrError(f"views have shape {views.shape}, but display {display.name!r} needs {expected} and "
                         "channels")
-    image = eia.from_views(views)
-    return eia.flip_order(image, display.lenses) if display.ei_order == "flipped" else image
+    image = from_views(views)
+    return flip_order(image, display.lenses) if display.ei_order == "flipped" else image
 
 
 def view_order(panel: Array, display: DisplayProfile) -> Array:
@@ -57,7 +57,7 @@ def view_order(panel: Array, display: DisplayProfile) -> Array:
     if panel.shape[:2] != (height, width):
         raise LfsrError(f"the EIA has {panel.shape[1]}×{panel.shape[0]} pixels, but display {display.name!r} has "
                         f"{width}×{height}: upscale the folder again")
-    return eia.flip_order(panel, display.lenses) if display.ei_order == "flipped" else panel
+    return flip_order(panel, display.lenses) if display.ei_order == "flipped" else panel
 
 
 def contact_sheet(image: Array, lenses: tuple[int, int], across: int = VIEWS_ACROSS) -> Array:
@@ -65,14 +65,14 @@ def contact_sheet(image: Array, lenses: tuple[int, int], across: int = VIEWS_ACR
 
     Views of few lenses are enlarged by repeating pixels.
     """
-    views = eia.to_views(image, lenses)
+    views = to_views(image, lenses)
     # Each in the middle of an equal part of all views.
     rows, columns = (((np.arange(shown) + 0.5) * count / shown).astype(int)
                      for count in views.shape[:2] for shown in [min(count, across)])
     times = max(1, -(-LEAST_VIEW_WIDTH // views.shape[3]))
     shown = views[np.ix_(rows, columns)].repeat(times, axis=2).repeat(times, axis=3)
     padded = np.pad(shown, ((0, 0), (0, 0), (0, GAP_PIXELS), (0, GAP_PIXELS), (0, 0)), constant_values=255)
-    return eia.from_elemental_images(padded)[:-GAP_PIXELS, :-GAP_PIXELS]
+    return from_elemental_images(padded)[:-GAP_PIXELS, :-GAP_PIXELS]
 
 
 def epi_pair(image: Array, lenses: tuple[int, int]) -> tuple[Array, Array]:
@@ -80,7 +80,7 @@ def epi_pair(image: Array, lenses: tuple[int, int]) -> tuple[Array, Array]:
 
     A slanted line is a point in depth, a vertical one lies on the display.
     """
-    views = eia.to_views(image, lenses)
+    views = to_views(image, lenses)
     (py, px), (sx, sy) = views.shape[:2], lenses
     across, down = (epi.repeat(times, axis=0).repeat(times, axis=1)
                     for epi in (views[py // 2, :, sy // 2], views[:, px // 2, :, sx // 2])

@@ -23,10 +23,10 @@ from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
 from lfsr_core.base.system import atomic_path
 from lfsr_core.frames.folder import frame_folders, one_display
 from lfsr_core.frames.frame import EIA_FILE, VIEWER_FILE, read_frame
-from lfsr_core.images.png import opened, read_png
+from lfsr_core.images.image_files import opened, read_png
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.eye import gap_mm
+from lfsr_core.optics.rays import to_elemental_images
 
 PARTS = Path(__file__).parent / "viewer"
 BEST, USUAL_QUALITY, STILL_QUALITY = 100, 95, 85

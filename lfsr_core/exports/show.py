@@ -19,7 +19,7 @@ from lfsr_core.exports.loopback import PROGRAM
 from lfsr_core.exports.options import ExportOptions, read_quilt_name
 from lfsr_core.frames.folder import frame_folders
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
-from lfsr_core.images.png import opened
+from lfsr_core.images.image_files import opened
 
 SCREEN = "screen"  # instead of a display's name: full screen, without Bridge
 PAGE, TEMPLATE = "show.html", Path(__file__).with_name("screen.html")

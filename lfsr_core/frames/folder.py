@@ -195,7 +195,7 @@ def one_display(frames: Mapping[Path, Frame]) -> DisplayProfile:
 
 def is_whole(path: Path) -> bool:
     """True if an EXR file can be read to its end."""
-    from lfsr_core.images.exr import check_complete  # needs OpenImageIO, which Blender's panel does without
+    from lfsr_core.images.image_files import check_complete  # needs OpenImageIO, which Blender's panel does without
 
     with contextlib.suppress(LfsrError):
         check_complete(path)

@@ -14,8 +14,7 @@ from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.base.system import in_threads
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, Frame
 from lfsr_core.frames.request import GUIDES
-from lfsr_core.optics.eia import to_elemental_images
-from lfsr_core.optics.rays import RayLayout
+from lfsr_core.optics.rays import RayLayout, to_elemental_images
 from lfsr_core.optics.world_view import WorldImage, WorldView
 
 ARRAYS = ("color", "alpha", "guides", "position", "slope", "noisy", "opacity", "places")
@@ -149,7 +148,7 @@ def read_world(folder: str | Path, frame: Frame) -> WorldView | None:
 
     LfsrError where its file is missing or of another size.
     """
-    from lfsr_core.images.exr import read_finite  # needs OpenImageIO, which Blender's panel does without
+    from lfsr_core.images.image_files import read_finite  # needs OpenImageIO, which Blender's panel does without
 
     if not frame.world_apart:
         return None
@@ -165,7 +164,7 @@ def read_world(folder: str | Path, frame: Frame) -> WorldView | None:
 def foreground_mask(layers: Mapping[str, Array], lenses: tuple[int, int], dilate: int = 0) -> Mask:
     """Return a boolean (sy, sx): lenses with any hit of a foreground object.
 
-    ``layers``: as of ``images.exr.read_layers``; ``lenses``: (sx, sy); ``dilate``: lenses by which the mask grows in
+    ``layers``: as of ``images.image_files.read_layers``; ``lenses``: (sx, sy); ``dilate``: lenses by which the mask grows in
     every direction, for parts so thin that they fall between sparse views.
     """
     hit = foreground_pixels(layers)

@@ -21,12 +21,10 @@ from lfsr_core.frames.frame import MASK_FILE, REFERENCE_FILES, Frame, read_frame
 from lfsr_core.frames.low_res import foreground_mask, over_background, recall
 from lfsr_core.frames.request import Request, Sampling, read_report, write_report
 from lfsr_core.images.color import srgb_encode
-from lfsr_core.images.exr import read_finite
-from lfsr_core.images.png import read_mask
+from lfsr_core.images.image_files import read_finite, read_mask
 from lfsr_core.metrics.split_ssim import inside_border, lens_ssim, mean_of, psnr, split_ssim_map, ssim, stacked_ssim
-from lfsr_core.optics.eia import to_elemental_images, to_views, views_per_lens
 from lfsr_core.optics.lenses import choose_lenses
-from lfsr_core.optics.rays import LensList
+from lfsr_core.optics.rays import LensList, to_elemental_images, to_views, views_per_lens
 from lfsr_core.pipeline.make import make
 from lfsr_core.process.child import Starts
 from lfsr_core.reconstruct.second_stage import finished_linear, read_finished_linear

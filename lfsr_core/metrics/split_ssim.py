@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.optics.rays import to_elemental_images
 
 SSIM_SIGMA, SSIM_WINDOW = 1.5, 11
 SSIM_BORDER = SSIM_WINDOW // 2

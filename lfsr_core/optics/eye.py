@@ -18,9 +18,8 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.panel.trace import seen_panel
-from lfsr_core.optics.rays import LensCard, RayLayout, lens_card
+from lfsr_core.optics.rays import LensCard, RayLayout, flip_order, lens_card
 
 Point = tuple[float, float, float]
 PIXEL_SIZES = (8, 4, 2, 1)  # of a viewport

@@ -17,7 +17,7 @@ from lfsr_core.base.messages import LfsrError, Progress, Tell, silent
 from lfsr_core.base.system import staging_folder, system_errors
 from lfsr_core.frames.folder import RENDERED_FILES, FrameFolder, first_difference, has_other_size, phrases
 from lfsr_core.frames.frame import DEVICES_JOINED, FRAME_FILE, REFERENCE_FILES, WORLD_FILE, Frame, write_frame
-from lfsr_core.images import exr
+from lfsr_core.images import image_files
 from lfsr_core.optics.lenses import check_cover, pixel_rows, rows_text
 
 FREE = {"rows", "seconds", "device", "gpus", "content", "notes"}  # fields in which the parts of one frame may differ
@@ -81,7 +81,7 @@ def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent
         for part in parts:
             top, below = pixel_rows(rows[part.folder], height)
             for path in (part.folder / name for name in RENDERED_FILES[kind]):
-                if (size := exr.size(path)) != (width, below - top):
+                if (size := image_files.size(path)) != (width, below - top):
                     raise LfsrError(f"{path} has {size[0]}×{size[1]} pixels, but rows {rows_text(rows[part.folder])} "
                                     f"have {width}×{below - top}: render this part again")
         parts.sort(key=lambda part: rows[part.folder])
@@ -103,11 +103,11 @@ def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent
             # As the whole render would be stored: a reference as 16-bit floats, unless it has positions.
             half = name in REFERENCE_FILES and "position" not in frame.layers
             if rows:
-                exr.join_rows([part.folder / name for part in parts], staged / name, half=half)
+                image_files.join_rows([part.folder / name for part in parts], staged / name, half=half)
             else:
-                exr.write_layers(staged / name, _average(parts, name), half=half)
+                image_files.write_layers(staged / name, _average(parts, name), half=half)
         if frame.world_apart:
-            exr.write_layers(staged / WORLD_FILE, exr.read_layers(parts[0].folder / WORLD_FILE))
+            image_files.write_layers(staged / WORLD_FILE, image_files.read_layers(parts[0].folder / WORLD_FILE))
         write_frame(staged, frame)
         target.publish(staged)
     tell(Progress("merge", 1.0))
@@ -131,12 +131,12 @@ def _average(parts: list[_Part], name: str) -> dict[str, Array]:
     half = REFERENCE_FILES.index(name)
     weights = np.array([(part.frame.samples + 1 - half) // 2 for part in parts], np.float64)
     weights /= weights.sum()
-    layers = exr.read_layers(parts[0].folder / name)
+    layers = image_files.read_layers(parts[0].folder / name)
     averaged = [layer for layer in layers if layer != "index"]
     for layer in averaged:
         layers[layer] = layers[layer] * np.float32(weights[0])
     for part, weight in zip(parts[1:], weights[1:], strict=True):
-        others = exr.read_layers(part.folder / name)
+        others = image_files.read_layers(part.folder / name)
         if {key: pixels.shape for key, pixels in layers.items()} != {key: of.shape for key, of in others.items()}:
             raise LfsrError(f"{part.folder / name} has other layers or another size than the first reference: "
                             "render it again")

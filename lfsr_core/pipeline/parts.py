@@ -67,7 +67,7 @@ class ImageParts:
 
     def stored(self, count: int) -> list[tuple[Part, Path]]:
         """Return the stored parts of an image of ``count`` rows, from the top, and remove damaged ones."""
-        from lfsr_core.images.exr import check_complete  # needs OpenImageIO, which Blender's panel does without
+        from lfsr_core.images.image_files import check_complete  # needs OpenImageIO, which Blender's panel does without
 
         stored: list[tuple[Part, Path]] = []
         for path in sorted(self.folder.glob(f"{self._start}*.exr")):

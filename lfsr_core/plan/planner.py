@@ -23,9 +23,8 @@ from lfsr_core.frames.folder import PLACES, FrameFolder, digest, request_facts, 
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, read_frame
 from lfsr_core.frames.low_res import foreground_mask, low_resolution, read_world
 from lfsr_core.frames.request import Request, Sampling
-from lfsr_core.images.color import srgb_encode
-from lfsr_core.images.exr import read_finite
-from lfsr_core.images.view_transform import extreme_tone
+from lfsr_core.images.color import extreme_tone, srgb_encode
+from lfsr_core.images.image_files import read_finite
 from lfsr_core.metrics.eia_metrics import listed_images, read_half
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.depth_scale import ScaleChoice

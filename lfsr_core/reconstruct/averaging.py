@@ -19,7 +19,7 @@ from lfsr_core.base.messages import Notice
 from lfsr_core.frames.folder import NUMBERED, first_difference, numbered
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution
-from lfsr_core.images.exr import read_finite
+from lfsr_core.images.image_files import read_finite
 from lfsr_core.reconstruct.methods.interpolation import encode
 
 AVERAGED = ("color", "alpha", "opacity")

@@ -27,12 +27,19 @@ from lfsr_core.frames import low_res
 from lfsr_core.frames.frame import SUBPIXELS, Frame, read_frame, read_rendered
 from lfsr_core.frames.low_res import LowResEIA, foreground_mask, low_resolution, over_background, read_world
 from lfsr_core.frames.request import Finish, Report
-from lfsr_core.images.exr import HALF_MAX, read_finite, read_layers, replaced_notices, write_layers
-from lfsr_core.images.png import write_mask, write_png
-from lfsr_core.images.view_transform import ViewTransform, exposure_notices
-from lfsr_core.optics.eia import flip_order, to_elemental_images
+from lfsr_core.images.color import ViewTransform, exposure_notices
+from lfsr_core.images.image_files import (
+    HALF_MAX,
+    read_finite,
+    read_layers,
+    replaced_notices,
+    write_layers,
+    write_mask,
+    write_png,
+)
 from lfsr_core.optics.panel.subpixel_rays import panel_image
 from lfsr_core.optics.panel.weave import cached_gather_map, weave
+from lfsr_core.optics.rays import flip_order, to_elemental_images
 from lfsr_core.reconstruct.averaging import average_frames, averaging_notices, neighbours_of, read_low
 from lfsr_core.reconstruct.methods import METHODS, PLAIN_METHOD, SUBPIXEL_METHODS, Method, MethodName, load_method
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, span

@@ -25,12 +25,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.images.png import read_png
-from lfsr_core.images.view_transform import ViewTransform
+from lfsr_core.images.color import ViewTransform
+from lfsr_core.images.image_files import read_png
 from lfsr_core.metrics.eia_metrics import Reference
 from lfsr_core.metrics.split_ssim import split_mse, split_ssim
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.eia import flip_order
+from lfsr_core.optics.rays import flip_order
 from lfsr_lab.experiments.engine import plots
 from tests.support.window.desktop import Window, blender_window
 from tests.support.window.pictures import SCENE

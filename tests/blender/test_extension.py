@@ -18,7 +18,7 @@ import pytest
 from lfsr_core import __version__
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.images.png import read_mask, read_png
+from lfsr_core.images.image_files import read_mask, read_png
 from tests.support.told import refuses
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -17,7 +17,7 @@ from lfsr_core.cli import GROUPS, LABORATORY, VERBS, build_parser, laboratory, m
 from lfsr_core.commands.common import BOLD, styled
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.images.png import read_mask, read_png
+from lfsr_core.images.image_files import read_mask, read_png
 from lfsr_core.optics.display import builtin_names
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from tests.support.finished import finished

@@ -6,7 +6,7 @@ import pytest
 
 from lfsr_core.cli import main
 from lfsr_core.exports import loopback
-from lfsr_core.images.png import read_png
+from lfsr_core.images.image_files import read_png
 from lfsr_core.optics.display import load_display, write_profile
 from tests.calibration.test_fit import CYLINDERS, GOOD
 from tests.calibration.test_makers import CELLS, NEW, new_unit, written

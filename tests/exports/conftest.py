@@ -3,7 +3,7 @@
 import pytest
 
 from lfsr_core.exports.light_field import read_light_field
-from lfsr_core.images.png import read_png, write_png
+from lfsr_core.images.image_files import read_png, write_png
 from tests.support.browser import chromium
 from tests.support.finished import TURNED, finished
 

@@ -23,10 +23,9 @@ from lfsr_core.exports.light_field import on_screen, read_light_field, resized
 from lfsr_core.exports.options import FORMATS, PRESETS, ExportOptions, quilt_name, read_quilt_name
 from lfsr_core.frames.folder import frame_folders
 from lfsr_core.frames.frame import read_frame, write_frame
-from lfsr_core.images.exr import read_layers, write_layers
-from lfsr_core.images.png import write_png
+from lfsr_core.images.image_files import read_layers, write_layers, write_png
 from lfsr_core.optics.display import builtin_names, load_display
-from lfsr_core.optics.eia import flip_order, to_views
+from lfsr_core.optics.rays import flip_order, to_views
 from tests.exports.conftest import NAMES
 from tests.support.finished import DIRECT, MINI, TALL, finished, picture
 from tests.support.synthetic import fails

@@ -18,8 +18,7 @@ from lfsr_core.exports.importing import ImportGeometry, Quilt, import_views, qui
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.images.exr import read_layers
-from lfsr_core.images.png import read_png, write_png
+from lfsr_core.images.image_files import read_layers, read_png, write_png
 from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.pipeline.make import finish_frame

@@ -14,9 +14,9 @@ from PIL import Image
 from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.exports import page
 from lfsr_core.exports.page import PARTS, fewer_views, write_page
-from lfsr_core.images.png import read_png, write_png
+from lfsr_core.images.image_files import read_png, write_png
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.optics.rays import to_elemental_images
 from tests.support.finished import DIRECT, MINI, TALL, finished
 from tests.support.small_disk import on_a_small_disk
 from tests.support.told import Told, refuses

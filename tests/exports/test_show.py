@@ -14,7 +14,7 @@ import pytest
 from lfsr_core.cli import main
 from lfsr_core.exports import loopback
 from lfsr_core.frames.frame import SUBPIXELS, write_frame
-from lfsr_core.images.png import read_png, write_png
+from lfsr_core.images.image_files import read_png, write_png
 from tests.calibration.test_makers import OLD
 from tests.support.bridge import DEVICES, device
 from tests.support.finished import MINI, finished

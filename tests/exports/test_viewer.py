@@ -14,7 +14,7 @@ from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.exports.page import write_page
 from lfsr_core.exports.show import write_screen_page
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.images.png import read_png, write_png
+from lfsr_core.images.image_files import read_png, write_png
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.rays import view_offset
 from tests.support.browser import CHROMIUM, Page, needs_chromium

@@ -13,8 +13,7 @@ from lfsr_core.frames.frame import FRAME_FILE, REFERENCE_FILES, Frame, read_fram
 from lfsr_core.images.color import ColorSettings, srgb_encode
 from lfsr_core.metrics.eia_metrics import Reference, check_reference
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.eia import to_elemental_images
-from lfsr_core.optics.rays import CameraArray
+from lfsr_core.optics.rays import CameraArray, to_elemental_images
 from tests.support.synthetic import MINI, frame_of, light_field, write_reference
 from tests.support.told import refuses
 

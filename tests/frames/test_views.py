@@ -8,8 +8,8 @@ import pytest
 from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.exports.light_field import contact_sheet, eia_to_views, epi_pair, read_views, views_to_eia
 from lfsr_core.frames.low_res import foreground_mask, recall, unseen_notices
-from lfsr_core.images.png import read_png
-from lfsr_core.optics import eia
+from lfsr_core.images.image_files import read_png
+from lfsr_core.optics.rays import from_views
 from lfsr_core.pipeline.make import finish_frame
 from tests.support.synthetic import FLAT, MINI, write_render
 from tests.support.told import refuses
@@ -50,7 +50,7 @@ def numbered_eia(lenses=(16, 12), views=(8, 8)) -> np.ndarray:
     """EIA (H, W, 3) that holds view column, view row and lens column of every pixel."""
     (sx, sy), (px, py) = lenses, views
     v, u, _, i = np.meshgrid(*(np.arange(n, dtype=np.uint8) for n in (py, px, sy, sx)), indexing="ij")
-    return eia.from_views(np.stack([u, v, i], axis=-1))
+    return from_views(np.stack([u, v, i], axis=-1))
 
 
 def test_sheet_shows_evenly_spaced_views_in_camera_order():

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from lfsr_core.base.messages import LfsrError, Notice
-from lfsr_core.images import exr, png
+from lfsr_core.images import image_files
 from tests.support.small_disk import on_a_small_disk
 from tests.support.told import refuses
 
@@ -46,8 +46,8 @@ def write_exr(path, parts):
 
 def test_layers_come_back_as_written(tmp_path):
     layers = some_layers()
-    exr.write_layers(tmp_path / "a.exr", layers)
-    back = exr.read_layers(tmp_path / "a.exr")
+    image_files.write_layers(tmp_path / "a.exr", layers)
+    back = image_files.read_layers(tmp_path / "a.exr")
     assert back.keys() == layers.keys()
     for name, pixels in layers.items():
         np.testing.assert_array_equal(back[name], pixels, err_msg=name)
@@ -55,11 +55,11 @@ def test_layers_come_back_as_written(tmp_path):
 
 def test_half_floats_are_near_and_never_infinite_and_colour_without_alpha_is_opaque(tmp_path):
     color = np.array([[[0.1, 1e6, -2.0, 1.0]]], np.float32)
-    exr.write_layers(tmp_path / "a.exr", {"color": color}, half=True)
-    np.testing.assert_allclose(exr.read_layers(tmp_path / "a.exr")["color"], [[[0.1, 65504, -2, 1]]], rtol=1e-3)
-    exr.write_layers(tmp_path / "a.exr", {"color": np.full((2, 3, 3), 0.5, np.float32)})
-    assert exr.read_layers(tmp_path / "a.exr")["color"].shape == (2, 3, 4)
-    assert (exr.read_layers(tmp_path / "a.exr")["color"][..., 3] == 1).all()
+    image_files.write_layers(tmp_path / "a.exr", {"color": color}, half=True)
+    np.testing.assert_allclose(image_files.read_layers(tmp_path / "a.exr")["color"], [[[0.1, 65504, -2, 1]]], rtol=1e-3)
+    image_files.write_layers(tmp_path / "a.exr", {"color": np.full((2, 3, 3), 0.5, np.float32)})
+    assert image_files.read_layers(tmp_path / "a.exr")["color"].shape == (2, 3, 4)
+    assert (image_files.read_layers(tmp_path / "a.exr")["color"][..., 3] == 1).all()
 
 
 def test_reads_blender_4_names(tmp_path):
@@ -68,7 +68,7 @@ def test_reads_blender_4_names(tmp_path):
              "Denoising Normal.Z", "Env.R", "Env.G", "Env.B", "IndexOB.X", "Position.X", "Position.Y", "Position.Z"]
     pixels = RANDOM.normal(size=(4, 5, len(names))).astype(np.float32)
     write_exr(tmp_path / "a.exr", [([f"ViewLayer.{name}" for name in names], pixels)])
-    layers = exr.read_layers(tmp_path / "a.exr")
+    layers = image_files.read_layers(tmp_path / "a.exr")
     expected = {"color": slice(0, 4), "albedo": slice(4, 7), "normal": slice(8, 11), "environment": slice(11, 14),
                 "index": slice(14, 15), "position": slice(15, 18)}
     assert layers.keys() == expected.keys()
@@ -83,54 +83,57 @@ def test_reads_blender_5_parts_and_leaves_unknown_passes_out(tmp_path):
              (["ViewLayer.Object Index.X"], layers["index"]),
              ([f"ViewLayer.Denoising Normal.{c}" for c in "XYZ"], layers["normal"])]
     write_exr(tmp_path / "a.exr", parts)
-    back = exr.read_layers(tmp_path / "a.exr")
+    back = image_files.read_layers(tmp_path / "a.exr")
     assert back.keys() == {"color", "index", "normal"}
     for name, pixels in back.items():
         np.testing.assert_array_equal(pixels, layers[name], err_msg=name)
 
 
 def test_missing_and_unreadable_files_and_layers(tmp_path):
-    refuses("does not exist", exr.read_layers, tmp_path / "none.exr")
-    exr.write_layers(tmp_path / "a.exr", {"albedo": np.zeros((2, 2, 3), np.float32)})
-    refuses("no colour layer", exr.read_layers, tmp_path / "a.exr")
+    refuses("does not exist", image_files.read_layers, tmp_path / "none.exr")
+    image_files.write_layers(tmp_path / "a.exr", {"albedo": np.zeros((2, 2, 3), np.float32)})
+    refuses("no colour layer", image_files.read_layers, tmp_path / "a.exr")
     write_exr(tmp_path / "a.exr", [([*"RGBA", "normal.X", "normal.Z"], np.ones((2, 3, 6), np.float32))])
-    refuses("its layer normal has the channels X, Z instead of X, Y, Z", exr.read_layers, tmp_path / "a.exr")
-    exr.write_layers(tmp_path / "a.exr", some_layers())
+    refuses("its layer normal has the channels X, Z instead of X, Y, Z", image_files.read_layers, tmp_path / "a.exr")
+    image_files.write_layers(tmp_path / "a.exr", some_layers())
     (tmp_path / "a.exr").write_bytes((tmp_path / "a.exr").read_bytes().replace(b"albedo", b"alb\xff\xfeo"))
-    refuses("cannot be read", exr.read_layers, tmp_path / "a.exr")
+    refuses("cannot be read", image_files.read_layers, tmp_path / "a.exr")
     (tmp_path / "a.png").write_bytes(b"not an image")
-    refuses("not a readable", png.read_png, tmp_path / "a.png")
-    refuses("does not exist, expected a PNG image", png.read_mask, tmp_path / "b.png")
+    refuses("not a readable", image_files.read_png, tmp_path / "a.png")
+    refuses("does not exist, expected a PNG image", image_files.read_mask, tmp_path / "b.png")
     for width, height in [(60_000, 60_000), (2**31 - 1, 1), (70_000, 6), (9, 2**30)]:
-        exr.write_layers(tmp_path / "a.exr", some_layers())
+        image_files.write_layers(tmp_path / "a.exr", some_layers())
         data = (tmp_path / "a.exr").read_bytes()
         for name in (b"dataWindow", b"displayWindow"):
             at = data.index(name + b"\0box2i\0") + len(name) + 7 + 4
             data = data[:at] + struct.pack("<4i", 0, 0, width - 1, height - 1) + data[at + 16:]
         (tmp_path / "a.exr").write_bytes(data)
-        refuses("cannot be read", exr.read_layers, tmp_path / "a.exr")
+        refuses("cannot be read", image_files.read_layers, tmp_path / "a.exr")
     for keep in [0, 50, 0.5, 0.95]:
-        exr.write_layers(tmp_path / "a.exr", some_layers(200, 200))
+        image_files.write_layers(tmp_path / "a.exr", some_layers(200, 200))
         data = (tmp_path / "a.exr").read_bytes()
         (tmp_path / "a.exr").write_bytes(data[:keep if isinstance(keep, int) else int(keep * len(data))])
-        refuses(r"a\.exr cannot be read .*render it again", exr.read_layers, tmp_path / "a.exr")
+        refuses(r"a\.exr cannot be read .*render it again", image_files.read_layers, tmp_path / "a.exr")
     for names, named in [
         ("GBA", "A, B, G"), ("XYZ", "X, Y, Z"), ("abcd", "a, b, c, d"), ("RGA", "A, G, R"), ("RGBQ", "B, G, Q, R"),
         ("R", "R")]:
         write_exr(tmp_path / "a.exr", [(list(names), np.ones((2, 3, len(names)), np.float32))])
-        refuses(f"its layer color has the channels {named} instead of R, G, B", exr.read_layers, tmp_path / "a.exr")
+        refuses(f"its layer color has the channels {named} instead of R, G, B", image_files.read_layers,
+                tmp_path / "a.exr")
     for names, shape in [
         (["ViewLayer.Denoising Albedo.R", "ViewLayer.Denoising Albedo.G", "ViewLayer.Denoising Albedo.B"], (2, 9, 3)),
         (["ViewLayer.Denoising Normal.X", "ViewLayer.Denoising Normal.Y"], (6, 9, 2))]:
         color = some_layers()["color"]
         write_exr(tmp_path / "a.exr", [([f"ViewLayer.Combined.{c}" for c in "RGBA"], color),
                                        (names, np.zeros(shape, np.float32))])
-        refuses("its layer (albedo has 9×|normal has the channels X, Y instead)", exr.read_layers, tmp_path / "a.exr")
+        refuses("its layer (albedo has 9×|normal has the channels X, Y instead)", image_files.read_layers,
+                tmp_path / "a.exr")
     for other in [{"color": (2, 6, 4)}, {"color": (2, 5, 4), "index": (2, 5, 1)}]:
-        exr.write_layers(tmp_path / "a.exr", {"color": np.zeros((2, 5, 4), np.float32)})
-        exr.write_layers(tmp_path / "b.exr", {name: np.zeros(shape, np.float32) for name, shape in other.items()})
+        image_files.write_layers(tmp_path / "a.exr", {"color": np.zeros((2, 5, 4), np.float32)})
+        zeros = {name: np.zeros(shape, np.float32) for name, shape in other.items()}
+        image_files.write_layers(tmp_path / "b.exr", zeros)
         with pytest.raises(LfsrError, match="b.exr cannot be read .*other layers or another width"):
-            exr.join_rows([tmp_path / "a.exr", tmp_path / "b.exr"], tmp_path / "joined.exr")
+            image_files.join_rows([tmp_path / "a.exr", tmp_path / "b.exr"], tmp_path / "joined.exr")
         assert not (tmp_path / "joined.exr").exists()
 
 
@@ -138,25 +141,26 @@ def test_missing_and_unreadable_files_and_layers(tmp_path):
     (b"A\0\2\0\0\0", b"a\0\2\0\0\0"), (b"A\0\2\0\0\0", b"b\0\2\0\0\0"), (b"G\0\2\0\0\0", b"g\0\2\0\0\0"),
     (b"R\0\2\0\0\0", b"R\0\0\0\0\0"), (b"compression\0\1\0\0\0\3", b"compression\0\1\0\0\0\5")])
 def test_a_damaged_header_never_changes_the_picture_without_a_word(tmp_path, before, after):
-    exr.write_layers(tmp_path / "a.exr", {"color": some_layers(48, 64)["color"]})
+    image_files.write_layers(tmp_path / "a.exr", {"color": some_layers(48, 64)["color"]})
     data = (tmp_path / "a.exr").read_bytes()
     assert data.count(before) == 1
     (tmp_path / "a.exr").write_bytes(data.replace(before, after))
-    refuses(r"a\.exr cannot be read .*(instead of|expected one without loss)", exr.read_layers, tmp_path / "a.exr")
+    refuses(r"a\.exr cannot be read .*(instead of|expected one without loss)", image_files.read_layers,
+            tmp_path / "a.exr")
 
 
 @pytest.mark.parametrize(("broken", "value", "said"), [(1, np.nan, 0), (2, np.inf, 1), (50, -np.inf, 1)])
 def test_many_pixels_that_are_not_finite_are_said_and_more_than_half_refused(tmp_path, broken, value, said):
     path, color = tmp_path / "a.exr", np.ones((10, 10, 4), np.float32)
     color.reshape(-1, 4)[:51, 1] = value
-    exr.write_layers(path, {"color": color})
-    refuses(r"a\.exr has 51 of 100 pixels that are not finite.*render it again", exr.read_finite, path)
+    image_files.write_layers(path, {"color": color})
+    refuses(r"a\.exr has 51 of 100 pixels that are not finite.*render it again", image_files.read_finite, path)
     color.reshape(-1, 4)[broken:, 1] = 1
-    exr.write_layers(path, {"color": color})
-    layers, replaced = exr.read_finite(path)
+    image_files.write_layers(path, {"color": color})
+    layers, replaced = image_files.read_finite(path)
     assert replaced == broken and np.isfinite(layers["color"]).all()
     expected = [Notice("pixels-replaced", {"replaced": broken, "pixels": 100})] * said
-    assert exr.replaced_notices(replaced, 100) == expected
+    assert image_files.replaced_notices(replaced, 100) == expected
 
 
 def test_clean_counts_pixels_not_values_and_keeps_the_rest():
@@ -165,38 +169,38 @@ def test_clean_counts_pixels_not_values_and_keeps_the_rest():
     layers["color"][1, 1, 3] = np.inf
     layers["normal"][0, 0] = -np.inf
     layers["normal"][2, 3, 2] = np.nan
-    cleaned, count = exr.clean(layers)
+    cleaned, count = image_files.clean(layers)
     assert count == 3
     assert all(np.isfinite(pixels).all() for pixels in cleaned.values())
     np.testing.assert_array_equal(cleaned["color"][0, 0], [0, 0, 1, 1])
     assert np.isnan(layers["color"][0, 0, 0]), "the input stays as it was"
     color = np.array([[[np.inf, -np.inf, 0, 1]]], np.float32)
-    assert exr.clean({"color": color})[1] == 1
+    assert image_files.clean({"color": color})[1] == 1
 
 
 def test_black_images_compress_strongly_and_are_accepted(tmp_path):
-    exr.write_layers(tmp_path / "a.exr", {"color": np.zeros((3000, 4000, 4), np.float32)}, half=True)
-    assert not exr.read_layers(tmp_path / "a.exr")["color"].any()
+    image_files.write_layers(tmp_path / "a.exr", {"color": np.zeros((3000, 4000, 4), np.float32)}, half=True)
+    assert not image_files.read_layers(tmp_path / "a.exr")["color"].any()
 
 
 def test_png_whose_size_lies_and_a_pipe(tmp_path):
-    png.write_mask(tmp_path / "m.png", np.zeros((8, 8), bool))
+    image_files.write_mask(tmp_path / "m.png", np.zeros((8, 8), bool))
     data = (tmp_path / "m.png").read_bytes()
     header = data[:16] + struct.pack(">II", 60_000, 60_000) + data[24:29]
     (tmp_path / "m.png").write_bytes(header + struct.pack(">I", zlib.crc32(header[12:])) + data[33:])
-    refuses("not a readable", png.read_mask, tmp_path / "m.png")
+    refuses("not a readable", image_files.read_mask, tmp_path / "m.png")
     os.mkfifo(tmp_path / "pipe")
-    for read in (png.read_mask, exr.read_layers, exr.size, exr.check_complete):
+    for read in (image_files.read_mask, image_files.read_layers, image_files.size, image_files.check_complete):
         refuses("not a regular file", read, tmp_path / "pipe")
 
 
 WRITE = """import numpy as np
-from lfsr_core.images import exr, png
+from lfsr_core.images import image_files
 noise = np.random.default_rng(0).random((400, 400, 3))
 if sys.argv[2].endswith(".png"):
-    png.write_png(sys.argv[2], (noise * 255).astype(np.uint8))
+    image_files.write_png(sys.argv[2], (noise * 255).astype(np.uint8))
 else:
-    exr.write_layers(sys.argv[2], {"color": noise.astype(np.float32)})"""
+    image_files.write_layers(sys.argv[2], {"color": noise.astype(np.float32)})"""
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX limit on file size")
@@ -216,21 +220,21 @@ def test_full_disk_leaves_no_half_written_file(tmp_path, name):
 def test_rows_joined_are_the_image(tmp_path, half):
     random = np.random.default_rng(4)
     layers = {"color": random.random((37, 5, 4), np.float32), "index": random.random((37, 5, 1), np.float32)}
-    exr.write_layers(tmp_path / "whole.exr", layers, half)
+    image_files.write_layers(tmp_path / "whole.exr", layers, half)
     cuts, paths = (0, 1, 17, 20, 37), []
     for first, last in itertools.pairwise(cuts):
         paths.append(tmp_path / f"{first}.exr")
-        exr.write_layers(paths[-1], {name: pixels[first:last] for name, pixels in layers.items()}, half)
-    exr.join_rows(paths, tmp_path / "joined.exr", half)
+        image_files.write_layers(paths[-1], {name: pixels[first:last] for name, pixels in layers.items()}, half)
+    image_files.join_rows(paths, tmp_path / "joined.exr", half)
     assert (tmp_path / "joined.exr").read_bytes() == (tmp_path / "whole.exr").read_bytes()
 
 
 @pytest.mark.skipif(not OPEN.is_dir(), reason="looks into /proc")
-@pytest.mark.parametrize("read", [exr.check_complete, exr.read_layers, exr.size])
+@pytest.mark.parametrize("read", [image_files.check_complete, image_files.read_layers, image_files.size])
 def test_no_file_stays_open_while_its_error_is_handled(tmp_path, read):
     """Windows removes and replaces no open file."""
     path = tmp_path / "a.exr"
-    exr.write_layers(path, some_layers())
+    image_files.write_layers(path, some_layers())
     os.truncate(path, path.stat().st_size - 100)
     try:
         read(path)
@@ -242,23 +246,23 @@ def test_no_file_stays_open_while_its_error_is_handled(tmp_path, read):
 @pytest.mark.parametrize("shape", [(1, 1, 3), (63, 5, 3), (64, 7, 3), (65, 6, 3), (200, 33, 3), (54, 96)])
 def test_png_is_lossless_and_readable_by_another_library(tmp_path, shape):
     pixels = RANDOM.integers(0, 256, shape, dtype=np.uint8)
-    png.write_png(tmp_path / "a.png", pixels)
+    image_files.write_png(tmp_path / "a.png", pixels)
     with Image.open(tmp_path / "a.png") as image:
         image.verify()  # checks every chunk's checksum
     with Image.open(tmp_path / "a.png") as image:
         np.testing.assert_array_equal(np.asarray(image), pixels)
     if len(shape) == 3:
-        np.testing.assert_array_equal(png.read_png(tmp_path / "a.png"), pixels)
+        np.testing.assert_array_equal(image_files.read_png(tmp_path / "a.png"), pixels)
 
 
 def test_masks_flat_images_and_the_checksum_of_a_png(tmp_path):
     mask = RANDOM.random((54, 96)) > 0.5
-    png.write_mask(tmp_path / "m.png", mask)
-    np.testing.assert_array_equal(png.read_mask(tmp_path / "m.png", (96, 54)), mask)
-    refuses("has 96×54 pixels, but the display has 54×96 lenses", png.read_mask, tmp_path / "m.png", (54, 96))
-    size = sum(len(part) for part in png.encode_png(np.full((1000, 1000, 3), 77, np.uint8)))
+    image_files.write_mask(tmp_path / "m.png", mask)
+    np.testing.assert_array_equal(image_files.read_mask(tmp_path / "m.png", (96, 54)), mask)
+    refuses("has 96×54 pixels, but the display has 54×96 lenses", image_files.read_mask, tmp_path / "m.png", (54, 96))
+    size = sum(len(part) for part in image_files.encode_png(np.full((1000, 1000, 3), 77, np.uint8)))
     assert size < 60_000
     pixels = RANDOM.integers(0, 256, (300, 21, 3), dtype=np.uint8)
-    parts = png.encode_png(pixels)
+    parts = image_files.encode_png(pixels)
     stream = b"".join(part[8:-4] for part in parts if part[4:8] == b"IDAT")
     assert len(zlib.decompress(stream)) == 300 * (21 * 3 + 1)  # raises where the checksum is wrong

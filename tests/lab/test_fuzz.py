@@ -33,9 +33,9 @@ from lfsr_core.base.system import LOCK, UNFINISHED, write_json
 from lfsr_core.calibration.patterns import pattern
 from lfsr_core.cli import main
 from lfsr_core.frames.request import read_request
-from lfsr_core.images.png import write_png
+from lfsr_core.images.image_files import write_png
 from lfsr_core.optics.display import write_profile
-from lfsr_core.optics.eia import to_views
+from lfsr_core.optics.rays import to_views
 from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.pipeline.parts import INPUTS_FILE, remove_others
 from lfsr_lab.experiments.sweeps.records import choose_sweeps, label

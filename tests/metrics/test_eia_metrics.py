@@ -10,12 +10,11 @@ from lfsr_core.base.system import read_json
 from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE
 from lfsr_core.frames.request import Finish
 from lfsr_core.images.color import srgb_decode, srgb_encode
-from lfsr_core.images.exr import write_layers
-from lfsr_core.images.png import read_mask, write_mask
+from lfsr_core.images.image_files import read_mask, write_layers, write_mask
 from lfsr_core.metrics import eia_metrics
 from lfsr_core.metrics.eia_metrics import compare_folders, sampled_recall, student_95
 from lfsr_core.metrics.split_ssim import psnr, split_mse, split_ssim, split_ssim_map, ssim, stacked_ssim
-from lfsr_core.optics.eia import to_views
+from lfsr_core.optics.rays import to_views
 from lfsr_core.pipeline.make import finish_frame
 from tests.support.finished import MINI, TALL
 from tests.support.synthetic import frame_of, tiles, write_reference, write_render

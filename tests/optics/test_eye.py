@@ -5,11 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.optics import eia
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.eye import eye_card, eye_place, eye_region, eye_view, gap_mm
-from lfsr_core.optics.rays import CameraArray, RayLayout, view_offset
+from lfsr_core.optics.rays import CameraArray, RayLayout, flip_order, to_views, view_offset
 from tests.support.card_rays import lens_card_rays, pixel_rays
 from tests.support.told import refuses
 
@@ -29,7 +27,7 @@ def painted(*squares):
 
 
 def on_panel(image):
-    return eia.flip_order(image, MINI.lenses)
+    return flip_order(image, MINI.lenses)
 
 
 def center(image, color):
@@ -45,7 +43,7 @@ def looking(image, x=0.0, y=0.0, z=None):
 
 def test_an_eye_where_a_camera_stood_sees_that_cameras_view():
     image = np.random.default_rng(0).random((96, 128, 3)).astype(np.float32)
-    views = eia.to_views(image, MINI.lenses)
+    views = to_views(image, MINI.lenses)
     offset = view_offset(np.arange(8), 8, ARRAY.spacing)
     for row, column in ((0, 0), (2, 5), (7, 7), (3, 0)):
         np.testing.assert_array_equal(looking(image, offset[column], -offset[row]), views[row, column])

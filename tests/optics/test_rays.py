@@ -7,10 +7,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.optics import eia
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.optics.eia import to_elemental_images
-from lfsr_core.optics.rays import RIM, CameraArray, RayLayout, lens_card, view_offset
+from lfsr_core.optics.rays import (
+    RIM,
+    CameraArray,
+    RayLayout,
+    flip_order,
+    from_elemental_images,
+    from_views,
+    lens_card,
+    to_elemental_images,
+    to_views,
+    view_offset,
+    views_per_lens,
+)
 from lfsr_core.optics.world_view import WorldImage, WorldView
 from tests.support.card_rays import lens_card_rays, pixel_rays
 from tests.support.reference_rays import rays
@@ -31,7 +41,7 @@ def hits(origin: np.ndarray, direction: np.ndarray, depth: float = ARRAY.distanc
 
 
 def views_of(pixels: np.ndarray, views: tuple[int, int]) -> np.ndarray:
-    """(H, W, C) -> (sy, sx, py, px, C), independent of lfsr_core.optics.eia."""
+    """(H, W, C) -> (sy, sx, py, px, C), independent of lfsr_core.optics.rays."""
     height, width, channels = pixels.shape
     return pixels.reshape(height // views[1], views[1], width // views[0], views[0], channels).swapaxes(1, 2)
 
@@ -246,13 +256,13 @@ def image_of(sx: int, sy: int, px: int, py: int, channels: int) -> np.ndarray:
 @given(SIZES)
 def test_elemental_images_without_a_copy_and_views_round_trip(size):
     image = image_of(*size)
-    parts = eia.to_elemental_images(image, size[:2])
+    parts = to_elemental_images(image, size[:2])
     assert parts.shape == (size[1], size[0], size[3], size[2], size[4])
-    np.testing.assert_array_equal(eia.from_elemental_images(parts), image)
+    np.testing.assert_array_equal(from_elemental_images(parts), image)
     assert np.shares_memory(parts, image)
-    views = eia.to_views(image, size[:2])
+    views = to_views(image, size[:2])
     assert views.shape == (size[3], size[2], size[1], size[0], size[4])
-    np.testing.assert_array_equal(eia.from_views(views), image)
+    np.testing.assert_array_equal(from_views(views), image)
 
 
 @given(SIZES, st.data())
@@ -261,22 +271,22 @@ def test_every_order_finds_the_same_pixel(size, data):
     image = image_of(*size)
     j, i, v, u = (data.draw(st.integers(0, count - 1)) for count in (sy, sx, py, px))
     pixel = image[j * py + v, i * px + u]
-    np.testing.assert_array_equal(eia.to_elemental_images(image, (sx, sy))[j, i, v, u], pixel)
-    np.testing.assert_array_equal(eia.to_views(image, (sx, sy))[v, u, j, i], pixel)
+    np.testing.assert_array_equal(to_elemental_images(image, (sx, sy))[j, i, v, u], pixel)
+    np.testing.assert_array_equal(to_views(image, (sx, sy))[v, u, j, i], pixel)
 
 
 @given(SIZES)
 def test_flip_reverses_inside_each_lens_and_undoes_itself(size):
     image = image_of(*size)
-    flipped = eia.flip_order(image, size[:2])
-    np.testing.assert_array_equal(eia.to_elemental_images(flipped, size[:2]),
-                                  eia.to_elemental_images(image, size[:2])[:, :, ::-1, ::-1])
-    np.testing.assert_array_equal(eia.flip_order(flipped, size[:2]), image)
+    flipped = flip_order(image, size[:2])
+    np.testing.assert_array_equal(to_elemental_images(flipped, size[:2]),
+                                  to_elemental_images(image, size[:2])[:, :, ::-1, ::-1])
+    np.testing.assert_array_equal(flip_order(flipped, size[:2]), image)
 
 
 @pytest.mark.parametrize("image", [np.zeros((10, 10)), np.zeros((10, 11, 3)), np.zeros((11, 10, 3))])
 def test_image_that_lenses_do_not_divide_is_refused(image):
-    refuses(r"image has shape \(1[01], 1[01].*5 rows and 2 columns", eia.views_per_lens, image, (2, 5))
+    refuses(r"image has shape \(1[01], 1[01].*5 rows and 2 columns", views_per_lens, image, (2, 5))
 
 
 HALF = dataclasses.replace(MINI, name="half", lenses=(8, 6), panel_pixels=(64, 48), panel_mm=(64.0, 48.0))

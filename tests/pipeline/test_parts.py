@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from lfsr_core.base.messages import Progress
 from lfsr_core.base.system import staging_folder
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.images.exr import write_layers
+from lfsr_core.images.image_files import write_layers
 from lfsr_core.pipeline import parts as part_files
 from lfsr_core.pipeline.make import LEAST_LEFT, TimeLeft
 from lfsr_core.pipeline.parts import ImageParts, Pace, Part, gaps, has_parts, is_worth_storing, remove_others

@@ -20,10 +20,10 @@ from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame, write_f
 from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.frames.request import Request, Sampling, samples_at
 from lfsr_core.images.color import srgb_encode
-from lfsr_core.images.exr import read_layers, write_layers
+from lfsr_core.images.image_files import read_layers, write_layers
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.optics.rays import to_elemental_images
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.plan import options as plan_options
 from lfsr_core.plan import planner

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.low_res import LowResEIA
-from lfsr_core.optics.eia import from_elemental_images
+from lfsr_core.optics.rays import from_elemental_images
 from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.denoiser import read_tza, write_tza
 from lfsr_core.reconstruct.methods import denoise, load_method, oidn

@@ -10,11 +10,10 @@ import pytest
 from lfsr_core.cli import main
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame, read_rendered
 from lfsr_core.frames.request import Finish, read_report
-from lfsr_core.images.exr import read_layers, write_layers
-from lfsr_core.images.png import read_png
+from lfsr_core.images.image_files import read_layers, read_png, write_layers
 from lfsr_core.optics.display import DisplayProfile, write_profile
-from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.panel.weave import gather_map, weave
+from lfsr_core.optics.rays import flip_order
 from lfsr_core.pipeline.make import finish_frame
 from tests.support.panels import SHEETS, cells, hexagonal, lenticular, whole
 from tests.support.played_blender import played_blender

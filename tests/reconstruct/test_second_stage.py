@@ -14,12 +14,9 @@ from lfsr_core.frames import low_res
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame, write_frame
 from lfsr_core.frames.low_res import low_resolution, read_world
 from lfsr_core.frames.request import Finish, read_report
-from lfsr_core.images.color import ColorSettings
-from lfsr_core.images.exr import read_layers, write_layers
-from lfsr_core.images.png import read_mask, read_png
-from lfsr_core.images.view_transform import ViewTransform
-from lfsr_core.optics import eia
-from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.images.color import ColorSettings, ViewTransform
+from lfsr_core.images.image_files import read_layers, read_mask, read_png, write_layers
+from lfsr_core.optics.rays import flip_order, from_elemental_images, to_elemental_images
 from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.reconstruct import second_stage
 from lfsr_core.reconstruct.methods import METHODS, PLAIN_METHOD, load_method
@@ -75,7 +72,7 @@ def test_png_is_the_linear_eia_as_blender_shows_it_in_the_displays_order(tmp_pat
     write_render(tmp_path, color=color, display=dataclasses.replace(MINI, ei_order=order))
     finish_frame(tmp_path, "bicubic")
     shown = ViewTransform(color).to_uint8(second_stage.finished_linear(tmp_path, "bicubic"))
-    expected = eia.flip_order(shown, MINI.lenses) if order == "flipped" else shown
+    expected = flip_order(shown, MINI.lenses) if order == "flipped" else shown
     np.testing.assert_array_equal(read_png(tmp_path / "eia.png"), expected)
 
 
@@ -83,7 +80,7 @@ def test_linear_exr_is_in_panel_order_and_an_old_one_goes(tmp_path):
     write_render(tmp_path)
     finish_frame(tmp_path, Finish("bicubic", linear_exr=True))
     linear = read_layers(tmp_path / "eia.exr")["color"][..., :3]
-    expected = eia.flip_order(second_stage.finished_linear(tmp_path, "bicubic"), MINI.lenses)
+    expected = flip_order(second_stage.finished_linear(tmp_path, "bicubic"), MINI.lenses)
     np.testing.assert_allclose(linear, expected, rtol=1e-3, atol=1e-6)
     finish_frame(tmp_path, "nearest")
     assert not (tmp_path / "eia.exr").exists()
@@ -160,13 +157,13 @@ def test_bad_methods_and_sizes_are_errors(tmp_path):
 def test_lens_list_is_finished_as_tiles(tmp_path):
     chosen = ((5, 5), (6, 7), (4, 9))
     write_render(tmp_path)
-    whole = eia.to_elemental_images(read_layers(tmp_path / LOW_RES_FILE)["color"], MINI.lenses)
-    expected = eia.to_elemental_images(second_stage.finished_linear(tmp_path, "bicubic"), MINI.lenses)
+    whole = to_elemental_images(read_layers(tmp_path / LOW_RES_FILE)["color"], MINI.lenses)
+    expected = to_elemental_images(second_stage.finished_linear(tmp_path, "bicubic"), MINI.lenses)
     write_render(tmp_path, lens_list=chosen)
     across, down = read_frame(tmp_path).rays.tiles
     tiles = np.stack([whole[lens] for lens in chosen]).reshape(down, across, 4, 4, 4)
-    write_layers(tmp_path / LOW_RES_FILE, {"color": eia.from_elemental_images(tiles)})
-    result = eia.to_elemental_images(second_stage.finished_linear(tmp_path, "bicubic"), (across, down))
+    write_layers(tmp_path / LOW_RES_FILE, {"color": from_elemental_images(tiles)})
+    result = to_elemental_images(second_stage.finished_linear(tmp_path, "bicubic"), (across, down))
     for tile, lens in enumerate(chosen):
         np.testing.assert_allclose(result[tile // across, tile % across], expected[lens], atol=1e-6)
 
@@ -278,10 +275,10 @@ def test_visible_world_fills_the_background_lenses(tmp_path):
     layers = read_layers(tmp_path / LOW_RES_FILE)
     low = low_res.over_background(layers, read_frame(tmp_path))
     np.testing.assert_allclose(low, color[..., :3] + sky * (1 - color[..., 3:]), atol=1e-6)
-    result = eia.to_elemental_images(second_stage.finished_linear(tmp_path, "bicubic"), MINI.lenses)
-    mask = np.asarray(eia.to_elemental_images(color[..., 3:], MINI.lenses).any((2, 3, 4)))
+    result = to_elemental_images(second_stage.finished_linear(tmp_path, "bicubic"), MINI.lenses)
+    mask = np.asarray(to_elemental_images(color[..., 3:], MINI.lenses).any((2, 3, 4)))
     assert 0 < mask.mean() < 1
-    sky_lenses = eia.to_elemental_images(sky, MINI.lenses)
+    sky_lenses = to_elemental_images(sky, MINI.lenses)
     np.testing.assert_allclose(result[~mask].mean((1, 2)), sky_lenses[~mask].mean((1, 2)), atol=2e-3)
 
 
@@ -299,7 +296,7 @@ def test_background_meshes_are_filled_cheaply_and_objects_by_the_method(tmp_path
     index = np.full_like(color[..., :1], 2)
     index[:8, :8] = 1  # lenses (0..1, 0..1)
     write_layers(tmp_path / LOW_RES_FILE, {"color": color, "index": index})
-    result, method_, cheap = (eia.to_elemental_images(x, MINI.lenses) for x in (
+    result, method_, cheap = (to_elemental_images(x, MINI.lenses) for x in (
         second_stage.finished_linear(tmp_path, "nearest"), expected_linear(tmp_path, "nearest"),
         expected_linear(tmp_path, PLAIN_METHOD)))
     np.testing.assert_allclose(result[:2, :2], method_[:2, :2], atol=1e-6)
@@ -313,7 +310,7 @@ def test_mask_and_dilation_are_written(tmp_path):
     write_render(tmp_path)
     report = finish_frame(tmp_path, "bicubic")
     plain = read_mask(tmp_path / "mask.png")
-    alpha = eia.to_elemental_images(read_layers(tmp_path / LOW_RES_FILE)["color"][..., 3:], MINI.lenses)
+    alpha = to_elemental_images(read_layers(tmp_path / LOW_RES_FILE)["color"][..., 3:], MINI.lenses)
     np.testing.assert_array_equal(plain, alpha.any((2, 3, 4)))
     assert report.foreground_fraction == pytest.approx(plain.mean())
     assert finish_frame(tmp_path, Finish("bicubic", dilate=1)).foreground_fraction > plain.mean()

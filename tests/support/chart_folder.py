@@ -7,7 +7,7 @@ import numpy as np
 
 from lfsr_core.cli import main
 from lfsr_core.frames.frame import LOW_RES_FILE
-from lfsr_core.images.exr import read_layers, write_layers
+from lfsr_core.images.image_files import read_layers, write_layers
 from lfsr_lab.experiments.chart.analysis import read_chart
 from tests.support.synthetic import write_reference, write_render
 

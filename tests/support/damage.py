@@ -23,7 +23,7 @@ from safetensors.numpy import load_file
 from lfsr_core.base.messages import MOST_CHARACTERS, LfsrError
 from lfsr_core.base.system import system_errors
 from lfsr_core.cli import main
-from lfsr_core.images.exr import read_layers
+from lfsr_core.images.image_files import read_layers
 
 MOST_SECONDS = 60
 VALUES = ["", "\ud800", "x" * 5000, "../" * 50, -1, 0, 2**32, 10**400, 1e308, -0.0, None, True, [], {}, [[]] * 100,

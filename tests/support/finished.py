@@ -8,10 +8,9 @@ from PIL import Image
 
 from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LOW_RES_FILE, Frame, write_frame
 from lfsr_core.images.color import srgb_encode
-from lfsr_core.images.exr import write_layers
-from lfsr_core.images.png import write_png
+from lfsr_core.images.image_files import write_layers, write_png
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.optics.eia import flip_order
+from lfsr_core.optics.rays import flip_order
 from tests.support.card_rays import pixel_rays
 from tests.support.synthetic import frame_of
 

@@ -12,7 +12,7 @@ import numpy as np
 from blender_addon import compat
 from blender_addon.render import cycles
 from blender_addon.scene.array import rig
-from lfsr_core.images import exr
+from lfsr_core.images import image_files
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.rays import CameraArray, RayLayout
 
@@ -192,7 +192,7 @@ def encoded(scene: bpy.types.Scene, layout: RayLayout, folder: Path, matrix_worl
     """Layers of a render of all views at once."""
     settings = cycles.RenderSettings(**{"samples": 1} | settings)
     cycles.render_encoded(scene, cycles.Shot(layout, matrix_world or front(), way), settings, folder / "image.exr")
-    return exr.read_layers(folder / "image.exr")
+    return image_files.read_layers(folder / "image.exr")
 
 
 def save_box(path: Path, centre: tuple[float, ...], half: tuple[float, ...]) -> Path:

@@ -4,8 +4,8 @@ import numpy as np
 
 from lfsr_core.frames import low_res
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
-from lfsr_core.images.exr import read_layers
-from lfsr_core.optics import eia
+from lfsr_core.images.image_files import read_layers
+from lfsr_core.optics.rays import from_elemental_images
 from lfsr_core.reconstruct.methods import load_method
 from tests.support.synthetic import MINI
 
@@ -18,4 +18,4 @@ def expected_linear(folder, name):
     lenses = np.argwhere(np.ones((sy, sx), bool))
     images = load_method(name).upscaler(low, lenses).reshape(sy, sx, 8, 8, 3)
     images[~low.alpha.any((2, 3, 4))] = MINI.background
-    return eia.from_elemental_images(images)
+    return from_elemental_images(images)

@@ -126,7 +126,7 @@ class LFSR_OT_test_picture(AsksForFile, bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        from lfsr_core.images.png import write_png  # needs OpenImageIO, which the panel does without
+        from lfsr_core.images.image_files import write_png  # needs OpenImageIO, which the panel does without
 
         path = Path(bpy.path.abspath(self.filepath)).with_suffix(".png")
         write_png(path, pattern(scene_settings.display_of(context.scene), "phase"))

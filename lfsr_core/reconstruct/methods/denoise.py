@@ -16,7 +16,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, silent
 from lfsr_core.frames.low_res import LowResEIA
-from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
+from lfsr_core.optics.rays import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.denoiser import Weights
 from lfsr_core.reconstruct.methods import oidn

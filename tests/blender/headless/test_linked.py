@@ -11,7 +11,7 @@ from blender_addon.jobs.task import Task
 from blender_addon.scene import folders
 from blender_addon.ui.operators.render import image_job
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.images.exr import read_layers
+from lfsr_core.images.image_files import read_layers
 from tests.support import panel
 from tests.support.scenes import add_box
 

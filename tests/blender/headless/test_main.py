@@ -18,9 +18,8 @@ from lfsr_core.base.system import write_json
 from lfsr_core.exports.light_field import read_views
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import DEVICES
-from lfsr_core.images import exr
-from lfsr_core.images.exr import read_layers
-from lfsr_core.images.png import read_png
+from lfsr_core.images import image_files
+from lfsr_core.images.image_files import read_layers, read_png
 from lfsr_core.pipeline.make import open_blender, render_all
 from lfsr_core.process.child import ENDS_WITH_INPUT, EXIT_BAD_INPUT, find_blender, parse_progress, told_of
 from tests.support.other_systems import FOLDER, SYSTEMS
@@ -96,7 +95,7 @@ def test_job_becomes_a_frame_folder(blend, tmp_path):
     assert frame.blender == bpy.app.version_string and set(frame.seconds) == {"open", "render"}
     assert frame.device in DEVICES and frame.layout == (
         "one-pass" if frame.device in ("CPU", "OPTIX") else "lens-card"), "the device decides the layout"
-    layers = exr.read_layers(tmp_path / "out" / "lr_eia.exr")
+    layers = image_files.read_layers(tmp_path / "out" / "lr_eia.exr")
     assert layers["color"].shape == (24, 32, 4)
     assert layers["color"].reshape(-1, 4)[layers["color"][..., 3].argmax()] == pytest.approx((1, 0.5, 0.2, 1), rel=1e-3)
 

@@ -21,8 +21,7 @@ from blender_addon.scene.words import sentence
 from blender_addon.ui.operators import render
 from lfsr_core.base.messages import Notice, Progress
 from lfsr_core.frames.folder import FrameFolder, scene_stamp
-from lfsr_core.images.exr import write_layers
-from lfsr_core.images.png import write_png
+from lfsr_core.images.image_files import write_layers, write_png
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.tasks.runner import TASKS
 from tests.support import panel

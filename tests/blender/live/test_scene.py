@@ -13,11 +13,10 @@ from blender_addon.render import cycles, output
 from blender_addon.render.cards import CELL
 from blender_addon.scene.array import rig
 from lfsr_core.frames.frame import SUBPIXELS
-from lfsr_core.images import exr
+from lfsr_core.images import image_files
 from lfsr_core.optics.display import write_profile
-from lfsr_core.optics.eia import flip_order
 from lfsr_core.optics.panel.subpixel_rays import panel_image
-from lfsr_core.optics.rays import RIM
+from lfsr_core.optics.rays import RIM, flip_order
 from lfsr_core.reconstruct.methods.interpolation import decode, encode
 from tests.support.panels import cells, hexagonal, small
 from tests.support.scenes import encoded, snapshot
@@ -82,7 +81,7 @@ def rendered(shown, size, samples, folder):
     settings = cycles.RenderSettings(samples)
     with cycles.cycles_settings(shown, settings, size):
         output.render_to(shown, path)
-    return exr.read_layers(path)["color"]
+    return image_files.read_layers(path)["color"]
 
 
 def test_it_follows_the_array(scene, shown):

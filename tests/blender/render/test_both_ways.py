@@ -20,7 +20,7 @@ from blender_addon.scene.notices import left_out
 from blender_addon.scene.open import camera_notices
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.exports.light_field import read_views
-from lfsr_core.images.png import read_png
+from lfsr_core.images.image_files import read_png
 from lfsr_core.reconstruct.second_stage import finish_into
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera, add_world, fresh_scene

@@ -14,7 +14,7 @@ from lfsr_core.frames import request as request_module
 from lfsr_core.frames.folder import is_same
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import LAYERS
-from lfsr_core.images import exr
+from lfsr_core.images import image_files
 from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.pipeline.merge import merge
 from lfsr_core.pipeline.parts import Part
@@ -41,7 +41,7 @@ def images_of(scene, folder, tell=silent, **options):
     """Layers of every image, by the file's stem; with ``parts`` as the command renders."""
     request = make_request(str(folder), MINI, **{"samples": 4, "scale": 1, "world_visible": False} | options)
     render_job(scene, request, Opened(0.1, "the same file"), tell)
-    images = {path.stem: exr.read_layers(path) for path in folder.glob("*.exr")}
+    images = {path.stem: image_files.read_layers(path) for path in folder.glob("*.exr")}
     assert not set(images) - {"lr_eia", "world", "reference_a", "reference_b"}
     return images
 
@@ -110,7 +110,7 @@ def test_the_first_view_is_the_middle_of_the_image_which_keeps_its_bytes(lit, tm
     render_job(lit, dataclasses.replace(request, first_view=str(first)), tell=told.append)
     assert Notice("first-view", {"path": str(first)}) in told
     without = colors(lit, tmp_path / "without", **options)["lr_eia"]
-    np.testing.assert_array_equal(exr.read_layers(tmp_path / "with" / "lr_eia.exr")["color"][..., :3], without)
+    np.testing.assert_array_equal(image_files.read_layers(tmp_path / "with" / "lr_eia.exr")["color"][..., :3], without)
     view = np.load(first)
     assert view.dtype == np.uint8 and view.shape == (1, 1, MINI.lenses[1], MINI.lenses[0], 3)
     finish_frame(tmp_path / "with", "none")
@@ -298,6 +298,6 @@ def test_rows_of_lenses_are_the_whole_image(lit, tmp_path, monkeypatch, options)
         monkeypatch.setenv("LFSR_SECONDS_PER_PART", "60" if number == 1 else short)
         images_of(lit, tmp_path / f"part{number}", rows=part, parts=str(tmp_path / f"kept{number}"), **options)
     if not options.get("kind"):
-        assert exr.size(tmp_path / "part0" / "lr_eia.exr") == (64, 12)
+        assert image_files.size(tmp_path / "part0" / "lr_eia.exr") == (64, 12)
     merge([tmp_path / f"part{number}" for number in (2, 0, 1)], tmp_path / "merged")
-    assert_same({path.stem: exr.read_layers(path) for path in (tmp_path / "merged").glob("*.exr")}, whole)
+    assert_same({path.stem: image_files.read_layers(path) for path in (tmp_path / "merged").glob("*.exr")}, whole)

@@ -14,10 +14,9 @@ from blender_addon.render.cards import card_camera
 from blender_addon.scene.array import rig
 from blender_addon.scene.overrides import overridden
 from lfsr_core.frames.frame import SUBPIXELS
-from lfsr_core.images import exr
-from lfsr_core.optics import eia
+from lfsr_core.images import image_files
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout
-from lfsr_core.optics.rays import CameraArray, RayLayout, view_offset
+from lfsr_core.optics.rays import CameraArray, RayLayout, to_elemental_images, to_views, view_offset
 from tests.support.card_rays import pixel_rays
 from tests.support.panels import SHEETS, large, lenticular
 from tests.support.reference_rays import panel_rays
@@ -142,8 +141,8 @@ def test_position_layer_is_the_pixel_centre_ray(scene, tmp_path, way):
 def test_listed_lenses_are_the_same_lenses_of_the_whole(scene, tmp_path, lenses, way):
     whole, listed = layout_of(), layout_of(lens_list=lenses)
     add_plane(scene, plane_in_array(ARRAY.distance, 0.4), position_emission())
-    tiles = eia.to_elemental_images(shown_hits(scene, listed, tmp_path, way=way), listed.tiles)
-    every = eia.to_elemental_images(shown_hits(scene, whole, tmp_path, way=way), whole.lenses)
+    tiles = to_elemental_images(shown_hits(scene, listed, tmp_path, way=way), listed.tiles)
+    every = to_elemental_images(shown_hits(scene, whole, tmp_path, way=way), whole.lenses)
     tiles = tiles.reshape(-1, *tiles.shape[2:])
     for number, (row, column) in enumerate(lenses):
         assert np.abs(tiles[number] - every[row, column]).max() <= TOLERANCE
@@ -167,7 +166,7 @@ def test_samples_fill_the_lens_and_the_cell_of_views(tmp_path, scale, aperture, 
     expected = (4 * lens**2 + (ARRAY.spacing * aperture) ** 2) / 12
     assert variance == pytest.approx(expected, rel=0.02)
     centres = view_offset(np.arange(layout.views[0]), layout.views[0], layout.spacing)
-    views = eia.to_views(mean, layout.lenses)[..., 0].mean((0, 2, 3))
+    views = to_views(mean, layout.lenses)[..., 0].mean((0, 2, 3))
     assert views == pytest.approx(-centres, abs=0.01 * layout.spacing)
 
 
@@ -252,7 +251,7 @@ def test_at_the_corner_of_an_8k_panel_the_phase_is_right_to_a_thousandth_of_a_cy
                                     "border_min_y": ends[0][1], "border_max_x": min(1, ends[1][0]),
                                     "border_max_y": min(1, ends[1][1])})):
         output.render_to(scene, path)
-    hits = exr.read_layers(path)["color"][..., :3] - POSITION_OFFSET
+    hits = image_files.read_layers(path)["color"][..., :3] - POSITION_OFFSET
     rows, columns = np.indices(hits.shape[:2])
     error = hits - where_they_meet(plane, *panel_rays(layout, (first[0] + columns + CENTRE[0]) / layout.size[0],
                                                       (first[1] + len(hits) - rows - CENTRE[1]) / layout.size[1]))

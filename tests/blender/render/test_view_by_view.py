@@ -10,9 +10,8 @@ import pytest
 from blender_addon.render import cards, cycles
 from blender_addon.render import view_by_view as views
 from blender_addon.render.cards import distance_to_volume
-from lfsr_core.images import exr
-from lfsr_core.optics import eia
-from lfsr_core.optics.rays import RayLayout
+from lfsr_core.images import image_files
+from lfsr_core.optics.rays import RayLayout, from_views, to_views
 from tests.support.scenes import (
     ARRAY,
     FLAT,
@@ -69,14 +68,14 @@ def test_views_are_the_one_pass_image(tmp_path, display, scale):
         images = []
         for seed in range(SEEDS):
             render(scene, cycles.Shot(layout, front()), cycles.RenderSettings(SAMPLES, seed), tmp_path / "image.exr")
-            images.append(exr.read_layers(tmp_path / "image.exr")["color"])
+            images.append(image_files.read_layers(tmp_path / "image.exr")["color"])
         found.append(np.stack(images))
     assert found[0].std(0).max() > 0.05, "without noise the test would prove little"
     assert same_image(*found)
-    shifted = [eia.to_views(image, layout.lenses).copy() for image in found[1]]
+    shifted = [to_views(image, layout.lenses).copy() for image in found[1]]
     for image in shifted:
         image[0, 0] = image[0, 1]
-    assert not same_image(found[0], np.stack([eia.from_views(image) for image in shifted]))
+    assert not same_image(found[0], np.stack([from_views(image) for image in shifted]))
 
 
 @pytest.mark.parametrize("lens_list", [None, ((0, 0), (3, 15), (11, 2), (5, 9), (6, 6))])
@@ -87,7 +86,7 @@ def test_positions_agree_pixel_by_pixel(scene, tmp_path, convention, lens_list):
     layout = RayLayout.for_display(MINI, ARRAY, SCALE, convention=convention, view_aperture=0.0, lens_list=lens_list)
     expected = encoded(scene, layout, tmp_path)["color"]
     views.render_views(scene, cycles.Shot(layout, front()), cycles.RenderSettings(1), tmp_path / "views.exr")
-    shown = exr.read_layers(tmp_path / "views.exr")["color"]
+    shown = image_files.read_layers(tmp_path / "views.exr")["color"]
     assert shown.shape == expected.shape
     # The two cameras put the pixel centre half a step of the filter table off, of their own pixel: paper's are smaller.
     tolerance = (1e-4 if convention == "centred" else 5e-4) * ARRAY.distance
@@ -102,7 +101,7 @@ def test_other_layers_come_view_by_view_too(scene, tmp_path, display, scale):
     settings = cycles.RenderSettings(1, layers=("albedo", "normal", "position", "index"), world_visible=True)
     views.render_views(scene, cycles.Shot(layout, front()), settings, tmp_path / "views.exr")
     cycles.render_encoded(scene, cycles.Shot(layout, front()), settings, tmp_path / "encoded.exr")
-    shown, expected = (exr.read_layers(tmp_path / f"{name}.exr") for name in ("views", "encoded"))
+    shown, expected = (image_files.read_layers(tmp_path / f"{name}.exr") for name in ("views", "encoded"))
     assert set(shown) == set(expected) == {"color", "albedo", "normal", "position", "index", "environment"}
     for name in ("position", "normal", "index"):
         assert np.mean(np.abs(shown[name] - expected[name]).max(-1) > 1e-3) < 0.02, name
@@ -176,7 +175,7 @@ def test_every_layer_is_the_osl_cameras(tmp_path, make):
 def test_position_is_zero_where_nothing_was_hit(scene, tmp_path):
     add_box(scene, (0, 0, 0), (0.3, 0.3, 0.3))
     layers = encoded(scene, LAYOUT, tmp_path, way="lens-card", layers=LAYERS)
-    exr.check_complete(tmp_path / "image.exr")
+    image_files.check_complete(tmp_path / "image.exr")
     assert [path.name for path in tmp_path.iterdir()] == ["image.exr"], "the layer was written anew"
     missed = layers["color"][..., 3] == 0
     assert 0.1 < missed.mean() < 0.9
@@ -228,7 +227,7 @@ def rendered(scene, folder, way, clip):
     shot = cycles.Shot(SPARSE, front(), way, clip)
     render = views.render_views if way == "view-by-view" else cycles.render_encoded
     render(scene, shot, cycles.RenderSettings(4, layers=("position",)), folder / "image.exr")
-    layers = exr.read_layers(folder / "image.exr")
+    layers = image_files.read_layers(folder / "image.exr")
     return layers["color"], layers["position"]
 
 

@@ -11,9 +11,9 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, WORLD_FILE, read_frame
 from lfsr_core.frames.low_res import read_world
-from lfsr_core.images import exr
-from lfsr_core.images.png import read_png
-from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.images import image_files
+from lfsr_core.images.image_files import read_png
+from lfsr_core.optics.rays import to_elemental_images
 from lfsr_core.pipeline.make import finish_frame
 from tests.support.panels import cells, hexagonal, small
 from tests.support.requests import make_request
@@ -68,7 +68,7 @@ def test_its_image_holds_what_every_ray_sees(lit_box, tmp_path):
     assert frame.world_apart and 0 < frame.seconds["world"] < frame.seconds["render"]
     whole = make_request(str(tmp_path / "whole"), MINI, scale=1, samples=64)
     render_job(lit_box, whole)
-    layers = exr.read_layers(tmp_path / "whole" / "lr_eia.exr")
+    layers = image_files.read_layers(tmp_path / "whole" / "lr_eia.exr")
     free = elemental(layers["color"][..., 3:]).max((2, 3, 4)) == 0
     assert 0.2 < free.mean() < 0.99
     seen = read_world(job.output, frame).elemental_images(np.argwhere(free))
@@ -79,14 +79,14 @@ def test_its_image_holds_what_every_ray_sees(lit_box, tmp_path):
 
 
 def test_the_image_of_another_render_is_used_as_it_is(lit_box, tmp_path):
-    exr.write_layers(tmp_path / "image.exr", {"color": np.full((4, 4, 3), 0.25, np.float32)})
+    image_files.write_layers(tmp_path / "image.exr", {"color": np.full((4, 4, 3), 0.25, np.float32)})
     job = make_request(str(tmp_path / "low"), MINI, scale=2, samples=1, lens_list=((3, 5), (6, 9)),
               world=str(tmp_path / "image.exr"))
     render_job(lit_box, job)
     frame = read_frame(job.output)
     assert (tmp_path / "low" / WORLD_FILE).read_bytes() == (tmp_path / "image.exr").read_bytes()
     assert frame.world_apart and frame.seconds["world"] == 0 < frame.seconds["render"]
-    assert "environment" in exr.read_layers(tmp_path / "low" / LOW_RES_FILE)
+    assert "environment" in image_files.read_layers(tmp_path / "low" / LOW_RES_FILE)
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -97,7 +97,7 @@ def test_a_render_says_how_much_of_it_shows(lit_box, tmp_path, way):
         cycles.render_encoded(lit_box, shot, hidden, tmp_path / "hidden.exr")
         with world.white_to_camera(lit_box):
             cycles.render_encoded(lit_box, shot, shown, tmp_path / "shown.exr")
-    alone, apart = (exr.read_layers(tmp_path / f"{name}.exr") for name in ("hidden", "shown"))
+    alone, apart = (image_files.read_layers(tmp_path / f"{name}.exr") for name in ("hidden", "shown"))
     np.testing.assert_allclose(apart["environment"], np.repeat(1 - apart["color"][..., 3:], 3, -1), atol=1e-5)
     assert ((apart["environment"] > 0) & (apart["environment"] < 1)).any()
     # The subject is in the light of the scene's own world.
@@ -155,7 +155,7 @@ def blenders_own(scene, path):
     settings = cycles.RenderSettings(SAMPLES, transparent_glass=scene.cycles.film_transparent_glass)
     with cycles.cycles_settings(scene, settings, (32, 24)):
         output.render_to(scene, path)
-    return exr.read_layers(path)["color"][10:14, 14:18].mean((0, 1))
+    return image_files.read_layers(path)["color"][10:14, 14:18].mean((0, 1))
 
 
 @pytest.mark.parametrize("layout", ["one-pass", "lens-card"])
@@ -163,7 +163,7 @@ def blenders_own(scene, path):
 def test_glass_is_as_transparent_as_in_blenders_render(pane, tmp_path, layout, through):
     pane.cycles.film_transparent_glass = through
     render_job(pane, make_request(str(tmp_path / "out"), MINI, samples=SAMPLES, scale=4, layout=layout))
-    color = exr.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
+    color = image_files.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
     middle = color[9:15, 13:19].mean((0, 1))
     assert middle == pytest.approx(blenders_own(pane, tmp_path / "own.exr"), abs=0.02)
     assert (middle[3] < 0.2) == through
@@ -172,7 +172,7 @@ def test_glass_is_as_transparent_as_in_blenders_render(pane, tmp_path, layout, t
 def test_glass_before_a_visible_world_is_opaque(pane, tmp_path):
     pane.cycles.film_transparent_glass = True
     render_job(pane, make_request(str(tmp_path / "out"), MINI, samples=SAMPLES, scale=4, world_visible=True))
-    color = exr.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
+    color = image_files.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
     assert color[9:15, 13:19, 3] == pytest.approx(1)
     assert np.isfinite(color).all()
 
@@ -192,7 +192,7 @@ def test_color_and_environment_add_up_to_blenders_own_image(scene, tmp_path, way
             output.render_to(scene, tmp_path / "apart.exr")
             scene.render.film_transparent = False
             output.render_to(scene, tmp_path / "whole.exr")
-    apart, whole = (exr.read_layers(tmp_path / f"{name}.exr") for name in ("apart", "whole"))
+    apart, whole = (image_files.read_layers(tmp_path / f"{name}.exr") for name in ("apart", "whole"))
     partly = (apart["color"][..., 3] > 0.1) & (apart["color"][..., 3] < 0.9)
     assert partly.sum() > 10, "edges are what could go wrong"
     assert apart["color"][..., :3] + apart["environment"] == pytest.approx(whole["color"][..., :3], abs=2e-3)

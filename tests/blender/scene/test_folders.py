@@ -10,7 +10,7 @@ from blender_addon.jobs import asked
 from blender_addon.scene import folders
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import read_json, write_json
-from lfsr_core.images.png import read_png
+from lfsr_core.images.image_files import read_png
 from tests.support import panel
 from tests.support.scenes import add_box
 

@@ -18,8 +18,8 @@ from blender_addon.scene.settings import color_settings
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import EVEN, OWN
-from lfsr_core.images import exr
-from lfsr_core.images.exr import read_layers
+from lfsr_core.images import image_files
+from lfsr_core.images.image_files import read_layers
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera, add_lamp, add_mesh, add_world, emission, mixed, save_box
 from tests.support.told import Told, refuses
@@ -30,7 +30,7 @@ def test_scene_without_light_gets_an_hdri_that_is_not_seen(tmp_path):
     scene = open_scene(path)
     job = make_request(str(tmp_path / "out"), MINI, scene=str(path), samples=4, world_visible=True)
     frame_folder.render_job(scene, job)
-    layers = exr.read_layers(tmp_path / "out" / "lr_eia.exr")
+    layers = image_files.read_layers(tmp_path / "out" / "lr_eia.exr")
     alpha = layers["color"][..., 3]
     assert layers["color"][alpha == 1][:, :3].mean() > 0.05, "the box is lit"
     assert (alpha == 0).any() and np.all(layers["color"][alpha == 0] == 0) and read_frame(job.output).world_visible
@@ -72,7 +72,7 @@ def brightness(stage, tmp_path, **options):
     """Brightest pixel of a render, and what was said."""
     told = Told()
     frame_folder.render_job(stage, make_request(str(tmp_path / "out"), MINI, samples=1, **options), tell=told)
-    color = exr.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
+    color = image_files.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
     return color[..., :3].max(), " ".join(sentence(notice) for notice in told.notices)
 
 
@@ -92,7 +92,7 @@ def test_light_that_does_not_arrive_counts_as_none(scene, tmp_path, shine, file)
     assert light.has_light(scene)
     _, said = brightness(scene, tmp_path, subject="box", scene=file)
     assert "lmost no light reaches" in said and ("lit with" in said) == bool(file)
-    frame, layers = read_frame(tmp_path / "out"), exr.read_layers(tmp_path / "out" / "lr_eia.exr")
+    frame, layers = read_frame(tmp_path / "out"), image_files.read_layers(tmp_path / "out" / "lr_eia.exr")
     assert (frame.light, frame.world_visible) == ("city" if file else "own", False) and "environment" not in layers
     color = layers["color"]
     assert scene.world is None and np.all(color[color[..., 3] == 0] == 0)
@@ -131,7 +131,7 @@ def test_what_an_image_cannot_light_is_lit_evenly(scene, tmp_path):
     add_camera(scene, (0, -4, 0))
     _, said = brightness(scene, tmp_path, scene="scene.glb")
     assert "encloses it" in said and read_frame(tmp_path / "out").light == "even"
-    color = exr.read_layers(tmp_path / "out" / "lr_eia.exr")["color"][..., :3].max(-1)
+    color = image_files.read_layers(tmp_path / "out" / "lr_eia.exr")["color"][..., :3].max(-1)
     assert np.median(color) > 0.05
     assert not bpy.data.lights
 
@@ -139,12 +139,12 @@ def test_what_an_image_cannot_light_is_lit_evenly(scene, tmp_path):
 def test_light_is_chosen_by_hand(scene, tmp_path):
     path = save_box(tmp_path / "scene.glb", (0, 0, 0), (0.5, 0.5, 0.5))
     sky = tmp_path / "sky.exr"
-    exr.write_layers(sky, {"color": np.full((8, 16, 3), 0.3, np.float32) * np.float32((1, 0, 0))})
+    image_files.write_layers(sky, {"color": np.full((8, 16, 3), 0.3, np.float32) * np.float32((1, 0, 0))})
     means = {}
     for chosen in ("own", "city", "night", "even", str(sky)):
         brightest, said = brightness(open_scene(path), tmp_path, scene=str(path), light=chosen)
         assert said == "" and read_frame(tmp_path / "out").light == chosen
-        color = exr.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
+        color = image_files.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
         means[chosen] = color[color[..., 3] == 1][:, :3].mean(0)
     assert not means["own"].any() and means["city"].min() > means["night"].min() > 0.01 and means["even"].min() > 0.1
     assert means[str(sky)][0] > 0.05 and not means[str(sky)][1:].any()

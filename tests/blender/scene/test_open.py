@@ -14,7 +14,7 @@ from blender_addon.scene.open import camera_notices, choose_camera, open_scene
 from blender_addon.scene.subject import find_subject
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.images import exr
+from lfsr_core.images import image_files
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera, emission, fresh_scene, save_box
 from tests.support.told import refuses
@@ -166,7 +166,7 @@ def test_instanced_subject_is_marked_as_foreground(two, tmp_path):
     two.collection.objects.link(empty)
     add_camera(two, (0, -6, 0), 1.0)
     frame_folder.render_job(two, make_request(str(tmp_path), MINI, samples=1, layers=("index",)))
-    index = exr.read_layers(tmp_path / "lr_eia.exr")["index"][..., 0]
+    index = image_files.read_layers(tmp_path / "lr_eia.exr")["index"][..., 0]
     assert set(np.unique(index)) == {0, 1, 2}
 
 
@@ -175,7 +175,7 @@ def test_background_meshes_are_marked_by_index(two, tmp_path):
     frame_folder.render_job(two, make_request(str(tmp_path), MINI, samples=16))
     frame = read_frame(tmp_path)
     assert "index" in frame.layers, "the mask needs it as soon as there is a background mesh"
-    layers = exr.read_layers(tmp_path / "lr_eia.exr")
+    layers = image_files.read_layers(tmp_path / "lr_eia.exr")
     alpha, index = layers["color"][..., 3], layers["index"][..., 0]
     assert set(np.unique(index)) == {0, 1, 2}
     assert np.all(alpha[index > 0] > 0) and np.all(index[alpha == 0] == 0)

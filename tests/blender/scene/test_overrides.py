@@ -11,7 +11,7 @@ from blender_addon.render.cycles import RenderSettings, cycles_settings
 from blender_addon.scene.overrides import overridden
 from lfsr_core.base.messages import Progress
 from lfsr_core.base.system import CORES
-from lfsr_core.images import exr
+from lfsr_core.images import image_files
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, emission, snapshot
 from tests.support.told import Told, refuses
@@ -67,7 +67,7 @@ def test_after_a_render(worn, tmp_path, options):
     before = state()
     frame_folder.render_job(worn, job(tmp_path, **options))
     assert not changes(before)
-    layers = exr.read_layers(next(tmp_path.glob("*.exr")))
+    layers = image_files.read_layers(next(tmp_path.glob("*.exr")))
     assert layers["color"].shape[:2] == ((96, 128) if options.get("kind") == "reference" else (24, 32))
     position = set() if options.get("kind") == "reference" else {"position"}
     assert set(layers) == {"color", "albedo", "normal", "index"} | position

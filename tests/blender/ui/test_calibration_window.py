@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.calibration.patterns import pattern
-from lfsr_core.images.png import read_png
+from lfsr_core.images.image_files import read_png
 from lfsr_core.optics.display import write_profile
 from tests.calibration.test_fit import CYLINDERS, GOOD, PLACE
 from tests.support.telephone import jpeg

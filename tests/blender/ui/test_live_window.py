@@ -11,13 +11,11 @@ import numpy as np
 import pytest
 
 from lfsr_core.images.color import srgb_encode
-from lfsr_core.images.exr import read_layers
-from lfsr_core.images.png import read_png
+from lfsr_core.images.image_files import read_layers, read_png
 from lfsr_core.optics.display import load_display, write_profile
-from lfsr_core.optics.eia import to_elemental_images
 from lfsr_core.optics.eye import eye_place, eye_view
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout, panel_image
-from lfsr_core.optics.rays import CameraArray
+from lfsr_core.optics.rays import CameraArray, to_elemental_images
 from tests.support.panels import cells, hexagonal, small
 from tests.support.window.desktop import NEEDS_WINDOW, Window, blender_window
 from tests.support.window.live_scenes import SAMPLES, SCENE, another_scene

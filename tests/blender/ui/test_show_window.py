@@ -8,7 +8,7 @@ import pytest
 
 from lfsr_core.exports import loopback
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.images.png import read_png
+from lfsr_core.images.image_files import read_png
 from lfsr_core.optics.display import write_profile
 from tests.calibration.test_makers import OLD
 from tests.support.bridge import device, stand_in

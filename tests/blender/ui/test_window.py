@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.images.png import read_png
+from lfsr_core.images.image_files import read_png
 from tests.support.window.desktop import NEEDS_WINDOW, SECONDS_TO_RENDER, Window, monkey_window
 
 pytestmark = NEEDS_WINDOW

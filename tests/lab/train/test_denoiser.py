@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
+from lfsr_core.optics.rays import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.methods import denoise
 from lfsr_lab.networks.denoiser import hdr_encode

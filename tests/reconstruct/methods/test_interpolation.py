@@ -6,7 +6,7 @@ import pytest
 
 from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.metrics.split_ssim import blur
-from lfsr_core.optics import eia
+from lfsr_core.optics.rays import from_elemental_images
 from lfsr_core.reconstruct.methods import load_method
 from lfsr_core.reconstruct.methods.interpolation import decode, encode
 from lfsr_core.reconstruct.second_stage import finished_lenses
@@ -55,10 +55,10 @@ def test_each_elemental_image_is_resized_alone_and_as_by_opencv(name, scale):
 @pytest.mark.parametrize("scale", [2, 3, 4, 5, 8])
 def test_the_whole_arrays_bicubic_is_opencvs(scale):
     low = low_eia(scale=scale)
-    photograph = encode(eia.from_elemental_images(low.color))
+    photograph = encode(from_elemental_images(low.color))
     expected = decode(cv2.resize(photograph, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC))
     images = upscaled("bicubic-eia", low).reshape(3, 4, 5 * scale, 6 * scale, 3)
-    np.testing.assert_allclose(eia.from_elemental_images(images), expected, atol=2e-5)
+    np.testing.assert_allclose(from_elemental_images(images), expected, atol=2e-5)
 
 
 @pytest.mark.parametrize("name", [*FLAGS, "bicubic-eia"])

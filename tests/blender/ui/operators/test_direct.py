@@ -9,7 +9,7 @@ import pytest
 from blender_addon.jobs import asked, images
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
 from lfsr_core.frames.request import read_report
-from lfsr_core.images.png import read_png
+from lfsr_core.images.image_files import read_png
 from lfsr_core.optics.display import write_profile
 from tests.support import panel
 from tests.support.panels import cells, small

@@ -14,7 +14,7 @@ from lfsr_core.exports.images import eye_place
 from lfsr_core.exports.light_field import on_screen, read_light_field
 from lfsr_core.exports.options import FORMATS
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.images.png import read_png, write_png
+from lfsr_core.images.image_files import read_png, write_png
 from lfsr_core.optics.display import load_display, write_profile
 from tests.calibration.test_fit import CYLINDERS, GOOD, PLACE
 from tests.calibration.test_makers import OLD

@@ -14,7 +14,7 @@ from blender_addon.ui import summary
 from blender_addon.ui.operators import render
 from lfsr_core.base.system import read_json
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.images.png import read_png
+from lfsr_core.images.image_files import read_png
 from tests.support import panel
 from tests.support.scenes import add_camera, snapshot
 

@@ -11,7 +11,7 @@ from lfsr_core.base.system import read_json
 from lfsr_core.cli import main
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.optics.depth_scale import LossModel
-from lfsr_core.optics.eia import to_elemental_images, to_views
+from lfsr_core.optics.rays import to_elemental_images, to_views
 from lfsr_lab.experiments.denoiser import study
 from lfsr_lab.experiments.denoiser.study import places, read_settings
 from lfsr_lab.experiments.engine.records import Store

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.optics.eia import from_elemental_images, to_elemental_images
-from lfsr_core.optics.rays import CameraArray, RayLayout
+from lfsr_core.optics.rays import CameraArray, RayLayout, from_elemental_images, to_elemental_images
 from lfsr_lab.experiments.sweeps import metrics
 from lfsr_lab.experiments.sweeps.measure import DISPLAY_FILE
 from lfsr_lab.experiments.sweeps.metrics import Compared

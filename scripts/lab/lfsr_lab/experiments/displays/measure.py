@@ -22,13 +22,13 @@ from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, read_frame, read_rendered
 from lfsr_core.frames.request import Request, Sampling, scales_up_to
 from lfsr_core.images.color import srgb_encode
-from lfsr_core.images.exr import read_finite
+from lfsr_core.images.image_files import read_finite
 from lfsr_core.metrics.eia_metrics import Reference
 from lfsr_core.metrics.split_ssim import mean_of, psnr, split_mse, split_ssim_map
 from lfsr_core.optics.display import DisplayProfile, load_display
-from lfsr_core.optics.eia import flip_order, from_views, to_elemental_images
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.panel.weave import gather_map, weave
+from lfsr_core.optics.rays import flip_order, from_views, to_elemental_images
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, SUBPIXEL_METHODS, MethodName, oidn
 from lfsr_core.reconstruct.second_stage import finished_linear, linear_panel_image
 from lfsr_lab.experiments.engine.records import REFERENCE, Fingerprint, Records, Store, check_render, reference_of

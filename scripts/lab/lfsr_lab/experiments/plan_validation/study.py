@@ -37,10 +37,10 @@ from lfsr_core.frames.frame import (
     write_frame,
 )
 from lfsr_core.frames.request import Request
-from lfsr_core.images.exr import read_layers, write_layers
+from lfsr_core.images.image_files import read_layers, write_layers
 from lfsr_core.metrics.eia_metrics import NORMAL_95
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.eia import to_elemental_images
+from lfsr_core.optics.rays import to_elemental_images
 from lfsr_core.pipeline.make import finish_frame, make
 from lfsr_core.plan.options import Candidate, PlanOptions, path_samples, render_seconds
 from lfsr_core.plan.planner import Planned, make_plan

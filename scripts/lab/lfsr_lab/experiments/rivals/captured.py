@@ -17,9 +17,9 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.exports.importing import find_views, import_views, read_views
 from lfsr_core.images.color import srgb_decode, srgb_encode
-from lfsr_core.images.png import write_png
+from lfsr_core.images.image_files import write_png
 from lfsr_core.metrics.split_ssim import stacked_ssim
-from lfsr_core.optics.eia import to_views
+from lfsr_core.optics.rays import to_views
 from lfsr_core.reconstruct.methods.interpolation import KERNELS, decode, encode
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_lab.experiments.rivals.makers import MAKERS

@@ -21,7 +21,7 @@ from torch import Tensor
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.images.png import read_png, write_png
+from lfsr_core.images.image_files import read_png, write_png
 from lfsr_lab.experiments.rivals import matlab
 from lfsr_lab.experiments.rivals.matlab import state
 from lfsr_lab.experiments.rivals.sheared_epi import ShearedEPI

@@ -26,7 +26,7 @@ from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
 from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world
 from lfsr_core.frames.request import Request
 from lfsr_core.images.color import srgb_decode, srgb_encode
-from lfsr_core.images.exr import clean, read_layers
+from lfsr_core.images.image_files import clean, read_layers
 from lfsr_core.metrics.eia_metrics import student_95
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PREFILTER, load_method, names
 from lfsr_core.reconstruct.second_stage import finished_lenses

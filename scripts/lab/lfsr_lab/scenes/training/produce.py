@@ -29,7 +29,7 @@ from blender_addon.render.cycles import RenderSettings, Shot, render_encoded
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.system import atomic_path
 from lfsr_core.frames.frame import SUBPIXELS
-from lfsr_core.images.exr import read_layers
+from lfsr_core.images.image_files import read_layers
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout

@@ -10,8 +10,8 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.images.color import srgb_encode
-from lfsr_core.images.png import read_png, write_png
-from lfsr_core.optics.eia import to_elemental_images, to_views
+from lfsr_core.images.image_files import read_png, write_png
+from lfsr_core.optics.rays import to_elemental_images, to_views
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.records import Cell

@@ -8,10 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lfsr_core.images import view_transform as viewing
-from lfsr_core.images.color import ColorSettings, srgb_decode, srgb_encode
-from lfsr_core.images.png import read_png
-from lfsr_core.images.view_transform import ViewTransform, extreme_tone, find_config, is_accurate
+from lfsr_core.images import color as viewing
+from lfsr_core.images.color import (
+    ColorSettings,
+    ViewTransform,
+    extreme_tone,
+    find_config,
+    is_accurate,
+    srgb_decode,
+    srgb_encode,
+)
+from lfsr_core.images.image_files import read_png
 from tests.support.prerequisites import needs_bpy
 from tests.support.told import refuses
 
@@ -69,7 +76,7 @@ def test_float_and_byte_results_agree_and_any_leading_shape_is_kept():
     np.testing.assert_array_equal(short, full)
     assert np.abs(full - none).max() > 0.01
     code = ("import sys; from lfsr_core.images.color import ColorSettings; "
-            "from lfsr_core.images.view_transform import ViewTransform; "
+            "from lfsr_core.images.color import ViewTransform; "
             "ViewTransform(ColorSettings()); print('bpy' in sys.modules)")
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"
 
