@@ -164,7 +164,7 @@ def read_world(folder: str | Path, frame: Frame) -> WorldView | None:
 def foreground_mask(layers: Mapping[str, Array], lenses: tuple[int, int], dilate: int = 0) -> Mask:
     """Return a boolean (sy, sx): lenses with any hit of a foreground object.
 
-    ``layers``: as of ``images.image_files.read_layers``; ``lenses``: (sx, sy); ``dilate``: lenses by which the mask grows in
+    ``layers``: as of ``image_files.read_layers``; ``lenses``: (sx, sy); ``dilate``: lenses by which the mask grows in
     every direction, for parts so thin that they fall between sparse views.
     """
     hit = foreground_pixels(layers)
