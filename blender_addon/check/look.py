@@ -36,6 +36,7 @@ STARTUP_LAMP = (4.07625, 1.00545, 5.90386)  # where a new file's lamp stands
 STARTUP_CAMERA = (7.35889, -6.92579, 4.95831)  # where a new file's camera stands: nobody has aimed it
 TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject of an aimed camera, and of that one, fills
 CLOSE = 0.02  # of the subject's size: what lies nearer than that on the wrong side of a surface surrounds the array
+TOUCHING = 0.02  # of the size of what is selected: what is as near belongs to it
 MUCH = 1.1  # disparity beyond which depth is worth a word
 LEAST_GAIN = 0.9  # of the disparity, that a move of the display plane must leave
 LEAST_SPACING = 0.05
@@ -120,7 +121,8 @@ def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list
     chosen = [item for item in boxes if item.select_get()] if _is_unaimed(scene) else []
     if chosen:
         points = np.concatenate([boxes[item] for item in chosen])
-        low, high = points.min(0), points.max(0)
+        beside = TOUCHING * np.ptp(points, axis=0).max()
+        low, high = points.min(0) - beside, points.max(0) + beside
         if any((box.min(0) < high).all() and (box.max(0) > low).all()
                for item, box in boxes.items() if item not in chosen):
             chosen = []

@@ -117,7 +117,7 @@ def test_a_solid_thing_and_a_dome_are_no_rooms(startup):
 
 def test_a_selected_part_of_a_figure_is_not_all_of_the_picture(startup):
     bpy.data.objects.remove(bpy.data.objects["Cube"])
-    base, body = add_box((0, 0, 0.1), (1, 1, 0.2)), add_box((0, 0, 1), (0.4, 0.4, 0.9))
+    base, body = add_box((0, 0, -0.2), (1, 1, 0.2)), add_box((0, 0, 0.9), (0.4, 0.4, 0.9))
     base.select_set(True)
     body.select_set(False)
     bpy.context.view_layer.update()
