@@ -28,11 +28,12 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.optics.display import DisplayProfile, load_display
     from lfsr_core.optics.eye import eye_view
     from lfsr_core.optics.rays import CameraArray, RayLayout
-    from lfsr_core.pipeline.make import Made, finish_frame, make
+    from lfsr_core.pipeline.make import Made, make
     from lfsr_core.plan.options import PlanOptions
     from lfsr_core.plan.planner import Planned, make_plan
     from lfsr_core.process.child import Blender, find_blender
     from lfsr_core.reconstruct.methods import MethodName
+    from lfsr_core.reconstruct.second_stage import finish_frame
     from lfsr_core.version import __version__
 
 __all__ = [
@@ -60,11 +61,12 @@ _MODULES = {
     "optics.display": "DisplayProfile load_display",
     "optics.eye": "eye_view",
     "optics.rays": "CameraArray RayLayout",
-    "pipeline.make": "Made finish_frame make",
+    "pipeline.make": "Made make",
     "plan.options": "PlanOptions",
     "plan.planner": "Planned make_plan",
     "process.child": "Blender find_blender",
     "reconstruct.methods": "MethodName",
+    "reconstruct.second_stage": "finish_frame",
     "version": "__version__",
 }
 

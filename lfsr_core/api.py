@@ -22,16 +22,16 @@ from lfsr_core.exports.light_field import read_views
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS
-from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.frames.request import AUTO, Finish, Report, Request, Sampling, check_light, check_scene, scales_up_to
 from lfsr_core.images.image_files import encode_png, read_layers, read_png
 from lfsr_core.metrics.eia_metrics import Metrics, compare_folders
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.rays import from_elemental_images
-from lfsr_core.pipeline.make import finish_frame, make
+from lfsr_core.pipeline.make import make
 from lfsr_core.process.child import Starts
-from lfsr_core.reconstruct.second_stage import finished_lenses, finished_linear, read_finished_linear
+from lfsr_core.reconstruct.second_stage import finish_frame, finished_lenses, finished_linear, read_finished_linear
+from lfsr_core.reconstruct.upscaler import LowResEIA
 
 
 class RenderedFrame:

@@ -9,8 +9,8 @@ import pytest
 import lfsr_core
 from lfsr_core.api import reconstruct
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.low_res import low_resolution
 from lfsr_core.images.image_files import read_layers, read_png
+from lfsr_core.reconstruct.upscaler import low_resolution
 from tests.support.finished import finished
 from tests.support.played_blender import played_blender
 from tests.support.requests import make_request

@@ -25,12 +25,12 @@ from lfsr_core.calibration.photograph import read_photograph
 from lfsr_core.exports import images
 from lfsr_core.exports.importing import quilt_of, read_film, read_quilt
 from lfsr_core.frames.frame import FRAME_FILE, REPORT_FILE, read_frame
-from lfsr_core.frames.low_res import foreground_mask, low_resolution
 from lfsr_core.frames.request import Finish, Report, read_report, read_request, write_report
 from lfsr_core.images.image_files import read_finite, read_layers, read_mask, read_png, write_mask
 from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.optics.panel.weave import gather_map
 from lfsr_core.reconstruct import denoiser
+from lfsr_core.reconstruct.upscaler import foreground_mask, low_resolution
 from tests.calibration.test_makers import OLD, written
 from tests.support.damage import damaged
 from tests.support.panels import hexagonal, lenticular

@@ -28,13 +28,13 @@ from lfsr_core.frames.frame import (
     Frame,
     write_frame,
 )
-from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.frames.request import AUTO, EVEN, GUIDES, MOST_SEED, OWN, POSITION, TIMES_RAYS, Request, more_rays
 from lfsr_core.images.color import ViewTransform
 from lfsr_core.images.image_files import Layers, clean, read_layers
 from lfsr_core.optics.lenses import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.pipeline.parts import ImageParts, Part, remove_others
+from lfsr_core.reconstruct.upscaler import finished_layout
 from lfsr_core.version import __version__
 
 from ..scene import devices

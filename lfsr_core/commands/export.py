@@ -87,7 +87,7 @@ def run_import(arguments: argparse.Namespace) -> Any:
     """Import; finish the frame if there is nothing to upscale; print the next command."""
     from lfsr_core.exports.importing import ImportGeometry, import_views, is_film, quilt_of
     from lfsr_core.optics.display import load_display
-    from lfsr_core.pipeline.make import finish_frame
+    from lfsr_core.reconstruct.second_stage import finish_frame
 
     source, folder, scale = arguments.source, arguments.output, arguments.scale
     target = load_display(arguments.display) if arguments.display else None

@@ -44,9 +44,9 @@ def reference_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_reference(arguments: argparse.Namespace) -> Any:
     """Choose lenses if asked to; render them at full resolution, unclamped."""
-    from lfsr_core.frames.low_res import foreground_mask
     from lfsr_core.images.image_files import read_layers
     from lfsr_core.pipeline.make import make
+    from lfsr_core.reconstruct.upscaler import foreground_mask
 
     if arguments.layout == SUBPIXELS:
         raise LfsrError(f"a reference is a light field, but the layout {SUBPIXELS} renders none: choose another layout")

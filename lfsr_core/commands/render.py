@@ -163,7 +163,7 @@ def upscale_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_upscale(arguments: argparse.Namespace) -> Any:
     """Upscale the folder and print the path of the image."""
-    from lfsr_core.pipeline.make import finish_frame
+    from lfsr_core.reconstruct.second_stage import finish_frame
 
     number, path = arguments.frame, arguments.folder
     folder = FrameFolder(path) if number is None else FrameFolder.of_frame(path, number)

@@ -34,11 +34,11 @@ from lfsr_core.exports.options import (
     quilt_name,
 )
 from lfsr_core.frames.frame import EIA_LINEAR_FILE, LOW_RES_FILE, Frame
-from lfsr_core.frames.low_res import low_resolution
 from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.image_files import HALF_MAX, read_finite, write_png
 from lfsr_core.optics.rays import to_views
 from lfsr_core.reconstruct.second_stage import read_finished_linear
+from lfsr_core.reconstruct.upscaler import low_resolution
 
 MOST_SIDE = 16384  # pixels; no program takes more
 EXR_FILE = "views.exr"

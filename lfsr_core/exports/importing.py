@@ -25,7 +25,7 @@ from lfsr_core.images.color import srgb_decode
 from lfsr_core.images.image_files import opened, write_layers
 from lfsr_core.optics.display import MAX_PIXELS, DisplayProfile
 from lfsr_core.optics.rays import CameraArray, from_views
-from lfsr_core.pipeline.make import finish_frame
+from lfsr_core.reconstruct.second_stage import finish_frame
 
 NAME = "imported"
 MOST_SCALE = 10

@@ -16,7 +16,7 @@ from lfsr_core.images.image_files import read_png, write_png
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.rays import flip_order, from_elemental_images, from_views, to_views
-from lfsr_core.reconstruct.methods.interpolation import cubic
+from lfsr_core.reconstruct.upscaler import cubic
 
 LONGEST_NAME = 60  # characters
 MOST_WIDTH = 16384

@@ -18,7 +18,6 @@ from lfsr_core.base.messages import LfsrError, Notice, Tell, silent
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.folder import first_difference, phrases
 from lfsr_core.frames.frame import MASK_FILE, REFERENCE_FILES, Frame, read_frame
-from lfsr_core.frames.low_res import foreground_mask, over_background, recall
 from lfsr_core.frames.request import Request, Sampling, read_report, write_report
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.image_files import read_finite, read_mask
@@ -28,6 +27,7 @@ from lfsr_core.optics.rays import LensList, to_elemental_images, to_views, views
 from lfsr_core.pipeline.make import make
 from lfsr_core.process.child import Starts
 from lfsr_core.reconstruct.second_stage import finished_linear, read_finished_linear
+from lfsr_core.reconstruct.upscaler import foreground_mask, over_background, recall
 
 try:
     import flip_evaluator

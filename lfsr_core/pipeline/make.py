@@ -22,25 +22,22 @@ from lfsr_core.base.system import (
     release,
     remove,
     remove_dead,
-    replace_files,
     staging_folder,
     system_errors,
 )
 from lfsr_core.frames.folder import FrameFolder, numbered, scene_stamp
-from lfsr_core.frames.frame import EIA_FILE, EIA_LINEAR_FILE, LOG_FILE, MASK_FILE, PANEL_FILE, read_rendered
-from lfsr_core.frames.request import Finish, Report, Request, check_scene, spread, write_report
+from lfsr_core.frames.frame import LOG_FILE
+from lfsr_core.frames.request import Finish, Request, check_scene, spread
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.parts import has_parts
 from lfsr_core.process.child import RENDERED_STAGE, STAY, Child, CrashError, Starts, find_blender, told_of
 from lfsr_core.reconstruct.averaging import near
 from lfsr_core.reconstruct.methods import seconds
-from lfsr_core.reconstruct.second_stage import finish_into
-from lfsr_core.reconstruct.upscaler import Upscaler
+from lfsr_core.reconstruct.second_stage import finish_frame
 
 REQUEST_FILE = "request.json"
 RENDER_FRACTION = 0.85  # of the time of one frame that is rendered and finished
 MADE, KEPT, FAILED = "made", "kept", "failed"
-FINISHED_FILES = (EIA_FILE, EIA_LINEAR_FILE, MASK_FILE, PANEL_FILE)
 LEAST_LEFT = 0.5  # seconds
 PACE = 0.85  # of Cycles' later samples of one image, against the mean of those before them
 LATE = 0.1  # work that is silent for longer than expected takes at least this part of its silence more
@@ -231,25 +228,6 @@ def requests_of(request: Request, finish: Finish | None, frames: Sequence[int] |
     return [dataclasses.replace(request, frame=number, output=str(FrameFolder.of_frame(output, number).path),
                                 seed=finish.seed_of(request.seed, number) if finish else request.seed)
             for number in frames]
-
-
-def finish_frame(folder: str | Path, finish: Finish | str, tell: Tell = silent,
-                 upscaler: Upscaler | None = None) -> Report:
-    """Finish a rendered frame folder: write the images of ``finish_into`` and report.json, and return the report.
-
-    LfsrError for bad input, or where another process writes into the folder; all files are replaced together or none.
-    ``upscaler``: for the laboratory, see ``reconstruct.second_stage``.
-    """
-    folder = Path(folder)
-    direct = read_rendered(folder).subpixels is not None
-    with staging_folder(folder) as staging, system_errors(folder):
-        staged = staging / "finished"
-        staged.mkdir()
-        report = finish_into(folder, staged, finish, tell, upscaler)
-        write_report(staged, report)
-        replace_files(staged, folder, () if direct else FINISHED_FILES)
-    tell(Progress("write", 1.0, PANEL_FILE if direct else EIA_FILE))
-    return report
 
 
 def render_all(requests: Sequence[Request], blender: Starts, tell: Tell = silent,

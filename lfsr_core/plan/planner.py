@@ -21,7 +21,6 @@ from lfsr_core.base.records import to_data
 from lfsr_core.base.system import LOCK_FILE, cache_folder, locks, read_json, write_json
 from lfsr_core.frames.folder import PLACES, FrameFolder, digest, request_facts, scene_stamp
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, read_frame
-from lfsr_core.frames.low_res import foreground_mask, low_resolution, read_world
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.images.color import extreme_tone, srgb_encode
 from lfsr_core.images.image_files import read_finite
@@ -34,6 +33,7 @@ from lfsr_core.plan.options import Candidate, Choice, PlanOptions, Rated, choose
 from lfsr_core.reconstruct.methods import MethodName
 from lfsr_core.reconstruct.methods import seconds as finish_seconds
 from lfsr_core.reconstruct.second_stage import finished_lenses
+from lfsr_core.reconstruct.upscaler import foreground_mask, low_resolution, read_world
 from lfsr_core.version import __version__
 
 SECONDS_CACHED = 24 * 3600  # changes of textures and linked files are not noticed, so old renders are not reused

@@ -18,9 +18,8 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import Notice
 from lfsr_core.frames.folder import NUMBERED, first_difference, numbered
 from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
-from lfsr_core.frames.low_res import LowResEIA, low_resolution
 from lfsr_core.images.image_files import read_finite
-from lfsr_core.reconstruct.methods.interpolation import encode
+from lfsr_core.reconstruct.upscaler import LowResEIA, encode, low_resolution
 
 AVERAGED = ("color", "alpha", "opacity")
 NEAR, WIDE = 30.0, 100.0  # weights of a change of neighbouring pixels, and of one of whole elemental images

@@ -21,12 +21,18 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
-from lfsr_core.base.system import MOST_THREADS, in_threads, peak_bytes, usable_cores
+from lfsr_core.base.system import (
+    MOST_THREADS,
+    in_threads,
+    peak_bytes,
+    replace_files,
+    staging_folder,
+    system_errors,
+    usable_cores,
+)
 from lfsr_core.frames import frame as files
-from lfsr_core.frames import low_res
 from lfsr_core.frames.frame import SUBPIXELS, Frame, read_frame, read_rendered
-from lfsr_core.frames.low_res import LowResEIA, foreground_mask, low_resolution, over_background, read_world
-from lfsr_core.frames.request import Finish, Report
+from lfsr_core.frames.request import Finish, Report, write_report
 from lfsr_core.images.color import ViewTransform, exposure_notices
 from lfsr_core.images.image_files import (
     HALF_MAX,
@@ -43,14 +49,45 @@ from lfsr_core.optics.rays import flip_order, to_elemental_images
 from lfsr_core.reconstruct.averaging import average_frames, averaging_notices, neighbours_of, read_low
 from lfsr_core.reconstruct.methods import METHODS, PLAIN_METHOD, SUBPIXEL_METHODS, Method, MethodName, load_method
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, span
-from lfsr_core.reconstruct.methods.interpolation import decode, encode, interpolated
 from lfsr_core.reconstruct.methods.oidn import Note, Wanted
-from lfsr_core.reconstruct.upscaler import Upscaler
+from lfsr_core.reconstruct.upscaler import (
+    LowResEIA,
+    Upscaler,
+    decode,
+    encode,
+    foreground_mask,
+    foreground_pixels,
+    interpolated,
+    low_resolution,
+    over_background,
+    read_world,
+    unseen_notices,
+)
 
 MOST_JUDGED = 200  # elemental images that decide whether the image is nearly black or white
 NEED_LENSES = ("dilate", "weights", "linear_exr", "temporal_averaging")
 ROWS_AT_ONCE, STEP_IN_CACHE = 64, 24
+FINISHED_FILES = (files.EIA_FILE, files.EIA_LINEAR_FILE, files.MASK_FILE, files.PANEL_FILE)
 STAGES = ("render", "load", "mask", "upscale", "assemble", "color", "write")
+
+
+def finish_frame(folder: str | Path, finish: Finish | str, tell: Tell = silent,
+                 upscaler: Upscaler | None = None) -> Report:
+    """Finish a rendered frame folder: write the images of ``finish_into`` and report.json, and return the report.
+
+    LfsrError for bad input, or where another process writes into the folder; all files are replaced together or none.
+    ``upscaler``: for the laboratory, see above.
+    """
+    folder = Path(folder)
+    direct = read_rendered(folder).subpixels is not None
+    with staging_folder(folder) as staging, system_errors(folder):
+        staged = staging / "finished"
+        staged.mkdir()
+        report = finish_into(folder, staged, finish, tell, upscaler)
+        write_report(staged, report)
+        replace_files(staged, folder, () if direct else FINISHED_FILES)
+    tell(Progress("write", 1.0, files.PANEL_FILE if direct else files.EIA_FILE))
+    return report
 
 
 def finish_into(folder: str | Path, staged: Path, finish: Finish | str, tell: Tell = silent,
@@ -85,7 +122,7 @@ def finish_into(folder: str | Path, staged: Path, finish: Finish | str, tell: Te
     judged = to_elemental_images(pixels, frame.rays.tiles)[rows, columns]
     notes = (*filter(None, [frame.scale_reason]), *frame.notes, *replaced_notices(work.replaced, work.low.alpha.size),
              *(work.unseen or exposure_notices(judged, work.show.to_uint8(work.background[None])[0])),
-             *work.low.notes, *averaging_notices(work.neighbours))
+             *work.low.notes, *(averaging_notices(work.neighbours) if work.neighbours else ()))
     return _report(frame, finish, clock, method=work.method.name.text, notes=notes, replaced_pixels=work.replaced,
                    foreground_fraction=float(work.mask.mean()),
                    neighbours=tuple(each.number for each in work.neighbours), averaged=work.averaged)
@@ -179,7 +216,7 @@ class _Work:
                 low, averaged = average_frames(low, map(read_low, usable))
         self.averaged = averaged  # fraction of the image
         with self.clock("mask"):
-            self.unseen = low_res.unseen_notices(layers)
+            self.unseen = unseen_notices(layers)
             mask = foreground_mask(layers, frame.rays.tiles, finish.dilate)
             # (sy, sx) bool, lenses for the method's upscaler, and for the filler
             self.mask = np.full_like(mask, not selection) if self.unseen or not selection else mask
@@ -288,9 +325,9 @@ def _finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, 
         write_png(staged / files.PANEL_FILE, pixels)
     background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]
     notes = (*frame.notes, *replaced_notices(replaced, layers["color"][..., 3].size), *said,
-             *(low_res.unseen_notices(layers) or exposure_notices(pixels, background)))
+             *(unseen_notices(layers) or exposure_notices(pixels, background)))
     return _report(frame, finish, clock, method=method.text, notes=notes, replaced_pixels=replaced,
-                   foreground_fraction=float(low_res.foreground_pixels(layers).mean()))
+                   foreground_fraction=float(foreground_pixels(layers).mean()))
 
 
 def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: MethodName,

@@ -1,14 +1,224 @@
-"""The one contract of an upscaling method.
+"""The low-resolution EIA of a frame as methods see it, opaque and by elemental images; the contract of an upscaler; and
+the classical upscalers: interpolation inside each elemental image, by one matrix per axis, of encoded light.
 
-Low view k' covers high views s·k' … s·k' + s - 1, so pixels are sampled at half-pixel centres.
+Low view k' covers high views s·k' … s·k' + s - 1, so pixels are sampled at half-pixel centres. The kernels are those of
+OpenCV's ``resize``, with which the tests compare.
 """
 
 from __future__ import annotations
 
 import abc
+import dataclasses
+import functools
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
 
-from lfsr_core.base.arrays import Array
-from lfsr_core.frames.low_res import LowResEIA
+import numpy as np
+
+from lfsr_core.base.arrays import Array, Mask
+from lfsr_core.base.messages import LfsrError, Notice
+from lfsr_core.base.system import in_threads
+from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, Frame
+from lfsr_core.frames.request import GUIDES
+from lfsr_core.optics.rays import RayLayout, to_elemental_images
+from lfsr_core.optics.world_view import WorldImage, WorldView
+
+ARRAYS = ("color", "alpha", "guides", "position", "slope", "noisy", "opacity", "places")
+ROWS_IN_CACHE = 16
+LEAST_ALPHA = 0.5  # coverage from which a pixel's position is that of a surface
+FOREGROUND_INDEX, BACKGROUND_INDEX = 1, 2
+MAX_EXPONENT = 80  # keeps overshoot beside the brightest floats finite
+EIS_IN_CACHE = 8  # per step
+
+
+@dataclasses.dataclass(frozen=True)
+class LowResEIA:
+    """Low-resolution EIA; (sy, sx, h, w, C) float32 arrays.
+
+    Low view k' covers high views s·k' … s·k' + s - 1.
+    """
+
+    color: Array  # scene-linear RGB over the background, or before a ``world`` premultiplied; finite, >= 0
+    alpha: Array  # coverage in [0, 1], C = 1
+    samples: int  # per pixel, the noise level
+    scale: int  # s, high-resolution views per low-resolution view along each axis with parallax
+    guides: Array | None = None  # albedo in [0, 1] and normal in [-1, 1], C = 6, where rendered
+    position: Array | None = None  # where rendered
+    # Lenses that the point seen in a pixel moves by from one rendered view to the next, rightwards (C = 1); NaN where
+    # nothing is hit. None where positions were not rendered.
+    slope: Array | None = None
+    slope_ratio: float = 1.0  # by which it moves more lenses downwards: the ratio of lens pitches, width to height
+    noisy: Array | None = None  # colour as rendered, where a denoiser has changed ``color``
+    parallax: tuple[bool, bool] = (True, True)  # axes, (horizontal, vertical), along which the display's views differ
+    exposure: float = 0.0  # of the view transform, in stops
+    # device, gpus: on which the frame was rendered
+    device: str = "CPU"
+    gpus: tuple[str, ...] = ()
+    notes: tuple[Notice, ...] = ()  # for the report, on what was done to it
+    # For a world that is put behind the finished elemental images: how much of it is covered (C = 3, in [0, 1]), the
+    # row and column of each lens on the display (sy, sx, 2), and what the lenses see of the world.
+    opacity: Array | None = None
+    places: Array | None = None
+    world: WorldView | None = None
+
+    @property
+    def factors(self) -> tuple[int, int]:
+        """High-resolution views per low-resolution view, (horizontal, vertical); 1 along an axis without parallax."""
+        across, down = (self.scale if many else 1 for many in self.parallax)
+        return across, down
+
+    @property
+    def finished_views(self) -> tuple[int, int]:
+        """Views of a finished EI, (vertical, horizontal)."""
+        return self.color.shape[2] * self.factors[1], self.color.shape[3] * self.factors[0]
+
+    @property
+    def rendered(self) -> Array:
+        """Colour as rendered, before any denoiser."""
+        return self.color if self.noisy is None else self.noisy
+
+    def each(self, change: Callable[[Array], Array]) -> LowResEIA:
+        """Return a copy with ``change`` applied to every array, for example to pick lenses."""
+        changed: dict[str, Any] = {name: change(array) for name in ARRAYS if (array := getattr(self, name)) is not None}
+        return dataclasses.replace(self, **changed)
+
+
+def over_background(layers: Mapping[str, Array], frame: Frame, name: str = LOW_RES_FILE) -> Array:
+    """Return the opaque scene-linear colour (H, W, 3) >= 0 of a render, over the visible world or the display's colour.
+
+    Cycles has weighted the environment layer by what shows of it, so it is added as it is. A world in a file of its
+    own is not added. LfsrError where the environment layer is missing, or where the file ``name`` that held the layers
+    has another size than the frame.
+    """
+    color, (width, height) = layers["color"], frame.rendered_size
+    if color.shape[:2] != (height, width):
+        raise LfsrError(f"{name} has {color.shape[1]}×{color.shape[0]} pixels, but frame.json says {width}×{height}: "
+                        "render the frame again")
+    pixels: Array = color[..., :3]
+    if frame.world_visible and "environment" not in layers:
+        raise LfsrError("frame.json says that the world is visible, but the EXR has no environment layer: "
+                        "render the frame again")
+    if frame.world_visible and not frame.world_apart:
+        pixels = pixels + layers["environment"]
+    elif not frame.world_visible and any(frame.display.background):
+        background = np.asarray(frame.display.background, np.float32)
+        pixels = pixels + (1 - np.clip(color[..., 3:], 0, 1)) * background
+    clipped: Array = np.maximum(pixels, 0)
+    return clipped
+
+
+def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView | None = None) -> LowResEIA:
+    """Return the low-resolution EIA in the layers of lr_eia.exr; LfsrError where their size is not the frame's.
+
+    ``world``: the result of ``read_world`` for the same folder.
+    """
+    images = {"color": over_background(layers, frame), "alpha": np.clip(layers["color"][..., 3:], 0, 1)}
+    if all(name in layers for name in GUIDES):
+        albedo, normal = (layers[name] for name in GUIDES)
+        if frame.world_apart:
+            albedo = albedo - layers["environment"]  # Cycles adds what shows of the world
+        images["guides"] = np.concatenate([np.clip(albedo, 0, 1), np.clip(normal, -1, 1)], -1)
+    if "position" in layers:
+        images["position"] = layers["position"]
+    if "position" in layers and frame.convention == "centred":
+        matrix, distance = np.asarray(frame.matrix_world), frame.array.distance
+        images["slope"] = slopes = np.empty_like(images["alpha"])
+
+        def slopes_of(start: int) -> None:
+            rows = slice(start, start + ROWS_IN_CACHE)
+            depth = (layers["position"][rows] - matrix[:3, 3]) @ matrix[:3, 2]
+            depth = np.where((images["alpha"][rows, :, 0] >= LEAST_ALPHA) & (depth > 0), depth, np.nan)
+            slopes[rows, :, 0] = (1 - distance / depth) * (frame.rays.spacing / _pitch(frame, 0))
+
+        in_threads(slopes_of, range(0, len(slopes), ROWS_IN_CACHE))
+    if frame.world_apart:
+        images["opacity"] = 1 - np.clip(layers["environment"], 0, 1)
+    tiles: dict[str, Any] = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
+    return LowResEIA(**tiles, samples=frame.samples, scale=frame.scale, parallax=frame.display.parallax, world=world,
+                     exposure=frame.color.exposure, device=frame.device, gpus=frame.gpus,
+                     places=frame.rays.shown_lenses if frame.world_apart else None,
+                     slope_ratio=_pitch(frame, 0) / _pitch(frame, 1))
+
+
+def _pitch(frame: Frame, axis: int) -> float:
+    """Distance of neighbouring lenses on the display plane, in scene units."""
+    return 2 * frame.array.half_size[axis] / frame.display.lenses[axis]
+
+
+def finished_layout(frame: Frame) -> RayLayout:
+    """Return the rays of every view of the frame's display."""
+    return RayLayout.for_display(frame.display, frame.array, convention=frame.convention,
+                                 view_aperture=frame.view_aperture)
+
+
+def read_world(folder: str | Path, frame: Frame) -> WorldView | None:
+    """Read what the frame's display sees of the world; None where it is hidden or part of the render.
+
+    LfsrError where its file is missing or of another size.
+    """
+    from lfsr_core.images.image_files import read_finite  # needs OpenImageIO, which Blender's panel does without
+
+    if not frame.world_apart:
+        return None
+    path, layout = Path(folder) / WORLD_FILE, finished_layout(frame)
+    pixels = read_finite(path)[0]["color"][..., :3]
+    width, height = WorldImage.of(layout).size
+    if pixels.shape[:2] != (height, width):
+        raise LfsrError(f"{path} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but its frame.json asks for "
+                        f"{width}×{height}: render the frame again")
+    return WorldView.of(layout, pixels)
+
+
+def foreground_mask(layers: Mapping[str, Array], lenses: tuple[int, int], dilate: int = 0) -> Mask:
+    """Return a boolean (sy, sx): lenses with any hit of a foreground object.
+
+    ``layers``: as of ``image_files.read_layers``; ``lenses``: (sx, sy); ``dilate``: lenses by which the mask grows in
+    every direction, for parts so thin that they fall between sparse views.
+    """
+    hit = foreground_pixels(layers)
+    mask: Mask = to_elemental_images(hit[..., None], lenses).any(axis=(2, 3, 4))
+    for _ in range(2 if dilate else 0):  # up and down, then sideways
+        reach = min(dilate, len(mask))
+        padded = np.pad(mask, ((reach, reach), (0, 0)))
+        mask = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=0).any(-1).T
+    return mask
+
+
+def foreground_pixels(layers: Mapping[str, Array]) -> Mask:
+    """Return a boolean (H, W): pixels that a foreground object covers in part.
+
+    Where background meshes are in sight, coverage does not decide. Cycles stores the index of a pixel's first sample
+    only, so a covered pixel whose first sample passed everything may be either. It counts as foreground: a lens too
+    many costs time, a lens too few costs quality.
+    """
+    covered: Mask = layers["color"][..., 3] > 0
+    index = layers.get("index")
+    if index is None:
+        return covered
+    found: Mask = (index[..., 0] == FOREGROUND_INDEX) | (covered & (index[..., 0] != BACKGROUND_INDEX))
+    return found
+
+
+def unseen_notices(layers: Mapping[str, Array]) -> list[Notice]:
+    """Return a notice if a render shows none of the subject: the fraction that background objects fill instead."""
+    covered, index = layers["color"][..., 3] > 0, layers.get("index")
+    # Without background meshes whatever covers a pixel is the subject. Pixels at the edges of such meshes are in doubt
+    # everywhere, so they do not count here.
+    if (covered if index is None else index == FOREGROUND_INDEX).any():
+        return []
+    return [Notice("subject-unseen", {"background": float(covered.mean())})]
+
+
+def recall(mask: Mask, reference_mask: Mask) -> float:
+    """Return the fraction of the reference's foreground lenses that are in ``mask``, 1 where it has none.
+
+    Both are boolean (sy, sx); LfsrError where their shapes differ.
+    """
+    if mask.shape != reference_mask.shape:
+        raise LfsrError(f"foreground masks have shapes {mask.shape} and {reference_mask.shape}: "
+                        "compare frames of the same display")
+    return float((mask & reference_mask).sum() / reference_mask.sum()) if reference_mask.any() else 1.0
 
 
 class Upscaler(abc.ABC):
@@ -25,3 +235,119 @@ class Upscaler(abc.ABC):
     @abc.abstractmethod
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
         """EIs (N, h·s, w·s, 3), scene-linear RGB >= 0, of ``lenses`` (N, 2) as int (row, column)."""
+
+
+def encode(linear: Array) -> Array:
+    """Encode scene-linear values >= 0: √x up to 1, 1 + ½·ln x above.
+
+    Interpolation of encoded highlights does not ring over dark neighbours, and decoding is fast on an 8K image.
+    """
+    encoded, bright = np.asarray(np.sqrt(np.minimum(linear, 1))), np.greater(linear, 1)
+    if bright.any():
+        # Highlights are few, so the logarithm is taken of them alone.
+        encoded[bright] += np.log(linear[bright]) * np.float32(0.5)
+    return encoded
+
+
+def decode(encoded: Array, out: Array | None = None) -> Array:
+    """Decode encoded values, into ``out`` if given; negative overshoot becomes 0."""
+    bright = encoded > 1 if encoded.size and encoded.max() > 1 else None
+    highlights = np.exp(np.minimum(2 * (encoded[bright] - 1), MAX_EXPONENT)) if bright is not None else None
+    linear = np.maximum(encoded, 0, out=out)
+    np.multiply(linear, linear, out=linear)
+    if bright is not None:
+        linear[bright] = highlights
+    return linear
+
+
+def linear(distance: Array) -> Array:
+    """Tent, two samples wide."""
+    return np.asarray(np.maximum(1 - np.abs(distance), 0))
+
+
+def cubic(distance: Array) -> Array:
+    """Keys' cubic convolution, four samples wide."""
+    a, x = -0.75, np.abs(distance)  # OpenCV's and Blender's choice of Keys' a (1981)
+    inner = ((a + 2) * x - (a + 3)) * x * x + 1
+    outer = ((a * x - 5 * a) * x + 8 * a) * x - 4 * a
+    return np.where(x <= 1, inner, np.where(x < 2, outer, 0))
+
+
+KERNELS: dict[str, tuple[int, Callable[[Array], Array]]] = {
+    # A box, one sample wide; a tie goes to the sample on the right.
+    "nearest": (1, lambda distance: ((distance > -0.5) & (distance <= 0.5)).astype(np.float64)),
+    "linear": (1, linear), "cubic": (2, cubic),
+    # sinc windowed by a sinc four times as wide.
+    "lanczos": (4, lambda distance: np.where(np.abs(distance) < 4, np.sinc(distance) * np.sinc(distance / 4), 0)),
+    # Sharper than the tent, less noisy than the cubic.
+    "halfway": (2, lambda distance: (linear(distance) + cubic(distance)) / 2)}
+"""By name: samples to either side, and the weight at a distance in samples."""
+
+
+@functools.lru_cache(maxsize=64)
+def kernel_matrix(kernel: str, size: int, scale: float, margin: int = 0) -> Array:
+    """Weights (size·scale, size + 2·margin) float32 that upscale a row of samples at half-pixel centres.
+
+    ``margin``: further samples at either end, which are only looked at; beyond them the last sample is repeated.
+    """
+    reach, weight = KERNELS[kernel]
+    count = round(size * scale)
+    places = (np.arange(count) + 0.5) / scale - 0.5 + margin
+    taps = np.floor(places).astype(int)[:, None] + np.arange(1 - reach, reach + 1)
+    weights = weight(places[:, None] - taps)
+    weights /= weights.sum(1, keepdims=True)
+    matrix = np.zeros((count, size + 2 * margin))
+    np.add.at(matrix, (np.arange(count)[:, None], np.clip(taps, 0, size + 2 * margin - 1)), weights)
+    return matrix.astype(np.float32)
+
+
+@functools.lru_cache(maxsize=16)
+def _column_matrix(kernel: str, columns: int, scale: int, margin: int, channels: int) -> Array:
+    """``kernel_matrix`` as (w·C, W·C) for rows of interleaved channels."""
+    return np.kron(kernel_matrix(kernel, columns, scale, margin).T, np.eye(channels, dtype=np.float32))
+
+
+def interpolated(images: Array, kernel: str, factors: tuple[int, int], margin: int = 0,
+                 out: Array | None = None) -> Array:
+    """Upscale ``images`` (N, h + 2·margin, w + 2·margin, C) by ``factors`` (horizontal, vertical).
+
+    ``margin``: pixels around each image that are only looked at. Returns (N, h·vertical, w·horizontal, C), in ``out``
+    if given, which must be contiguous.
+    """
+    count, rows, columns, channels = images.shape
+    down = kernel_matrix(kernel, rows - 2 * margin, factors[1], margin)
+    across = _column_matrix(kernel, columns - 2 * margin, factors[0], margin, channels)
+    tall = (down @ images.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
+    wide = np.matmul(tall, across, out=None if out is None else out.reshape(len(tall), -1))
+    return np.asarray(wide).reshape(count, len(down), across.shape[1] // channels, channels)
+
+
+@dataclasses.dataclass(frozen=True)
+class Interpolation(Upscaler):
+    """One kernel in both directions of each EI; at scale 1 the EIs as they are."""
+
+    kernel: str  # of KERNELS
+    crosstalk: bool = False  # interpolate across the borders of EIs, as if the EIA were one photograph
+    thread_safe: bool = True
+
+    def __call__(self, low: LowResEIA, lenses: Array) -> Array:
+        lenses, margin = np.asarray(lenses), 4 if self.crosstalk else 0  # half the widest kernel
+        if low.scale == 1:
+            return np.asarray(low.color[lenses[:, 0], lenses[:, 1]])
+        result = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
+        for start in range(0, len(lenses), EIS_IN_CACHE):
+            part = slice(start, start + EIS_IN_CACHE)
+            seen = encode(_gather(low.color, lenses[part], margin))
+            decode(interpolated(seen, self.kernel, low.factors, margin, result[part]), out=result[part])
+        return result
+
+
+def _gather(images: Array, lenses: Array, margin: int) -> Array:
+    """EIs of ``lenses`` with ``margin`` pixels of their neighbours around, (N, h + 2·margin, w + 2·margin, C)."""
+    if margin == 0:
+        return np.asarray(images[lenses[:, 0], lenses[:, 1]])
+    sy, sx, height, width, _ = images.shape
+    rows = np.clip(lenses[:, :1] * height + np.arange(-margin, height + margin), 0, sy * height - 1)
+    columns = np.clip(lenses[:, 1:] * width + np.arange(-margin, width + margin), 0, sx * width - 1)
+    row, y, column, x = rows // height, rows % height, columns // width, columns % width
+    return np.asarray(images[row[:, :, None], column[:, None, :], y[:, :, None], x[:, None, :]])

@@ -36,7 +36,7 @@ from lfsr_core.frames.folder import FrameFolder, frame_folders
 from lfsr_core.frames.frame import EIA_FILE, LAYOUTS, PANEL_FILE, SUBPIXELS, read_part
 from lfsr_core.frames.request import Finish, Request
 from lfsr_core.metrics.eia_metrics import compare_with_reference
-from lfsr_core.pipeline.make import FAILED, finish_frame, open_blender
+from lfsr_core.pipeline.make import FAILED, open_blender
 from lfsr_core.pipeline.make import make as make_frames
 from lfsr_core.plan.options import Measured, PlanOptions, path_samples, render_seconds
 from lfsr_core.plan.planner import make_plan
@@ -52,6 +52,7 @@ from lfsr_core.process.child import (
     repeated,
     told_of,
 )
+from lfsr_core.reconstruct.second_stage import finish_frame
 
 SECONDS_TO_STOP = 1.0  # less than the add-on waits for the task itself
 PATHS = 600_000  # path samples to measure: a second or two

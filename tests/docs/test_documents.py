@@ -11,7 +11,7 @@ import pytest
 
 from lfsr_core.cli import build_parser
 from lfsr_core.metrics.eia_metrics import compare_folders
-from lfsr_core.pipeline.make import finish_frame
+from lfsr_core.reconstruct.second_stage import finish_frame
 from tests.support.project_files import ROOT, project_files
 from tests.support.synthetic import write_reference, write_render
 

@@ -21,7 +21,7 @@ from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.image_files import read_layers, read_png, write_png
 from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.optics.rays import CameraArray
-from lfsr_core.pipeline.make import finish_frame
+from lfsr_core.reconstruct.second_stage import finish_frame
 from tests.exports.conftest import NAMES
 from tests.support.finished import MINI, finished, picture
 from tests.support.panels import lenticular, small

@@ -7,10 +7,10 @@ import pytest
 
 from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.exports.light_field import contact_sheet, eia_to_views, epi_pair, read_views, views_to_eia
-from lfsr_core.frames.low_res import foreground_mask, recall, unseen_notices
 from lfsr_core.images.image_files import read_png
 from lfsr_core.optics.rays import from_views
-from lfsr_core.pipeline.make import finish_frame
+from lfsr_core.reconstruct.second_stage import finish_frame
+from lfsr_core.reconstruct.upscaler import foreground_mask, recall, unseen_notices
 from tests.support.synthetic import FLAT, MINI, write_render
 from tests.support.told import refuses
 

@@ -15,7 +15,7 @@ from lfsr_core.metrics import eia_metrics
 from lfsr_core.metrics.eia_metrics import compare_folders, sampled_recall, student_95
 from lfsr_core.metrics.split_ssim import psnr, split_mse, split_ssim, split_ssim_map, ssim, stacked_ssim
 from lfsr_core.optics.rays import to_views
-from lfsr_core.pipeline.make import finish_frame
+from lfsr_core.reconstruct.second_stage import finish_frame
 from tests.support.finished import MINI, TALL
 from tests.support.synthetic import frame_of, tiles, write_reference, write_render
 from tests.support.told import refuses

@@ -18,7 +18,8 @@ from lfsr_core.cli import main
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import read_frame, write_frame
 from lfsr_core.frames.request import Finish, read_report
-from lfsr_core.pipeline.make import FAILED, KEPT, MADE, finish_frame, make, requests_of
+from lfsr_core.pipeline.make import FAILED, KEPT, MADE, make, requests_of
+from lfsr_core.reconstruct.second_stage import finish_frame
 from tests.support.animations import FINISH, film, film_request, images, states
 from tests.support.played_blender import changed_blender, cold_blender, played_blender
 from tests.support.synthetic import fails

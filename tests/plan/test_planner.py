@@ -17,7 +17,6 @@ from lfsr_core.base.messages import LfsrError, Notice, Progress
 from lfsr_core.base.records import read_record, write_record
 from lfsr_core.base.system import read_json
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame, write_frame
-from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.frames.request import Request, Sampling, samples_at
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.image_files import read_layers, write_layers
@@ -39,6 +38,7 @@ from lfsr_core.plan.planner import (
 )
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PLAIN_METHOD
 from lfsr_core.reconstruct.second_stage import finished_linear
+from lfsr_core.reconstruct.upscaler import finished_layout
 from tests.support import noisy_renders
 from tests.support.noisy_renders import JOB, render
 from tests.support.synthetic import MINI, frame_of, light_field

@@ -7,11 +7,11 @@ import pytest
 
 from lfsr_core.base.messages import Notice
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.frames.request import Finish
-from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.reconstruct import averaging
 from lfsr_core.reconstruct.averaging import average_frames, near, neighbours_of, similarity
+from lfsr_core.reconstruct.second_stage import finish_frame
+from lfsr_core.reconstruct.upscaler import LowResEIA
 from tests.support.synthetic import IDENTITY, write_render
 
 SHAPE = (10, 12, 4, 5, 3)

@@ -13,12 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.rays import from_elemental_images
 from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.denoiser import read_tza, write_tza
 from lfsr_core.reconstruct.methods import denoise, load_method, oidn
 from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_low_resolution, mirrored
+from lfsr_core.reconstruct.upscaler import LowResEIA
 from tests.support.prerequisites import needs_bpy
 from tests.support.told import refuses
 

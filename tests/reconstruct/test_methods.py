@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.display import load_display
 from lfsr_core.reconstruct import methods
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, SUBPIXEL_METHODS, MethodName, load_method, seconds
 from lfsr_core.reconstruct.second_stage import StageClock, blas_threads
-from lfsr_core.reconstruct.upscaler import Upscaler
+from lfsr_core.reconstruct.upscaler import LowResEIA, Upscaler
 from tests.support.told import refuses
 
 

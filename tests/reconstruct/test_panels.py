@@ -14,7 +14,7 @@ from lfsr_core.images.image_files import read_layers, read_png, write_layers
 from lfsr_core.optics.display import DisplayProfile, write_profile
 from lfsr_core.optics.panel.weave import gather_map, weave
 from lfsr_core.optics.rays import flip_order
-from lfsr_core.pipeline.make import finish_frame
+from lfsr_core.reconstruct.second_stage import finish_frame
 from tests.support.panels import SHEETS, cells, hexagonal, lenticular, whole
 from tests.support.played_blender import played_blender
 from tests.support.prerequisites import needs_bpy

@@ -10,18 +10,15 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.messages import LfsrError, Notice
-from lfsr_core.frames import low_res
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame, write_frame
-from lfsr_core.frames.low_res import low_resolution, read_world
 from lfsr_core.frames.request import Finish, read_report
 from lfsr_core.images.color import ColorSettings, ViewTransform
 from lfsr_core.images.image_files import read_layers, read_mask, read_png, write_layers
 from lfsr_core.optics.rays import flip_order, from_elemental_images, to_elemental_images
-from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.reconstruct import second_stage
 from lfsr_core.reconstruct.methods import METHODS, PLAIN_METHOD, load_method
-from lfsr_core.reconstruct.second_stage import STAGES, finished_lenses, finished_linear
-from lfsr_core.reconstruct.upscaler import Upscaler
+from lfsr_core.reconstruct.second_stage import STAGES, finish_frame, finished_lenses, finished_linear
+from lfsr_core.reconstruct.upscaler import Upscaler, foreground_mask, low_resolution, over_background, read_world
 from tests.support.prerequisites import needs_bpy
 from tests.support.slow_way import expected_linear
 from tests.support.small_disk import on_a_small_disk
@@ -200,11 +197,11 @@ def test_an_upscaler_that_is_not_thread_safe_runs_alone_in_steps(tmp_path):
     second_stage.finished_panel(tmp_path, "bilinear", upscaler=upscaler)
     assert not upscaler.overlapped
     assert max(upscaler.calls) == MINI.lenses[0]
-    assert sum(upscaler.calls) == low_res.foreground_mask(read_layers(tmp_path / LOW_RES_FILE), MINI.lenses).sum()
+    assert sum(upscaler.calls) == foreground_mask(read_layers(tmp_path / LOW_RES_FILE), MINI.lenses).sum()
 
 
 FINISH = """from lfsr_core.frames.request import Finish
-from lfsr_core.pipeline.make import finish_frame
+from lfsr_core.reconstruct.second_stage import finish_frame
 finish_frame(sys.argv[2], Finish("bicubic", linear_exr=True))"""
 
 
@@ -273,7 +270,7 @@ def test_visible_world_fills_the_background_lenses(tmp_path):
     sky = np.linspace(0.2, 0.9, color.shape[1])[None, :, None] * np.ones_like(color[..., :3])
     write_layers(tmp_path / LOW_RES_FILE, {"color": color, "environment": sky * (1 - color[..., 3:])})
     layers = read_layers(tmp_path / LOW_RES_FILE)
-    low = low_res.over_background(layers, read_frame(tmp_path))
+    low = over_background(layers, read_frame(tmp_path))
     np.testing.assert_allclose(low, color[..., :3] + sky * (1 - color[..., 3:]), atol=1e-6)
     result = to_elemental_images(second_stage.finished_linear(tmp_path, "bicubic"), MINI.lenses)
     mask = np.asarray(to_elemental_images(color[..., 3:], MINI.lenses).any((2, 3, 4)))
@@ -363,7 +360,7 @@ def test_sampled_lenses_are_finished_as_those_of_a_frame(tmp_path):
     """Wherever they lie in a mosaic."""
     frame = read_frame(write_apart(tmp_path))
     layers, lenses = read_layers(tmp_path / LOW_RES_FILE), np.array([(3, 5), (6, 9), (0, 0), (6, 8)])
-    low, mask = low_resolution(layers, frame, read_world(tmp_path, frame)), low_res.foreground_mask(layers, MINI.lenses)
+    low, mask = low_resolution(layers, frame, read_world(tmp_path, frame)), foreground_mask(layers, MINI.lenses)
     mosaic = low.each(lambda layer: layer[lenses[:, 0], lenses[:, 1]][None])
     found = finished_lenses(mosaic, mask[tuple(lenses.T)], "bicubic", np.array([(0, n) for n in range(4)]))
     whole = to_elemental_images(finished_linear(tmp_path, "bicubic"), MINI.lenses)

@@ -8,12 +8,12 @@ import numpy as np
 
 from lfsr_core.cli import main
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, write_frame
-from lfsr_core.frames.low_res import finished_layout
 from lfsr_core.images.color import ColorSettings
 from lfsr_core.images.image_files import read_layers, write_layers
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.rays import CameraArray
 from lfsr_core.optics.world_view import WorldImage
+from lfsr_core.reconstruct.upscaler import finished_layout
 from tests.support.card_rays import pixel_rays
 from tests.support.reference_rays import panel_rays
 

@@ -15,12 +15,12 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, silent
-from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.optics.rays import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.denoiser import Weights
 from lfsr_core.reconstruct.methods import oidn
 from lfsr_core.reconstruct.methods.oidn import CPU, Note, Wanted
+from lfsr_core.reconstruct.upscaler import LowResEIA
 
 CONTEXT = 32  # pixels around the wanted ones that the denoiser sees too
 LEAST_LEFT, MOST_LOST = 0.1, 0.1  # of an elemental image's light, and fraction of those that may keep less

@@ -21,9 +21,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.system import in_threads
-from lfsr_core.frames.low_res import LowResEIA
-from lfsr_core.reconstruct.methods.interpolation import decode, encode, interpolated, kernel_matrix
-from lfsr_core.reconstruct.upscaler import Upscaler
+from lfsr_core.reconstruct.upscaler import LowResEIA, Upscaler, decode, encode, interpolated, kernel_matrix
 
 REACH = 3  # rendered views to each side of a place from which samples are taken, at most
 SIGMA, FALL = 1.5, -0.19  # rendered views: standard deviation of the weight by view at 1 sample; its power of samples

@@ -17,7 +17,7 @@ from lfsr_core.images import image_files
 from lfsr_core.optics.display import write_profile
 from lfsr_core.optics.panel.subpixel_rays import panel_image
 from lfsr_core.optics.rays import RIM, flip_order
-from lfsr_core.reconstruct.methods.interpolation import decode, encode
+from lfsr_core.reconstruct.upscaler import decode, encode
 from tests.support.panels import cells, hexagonal, small
 from tests.support.scenes import encoded, snapshot
 from tests.support.told import refuses

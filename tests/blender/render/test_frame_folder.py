@@ -15,9 +15,9 @@ from lfsr_core.frames.folder import is_same
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import LAYERS
 from lfsr_core.images import image_files
-from lfsr_core.pipeline.make import finish_frame
 from lfsr_core.pipeline.merge import merge
 from lfsr_core.pipeline.parts import Part
+from lfsr_core.reconstruct.second_stage import finish_frame
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera, add_lamp, emission
 from tests.support.told import Told

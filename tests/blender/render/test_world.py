@@ -10,11 +10,11 @@ from blender_addon.scene import devices
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, WORLD_FILE, read_frame
-from lfsr_core.frames.low_res import read_world
 from lfsr_core.images import image_files
 from lfsr_core.images.image_files import read_png
 from lfsr_core.optics.rays import to_elemental_images
-from lfsr_core.pipeline.make import finish_frame
+from lfsr_core.reconstruct.second_stage import finish_frame
+from lfsr_core.reconstruct.upscaler import read_world
 from tests.support.panels import cells, hexagonal, small
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, WAYS, add_box, add_camera, add_world, emission, mixed

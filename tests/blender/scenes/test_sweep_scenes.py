@@ -12,9 +12,9 @@ from blender_addon.scene.array import rig
 from blender_addon.scene.files import unreadable
 from lfsr_core.base.system import read_json, write_json
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.low_res import foreground_mask
 from lfsr_core.images.image_files import read_layers
 from lfsr_core.optics.display import write_profile
+from lfsr_core.reconstruct.upscaler import foreground_mask
 from lfsr_lab.experiments.sweeps.records import SWEEPS
 from lfsr_lab.scenes.sweeps.space import Space, card_of_motion, hole
 from tests.support.processes import run_script

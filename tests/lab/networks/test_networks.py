@@ -16,8 +16,8 @@ from safetensors.numpy import save_file
 from torch import nn
 
 from lfsr_core.base.system import read_json
-from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.reconstruct.second_stage import finished_linear
+from lfsr_core.reconstruct.upscaler import LowResEIA
 from lfsr_lab.networks import checkpoint, comparators, methods, networks, upscalers
 from lfsr_lab.networks.methods import LabMethod, ready
 from lfsr_lab.networks.networks import PaperGenerator, load

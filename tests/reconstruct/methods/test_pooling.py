@@ -5,9 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lfsr_core.frames.low_res import LowResEIA, low_resolution
-from lfsr_core.reconstruct.methods.interpolation import Interpolation
 from lfsr_core.reconstruct.methods.pooling import Pooling
+from lfsr_core.reconstruct.upscaler import Interpolation, LowResEIA, low_resolution
 from tests.support.reference_rays import rays
 from tests.support.synthetic import frame_of
 

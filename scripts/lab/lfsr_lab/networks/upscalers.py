@@ -16,8 +16,7 @@ from torch import Tensor, nn
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.low_res import LowResEIA
-from lfsr_core.reconstruct.upscaler import Upscaler
+from lfsr_core.reconstruct.upscaler import LowResEIA, Upscaler
 from lfsr_lab.networks.networks import fold_for_inference, load
 
 DEVICES = ("auto", "cpu", "cuda")

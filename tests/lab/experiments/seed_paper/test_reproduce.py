@@ -13,7 +13,7 @@ import pytest
 from lfsr_core.base.records import from_data, to_data
 from lfsr_core.cli import main
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES, compare_folders
-from lfsr_core.pipeline.make import finish_frame
+from lfsr_core.reconstruct.second_stage import finish_frame
 from lfsr_lab.experiments.engine import records as engine_records
 from lfsr_lab.experiments.engine import timing
 from lfsr_lab.experiments.engine.plots import save

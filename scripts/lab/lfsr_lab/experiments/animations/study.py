@@ -17,7 +17,6 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.metrics.split_ssim import mean_of
@@ -25,6 +24,7 @@ from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct import averaging
 from lfsr_core.reconstruct.averaging import average_frames, near, read_low
 from lfsr_core.reconstruct.second_stage import finished_lenses
+from lfsr_core.reconstruct.upscaler import LowResEIA
 from lfsr_lab.experiments.engine import plots
 from lfsr_lab.experiments.engine.plots import svg
 from lfsr_lab.experiments.engine.records import (

@@ -20,12 +20,12 @@ from lfsr_core.commands.common import ProgressBar
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
-from lfsr_core.frames.low_res import foreground_mask
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.images.image_files import read_finite
 from lfsr_core.optics.lenses import choose_lenses
 from lfsr_core.pipeline.make import make
 from lfsr_core.process.child import find_blender
+from lfsr_core.reconstruct.upscaler import foreground_mask
 from lfsr_lab.experiments.engine.report import load_average
 from lfsr_lab.networks.methods import LabMethod
 from lfsr_lab.scenes import run_script, scene_script

@@ -17,7 +17,7 @@ from typing import Any
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, WORLD_FILE, read_frame
-from lfsr_core.pipeline.make import finish_frame
+from lfsr_core.reconstruct.second_stage import finish_frame
 from lfsr_lab.experiments.engine.report import load_average
 from lfsr_lab.networks.methods import ready
 

@@ -41,11 +41,11 @@ from lfsr_core.images.image_files import read_layers, write_layers
 from lfsr_core.metrics.eia_metrics import NORMAL_95
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import to_elemental_images
-from lfsr_core.pipeline.make import finish_frame, make
+from lfsr_core.pipeline.make import make
 from lfsr_core.plan.options import Candidate, PlanOptions, path_samples, render_seconds
 from lfsr_core.plan.planner import Planned, make_plan
 from lfsr_core.process.child import find_blender
-from lfsr_core.reconstruct.second_stage import finished_linear
+from lfsr_core.reconstruct.second_stage import finish_frame, finished_linear
 from lfsr_lab.experiments.engine.records import REFERENCE, Records
 from lfsr_lab.experiments.engine.report import markdown_table
 from lfsr_lab.experiments.engine.timing import scratch_copy

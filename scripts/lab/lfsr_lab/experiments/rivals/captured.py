@@ -20,8 +20,8 @@ from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.image_files import write_png
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.rays import to_views
-from lfsr_core.reconstruct.methods.interpolation import KERNELS, decode, encode
 from lfsr_core.reconstruct.second_stage import finished_linear
+from lfsr_core.reconstruct.upscaler import KERNELS, decode, encode
 from lfsr_lab.experiments.rivals.makers import MAKERS
 from lfsr_lab.experiments.rivals.matlab import to_ycbcr
 

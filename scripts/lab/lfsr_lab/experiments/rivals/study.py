@@ -23,13 +23,13 @@ from lfsr_core.base.records import to_data
 from lfsr_core.base.system import read_json, write_json
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
-from lfsr_core.frames.low_res import LowResEIA, low_resolution, read_world
 from lfsr_core.frames.request import Request
 from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.image_files import clean, read_layers
 from lfsr_core.metrics.eia_metrics import student_95
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PREFILTER, load_method, names
 from lfsr_core.reconstruct.second_stage import finished_lenses
+from lfsr_core.reconstruct.upscaler import LowResEIA, low_resolution, read_world
 from lfsr_lab.experiments.denoiser.study import Place, Render, Scene
 from lfsr_lab.experiments.engine.records import REFERENCE, Records, Store, digest, frame_digest, method_facts, to_stderr
 from lfsr_lab.experiments.engine.report import UNKNOWN, markdown_table, write_text

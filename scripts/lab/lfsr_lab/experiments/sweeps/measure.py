@@ -9,11 +9,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.frames.low_res import recall
 from lfsr_core.frames.request import Request, Sampling
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.reconstruct.second_stage import finished_linear
+from lfsr_core.reconstruct.upscaler import recall
 from lfsr_lab.experiments.engine import records
 from lfsr_lab.experiments.engine.truth import Metrics, Truth, finite
 from lfsr_lab.experiments.sweeps import metrics

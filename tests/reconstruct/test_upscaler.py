@@ -4,12 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
-from lfsr_core.frames.low_res import LowResEIA
 from lfsr_core.metrics.split_ssim import blur
 from lfsr_core.optics.rays import from_elemental_images
 from lfsr_core.reconstruct.methods import load_method
-from lfsr_core.reconstruct.methods.interpolation import decode, encode
 from lfsr_core.reconstruct.second_stage import finished_lenses
+from lfsr_core.reconstruct.upscaler import LowResEIA, decode, encode
 from tests.support.told import refuses
 
 FLAGS = {"nearest": cv2.INTER_NEAREST, "bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC,
