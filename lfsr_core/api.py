@@ -152,7 +152,7 @@ def render(scene: str | Path, output: str | Path | None = None, *, display: str 
 def reconstruct(low: LowResEIA, method: str = "bilinear") -> Array:
     """Return the finished EIA (H, W, 3) of a low-resolution one in memory, scene-linear float32 in view order.
 
-    ``low``: as of ``reconstruct.upscaler``, with colour and coverage at least; every lens counts as foreground. LfsrError
+    ``low``: as of ``reconstruct.upscaler``, with colour and coverage at least; every lens is foreground. LfsrError
     for an unknown method.
     """
     rows, columns = low.color.shape[:2]
