@@ -36,7 +36,7 @@ INSTALLERS = {"pip", "ensurepip", "venv"}
 # Modules that read data beside them; a new one is to be looked at, because an add-on's folder may be read-only.
 READS_ITS_FOLDER = {"jobs/runtime.py", "headless/entry.py", "render/frame_folder.py", "render/cycles.py",
                     "packages/lfsr_core/exports/page.py", "packages/lfsr_core/optics/display.py",
-                    "packages/lfsr_core/reconstruct/denoiser.py", "packages/lfsr_core/process/child.py",
+                    "packages/lfsr_core/reconstruct/methods/denoise.py", "packages/lfsr_core/process/child.py",
                     "packages/lfsr_core/pipeline/farms.py", "packages/lfsr_core/exports/show.py"}
 KINDS = {".css", ".glsl", ".html", ".js", ".json", ".osl", ".py", ".toml", ".txt", ".tza", ".yaml"}
 OF_COMMANDS = ("__init__.py", "sentences.py")  # of the command line, which the panel words notices with too

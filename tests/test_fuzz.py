@@ -29,7 +29,7 @@ from lfsr_core.frames.request import Finish, Report, read_report, read_request, 
 from lfsr_core.images.image_files import read_finite, read_layers, read_mask, read_png, write_mask
 from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.optics.panel.weave import gather_map
-from lfsr_core.reconstruct import denoiser
+from lfsr_core.reconstruct.methods import denoise
 from lfsr_core.reconstruct.upscaler import foreground_mask, low_resolution
 from tests.calibration.test_makers import OLD, written
 from tests.support.damage import damaged
@@ -58,8 +58,8 @@ def use_sheet(path: Path) -> None:
 
 def denoiser_weights(path: Path) -> bytes:
     """The smallest network, of whose bytes a third are the table."""
-    shapes = denoiser.network_shapes((1,) * 15 + (3,))
-    denoiser.write_tza(path, {name: np.full(shape, 0.1) for name, shape in shapes.items()})
+    shapes = denoise.network_shapes((1,) * 15 + (3,))
+    denoise.write_tza(path, {name: np.full(shape, 0.1) for name, shape in shapes.items()})
     return path.read_bytes()
 
 
@@ -108,7 +108,7 @@ KINDS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "quilt": ("mask_qs2x2a1.png", lambda path: read_quilt(path, quilt_of(path))),
     "quilt film": ("film_qs2x2a1.mp4", lambda path: list(read_film(path, quilt_of(path)))),
     "calibration": ("visual.json", lambda path: profile_from_calibration(read_calibration(path), "fuzz")),
-    "denoiser": ("denoiser.tza", lambda path: denoiser._load.__wrapped__(path, 0))}
+    "denoiser": ("denoiser.tza", lambda path: denoise._load.__wrapped__(path, 0))}
 
 
 @pytest.fixture(scope="module")

@@ -14,10 +14,8 @@ from hypothesis import strategies as st
 
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.rays import from_elemental_images
-from lfsr_core.reconstruct import denoiser
-from lfsr_core.reconstruct.denoiser import read_tza, write_tza
 from lfsr_core.reconstruct.methods import denoise, load_method, oidn
-from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_low_resolution, mirrored
+from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_low_resolution, mirrored, read_tza, write_tza
 from lfsr_core.reconstruct.upscaler import LowResEIA
 from tests.support.prerequisites import needs_bpy
 from tests.support.told import refuses
@@ -27,7 +25,7 @@ SMALLEST = (8,) * 15 + (3,)
 
 def tensors(seed=0, widths=SMALLEST, inputs=3):
     draw = np.random.default_rng(seed)
-    made = {name: draw.normal(0, 0.1, shape) for name, shape in denoiser.network_shapes(widths, inputs).items()}
+    made = {name: draw.normal(0, 0.1, shape) for name, shape in denoise.network_shapes(widths, inputs).items()}
     return made | {"dec_conv0.bias": made["dec_conv0.bias"] + 0.5}  # not black
 
 
@@ -44,9 +42,9 @@ def low_resolution(parallax=(True, True), shape=(6, 8, 5, 5, 3)):
 
 @given(st.lists(st.integers(1, 20), min_size=15, max_size=15), st.sampled_from((3, 9)))
 def test_widths_follow_from_the_tensors(widths, inputs):
-    shapes = denoiser.network_shapes((*widths, 3), inputs)
+    shapes = denoise.network_shapes((*widths, 3), inputs)
     assert len(shapes) == 32
-    found = denoiser.check_network({name: np.empty(shape) for name, shape in shapes.items()}, "x", inputs)
+    found = denoise.check_network({name: np.empty(shape) for name, shape in shapes.items()}, "x", inputs)
     assert found == (*widths, 3)
 
 
@@ -58,26 +56,26 @@ def test_tensors_that_make_no_network_are_one_sentence(name, shape, message):
     changed = tensors() | ({name: np.zeros(shape)} if shape else {})
     if shape is None:
         del changed[name]
-    refuses(rf"^x.tza has tensor .*{message}", denoiser.check_network, changed, "x.tza")
+    refuses(rf"^x.tza has tensor .*{message}", denoise.check_network, changed, "x.tza")
 
 
 def test_a_file_is_read_again_when_it_has_changed(weights):
-    first = denoiser.load(weights)
-    assert denoiser.load(weights) is first
+    first = denoise.load(weights)
+    assert denoise.load(weights) is first
     write_tza(weights, tensors(seed=1))
     os.utime(weights, ns=(1, 1))
-    assert denoiser.load(weights).content == weights.read_bytes() != first.content
+    assert denoise.load(weights).content == weights.read_bytes() != first.content
 
 
 def test_weights_that_are_missing_too_large_or_cannot_be_stored(tmp_path):
     write_tza(tmp_path / "x.tza", tensors(), half=False)
-    refuses("x.tza holds single floats.*takes half floats", denoiser.load, tmp_path / "x.tza")
+    refuses("x.tza holds single floats.*takes half floats", denoise.load, tmp_path / "x.tza")
     with pytest.raises(LfsrError, match="none.tza does not exist, expected TZA weights"):
         load_method("denoise+bilinear", weights=tmp_path / "none.tza").prepare(low_resolution())
     write_tza(tmp_path / "a.tza", {"a": np.full(3, 1e5)}, half=False)
     np.testing.assert_array_equal(read_tza(tmp_path / "a.tza")["a"], np.float32(1e5))
-    refuses("use a smaller network", write_tza, tmp_path / "a.tza", {"a": np.zeros(denoiser.MOST_BYTES // 2)})
-    (tmp_path / "b.tza").write_bytes(bytes(denoiser.MOST_BYTES + 1))
+    refuses("use a smaller network", write_tza, tmp_path / "a.tza", {"a": np.zeros(denoise.MOST_BYTES // 2)})
+    (tmp_path / "b.tza").write_bytes(bytes(denoise.MOST_BYTES + 1))
     refuses("more than 8000000 bytes", read_tza, tmp_path / "b.tza")
     for tensor in [np.full(3, np.nan), np.full(3, 1e5), np.ones((2, 2))]:
         refuses("'a' of shape", write_tza, tmp_path / "c.tza", {"a": tensor})
@@ -87,12 +85,12 @@ def test_weights_that_are_missing_too_large_or_cannot_be_stored(tmp_path):
 def test_weights_that_changed_since_their_training_are_refused(weights):
     content = weights.read_bytes()
     weights.with_suffix(".json").write_text(json.dumps({"sha256": hashlib.sha256(content).hexdigest()}))
-    assert denoiser.load(weights).content == content
+    assert denoise.load(weights).content == content
     weights.write_bytes(content[:100] + bytes([content[100] ^ 1]) + content[101:])
     os.utime(weights, ns=(1, 1))
-    refuses(r"some.tza does not have the SHA-256 in some.json: .*get both again", denoiser.load, weights)
+    refuses(r"some.tza does not have the SHA-256 in some.json: .*get both again", denoise.load, weights)
     weights.with_suffix(".json").unlink()
-    assert len(denoiser.load(weights).content) == len(content)
+    assert len(denoise.load(weights).content) == len(content)
 
 
 @pytest.mark.parametrize("parallax", [(True, True), (True, False)])
@@ -103,7 +101,7 @@ def test_colour_is_denoised_as_one_image(weights, parallax):
     found = {}
     for chosen in (None, weights):
         found[chosen] = denoise_low_resolution(low, chosen)
-        expected = denoise_eia(image, weights=chosen and denoiser.load(chosen))
+        expected = denoise_eia(image, weights=chosen and denoise.load(chosen))
         denoised = mirrored(found[chosen].color).swapaxes(1, 2).reshape(rows, columns, 3)
         np.testing.assert_allclose(denoised, expected, atol=0 if chosen else 1e-5)
         assert found[chosen].noisy is low.color and found[chosen].alpha is low.alpha
@@ -144,17 +142,17 @@ def test_a_lamp_far_away_changes_nothing(weights):
     dark = np.random.default_rng(1).gamma(1, 0.1, (32, 400, 3)).astype(np.float32)
     lit = dark.copy()
     lit[:, 380:] = 50
-    dark, lit = (denoise_eia(image, weights=denoiser.load(weights)) for image in (dark, lit))
+    dark, lit = (denoise_eia(image, weights=denoise.load(weights)) for image in (dark, lit))
     np.testing.assert_allclose(lit[:, :60], dark[:, :60], rtol=1e-4)
     assert not np.allclose(lit[:, 340:], dark[:, 340:], rtol=1e-2)
 
 
 def test_shipped_weights_are_those_of_their_provenance():
-    facts = json.loads(denoiser.WEIGHTS.with_suffix(".json").read_text(encoding="utf-8"))
-    content = denoiser.load().content
+    facts = json.loads(denoise.WEIGHTS.with_suffix(".json").read_text(encoding="utf-8"))
+    content = denoise.load().content
     assert facts["sha256"] == hashlib.sha256(content).hexdigest() and len(content) < 2_000_000
     assert facts["command"].startswith("lfsr train denoiser") and facts["data"]["scenes"] > 200
-    assert "Apache License" in (denoiser.WEIGHTS.parent / "NOTICE.txt").read_text(encoding="utf-8")
+    assert "Apache License" in (denoise.WEIGHTS.parent / "NOTICE.txt").read_text(encoding="utf-8")
 
 
 NAMES = st.text(st.characters(codec="ascii", exclude_categories=["Cc"]), min_size=1, max_size=30)
@@ -174,14 +172,14 @@ def test_what_is_written_is_read(tmp_path_factory, tensors, half):
     for name, tensor in tensors.items():
         assert found[name].dtype == (np.float16 if half else np.float32)
         np.testing.assert_array_equal(found[name], tensor)
-    table = denoiser.HEADER.unpack_from(path.read_bytes())[3]
+    table = denoise.HEADER.unpack_from(path.read_bytes())[3]
     assert len(tensors) == int.from_bytes(path.read_bytes()[table:table + 4], "little")
 
 
 def test_a_cut_file_is_one_sentence(weights):
     content = weights.read_bytes()
     for length in [*range(0, 200), *range(200, len(content), 61), len(content) - 1]:
-        refuses("^x.tza ", denoiser.parse_tza, content[:length], "x.tza")
+        refuses("^x.tza ", denoise.parse_tza, content[:length], "x.tza")
 
 
 @pytest.mark.parametrize(("place", "value", "message"), [
@@ -190,7 +188,7 @@ def test_a_cut_file_is_one_sentence(weights):
 def test_damage_is_named(weights, place, value, message):
     damaged = bytearray(weights.read_bytes())
     damaged[place] = value
-    refuses(rf"x.tza cannot be read as TZA weights \(.*{message}.*get it again", denoiser.parse_tza, bytes(damaged),
+    refuses(rf"x.tza cannot be read as TZA weights \(.*{message}.*get it again", denoise.parse_tza, bytes(damaged),
             "x.tza")
 
 
@@ -208,10 +206,10 @@ def error(image, clean):
     return float(np.mean(((image - clean) / (clean + 0.1)) ** 2))
 
 
-@pytest.mark.parametrize("weights", [None, denoiser.WEIGHTS])
+@pytest.mark.parametrize("weights", [None, denoise.WEIGHTS])
 def test_noise_goes_and_brightness_stays(weights):
     clean, noisy = noisy_card()
-    denoised = denoise_eia(noisy, weights=weights and denoiser.load(weights))
+    denoised = denoise_eia(noisy, weights=weights and denoise.load(weights))
     assert denoised.shape == noisy.shape and denoised.dtype == np.float32 and denoised.min() >= 0
     assert error(denoised, clean) < error(noisy, clean) / 5
     assert denoised.mean() == pytest.approx(clean.mean(), rel=0.1)
@@ -235,7 +233,7 @@ def framed(row=9, column=13):
     return LowResEIA(images["color"], images["alpha"], 16, 4), part
 
 
-@pytest.mark.parametrize("weights", [None, denoiser.WEIGHTS])
+@pytest.mark.parametrize("weights", [None, denoise.WEIGHTS])
 def test_only_what_shows_something_is_denoised(monkeypatch, weights):
     low, part = framed()
     sizes = []
@@ -257,7 +255,7 @@ def test_only_what_shows_something_is_denoised(monkeypatch, weights):
 
 @pytest.mark.parametrize("factor", [1e3, 3e4])
 def test_weights_that_overflow_are_refused(tmp_path, factor):
-    tensors = read_tza(denoiser.WEIGHTS)
+    tensors = read_tza(denoise.WEIGHTS)
     write_tza(tmp_path / "black.tza", {name: np.clip(tensor.astype(float) * factor, -6e4, 6e4)
                                        for name, tensor in tensors.items()})
     refuses("of 96 elemental images black or infinite", denoise_low_resolution, framed()[0], tmp_path / "black.tza")
@@ -296,7 +294,7 @@ def test_library_of_blender_gives_the_same_image(monkeypatch):
     _, noisy = noisy_card()
 
     def images():
-        return denoise_eia(noisy), denoise_eia(noisy, weights=denoiser.load())
+        return denoise_eia(noisy), denoise_eia(noisy, weights=denoise.load())
 
     expected = images()
     monkeypatch.setitem(sys.modules, "pyoidn", None)

@@ -16,8 +16,7 @@ from lfsr_core.base.messages import LfsrError, did_you_mean
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import rendered_size
-from lfsr_core.reconstruct.denoiser import WEIGHTS
-from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution, denoised_opacity
+from lfsr_core.reconstruct.methods.denoise import WEIGHTS, denoise_low_resolution, denoised_opacity
 from lfsr_core.reconstruct.methods.pooling import Pooling
 from lfsr_core.reconstruct.upscaler import Interpolation, LowResEIA, Upscaler
 

@@ -85,7 +85,7 @@ def denoise(color: Array, albedo: Array | None = None, normal: Array | None = No
 
     ``hdr``: values may exceed 1; they are multiplied by ``input_scale`` before the network, None to let the library
     expose by itself. ``srgb``: values in [0, 1] that are encoded already. ``clean_aux``: albedo and normal have no
-    noise. ``weights``: content of a checked TZA file (``reconstruct/denoiser.py``) instead of the library's own.
+    noise. ``weights``: content of a checked TZA file (``denoise.py``) instead of the library's own.
     ``device``: the one that rendered; where it cannot be had or fails, ``note`` gets a notice and the CPU denoises.
     ImportError where no library is found or loads, RuntimeError where it fails on the CPU.
     """

@@ -8,8 +8,8 @@ import torch
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.reconstruct.denoiser import BASE, SMALL, network_shapes, read_tza, write_tza
 from lfsr_core.reconstruct.methods import oidn
+from lfsr_core.reconstruct.methods.denoise import BASE, SMALL, network_shapes, read_tza, write_tza
 from lfsr_lab.networks import denoiser as twin
 from tests.support.told import refuses
 

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.rays import from_elemental_images, to_elemental_images
-from lfsr_core.reconstruct import denoiser
 from lfsr_core.reconstruct.methods import denoise
 from lfsr_lab.networks.denoiser import hdr_encode
 from lfsr_lab.train.config import DenoiserConfig
@@ -137,7 +136,7 @@ def test_windows_add_up_to_one(length, sigma):
 
 def test_training_writes_weights_that_the_library_runs(folder, tmp_path):
     outcome = train(config(folder), tmp_path)
-    content = denoiser.load(outcome.weights)
+    content = denoise.load(outcome.weights)
     image = np.random.default_rng(0).gamma(4, 0.1, (32, 32, 3)).astype(np.float32)
     assert np.isfinite(denoise.denoise_eia(image, weights=content)).all()
     facts = json.loads(outcome.weights.with_suffix(".json").read_text())

@@ -1,6 +1,6 @@
 """PyTorch twin of the network that Open Image Denoise runs, for training weights of ours.
 
-Its tensors have the names and the layout of a TZA file (``lfsr_core.reconstruct.denoiser``).
+Its tensors have the names and the layout of a TZA file (``lfsr_core.reconstruct.methods.denoise``).
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ from torch.nn import functional
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.reconstruct import denoiser
-from lfsr_core.reconstruct.denoiser import COLOR_INPUTS, LAYERS, SKIPS, SMALL, check_network, network_shapes
-from lfsr_core.reconstruct.methods import oidn
+from lfsr_core.reconstruct.methods import denoise, oidn
+from lfsr_core.reconstruct.methods.denoise import COLOR_INPUTS, LAYERS, SKIPS, SMALL, check_network, network_shapes
 
 MULTIPLE = 16  # of the sides of what the network sees
 POOLED = ("enc_conv1", "enc_conv2", "enc_conv3", "enc_conv4")  # 2×2 max-pooling after these
@@ -110,7 +109,7 @@ CORE = "*OpenImageDenoise_core*"  # holds the weights
 NAMES = {"hdr": (2, 3), "hdr-guided": (6, 7), "ldr": (11, 12), "ldr-guided": (15, 16)}  # place of "base" and "small"
 SIZES = ("base", "small")
 KNOWN = 23  # weights in libraries 2.3 to 2.5
-START = denoiser.HEADER.pack(denoiser.MAGIC, denoiser.VERSION, denoiser.MINOR, 0)[:4]
+START = denoise.HEADER.pack(denoise.MAGIC, denoise.VERSION, denoise.MINOR, 0)[:4]
 
 
 def stock_weights(name: str = "hdr", size: str = "small") -> dict[str, Array]:
@@ -131,7 +130,7 @@ def _blobs(path: Path) -> tuple[dict[str, Array], ...]:
     content, found, start = path.read_bytes(), list[dict[str, Array]](), 0
     while (start := content.find(START, start)) >= 0:
         with contextlib.suppress(LfsrError):  # bytes that happen to be the same
-            found.append(denoiser.parse_tza(content[start:start + denoiser.MOST_BYTES], path))
+            found.append(denoise.parse_tza(content[start:start + denoise.MOST_BYTES], path))
         start += len(START)
     if len(found) != KNOWN:
         raise LfsrError(f"{path} holds {len(found)} networks, expected {KNOWN}: install pyoidn 2.5")

@@ -12,7 +12,7 @@ from typing import get_type_hints
 
 from lfsr_core.base.messages import LfsrError, did_you_mean
 from lfsr_core.base.system import read_bytes, without_advice
-from lfsr_core.reconstruct.denoiser import COLOR_INPUTS, GUIDED_INPUTS
+from lfsr_core.reconstruct.methods.denoise import COLOR_INPUTS, GUIDED_INPUTS
 
 CONFIG_FOLDER = Path(__file__).parent / "configs"
 DENOISER = "denoiser"
