@@ -13,7 +13,7 @@ from PIL import Image, ImageOps
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.calibration.fit import Calibration, combine, comparison, see
 from lfsr_core.calibration.patterns import PATTERNS, pattern
-from lfsr_core.calibration.photograph import LONGER_SIDE, find_panel, fit_homography, project, read_photograph
+from lfsr_core.calibration.photograph import LONGER_SIDE, find_panel, read_photograph
 from lfsr_core.optics.display import DisplayProfile, Lattice, load_display
 from lfsr_core.optics.eye import eye_view
 from tests.support.panels import SHEETS
@@ -159,12 +159,6 @@ def test_the_predicted_photograph_resembles_the_taken_one_and_another_sheets_doe
     other = dataclasses.replace(found.profile.lenticular, pitch_mm=1.62)
     wrong = dataclasses.replace(found, profile=dataclasses.replace(found.profile, lenticular=other))
     refuses("agree by", comparison, CYLINDERS, wrong)
-
-
-def test_a_homography_is_found_again():
-    matrix = np.array([[2.0, 0.1, 30], [-0.2, 1.8, 40], [1e-3, -2e-3, 1]])
-    points = np.random.default_rng(0).uniform(-50, 50, (9, 2))
-    np.testing.assert_allclose(fit_homography(points, project(matrix, points)), matrix, rtol=1e-6)
 
 
 @pytest.mark.parametrize("sheet", SHEETS)

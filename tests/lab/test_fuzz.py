@@ -28,16 +28,13 @@ import pytest
 from _pytest.mark import ParameterSet
 from PIL import Image
 
-from lfsr_core.base.records import to_data
 from lfsr_core.base.system import LOCK, UNFINISHED, write_json
 from lfsr_core.calibration.patterns import pattern
 from lfsr_core.cli import main
-from lfsr_core.frames.request import read_request
 from lfsr_core.images.image_files import write_png
 from lfsr_core.optics.display import write_profile
 from lfsr_core.optics.rays import to_views
-from lfsr_core.pipeline.parts import INPUTS_FILE, remove_others
-from lfsr_core.reconstruct.second_stage import finish_frame
+from lfsr_core.pipeline.make import finish_frame
 from lfsr_lab.experiments.sweeps.records import choose_sweeps, label
 from lfsr_lab.networks import comparators
 from lfsr_lab.networks.methods import LabMethod
@@ -56,7 +53,7 @@ from tests.support.requests import changed
 from tests.support.synthetic import MINI, light_field, write_apart, write_reference, write_render
 from tests.support.telephone import photograph
 from tests.support.training_photographs import write_photographs
-from tests.test_fuzz import denoiser_weights
+from tests.test_fuzz import write_weights
 
 SEED, MANY = 29, 10_000
 PARAMETERS = ("[intrinsics]\nfocal_length_mm = 100\nsensor_size_mm = 35\n[extrinsics]\nnum_cams_x = 3\nnum_cams_y = 3\n"
@@ -79,7 +76,8 @@ def then(_made: object, words: list[str]) -> None:
 def with_weights(folder: Path) -> None:
     """A render and a denoiser, as a training writes it."""
     write_render(folder)
-    write_json(folder / "mine.json", {"sha256": hashlib.sha256(denoiser_weights(folder / "mine.tza")).hexdigest()})
+    content = write_weights(folder / "mine.tza").read_bytes()
+    write_json(folder / "mine.json", {"sha256": hashlib.sha256(content).hexdigest()})
 
 
 def finish_by_network(folder: Path) -> None:
@@ -232,12 +230,6 @@ CASES = {
     "denoiser's training": Case(lambda folder: [write_scene(folder, number) for number in (1, 9)],
                                 {"scene .npz": "scene_000001.npz"},
                                 lambda folder: load_scenes(folder, guides=True) and None),
-    "job": Case(lambda folder: write_json(folder / "job.json", to_data(
-        changed(JOB, layers=("albedo",), lens_list=((0, 0), (1, 1))))), {"job.json": "job.json"},
-        lambda folder: read_request(folder / "job.json") and None),
-    "parts": Case(lambda folder: write_json(folder / "parts" / INPUTS_FILE, {"settings": "a", "scene file": "b"}),
-                  {"parts' inputs.json": f"parts/{INPUTS_FILE}"},
-                  lambda folder: remove_others(folder / "parts", {"settings": "a"}) and None),
 }
 PARTS = sum(case.part * len(case.files) for case in CASES.values())
 QUICK = 0.3  # more than this part has a case in the small sample

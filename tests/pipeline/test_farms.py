@@ -18,6 +18,7 @@ from lfsr_core.commands.common import PROGRESS_VARIABLE
 from lfsr_core.frames.request import read_report
 from lfsr_core.reconstruct.averaging import near
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
+from tests.support.played_blender import warm_lfsr
 
 STUB = Path(__file__).with_name("flamenco_stub.js")
 # As Flamenco's documentation lists them.
@@ -47,6 +48,12 @@ def compiled(folder: Path, **settings) -> dict:
     done = subprocess.run([node(), STUB, folder / "lfsr-light-field.js", folder / "settings.json"], capture_output=True,
                           text=True, check=True)
     return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def lfsr(tmp_path_factory):
+    """The file of the command, with a played Blender in place of the bpy wheel."""
+    return warm_lfsr(tmp_path_factory.mktemp("lfsr"))
 
 
 @needs_node

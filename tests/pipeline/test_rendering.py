@@ -22,7 +22,7 @@ from lfsr_core.pipeline.make import render_all
 from lfsr_core.process import child
 from lfsr_core.process.child import Blender, find_blender, parse_progress
 from tests.support.processes import wait_for
-from tests.support.requests import changed, make_request
+from tests.support.requests import make_request
 from tests.support.small_disk import on_a_small_disk
 from tests.support.told import refuses
 
@@ -175,15 +175,6 @@ def test_crash_is_reported_with_the_last_lines_and_the_log_is_kept(blender, job,
         render_all([job], Blender(blender(body)))
     assert "\n" not in str(caught.value)
     assert leftovers(job) == ["frame", "frame/blender.log"]
-
-
-def test_an_importers_error_reaches_the_user_as_one_sentence(job, tmp_path):
-    """The bpy wheel's own importer, whose message Blender cuts without ending the line."""
-    scene = tmp_path / "scene.gltf"
-    scene.write_text('{"asset": {"version": "2.0"}, "meshes": [{"primitives": [{"attributes": {"POSITION": 99}}]}], '
-                     '"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}], "scene": 0}')
-    refuses(r"scene\.gltf cannot be read \(TypeError", render_all, [changed(job, scene=str(scene))], Blender())
-    assert leftovers(job) == []
 
 
 def test_log_of_a_crash_is_not_written_through_a_link(blender, job, tmp_path):

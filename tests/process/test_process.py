@@ -11,12 +11,12 @@ import pytest
 
 from lfsr_core.base.messages import Notice
 from lfsr_core.process import child as protocol
-from lfsr_core.process.child import Blender, Child, emit, emit_last, emit_told, output_of, parse_progress, repeated
+from lfsr_core.process.child import Child, emit, emit_last, emit_told, output_of, parse_progress, repeated
 from tests.support.told import refuses
 
 SPEAKER = """import sys
 print("Fra:1", flush=True)
-print('LFSR {"stage": "scene", "index": 3}', flush=True)
+print('Fra:1, cut LFSR {"stage": "scene", "index": 3}', flush=True)
 sys.stdin.read()"""
 # A child and a grandchild that do not read their input.
 DEAF = "sleep 60 & echo \"LFSR {\\\"stage\\\": \\\"x\\\", \\\"pid\\\": $!}\"; while :; do sleep 9; done"
@@ -154,10 +154,3 @@ def test_the_last_record_does_not_wait_for_one_that_hangs(capsys, monkeypatch):
     with hung:
         emit_last(stage="cancelled", message="stopped")
     assert "cancelled" in capsys.readouterr().out
-
-
-def test_blenders_own_python_is_told_where_both_packages_lie():
-    words = Blender("/opt/blender").command(Path("job.json"))
-    script = Path(words[words.index("--python") + 1])
-    assert (script.parents[2] / "lfsr_core" / "__init__.py").is_file() and "parents[2]" in script.read_text()
-    assert words[0] == "/opt/blender" and words[-1] == "job.json"

@@ -20,12 +20,20 @@ from lfsr_core.reconstruct.methods import METHODS, PLAIN_METHOD, load_method
 from lfsr_core.reconstruct.second_stage import STAGES, finish_frame, finished_lenses, finished_linear
 from lfsr_core.reconstruct.upscaler import Upscaler, foreground_mask, low_resolution, over_background, read_world
 from tests.support.prerequisites import needs_bpy
-from tests.support.slow_way import expected_linear
 from tests.support.small_disk import on_a_small_disk
 from tests.support.synthetic import FLAT, MINI, light_field, write_apart, write_render
 from tests.support.told import refuses
 
 pytestmark = needs_bpy  # for Blender's colour configuration
+
+
+def expected_linear(folder, name):
+    """The finished EIA the slow way: every lens through the method, then the background put in by hand."""
+    low = low_resolution(read_layers(folder / LOW_RES_FILE), read_frame(folder))
+    sx, sy = MINI.lenses
+    images = load_method(name).upscaler(low, np.argwhere(np.ones((sy, sx), bool))).reshape(sy, sx, 8, 8, 3)
+    images[~low.alpha.any((2, 3, 4))] = MINI.background
+    return from_elemental_images(images)
 
 
 @pytest.mark.parametrize("name", ["bicubic", "nearest", "bicubic-eia"])

@@ -2,21 +2,8 @@
 
 import numpy as np
 
-from lfsr_lab.experiments.chart.analysis import (
-    DIRECT,
-    FIXED,
-    FORMAT,
-    LOW,
-    Chart,
-    ChartSettings,
-    Measured,
-    Point,
-    SceneRow,
-    Times,
-    UsedReference,
-    duels,
-    reaches,
-)
+from lfsr_lab.experiments.chart import analysis
+from lfsr_lab.experiments.chart.analysis import DIRECT, LOW, Chart, Point
 from lfsr_lab.experiments.engine.report import Environment
 from lfsr_lab.experiments.engine.truth import MEASURES, PARTS
 
@@ -30,17 +17,19 @@ SEEDS, LENSES = 3, 8
 def example(scenes: int = 6, timed: bool = True, direct: bool = True) -> Chart:
     """Chart of so many scenes."""
     every = [_points(1 + 0.7 * index, timed, direct) for index in range(scenes)]
+    reference = analysis.UsedReference(1024, 22, LENSES, 900.0, dict.fromkeys(MEASURES, 0.01))
     rows = tuple(
-        SceneRow(f"Scene{index + 1}", "5.0.1", UsedReference(1024, 22, LENSES, 900.0, dict.fromkeys(MEASURES, 0.01)),
-                 tuple(point.cell for point in points), tuple(duels(points, (LOW, "oidn+bilinear"))),
-                 tuple(reaches(points, FIXED)))
+        analysis.SceneRow(f"Scene{index + 1}", "5.0.1", reference, tuple(point.cell for point in points),
+                          tuple(analysis.duels(points, (LOW, "oidn+bilinear"))),
+                          tuple(analysis.reaches(points, analysis.FIXED)))
         for index, points in enumerate(every))
-    settings = ChartSettings(display="small", scale=4, spps=(1, 4, 16, 64), direct_spps=(1, 4, 16) if direct else (),
-                             methods=tuple(LOW_METHODS), direct_methods=tuple(DIRECT_METHODS), ours="oidn+bilinear",
-                             reference_spp=1024, lenses=22, seeds=SEEDS, repeats=3)
+    settings = analysis.ChartSettings(
+        display="small", scale=4, spps=(1, 4, 16, 64), direct_spps=(1, 4, 16) if direct else (),
+        methods=tuple(LOW_METHODS), direct_methods=tuple(DIRECT_METHODS), ours="oidn+bilinear",
+        reference_spp=1024, lenses=22, seeds=SEEDS, repeats=3)
     environment = Environment("Example processor", 2, 24.0, "Linux", "3.11.7", None, {"lfsr": "0.1", "numpy": "1.26.4"})
     skipped = ("paper-gan at scale 4: paper-gan has no weights for it",)
-    return Chart(FORMAT, settings, environment, skipped, rows)
+    return Chart(analysis.FORMAT, settings, environment, skipped, rows)
 
 
 def _points(slowness: float, timed: bool, direct: bool) -> list[Point]:
@@ -57,5 +46,6 @@ def point(role: str, method: str, samples: int, slowness: float = 1.0, timed: bo
     error = each * (best + noise * (0.7 + 0.1 * slowness) * samples**-0.5)
     values = {name: error.tolist() for name in MEASURES} | dict.fromkeys(PARTS, (error[0] / 2).tolist())
     rows = {name: tuple(map(tuple, np.atleast_2d(value).tolist())) for name, value in values.items()}
-    times = Times((render, 1.1 * render), (second, second * 1.1, second * 1.2), 0.5) if timed else None
-    return Point.of(role, method, 1 if role == DIRECT else 4, samples, Measured(rows), times, np.arange(LENSES))
+    times = analysis.Times((render, 1.1 * render), (second, second * 1.1, second * 1.2), 0.5) if timed else None
+    measured = analysis.Measured(rows)
+    return Point.of(role, method, 1 if role == DIRECT else 4, samples, measured, times, np.arange(LENSES))

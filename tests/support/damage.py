@@ -185,7 +185,7 @@ def judged(case: Case, kind: str, good: Result, found: Result) -> Result:
     return Result(SAID if found.said and found.said != good.said else SILENT, found.said)
 
 
-def outcomes(case: Case, folder: Path, inputs: int, seed: int) -> Iterator[tuple[str, int, Result]]:
+def outcomes(case: Case, folder: Path, inputs: int, seed: object) -> Iterator[tuple[str, int, Result]]:
     """Kind, number and result of each of so many damaged copies of every file of a case."""
     good, work = folder / "good", folder / "work"
     work.mkdir(parents=True)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,10 +16,12 @@ from lfsr_core.images.image_files import write_layers
 from lfsr_core.optics.lenses import pixel_rows
 from lfsr_core.process.child import RENDERED_STAGE, STAY, emit
 from tests.support.requests import make_request
-from tests.support.synthetic import MINI, frame_of, light_field, tiles, traced_panel, write_reference, write_render
+from tests.support.synthetic import MINI, frame_of, light_field, tiles, traced_panel
 
 NOISE = 0.3  # of one sample
 SECONDS_PER_SAMPLE = 1e-5
+LOG = "LFSR_TEST_JOBS"
+UNSEEN = "Unseen"  # a subject that no lens sees
 JOB = make_request(output=".", display=MINI, scene="scene.blend", seed=5)
 
 
@@ -38,7 +41,7 @@ def render(job: Request) -> None:
         image = tiles(image, dataclasses.replace(frame, scale=1))
     height, width, _ = image.shape
     across, down = (frame.scale if many else 1 for many in job.display.parallax)
-    image = image.reshape(height // down, down, width // across, across, 4).mean((1, 3))
+    image = image.reshape(height // down, down, width // across, across, 4).mean((1, 3)) * (job.subject != UNSEEN)
     rows = (0, None) if job.rows is None else pixel_rows(job.rows, frame.rays.views[1])
     pairs = [(LOW_RES_FILE, job.sampling.samples)] if job.kind == "render" else [(name,
             job.sampling.samples // 2) for name in REFERENCE_FILES]
@@ -50,37 +53,21 @@ def render(job: Request) -> None:
 
 
 def play(arguments: Sequence[str]) -> int:
-    """What Blender does with its command line: say its version, or run job files."""
+    """What Blender does with its command line: say its version, or run job files.
+
+    ``LOG`` in the environment names a file that gets a line for each job.
+    """
     if "--version" in arguments:
         print("Blender 5.0.1")
         return 0
     words = arguments[arguments.index("--") + 1:]
     for path in (line.strip() for line in sys.stdin) if words == [STAY] else words:
-        render(read_request(path))
+        job = read_request(path)
+        if LOG in os.environ:
+            with open(os.environ[LOG], "a") as log:
+                log.write(json.dumps(to_data(job)) + "\n")
+        render(job)
         if words == [STAY] or len(words) > 1:
             emit(stage=RENDERED_STAGE)
-    emit(stage="done", folder=".")
-    return 0
-
-
-def copy(arguments: Sequence[str]) -> int:
-    """Answer every job with a ready folder of its kind, in which frame.json lists the lenses asked for.
-
-    Jobs are lines of a file beside the executable; where a file NAME.scale is there, every render has its scale.
-    """
-    if "--version" in arguments:
-        print("Blender 5.0.1")
-        return 0
-    job = read_request(arguments[-1])
-    with open(f"{sys.argv[0]}.jobs", "a") as log:
-        log.write(json.dumps(to_data(job)) + "\n")
-    folder, forced = Path(job.output), Path(f"{sys.argv[0]}.scale")
-    if job.kind == "reference":
-        write_reference(folder, lens_list=job.lens_list)
-    else:
-        scale = int(forced.read_text()) if forced.exists() else job.sampling.scale
-        write_render(folder, scale, samples=job.sampling.samples)
-        if job.subject == "Unseen":
-            write_layers(folder / LOW_RES_FILE, {"color": np.zeros((48, 64, 4), np.float32)})
     emit(stage="done", folder=".")
     return 0

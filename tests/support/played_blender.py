@@ -85,7 +85,7 @@ def serve(address: str) -> None:
     from lfsr_core.cli import main
     from lfsr_core.pipeline import make, merge  # noqa: F401
     from lfsr_core.reconstruct import second_stage  # noqa: F401, a call would import it
-    from tests.support.noisy_renders import copy, play
+    from tests.support.noisy_renders import play
 
     def lfsr(arguments: list[str]) -> int:
         blender = str(Path(sys.argv[0]).with_name("blender"))
@@ -101,7 +101,7 @@ def serve(address: str) -> None:
             if not os.fork():
                 if os.fork():  # so that nobody has to wait for the other
                     os._exit(0)
-                _answer(link, {"lfsr": lfsr, "play": play, "copy": copy})
+                _answer(link, {"lfsr": lfsr, "play": play})
             os.wait()
             link.close()
 

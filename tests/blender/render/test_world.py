@@ -7,7 +7,6 @@ import pytest
 from blender_addon.render import cycles, frame_folder, output, world
 from blender_addon.render.frame_folder import render_job
 from blender_addon.scene import devices
-from lfsr_core.base.messages import LfsrError
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, WORLD_FILE, read_frame
 from lfsr_core.images import image_files
@@ -18,6 +17,7 @@ from lfsr_core.reconstruct.upscaler import read_world
 from tests.support.panels import cells, hexagonal, small
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, WAYS, add_box, add_camera, add_world, emission, mixed
+from tests.support.told import refuses
 
 
 @pytest.fixture
@@ -49,9 +49,8 @@ def lit_box(scene, monkeypatch):
 def test_no_world_cannot_show(lit_box, tmp_path):
     lit_box.world = None
     lit_box.collection.objects.link(bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN")))
-    with pytest.raises(LfsrError, match="has no world to show"):
-        render_job(lit_box, make_request(str(tmp_path / "low"), MINI, scale=4, samples=1,
-                                                      world_visible=True))
+    refuses("has no world to show",
+            render_job, lit_box, make_request(str(tmp_path / "low"), MINI, scale=4, samples=1, world_visible=True))
 
 
 def elemental(image):

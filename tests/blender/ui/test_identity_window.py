@@ -14,6 +14,7 @@ from tests.support.window.desktop import NEEDS_WINDOW, SECONDS_TO_RENDER, STATE,
 pytestmark = NEEDS_WINDOW
 MESSAGE = f"{STATE}.message"
 LFSR = "bpy.context.scene.lfsr"
+SECONDS_TO_NOTICE = 30  # on a busy machine
 LIBRARIES = ("libOpenImageDenoise.so.2", "libOpenImageDenoise_core.so.*", "libOpenImageDenoise_device_cpu.so.*",
              "libtbb.so.12")
 
@@ -109,3 +110,14 @@ def test_a_library_of_the_preferences_denoises(window):
     assert "pixel filter gaussian" in window.get(MESSAGE)
     assert read_report(window.folder / "two" / "lightfield" / "shot" / "Scene" / "0002").method == DEFAULT_METHOD
     window.screenshot("ident-4-denoised")
+
+
+@pytest.mark.parametrize("before", [
+    "", "bpy.ops.wm.save_mainfile(); bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)"])
+def test_changed_settings_are_noticed_also_in_a_file_that_was_opened(window, before):
+    window.run(before)
+    for change in ("render.use_motion_blur", "view_layers[0].use", "view_settings.use_curve_mapping"):
+        window.run("bpy.ops.lfsr.check_scene('INVOKE_DEFAULT', True)")
+        assert not window.get("addon.check.last.has_changed()"), "what the check writes is no change of the scene"
+        window.run(f"scene = bpy.context.scene; scene.{change} = not scene.{change}")
+        window.until("addon.check.last.has_changed()", SECONDS_TO_NOTICE)

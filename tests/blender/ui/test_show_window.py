@@ -1,4 +1,4 @@
-"""In a real window: Show on Display after a render for each kind of display, with a stand-in for Bridge."""
+"""In a real window: Show on Display after a render for each kind of display, and a calibration, with a stand-in."""
 
 import contextlib
 import time
@@ -6,13 +6,16 @@ import time
 import numpy as np
 import pytest
 
+from lfsr_core.calibration.patterns import pattern
 from lfsr_core.exports import loopback
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.image_files import read_png
 from lfsr_core.optics.display import write_profile
+from tests.calibration.test_fit import CYLINDERS, GOOD, PLACE
 from tests.calibration.test_makers import OLD
 from tests.support.bridge import device, stand_in
 from tests.support.panels import cells, lenticular, small
+from tests.support.telephone import jpeg
 from tests.support.window.desktop import NEEDS_WINDOW, SECONDS_TO_RENDER, STATE, TASK, monkey_window
 
 pytestmark = NEEDS_WINDOW
@@ -25,8 +28,8 @@ SECONDS_TO_ANSWER, SECONDS_TO_SHOW = 15, 120
 def bridges():
     """Change what Blender finds on its port: ``bridges(window, "hang:show_window")``."""
     with contextlib.ExitStack() as stack:
-        def start(window, *faults, devices=(UNIT,)):
-            found = stack.enter_context(stand_in([*devices], *faults))
+        def start(window, *faults):
+            found = stack.enter_context(stand_in([UNIT], *faults))
             window.run(f"import os; os.environ[{loopback.PORT_VARIABLE!r}] = '{found.port}'")
             return found
         yield start
@@ -137,16 +140,26 @@ def test_while_bridge_hangs_blender_does_not(window, bridges):
                              "start it again")
 
 
-@pytest.mark.parametrize(("name", "faults", "devices", "message"), [
-    ("none", None, (), "Looking Glass Bridge is not running: nothing listens on port 1 of this computer"),
-    ("refuses", ["refuse:play_playlist"], (UNIT,), "Looking Glass Bridge refuses play_playlist (Failure: display is"),
-    ("no-display", [], (), "Looking Glass Bridge sees no Looking Glass: connect the display"),
-    ("other-size", [], (device(1, "LKG-P1", "portrait", OLD),), "The image is made for a panel of width / height 1.5")])
-def test_each_failure_is_a_sentence_in_the_panel(window, bridges, name, faults, devices, message):
+@pytest.mark.parametrize(("name", "faults", "message"), [
+    ("none", None, "Looking Glass Bridge is not running: nothing listens on port 1 of this computer"),
+    ("refuses", ["refuse:play_playlist"], "Looking Glass Bridge refuses play_playlist (Failure: display is")])
+def test_a_failure_is_a_sentence_in_the_panel(window, bridges, name, faults, message):
     if faults is None:
         window.run(f"import os; os.environ[{loopback.PORT_VARIABLE!r}] = '1'")
     else:
-        bridges(window, *faults, devices=devices)
+        bridges(window, *faults)
     press(window)
     assert shown(window).startswith(message) and window.get(f"{STATE}.message_is_error")
     window.screenshot(f"show-{name}")
+
+
+def test_a_photograph_calibrates_the_display_and_the_prediction_is_shown(window):
+    folder = window.folder
+    write_profile(folder / "own.toml", CYLINDERS)
+    (folder / "photo.jpg").write_bytes(jpeg(pattern(CYLINDERS, "phase"), CYLINDERS, GOOD))
+    window.run(f"lfsr.display, lfsr.profile_file = 'FILE', {str(folder / 'own.toml')!r}")
+    before = read_png(window.screenshot("calibration-1-before"))
+    window.run(f"bpy.ops.lfsr.calibrate(files=[{{'name': 'photo.jpg'}}], directory={str(folder)!r}, place={PLACE})")
+    after = read_png(window.screenshot("calibration-2-after"))
+    assert (folder / "large-calibrated.toml").exists()
+    assert before.shape == after.shape and np.mean(before != after) > 0.05, "the prediction's window"

@@ -23,6 +23,12 @@ from tests.support.synthetic import fails, write_render
 ROOT = Path(__file__).parents[4]
 
 
+@pytest.fixture(scope="module")
+def ready(tmp_path_factory):
+    """An experiment folder for those that leave it as it is."""
+    return experiment_folder(tmp_path_factory.mktemp("ready"))
+
+
 @pytest.fixture
 def undrawn(monkeypatch):
     """A chart's page and image take longer than everything here; test_page.py draws them."""
@@ -148,9 +154,9 @@ def test_two_charts_at_once_and_a_scene_of_the_same_name_are_refused(tmp_path, c
     (("--display", "small"), "display mini"),
     (("--subject", "Vase"), "was rendered with no subject, but subject Vase"),
     (("--world-visible",), "but visible world was asked for")])
-def test_bad_input_is_refused_in_a_sentence(tmp_path, capsys, more, said):
-    assert said in main_fails(arguments(experiment_folder(tmp_path), *more), capsys)
-    assert not (tmp_path / "chart.json").exists()
+def test_bad_input_is_refused_in_a_sentence(ready, capsys, more, said):
+    assert said in main_fails(arguments(ready, *more), capsys)
+    assert not (ready / "chart.json").exists()
 
 
 def test_scenes_of_one_name_nothing_to_measure_and_a_scene_that_is_not_there_are_refused(tmp_path, capsys):
