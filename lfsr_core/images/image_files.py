@@ -11,7 +11,7 @@ import functools
 import os
 import struct
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
@@ -84,14 +84,14 @@ def why_unreadable(path: str | Path) -> str:
         return source.geterror() or ("no pixels" if pixels is None else "")
 
 
-def read_layers(path: str | Path) -> Layers:
+def read_layers(path: str | Path, without: Collection[str] = ()) -> Layers:
     """Read the layers of a multi-layer EXR as float32 (H, W, C), by name.
 
     Always "color" (RGBA, premultiplied, scene-linear; alpha 1 if the file has none). If the file has them: "albedo"
     (3), "normal" (3, camera-array space, zero where nothing was hit), "position" (3, world space, scene units), "index"
     (1) and "environment" (3). Reads Blender's files (4.5: one part, 5.x: one part per pass) and those of
-    ``write_layers``; ignores other passes. LfsrError if the file is missing, truncated, has no colour or lacks a
-    channel of a layer.
+    ``write_layers``; ignores other passes, and the layers ``without``. LfsrError if the file is missing, truncated, has
+    no colour or lacks a channel of a layer.
     """
     path = Path(path)
     with reading(path, "an EXR image") as file:
@@ -99,8 +99,8 @@ def read_layers(path: str | Path) -> Layers:
             raise _unreadable(path, "it does not begin like an EXR")
     layers: Layers = {}
     try:
-        for names, pixels in _read_parts(path):
-            for layer, found in _layer_columns(names).items():
+        for columns_of, pixels in _read_parts(path, without):
+            for layer, found in columns_of.items():
                 wanted = LAYER_CHANNELS[layer]
                 orders = (wanted, wanted[:3], *(() if layer in COLORS else ("RGB", "XYZ")))
                 order = next((each for each in orders if set(found) == set(each)), None)
@@ -234,9 +234,9 @@ def clean(layers: Mapping[str, Array]) -> tuple[Layers, int]:
     return cleaned, 0 if broken is None else int(broken.sum())
 
 
-def read_finite(path: str | Path) -> tuple[Layers, int]:
+def read_finite(path: str | Path, without: Collection[str] = ()) -> tuple[Layers, int]:
     """Return ``clean`` of ``read_layers``; LfsrError, besides its own, where most pixels are not finite."""
-    layers, replaced = clean(read_layers(path))
+    layers, replaced = clean(read_layers(path, without))
     pixels = layers["color"][..., 0].size
     if replaced > MOST_REPLACED * pixels:
         raise LfsrError(f"{path} has {replaced} of {pixels} pixels that are not finite: find the material or light "
@@ -250,8 +250,8 @@ def replaced_notices(replaced: int, pixels: int) -> list[Notice]:
     return [] if few else [Notice("pixels-replaced", {"replaced": replaced, "pixels": pixels})]
 
 
-def _read_parts(path: Path) -> Iterator[tuple[tuple[str, ...], Array]]:
-    """(channel names, (H, W, C) float32) of every part of the file that has one of PASS_LAYERS."""
+def _read_parts(path: Path, without: Collection[str]) -> Iterator[tuple[dict[str, dict[str, int]], Array]]:
+    """(``_layer_columns``, (H, W, C) float32) of every part of the file that has a layer not in ``without``."""
     with opened(path) as source:
         if source is None:
             raise _unreadable(path, oiio.geterror())
@@ -266,7 +266,7 @@ def _read_parts(path: Path) -> Iterator[tuple[tuple[str, ...], Array]]:
             if (found := spec.get_string_attribute("compression", "none")) not in LOSSLESS:
                 raise _unreadable(path, f"its compression is {found}, expected one without loss, as zip")
             names = spec.channelnames
-            wanted = _layer_columns(names)
+            wanted = {layer: columns for layer, columns in _layer_columns(names).items() if layer not in without}
             for layer, columns in wanted.items():  # whole numbers are read as fractions of the largest
                 for kind in {str(spec.channelformat(column)) for column in columns.values()}.difference(FLOATS):
                     raise _unreadable(path, f"its layer {layer} has {kind} numbers instead of floats")
@@ -274,7 +274,7 @@ def _read_parts(path: Path) -> Iterator[tuple[tuple[str, ...], Array]]:
             if source.has_error:
                 raise _unreadable(path, source.geterror())
             if pixels is not None:
-                yield names, pixels.reshape(*pixels.shape[:2], len(names))
+                yield wanted, pixels.reshape(*pixels.shape[:2], len(names))
             index += 1
 
 

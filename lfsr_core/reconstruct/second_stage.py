@@ -202,9 +202,9 @@ class _Work:
             show = beside.submit(ViewTransform, frame.color,
                                  math.prod((*frame.rays.tiles, *frame.display.views))) if shows else None
             with self.clock("load"):
-                layers, self.replaced = read_finite(folder / files.LOW_RES_FILE)  # pixels that were not finite
-                if not self.method.upscaler.follows_depth:
-                    layers.pop("position", None)
+                without = () if self.method.upscaler.follows_depth else ("position",)
+                # replaced: pixels that were not finite
+                layers, self.replaced = read_finite(folder / files.LOW_RES_FILE, without)
                 low = low_resolution(layers, frame, read_world(folder, frame))
             if show is not None:
                 with self.clock("color"):
