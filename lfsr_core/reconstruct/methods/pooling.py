@@ -40,7 +40,7 @@ LENSES_IN_CACHE, SAMPLES_IN_CACHE = 24, 40_000
 LEAST_SAMPLES = 2  # per pixel from which detail is told from noise
 LEAST_STEEP = 0.1  # lenses per rendered view: below, no other lens is within reach
 LEAST_OTHERS = 0.3  # sum of the weights of other lenses' samples
-DETAIL_REACH, DETAIL_SIGMA = 2, 1.5  # rendered views: reach, and standard deviation of the weight, of residuals
+DETAIL_REACH, DETAIL_SIGMA = 3, 2.0  # rendered views: reach, and standard deviation of the weight, of residuals
 NEIGHBOURS = 1  # lenses to each side over which covariances are added
 LIMIT, DARK = 1.0, 1e-3  # of a residual, in encoded values; scene-linear value below which √x is taken for a line
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
@@ -131,14 +131,12 @@ class Pooling(Upscaler):
         if noisy is None or low.samples < LEAST_SAMPLES or steepest < LEAST_STEEP:
             return color
         (sy, sx, h, w), known = slope.shape, slope < UNKNOWN
-        lost = np.empty((*slope.shape, 4), np.float32)  # and 1 where it is known
+        lost = np.empty((*slope.shape, 3), np.float32)
 
         def residual(row: int) -> None:
             dark = np.maximum(low.color[row], DARK)
             dark = 0.5 / np.where(dark < 1, np.sqrt(dark), dark)
-            lost[row, ..., :3] = np.clip((noisy[row] - low.color[row]) * dark, -LIMIT, LIMIT)
-            lost[row, ..., 3] = 1
-            lost[row] *= known[row, ..., None]
+            lost[row] = np.clip((noisy[row] - low.color[row]) * dark, -LIMIT, LIMIT) * known[row, ..., None]
 
         in_threads(residual, range(sy))
         found = lost
@@ -153,11 +151,12 @@ class Pooling(Upscaler):
         mean, shared, power = np.empty_like(color), np.empty((sy, sx)), np.empty((sy, sx))
 
         def covariance(row: int) -> None:
-            others, count, own = found[row, ..., :3], found[row, ..., 3:], lost[row, ..., :3]
+            others, count, own = found[row, ..., :3], found[row, ..., 3:], lost[row]
             seen = (count > LEAST_OTHERS) & known[row, ..., None]
             mean[row] = (others + own) / (count + 1) * seen
-            shared[row] = np.einsum("xvuc,xvuc,c->x", own, others / np.maximum(count, LEAST_OTHERS) * seen, LUMINANCE)
-            power[row] = np.einsum("xvuc,xvuc,c->x", mean[row], mean[row], LUMINANCE)
+            others = others / np.maximum(count, LEAST_OTHERS) * seen
+            shared[row] = np.einsum("xvuc,xvuc->xc", own, others) @ LUMINANCE
+            power[row] = np.einsum("xvuc,xvuc->xc", mean[row], mean[row]) @ LUMINANCE
 
         in_threads(covariance, range(sy))
         shared, power = _pooled_lenses(shared), _pooled_lenses(power)
@@ -267,12 +266,13 @@ def pooled(samples: Array, starts: Array, line: Line) -> Array:
 
 
 def _residuals(values: Array, slopes: Array, places: Array, length: int, own: bool) -> Array:
-    """Sums (C, n, lenses, views) of residuals along the line of every sample, along one axis.
+    """Sums (4, n, lenses, views) of residuals, and of their weights, along the line of every sample, along one axis.
 
-    ``places``, ``length``: of lenses in a padded row. ``own``: whether samples of the same lens count.
+    ``values`` (C, n, lenses, views): residuals, and after another axis the sums of their weights. ``places``,
+    ``length``: of lenses in a padded row. ``own``: whether samples of the same lens count.
     """
     (n, _, views), stride = slopes.shape, slopes.shape[-1] + 2 * REACH
-    planes, found = padded((n, length, stride), len(values)), np.zeros_like(values)
+    planes, found = padded((n, length, stride), len(values)), np.zeros((4, *slopes.shape), np.float32)
     planes[:-1, :, places, REACH:-REACH] = values
     planes[-1, :, places, REACH:-REACH] = slopes.transpose(1, 0, 2)
     taps = [(step, np.float32(step), np.float32(math.exp(-0.5 * (step / DETAIL_SIGMA) ** 2)))
@@ -282,8 +282,8 @@ def _residuals(values: Array, slopes: Array, places: Array, length: int, own: bo
 
     def lenses(part: Array) -> None:
         along = slopes[row[part], lens[part]]
-        found[:, row[part], lens[part]] = _sums(planes, stride, taps, starts[part], along,
-                                                np.zeros(along.shape, bool), own)[1]
+        total, sums = _sums(planes, stride, taps, starts[part], along, np.zeros(along.shape, bool), own)
+        found[:, row[part], lens[part]] = sums if len(sums) == 4 else [*sums, total]
 
     in_threads(lenses, np.array_split(np.arange(len(row)), math.ceil(len(row) * views / SAMPLES_IN_CACHE)))
     return found
@@ -307,12 +307,13 @@ def _sums(planes: Array, stride: int, taps: Sequence[tuple[Any, ...]], starts: A
         index = lens.astype(int)
         index *= stride
         index += starts + view
+        root = np.sqrt(by_view)
+        scaled = root * np.float32(1 / NEAR**2)
         for step in range(2):  # the lenses to either side of the line
-            weight = place * np.float32(1 / NEAR)
-            np.multiply(weight, weight, out=weight)
-            np.maximum(np.subtract(1, weight, out=weight), 0, out=weight)
+            weight = place * place  # then by_view · (1 − (place / NEAR)²)²
+            weight *= scaled
+            np.maximum(np.subtract(root, weight, out=weight), 0, out=weight)
             weight *= weight
-            weight *= by_view
             if not own:
                 weight *= lens != -step
             there = planes[-1].take(index)
