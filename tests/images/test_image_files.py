@@ -85,7 +85,7 @@ def test_reads_blender_5_parts_and_leaves_unknown_passes_out(tmp_path):
     write_exr(tmp_path / "a.exr", parts)
     back = image_files.read_layers(tmp_path / "a.exr")
     assert back.keys() == {"color", "index", "normal"}
-    assert exr.read_layers(tmp_path / "a.exr", without=("normal",)).keys() == {"color", "index"}
+    assert image_files.read_layers(tmp_path / "a.exr", without=("normal",)).keys() == {"color", "index"}
     for name, pixels in back.items():
         np.testing.assert_array_equal(pixels, layers[name], err_msg=name)
 
