@@ -34,7 +34,7 @@ from lfsr_core.cli import main
 from lfsr_core.images.image_files import write_png
 from lfsr_core.optics.display import write_profile
 from lfsr_core.optics.rays import to_views
-from lfsr_core.pipeline.make import finish_frame
+from lfsr_core.reconstruct.second_stage import finish_frame
 from lfsr_lab.experiments.sweeps.records import choose_sweeps, label
 from lfsr_lab.networks import comparators
 from lfsr_lab.networks.methods import LabMethod
