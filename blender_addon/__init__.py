@@ -10,7 +10,7 @@ import importlib
 
 # Each of these may list in CLASSES what Blender registers, in HANDLERS what it calls after changes (name, function), in
 # DRAWN what draws in every 3D view (event, function), and have a register() and unregister() of its own.
-MODULES = ("ui.properties", "scene.array.cached", "jobs.images", "check.last", "jobs.task",
+MODULES = ("ui.properties", "scene.array.rig", "jobs.images", "jobs.folders", "check.last", "jobs.runtime",
            "jobs.session", "live.session", "ui.operators.render", "ui.operators.array", "ui.operators.check",
            "ui.operators.plan", "ui.operators.show", "ui.panels", "ui.array_view")
 

@@ -12,12 +12,16 @@ import bpy
 import numpy as np
 
 from lfsr_core.base.arrays import Array
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
+from ..scene import settings as scene_settings
 from ..scene.array import placement, rig
-from ..scene.settings import Resolved, length
-from .problem import Problem
+from ..scene.contents import find_subject
+from ..scene.settings import length
+from ..scene.words import capitalized
+from .problems import ERROR, Problem
 
 COVERS = 0.8          # fraction of the display, in both directions, beyond which an object is its background
 TOLERANCE = 1e-3      # of the display's distance
@@ -43,27 +47,38 @@ class Extents:
         return ((np.minimum(self.high, 1) - np.maximum(self.low, -1)) / 2 > COVERS).all(1)
 
 
-def find(scene: bpy.types.Scene, settings: Resolved, placed: rig.Placement,
-         subject: set[bpy.types.Object]) -> Iterator[Problem]:
-    """Problems of the visible objects of ``subject``, by name; ``placed``: the camera array and its world matrix."""
-    owners, boxes = placement.boxes(subject)
-    if not owners:
+def find(scene: bpy.types.Scene) -> Iterator[Problem]:
+    """Problems of the visible objects of the subject, by name, or of the array that cannot be placed."""
+    array = rig.find(scene)
+    if array is None:
         return
-    array, toward = placed[0], np.linalg.inv(np.array(placed[1]))
+    try:
+        placed, subject = rig.placement(scene, scene_settings.display_of(scene)), find_subject(scene)
+    except LfsrError as error:
+        yield Problem("rig", array.name, f"{capitalized(str(error))}.", "Add Again", ERROR, is_object=True)
+        return
+    try:
+        settings = scene_settings.resolve(scene)
+    except LfsrError:
+        return  # said by another check
+    owners, boxes = placement.boxes(subject)
+    if placed is None or not owners:
+        return
+    cameras, toward = placed[0], np.linalg.inv(np.array(placed[1]))
     items = sorted(set(owners), key=lambda item: item.name)
     rows = {item: row for row, item in enumerate(items)}
-    extents = extents_of(boxes @ toward[:3, :3].T + toward[:3, 3], array, np.array([rows[owner] for owner in owners]))
-    distance, (near, far) = array.distance, rig.usable_depth(array, settings.display)
+    extents = extents_of(boxes @ toward[:3, :3].T + toward[:3, 3], cameras, np.array([rows[owner] for owner in owners]))
+    distance, (near, far) = cameras.distance, rig.usable_depth(cameras, settings.display)
     margin = TOLERANCE * distance
     # A floor or a room begins beside the viewer, or in front of the usable depth, and ends behind the display.
     through = (extents.far > np.where(extents.near <= 0, distance, far)) & (extents.near < near)
     background = through | (extents.cover & (extents.far > far + margin))
-    seen = finest(extents, settings.display, array, settings.sampling.scale)
+    seen = finest(extents, settings.display, cameras, settings.sampling.scale)
     is_only = not (extents.visible & ~background).any()  # without another subject nothing would be left before it
     for row in np.flatnonzero(extents.visible):
         item = items[row]
         if background[row]:
-            if is_only:
+            if is_only or settings.subpixels:  # where nothing is reconstructed, marking it saves no time
                 continue
             yield _problem("background", item, "It fills the display or its whole depth, so every lens counts as "
                            "foreground. Objects in a collection called Background are reconstructed faster.",

@@ -1,12 +1,14 @@
-"""The last scene check: what it found, and whether the scene has changed since."""
+"""Check a scene: what a render asks about, what the last check found, and whether the scene has changed since."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 import bpy
 
 from ..jobs import images
-from .problem import Problem, grouped
-from .problems import check_scene
+from . import geometry, look
+from .problems import ASKING, QUICK, SEVERITIES, Problem, denoiser, disks, grouped
 
 _problems: list[Problem] = []
 _rows: list[Problem] = []
@@ -15,6 +17,21 @@ _OWNER = object()
 # Types of settings whose changes Blender does not report as changes of the scene.
 SETTINGS = (bpy.types.RenderSettings, bpy.types.ViewLayer, bpy.types.LayerCollection,
             bpy.types.ColorManagedViewSettings)
+
+
+def check_scene(scene: bpy.types.Scene) -> list[Problem]:
+    """Return everything found, worst first."""
+    return _sorted(problem for check in (*QUICK, look.find, denoiser, geometry.find) for problem in check(scene))
+
+
+def to_ask(scene: bpy.types.Scene, frames: int = 1) -> list[Problem]:
+    """Return what an artist is asked about before a render of ``frames`` images, worst first."""
+    found = [problem for check in (*ASKING, look.find) for problem in check(scene) if problem.asks]
+    return _sorted([*found, *disks(scene, frames)])
+
+
+def _sorted(problems: Iterable[Problem]) -> list[Problem]:
+    return sorted(problems, key=lambda problem: SEVERITIES.index(problem.severity))
 
 
 def problems(code: str = "") -> list[Problem]:

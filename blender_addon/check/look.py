@@ -18,15 +18,15 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
+from ..compat import overridden
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig, room
-from ..scene.array.ray_cast import Rays
+from ..scene.array.placement import Rays
+from ..scene.contents import GEOMETRY, find_subject, with_instanced
 from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, world_radiance
-from ..scene.overrides import overridden
 from ..scene.settings import length
-from ..scene.subject import GEOMETRY, find_subject, with_instanced
 from ..scene.words import counted
-from .problem import Problem
+from .problems import Problem
 
 # Code of the problem: the operator's property that mends it, and its title.
 MENDS = {"cube": ("leave_out_cube", "Leave Out Cube"), "frame": ("fit_objects", "Fit to Objects"),

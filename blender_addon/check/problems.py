@@ -1,30 +1,43 @@
-"""Check a scene before rendering: what will go wrong on its display."""
+"""One finding of the scene check, rows of several ("4,998 objects are too thin"), and what settings and files give."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import shutil
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import bpy
 
 from lfsr_core.base.messages import LfsrError, Notice
 
-from ..jobs import images, runtime
-from ..scene import devices, folders
+from .. import compat
+from ..jobs import folders, images, runtime
 from ..scene import settings as scene_settings
 from ..scene.array import rig
+from ..scene.contents import find_subject, left_out, materials, nodes_of
 from ..scene.files import SECONDS_IN_PANEL, unreadable
 from ..scene.light import AUTO_LIGHT, OWN_LIGHT, SCENE_LIGHTS, has_light
-from ..scene.notices import left_out, materials, nodes_of
 from ..scene.settings import Resolved, color_settings, title
-from ..scene.subject import find_subject
 from ..scene.words import capitalized, sentence
-from . import geometry, look
-from .problem import ERROR, INFO, SEVERITIES, WARNING, Problem
 
+ERROR, WARNING, INFO = SEVERITIES = ("ERROR", "WARNING", "INFO")
+MOST_ROWS = 5  # that are shown at first
+# Title and reason of several findings of a kind, by their code.
+SEVERAL = {
+    "thin": ("{} objects are too thin", "They are thinner than what the rendered views show at their depths. Choose a "
+             "smaller scale or move them nearer to the display plane."),
+    "depth": ("{} objects leave the usable depth", "The display blurs what is nearer or farther than the orange "
+              "rectangles. Move them, or move the display plane."),
+    "background": ("{} objects fill the display", "Every lens counts as foreground. Objects in a collection called "
+                   "Background are reconstructed faster."),
+    "texture": ("{} files are missing", "What needs them looks wrong."),
+    "eevee": ("{} materials have nodes of EEVEE", "Cycles, with which light fields are rendered, shows them black: "
+              "connect shaders of Cycles."),
+    "dirty": ("{} images have unsaved changes", "The render would not show them."),
+    "script": ("{} materials have Script nodes", "Script nodes need the CPU or OptiX as device, and Open Shading "
+               "Language switched on in Render Properties.")}
 # Bytes per rendered pixel of all layers, per finished pixel of an image, of its linear copy, and of its decoded views.
 RENDERED, IMAGE, LINEAR, VIEWS = 48, 3, 6, 3
 GIGABYTE = 1e9
@@ -54,20 +67,35 @@ SWITCHED = {"exclude": ("Excluded Collections", "Include"), "holdout": ("Holdout
             "indirect_only": ("Indirect-Only Collections", "Switch Off")}
 
 
-def check_scene(scene: bpy.types.Scene) -> list[Problem]:
-    """Return everything found, worst first."""
-    return _sorted(problem for check in (*QUICK, look.find, _denoiser, _geometry) for problem in check(scene))
+@dataclasses.dataclass(frozen=True)
+class Problem:
+    """One finding of the scene check."""
+
+    code: str  # kind of problem, and key of its fix among the buttons' FIXES or OPERATORS
+    target: str  # name of the object, image or setting
+    reason: str  # a sentence for the artist
+    fix: str = ""  # text of the button that removes the problem, empty for no button
+    severity: str = WARNING
+    is_object: bool = False  # whether ``target`` is an object that can be selected
+    title: str = ""  # shown instead of ``target``
+    asks: bool = False  # whether a render is started only after the artist was asked
+    count: int = 1  # of the findings that a row stands for
 
 
-def to_ask(scene: bpy.types.Scene, frames: int = 1) -> list[Problem]:
-    """Return what an artist is asked about before a render of ``frames`` images, worst first."""
-    checks = (check for check in (*QUICK, look.find) if check is not _disks)
-    found = [problem for check in checks for problem in check(scene) if problem.asks]
-    return _sorted([*found, *_disks(scene, frames)])
-
-
-def _sorted(problems: Iterable[Problem]) -> list[Problem]:
-    return sorted(problems, key=lambda problem: SEVERITIES.index(problem.severity))
+def grouped(problems: Iterable[Problem]) -> list[Problem]:
+    """Return the rows of ``problems``, worst first, else in their order; a row of several has no ``target``."""
+    kinds: dict[tuple[str, ...], list[Problem]] = {}
+    for problem in problems:
+        key = (problem.code,) if problem.code in SEVERAL else (problem.code, problem.target, problem.reason)
+        kinds.setdefault(key, []).append(problem)
+    rows = []
+    for first, *others in kinds.values():
+        row = dataclasses.replace(first, title=first.title or first.target)
+        if others:
+            (title, reason), count = SEVERAL[first.code], 1 + len(others)
+            row = dataclasses.replace(row, title=title.format(f"{count:,}"), reason=reason, target="", count=count)
+        rows.append(row)
+    return sorted(rows, key=lambda row: SEVERITIES.index(row.severity))
 
 
 def _renderer(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -111,7 +139,7 @@ def _light(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 
 def _scripts(scene: bpy.types.Scene) -> Iterator[Problem]:
-    if not _has_cycles() or (scene_settings.device_of(scene) in devices.WITH_OSL_CAMERA and devices.has_osl()
+    if not _has_cycles() or (scene_settings.device_of(scene) in compat.WITH_OSL_CAMERA and compat.has_osl()
                              and getattr(scene.cycles, "shading_system", False)):
         return
     for material in materials(scene):
@@ -131,23 +159,7 @@ def _images(scene: bpy.types.Scene) -> Iterator[Problem]:
                           "Pack", asks=True)
 
 
-def _geometry(scene: bpy.types.Scene) -> Iterator[Problem]:
-    array = rig.find(scene)
-    if array is None:
-        return
-    try:
-        placed, subject = rig.placement(scene, scene_settings.display_of(scene)), find_subject(scene)
-    except LfsrError as error:
-        yield Problem("rig", array.name, f"{capitalized(str(error))}.", "Add Again", ERROR, is_object=True)
-        return
-    with suppress(LfsrError):  # said by _settings
-        settings = scene_settings.resolve(scene)
-        # Where nothing is reconstructed, marking the background saves no time.
-        yield from (problem for problem in (geometry.find(scene, settings, placed, subject) if placed else ())
-                    if not settings.subpixels or problem.code != "background")
-
-
-def _denoiser(scene: bpy.types.Scene) -> Iterator[Problem]:
+def denoiser(scene: bpy.types.Scene) -> Iterator[Problem]:
     try:
         settings = scene_settings.resolve(scene)
         lacking = runtime.lacking(settings)
@@ -162,15 +174,17 @@ def _has_cycles() -> bool:
     return bpy.context.preferences.addons.get("cycles") is not None
 
 
-def _disks(scene: bpy.types.Scene, frames: int = 1) -> Iterator[Problem]:
+def disks(scene: bpy.types.Scene, frames: int = 1) -> Iterator[Problem]:
     """The disks that have too little room for ``frames`` images of ``scene``."""
     try:
         settings, folder = scene_settings.resolve(scene), folders.scene_folder(scene)
     except LfsrError:
         return  # said elsewhere
+    file = Path(bpy.data.filepath)  # of which a render has a copy, beside the decoded views
+    work = VIEWS * math.prod(settings.display.eia_pixels) + (file.stat().st_size if file.is_file() else 0)
     for code, disk, needed, place in (
             ("disk", "the disk of the output folder", frames * bytes_of_frame(settings), folder),
-            ("temporary", "the disk of Blender's temporary files", bytes_of_work(settings), Path(bpy.app.tempdir))):
+            ("temporary", "the disk of Blender's temporary files", work, Path(bpy.app.tempdir))):
         if (room := free(place)) < needed:
             yield Problem(code, "Disk Space", f"The render needs up to {needed / GIGABYTE:.2g} GB, but {disk} has only "
                           f"{room / GIGABYTE:.2g} GB free.", "Choose Folder…", ERROR, asks=True)
@@ -181,12 +195,6 @@ def bytes_of_frame(settings: Resolved) -> int:
     finished = math.prod(settings.display.panel_pixels if settings.subpixels else settings.display.eia_pixels)
     rendered = finished // settings.display.finished_pixels(settings.sampling.scale)
     return RENDERED * rendered + (IMAGE + LINEAR * settings.finish.linear_exr) * finished
-
-
-def bytes_of_work(settings: Resolved) -> int:
-    """Bytes of the temporary files of one render: a copy of the open file, and the decoded views."""
-    file = Path(bpy.data.filepath)
-    return VIEWS * math.prod(settings.display.eia_pixels) + (file.stat().st_size if file.is_file() else 0)
 
 
 def free(folder: Path) -> float:
@@ -229,5 +237,6 @@ def _shows_world(scene: bpy.types.Scene) -> bool:
         item.is_shadow_catcher for item in bpy.data.objects)
 
 
-# What takes no longer in a scene of many objects than looking at each of them once.
-QUICK = (_renderer, _settings, _array, _light, _scripts, _images, _disks, _ignored)
+# What takes no longer in a scene of many objects than looking at each of them once; of these, what a render asks about.
+QUICK = (_renderer, _settings, _array, _light, _scripts, _images, disks, _ignored)
+ASKING = (_light, _scripts, _images, _ignored)

@@ -36,14 +36,13 @@ from lfsr_core.process.child import (
     repeated,
 )
 
-from ..compat import literal_path, video_output
+from ..compat import literal_path, overridden, video_output
 from ..render.frame_folder import Opened, inputs_before_opening, render_job, settled_light
 from ..render.output import UNFINISHED
 from ..scene.array import placement
+from ..scene.contents import left_out
 from ..scene.files import check_files
-from ..scene.notices import left_out
 from ..scene.open import camera_notices, choose_camera, choose_scene, local_scene, open_scene
-from ..scene.overrides import overridden
 
 STANDARD_INPUT = 0
 MOST_WAITING, LEAST_WORK = 60, 0.05  # seconds without CPU seconds, after which a file does not answer

@@ -7,8 +7,7 @@ because Windows replaces no mapped file.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -148,19 +147,6 @@ def redraw_sidebars() -> None:
     """Redraw the sidebars alone: a view of thousands of objects takes long."""
     for region in (region for area in areas("VIEW_3D") for region in area.regions if region.type == "UI"):
         region.tag_redraw()
-
-
-@contextmanager
-def wait_cursor() -> Iterator[None]:
-    """Show in every window that Blender is busy inside the block; background mode has none."""
-    windows = [] if bpy.app.background else list(bpy.context.window_manager.windows)
-    for window in windows:
-        window.cursor_modal_set("WAIT")
-    try:
-        yield
-    finally:
-        for window in windows:
-            window.cursor_modal_restore()
 
 
 @bpy.app.handlers.persistent

@@ -24,7 +24,6 @@ from lfsr_core.optics.rays import LensCard, RayLayout, lens_card
 
 from .. import compat
 from ..render.cards import distance_to_volume, new_camera, new_card, new_panel_card, place_of
-from ..scene import devices
 from ..scene.array import rig
 from ..scene.settings import display_of, live_samples, live_scale
 from . import nodes
@@ -154,14 +153,14 @@ def follow(live: bpy.types.Scene) -> None:
               "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0, "resolution_percentage": 100, "use_multiview": False,
               "border_min_x": 0.0, "border_min_y": 0.0} | dict.fromkeys(kept) | compat.whole_textures()
     cycles = {"preview_samples": live_samples(scene, live[MARK] == EYE), "use_preview_adaptive_sampling": False,
-              "use_preview_denoising": lfsr.live_denoise and devices.has_denoiser(),
+              "use_preview_denoising": lfsr.live_denoise and compat.has_denoiser(),
               "preview_denoising_start_sample": 1, "preview_denoising_input_passes": "RGB",
               "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0, "sample_clamp_indirect": CLAMP_INDIRECT,
               "use_camera_cull": False,
               # The card is one more surface that a path passes through.
               "transparent_max_bounces": scene.cycles.transparent_max_bounces + 1}
     # Blender warns of reading a denoiser that it was built without.
-    absent = ("denoiser",) if devices.has_denoiser() else ("denoiser", "preview_denoiser")
+    absent = ("denoiser",) if compat.has_denoiser() else ("denoiser", "preview_denoiser")
     own: dict[str, dict[str, Any]] = {"render": render, "cycles": cycles | dict.fromkeys(absent)}
     for group in COPIED:
         source, target, changed = getattr(scene, group), getattr(live, group), own.get(group, {})

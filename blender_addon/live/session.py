@@ -14,7 +14,7 @@ import bpy
 
 from lfsr_core.base.messages import LfsrError
 
-from ..scene import devices
+from .. import compat
 from ..scene.settings import display_of
 from . import scene as live_scene
 from .scene import EYE, MARK, PANEL
@@ -58,7 +58,7 @@ def start(scene: bpy.types.Scene, kind: str = PANEL) -> None:
     """Open the live window of ``scene``; LfsrError if it cannot be shown."""
     if is_on(kind):
         raise LfsrError("the live view is on already: press Stop Live first")
-    devices.cycles_preferences()
+    compat.cycles_preferences()
     live_scene.view_of(scene, LARGE, kind)
     _beside(scene) if kind == EYE else open_window()
     _on[kind] = _Shown(scene.session_uid)

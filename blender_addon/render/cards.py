@@ -23,8 +23,8 @@ from lfsr_core.optics.panel.subpixel_rays import PanelLayout
 from lfsr_core.optics.rays import CameraArray, LensCard, RayLayout, lens_card
 
 from .. import compat
+from ..compat import new_data, overridden
 from ..scene.array.rig import Matrix, to_blender
-from ..scene.overrides import new_data, overridden
 
 NAME, PANEL_NAME, PLANE_NAME = "LFSR Lens Card", "LFSR Panel Card", "LFSR Clip Plane"
 CELL, LENS = "cell", "lens"   # attributes of the lens card's mesh

@@ -25,10 +25,9 @@ from lfsr_core.optics.rays import RayLayout
 from lfsr_core.pipeline.parts import ImageParts, Part
 
 from .. import compat
-from ..scene import devices
+from ..compat import new_data, overridden
 from ..scene.array.rig import Matrix, to_blender
-from ..scene.notices import rendered_layer
-from ..scene.overrides import new_data, overridden
+from ..scene.contents import rendered_layer
 from .cards import card_camera, clip_plane
 from .output import Follow, border, render_in_bands, render_to
 
@@ -170,7 +169,7 @@ def cycles_settings(scene: bpy.types.Scene, settings: RenderSettings, size: tupl
     # Cycles' denoising albedo and normal see through glass.
     own |= {"use_denoising": False, "denoising_store_passes": "albedo" in layers or "normal" in layers}
     with ExitStack() as stack:
-        stack.enter_context(devices.enabled(settings.device))
+        stack.enter_context(compat.device_enabled(settings.device))
         for owner, values in ((scene.render, render),
                               (scene.render.image_settings, compat.multilayer_exr(settings.half)),
                               (scene.cycles, cycles),
@@ -237,7 +236,7 @@ def set_shader(camera: bpy.types.Camera, source: str, parameters: Mapping[str, A
 def compile_osl(source: str) -> str:
     """Return the bytecode of OSL ``source``; LfsrError if this Blender has no OSL or rejects it."""
     advice = "the OSL camera is not available ({}): render with the layout lens-card"
-    if not devices.has_osl():
+    if not compat.has_osl():
         raise LfsrError(advice.format("this Blender was built without OSL"))
     import _cycles
 

@@ -37,14 +37,14 @@ from lfsr_core.pipeline.parts import ImageParts, Part, remove_others
 from lfsr_core.reconstruct.upscaler import finished_layout
 from lfsr_core.version import __version__
 
-from ..scene import devices
-from ..scene.array import motion, placement
+from .. import compat
+from ..compat import overridden
+from ..scene.array import placement
 from ..scene.array.rig import Placement
+from ..scene.contents import find_subject, has_background_meshes
 from ..scene.files import check_files, image_files
 from ..scene.light import DEFAULT_LIGHT, DIM, LEAST_ALBEDO, has_light, is_certain, lit
-from ..scene.overrides import overridden
 from ..scene.settings import color_settings
-from ..scene.subject import find_subject, has_background_meshes
 from . import world
 from .cycles import (
     FOREGROUND,
@@ -63,7 +63,7 @@ from .view_by_view import render_views
 HALF_SEED = 1 << 20
 # Fields of a request that the scene or this machine may settle. The panel renders a copy, whatever its path.
 SETTLED = ("scene", "device", "light", "sampling")
-SOURCES = ("render", "scene")  # packages of the add-on that decide pixels
+SOURCES = ("compat.py", "render/**/*.*", "scene/**/*.*")  # of the add-on, which decide pixels
 LIGHT_WIDTH, LIGHT_SAMPLES = 64, 4  # pixels across, and samples per pixel, of the measurement of light
 FIRST_WIDTH, FIRST_SAMPLES, FIRST_MAP = 160, 24, 128  # of the first view
 MOST_SECONDS = 60.0  # that an image may take because more rays are taken than were asked for
@@ -87,7 +87,7 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
     stamp no parts of a long render are cached. An exception that ``tell`` raises cancels.
     """
     opened = opened or Opened()
-    request = dataclasses.replace(request, device=devices.resolved(request.device),
+    request = dataclasses.replace(request, device=compat.best_device(request.device),
                                   light=opened.light if request.light == AUTO else request.light)
     notes = list(opened.notes)
 
@@ -153,7 +153,7 @@ def prepared(scene: bpy.types.Scene, request: Request, say: Say = silent) -> Ite
     """Set ``scene`` to the request's frame, light it and index its objects inside the block; yield the Frame."""
     # Not at the request's frame: all frames of an animation have the same light.
     request = dataclasses.replace(request, light=settled_light(scene, request, say))
-    with motion.same_frame(scene):
+    with placement.same_frame(scene):
         if request.frame is not None:
             scene.frame_set(request.frame)
         check_files(scene, None, request.allow_missing, say)
@@ -204,7 +204,7 @@ def is_dark(scene: bpy.types.Scene, request: Request) -> bool:
     with suppress(LfsrError):
         subject = find_subject(scene, request.subject)
         placed = placement.place_array(scene, request.display, subject)
-        settings = RenderSettings(LIGHT_SAMPLES, layers=("albedo", "index"), device=devices.resolved(request.device))
+        settings = RenderSettings(LIGHT_SAMPLES, layers=("albedo", "index"), device=compat.best_device(request.device))
         with _resting(scene), pass_indices(subject):
             layers = _seen_from_middle(scene, placed, settings, LIGHT_WIDTH)
         seen = (layers["color"][..., 3] > 0.5) & (layers["index"][..., 0] == FOREGROUND)
@@ -265,8 +265,8 @@ def inputs_before_opening(request: Request, content: str) -> dict[str, str]:
 
     Cached parts are used by a render with the same inputs only. ``content``: stamp of the scene's file.
     """
-    folders = (Path(__file__).resolve().parents[1] / name for name in SOURCES)
-    sources = [path for folder in folders for path in sorted(folder.rglob("*.*")) if path.suffix in (".py", ".osl")]
+    addon = Path(__file__).resolve().parents[1]
+    sources = [path for name in SOURCES for path in sorted(addon.glob(name)) if path.suffix in (".py", ".osl")]
     sampling = request.sampling
     chosen = {} if sampling.scales else {"samples or scale": digest([sampling.scale, sampling.samples])}
     return {"settings": digest(request_facts(request, (*PLACES, *SETTLED))), **chosen, "scene file": digest(content),
@@ -289,7 +289,7 @@ def _frame(scene: bpy.types.Scene, request: Request, subject: set[bpy.types.Obje
     if world_visible is None:
         world_visible = request.light == OWN and scene.world is not None and not scene.render.film_transparent
     # The lens card renders where the OSL camera cannot.
-    layout = devices.way_of(request.device) if request.layout == "one-pass" else request.layout
+    layout = compat.way_of(request.device) if request.layout == "one-pass" else request.layout
     return Frame(
         display=request.display, scale=1 if request.kind == "reference" else request.sampling.scale,
         scale_reason=request.sampling.reason, array=array, matrix_world=matrix_world,
@@ -299,7 +299,7 @@ def _frame(scene: bpy.types.Scene, request: Request, subject: set[bpy.types.Obje
         color=color_settings(scene, world_visible), scene=os.path.basename(request.scene or bpy.data.filepath),
         scene_name=request.scene_name or scene.name_full, source=request.source, subject=request.subject or "",
         camera=request.camera or "", light=request.light, blender=bpy.app.version_string, device=request.device,
-        gpus=devices.gpu_addresses(request.device))
+        gpus=compat.gpu_addresses(request.device))
 
 
 def _images(scene: bpy.types.Scene, request: Request, frame: Frame) -> list[tuple[str, RenderSettings]]:

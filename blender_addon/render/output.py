@@ -23,7 +23,7 @@ from lfsr_core.images import image_files
 from lfsr_core.pipeline.parts import ImageParts, Pace, Part, gaps, is_worth_storing
 
 from .. import compat
-from ..scene.overrides import overridden
+from ..compat import overridden
 
 # Called with the fraction of an image that is done and what Cycles does; an exception that it raises cancels.
 Follow = Callable[[float, str], None]

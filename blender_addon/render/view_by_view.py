@@ -19,8 +19,8 @@ from lfsr_core.images import image_files
 from lfsr_core.optics.rays import from_views, view_offset
 
 from .. import compat
+from ..compat import overridden
 from ..scene.array.rig import to_blender
-from ..scene.overrides import overridden
 from .cycles import RenderSettings, Shot, cycles_settings, pixel_aspect, temporary_camera
 from .output import Follow, listed, one_of, render_to, unfinished
 

@@ -16,9 +16,9 @@ import bpy
 from lfsr_core.optics.world_view import WorldImage
 
 from .. import compat
+from ..compat import new_data, overridden
 from ..scene.array.rig import Matrix
-from ..scene.notices import has_coordinates, nodes_of
-from ..scene.overrides import new_data, overridden
+from ..scene.contents import has_coordinates, nodes_of
 from .cards import Wiring
 from .cycles import RenderSettings, cycles_settings, pixel_aspect, temporary_camera
 from .output import render_to

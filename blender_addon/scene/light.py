@@ -14,6 +14,7 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.request import AUTO, EVEN, OWN, WORLD_IMAGES, check_light, is_light_file
 
 from .. import compat
+from .contents import materials
 
 DEFAULT_LIGHT = "city"  # neutral, from all sides: suits glass as well as skin
 # Brightness below which a white surface is almost in the dark. The world of a new file, 0.05, lights less.
@@ -74,8 +75,7 @@ def is_certain(scene: bpy.types.Scene) -> bool:
 
 def has_emission(scene: bpy.types.Scene) -> bool:
     """Return True if a material in use shines."""
-    materials = {slot.material for item in scene.objects if not item.hide_render for slot in item.material_slots}
-    return any(material is not None and _shines(material.node_tree, (0, 0, 0)) for material in materials)
+    return any(_shines(material.node_tree, (0, 0, 0)) for material in materials(scene))
 
 
 def world_radiance(world: bpy.types.World | None) -> float:

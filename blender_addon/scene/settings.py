@@ -31,19 +31,31 @@ from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.reconstruct.methods import AS_RENDERED, DEFAULT_METHOD, MENU, MORE, SUBPIXEL_METHODS, MethodName
 
 from .. import compat
-from . import devices
 from .array import rig
-from .folders import absolute
+from .contents import GEOMETRY, find_subject
 from .light import FILE_LIGHT, NAMES
-from .subject import GEOMETRY, find_subject
 from .words import DIRECT
 
 PROFILE_FILE = "FILE"
+UNSAVED = "untitled"
 DEFAULT_DISPLAY = "first-look"  # a new file's: its images take seconds on two cores
 WORKING_SPACE = "Linear Rec.709"
 SCALES = (1, 2, 3, 4, 5, 8)
 AUTO_SCALE = "AUTO"
 QUALITY_SAMPLES = {"DRAFT": 4, "BALANCED": 16, "FINAL": 64}  # at the usual scale
+
+
+def absolute(path: str, what: str) -> Path:
+    """Absolute path of a Blender path; LfsrError if it is relative to a file that was never saved."""
+    if path.startswith("//") and not bpy.data.filepath:
+        raise LfsrError(f"{what} is {path!r}, beside the .blend file, but this file is not saved yet: "
+                        "save it or choose another folder")
+    return Path(bpy.path.abspath(path)).absolute()
+
+
+def file_stem() -> str:
+    """Name of the open file without its suffix."""
+    return Path(bpy.data.filepath).stem or UNSAVED
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,7 +110,7 @@ def resolve(scene: bpy.types.Scene) -> Resolved:
         finish = Finish(method.text, linear_exr=settings.linear_exr, temporal_averaging=settings.temporal_averaging)
     sampling = Sampling(scale, settings.samples or samples_at(display, scale, settings.rays), scales,
                         rays if scales else None)
-    request = Request("", display, sampling=sampling, layout=SUBPIXELS if subpixels else devices.way_of(device),
+    request = Request("", display, sampling=sampling, layout=SUBPIXELS if subpixels else compat.way_of(device),
                       scene_name=scene.name_full, seed=settings.seed, frame=scene.frame_current, device=device,
                       light=light if light in LIGHTS or is_light_file(light) else AUTO)
     return Resolved(request, finish, rays)
@@ -123,7 +135,7 @@ def check(scene: bpy.types.Scene) -> Resolved:
 
 def resolve_for_render(scene: bpy.types.Scene) -> Resolved:
     """Resolve the settings; LfsrError for whatever makes a render impossible before it starts."""
-    devices.cycles_preferences()
+    compat.cycles_preferences()
     resolved = check(scene)
     find_subject(scene)
     color_settings(scene)

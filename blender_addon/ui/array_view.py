@@ -24,7 +24,7 @@ from lfsr_core.optics.rays import CameraArray
 
 from ..jobs import images
 from ..scene import settings as scene_settings
-from ..scene.array import cached, rig
+from ..scene.array import rig
 from ..scene.array.placement import View
 
 FILL = 0.92  # of the 3D view's free part
@@ -156,7 +156,7 @@ def view_of(area: bpy.types.Area, profile: DisplayProfile) -> View:
 def frame_corners(scene: bpy.types.Scene, region: bpy.types.Region,
                   view: bpy.types.RegionView3D) -> list[mathutils.Vector]:
     """Return the display's corners in pixels of ``region``, from bottom left, in order; none without an array."""
-    placed = cached.placement(scene, scene_settings.display_of(scene))
+    placed = rig.placed(*rig.drawn(scene), scene_settings.display_of(scene))
     if placed is None:
         return []
     array, matrix = placed
@@ -237,12 +237,12 @@ def draw_array() -> None:
     scene, space = context.scene, context.space_data
     if not scene.lfsr.show_frustum or not space.overlay.show_overlays or is_looking(space, scene):
         return
-    array = cached.find(scene)
+    array = rig.drawn(scene)[0]
     if array is None or not array.visible_get():
         return
     try:
         settings = scene_settings.resolve(scene)
-        placed = cached.placement(scene, settings.display)
+        placed = rig.placed(*rig.drawn(scene), settings.display)
     except LfsrError:
         return  # the panel shows what is wrong
     if placed is None:

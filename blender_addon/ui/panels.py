@@ -13,22 +13,22 @@ from bl_ui.utils import PresetPanel
 
 from lfsr_core.base.messages import LfsrError
 
+from .. import compat
 from ..check import last
-from ..check.fixes import OPERATORS
-from ..check.problem import INFO, MOST_ROWS, Problem
-from ..jobs import images, session
+from ..check.problems import INFO, MOST_ROWS, Problem
+from ..jobs import folders, images, session
 from ..live import nodes
 from ..live import session as live_session
 from ..live.scene import EYE, PANEL
-from ..scene import devices, folders
 from ..scene import settings as scene_settings
-from ..scene.array import cached, rig
+from ..scene.array import rig
 from ..scene.light import FILE_LIGHT
 from ..scene.settings import PROFILE_FILE
 from ..scene.words import counted
 from . import array_view, summary
 from .drawing import LightFieldPanel, columns, facts, row_if, sentence
 from .operators.array import FIT_ITEMS
+from .operators.check import OPERATORS
 
 UNSAVED_NOTE = "Images are lost when Blender quits, unless you save the file: they then move beside it"
 HOW_TO_PLACE = "Drag the new window to the display and make it full screen. It follows all changes here"
@@ -170,7 +170,7 @@ class LFSR_PT_array(ClosedPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         scene, layout = context.scene, self.layout
-        array = cached.find(scene)
+        array = rig.drawn(scene)[0]
         row = layout.row(align=True)
         if array is None:
             row.operator("lfsr.array_add", text="Add", icon="OUTLINER_OB_CAMERA")
@@ -344,7 +344,7 @@ class LFSR_PT_live_advanced(ClosedPanel, bpy.types.Panel):
         row_if(not lfsr.live_samples, column).prop(lfsr, "live_rays")
         column.prop(lfsr, "live_samples")
         row_if(nodes.can_interpolate() and not woven, column).prop(lfsr, "live_smooth")
-        row_if(devices.has_denoiser(), column).prop(lfsr, "live_denoise")
+        row_if(compat.has_denoiser(), column).prop(lfsr, "live_denoise")
 
 
 def notes(scene: bpy.types.Scene) -> list[tuple[str, str]]:
@@ -353,7 +353,7 @@ def notes(scene: bpy.types.Scene) -> list[tuple[str, str]]:
     if not nodes.can_interpolate():
         found.append(("This Blender's viewport compositor cannot interpolate: each rendered view is repeated. "
                       "Blender 5.0 and later can", "INFO"))
-    if scene.lfsr.live_denoise and not devices.has_denoiser():
+    if scene.lfsr.live_denoise and not compat.has_denoiser():
         found.append(("This Blender was built without a denoiser: the live view shows its noise", "INFO"))
     if live_session.is_on():
         problem = live_session.message()
@@ -397,7 +397,7 @@ class LFSR_MT_render(bpy.types.Menu):
         layout.operator("lfsr.render_eia", icon="RENDER_STILL")
         layout.operator("lfsr.render_animation", text="Render EIA Animation", icon="RENDER_ANIMATION")
         layout.separator()
-        if cached.find(context.scene) is None:
+        if rig.drawn(context.scene)[0] is None:
             _draw_add(layout)
         layout.operator("lfsr.array_fit", text="Fit Camera Array to Selection")
         layout.operator("lfsr.check_scene")

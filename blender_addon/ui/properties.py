@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import zlib
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.request import MOST_AVERAGED
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, MENU, MORE
 
 from ..jobs import images, runtime
-from ..scene import folders
-from ..scene.array import cached, rig
+from ..scene.array import rig
 from ..scene.light import AUTO_LIGHT, light_items
 from ..scene.settings import AUTO_SCALE, DEFAULT_DISPLAY, SCALES, offered_scales, profile_items, qualities
 from ..scene.words import DIRECT
@@ -61,21 +58,13 @@ def _is_custom(settings: SceneSettings, _context: bpy.types.Context) -> None:
                                 "CUSTOM")
 
 
-@bpy.app.handlers.persistent
-def keep_saved(*_: object) -> None:
-    """Move what was rendered before a file was saved beside it."""
-    for scene in bpy.data.scenes:
-        with contextlib.suppress(LfsrError, OSError):  # it stays where it is
-            folders.move_saved(scene)
-
-
 def _show_view(settings: SceneSettings, _context: bpy.types.Context) -> None:
     images.show(settings.id_data, (settings.eye_right, settings.eye_up))
 
 
 # Named functions: Blender 5.2 loses a lambda that is written inside an annotation.
 def _get_distance(settings: SceneSettings) -> float:
-    return cached.distance(settings.id_data)
+    return rig.distance_to(rig.drawn(settings.id_data)[1])
 
 
 def _set_distance(settings: SceneSettings, distance: float) -> None:
@@ -84,7 +73,7 @@ def _set_distance(settings: SceneSettings, distance: float) -> None:
 
 
 def _get_spacing(settings: SceneSettings) -> float:
-    return cached.spacing(settings.id_data)
+    return rig.spacing_of(rig.drawn(settings.id_data)[0])
 
 
 def _set_spacing(settings: SceneSettings, spacing: float) -> None:
@@ -288,4 +277,3 @@ class SessionState(bpy.types.PropertyGroup):
 
 
 CLASSES = (LfsrPreferences, SceneSettings, SessionState)
-HANDLERS = (("save_post", keep_saved),)

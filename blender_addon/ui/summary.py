@@ -16,10 +16,9 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import rendered_size
 from lfsr_core.plan.options import PlanOptions
 
-from ..jobs import asked
-from ..scene import folders
+from ..jobs import folders
 from ..scene import settings as scene_settings
-from ..scene.array import cached, rig
+from ..scene.array import rig
 from ..scene.settings import Resolved, length
 from ..scene.words import counted
 
@@ -34,7 +33,7 @@ def image_text(scene: bpy.types.Scene) -> str:
     """What an eye will see of the image, and how long it takes; LfsrError where the settings are wrong."""
     settings = scene_settings.check(scene)
     width, height = settings.display.panel_pixels if settings.subpixels else settings.display.lenses
-    text, expected = f"{width} × {height} points", asked.expected_seconds(scene)
+    text, expected = f"{width} × {height} points", folders.expected_seconds(scene)
     return text if expected is None else f"{text}, about {duration(expected)}"
 
 
@@ -80,7 +79,7 @@ def plan_cost(scene: bpy.types.Scene) -> str:
     state = bpy.context.window_manager.lfsr
     if state.probe_scene == scene.name_full:
         return f"Takes {duration(paths * state.probe_per_path)} at most"
-    images = max(1, round(paths / asked.paths_of(settings)))
+    images = max(1, round(paths / folders.paths_of(settings)))
     return f"Takes as long as {counted(images, 'image')} at most"
 
 
@@ -92,7 +91,7 @@ def _most_paths(display: DisplayProfile, target: float) -> float:
 def depth_facts(scene: bpy.types.Scene) -> Facts:
     """Width and usable depth of the scene's array; empty where it has none, LfsrError if it is broken."""
     display = scene_settings.display_of(scene)
-    placed = cached.placement(scene, display)
+    placed = rig.placed(*rig.drawn(scene), display)
     if placed is None:
         return []
     array, (near, far) = placed[0], rig.usable_depth(placed[0], display)

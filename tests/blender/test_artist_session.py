@@ -5,8 +5,8 @@ import random
 import bpy
 import pytest
 
-from blender_addon.check.fixes import FIXES
 from blender_addon.scene.array import edit, rig
+from blender_addon.ui.operators.check import FIXES
 
 STEPS = 100
 

@@ -9,7 +9,8 @@ import bpy
 import pytest
 
 import blender_addon
-from blender_addon.check import problems
+from blender_addon.check.last import check_scene
+from blender_addon.check.problems import Problem
 from blender_addon.jobs import images, session
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import edit
@@ -64,9 +65,9 @@ def wait_for(condition: Callable[[], bool], look: bool = True) -> None:
     processes.wait_for(lambda: (look and session._look(), condition())[1], SECONDS_TO_RENDER)
 
 
-def found(scene, code: str) -> problems.Problem | None:
+def found(scene, code: str) -> Problem | None:
     """The first problem of ``code``, or None."""
-    return next((problem for problem in problems.check_scene(scene) if problem.code == code), None)
+    return next((problem for problem in check_scene(scene) if problem.code == code), None)
 
 
 def fix(scene, code: str) -> None:

@@ -16,9 +16,9 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..subject import find_subject, with_instanced
-from . import motion, placement, rig, room
-from .ray_cast import Rays
+from ..contents import find_subject, with_instanced
+from . import placement, rig, room
+from .placement import Rays
 from .rig import Placement, from_blender, to_blender, upright
 
 ARRAY_NAME, PLANE_NAME = "Light Field Array", "Display Plane"
@@ -177,7 +177,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     In a room it stands inside. Else it looks along +Y with Z up, unless much more is seen from a side or from above.
     """
     corners = dict[bpy.types.Object, list[Array]]()
-    for _ in motion.frames(scene):  # it stays in sight over an animation
+    for _ in placement.sample_frames(scene):  # it stays in sight over an animation
         for owner, found in boxes_now(subject).items():
             corners.setdefault(owner, []).append(found)
     boxes = {owner: np.concatenate(found) for owner, found in corners.items()}

@@ -1,12 +1,15 @@
-"""Where the camera array stands: at its place in the scene, at the scene's camera, or in front of the subject."""
+"""Where the camera array stands: at its place in the scene, at the scene's camera, or in front of the subject.
+
+Rays through what the viewport shows tell what is seen from there, in sample frames of an animation.
+"""
 
 from __future__ import annotations
 
 import collections
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 
 import bpy
 import mathutils
@@ -15,14 +18,13 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.frames.frame import Clip
-from lfsr_core.frames.request import FIT, Request
+from lfsr_core.frames.request import FIT, Request, spread
 from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..subject import GEOMETRY, find_subject
-from . import motion, rig
-from .ray_cast import MOST_REACH, Rays
+from ..contents import GEOMETRY, find_subject
+from . import rig
 from .rig import Placement, from_blender, to_blender, upright
 
 FILL = 0.85           # fraction of the display that the subject may fill, seen from the centre
@@ -32,6 +34,69 @@ MOST_NAMES = 3
 PROBES = (32, 18)     # rays across and down that measure the visible depth of the subject
 SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 BOXED = {"VOLUME", "CURVES", "POINTCLOUD"}  # known by their bounding boxes only
+MOST_FRAMES = 24      # sampled from an animation
+ROOM = 1 + 1e-6  # spheres are larger than their boxes by rounding
+TINY = 1e-30  # in place of 0 where a ray is parallel to the sides of boxes
+FEW = 100  # objects up to which Blender's own search, which asks each of them, is the fastest
+MOST_REACH = 1.70141e38  # Blender's value for a ray without end
+
+Hit = tuple[mathutils.Vector, mathutils.Vector, bpy.types.Object]  # place, normal of the surface, what is hit
+
+
+class Rays:
+    """The scene as it is now: an edit calls for new ones."""
+
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        """Note the bounding boxes of all meshes where there are more than FEW objects."""
+        self.scene, self.depsgraph = scene, bpy.context.evaluated_depsgraph_get()
+        self.items: list[tuple[bpy.types.Object, mathutils.Matrix]] = []
+        if len(scene.objects) <= FEW:
+            return
+        boxes, shapes = [], dict[int, list[tuple[float, ...]]]()
+        for instance in self.depsgraph.object_instances:
+            item = instance.object
+            if item.type == "MESH":
+                key = item.data.as_pointer()  # which an object has alone where modifiers change it
+                if key not in shapes:
+                    shapes[key] = [tuple(corner) for corner in item.bound_box]
+                boxes.append(shapes[key])
+                self.items.append((item.original, instance.matrix_world.copy()))
+        if self.items:
+            matrices = np.array([matrix for _, matrix in self.items])
+            points = np.einsum("nij,nkj->ink", matrices[:, :3, :3], np.array(boxes)) + matrices[:, :3, 3].T[..., None]
+            self.low, self.high = points.min(-1), points.max(-1)
+            self.middles = (self.low + self.high).T / 2
+            self.radii = np.linalg.norm(self.high - self.low, axis=0) * ROOM / 2
+
+    def cast(self, start: mathutils.Vector, way: mathutils.Vector, reach: float = MOST_REACH) -> Hit | None:
+        """Return what a ray meets first within ``reach``; hair and volumes let it pass."""
+        if not self.items:
+            found, place, normal, _, item, _ = self.scene.ray_cast(self.depsgraph, start, way, distance=reach)
+            return (place, normal, item.original) if found else None
+        way = way.normalized()
+        # First the spheres around all boxes, then the few boxes that are left.
+        apart = self.middles - np.array(start)
+        along = apart @ np.array(way)
+        near = np.flatnonzero((np.einsum("ij,ij->i", apart, apart) - along**2 <= self.radii**2)
+                              & (along >= -self.radii) & (along - self.radii <= reach))
+        place, slopes = np.array(start)[:, None], np.array([[part or TINY] for part in way])
+        first, second = (self.low[:, near] - place) / slopes, (self.high[:, near] - place) / slopes
+        enters, leaves = np.minimum(first, second).max(0), np.maximum(first, second).min(0)
+        met = np.flatnonzero((leaves >= np.maximum(enters, 0)) & (enters <= reach))
+        best, nearest = None, reach
+        for index in met[np.argsort(enters[met])]:
+            if enters[index] > nearest:
+                break
+            item, matrix = self.items[near[index]]
+            with suppress(RuntimeError, ValueError):  # it has no mesh of its own, or no size
+                inverse = matrix.inverted()
+                found, at, normal, _ = item.evaluated_get(self.depsgraph).ray_cast(
+                    inverse @ start, inverse.to_3x3() @ way)
+                at = matrix @ at
+                if found and (at - start).length <= nearest:
+                    nearest = (at - start).length
+                    best = at, (inverse.to_3x3().transposed() @ normal).normalized(), item
+        return best
 
 
 @dataclasses.dataclass(frozen=True)
@@ -199,7 +264,7 @@ def bounds(subject: Iterable[bpy.types.Object]) -> tuple[Array, Array]:
 def animated_bounds(scene: bpy.types.Scene, subject: Iterable[bpy.types.Object]) -> tuple[Array, Array]:
     """Return ``bounds`` over the whole animation, so that every frame is seen from the same place."""
     subject = set(subject)
-    corners = [corner for _ in motion.frames(scene) for corner in bounds(subject)]
+    corners = [corner for _ in sample_frames(scene) for corner in bounds(subject)]
     return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
@@ -318,7 +383,7 @@ def _free_fraction(sight: _Sight, profile: DisplayProfile, array: CameraArray) -
 def scale_of(scene: bpy.types.Scene, job: Request) -> ScaleChoice:
     """Choose one of the job's scales by the depth at which the middle of the array sees the subject in its frames."""
     subject, moves = find_subject(scene, job.subject), [np.empty(0)]
-    for _ in motion.visited(scene, job.sampling.frames):
+    for _ in visited(scene, job.sampling.frames):
         with suppress(LfsrError):  # no array where the subject is out of sight: its frame says so when it is rendered
             moves.append(moves_of(scene, job.display, subject))
     return choose_scale(job.display, np.concatenate(moves), job.sampling.scales, job.judged_rays)
@@ -328,3 +393,50 @@ def moves_of(scene: bpy.types.Scene, display: DisplayProfile, subject: set[bpy.t
     """Disparities (n,), in lenses, of what the middle of the array sees of the ``subject`` in the current frame."""
     placed = place_array(scene, display, subject)
     return disparities(display, placed[0], seen_depths(scene, placed, subject))
+
+
+def sample_frames(scene: bpy.types.Scene) -> Iterator[int]:
+    """Set the scene to sample frames of its animation in turn, yield their numbers, and restore its current frame.
+
+    A scene without animation yields its current frame only.
+    """
+    first, last = frame_range(scene)
+    return visited(scene, spread(range(first, last + 1), MOST_FRAMES))
+
+
+def visited(scene: bpy.types.Scene, numbers: Collection[int]) -> Iterator[int]:
+    """As ``sample_frames``, but of these ``numbers``; the current frame only where there are none."""
+    if not numbers or not is_animated():
+        yield scene.frame_current
+        return
+    with same_frame(scene):
+        for number in numbers:
+            scene.frame_set(number)
+            yield number
+
+
+@contextmanager
+def same_frame(scene: bpy.types.Scene) -> Iterator[None]:
+    """Restore the current frame of ``scene`` after the block, if it changed."""
+    before = scene.frame_current, scene.frame_subframe
+    try:
+        yield
+    finally:
+        if (scene.frame_current, scene.frame_subframe) != before:
+            scene.frame_set(before[0], subframe=before[1])
+
+
+def is_animated() -> bool:
+    """Return True if keyframes, drivers or caches may move something."""
+    driven = any(item.animation_data and item.animation_data.drivers for item in bpy.data.objects)
+    return driven or any(action.users for action in bpy.data.actions) or bool(bpy.data.cache_files)
+
+
+def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
+    """Return the first and last frame of the scene, cut to its keyframes (imported files often have few)."""
+    ranges = [tuple(action.frame_range) for action in bpy.data.actions if action.users]
+    if not ranges or bpy.data.cache_files:
+        return scene.frame_start, scene.frame_end
+    first, last = int(min(low for low, _ in ranges)), int(np.ceil(max(high for _, high in ranges)))
+    first, last = max(first, scene.frame_start), min(last, scene.frame_end)
+    return (first, last) if first <= last else (scene.frame_start, scene.frame_end)

@@ -174,3 +174,60 @@ def upright(item: bpy.types.Object) -> mathutils.Matrix:
     if is_mirrored(item):
         matrix.col[0] = -matrix.col[0]
     return matrix
+
+
+# The array as panels and 3D views draw it is found once, not at every move of the pointer: a search takes 20 ms among
+# 50,000 objects. What was found stays until objects come or go. While Blender does not tell of changes (a render farm),
+# each question searches.
+Objects = list[bpy.types.Object]
+_found: dict[int, tuple[Objects, Objects]] | None = None  # arrays and display planes of scenes by their ``session_uid``
+
+
+def drawn(scene: bpy.types.Scene) -> tuple[bpy.types.Object | None, bpy.types.Object | None]:
+    """Return what ``find`` and ``plane_of`` do, for what is drawn. Whoever changes the scene asks those."""
+    known = {} if _found is None else _found
+    for _ in range(2):
+        if scene.session_uid not in known:
+            known[scene.session_uid] = _search(scene)
+        arrays, planes = known[scene.session_uid]
+        try:
+            array = chosen(scene, arrays)
+            return array, next((item for item in planes if array and item.parent == array and PLANE in item), None)
+        except ReferenceError:  # one was removed, and no update came since
+            known.clear()
+    return None, None
+
+
+def _search(scene: bpy.types.Scene) -> tuple[Objects, Objects]:
+    return ([item for item in scene.objects if is_array(item)],
+            [item for item in bpy.data.objects if PLANE in item])
+
+
+@bpy.app.handlers.persistent
+def _forget(*_: object) -> None:
+    if _found:
+        _found.clear()
+
+
+@bpy.app.handlers.persistent
+def _changed(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Forget what was found where objects came, went or have another parent: that, too, tags collections."""
+    if depsgraph.id_type_updated("COLLECTION"):
+        _forget()
+
+
+def register() -> None:
+    """Keep what is found, since changes are told from now on."""
+    global _found
+    _found = {}
+
+
+def unregister() -> None:
+    """Search at every question again."""
+    global _found
+    _found = None
+
+
+# Blender's own data are other ones after an undo, a redo or another file.
+HANDLERS = (("depsgraph_update_post", _changed), *((f"{event}_{when}", _forget) for event in ("undo", "redo", "load")
+                                                   for when in ("pre", "post")))

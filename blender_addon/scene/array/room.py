@@ -12,8 +12,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 
-from .placement import PROBES, View
-from .ray_cast import MOST_REACH, Rays
+from .placement import MOST_REACH, PROBES, Rays, View
 from .rig import Placement
 
 GRID, HEIGHT, MARGIN = 5, 0.5, 0.15  # places across the bounding box, at half of its height, away from its sides

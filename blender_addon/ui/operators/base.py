@@ -12,7 +12,7 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import system_errors
 
 from ...jobs import session
-from ...jobs.task import Job
+from ...jobs.session import Job
 from ...scene import settings as scene_settings
 from ...scene.array import edit, rig
 from ...scene.words import capitalized, for_panel

@@ -1,25 +1,170 @@
-"""Buttons of the scene check: run it, select an object, fix a problem."""
+"""Buttons of the scene check: run it, select an object, fix a problem; what fixes do, by the code of the problem."""
 
 from __future__ import annotations
 
-import functools
+from collections.abc import Callable
+from typing import Any
 
 import bpy
 
-from lfsr_core.base.messages import LfsrError, duration
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.frames.request import EVEN
 
-from ...check import last
-from ...check.fixes import FIXES, OUTSIDE_SCENE, find_object
-from ...check.look import MENDS
-from ...check.problem import INFO, MOST_ROWS, Problem, grouped
-from ...check.problems import to_ask
-from ...jobs.asked import expected_seconds
+from ...check import last, look
+from ...check.problems import INFO
+from ...jobs import runtime
+from ...scene import settings as scene_settings
+from ...scene.array import rig
+from ...scene.array.edit import add, in_front, put, remove
+from ...scene.array.placement import Rays
 from ...scene.array.rig import check_editable
+from ...scene.array.room import is_inside
+from ...scene.contents import BACKGROUND_COLLECTION, GEOMETRY, SWITCHES, find_subject, switched
+from ...scene.light import DEFAULT_LIGHT, add_light
 from ...scene.words import counted, for_panel
-from .base import UNDO, AsksForFile, Question, Result, activate, reports_errors
+from .base import UNDO, AsksForFile, Result, activate, reports_errors
 
-LONG = 600.0  # seconds of a render that is asked about
-_accepted: set[tuple[str, str, str]] = set()  # what the artist was asked in this file
+Fix = Callable[[bpy.types.Scene, str], None]
+
+
+def find_object(name: str) -> bpy.types.Object:
+    """Return the object ``name`` of the open file; LfsrError if it is gone."""
+    return _existing(bpy.data.objects, name, "object")
+
+
+def _existing(items: bpy.types.bpy_prop_collection, name: str, kind: str) -> Any:
+    item = items.get(name)
+    if item is None:
+        raise LfsrError(f"{kind} {name!r} is not there any more: check the scene again")
+    return item
+
+
+def _camera(name: str) -> bpy.types.Camera:
+    item = find_object(name)
+    if item.type != "CAMERA":
+        raise LfsrError(f"object {name!r} is no camera any more: check the scene again")
+    check_editable(item.data)
+    return item.data
+
+
+def _set(group: str, **values: object) -> Fix:
+    """Fix that sets properties of ``scene.group``."""
+    def fix(scene: bpy.types.Scene, _target: str) -> None:
+        for name, value in values.items():
+            setattr(getattr(scene, group), name, value)
+    return fix
+
+
+def _switch_off(switch: str) -> Fix:
+    """Fix that switches ``switch`` of a view layer's collections off."""
+    def fix(scene: bpy.types.Scene, target: str) -> None:
+        for collection in switched(_existing(scene.view_layers, target, "view layer"), switch):
+            setattr(collection, switch, False)
+    return fix
+
+
+def _add_light(scene: bpy.types.Scene, _target: str) -> None:
+    add_light(scene).name = "Light Field World"
+
+
+def _light_images(scene: bpy.types.Scene, _target: str) -> None:
+    """In a room no light of a world arrives."""
+    array = rig.find(scene)
+    is_indoors = array is not None and is_inside(Rays(scene), array.matrix_world.translation)
+    scene.lfsr.light = (EVEN if is_indoors else DEFAULT_LIGHT).upper()
+
+
+def _leave_out(_scene: bpy.types.Scene, target: str) -> None:
+    item = find_object(target)
+    item.hide_render = item.hide_viewport = True
+    bpy.context.view_layer.update()
+
+
+def _fit(scene: bpy.types.Scene, _target: str) -> None:
+    display = scene_settings.display_of(scene)
+    array = rig.find(scene) or add(scene, display)
+    check_editable(array)
+    subject = find_subject(scene)
+    put(array, in_front(scene, display, set(look.main_objects(scene, subject)) or subject))
+
+
+def _to_background(scene: bpy.types.Scene, target: str) -> None:
+    item = find_object(target)
+    background = (bpy.data.collections.get(BACKGROUND_COLLECTION)
+                  or bpy.data.collections.new(BACKGROUND_COLLECTION))
+    check_editable(background)
+    if background not in scene.collection.children_recursive:
+        scene.collection.children.link(background)
+    if item.name not in background.objects:
+        background.objects.link(item)
+    for collection in item.users_collection:
+        if collection != background and collection.library is None:
+            collection.objects.unlink(item)
+
+
+def _use_defaults(scene: bpy.types.Scene, _target: str) -> None:
+    try:
+        scene_settings.display_of(scene)
+    except LfsrError:
+        scene.lfsr.property_unset("display")
+    for name in ("scale", "method", "light", "subpixels"):
+        scene.lfsr.property_unset(name)
+
+
+def _show_subject(scene: bpy.types.Scene, _target: str) -> None:
+    items = [item for item in scene.objects if item.type in GEOMETRY]
+    if not items:
+        raise LfsrError("the scene has nothing to render: add an object")
+    for item in (*items, *scene.collection.children_recursive):
+        if item.library is None:
+            item.hide_render = False
+
+
+def _add_array(scene: bpy.types.Scene, _target: str) -> None:
+    if rig.find(scene) is not None:
+        remove(scene)
+    add(scene, scene_settings.display_of(scene))
+
+
+def _reset_shift(_scene: bpy.types.Scene, target: str) -> None:
+    camera = _camera(target)
+    camera.shift_x = camera.shift_y = 0.0
+
+
+def _use_one_layer(scene: bpy.types.Scene, target: str) -> None:
+    used = _existing(scene.view_layers, target, "view layer")
+    for layer in scene.view_layers:
+        layer.use = layer == used
+
+
+FIXES: dict[str, Fix] = {
+    "cube": _leave_out, "frame": _fit,
+    "plane": lambda scene, _target: look.move_plane(scene), "deep": lambda scene, _target: look.flatten(scene),
+    "dark": _light_images,
+    "array": _add_array, "rig": _add_array, "light": _add_light,
+    "engine": _set("render", engine="CYCLES"), "script": _set("cycles", device="CPU", shading_system=True),
+    "dirty": lambda _scene, target: _existing(bpy.data.images, target, "image").pack(), "background": _to_background,
+    "denoise": lambda scene, _target: runtime.use_replacement(scene, scene_settings.resolve(scene)),
+    "display": _use_defaults, "subject": _show_subject, "filter": _set("cycles", pixel_filter_type="BOX"),
+    "border": _set("render", use_border=False), "aspect": _set("render", pixel_aspect_x=1, pixel_aspect_y=1),
+    "clamp": _set("cycles", sample_clamp_direct=0, sample_clamp_indirect=10), "world": lambda scene, target: setattr(
+        _existing(scene.view_layers, target, "view layer"), "world_override", None),
+    "motion": _set("render", use_motion_blur=False),
+    "focus": lambda _scene, target: setattr(_camera(target).dof, "use_dof", False), "shift": _reset_shift,
+    "override": lambda scene, target: setattr(_existing(scene.view_layers, target, "view layer"), "material_override",
+                                              None),
+    "layers": _use_one_layer, **{switch: _switch_off(switch) for switch in SWITCHES},
+    "compositor": _set("render", use_compositing=False), "sequencer": _set("render", use_sequencer=False),
+    "view": _set("view_settings", use_curve_mapping=False, use_white_balance=False),
+    "catcher": _set("render", film_transparent=True)}
+OUTSIDE_SCENE = ("dirty", "focus", "shift")  # fixes that change more than the scene
+# Fixes that Blender's own operators do, some after asking for a file.
+OPERATORS: dict[str, tuple[str, dict[str, object]]] = {
+    "cycles": ("screen.userpref_show", {"section": "ADDONS"}),
+    "unsaved": ("wm.save_mainfile", {}), "texture": ("file.find_missing_files", {}),
+    "autoexec": ("wm.revert_mainfile", {"use_scripts": True}),
+    "output": ("lfsr.choose_output", {}), "disk": ("lfsr.choose_output", {}),
+    "temporary": ("screen.userpref_show", {"section": "FILE_PATHS"})}
 
 
 class LFSR_OT_check_scene(bpy.types.Operator):
@@ -108,43 +253,4 @@ class LFSR_OT_choose_output(AsksForFile, bpy.types.Operator):
         return {"FINISHED"}
 
 
-def questions(scene: bpy.types.Scene, frames: int = 1) -> list[Question]:
-    """Return what an artist is asked before ``frames`` images of ``scene``, once for each thing in a file."""
-    new = [problem for problem in to_ask(scene, frames) if _key(scene, problem) not in _accepted]
-    accept = functools.partial(_accepted.update, [_key(scene, problem) for problem in new])
-    mends = [problem for code in MENDS for problem in new if problem.code == code]
-    rows = grouped(problem for problem in new if problem.code not in MENDS)
-    asked = [*(Question(problem.reason.rstrip("."), "Render", accept=accept, mend=MENDS[problem.code][0],
-                        title=problem.fix, mends=functools.partial(FIXES[problem.code], scene, problem.target))
-               for problem in mends),
-             *_long(scene, frames), *(
-                 Question((row.reason if row.count == 1 else f"{row.title}. {row.reason}").rstrip("."), "Render",
-                          accept=accept) for row in rows[:MOST_ROWS])]
-    if len(rows) > MOST_ROWS:
-        asked.append(Question(f"Scene Check lists {len(rows) - MOST_ROWS} more", "Render", accept=accept))
-    return asked
-
-
-def _long(scene: bpy.types.Scene, frames: int) -> list[Question]:
-    """Ask before images that will take long, again where they will take longer than was accepted."""
-    seconds = frames * (expected_seconds(scene) or 0.0)
-    what = "The image" if frames == 1 else f"{frames} images"
-    key = scene.name_full, "time", f"{max(seconds, 1.0):.0e}"
-    if seconds < LONG or key in _accepted:
-        return []
-    return [Question(f"{what} will take about {duration(seconds)}", "Render",
-                     accept=functools.partial(_accepted.add, key))]
-
-
-def _key(scene: bpy.types.Scene, problem: Problem) -> tuple[str, str, str]:
-    return scene.name_full, problem.code, problem.target
-
-
-@bpy.app.handlers.persistent
-def _forget(*_: object) -> None:
-    _accepted.clear()
-
-
-unregister = _forget
-HANDLERS = (("load_post", _forget),)
 CLASSES = (LFSR_OT_check_scene, LFSR_OT_check_select, LFSR_OT_check_fix, LFSR_OT_choose_output)

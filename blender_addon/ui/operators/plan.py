@@ -10,8 +10,8 @@ from lfsr_core.commands.sentences import sentence
 from lfsr_core.plan.options import Candidate, Choice, Measured, PlanOptions, Rated
 from lfsr_core.reconstruct.methods import AS_RENDERED
 
-from ...jobs import asked, session
-from ...jobs.task import Job
+from ...jobs import folders, session
+from ...jobs.session import Job
 from ...scene import settings as scene_settings
 from ...scene.settings import title
 from ...scene.words import counted
@@ -28,8 +28,8 @@ class LFSR_OT_estimate_time(TaskOperator, bpy.types.Operator):
         scene = context.scene
         add_missing_array(scene)
         name = scene.name_full
-        return Job("estimate", {"request": asked.asked(scene)[0]},
-                   lambda result: asked.remember(name, from_data(Measured, result, "what was measured")))
+        return Job("estimate", {"request": folders.requested(scene)[0]},
+                   lambda result: folders.remember(name, from_data(Measured, result, "what was measured")))
 
 
 class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
@@ -43,7 +43,7 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
         scene_settings.resolve(scene).check_light_field("a plan")
         add_missing_array(scene)
         options = wanted(scene)
-        request, _ = asked.asked(scene)
+        request, _ = folders.requested(scene)
         state = context.window_manager.lfsr
         state.plan_scene = state.plan_text = state.plan_method = ""  # the last result must not seem to be this one's
         name = scene.name_full

@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from lfsr_core.base.messages import LfsrError, Notice
+from lfsr_core.base.messages import LfsrError, Notice, duration
 from lfsr_core.base.system import atomic_path, system_errors
 from lfsr_core.frames.folder import FARM_COPY, FrameFolder
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
@@ -20,22 +20,28 @@ from lfsr_core.frames.request import Finish
 from lfsr_core.pipeline.farms import write_job
 from lfsr_core.reconstruct.methods import AS_RENDERED, MENU, MORE, SUBPIXEL_METHODS, MethodName
 
-from ...jobs import asked, images, runtime, session
-from ...jobs.task import Job, save_copy
-from ...scene import folders
+from ... import compat
+from ...check.last import to_ask
+from ...check.look import MENDS
+from ...check.problems import MOST_ROWS, Problem, grouped
+from ...jobs import folders, images, runtime, session
+from ...jobs.runtime import save_copy
+from ...jobs.session import Job
 from ...scene import settings as scene_settings
 from ...scene.array import edit, rig
 from ...scene.array.placement import scale_of
+from ...scene.contents import find_subject
 from ...scene.settings import PROFILE_FILE, title
-from ...scene.subject import find_subject
 from ...scene.words import counted
-from . import check
 from .base import AsksForFile, DescribedByItem, Question, Result, TaskOperator, add_missing_array, reports_errors
+from .check import FIXES
 
 COPY_SUFFIX = f"{FARM_COPY}.blend"  # never the name of a file that somebody works on
 FARM_ITEMS = [("openjd", "OpenJD", "Request bundle of Open Request Description, for AWS Deadline Cloud and others"),
               ("flamenco", "Flamenco", "Request type and job for a Flamenco 3 manager")]
 FIRST_VIEW = "A first view from the middle, with few rays. The image follows; cancel if this looks wrong"
+LONG = 600.0  # seconds of a render that is asked about
+_accepted: set[tuple[str, str, str]] = set()  # what the artist was asked in this file
 
 
 class Mends:
@@ -87,7 +93,7 @@ class LFSR_OT_render_animation(Mends, TaskOperator, bpy.types.Operator):
 
     def questions(self, context: bpy.types.Context) -> list[Question]:
         """Ask before another scene's frames are overwritten, where the method cannot run, and on what is left out."""
-        return _asked(context.scene, asked.timeline(context.scene))
+        return _asked(context.scene, folders.timeline(context.scene))
 
     def prepare(self, context: bpy.types.Context) -> Job:
         """Render the frames that are missing, then show the last image and a summary."""
@@ -103,9 +109,9 @@ class LFSR_OT_render_reference(TaskOperator, bpy.types.Operator):
     def prepare(self, context: bpy.types.Context) -> Job:
         scene = context.scene
         scene_settings.resolve(scene).check_light_field("a reference")
-        request, finish = asked.asked(scene)
+        request, finish = folders.requested(scene)
         folder = folders.finished_frame(scene, "to compare")
-        if not asked.is_made(request, finish):
+        if not folders.is_made(request, finish):
             raise LfsrError(f"the image in {folder} was made with other settings: render the EIA again first")
         target = folder.with_name(f"{folder.name}_reference")
 
@@ -117,7 +123,7 @@ class LFSR_OT_render_reference(TaskOperator, bpy.types.Operator):
 
         return Job("reference", {"request": request, "output": str(target), "lenses": scene.lfsr.reference_lenses,
                                  "samples": scene.lfsr.reference_samples},
-                   say_ssim, output=target, kept=functools.partial(asked.kept, target))
+                   say_ssim, output=target, kept=functools.partial(folders.kept, target))
 
 
 class LFSR_OT_preview_view(TaskOperator, bpy.types.Operator):
@@ -130,8 +136,8 @@ class LFSR_OT_preview_view(TaskOperator, bpy.types.Operator):
         """Decode the current frame's views unless they are there, then show one."""
         scene = context.scene
         folder = folders.finished_frame(scene, "to preview")
-        views, name = asked.views_file(folder), scene.name_full
-        if asked.is_decoded(folder):
+        views, name = folders.views_file(folder), scene.name_full
+        if folders.is_decoded(folder):
             _show_view(name, views)
             return None
         return Job("decode", {"folder": str(folder), "views": str(views)}, lambda _: _show_view(name, views))
@@ -178,7 +184,7 @@ class LFSR_OT_finish_frame(TaskOperator, bpy.types.Operator):
             raise LfsrError(f"there is no unfinished render in {folder}: render the EIA")
         scene.lfsr.method = self.method
         name, finish = scene.name_full, Finish(self.method, linear_exr=scene.lfsr.linear_exr)
-        return Job("finish", {"folder": str(folder), "finish": finish, "views": str(asked.views_file(folder))},
+        return Job("finish", {"folder": str(folder), "finish": finish, "views": str(folders.views_file(folder))},
                    lambda _: show_image_of(name, folder), output=folder)
 
 
@@ -204,7 +210,7 @@ def image_job(scene: bpy.types.Scene, shows_first: bool = False) -> Job:
     """
     folders.try_output(scene)
     add_missing_array(scene)
-    request, finish = asked.asked(scene)
+    request, finish = folders.requested(scene)
     finish = dataclasses.replace(finish, temporal_averaging=0)  # only an animation has neighbouring frames
     folder, name = Path(request.output), scene.name_full
     if shows_first:
@@ -220,23 +226,23 @@ def image_job(scene: bpy.types.Scene, shows_first: bool = False) -> Job:
         show_image_of(name, folder)
         if (rendered := _scene(name)) is not None and rig.find(rendered) is None:
             edit.remove_planes(rendered)  # of an array that was deleted meanwhile
-        asked.learn(name, FrameFolder(folder).rendered, request)
+        folders.learn(name, FrameFolder(folder).rendered, request)
 
     return Job("make", {"request": request, "finish": finish, "overwrite": True,
-                        "views": str(asked.views_file(folder))},
-               ended, notice, folder, kept=functools.partial(asked.kept, folder))
+                        "views": str(folders.views_file(folder))},
+               ended, notice, folder, kept=functools.partial(folders.kept, folder))
 
 
 def animation_job(scene: bpy.types.Scene) -> Job:
     """Return the job that renders the frames that are missing, then shows the last image and a summary."""
     add_missing_array(scene)
-    request, finish, frames = asked.asked_animation(scene)
+    request, finish, frames = folders.requested_animation(scene)
     output = Path(request.output)
     last = FrameFolder.of_frame(output, frames[-1]).path
     return Job("make", {"request": request, "finish": finish, "frames": list(frames),
-                        "overwrite": scene.lfsr.use_overwrite, "views": str(asked.views_file(last))},
+                        "overwrite": scene.lfsr.use_overwrite, "views": str(folders.views_file(last))},
                functools.partial(_end_animation, scene.name_full), output=output, frames=frames,
-               kept=lambda: asked.CONTINUE)
+               kept=lambda: folders.CONTINUE)
 
 
 def _asked(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
@@ -244,7 +250,39 @@ def _asked(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
     add_missing_array(scene)
     taken = "" if scene.lfsr.use_overwrite else folders.first_foreign(scene, frames)
     foreign = [Question(taken, "Overwrite", "turn on Overwrite, or choose another output folder")] if taken else []
-    return [*_denoising(scene), *foreign, *check.questions(scene, len(frames))]
+    return [*_denoising(scene), *foreign, *check_questions(scene, len(frames))]
+
+
+def check_questions(scene: bpy.types.Scene, frames: int = 1) -> list[Question]:
+    """Return what an artist is asked before ``frames`` images of ``scene``, once for each thing in a file."""
+    new = [problem for problem in to_ask(scene, frames) if _key(scene, problem) not in _accepted]
+    accept = functools.partial(_accepted.update, [_key(scene, problem) for problem in new])
+    mends = [problem for code in MENDS for problem in new if problem.code == code]
+    rows = grouped(problem for problem in new if problem.code not in MENDS)
+    asked = [*(Question(problem.reason.rstrip("."), "Render", accept=accept, mend=MENDS[problem.code][0],
+                        title=problem.fix, mends=functools.partial(FIXES[problem.code], scene, problem.target))
+               for problem in mends),
+             *_long(scene, frames), *(
+                 Question((row.reason if row.count == 1 else f"{row.title}. {row.reason}").rstrip("."), "Render",
+                          accept=accept) for row in rows[:MOST_ROWS])]
+    if len(rows) > MOST_ROWS:
+        asked.append(Question(f"Scene Check lists {len(rows) - MOST_ROWS} more", "Render", accept=accept))
+    return asked
+
+
+def _long(scene: bpy.types.Scene, frames: int) -> list[Question]:
+    """Ask before images that will take long, again where they will take longer than was accepted."""
+    seconds = frames * (folders.expected_seconds(scene) or 0.0)
+    what = "The image" if frames == 1 else f"{frames} images"
+    key = scene.name_full, "time", f"{max(seconds, 1.0):.0e}"
+    if seconds < LONG or key in _accepted:
+        return []
+    return [Question(f"{what} will take about {duration(seconds)}", "Render",
+                     accept=functools.partial(_accepted.add, key))]
+
+
+def _key(scene: bpy.types.Scene, problem: Problem) -> tuple[str, str, str]:
+    return scene.name_full, problem.code, problem.target
 
 
 def _denoising(scene: bpy.types.Scene) -> list[Question]:
@@ -267,7 +305,7 @@ def _denoising(scene: bpy.types.Scene) -> list[Question]:
 
 def show_image_of(scene_name: str, folder: Path) -> None:
     """Show what the eye sees of the image in ``folder``, or the image of a panel with a lens sheet itself."""
-    views, panel = asked.views_file(folder), folder / PANEL_FILE
+    views, panel = folders.views_file(folder), folder / PANEL_FILE
     if not (folder / EIA_FILE).is_file():
         images.unload(scene_name)  # the views of an earlier render do not belong to this image
     elif views.is_file():
@@ -324,7 +362,7 @@ class LFSR_OT_submit(DescribedByItem, AsksForFile, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> Result:
         if not self.directory.strip():
             raise LfsrError("no folder is chosen for the farm's job: give one that every machine of the farm can see")
-        folder = folders.absolute(self.directory, "the folder of the job")
+        folder = scene_settings.absolute(self.directory, "the folder of the job")
         command, note = submit(context.scene, self.farm, folder, self.parts)
         context.window_manager.clipboard = command
         print(f"Light Field: the job is in {folder}. Next (in the clipboard): {command}")
@@ -340,20 +378,20 @@ def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> tuple
     the folder cannot be written to.
     """
     scene_settings.resolve(scene).check_light_field("a farm's job")
-    request, finish, frames = asked.asked_animation(scene)
+    request, finish, frames = folders.requested_animation(scene)
     if request.sampling.scales:
-        with images.wait_cursor():
+        with compat.wait_cursor():
             request = request.with_scale(scale_of(scene, request))
     with system_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
     display = ""
     if scene.lfsr.display == PROFILE_FILE:
-        path = folders.absolute(scene.lfsr.profile_file, "the display profile")
+        path = scene_settings.absolute(scene.lfsr.profile_file, "the display profile")
         display = str(folder / path.name)
         if path.resolve() != Path(display).resolve():
             with atomic_path(display) as temporary:
                 shutil.copyfile(path, temporary)
-    copy = folder / f"{folders.file_stem()}{COPY_SUFFIX}"
+    copy = folder / f"{scene_settings.file_stem()}{COPY_SUFFIX}"
     with atomic_path(copy) as temporary:
         save_copy(temporary)
     request = dataclasses.replace(request, scene=str(copy))
@@ -370,5 +408,12 @@ class LFSR_MT_submit(bpy.types.Menu):
             self.layout.operator("lfsr.submit", text=f"{text}…").farm = name
 
 
+@bpy.app.handlers.persistent
+def _forget(*_: object) -> None:
+    _accepted.clear()
+
+
+unregister = _forget
+HANDLERS = (("load_post", _forget),)
 CLASSES = (LFSR_OT_render_eia, LFSR_OT_render_animation, LFSR_OT_render_reference, LFSR_OT_preview_view,
            LFSR_OT_finish_frame, LFSR_OT_cancel, LFSR_OT_submit, LFSR_MT_submit)

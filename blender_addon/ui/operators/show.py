@@ -16,11 +16,11 @@ from lfsr_core.commands.sentences import sentence
 from lfsr_core.exports.options import FILMS, FORMATS, QUILT_FILM, default_target
 from lfsr_core.frames.folder import FrameFolder, frame_folders
 
-from ...jobs import images, session
-from ...jobs.task import Job
+from ... import compat
+from ...jobs import folders, images, session
+from ...jobs.session import Job
 from ...live import session as live
 from ...live.scene import EYE, PANEL
-from ...scene import folders
 from ...scene import settings as scene_settings
 from ...scene.settings import PROFILE_FILE
 from .base import AsksForFile, DescribedByItem, Result, TaskOperator, add_missing_array, reports_errors
@@ -161,7 +161,7 @@ class LFSR_OT_calibrate(AsksForFile, bpy.types.Operator):
             raise LfsrError("no photograph was chosen: choose one or several of the test picture")
         profile = scene_settings.display_of(context.scene)
         output = photos[0].with_name(f"{profile.name}-calibrated.toml")
-        with images.wait_cursor():
+        with compat.wait_cursor():
             _, notices = calibrate(profile, photos, [tuple(self.place)] * len(photos), output)
         lfsr = context.scene.lfsr
         lfsr.display, lfsr.profile_file = PROFILE_FILE, str(output)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from blender_addon.check import look
-from blender_addon.check.fixes import FIXES
 from blender_addon.jobs import session
 from blender_addon.scene import settings as scene_settings
-from blender_addon.scene.array import edit, placement, ray_cast, rig, room
-from blender_addon.scene.array.ray_cast import Rays
-from blender_addon.scene.subject import find_subject
-from blender_addon.ui.operators import check
+from blender_addon.scene.array import edit, placement, rig, room
+from blender_addon.scene.array.placement import Rays
+from blender_addon.scene.contents import find_subject
+from blender_addon.ui.operators.check import FIXES
+from blender_addon.ui.operators.render import check_questions
 from tests.support import panel
 from tests.support.scenes import add_camera
 
@@ -191,12 +191,12 @@ def test_black_things_need_more_light_to_be_seen(startup, gray):
 def test_the_dialog_offers_each_mend_ticked_and_asks_once(startup):
     add_box((90, 40, 0), (2, 2, 2))
     looked(startup)
-    asked = check.questions(startup)
+    asked = check_questions(startup)
     assert [(question.mend, question.title) for question in asked[:2]] == [
         ("leave_out_cube", "Leave Out Cube"), ("fit_objects", "Fit to Objects")]
     for question in asked:
         question.accept()
-    assert check.questions(startup) == [], "what was left as it is is not asked about again"
+    assert check_questions(startup) == [], "what was left as it is is not asked about again"
 
 
 def test_a_script_mends_what_it_asks_for_alone(startup, tmp_path):
@@ -219,7 +219,7 @@ def test_among_many_objects_rays_meet_what_they_meet_alone(startup, turned):
     ways = [mathutils.Vector(way) for way in np.random.default_rng(1).normal(size=(1000, 3))]
     few, start = Rays(startup), mathutils.Vector((4, 1, 2))
     expected = [few.cast(start, way) for way in ways]
-    for _ in range(ray_cast.FEW):
+    for _ in range(placement.FEW):
         startup.collection.objects.link(bpy.data.objects.new("far", ball.data))
         bpy.context.view_layer.update()
     for item in startup.objects:

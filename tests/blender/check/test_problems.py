@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from blender_addon.check import last, problems
-from blender_addon.check.fixes import OPERATORS
-from blender_addon.check.problem import MOST_ROWS, Problem
+from blender_addon.check.problems import MOST_ROWS, Problem
 from blender_addon.compat import use_nodes
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import rig
-from blender_addon.scene.notices import SWITCHES
+from blender_addon.scene.contents import SWITCHES
 from blender_addon.ui import panels
-from blender_addon.ui.operators import check
+from blender_addon.ui.operators.check import OPERATORS
+from blender_addon.ui.operators.render import check_questions
 from tests.blender.ui.test_panels import draw
 from tests.support import panel
 from tests.support.panel import fix, found
@@ -23,7 +23,7 @@ from tests.support.scenes import MINI, add_box, compositing
 
 
 def test_a_good_scene_has_no_problems(scene):
-    assert [problem for problem in problems.check_scene(scene) if problem.severity != "INFO"] == []
+    assert [problem for problem in last.check_scene(scene) if problem.severity != "INFO"] == []
 
 
 def test_no_light(scene):
@@ -72,7 +72,7 @@ def test_blenders_own_defaults_that_do_no_harm_are_hidden(scene):
     scene.cycles.property_unset("pixel_filter_type")
     scene.cycles.property_unset("use_denoising")
     assert scene.cycles.pixel_filter_type == "BLACKMAN_HARRIS" and scene.cycles.use_denoising
-    assert problems.check_scene(scene) == []
+    assert last.check_scene(scene) == []
 
 
 def switch_on(switch):
@@ -113,7 +113,7 @@ def test_what_renders_leave_out_has_a_button_and_is_asked_before(scene, code, sp
     assert found(scene, code) is None
     spoil(scene)
     problem = found(scene, code)
-    assert problem.severity == "INFO" and (problem in problems.to_ask(scene)) == (code not in IGNORED)
+    assert problem.severity == "INFO" and (problem in last.to_ask(scene)) == (code not in IGNORED)
     fix(scene, code)
 
 
@@ -151,11 +151,11 @@ def test_too_little_room(scene, monkeypatch):
     assert needed > 3 * 128 * 96
     for free, codes in ((needed, []), (needed - 1, ["disk"]), (0, ["disk", "temporary"])):
         monkeypatch.setattr(shutil, "disk_usage", lambda _, free=free: usage._replace(free=free))
-        seen = [problem for problem in problems.to_ask(scene) if problem.target == "Disk Space"]
+        seen = [problem for problem in last.to_ask(scene) if problem.target == "Disk Space"]
         assert [problem.code for problem in seen] == codes
         assert all(problem.code in OPERATORS and problem.severity == "ERROR" for problem in seen)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=10 * needed))
-    assert problems.to_ask(scene, 10) == [] and [problem.code for problem in problems.to_ask(scene, 11)] == ["disk"]
+    assert last.to_ask(scene, 10) == [] and [problem.code for problem in last.to_ask(scene, 11)] == ["disk"]
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=0))
     assert problems.free(Path(bpy.app.tempdir, "not", "there")) == 0
 
@@ -297,19 +297,19 @@ def test_at_most_five_rows_are_shown_at_first_and_each_has_a_button(scene):
 
 
 def test_an_artist_is_asked_once_before_a_render(scene):
-    assert check.questions(scene) == []
+    assert check_questions(scene) == []
     spoil(scene)
-    asked = check.questions(scene)
+    asked = check_questions(scene)
     assert len(asked) == MOST_ROWS + 1 and asked[-1].sentence == "Scene Check lists 1 more"
     assert any("depth of field" in question.sentence for question in asked)
     assert not any(question.advice for question in asked), "a script goes on without asking"
     asked[0].accept()
-    assert check.questions(scene) == []
+    assert check_questions(scene) == []
     scene.view_layers[0].material_override, scene.world = None, None
     bpy.data.objects["Sun"].hide_render = True
-    assert check.questions(scene) == [], "one of Blender's world images lights it"
+    assert check_questions(scene) == [], "one of Blender's world images lights it"
     scene.lfsr.light = "OWN"
-    assert [question.sentence.startswith("The scene has no light") for question in check.questions(scene)] == [True]
+    assert [question.sentence.startswith("The scene has no light") for question in check_questions(scene)] == [True]
 
 
 def test_a_change_is_said_until_the_next_check(scene):

@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs.task import Task
-from blender_addon.scene import folders
+from blender_addon.jobs import folders
+from blender_addon.jobs.session import Task
 from blender_addon.ui.operators.render import image_job
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.image_files import read_layers

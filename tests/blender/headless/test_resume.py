@@ -11,8 +11,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs import session
-from blender_addon.scene import folders
+from blender_addon.jobs import folders, session
 from blender_addon.ui.operators import render
 from lfsr_core.base.messages import Notice
 from lfsr_core.frames.frame import read_frame

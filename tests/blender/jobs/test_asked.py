@@ -7,8 +7,9 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.jobs import asked
-from blender_addon.ui.operators import check, render
+from blender_addon.jobs import folders
+from blender_addon.ui.operators import render
+from blender_addon.ui.operators.render import check_questions
 from lfsr_core.frames.frame import EIA_FILE, write_frame
 from lfsr_core.frames.request import Report, write_report
 from lfsr_core.optics.display import load_display, write_profile
@@ -36,7 +37,7 @@ def test_an_animation_chooses_one_scale_by_some_of_its_frames(scene):
 
 def test_a_frame_of_an_averaged_animation_is_the_panels_in_spite_of_its_seed(scene):
     scene.frame_set(3)
-    request, finish = asked.asked(scene)
+    request, finish = folders.requested(scene)
     folder = Path(request.output)
     folder.mkdir(parents=True)
     (folder / EIA_FILE).touch()
@@ -45,20 +46,20 @@ def test_a_frame_of_an_averaged_animation_is_the_panels_in_spite_of_its_seed(sce
         used = dataclasses.replace(finish, temporal_averaging=averaging)
         write_report(folder, Report(used, finish.method, "mini", request.sampling.scale, request.sampling.samples, {},
                                     None, 1.0))
-        assert asked.is_made(request, finish) == made
-    assert not asked.is_made(request, dataclasses.replace(finish, method="bilinear"))
+        assert folders.is_made(request, finish) == made
+    assert not folders.is_made(request, dataclasses.replace(finish, method="bilinear"))
 
 
 def remembered(scene, **values) -> None:
-    asked.remember(scene.name_full, estimate.Measured(**({"fixed": 2.0, "per_path": 1e-5, "scale": 2} | values)))
+    folders.remember(scene.name_full, estimate.Measured(**({"fixed": 2.0, "per_path": 1e-5, "scale": 2} | values)))
 
 
 def test_lenses_are_spread_over_the_display(scene):
-    request, _ = asked.asked(scene)
+    request, _ = folders.requested(scene)
     assert len(set(estimate.lenses_of(request))) == 16 * 12, "few enough to render all"
     assert estimate.samples_of(request) * 64 * 48 == pytest.approx(estimate.PATHS, rel=0.01), "and enough to measure"
     scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples = "bupt-32in-8k", "4", 64
-    request, _ = asked.asked(scene)
+    request, _ = folders.requested(scene)
     lenses, (columns, rows) = estimate.lenses_of(request), request.display.lenses
     assert 80 < len(set(lenses)) == len(lenses) < 100
     assert 0 <= min(row for row, _ in lenses) < rows / 3 and rows * 2 / 3 < max(row for row, _ in lenses) < rows
@@ -67,9 +68,9 @@ def test_lenses_are_spread_over_the_display(scene):
 
 def test_the_button_measures_and_the_image_takes_about_that_long(scene):
     scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples = "small", "4", 16
-    assert asked.expected_seconds(scene) is None
+    assert folders.expected_seconds(scene) is None
     assert bpy.ops.lfsr.estimate_time() == {"FINISHED"}
-    expected, started = asked.expected_seconds(scene), time.monotonic()
+    expected, started = folders.expected_seconds(scene), time.monotonic()
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
     took = time.monotonic() - started
     assert 0.2 < expected / took < 5  # tests run on busy machines
@@ -80,10 +81,10 @@ def test_direct_subpixel_rendering_is_measured_too(scene, tmp_path):
     scene.lfsr.profile_file = str(tmp_path / "own.toml")
     scene.lfsr.display, scene.lfsr.subpixels, scene.lfsr.samples = "FILE", True, 8
     assert bpy.ops.lfsr.estimate_time() == {"FINISHED"}
-    expected = asked.expected_seconds(scene)
+    expected = folders.expected_seconds(scene)
     scene.lfsr.samples = 16
     paths = 8 * 120 * 3 * 80
-    assert asked.expected_seconds(scene) - expected == pytest.approx(
+    assert folders.expected_seconds(scene) - expected == pytest.approx(
         paths * bpy.context.window_manager.lfsr.probe_per_path, rel=1e-3)
 
 
@@ -92,29 +93,29 @@ def test_other_settings_need_no_other_probe(scene):
     remembered(scene)
     scene.lfsr.samples = 100
     pixels = display.eia_pixels[0] * display.eia_pixels[1] / 4
-    few = asked.expected_seconds(scene)
+    few = folders.expected_seconds(scene)
     scene.lfsr.samples = 1100
-    assert asked.expected_seconds(scene) - few == pytest.approx(1000 * pixels * 1e-5, rel=1e-3)
+    assert folders.expected_seconds(scene) - few == pytest.approx(1000 * pixels * 1e-5, rel=1e-3)
     bpy.ops.scene.new(type="EMPTY")
-    assert asked.expected_seconds(bpy.context.scene) is None, "another scene"
+    assert folders.expected_seconds(bpy.context.scene) is None, "another scene"
 
 
 def test_a_long_image_is_asked_about_until_it_is_accepted(scene):
     remembered(scene)
-    assert check.questions(scene) == []
+    assert check_questions(scene) == []
     remembered(scene, per_path=1.0)
-    (question,) = check.questions(scene)
+    (question,) = check_questions(scene)
     assert question.sentence.startswith("The image will take about ") and not question.advice
     question.accept()
-    assert check.questions(scene) == []
+    assert check_questions(scene) == []
     remembered(scene, per_path=30.0)
-    assert len(check.questions(scene)) == 1
+    assert len(check_questions(scene)) == 1
     remembered(scene, per_path=1e-2)
-    assert check.questions(scene) == []
-    assert [question.sentence[:9] for question in check.questions(scene, 250)] == ["250 image"], "each takes little"
+    assert check_questions(scene) == []
+    assert [question.sentence[:9] for question in check_questions(scene, 250)] == ["250 image"], "each takes little"
 
 
 @pytest.mark.parametrize(("method", "least"), [("denoise+pool", 1), ("pool", 2), ("none", 1)])
 def test_views_are_left_out_where_nothing_but_pooling_removes_noise(scene, method, least):
     scene.lfsr.method, scene.lfsr.scale = method, "AUTO"
-    assert min(asked.asked(scene)[0].sampling.scales) == least
+    assert min(folders.requested(scene)[0].sampling.scales) == least

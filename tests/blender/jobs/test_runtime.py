@@ -9,10 +9,9 @@ import bpy
 import pytest
 
 from blender_addon.check import last
-from blender_addon.check.problems import check_scene
-from blender_addon.jobs import asked, runtime
-from blender_addon.jobs.task import Task
-from blender_addon.scene import folders
+from blender_addon.check.last import check_scene
+from blender_addon.jobs import folders, runtime
+from blender_addon.jobs.session import Task
 from blender_addon.scene import settings as scene_settings
 from blender_addon.ui.operators import render
 from lfsr_core import __version__
@@ -159,13 +158,13 @@ def test_a_render_whose_second_stage_failed_is_kept_without_an_older_image_and_f
     folder = folders.frame_folder(scene)
     assert {path.name for path in folder.iterdir()} == {"frame.json", "lr_eia.exr"}
     assert [path.name for path in folder.parent.iterdir()] == ["0001"]
-    assert folders.is_unfinished(folder) and "The render is kept" in asked.kept(folder)
+    assert folders.is_unfinished(folder) and "The render is kept" in folders.kept(folder)
     assert render.methods(scene) == ["pool", "bilinear", "bicubic", "lanczos", "nearest"]
     rendered = (folder / "lr_eia.exr").stat().st_mtime_ns
     assert bpy.ops.lfsr.finish_frame(method="pool") == {"FINISHED"}
     assert (folder / "lr_eia.exr").stat().st_mtime_ns == rendered
-    assert read_report(folder).method == "pool" and asked.is_decoded(folder)
-    assert asked.is_made(*asked.asked(scene)) and not folders.is_unfinished(folder)
+    assert read_report(folder).method == "pool" and folders.is_decoded(folder)
+    assert folders.is_made(*folders.requested(scene)) and not folders.is_unfinished(folder)
     panel.refused("There is no unfinished render in .*: render the EIA", bpy.ops.lfsr.finish_frame, method="pool")
 
 

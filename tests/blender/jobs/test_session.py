@@ -13,9 +13,9 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs import asked, images, session, task
-from blender_addon.jobs.task import Job, Task, file_copy
-from blender_addon.scene import folders
+from blender_addon.jobs import folders, images, runtime, session
+from blender_addon.jobs.runtime import file_copy
+from blender_addon.jobs.session import Job, Task
 from blender_addon.scene.files import unreadable
 from blender_addon.scene.words import sentence
 from blender_addon.ui.operators import render
@@ -100,7 +100,7 @@ def test_a_render_that_worked_is_one_quiet_line(scene, monkeypatch):
     assert re.fullmatch(r"Done in \d:\d\d", state.outcome) and popups == []
     assert state.outcome_folder == str(folders.frame_folder(scene))
     assert message() == (sentence(Notice("sequencer-ignored")), False)
-    assert asked.is_decoded(folders.frame_folder(scene)) and asked.is_made(*asked.asked(scene))
+    assert folders.is_decoded(folders.frame_folder(scene)) and folders.is_made(*folders.requested(scene))
 
 
 def test_a_file_that_is_opened_meanwhile_stays_as_it_is(scene):
@@ -115,12 +115,12 @@ def test_a_cancelled_animation_can_be_continued(scene):
     task = session.start("Render Animation", render.animation_job(scene))
     panel.wait_for(lambda: task.child)
     assert bpy.ops.lfsr.cancel() == {"FINISHED"}
-    assert message()[0] == f"Cancelled. {asked.CONTINUE}"
+    assert message()[0] == f"Cancelled. {folders.CONTINUE}"
 
 
 def test_saving_is_announced_before_blender_stops_for_it(scene, monkeypatch):
     saved = []
-    monkeypatch.setattr(task, "save_copy", lambda path: saved.append(path) or path.touch() or path)
+    monkeypatch.setattr(runtime, "save_copy", lambda path: saved.append(path) or path.touch() or path)
     running = start(scene)
     assert (saved, running.child, running.ended) == ([], None, False)
     assert session.progress_text(running) == session.TITLES["save"]
@@ -139,15 +139,15 @@ def test_a_copy_has_no_preview_image_and_the_preferences_stay(scene, tmp_path):
     def note(*_: object) -> None:
         seen.append(preferences.filepaths.file_preview_type)
     bpy.app.handlers.save_pre.append(note)
-    task.save_copy(tmp_path / "copy.blend")
+    runtime.save_copy(tmp_path / "copy.blend")
     bpy.app.handlers.save_pre.remove(note)
     assert seen == ["NONE"] and (tmp_path / "copy.blend").is_file()
     assert (preferences.filepaths.file_preview_type, preferences.is_dirty) == before
 
 
 def test_a_copy_that_cannot_be_saved_ends_the_task(scene, monkeypatch):
-    monkeypatch.setattr(task, "save_copy", functools.partial(task.save_copy, Path("/no/such/folder/copy.blend")))
-    monkeypatch.setattr(task, "_kept_copy", lambda _: task.save_copy())
+    monkeypatch.setattr(runtime, "save_copy", functools.partial(runtime.save_copy, Path("/no/such/folder/copy.blend")))
+    monkeypatch.setattr(runtime, "_kept_copy", lambda _: runtime.save_copy())
     running = start(scene)
     panel.wait_for(lambda: session.current() is None)
     assert running.ended and "cannot be saved" in message()[0] and message()[1]
@@ -161,7 +161,7 @@ def test_every_stage_that_the_panel_hears_has_a_title():
 
 def test_progress_and_time_left_run_on_between_reports(monkeypatch):
     now = 100.0
-    monkeypatch.setattr(task.time, "monotonic", lambda: now)
+    monkeypatch.setattr(session.time, "monotonic", lambda: now)
     running = Task("Render EIA", Job("make", {}, print))
     running._take(now, {"stage": "render", "fraction": 0.0, "message": "Sample 0/4"})
     assert running.seconds_left is None and session.progress_text(running) == "Rendering 0%"

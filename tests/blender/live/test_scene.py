@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.check.problems import check_scene
+from blender_addon.check.last import check_scene
 from blender_addon.live import nodes, session
 from blender_addon.live import scene as live_scene
 from blender_addon.render import cycles, output

@@ -16,7 +16,7 @@ import pytest
 
 from blender_addon import compat
 from blender_addon.render.frame_folder import render_job
-from blender_addon.scene.notices import left_out
+from blender_addon.scene.contents import left_out
 from blender_addon.scene.open import camera_notices
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.exports.light_field import read_views

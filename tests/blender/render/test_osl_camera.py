@@ -9,10 +9,10 @@ import mathutils
 import numpy as np
 import pytest
 
+from blender_addon.compat import overridden
 from blender_addon.render import cycles, output
 from blender_addon.render.cards import card_camera
 from blender_addon.scene.array import rig
-from blender_addon.scene.overrides import overridden
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.images import image_files
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout

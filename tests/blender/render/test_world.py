@@ -4,9 +4,9 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon import compat
 from blender_addon.render import cycles, frame_folder, output, world
 from blender_addon.render.frame_folder import render_job
-from blender_addon.scene import devices
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, WORLD_FILE, read_frame
 from lfsr_core.images import image_files
@@ -227,7 +227,7 @@ def test_it_is_the_image_that_is_woven_from_every_view(waves, tmp_path, monkeypa
     if world:
         waves.world = bpy.data.worlds.new("world")
         waves.world.color = (0.1, 0.3, 0.7)
-        monkeypatch.setattr(devices, "has_osl", lambda: False)
+        monkeypatch.setattr(compat, "has_osl", lambda: False)
     direct = panel(waves, tmp_path / "direct", display, layout="subpixels", world_visible=world)
     woven = panel(waves, tmp_path / "woven", display, world_visible=world)
     # 24 to 29 dB: what interpolating costs, most of it at the edges of the boxes.

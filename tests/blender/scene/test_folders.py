@@ -6,8 +6,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.jobs import asked
-from blender_addon.scene import folders
+from blender_addon.jobs import folders
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import read_json, write_json
 from lfsr_core.images.image_files import read_png
@@ -77,7 +76,7 @@ def test_a_file_of_one_name_elsewhere_does_not_take_results(project, tmp_path):
     mine = read_png(render() / "eia.png")
     add_box(scene, (0.3, 0.0, 0.0), (0.4, 0.4, 0.4))
     save(tmp_path / "elsewhere" / "shot.blend")
-    assert not is_mine() and not asked.is_made(*asked.asked(scene))
+    assert not is_mine() and not folders.is_made(*folders.requested(scene))
     taken = "Frame 0001 .* is an image of another scene, 'Scene' of shot.blend in the folder project: "
     for operator in (bpy.ops.lfsr.render_eia, bpy.ops.lfsr.render_animation):
         panel.refused(f"{taken}turn on Overwrite, or choose another output folder", operator)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from blender_addon.render import frame_folder
-from blender_addon.scene import subject
+from blender_addon.scene import contents
 from blender_addon.scene.array import edit, placement, rig
+from blender_addon.scene.contents import find_subject
 from blender_addon.scene.open import camera_notices, choose_camera, open_scene
-from blender_addon.scene.subject import find_subject
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images import image_files
@@ -144,18 +144,18 @@ def two(scene):
 
 def test_subject_is_what_is_not_background(two):
     things, background = (set(two.collection.children[name].objects) for name in ("Things", "Background"))
-    assert subject.find_subject(two) == things == subject.find_subject(two, "Things")
-    assert subject.find_subject(two, "Background") == background
-    assert subject.has_background_meshes(two, things)
+    assert contents.find_subject(two) == things == contents.find_subject(two, "Things")
+    assert contents.find_subject(two, "Background") == background
+    assert contents.has_background_meshes(two, things)
 
 
 def test_no_visible_subject_is_refused(two):
-    refuses("no collection 'Thing'.*Background, .*Things", subject.find_subject, two, "Thing")
+    refuses("no collection 'Thing'.*Background, .*Things", contents.find_subject, two, "Thing")
     two.collection.children["Things"].objects[0].hide_render = True
-    refuses("nothing of the subject 'Scene' would be rendered", subject.find_subject, two)
+    refuses("nothing of the subject 'Scene' would be rendered", contents.find_subject, two)
     two.collection.children["Things"].objects[0].hide_render = False
     two.collection.children["Things"].hide_render = True
-    refuses("nothing of the subject 'Things' would be rendered", subject.find_subject, two, "Things")
+    refuses("nothing of the subject 'Things' would be rendered", contents.find_subject, two, "Things")
 
 
 def test_instanced_subject_is_marked_as_foreground(two, tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon.render.frame_folder import render_job
-from blender_addon.scene import light, open, subject
+from blender_addon.scene import contents, light, open
 from blender_addon.scene.array import rig
 from blender_addon.scene.files import unreadable
 from lfsr_core.base.system import read_json, write_json
@@ -68,7 +68,7 @@ def test_every_scene_has_the_array_of_the_display_and_light(built, sweep):
         assert (array.distance, array.spacing) == pytest.approx((SPACE.distance, SPACE.spacing), rel=1e-5)
         assert np.array(matrix)[:3, 3] == pytest.approx([0, -SPACE.distance, 0], abs=1e-4)
         assert np.array(matrix)[:3, 2] == pytest.approx([0, 1, 0], abs=1e-6), "looks along +Y"
-        assert light.has_light(scene) and subject.find_subject(scene) and not unreadable(scene)
+        assert light.has_light(scene) and contents.find_subject(scene) and not unreadable(scene)
         assert scene.render.film_transparent
 
 
@@ -188,7 +188,7 @@ def test_flakes_are_as_many_as_the_sweep_says_and_flat(built):
 def test_the_ground_is_as_bright_as_the_sweep_says_and_no_foreground(built, tmp_path):
     scene = built("background", 1)
     ground = meshes(scene, "ground")[0]
-    assert [each.name for each in ground.users_collection] == [subject.BACKGROUND_COLLECTION]
+    assert [each.name for each in ground.users_collection] == [contents.BACKGROUND_COLLECTION]
     ratio = [shader(meshes(built("background", brightness), "ground")[0]).inputs["Emission Strength"].default_value
              for brightness in (1 / 4, 1)]
     assert ratio[1] / ratio[0] == pytest.approx(4)

@@ -9,8 +9,7 @@ import bpy
 import pytest
 
 from blender_addon.check import last
-from blender_addon.jobs import asked, session
-from blender_addon.scene import folders
+from blender_addon.jobs import folders, session
 from blender_addon.scene.open import choose_scene
 from blender_addon.ui import panels
 from blender_addon.ui.operators import render
@@ -142,7 +141,7 @@ def test_two_scenes_with_different_displays(scene, tmp_path):
     assert other != scene
     other.lfsr.display, other.lfsr.scale = "small", "8"
     other.view_settings.exposure = 1.5
-    requests = [asked.asked(each)[0] for each in (scene, other)]
+    requests = [folders.requested(each)[0] for each in (scene, other)]
     assert [request.display.name for request in requests] == ["mini", "small"]
     assert [Path(request.output).parent.name for request in requests] == ["Scene", "Other"]
     bpy.context.window.scene = scene

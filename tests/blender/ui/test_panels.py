@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 import blender_addon
+from blender_addon import compat
 from blender_addon.check import last
-from blender_addon.jobs import session
+from blender_addon.jobs import folders, session
 from blender_addon.live import nodes
 from blender_addon.live import session as live_session
 from blender_addon.live.scene import EYE, PANEL
-from blender_addon.scene import devices, folders, words
 from blender_addon.scene import settings as scene_settings
+from blender_addon.scene import words
 from blender_addon.scene.array import rig
 from blender_addon.ui import array_view, panels, summary
 from blender_addon.ui.panels import LFSR_MT_scale
@@ -315,7 +316,7 @@ def test_on(scene, monkeypatch):
 
 def test_what_this_blender_cannot_do(scene, monkeypatch):
     monkeypatch.setattr(nodes, "can_interpolate", lambda: False)
-    monkeypatch.setattr(devices, "has_denoiser", lambda: False)
+    monkeypatch.setattr(compat, "has_denoiser", lambda: False)
     text = labels(draw(panels.LFSR_PT_live))
     assert "cannot interpolate" in text and "without a denoiser" in text
 

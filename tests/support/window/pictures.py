@@ -81,7 +81,7 @@ def take(window: Window, folder: Path) -> None:
     keep(window, folder, "panel-check", (x - 20, top, width + 20, HEIGHT_OF_CHECK))
     window.run("bpy.ops.lfsr.check_fix('INVOKE_DEFAULT', True, code='background', target='Floor')")
     window.run("bpy.context.window_manager.lfsr.checked_scene = ''" + IMAGE_EDITOR)
-    window.run("for asked in addon.ui.operators.check.questions(bpy.context.scene): asked.accept()")
+    window.run("for asked in addon.ui.operators.render.check_questions(bpy.context.scene): asked.accept()")
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
     window.until("addon.jobs.session.current().fraction > 0.3", SECONDS_TO_RENDER)
     keep(window, folder, "panel-rendering")

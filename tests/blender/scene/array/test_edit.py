@@ -7,7 +7,7 @@ import mathutils
 import numpy as np
 import pytest
 
-from blender_addon.scene import subject
+from blender_addon.scene import contents
 from blender_addon.scene.array import edit, placement, rig
 from blender_addon.scene.array.placement import View
 from tests.support import panel
@@ -21,7 +21,7 @@ def place(artist):
 def test_add_takes_the_place_of_the_camera(artist):
     edit.remove(artist)
     add_camera(artist, (0.2, -4, 0.1))
-    expected = placement.place_array(artist, MINI, subject.find_subject(artist))
+    expected = placement.place_array(artist, MINI, contents.find_subject(artist))
     assert bpy.ops.lfsr.array_add() == {"FINISHED"}
     array, matrix = place(artist)
     assert np.allclose(matrix, expected[1], atol=1e-5)
@@ -80,7 +80,7 @@ def test_fit_to_the_camera_is_where_a_new_array_would_stand(artist):
     assert bpy.ops.lfsr.array_fit(to="CAMERA") == {"FINISHED"}
     fitted = place(artist)
     edit.remove(artist)
-    expected = placement.place_array(artist, MINI, subject.find_subject(artist))
+    expected = placement.place_array(artist, MINI, contents.find_subject(artist))
     assert np.allclose(fitted[1], expected[1], atol=1e-5)
     assert fitted[0].distance == pytest.approx(expected[0].distance, rel=1e-5)
 

@@ -5,11 +5,11 @@ import mathutils
 import numpy as np
 import pytest
 
-from blender_addon.jobs import asked, session
+from blender_addon.jobs import folders, session
 from blender_addon.render import frame_folder
+from blender_addon.scene import contents
 from blender_addon.scene import settings as scene_settings
-from blender_addon.scene import subject
-from blender_addon.scene.array import motion, placement, rig
+from blender_addon.scene.array import placement, rig
 from blender_addon.scene.open import camera_notices
 from blender_addon.ui.operators import render
 from lfsr_core.base.messages import LfsrError, Notice
@@ -130,7 +130,7 @@ def test_bounds_see_modifiers_and_instances(scene):
     empty.location = (0, 0, 4)
     scene.collection.objects.link(empty)
     bpy.context.view_layer.update()
-    low, high = placement.bounds(subject.find_subject(scene))
+    low, high = placement.bounds(contents.find_subject(scene))
     assert low == pytest.approx((-0.5, -0.5, -0.5)) and high == pytest.approx((2.5, 0.5, 4.1))
     assert placement.bounds({empty})[1] == pytest.approx((0.1, 0.1, 4.1)), "what shows the instance is enough"
 
@@ -151,14 +151,14 @@ def test_array_is_fitted_to_the_whole_animation_whatever_the_frame(scene):
 
 
 def test_frames_that_stand_for_an_animation(scene):
-    assert list(motion.frames(scene)) == list(motion.visited(scene, (3, 5))) == [1], "nothing moves"
+    assert list(placement.sample_frames(scene)) == list(placement.visited(scene, (3, 5))) == [1], "nothing moves"
     box = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     for number in (1, 1000):
         box.keyframe_insert("location", frame=number)
     scene.frame_start, scene.frame_end = 1, 1000
-    many = list(motion.frames(scene))
-    assert len(many) == motion.MOST_FRAMES and (many[0], many[-1]) == (1, 1000)
-    assert list(motion.visited(scene, (3, 5))) == [3, 5] and scene.frame_current == 1
+    many = list(placement.sample_frames(scene))
+    assert len(many) == placement.MOST_FRAMES and (many[0], many[-1]) == (1, 1000)
+    assert list(placement.visited(scene, (3, 5))) == [3, 5] and scene.frame_current == 1
 
 
 def test_camera_sees_its_subject_through_a_clipped_wall(scene):
@@ -177,7 +177,7 @@ def scaled(scene, item, scale):
     """Placement of SMALL at the scene's camera while ``item`` has a scale."""
     item.scale = scale
     bpy.context.view_layer.update()
-    return placement.place_array(scene, SMALL, subject.find_subject(scene))
+    return placement.place_array(scene, SMALL, contents.find_subject(scene))
 
 
 @pytest.mark.parametrize("scale", [(-1, 1, 1), (-2, 3, 0.5)])
@@ -331,10 +331,10 @@ def test_a_frame_without_an_array_does_not_count(scene):
 
 
 def test_the_panel_leaves_the_choice_to_blender_and_gives_an_animation_one_scale(artist, monkeypatch):
-    job = asked.asked(artist)[0]
+    job = folders.requested(artist)[0]
     assert (job.sampling.scale, job.sampling.scales, job.sampling.rays) == (2, (), None)
     artist.lfsr.scale, artist.lfsr.samples, artist.lfsr.rays = scene_settings.AUTO_SCALE, 0, 0.5
-    auto = asked.asked(artist)[0]
+    auto = folders.requested(artist)[0]
     assert (auto.sampling.scale, auto.sampling.scales, auto.sampling.samples, auto.sampling.rays) == (2, (2,), 2,
             0.5)
     artist.frame_end = 2

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.scene.array import cached, edit, rig
+from blender_addon.scene.array import edit, rig
 from tests.support import panel
 from tests.support.panel import found
 from tests.support.scenes import MINI
@@ -108,7 +108,7 @@ def same() -> tuple[str | None, str | None]:
     """Names of array and plane that are drawn; they are those that a search finds."""
     scene = bpy.context.scene
     bpy.context.view_layer.update()  # as before every redraw
-    array, plane = cached.array_and_plane(scene)
+    array, plane = rig.drawn(scene)
     assert (array, plane) == (rig.find(scene), rig.plane_of(rig.find(scene)))
     assert (scene.lfsr.distance, scene.lfsr.spacing) == pytest.approx((rig.distance_to(plane), rig.spacing_of(array)))
     return array and array.name, plane and plane.name
@@ -123,7 +123,7 @@ def second_array(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
 
 def test_nothing_is_searched_until_objects_come_or_go(scene, monkeypatch):
     assert same() == ("Light Field Array", "Display Plane")
-    monkeypatch.setattr(cached, "_search", lambda _: pytest.fail("it searches"))
+    monkeypatch.setattr(rig, "_search", lambda _: pytest.fail("it searches"))
     scene.lfsr.distance *= 2
     scene.lfsr.spacing, bpy.data.objects["Box"].location.x = 0.5, 1
     scene.frame_set(7)
@@ -165,10 +165,10 @@ def test_another_scene(scene):
 def test_deletion(scene):
     assert same()[1]
     bpy.data.objects.remove(bpy.data.objects["Display Plane"])
-    assert cached.array_and_plane(scene)[1] is None, "also before an update"
+    assert rig.drawn(scene)[1] is None, "also before an update"
     assert same() == ("Light Field Array", None)
     bpy.data.objects.remove(bpy.data.objects["Light Field Array"])
-    assert cached.find(scene) is None and same() == (None, None)
+    assert rig.drawn(scene)[0] is None and same() == (None, None)
     assert scene.lfsr.distance == 0 and scene.lfsr.spacing == 1
 
 
@@ -199,7 +199,7 @@ def test_names_and_the_active_camera_decide_between_two(scene):
 
 
 def test_a_plane_that_belongs_to_another_array(scene):
-    array, plane = cached.array_and_plane(scene)
+    array, plane = rig.drawn(scene)
     plane.parent = None
     assert same() == (array.name, None)
     plane.parent = array
@@ -210,6 +210,6 @@ def test_a_render_farm_that_tells_of_no_changes(tmp_path):
     with panel.registered():
         panel.artist_scene(tmp_path)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
-    assert cached.find(bpy.context.scene) == rig.find(bpy.context.scene)
+    assert rig.drawn(bpy.context.scene)[0] == rig.find(bpy.context.scene)
     bpy.data.objects.remove(rig.find(bpy.context.scene))
-    assert cached.find(bpy.context.scene) is None
+    assert rig.drawn(bpy.context.scene)[0] is None

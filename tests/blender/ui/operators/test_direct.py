@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs import asked, images
+from blender_addon.jobs import folders, images
 from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
 from lfsr_core.frames.request import read_report
 from lfsr_core.images.image_files import read_png
@@ -26,7 +26,7 @@ def rendered(add_on, tmp_path_factory) -> Path:
     lfsr.display, lfsr.profile_file, lfsr.subpixels = "FILE", "//own.toml", True
     lfsr.linear_exr, lfsr.temporal_averaging, lfsr.samples = True, 2, 4  # the first two do not count
     bpy.ops.wm.save_mainfile()
-    views = asked.views_file(folder / "lightfield" / "scene" / "Scene" / "0001")
+    views = folders.views_file(folder / "lightfield" / "scene" / "Scene" / "0001")
     np.save(views, np.zeros((8, 8, 12, 16, 3), np.uint8))
     images.load(scene, views)
     before = snapshot()
@@ -46,14 +46,14 @@ def test_the_panel_image_is_the_only_result(opened, rendered):
 
 
 def test_it_is_complete_for_these_settings_alone(opened, rendered):
-    assert asked.is_made(*asked.asked(opened))
+    assert folders.is_made(*folders.requested(opened))
     opened.lfsr.subpixels, opened.lfsr.scale, opened.lfsr.method = False, "1", "oidn"
-    assert not asked.is_made(*asked.asked(opened))
+    assert not folders.is_made(*folders.requested(opened))
     (panel.frame_one(rendered) / EIA_FILE).touch()
-    assert not asked.is_made(*asked.asked(opened))
+    assert not folders.is_made(*folders.requested(opened))
     (panel.frame_one(rendered) / EIA_FILE).unlink()
     opened.lfsr.subpixels, opened.lfsr.samples = True, 5
-    assert not asked.is_made(*asked.asked(opened))
+    assert not folders.is_made(*folders.requested(opened))
 
 
 def test_an_animation_keeps_the_frame_that_is_there(opened, rendered, capfd):
@@ -62,7 +62,7 @@ def test_an_animation_keeps_the_frame_that_is_there(opened, rendered, capfd):
     assert "2 frames: 1 made, 1 kept, 0 failed" in capfd.readouterr().out
     second = panel.frame_one(rendered).with_name("0002")
     assert read_rendered(second).frame == 2 and read_png(second / PANEL_FILE).std() > 10
-    assert not (second / EIA_FILE).exists() and not asked.views_file(second).exists()
+    assert not (second / EIA_FILE).exists() and not folders.views_file(second).exists()
 
 
 @pytest.mark.parametrize(("button", "arguments", "sentence"), [

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.scene import folders
+from blender_addon.jobs import folders
 from lfsr_core.calibration.patterns import pattern
 from lfsr_core.exports import loopback
 from lfsr_core.exports.images import eye_place

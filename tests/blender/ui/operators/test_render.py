@@ -6,8 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.jobs import asked, images, session
-from blender_addon.scene import folders
+from blender_addon.jobs import folders, images, session
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import rig
 from blender_addon.ui import summary
@@ -62,7 +61,7 @@ def test_a_scene_without_an_array_gets_one(scene):
 def test_preview_shows_the_view_of_the_eye(opened, rendered):
     assert bpy.ops.lfsr.preview_view() == {"FINISHED"}
     image = bpy.data.images[images.IMAGE_NAME]
-    views = np.load(asked.views_file(panel.frame_one(rendered)))
+    views = np.load(folders.views_file(panel.frame_one(rendered)))
     assert views.shape == (8, 8, 12, 16, 3)
     for eye, index in {(-1, 1): (0, 0), (1, 1): (0, 7), (1, -1): (7, 7)}.items():
         opened.lfsr.eye_right, opened.lfsr.eye_up = eye
@@ -92,7 +91,7 @@ def test_animation_makes_what_is_missing(opened, rendered, capfd):
     # The button sets the range in the copy that it renders, which is not the file of frame 1.
     assert "frames-older" in said or "1 frame is older" in said
     assert [read_frame(film / name).frame for name in ("0001", "0002", "0003")] == [1, 2, 3]
-    assert asked.is_decoded(film / "0003") and images.show(opened, (0, 0))
+    assert folders.is_decoded(film / "0003") and images.show(opened, (0, 0))
 
     before = stamps(film)
     (film / "0002" / "eia.png").unlink()

@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from blender_addon.scene import subject
+from blender_addon.scene import contents
 from blender_addon.scene.array import edit
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
@@ -79,9 +79,9 @@ def board(name: str, y: float, half: tuple[float, float], material: bpy.types.Ma
 
 def to_background(thing: bpy.types.Object) -> None:
     """Move an object to the collection that is not foreground."""
-    collection = bpy.data.collections.get(subject.BACKGROUND_COLLECTION)
+    collection = bpy.data.collections.get(contents.BACKGROUND_COLLECTION)
     if collection is None:
-        collection = bpy.data.collections.new(subject.BACKGROUND_COLLECTION)
+        collection = bpy.data.collections.new(contents.BACKGROUND_COLLECTION)
         bpy.context.scene.collection.children.link(collection)
     for owner in list(thing.users_collection):
         owner.objects.unlink(thing)

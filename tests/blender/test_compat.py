@@ -6,9 +6,9 @@ import bpy
 import OpenImageIO as oiio
 import pytest
 
+from blender_addon.compat import overridden
 from blender_addon.render import frame_folder
 from blender_addon.render.cycles import RenderSettings, cycles_settings
-from blender_addon.scene.overrides import overridden
 from lfsr_core.base.messages import Progress
 from lfsr_core.base.system import CORES
 from lfsr_core.images import image_files

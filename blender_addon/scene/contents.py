@@ -1,4 +1,4 @@
-"""Notices for the user before a render: settings of the scene that a light field does not honour."""
+"""What a scene holds: its subject and background, collections, materials, and what a light field leaves out of it."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from collections.abc import Iterable, Iterator
 
 import bpy
 
-from lfsr_core.base.messages import Notice
+from lfsr_core.base.messages import LfsrError, Notice
 
 from .. import compat
 from .array.rig import is_sheared
-from .subject import collections
 
+BACKGROUND_COLLECTION = "Background"
+GEOMETRY = {"MESH", "CURVE", "SURFACE", "FONT", "META", "VOLUME", "CURVES", "POINTCLOUD"}
 # Nodes of a compositor: its output in 4.5 and since 5.0, and those that pass an image on as it is.
 COMPOSITOR_OUTPUTS = {"CompositorNodeComposite", "NodeGroupOutput"}
 PASSIVE_NODES = {*COMPOSITOR_OUTPUTS, "CompositorNodeRLayers", "NodeReroute"}
@@ -19,7 +20,61 @@ PASSIVE_NODES = {*COMPOSITOR_OUTPUTS, "CompositorNodeRLayers", "NodeReroute"}
 SWITCHES = ("exclude", "holdout", "indirect_only")
 EEVEE_NODES = ("SHADERTORGB", "EEVEE_SPECULAR")  # which Cycles does not have
 STROKES = {"GREASEPENCIL", "GPENCIL"}  # drawn over Blender's own render, since 4.3 and before
-SHOWN = {"MESH", "CURVE", "CURVES", "SURFACE", "FONT", "META", "POINTCLOUD", "VOLUME", "LIGHT"}
+SHOWN = {*GEOMETRY, "LIGHT"}
+
+
+def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.types.Object]:
+    """Return the objects of the collection ``name``; without a name, all objects outside the collection Background.
+
+    LfsrError if there is no such collection or if none of its geometry would be rendered.
+    """
+    if not any(item.type in GEOMETRY or item.instance_type == "COLLECTION" for item in scene.objects):
+        raise LfsrError(f"scene {scene.name!r} is empty: add or import an object to render")
+    if name:
+        collections = {c.name: c for c in (scene.collection, *scene.collection.children_recursive)}
+        if name not in collections:
+            raise LfsrError(f"the scene has no collection {name!r} for the subject: choose one of "
+                            f"{', '.join(sorted(collections))}")
+        chosen = set(collections[name].all_objects)
+    else:
+        # Of several files, where some are linked.
+        backgrounds = (found for found in bpy.data.collections if found.name == BACKGROUND_COLLECTION)
+        chosen = set(scene.objects) - {item for background in backgrounds for item in background.all_objects}
+    subject = with_instanced(chosen)
+    if not any(item.type in GEOMETRY and _rendered(scene, item) for item in subject):
+        raise LfsrError(f"nothing of the subject {name or scene.name!r} would be rendered: "
+                        "make its objects visible in renders or choose another collection")
+    return subject
+
+
+def has_background_meshes(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> bool:
+    """Return True if geometry outside the subject would be rendered."""
+    return any(item.type in GEOMETRY and item not in subject and _rendered(scene, item) for item in scene.objects)
+
+
+def collections(root: bpy.types.LayerCollection) -> Iterator[bpy.types.LayerCollection]:
+    """Yield the collections inside ``root``, at any depth."""
+    for child in root.children:
+        yield child
+        yield from collections(child)
+
+
+def with_instanced(items: set[bpy.types.Object]) -> set[bpy.types.Object]:
+    """Return ``items`` and the objects that collection instances among them show."""
+    return items | {child for item in items for child in _instanced(item)}
+
+
+def _instanced(item: bpy.types.Object) -> set[bpy.types.Object]:
+    """Objects that a collection instance shows; they may lie outside the scene's collections."""
+    if item.instance_type != "COLLECTION" or item.instance_collection is None:
+        return set()
+    inside = set(item.instance_collection.all_objects)
+    return inside | {child for other in inside for child in _instanced(other)}
+
+
+def _rendered(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
+    owners = [c for c in (scene.collection, *scene.collection.children_recursive) if item.name in c.objects]
+    return not item.hide_render and (not owners or any(not c.hide_render for c in owners))
 
 
 def left_out(scene: bpy.types.Scene) -> list[Notice]:

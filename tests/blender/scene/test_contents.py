@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from blender_addon.scene import devices, settings
-from blender_addon.scene.notices import left_out
+from blender_addon import compat
+from blender_addon.scene import settings
+from blender_addon.scene.contents import left_out
 from blender_addon.scene.words import PANEL, sentence
 from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.commands.sentences import SENTENCES
@@ -91,14 +92,14 @@ def test_a_profile_added_to_the_folder_is_in_the_menu(tmp_path, monkeypatch):
 def test_addresses_are_in_the_ids_of_cycles_devices(monkeypatch, ids, addresses):
     preferences = SimpleNamespace(get_device_types=lambda context: [("OPTIX", "OptiX", "", 3)],
                                   get_devices_for_type=lambda kind: [SimpleNamespace(id=each) for each in ids])
-    monkeypatch.setattr(devices, "cycles_preferences", lambda: preferences)
-    assert devices.gpu_addresses("OPTIX") == addresses
-    assert devices.gpu_addresses("CPU") == devices.gpu_addresses("VULKAN") == ()
+    monkeypatch.setattr(compat, "cycles_preferences", lambda: preferences)
+    assert compat.gpu_addresses("OPTIX") == addresses
+    assert compat.gpu_addresses("CPU") == compat.gpu_addresses("VULKAN") == ()
 
 
 def test_what_blender_does_not_know_and_this_machine_does_not_have_is_refused():
-    with pytest.raises(LfsrError, match="device is 'VULKAN', but this Blender knows"), devices.enabled("VULKAN"):
+    with pytest.raises(LfsrError, match="device is 'VULKAN', but this Blender knows"), compat.device_enabled("VULKAN"):
         pass
-    absent = [kind for kind in ("CUDA", "HIP") if devices.resolved("auto") != kind]
-    with pytest.raises(LfsrError, match="device is '.*', but this machine has none"), devices.enabled(absent[0]):
+    absent = [kind for kind in ("CUDA", "HIP") if compat.best_device("auto") != kind]
+    with pytest.raises(LfsrError, match="device is '.*', but this machine has none"), compat.device_enabled(absent[0]):
         pass
