@@ -1,7 +1,9 @@
 """Every panel draws against real RNA, in every state it can be in, with texts that follow Blender's rules."""
 
+import importlib
 import itertools
 import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import bpy
@@ -506,3 +508,16 @@ def test_messages_are_sentences():
     assert words.capitalized("no image") == "No image"
     assert words.capitalized("own.toml: no name") == "own.toml: no name", "a file's name stays"
     assert [words.counted(count, "problem") for count in (0, 1, 2)] == ["0 problems", "1 problem", "2 problems"]
+
+
+def test_names_that_window_tests_send_to_blender_exist():
+    """A window is no part of CI: a module that moves would show there only when somebody opens one."""
+    tests = Path(__file__).resolve().parents[2]
+    for path in [*tests.rglob("*_window.py"), *tests.rglob("support/window/*.py")]:
+        for name in re.findall(r"\baddon((?:\.[a-z_]\w*)+)", path.read_text(encoding="utf-8")):
+            place = blender_addon
+            for part in name[1:].split("."):
+                if not hasattr(place, part):
+                    assert hasattr(place, "__path__"), f"{path.name}: addon{name}"
+                    importlib.import_module(f"{place.__name__}.{part}")
+                place = getattr(place, part)

@@ -149,7 +149,7 @@ def test_cancel_is_quick_and_tidy(window, moment, settings, is_there):
     before = scene_value(window, UNTOUCHED)
     window.run(f"lfsr = bpy.context.scene.lfsr; lfsr.display, lfsr.scale, lfsr.samples = {settings}")
     window.run("scene = bpy.context.scene\nscene.frame_set(7)")
-    window.run("for asked in addon.ui.operators.check.questions(scene):\n    asked.accept()")
+    window.run("for asked in addon.ui.operators.render.check_questions(scene):\n    asked.accept()")
     window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
     # Waits inside Blender: on a busy machine the moment could pass between two questions from here.
     window.run(f"""
