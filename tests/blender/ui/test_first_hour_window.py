@@ -153,7 +153,8 @@ def test_cheapest_settings_are_found_and_what_is_said_can_be_read(window):
     while window.get(f"{TASK} is not None"):
         said.add(window.get(f"{STATE}.plan_text"))
     print(f"cheapest settings after {time.monotonic() - began:.1f} s")
-    assert said == {""} and "reaches SSIM 0.95" in window.get(f"{STATE}.plan_text"), "only what was measured is said"
+    answer = window.get(f"{STATE}.plan_text")
+    assert "reaches SSIM 0.95" in answer and said <= {"", answer}, "only what was measured is said"
     window.screenshot("cheapest-found")
     window.run("bpy.ops.screen.userpref_show('INVOKE_DEFAULT', section='ADDONS')")
     window.run("bpy.context.window_manager.addon_search = 'Light Field'\n"
