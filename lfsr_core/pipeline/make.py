@@ -296,13 +296,17 @@ def open_blender(blender: Starts, folder: Path) -> Iterator[Callable[[Request, T
     files. Errors as of ``render_all``.
     """
     with contextlib.ExitStack() as stack:
-        folder.mkdir(parents=True, exist_ok=True)
-        temporary = stack.enter_context(tempfile.TemporaryDirectory(dir=folder.resolve(), ignore_cleanup_errors=True))
-        environment = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), temporary)
-        child = stack.enter_context(Child(blender.command(STAY), environment))
+        opened: list[Child] = []
 
         def render(request: Request, tell: Tell) -> None:
             check_scene(request.scene)
+            if not opened:  # before the first render, which may never come
+                folder.mkdir(parents=True, exist_ok=True)
+                temporary = stack.enter_context(
+                    tempfile.TemporaryDirectory(dir=folder.resolve(), ignore_cleanup_errors=True))
+                environment = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), temporary)
+                opened.append(stack.enter_context(Child(blender.command(STAY), environment)))
+            child = opened[0]
             target = FrameFolder(request.output)
             target.check_free(request.kind)
             with staging_folder(target.path) as staging, system_errors():

@@ -136,7 +136,8 @@ def test_a_sample_of_other_settings_is_not_taken_and_a_damaged_one_said(tmp_path
 def test_a_small_budget_leaves_costly_candidates_out(tmp_path, monkeypatch):
     monkeypatch.setattr(planner, "LEAST_LENSES", 4)
     monkeypatch.setattr(plan_options, "FREE_PATHS", 0)
-    options = dataclasses.replace(OPTIONS, target=0.999, lenses=None, reference_samples=16, budget=0.5)
+    options = dataclasses.replace(OPTIONS, target=0.999, lenses=None, reference_samples=16, budget=0.5,
+                                  methods=("nearest", "bicubic-eia"))  # which sees neighbours, so a lens costs nine
     planned = plan(JOB, options, render, tmp_path / "sample")
     left_out = [row for row in planned.candidates if row.unmeasured]
     assert left_out and {row.unmeasured.code for row in left_out} == {"candidate-over-budget"}

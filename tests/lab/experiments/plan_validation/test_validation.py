@@ -74,10 +74,10 @@ def test_replayed_references_show_both_halves(bench, tmp_path):
 def test_plans_are_held_against_whole_frames(bench, tmp_path, capsys):
     words = (f"study plans {bench} -o {tmp_path}/out --json {tmp_path}/plans.json --replay --methods nearest,bilinear "
              "--lenses 40").split()
-    assert main([*words, "--seeds", "0-1", "--targets", "0.5,0.6,0.9"]) == 0
+    assert main([*words, "--seeds", "0-3", "--targets", "0.5,0.6,0.9"]) == 0
     data = read_record(tmp_path / "plans.json", Validation, "a validation")
     rows, whole = data.plans, data.summary
-    assert len(rows) == 6 and whole == summary(rows)
+    assert len(rows) == 12 and whole == summary(rows)
     assert all(row.chosen is None and row.hindsight is None for row in rows if row.target == 0.9)
     assert whole.met == 1 and whole.bounds_below_actual > 0.9
     assert abs(whole.mean_error) < 0.01
