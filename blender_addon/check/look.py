@@ -23,7 +23,7 @@ from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig, room
 from ..scene.array.placement import Rays
 from ..scene.contents import GEOMETRY, find_subject, with_instanced
-from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, world_radiance
+from ..scene.light import LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, world_radiance
 from ..scene.settings import length
 from ..scene.words import counted
 from .problems import Problem
@@ -238,7 +238,7 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: 
     half = array.half_width / array.distance, array.half_height / array.distance
     lamps = sorted((item for item in scene.objects if item.type == "LIGHT" and not item.hide_render),
                    key=lambda item: -item.data.energy)[:LAMPS]
-    sky, arriving = world_radiance(scene.world), list[float]()
+    sky, arriving, seen = world_radiance(scene.world), list[float](), list[float]()
     generator = np.random.default_rng(0)
     for x, y in generator.uniform(-0.9, 0.9, (4 * LIT, 2)):
         way = eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))
@@ -248,23 +248,30 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: 
         place, normal, item = hit
         normal = -normal if normal.dot(way) > 0 else normal
         start = place + normal * 1e-3 * (place - eye.translation).length
+        (scattered, reflected), above = _reflected(item), 0.0
         light = sum(_arrives(rays, lamp, start, normal) for lamp in lamps) / math.pi
         if sky:
             ways = [mathutils.Vector(way) for way in generator.normal(size=(SKY, 3))]
             free = [rays.cast(start, way if way.dot(normal) > 0 else -way) is None for way in ways]
-            light += sky * sum(free) / SKY
-        arriving.append(light * min(_reflected(item) / LEAST_ALBEDO, 1.0))
-    if not arriving or float(np.median(arriving)) * 2.0**scene.view_settings.exposure >= DIM:
+            above = sky * sum(free) / SKY
+        seen.append(light * scattered + above * reflected)
+        arriving.append((light + above) * min(reflected / LEAST_ALBEDO, 1.0))
+    if not is_dim(np.array(arriving), np.array(seen), scene.view_settings.exposure):
         return False
     return is_new or _proof_is_dark(scene)
 
 
-def _reflected(item: bpy.types.Object) -> float:
-    """Brightest colour of an object's materials, 1 where it is not known."""
-    colors = [node.inputs["Base Color"] for slot in item.material_slots if slot.material and slot.material.node_tree
-              for node in slot.material.node_tree.nodes if node.type == "BSDF_PRINCIPLED"]
-    known = [1.0 if color.is_linked else max(color.default_value[:3]) for color in colors]
-    return max(known, default=1.0)
+def _reflected(item: bpy.types.Object) -> tuple[float, float]:
+    """Brightest colour of an object's materials, of what scatters light and of all; 1 where it is not known.
+
+    Glass and metal show what is around them, so that no lamp makes them bright.
+    """
+    nodes = [node.inputs for slot in item.material_slots if slot.material and slot.material.node_tree
+             for node in slot.material.node_tree.nodes if node.type == "BSDF_PRINCIPLED"]
+    colors = [1.0 if node["Base Color"].is_linked else max(node["Base Color"].default_value[:3]) for node in nodes]
+    clear = [max(node["Transmission Weight"].default_value, node["Metallic"].default_value) for node in nodes]
+    return (max((color * (1 - part) for color, part in zip(colors, clear, strict=True)), default=1.0),
+            max(colors, default=1.0))
 
 
 def _proof_is_dark(scene: bpy.types.Scene) -> bool:

@@ -43,7 +43,7 @@ from ..scene.array import placement
 from ..scene.array.rig import Placement
 from ..scene.contents import find_subject, has_background_meshes
 from ..scene.files import check_files, image_files
-from ..scene.light import DEFAULT_LIGHT, DIM, LEAST_ALBEDO, has_light, is_certain, lit
+from ..scene.light import DEFAULT_LIGHT, LEAST_ALBEDO, has_light, is_certain, is_dim, lit
 from ..scene.settings import color_settings
 from . import world
 from .cycles import (
@@ -210,7 +210,7 @@ def is_dark(scene: bpy.types.Scene, request: Request) -> bool:
         seen = (layers["color"][..., 3] > 0.5) & (layers["index"][..., 0] == FOREGROUND)
         color, albedo = layers["color"][seen][:, :3].max(-1), layers["albedo"][seen].max(-1)
         light = color / np.maximum(albedo, LEAST_ALBEDO)
-        return bool(light.size and np.median(light) * 2.0**scene.view_settings.exposure < DIM)
+        return is_dim(light, color, scene.view_settings.exposure)
     return False
 
 

@@ -9,7 +9,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
+import numpy as np
 
+from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.request import AUTO, EVEN, OWN, WORLD_IMAGES, check_light, is_light_file
 
@@ -19,6 +21,7 @@ from .contents import materials
 DEFAULT_LIGHT = "city"  # neutral, from all sides: suits glass as well as skin
 # Brightness below which a white surface is almost in the dark. The world of a new file, 0.05, lights less.
 DIM = 0.08
+BLACK, MORE = 0.05, 2.0  # radiance of a picture's brightest below which it needs so many times the light
 LEAST_ALBEDO = 0.1  # darker surfaces count as if they reflected this much: what is black needs more light to be seen
 SKY = 0.5  # radiance of a sky that is an image or a texture
 CERTAIN_SUN, CERTAIN_WORLD = 0.5, 0.1   # W/m² and radiance that show a white surface well above that
@@ -71,6 +74,14 @@ def is_certain(scene: bpy.types.Scene) -> bool:
     suns = [item.data.energy for item in scene.objects if item.type == "LIGHT" and item.data.type == "SUN"
             and not item.hide_render and any(item.data.color)]
     return max(suns, default=0.0) * factor >= CERTAIN_SUN or _plain_world(scene.world) * factor >= CERTAIN_WORLD
+
+
+def is_dim(light: Array, radiance: Array, exposure: float) -> bool:
+    """Return True if most of a picture is hardly lit, by what white surfaces would send and by what it sends."""
+    if not light.size:
+        return False
+    looks_black = np.percentile(radiance, 95) * 2.0**exposure < BLACK
+    return bool(np.median(light) * 2.0**exposure < DIM * (MORE if looks_black else 1))
 
 
 def has_emission(scene: bpy.types.Scene) -> bool:

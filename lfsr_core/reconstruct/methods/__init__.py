@@ -46,7 +46,7 @@ METHODS: dict[str, Part] = {
     "bicubic": Part(UPSCALER, "cubic inside each elemental image", lambda _: Interpolation("cubic")),
     "lanczos": Part(UPSCALER, "8-tap Lanczos inside each elemental image", lambda _: Interpolation("lanczos")),
     "pool": Part(UPSCALER, "linear along the depth of what is seen, from every lens that sees it", Pooling,
-                 sees_neighbours=True, versions={"pool": 3}, per_finished=0.05),
+                 sees_neighbours=True, versions={"pool": 4}, per_finished=0.05),
     "bicubic-eia": Part(UPSCALER, "cubic over the whole array: shows crosstalk",
                         lambda _: Interpolation("cubic", crosstalk=True), sees_neighbours=True),
     "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda _: Interpolation("nearest")),

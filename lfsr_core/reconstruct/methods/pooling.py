@@ -6,7 +6,8 @@ the rendered views meets the point that view v sees through lens i + m·(v − A
 same slope m, are averaged, along one axis and then along the other: sheared reconstruction, as in Lehtinen et al.,
 Temporal Light Field Reconstruction for Rendering Distribution Effects (2011). Unless much of the scene is steep, it is
 done at two places per rendered view, and views between them are interpolated. Where depth is unknown, interpolation
-inside the elemental image stays. docs/results/pooling.md has the figures.
+inside the elemental image stays, and so it does for the light of a lamp in a sample at the depth of the wall behind it:
+along the wall's slope it would be a halo. docs/results/pooling.md has the figures.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ STEEP = 1.0  # lenses per rendered view from which an edge is known better from 
 STEEPEST = 8.0  # lenses per rendered view: steeper points skip too many lenses to be found again
 LEAST = 0.05  # sum of weights below which nothing was found
 UNKNOWN, OUTSIDE = 1e6, 1e9  # slopes of samples without depth, and of places beyond the display or its views
+GLARE, CONTRAST = 1.0, 4.0  # scene-linear value, and times a neighbour of the same surface, of a sample with such light
 PLACES = 2  # per rendered view at which samples are pooled, of scenes that are not steep: more gain nothing there
 MOST_STEEP = 0.05  # of the samples of such a scene
 KERNEL, SHARP_KERNEL = "linear", "halfway"
@@ -54,6 +56,7 @@ class PooledEIA(LowResEIA):
     wide: Array  # (4, sx·W, padded sy, padded h), encoded colour and vertical slope; W: horizontal places of a lens
     rows: Array  # (sy,) places of the rows of lenses in it
     seen: Array  # (sy, sx) bool, lenses that see a point of known depth
+    glare: Array | None  # (sy, sx, h, w, 3) encoded colour that is interpolated instead, None where there is none
 
 
 class Pooling(Upscaler):
@@ -84,7 +87,9 @@ class Pooling(Upscaler):
         columns, length = self._places(sx, steepest)
         rows, height = self._places(sy, steepest * low.slope_ratio)
         source = padded((sy, h, length, w + 2 * REACH))
-        source[:3, :, :, columns, REACH:-REACH] = self._restored(low, slope, steepest).transpose(4, 0, 2, 1, 3)
+        glaring, glare = self._glare(low)
+        color = self._restored(low, np.where(glaring, np.float32(UNKNOWN), slope), steepest) - glare
+        source[:3, :, :, columns, REACH:-REACH] = color.transpose(4, 0, 2, 1, 3)
         source[3:, :, :, columns, REACH:-REACH] = slope.transpose(0, 2, 1, 3)
         wide = padded((sx * width, height, h + 2 * REACH))
         line = Line.of(low, w, across)
@@ -96,7 +101,8 @@ class Pooling(Upscaler):
             wide[:, index * width:(index + 1) * width, rows, REACH:-REACH] = rays.reshape(4, width, sy, h)
 
         in_threads(column, range(sx))
-        return PooledEIA(**vars(low), density=(across, down), wide=wide, rows=rows, seen=known.any((2, 3)))
+        return PooledEIA(**vars(low), density=(across, down), wide=wide, rows=rows, seen=known.any((2, 3)),
+                         glare=glare if glaring.any() else None)
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
         """Finished EIs of ``lenses``; ``low`` is the result of ``prepare``."""
@@ -115,10 +121,33 @@ class Pooling(Upscaler):
                 row, column = lenses[part].T
                 lines = (column[:, None] * width + np.arange(width)) * low.wide.shape[2] + low.rows[row][:, None]
                 rays = down @ pooled(low.wide, lines.ravel() * (h + 2 * REACH) + REACH, line)[:3]
-                images = decode(rays.reshape(-1, width) @ across.T).reshape(3, -1, len(part), len(across))
+                images = (rays.reshape(-1, width) @ across.T).reshape(3, -1, len(part), len(across))
+                if low.glare is not None:
+                    images += interpolated(low.glare[row, column], kernel, low.factors).transpose(3, 1, 0, 2)
+                images = decode(images)
                 for channel, image in enumerate(images):
                     result[part, ..., channel] = image.transpose(1, 0, 2)
         return result
+
+    def _glare(self, low: LowResEIA) -> tuple[Array, Array]:
+        """Samples (sy, sx, h, w) that outshine a neighbour of their surface, and (…, 3) by how much, encoded."""
+        brightest, slope = low.color.max(-1), low.slope[..., 0]
+        glaring, glare = np.zeros(brightest.shape, bool), np.zeros_like(low.color)
+        place = np.stack(np.nonzero(brightest > GLARE))
+        here = tuple(place)
+        limit = brightest[here] / CONTRAST
+        for axis in (0, 1):
+            count = brightest.shape[axis]
+            block = self._block or count
+            for step in (-1, 1):
+                beside = place.copy()
+                beside[axis] = np.clip(place[axis] + step, 0, count - 1)
+                darker = ((np.abs(slope[tuple(beside)] - slope[here]) < ALIKE) & (brightest[tuple(beside)] < limit)
+                          & (beside[axis] // block == place[axis] // block))
+                own, other = tuple(place[:, darker]), tuple(beside[:, darker])
+                glaring[own] = True
+                glare[own] = np.maximum(glare[own], encode(low.color[own]) - encode(low.color[other]))
+        return glaring, glare
 
     def _restored(self, low: LowResEIA, slope: Array, steepest: float) -> Array:
         """Encoded colours (sy, sx, h, w, 3), with the detail that a denoiser took for noise.

@@ -184,8 +184,23 @@ def test_black_things_need_more_light_to_be_seen(startup, gray):
     node = paint.node_tree.nodes["Principled BSDF"]
     node.inputs["Base Color"].default_value = (gray, gray, gray, 1)
     box.data.materials.append(paint)
-    startup.objects["Light"].data.energy = 50
+    startup.objects["Light"].data.energy = 100
     assert ("dark" in looked(startup)) == (gray < 0.1)
+
+
+@pytest.mark.parametrize("glass", [False, True])
+def test_glass_on_velvet_under_lamps_alone_is_black(startup, glass):
+    """Nothing is around it that it could show, and velvet in the same light stays dark."""
+    aimed(startup)
+    for box, color, part in ((add_box((0, 0, 1), (1, 0.5, 1)), 0.9, float(glass)),
+                             (add_box((0, 1, 1), (4, 0.1, 4)), 0.05, 0.0)):
+        paint = bpy.data.materials.new("Paint")
+        node = paint.node_tree.nodes["Principled BSDF"]
+        node.inputs["Base Color"].default_value, node.inputs["Transmission Weight"].default_value = [color] * 4, part
+        node.inputs["Roughness"].default_value = 1 - part
+        box.data.materials.append(paint)
+    startup.objects["Light"].data.energy = 150
+    assert ("dark" in looked(startup)) == glass
 
 
 def test_the_dialog_offers_each_mend_ticked_and_asks_once(startup):

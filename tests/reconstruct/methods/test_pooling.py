@@ -77,6 +77,17 @@ def test_one_colour_stays_one_colour(samples):
     np.testing.assert_allclose(finished(low), 0.3, rtol=1e-4)
 
 
+@pytest.mark.parametrize("slope", [0.9, 1.7])
+def test_the_edge_of_a_lamp_leaves_no_light_around_it(slope):
+    """A sample that is partly of a lamp before a wall has the wall's depth: that light does not lie there."""
+    color = np.full((*LENSES, *VIEWS, 3), 0.3, np.float32)
+    row, column, view = LENSES[0] // 2, LENSES[1] // 2, VIEWS[1] // 2
+    color[row, column, :, view] = 20.0
+    around = finished(plane(slope, color=color)).max((2, 4))
+    around[row, column] = 0.3
+    np.testing.assert_allclose(around, 0.3, rtol=1e-4)
+
+
 def test_a_flat_display_pools_along_its_one_axis():
     low = plane(0.8)
     one = low.each(lambda array: array[:, :, :1])
