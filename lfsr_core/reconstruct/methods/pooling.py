@@ -87,7 +87,7 @@ class Pooling(Upscaler):
         columns, length = self._places(sx, steepest)
         rows, height = self._places(sy, steepest * low.slope_ratio)
         source = padded((sy, h, length, w + 2 * REACH))
-        glaring, glare = self._glare(low)
+        glaring, glare = self._glare(low.color, low.slope[..., 0])
         color = self._restored(low, np.where(glaring, np.float32(UNKNOWN), slope), steepest) - glare
         source[:3, :, :, columns, REACH:-REACH] = color.transpose(4, 0, 2, 1, 3)
         source[3:, :, :, columns, REACH:-REACH] = slope.transpose(0, 2, 1, 3)
@@ -129,10 +129,10 @@ class Pooling(Upscaler):
                     result[part, ..., channel] = image.transpose(1, 0, 2)
         return result
 
-    def _glare(self, low: LowResEIA) -> tuple[Array, Array]:
+    def _glare(self, color: Array, slope: Array) -> tuple[Array, Array]:
         """Samples (sy, sx, h, w) that outshine a neighbour of their surface, and (…, 3) by how much, encoded."""
-        brightest, slope = low.color.max(-1), low.slope[..., 0]
-        glaring, glare = np.zeros(brightest.shape, bool), np.zeros_like(low.color)
+        brightest = color.max(-1)
+        glaring, glare = np.zeros(brightest.shape, bool), np.zeros_like(color)
         place = np.stack(np.nonzero(brightest > GLARE))
         here = tuple(place)
         limit = brightest[here] / CONTRAST
@@ -146,7 +146,7 @@ class Pooling(Upscaler):
                           & (beside[axis] // block == place[axis] // block))
                 own, other = tuple(place[:, darker]), tuple(beside[:, darker])
                 glaring[own] = True
-                glare[own] = np.maximum(glare[own], encode(low.color[own]) - encode(low.color[other]))
+                glare[own] = np.maximum(glare[own], encode(color[own]) - encode(color[other]))
         return glaring, glare
 
     def _restored(self, low: LowResEIA, slope: Array, steepest: float) -> Array:
