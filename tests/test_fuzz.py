@@ -28,6 +28,7 @@ from lfsr_core.optics.panel.weave import gather_map
 from lfsr_core.pipeline.parts import INPUTS_FILE, remove_others
 from lfsr_core.reconstruct.methods import denoise
 from lfsr_core.reconstruct.upscaler import foreground_mask, low_resolution
+from lfsr_lab.networks.tza import write_tza
 from tests.calibration.test_makers import OLD, written
 from tests.support.damage import SILENT, WRONG, Case, outcomes
 from tests.support.panels import hexagonal, lenticular
@@ -47,7 +48,7 @@ def use_sheet(folder: Path) -> None:
 def write_weights(path: Path) -> Path:
     """The smallest network, of whose bytes a third are the table."""
     shapes = denoise.network_shapes((1,) * 15 + (3,))
-    denoise.write_tza(path, {name: np.full(shape, 0.1) for name, shape in shapes.items()})
+    write_tza(path, {name: np.full(shape, 0.1) for name, shape in shapes.items()})
     return path
 
 

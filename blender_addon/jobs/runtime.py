@@ -34,8 +34,7 @@ from lfsr_core.base.system import CORES, file_stamp, read_json, write_json
 from lfsr_core.frames.folder import FrameFolder, digest
 from lfsr_core.pipeline.parts import has_parts
 from lfsr_core.process.child import BLENDER_FOLDER, PACKAGES, output_of
-from lfsr_core.reconstruct.methods.oidn import LIBRARY_VARIABLE
-from lfsr_core.tasks.probe import DENOISER
+from lfsr_core.reconstruct.methods.denoise import LIBRARY_VARIABLE
 
 from ..compat import overridden, wait_cursor
 from ..scene.contents import collections as layer_collections
@@ -43,6 +42,7 @@ from ..scene.settings import Resolved, file_stem, title
 
 PACKAGE = __package__.rpartition(".")[0]  # the add-on, under the name that Blender gave it
 RUNNER = "lfsr_core.tasks.runner"
+SAY_WHY = "from lfsr_core.reconstruct.methods.denoise import why_missing; print(why_missing())"  # a program
 HEADLESS = Path(__file__).resolve().parents[1] / "headless"
 # A clone has the first, the zip only the second.
 ENTRY = next(path for name in ("from_sources.py", "entry.py") if (path := HEADLESS / name).is_file())
@@ -59,9 +59,9 @@ FREE = ("frame_current", "frame_current_final", "frame_float", "frame_subframe",
 ONE_BLAS_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1")
 
 
-def second_stage_command(module: str) -> list[str]:
-    """Command line that runs ``module`` of lfsr_core; append its arguments, and start it with ``environment()``."""
-    return [sys.executable, "-s", "-m", module]
+def second_stage_command(*words: str) -> list[str]:
+    """Command line of Blender's Python for the second stage, which starts with ``environment()``."""
+    return [sys.executable, "-s", *words]
 
 
 def render_command() -> list[str]:
@@ -135,8 +135,7 @@ def why_missing() -> str:
 
 @functools.lru_cache(maxsize=8)
 def _why_missing(_library: str) -> str:
-    code, output = output_of([*second_stage_command("lfsr_core.tasks.probe"), DENOISER], environment(),
-                             SECONDS_TO_ANSWER)
+    code, output = output_of(second_stage_command("-c", SAY_WHY), environment(), SECONDS_TO_ANSWER)
     return output.strip() if code == 0 else ""  # what else it lacks is said by the render
 
 

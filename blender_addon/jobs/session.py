@@ -156,7 +156,7 @@ class Task:
         task, temporary = folder / "task.json", folder / "temporary"
         temporary.mkdir()
         write_json(task, {"task": self.job.task, **to_data(data)})
-        command = [*runtime.second_stage_command(runtime.RUNNER), str(task)]
+        command = runtime.second_stage_command("-m", runtime.RUNNER, str(task))
         # What a process that is killed leaves goes with the folder.
         environment = runtime.environment() | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(temporary))
         try:

@@ -17,7 +17,8 @@ from lfsr_core.frames.frame import LAYOUTS, VIEW_BY_VIEW
 from lfsr_core.frames.request import AUTO, DEVICES, EVEN, OWN, WORLD_IMAGES, Finish, Request, check_light, check_scene
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lenses import parse_rows
-from lfsr_core.reconstruct.methods import DEFAULT_METHOD, METHODS, PLAIN_METHOD, SUBPIXEL_METHODS, MethodName, oidn
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, METHODS, PLAIN_METHOD, SUBPIXEL_METHODS, MethodName
+from lfsr_core.reconstruct.methods.denoise import why_missing
 
 FARTHEST_MM = 1e6
 BAR_WIDTH = 30
@@ -104,7 +105,7 @@ def method_of(name: str | None, subpixels: bool) -> str:
     ``subpixels``: whether the panel's subpixels are rendered.
     """
     best, plain = SUBPIXEL_METHODS if subpixels else (DEFAULT_METHOD, PLAIN_METHOD)
-    return name or (plain if oidn.why_missing() else best)
+    return name or (plain if why_missing() else best)
 
 
 def finish_of(arguments: argparse.Namespace, subpixels: bool, scale: int) -> Finish:

@@ -11,7 +11,8 @@ from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.frames.frame import Frame
 from lfsr_core.frames.request import samples_at
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD, PLAIN_METHOD, MethodName, load_method, oidn
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD, PLAIN_METHOD, MethodName, load_method
+from lfsr_core.reconstruct.methods.denoise import why_missing
 
 METRICS = ("ssim_lens_fg", "ssim_lens")
 SCALES, SAMPLES = (1, 2, 4, 8), (4, 16, 64, 256)
@@ -113,7 +114,7 @@ class PlanOptions:
 
 def default_methods() -> tuple[str, ...]:
     """Simple upscaling, and where Open Image Denoise is installed the fast method and the default."""
-    return PLAIN_METHOD, *((FAST_METHOD, DEFAULT_METHOD) if not oidn.why_missing() else ())
+    return PLAIN_METHOD, *((FAST_METHOD, DEFAULT_METHOD) if not why_missing() else ())
 
 
 def methods_at(scale: int, names: Iterable[str]) -> tuple[str, ...]:

@@ -48,8 +48,7 @@ from lfsr_core.optics.panel.weave import cached_gather_map, weave
 from lfsr_core.optics.rays import flip_order, to_elemental_images
 from lfsr_core.reconstruct.averaging import average_frames, averaging_notices, neighbours_of, read_low
 from lfsr_core.reconstruct.methods import METHODS, PLAIN_METHOD, SUBPIXEL_METHODS, Method, MethodName, load_method
-from lfsr_core.reconstruct.methods.denoise import denoise_eia, span
-from lfsr_core.reconstruct.methods.oidn import Note, Wanted
+from lfsr_core.reconstruct.methods.denoise import Note, Wanted, denoise_eia, span
 from lfsr_core.reconstruct.upscaler import (
     LowResEIA,
     Upscaler,
@@ -332,7 +331,7 @@ def _finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, 
 
 def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: MethodName,
                        note: Note = silent) -> Array:
-    """Panel image (H, W, 3), scene-linear, from the layers of a direct subpixel rendering; ``note``: see ``oidn``."""
+    """Panel image (H, W, 3), scene-linear, from the layers of a direct subpixel rendering; ``note`` hears notices."""
     assert frame.subpixels is not None, "a frame of direct subpixel rendering has them"
     shown = over_background(layers, frame)
     if method.prefilters:

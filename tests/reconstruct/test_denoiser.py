@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.rays import from_elemental_images
-from lfsr_core.reconstruct.methods import denoise, load_method, oidn
-from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_low_resolution, mirrored, read_tza, write_tza
+from lfsr_core.reconstruct.methods import denoise, load_method
+from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_low_resolution, mirrored
 from lfsr_core.reconstruct.upscaler import LowResEIA
+from lfsr_lab.networks.tza import read_tza, write_tza
 from tests.support.prerequisites import needs_bpy
 from tests.support.told import refuses
 
@@ -129,7 +130,7 @@ def test_guided_weights_see_albedo_and_normal_mirrored_like_the_colour(tmp_path)
     found = denoise_low_resolution(dataclasses.replace(low, guides=guides), path)
     color, albedo, normal = (mirrored(image).swapaxes(1, 2).reshape(30, 40, 3)
                              for image in (low.color, guides[..., :3], guides[..., 3:]))
-    expected = oidn.denoise(color, albedo, normal, hdr=True, weights=path.read_bytes(), input_scale=1.0)
+    expected = denoise.denoise_image(color, albedo, normal, hdr=True, weights=path.read_bytes(), input_scale=1.0)
     np.testing.assert_allclose(mirrored(found.color).swapaxes(1, 2).reshape(30, 40, 3), np.maximum(expected, 0))
     without = denoise_low_resolution(low, path)
     black = denoise_low_resolution(dataclasses.replace(low, guides=np.zeros_like(guides)), path)
@@ -304,5 +305,5 @@ def test_library_of_blender_gives_the_same_image(monkeypatch):
 
 def test_missing_library_is_one_clear_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyoidn", None)
-    monkeypatch.setattr(oidn, "find_libraries", lambda: iter(()))
+    monkeypatch.setattr(denoise, "find_libraries", lambda: iter(()))
     refuses("install the package pyoidn", denoise_eia, np.zeros((4, 4, 3), np.float32))

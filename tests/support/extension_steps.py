@@ -64,9 +64,10 @@ def both(folder: Path) -> dict[str, object]:
 
 
 def second_stage() -> str:
-    """Versions that the second stage's process finds."""
+    """Version that the second stage's process finds, and what keeps it from denoising."""
     runtime = importlib.import_module(f"{MODULE}.jobs.runtime")
-    done = subprocess.run(runtime.second_stage_command("lfsr_core.tasks.probe"), env=runtime.environment(),
+    program = f"import lfsr_core.tasks.runner; print('LFSR', lfsr_core.__version__); {runtime.SAY_WHY}"
+    done = subprocess.run(runtime.second_stage_command("-c", program), env=runtime.environment(),
                           capture_output=True, text=True, check=False)
     return done.stdout.strip()
 

@@ -8,7 +8,7 @@ import pytest
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.frames.request import read_report
 from lfsr_core.images.image_files import read_png
-from lfsr_core.reconstruct.methods import DEFAULT_METHOD, oidn
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, denoise
 from tests.support.window.desktop import NEEDS_WINDOW, SECONDS_TO_RENDER, STATE, TASK, monkey_window
 
 pytestmark = NEEDS_WINDOW
@@ -97,7 +97,7 @@ def test_what_the_method_needs_is_asked_before_the_render(window):
 
 
 def test_a_library_of_the_preferences_denoises(window):
-    library = next(path for path in oidn.find_libraries() if path.is_file())
+    library = next(path for path in denoise.find_libraries() if path.is_file())
     (window.folder / "oidn" / "lib").mkdir(parents=True)  # where the libraries look for each other
     for name in LIBRARIES:
         for path in library.parent.glob(name):

@@ -8,9 +8,10 @@ import torch
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from lfsr_core.reconstruct.methods import oidn
-from lfsr_core.reconstruct.methods.denoise import BASE, SMALL, network_shapes, read_tza, write_tza
+from lfsr_core.reconstruct.methods import denoise
+from lfsr_core.reconstruct.methods.denoise import network_shapes
 from lfsr_lab.networks import denoiser as twin
+from lfsr_lab.networks.tza import BASE, SMALL, read_tza, write_tza
 from tests.support.told import refuses
 
 RANDOM = np.random.default_rng(0)
@@ -42,7 +43,7 @@ def by_twin(network, color, guides, hdr):
 
 
 def by_library(path, color, guides, hdr, **more):
-    return oidn.denoise(color, *guides, hdr=hdr, srgb=not hdr, weights=path.read_bytes(),
+    return denoise.denoise_image(color, *guides, hdr=hdr, srgb=not hdr, weights=path.read_bytes(),
                         input_scale=1.0 if hdr else None, **more)
 
 
@@ -58,7 +59,7 @@ def test_twin_equals_library(tmp_path, name, size, images):
     found, expected = (by(where, color, guides, hdr) for by, where in ((by_twin, network),
                                                                        (by_library, tmp_path / "some.tza")))
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
-    np.testing.assert_array_equal(expected, oidn.denoise(
+    np.testing.assert_array_equal(expected, denoise.denoise_image(
         color, *guides, hdr=hdr, srgb=not hdr, input_scale=1.0 if hdr else None,
         quality="fast" if size == "small" else "balanced"), "the library's own weights, stored again")
 
@@ -97,5 +98,5 @@ def test_encoding_rises_and_has_gradients_and_the_twin_has_the_tensors_of_the_fi
 @pytest.mark.parametrize(("chosen", "message"), [(("albedo", "small"), "choose hdr"), (("hdr", "huge"), "choose hdr"),
                                                  ((), "install the package pyoidn")])
 def test_stock_weights_that_there_are_not_are_one_sentence(monkeypatch, chosen, message):
-    monkeypatch.setattr(oidn, "find_libraries", lambda: iter(()))
+    monkeypatch.setattr(denoise, "find_libraries", lambda: iter(()))
     refuses(message, twin.stock_weights, *chosen)

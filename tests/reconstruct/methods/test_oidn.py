@@ -7,8 +7,8 @@ import sys
 import numpy as np
 import pytest
 
-from lfsr_core.reconstruct.methods import oidn
-from lfsr_core.reconstruct.methods.oidn import CPU, TYPES, Wanted
+from lfsr_core.reconstruct.methods import denoise
+from lfsr_core.reconstruct.methods.denoise import CPU, DEVICE_TYPES, Wanted
 
 RANDOM = np.random.default_rng(0)
 COLOR = RANDOM.gamma(1, 1, (40, 50, 3)).astype(np.float32)
@@ -17,45 +17,46 @@ REFUSED = Wanted("HIP" if sys.platform == "darwin" else "METAL")  # no driver ma
 NORMAL = np.zeros_like(COLOR) + np.float32([0, 0, 1])
 
 
-@pytest.mark.parametrize("quality", oidn.QUALITIES)
+@pytest.mark.parametrize("quality", denoise.QUALITIES)
 @pytest.mark.parametrize("guides", [(), (ALBEDO,), (ALBEDO, NORMAL)])
 @pytest.mark.parametrize("hdr", [False, True])
 def test_image_is_that_of_the_package(quality, guides, hdr):
     pyoidn = pytest.importorskip("pyoidn")
     settings = {"hdr": hdr, "clean_aux": bool(guides), "quality": quality}
-    np.testing.assert_array_equal(oidn.denoise(COLOR, *guides, **settings), pyoidn.denoise(COLOR, *guides, **settings))
+    np.testing.assert_array_equal(denoise.denoise_image(COLOR, *guides, **settings),
+                                  pyoidn.denoise(COLOR, *guides, **settings))
 
 
 def test_library_of_pyoidn_comes_first(monkeypatch, tmp_path):
     pytest.importorskip("pyoidn")
-    assert "pyoidn" in str(next(oidn.find_libraries()))
+    assert "pyoidn" in str(next(denoise.find_libraries()))
     monkeypatch.setitem(sys.modules, "pyoidn", None)
-    assert not any("pyoidn" in str(path) for path in oidn.find_libraries())
-    works = next(oidn.find_libraries())
-    monkeypatch.setenv(oidn.LIBRARY_VARIABLE, str(works))
-    assert list(oidn.find_libraries()) == [works] and oidn.why_missing() == ""
-    monkeypatch.setenv(oidn.LIBRARY_VARIABLE, str(tmp_path / "gone.so"))
-    assert oidn.why_missing().startswith(f"{tmp_path / 'gone.so'} cannot be loaded: ")
+    assert not any("pyoidn" in str(path) for path in denoise.find_libraries())
+    works = next(denoise.find_libraries())
+    monkeypatch.setenv(denoise.LIBRARY_VARIABLE, str(works))
+    assert list(denoise.find_libraries()) == [works] and denoise.why_missing() == ""
+    monkeypatch.setenv(denoise.LIBRARY_VARIABLE, str(tmp_path / "gone.so"))
+    assert denoise.why_missing().startswith(f"{tmp_path / 'gone.so'} cannot be loaded: ")
 
 
 def test_a_library_that_does_not_load_gives_way_to_the_next(tmp_path, monkeypatch):
-    works = next(oidn.find_libraries())
+    works = next(denoise.find_libraries())
     broken = tmp_path / works.name
     broken.write_bytes(b"no library")
-    monkeypatch.setattr(oidn, "find_libraries", lambda: iter((broken, works)))
-    assert np.isfinite(oidn.denoise(COLOR, hdr=True)).all()
-    monkeypatch.setattr(oidn, "find_libraries", lambda: iter((broken,)))
+    monkeypatch.setattr(denoise, "find_libraries", lambda: iter((broken, works)))
+    assert np.isfinite(denoise.denoise_image(COLOR, hdr=True)).all()
+    monkeypatch.setattr(denoise, "find_libraries", lambda: iter((broken,)))
     with pytest.raises(ImportError, match="cannot be loaded"):
-        oidn.denoise(COLOR, hdr=True)
+        denoise.denoise_image(COLOR, hdr=True)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the loader's search is that of Linux")
 def test_the_systems_library_is_found_by_its_name(tmp_path):
-    library = next(path for path in oidn.find_libraries() if "pyoidn" not in str(path))
+    library = next(path for path in denoise.find_libraries() if "pyoidn" not in str(path))
     (tmp_path / "system").symlink_to(library.parent)
-    program = ("from lfsr_core.reconstruct.methods import oidn; import sys; oidn.PLACES = ()\n"
+    program = ("from lfsr_core.reconstruct.methods import denoise; import sys; denoise.PLACES = ()\n"
                "import numpy as np\n"
-               "sys.stdout.write(oidn.why_missing() or str(oidn.denoise(np.ones((9, 9, 3))).max()))")
+               "sys.stdout.write(denoise.why_missing() or str(denoise.denoise_image(np.ones((9, 9, 3))).max()))")
 
     def said(**environment):
         return subprocess.run([sys.executable, "-c", program], env=os.environ | environment, text=True, check=True,
@@ -66,56 +67,57 @@ def test_the_systems_library_is_found_by_its_name(tmp_path):
 
 
 def test_input_scale_multiplies_what_the_network_sees():
-    scaled = oidn.denoise(COLOR / 8, hdr=True, input_scale=8.0)
-    np.testing.assert_allclose(scaled * 8, oidn.denoise(COLOR, hdr=True, input_scale=1.0), rtol=1e-4, atol=1e-4)
+    scaled = denoise.denoise_image(COLOR / 8, hdr=True, input_scale=8.0)
+    plain = denoise.denoise_image(COLOR, hdr=True, input_scale=1.0)
+    np.testing.assert_allclose(scaled * 8, plain, rtol=1e-4, atol=1e-4)
     with pytest.raises(RuntimeError, match="error"):
-        oidn.denoise(COLOR, hdr=True, weights=bytes(100))
+        denoise.denoise_image(COLOR, hdr=True, weights=bytes(100))
     said = []
     with pytest.raises(RuntimeError, match="error"):
-        oidn.denoise(COLOR, hdr=True, weights=bytes(100), device=REFUSED, note=said.append)
+        denoise.denoise_image(COLOR, hdr=True, weights=bytes(100), device=REFUSED, note=said.append)
 
 
 def test_a_device_is_made_once():
-    library = oidn._load(tuple(oidn.find_libraries()))
-    assert oidn.kept(library, CPU) == oidn.kept(library, Wanted()) != 0
-    first = oidn.denoise(COLOR, hdr=True)
-    np.testing.assert_array_equal(oidn.denoise(COLOR, hdr=True), first)
-    larger = oidn.denoise(np.tile(COLOR, (3, 2, 1)), hdr=True)
+    library = denoise._load_library(tuple(denoise.find_libraries()))
+    assert denoise.kept(library, CPU) == denoise.kept(library, Wanted()) != 0
+    first = denoise.denoise_image(COLOR, hdr=True)
+    np.testing.assert_array_equal(denoise.denoise_image(COLOR, hdr=True), first)
+    larger = denoise.denoise_image(np.tile(COLOR, (3, 2, 1)), hdr=True)
     assert larger.shape == (120, 100, 3) and np.isfinite(larger).all()
     said = []
-    denoised = oidn.denoise(COLOR, hdr=True, device=REFUSED, note=said.append)
-    np.testing.assert_array_equal(denoised, oidn.denoise(COLOR, hdr=True))
+    denoised = denoise.denoise_image(COLOR, hdr=True, device=REFUSED, note=said.append)
+    np.testing.assert_array_equal(denoised, denoise.denoise_image(COLOR, hdr=True))
     (notice,) = said
     assert (notice.code, notice.values["device"]) == ("denoised-on-cpu", REFUSED.kind)
 
 
 def test_a_device_that_fails_while_it_works_gives_way_too(monkeypatch):
-    real, said = oidn._run, []
+    real, said = denoise._run, []
 
     def out_of_memory(*_, **__):
-        monkeypatch.setattr(oidn, "_run", real)
+        monkeypatch.setattr(denoise, "_run", real)
         raise RuntimeError("error 4: out of memory")
 
     # The CPU plays a GPU that is found, and the filter fails.
-    monkeypatch.setitem(TYPES, "CUDA", TYPES["CPU"])
-    monkeypatch.setattr(oidn, "_run", out_of_memory)
-    denoised = oidn.denoise(COLOR, hdr=True, device=Wanted("CUDA"), note=said.append)
-    np.testing.assert_array_equal(denoised, oidn.denoise(COLOR, hdr=True))
+    monkeypatch.setitem(DEVICE_TYPES, "CUDA", DEVICE_TYPES["CPU"])
+    monkeypatch.setattr(denoise, "_run", out_of_memory)
+    denoised = denoise.denoise_image(COLOR, hdr=True, device=Wanted("CUDA"), note=said.append)
+    np.testing.assert_array_equal(denoised, denoise.denoise_image(COLOR, hdr=True))
     assert len(said) == 1 and "out of memory" in said[0].values["error"]
 
 
 @pytest.mark.parametrize("guides", [(), (COLOR / 20,)])
 def test_images_are_copied_to_a_gpu_and_back(monkeypatch, guides):
     """The CPU plays one, with memory of its own: the same image, and nothing is said."""
-    expected = oidn.denoise(COLOR, *guides, hdr=True)
-    monkeypatch.setitem(TYPES, "CUDA", TYPES["CPU"])
+    expected = denoise.denoise_image(COLOR, *guides, hdr=True)
+    monkeypatch.setitem(DEVICE_TYPES, "CUDA", DEVICE_TYPES["CPU"])
     copied: list[str] = []
-    library = oidn._load(tuple(oidn.find_libraries()))
+    library = denoise._load_library(tuple(denoise.find_libraries()))
     for name in ("oidnWriteBuffer", "oidnReadBuffer"):
         real = getattr(library, name)
         monkeypatch.setattr(library, name, lambda *words, name=name, real=real: (copied.append(name), real(*words)))
     said = []
-    denoised = oidn.denoise(COLOR, *guides, hdr=True, device=Wanted("CUDA"), note=said.append)
+    denoised = denoise.denoise_image(COLOR, *guides, hdr=True, device=Wanted("CUDA"), note=said.append)
     np.testing.assert_array_equal(denoised, expected)
     assert (said, copied) == ([], ["oidnWriteBuffer"] * (1 + len(guides)) + ["oidnReadBuffer"])
 
@@ -139,10 +141,10 @@ class Played:
 
 def test_every_device_of_this_machine_can_be_asked():
     """Through the real library: its numbers and names are understood."""
-    library = oidn._load(tuple(oidn.find_libraries()))
+    library = denoise._load_library(tuple(denoise.find_libraries()))
     kinds = [library.oidnGetPhysicalDeviceInt(number, b"type") for number in range(library.oidnGetNumPhysicalDevices())]
-    assert TYPES["CPU"] in kinds and set(kinds) <= set(TYPES.values())
-    assert oidn._physical(library, Wanted("CUDA", ("ffff:ff:1f",))) is None
+    assert DEVICE_TYPES["CPU"] in kinds and set(kinds) <= set(DEVICE_TYPES.values())
+    assert denoise._physical(library, Wanted("CUDA", ("ffff:ff:1f",))) is None
     for device, wanted in [
         ("CPU", CPU), ("OPTIX", Wanted("OPTIX", ("a",))), ("CPU+HIP", Wanted("HIP", ("a",))),
         ("CUDA+OPTIX", Wanted("CUDA", ("a",))), ("", CPU), ("a toaster", CPU)]:
@@ -151,4 +153,4 @@ def test_every_device_of_this_machine_can_be_asked():
         (Wanted("OPTIX", ("0000:65:00",)), 2), (Wanted("HIP", ("0000:65:00",)), 3),
         (Wanted("CUDA", ("0000:01:00",)), 1), (Wanted("ONEAPI", ("0001:03:02",)), 4),
         (Wanted("CUDA", ("0000:99:00",)), None), (Wanted("CUDA"), None)]:
-        assert oidn._physical(Played(), wanted) == number
+        assert denoise._physical(Played(), wanted) == number

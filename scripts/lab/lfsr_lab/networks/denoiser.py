@@ -17,8 +17,9 @@ from torch.nn import functional
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.reconstruct.methods import denoise, oidn
-from lfsr_core.reconstruct.methods.denoise import COLOR_INPUTS, LAYERS, SKIPS, SMALL, check_network, network_shapes
+from lfsr_core.reconstruct.methods import denoise
+from lfsr_core.reconstruct.methods.denoise import COLOR_INPUTS, LAYERS, SKIPS, check_network, network_shapes
+from lfsr_lab.networks.tza import SMALL
 
 MULTIPLE = 16  # of the sides of what the network sees
 POOLED = ("enc_conv1", "enc_conv2", "enc_conv3", "enc_conv4")  # 2×2 max-pooling after these
@@ -119,7 +120,7 @@ def stock_weights(name: str = "hdr", size: str = "small") -> dict[str, Array]:
     """
     if name not in NAMES or size not in SIZES:
         raise LfsrError(f"there are no weights {name!r} of size {size!r}: choose {', '.join(NAMES)} and {SIZES}")
-    path = next((core for library in oidn.find_libraries() for core in sorted(library.parent.glob(CORE))), None)
+    path = next((core for library in denoise.find_libraries() for core in sorted(library.parent.glob(CORE))), None)
     if path is None:
         raise LfsrError("Open Image Denoise is not installed: install the package pyoidn")
     return _blobs(path)[NAMES[name][SIZES.index(size)]]

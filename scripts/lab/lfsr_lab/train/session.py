@@ -15,9 +15,9 @@ import torch
 
 from lfsr_core import __version__
 from lfsr_core.base.system import write_json
-from lfsr_core.reconstruct.methods.denoise import write_tza
 from lfsr_lab.networks import checkpoint, comparators
 from lfsr_lab.networks.networks import multiply_adds, parameters
+from lfsr_lab.networks.tza import write_tza
 from lfsr_lab.networks.upscalers import choose_device
 from lfsr_lab.train.config import DENOISER, DenoiserConfig, TrainConfig
 from lfsr_lab.train.denoiser.data import load_scenes

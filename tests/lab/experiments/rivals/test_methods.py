@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.metrics.eia_metrics import student_95
-from lfsr_core.reconstruct.methods import oidn
+from lfsr_core.reconstruct.methods import denoise
 from lfsr_lab.experiments.engine.records import Store
 from lfsr_lab.experiments.engine.truth import Truth
 from lfsr_lab.experiments.rivals import makers, matlab, study
@@ -224,7 +224,7 @@ def test_a_field_that_is_not_whole(clones, tmp_path, capsys):
 NINE = dataclasses.replace(MINI, name="nine", panel_pixels=(144, 108), views=(9, 9))
 
 
-@pytest.mark.skipif(bool(oidn.why_missing()), reason="needs Open Image Denoise")
+@pytest.mark.skipif(bool(denoise.why_missing()), reason="needs Open Image Denoise")
 def test_a_linear_network_is_linear_interpolation(tmp_path):
     tent(tmp_path)
     truth = Truth(write_reference(tmp_path / "reference", display=NINE))

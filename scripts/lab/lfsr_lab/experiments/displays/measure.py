@@ -29,7 +29,8 @@ from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.panel.weave import gather_map, weave
 from lfsr_core.optics.rays import flip_order, from_views, to_elemental_images
-from lfsr_core.reconstruct.methods import DEFAULT_METHOD, SUBPIXEL_METHODS, MethodName, oidn
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD, SUBPIXEL_METHODS, MethodName
+from lfsr_core.reconstruct.methods.denoise import denoise_image
 from lfsr_core.reconstruct.second_stage import finished_linear, linear_panel_image
 from lfsr_lab.experiments.engine.records import REFERENCE, Fingerprint, Records, Store, check_render, reference_of
 from lfsr_lab.experiments.engine.timing import children_cpu_seconds, cpu_seconds
@@ -121,7 +122,7 @@ def panel_image(folder: Path, way: Way) -> Array:
     for row, column in np.ndindex(py, px):
         view = {name: image[:, :, row, column] for name, image in images.items()}
         guides = clean_guides({name: view[name] for name in GUIDES if name in view})
-        views[row, column] = oidn.denoise(view["color"], guides.get("albedo"), guides.get("normal"), hdr=True,
+        views[row, column] = denoise_image(view["color"], guides.get("albedo"), guides.get("normal"), hdr=True,
                                           clean_aux=bool(guides), quality="balanced")
     return shown(from_views(views), frame.display, "nearest")
 
@@ -150,7 +151,7 @@ def _encoded(linear: Array) -> Array:
 def clean_guides(guides: Mapping[str, Array]) -> dict[str, Array]:
     """Return noisy "albedo" and "normal" of one view (H, W, 3) without their noise, as Blender does it."""
     places = {"albedo": (0.0, 1.0), "normal": (1.0, 0.5)}  # from values to those in [0, 1]: (value + first) · second
-    return {name: oidn.denoise(np.clip((guide + places[name][0]) * places[name][1], 0, 1), hdr=True, quality="fast")
+    return {name: denoise_image(np.clip((guide + places[name][0]) * places[name][1], 0, 1), hdr=True, quality="fast")
             / places[name][1] - places[name][0] for name, guide in guides.items()}
 
 

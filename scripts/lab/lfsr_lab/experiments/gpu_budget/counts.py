@@ -10,7 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.reconstruct.methods.denoise import INPUT, LAYERS, SKIPS, WEIGHTS, network_shapes, read_tza
+from lfsr_core.reconstruct.methods.denoise import INPUT, LAYERS, SKIPS, WEIGHTS, network_shapes
+from lfsr_lab.networks.tza import read_tza
 
 TRACE, DENOISE, INTERPOLATE, WEAVE, SHOW = "path tracing", "denoising", "interpolation", "weave", "display"
 HALF, FLOAT, BYTES_PER_PIXEL = 2, 4, 4  # bytes of a number in the network, of one in the render, of a shown pixel

@@ -14,8 +14,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from lfsr_core.metrics.split_ssim import SSIM_C1, SSIM_C2, SSIM_SIGMA
-from lfsr_core.reconstruct.methods.denoise import BASE, SMALL, read_tza
 from lfsr_lab.networks.denoiser import Denoiser, hdr_decode, hdr_encode, stock_weights
+from lfsr_lab.networks.tza import BASE, SMALL, read_tza
 from lfsr_lab.train.config import DenoiserConfig
 from lfsr_lab.train.denoiser.data import Crop, Scene, crop
 
