@@ -13,7 +13,7 @@ from typing import Any
 import bpy
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.request import AUTO
+from lfsr_core.frames.frame import AUTO
 
 # The fastest first: "auto" is the first that this machine has.
 GPU_TYPES = ("OPTIX", "CUDA", "HIP", "ONEAPI", "METAL")

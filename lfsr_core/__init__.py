@@ -21,8 +21,7 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.exports.options import ExportOptions
     from lfsr_core.exports.page import Page, write_page
     from lfsr_core.frames.folder import FrameFolder
-    from lfsr_core.frames.frame import Frame
-    from lfsr_core.frames.request import Finish, Report, Request, Sampling
+    from lfsr_core.frames.frame import Finish, Frame, Report, Request, Sampling
     from lfsr_core.images.image_files import read_png, write_png
     from lfsr_core.metrics.eia_metrics import Metrics, Reference, compare_folders
     from lfsr_core.optics.display import DisplayProfile, load_display
@@ -55,8 +54,7 @@ _MODULES = {
     "exports.options": "ExportOptions",
     "exports.page": "Page write_page",
     "frames.folder": "FrameFolder",
-    "frames.frame": "Frame",
-    "frames.request": "Finish Report Request Sampling",
+    "frames.frame": "Finish Frame Report Request Sampling",
     "images.image_files": "read_png write_png",
     "optics.display": "DisplayProfile load_display",
     "optics.eye": "eye_view",

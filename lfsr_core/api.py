@@ -21,8 +21,19 @@ from lfsr_core.exports.formats import export
 from lfsr_core.exports.light_field import read_views
 from lfsr_core.exports.options import ExportOptions
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.frame import LOW_RES_FILE, PANEL_FILE, SUBPIXELS
-from lfsr_core.frames.request import AUTO, Finish, Report, Request, Sampling, check_light, check_scene, scales_up_to
+from lfsr_core.frames.frame import (
+    AUTO,
+    LOW_RES_FILE,
+    PANEL_FILE,
+    SUBPIXELS,
+    Finish,
+    Report,
+    Request,
+    Sampling,
+    check_light,
+    check_scene,
+    scales_up_to,
+)
 from lfsr_core.images.image_files import encode_png, read_layers, read_png
 from lfsr_core.metrics.eia_metrics import Metrics, compare_folders
 from lfsr_core.optics.display import DisplayProfile, load_display

@@ -20,8 +20,18 @@ from lfsr_core.calibration.makers import profile_from_calibration, read_calibrat
 from lfsr_core.calibration.photograph import read_photograph
 from lfsr_core.exports import images
 from lfsr_core.exports.importing import quilt_of, read_film, read_quilt
-from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, MASK_FILE, REPORT_FILE, read_frame
-from lfsr_core.frames.request import Finish, Report, read_report, read_request, write_report
+from lfsr_core.frames.frame import (
+    FRAME_FILE,
+    LOW_RES_FILE,
+    MASK_FILE,
+    REPORT_FILE,
+    Finish,
+    Report,
+    read_frame,
+    read_report,
+    read_request,
+    write_report,
+)
 from lfsr_core.images.image_files import read_finite, read_mask, read_png, write_mask
 from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.optics.panel.weave import gather_map

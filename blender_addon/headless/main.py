@@ -21,7 +21,7 @@ from lfsr_core.base.records import to_data
 from lfsr_core.base.system import file_stamp, system_errors, watch_memory
 from lfsr_core.exports.options import H264_SIDE
 from lfsr_core.frames.folder import PLACES, digest, request_facts, scene_stamp
-from lfsr_core.frames.request import Request, read_request
+from lfsr_core.frames.frame import Request, read_request
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.parts import remove_others
 from lfsr_core.process.child import (

@@ -20,8 +20,7 @@ import bpy
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import check_name, is_forbidden, read_json, write_json
 from lfsr_core.frames.folder import FrameFolder, is_of, is_same
-from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, PANEL_FILE, Frame
-from lfsr_core.frames.request import Finish, Request, samples_at, spread
+from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, PANEL_FILE, Finish, Frame, Request, samples_at, spread
 from lfsr_core.optics.panel.subpixel_rays import rendered_size
 from lfsr_core.pipeline.parts import has_parts
 from lfsr_core.plan.options import Measured

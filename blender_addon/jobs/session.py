@@ -26,7 +26,7 @@ from lfsr_core.base.messages import LfsrError, Notice, Progress
 from lfsr_core.base.records import to_data
 from lfsr_core.base.system import remove_dead, system_errors, write_json
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.request import Request
+from lfsr_core.frames.frame import Request
 from lfsr_core.process.child import Child, told_of
 
 from ..scene.words import capitalized, clock, for_panel, sentence

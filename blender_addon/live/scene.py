@@ -15,7 +15,7 @@ import bpy
 import mathutils
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.request import CLAMP_INDIRECT
+from lfsr_core.frames.frame import CLAMP_INDIRECT
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eye import LiveRegion, Point, eye_card, eye_place, eye_region
 from lfsr_core.optics.panel.panel_card import PanelCard, panel_card

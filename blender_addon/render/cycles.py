@@ -17,8 +17,7 @@ import numpy as np
 
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import CORES, system_errors, usable_cores
-from lfsr_core.frames.frame import SUBPIXELS, Clip
-from lfsr_core.frames.request import CLAMP_INDIRECT
+from lfsr_core.frames.frame import CLAMP_INDIRECT, SUBPIXELS, Clip
 from lfsr_core.images import image_files
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
@@ -44,7 +43,7 @@ class RenderSettings:
 
     samples: int = 16  # per pixel
     seed: int = 0  # of the random numbers
-    layers: tuple[str, ...] = ()  # auxiliary layers besides colour, from ``lfsr_core.frames.request.LAYERS``
+    layers: tuple[str, ...] = ()  # auxiliary layers besides colour, from ``lfsr_core.frames.frame.LAYERS``
     device: str = "CPU"  # or a GPU type such as "OPTIX"
     clamp_indirect: float | None = None  # largest radiance of an indirect path; None: Cycles' default, 0: unclamped
     world_visible: bool = False  # adds the environment pass

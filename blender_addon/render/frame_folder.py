@@ -20,15 +20,23 @@ from lfsr_core.base.records import to_data
 from lfsr_core.base.system import file_digest, file_stamp
 from lfsr_core.frames.folder import PLACES, digest, request_facts
 from lfsr_core.frames.frame import (
+    AUTO,
+    EVEN,
+    GUIDES,
     LOW_RES_FILE,
+    MOST_SEED,
+    OWN,
+    POSITION,
     REFERENCE_FILES,
     SUBPIXELS,
+    TIMES_RAYS,
     VIEW_BY_VIEW,
     WORLD_FILE,
     Frame,
+    Request,
+    more_rays,
     write_frame,
 )
-from lfsr_core.frames.request import AUTO, EVEN, GUIDES, MOST_SEED, OWN, POSITION, TIMES_RAYS, Request, more_rays
 from lfsr_core.images.color import ViewTransform
 from lfsr_core.images.image_files import Layers, clean, read_layers
 from lfsr_core.optics.lenses import pixel_rows

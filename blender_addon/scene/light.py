@@ -13,7 +13,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.request import AUTO, EVEN, OWN, WORLD_IMAGES, check_light, is_light_file
+from lfsr_core.frames.frame import AUTO, EVEN, OWN, WORLD_IMAGES, check_light, is_light_file
 
 from .. import compat
 from .contents import materials

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from lfsr_core.base.messages import LfsrError, Notice, Tell, did_you_mean, silent
-from lfsr_core.frames.request import FIT, check_scene
+from lfsr_core.frames.frame import FIT, check_scene
 from lfsr_core.frames.scene_files import check_named_files
 
 from .array import rig

@@ -13,10 +13,10 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.frame import SUBPIXELS
-from lfsr_core.frames.request import (
+from lfsr_core.frames.frame import (
     AUTO,
     LIGHTS,
+    SUBPIXELS,
     Finish,
     Request,
     Sampling,

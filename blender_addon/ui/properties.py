@@ -7,7 +7,7 @@ import zlib
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from lfsr_core.frames.request import MOST_AVERAGED
+from lfsr_core.frames.frame import MOST_AVERAGED
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, MENU, MORE
 
 from ..jobs import images, runtime

@@ -10,8 +10,7 @@ import bpy
 
 from lfsr_core.base.messages import LfsrError, duration
 from lfsr_core.frames.folder import FrameFolder, is_of
-from lfsr_core.frames.frame import REPORT_FILE, SUBPIXELS
-from lfsr_core.frames.request import read_report, samples_at
+from lfsr_core.frames.frame import REPORT_FILE, SUBPIXELS, read_report, samples_at
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import rendered_size
 from lfsr_core.plan.options import PlanOptions

@@ -13,8 +13,19 @@ from typing import Any, TextIO
 
 from lfsr_core.base.messages import Notice, Progress, cleaned, duration
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.frames.frame import LAYOUTS, VIEW_BY_VIEW
-from lfsr_core.frames.request import AUTO, DEVICES, EVEN, OWN, WORLD_IMAGES, Finish, Request, check_light, check_scene
+from lfsr_core.frames.frame import (
+    AUTO,
+    DEVICES,
+    EVEN,
+    LAYOUTS,
+    OWN,
+    VIEW_BY_VIEW,
+    WORLD_IMAGES,
+    Finish,
+    Request,
+    check_light,
+    check_scene,
+)
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lenses import parse_rows
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, METHODS, PLAIN_METHOD, SUBPIXEL_METHODS, MethodName

@@ -16,8 +16,16 @@ from lfsr_core.commands.common import ProgressBar, progress
 from lfsr_core.commands.measure import metrics_table
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.frame import SUBPIXELS
-from lfsr_core.frames.request import LAYERS, USUAL_SAMPLES, USUAL_SCALE, Sampling, parse_frames, scales_up_to, spread
+from lfsr_core.frames.frame import (
+    LAYERS,
+    SUBPIXELS,
+    USUAL_SAMPLES,
+    USUAL_SCALE,
+    Sampling,
+    parse_frames,
+    scales_up_to,
+    spread,
+)
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.lenses import check_count, rows_text
 from lfsr_core.pipeline.farms import NEXT, TEMPLATES, write_template

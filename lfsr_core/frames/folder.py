@@ -19,8 +19,20 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import to_data
 from lfsr_core.base.system import check_name, file_stamp, reading, replace_files, system_errors
 from lfsr_core.frames import frame as files
-from lfsr_core.frames.frame import LAYOUTS, SUBPIXELS, Frame, read_frame, read_part, read_rendered
-from lfsr_core.frames.request import AUTO, TIMES_RAYS, Finish, Report, Request, read_report
+from lfsr_core.frames.frame import (
+    AUTO,
+    LAYOUTS,
+    SUBPIXELS,
+    TIMES_RAYS,
+    Finish,
+    Frame,
+    Report,
+    Request,
+    read_frame,
+    read_part,
+    read_rendered,
+    read_report,
+)
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.lenses import rows_text
 

@@ -17,8 +17,16 @@ from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.base.messages import LfsrError, Notice, Tell, silent
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.folder import first_difference, phrases
-from lfsr_core.frames.frame import MASK_FILE, REFERENCE_FILES, Frame, read_frame
-from lfsr_core.frames.request import Request, Sampling, read_report, write_report
+from lfsr_core.frames.frame import (
+    MASK_FILE,
+    REFERENCE_FILES,
+    Frame,
+    Request,
+    Sampling,
+    read_frame,
+    read_report,
+    write_report,
+)
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.image_files import read_finite, read_mask
 from lfsr_core.metrics.split_ssim import inside_border, lens_ssim, mean_of, psnr, split_ssim_map, ssim, stacked_ssim

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import atomic_path, write_json
-from lfsr_core.frames.request import Finish, Request
+from lfsr_core.frames.frame import Finish, Request
 
 OPENJD, FLAMENCO = "openjd", "flamenco"
 # Flamenco knows a job type by its file's name.

@@ -26,8 +26,7 @@ from lfsr_core.base.system import (
     system_errors,
 )
 from lfsr_core.frames.folder import FrameFolder, numbered, scene_stamp
-from lfsr_core.frames.frame import LOG_FILE
-from lfsr_core.frames.request import Finish, Request, check_scene, spread
+from lfsr_core.frames.frame import LOG_FILE, Finish, Request, check_scene, spread
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.parts import has_parts
 from lfsr_core.process.child import RENDERED_STAGE, STAY, Child, CrashError, Starts, find_blender, told_of

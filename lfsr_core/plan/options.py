@@ -8,8 +8,7 @@ from collections.abc import Iterable, Sequence
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice
-from lfsr_core.frames.frame import Frame
-from lfsr_core.frames.request import samples_at
+from lfsr_core.frames.frame import Frame, samples_at
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD, PLAIN_METHOD, MethodName, load_method
 from lfsr_core.reconstruct.methods.denoise import why_missing

@@ -20,8 +20,16 @@ from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
 from lfsr_core.base.records import to_data
 from lfsr_core.base.system import LOCK_FILE, cache_folder, locks, read_json, write_json
 from lfsr_core.frames.folder import PLACES, FrameFolder, digest, request_facts, scene_stamp
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, WORLD_FILE, Frame, read_frame
-from lfsr_core.frames.request import Request, Sampling
+from lfsr_core.frames.frame import (
+    LOW_RES_FILE,
+    REFERENCE_FILES,
+    SUBPIXELS,
+    WORLD_FILE,
+    Frame,
+    Request,
+    Sampling,
+    read_frame,
+)
 from lfsr_core.images.color import extreme_tone, srgb_encode
 from lfsr_core.images.image_files import read_finite
 from lfsr_core.metrics.eia_metrics import listed_images, read_half

@@ -31,8 +31,7 @@ from lfsr_core.base.system import (
     usable_cores,
 )
 from lfsr_core.frames import frame as files
-from lfsr_core.frames.frame import SUBPIXELS, Frame, read_frame, read_rendered
-from lfsr_core.frames.request import Finish, Report, write_report
+from lfsr_core.frames.frame import SUBPIXELS, Finish, Frame, Report, read_frame, read_rendered, write_report
 from lfsr_core.images.color import ViewTransform, exposure_notices
 from lfsr_core.images.image_files import (
     HALF_MAX,

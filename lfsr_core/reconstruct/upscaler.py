@@ -19,8 +19,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.base.system import in_threads
-from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, Frame
-from lfsr_core.frames.request import GUIDES
+from lfsr_core.frames.frame import GUIDES, LOW_RES_FILE, WORLD_FILE, Frame
 from lfsr_core.optics.rays import RayLayout, to_elemental_images
 from lfsr_core.optics.world_view import WorldImage, WorldView
 

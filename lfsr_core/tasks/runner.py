@@ -33,8 +33,7 @@ from lfsr_core.exports.page import write_page
 from lfsr_core.exports.show import SCREEN, find_display
 from lfsr_core.exports.show import show as show_path
 from lfsr_core.frames.folder import FrameFolder, frame_folders
-from lfsr_core.frames.frame import EIA_FILE, LAYOUTS, PANEL_FILE, SUBPIXELS, read_part
-from lfsr_core.frames.request import Finish, Request
+from lfsr_core.frames.frame import EIA_FILE, LAYOUTS, PANEL_FILE, SUBPIXELS, Finish, Request, read_part
 from lfsr_core.metrics.eia_metrics import compare_with_reference
 from lfsr_core.pipeline.make import FAILED, open_blender
 from lfsr_core.pipeline.make import make as make_frames

@@ -15,7 +15,7 @@ import pytest
 
 from lfsr_core.cli import build_parser, main
 from lfsr_core.commands import common
-from lfsr_core.frames.request import samples_at
+from lfsr_core.frames.frame import samples_at
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES, SAMPLED_NAMES
 from lfsr_core.optics.display import load_display
 from lfsr_core.plan.options import PlanOptions

@@ -11,10 +11,20 @@ from hypothesis import strategies as st
 
 from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.base.records import from_data, to_data, write_record
-from lfsr_core.frames import folder, request
+from lfsr_core.frames import folder
+from lfsr_core.frames import frame as records
 from lfsr_core.frames.folder import FrameFolder, has_other_size, is_changed, is_same, phrases, scene_stamp
-from lfsr_core.frames.frame import SUBPIXELS, write_frame
-from lfsr_core.frames.request import MOST_AVERAGED, Finish, Report, check_light, check_scene, parse_frames, read_request
+from lfsr_core.frames.frame import (
+    MOST_AVERAGED,
+    SUBPIXELS,
+    Finish,
+    Report,
+    check_light,
+    check_scene,
+    parse_frames,
+    read_request,
+    write_frame,
+)
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.rays import CameraArray
 from tests.support.panels import cells, hexagonal, lenticular
@@ -59,7 +69,7 @@ def test_the_first_difference_is_one_sentence(tmp_path, changes, sentence):
 
 
 @pytest.mark.parametrize(("changes", "found"), [
-    ({"device": request.AUTO}, {"device": "OPTIX"}),
+    ({"device": records.AUTO}, {"device": "OPTIX"}),
     ({"layers": ("normal",)}, {"layers": ("albedo", "normal")}),
     ({"scales": (2, 4), "scale": 4}, {}),
     ({"scales": (2, 4), "scale": 4, "rays": 16.0}, {"samples": 64}),
@@ -211,9 +221,9 @@ def test_samples_follow_from_the_rays_at_the_chosen_scale():
 
 
 def test_a_noisy_scene_takes_more_rays_and_stays_the_same_render():
-    usual = request.usual_rays(MINI)
-    assert [request.more_rays(MINI, usual, noise) for noise in (0.0, 0.039, 0.05, 0.07, 1.0)] == [1, 1, 2, 4, 4]
-    assert [request.more_rays(MINI, usual * times, 0.07) for times in (0.25, 1, 2, 4)] == [1, 4, 2, 1]
+    usual = records.usual_rays(MINI)
+    assert [records.more_rays(MINI, usual, noise) for noise in (0.0, 0.039, 0.05, 0.07, 1.0)] == [1, 1, 2, 4, 4]
+    assert [records.more_rays(MINI, usual * times, 0.07) for times in (0.25, 1, 2, 4)] == [1, 4, 2, 1]
     job = make_request("out", MINI, scale=4, scales=(4, 2)).sampled(rays=1.0)
     for samples, same in ((16, True), (32, True), (64, True), (48, False), (8, False)):
         frame = dataclasses.replace(FRAME, scale=4, samples=samples)
@@ -270,7 +280,7 @@ def test_what_is_no_frames_is_refused(text):
 
 @given(st.lists(st.integers(), unique=True, max_size=30), st.integers(1, 9))
 def test_a_few_are_spread_over_all(frames, most):
-    few = request.spread(frames, most)
+    few = records.spread(frames, most)
     assert len(few) == min(len(frames), most) and set(few) <= set(frames)
     assert most < 2 or not frames or (few[0], few[-1]) == (frames[0], frames[-1])
     steps = [frames.index(second) - frames.index(first) for first, second in itertools.pairwise(few)]
@@ -280,7 +290,7 @@ def test_a_few_are_spread_over_all(frames, most):
 def test_a_report_comes_back(tmp_path):
     report = Report(Finish("bicubic", temporal_averaging=2), "bicubic", "mini", 2, 16, {"render": 1.0}, None, 0.5,
                     (Notice("scale-unseen", {"scale": 2}),), metrics={"p": 0.5})
-    request.write_report(tmp_path, report)
-    assert request.read_report(tmp_path) == report
+    records.write_report(tmp_path, report)
+    assert records.read_report(tmp_path) == report
     data = json.loads((tmp_path / "report.json").read_text())
     assert (data["foreground_fraction"], data["finish"]["temporal_averaging"]) == (0.5, 2)

@@ -7,8 +7,7 @@ import scipy.stats
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from lfsr_core.base.system import read_json
-from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE
-from lfsr_core.frames.request import Finish
+from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE, Finish
 from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.image_files import read_mask, write_layers, write_mask
 from lfsr_core.metrics import eia_metrics

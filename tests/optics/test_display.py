@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.request import MIN_VIEWS, MOST_SCALE, Sampling, samples_at, scales_up_to, usual_rays
+from lfsr_core.frames.frame import MIN_VIEWS, MOST_SCALE, Sampling, samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.depth_scale import LEAST_SAMPLES, MODEL, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.optics.eye import LiveRegion

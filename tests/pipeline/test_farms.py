@@ -15,7 +15,7 @@ import pytest
 from lfsr_core.cli import main
 from lfsr_core.commands.common import OPENJD as OPENJD_PROGRESS
 from lfsr_core.commands.common import PROGRESS_VARIABLE
-from lfsr_core.frames.request import read_report
+from lfsr_core.frames.frame import read_report
 from lfsr_core.reconstruct.averaging import near
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from tests.support.played_blender import warm_lfsr

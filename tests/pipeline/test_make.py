@@ -16,8 +16,7 @@ import pytest
 from lfsr_core.base.messages import Notice, Progress
 from lfsr_core.cli import main
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.frame import read_frame, write_frame
-from lfsr_core.frames.request import Finish, read_report
+from lfsr_core.frames.frame import Finish, read_frame, read_report, write_frame
 from lfsr_core.pipeline.make import FAILED, KEPT, MADE, make, requests_of
 from lfsr_core.reconstruct.second_stage import finish_frame
 from tests.support.animations import FINISH, film, film_request, images, states

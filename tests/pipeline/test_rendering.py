@@ -14,8 +14,7 @@ import pytest
 from lfsr_core.base.messages import LfsrError, Notice, Progress
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.frame import LOG_FILE, LOW_RES_FILE, REFERENCE_FILES, REPORT_FILE
-from lfsr_core.frames.request import Request
+from lfsr_core.frames.frame import LOG_FILE, LOW_RES_FILE, REFERENCE_FILES, REPORT_FILE, Request
 from lfsr_core.optics.display import load_display
 from lfsr_core.pipeline import make
 from lfsr_core.pipeline.make import render_all

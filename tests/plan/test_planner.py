@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from lfsr_core.base.messages import LfsrError, Notice, Progress
 from lfsr_core.base.records import read_record, write_record
 from lfsr_core.base.system import read_json
-from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame, write_frame
-from lfsr_core.frames.request import Request, Sampling, samples_at
+from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, Request, Sampling, read_frame, samples_at, write_frame
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.image_files import read_layers, write_layers
 from lfsr_core.metrics.split_ssim import stacked_ssim

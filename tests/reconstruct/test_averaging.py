@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.messages import Notice
-from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.request import Finish
+from lfsr_core.frames.frame import Finish, read_frame
 from lfsr_core.reconstruct import averaging
 from lfsr_core.reconstruct.averaging import average_frames, near, neighbours_of, similarity
 from lfsr_core.reconstruct.second_stage import finish_frame

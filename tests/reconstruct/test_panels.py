@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.cli import main
-from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_frame, read_rendered
-from lfsr_core.frames.request import Finish, read_report
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, Finish, read_frame, read_rendered, read_report
 from lfsr_core.images.image_files import read_layers, read_png, write_layers
 from lfsr_core.optics.display import DisplayProfile, write_profile
 from lfsr_core.optics.panel.weave import gather_map, weave

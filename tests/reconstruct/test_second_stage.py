@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.base.messages import LfsrError, Notice
-from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, read_frame, write_frame
-from lfsr_core.frames.request import Finish, read_report
+from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, Finish, read_frame, read_report, write_frame
 from lfsr_core.images.color import ColorSettings, ViewTransform
 from lfsr_core.images.image_files import read_layers, read_mask, read_png, write_layers
 from lfsr_core.optics.rays import flip_order, from_elemental_images, to_elemental_images
@@ -208,7 +207,7 @@ def test_an_upscaler_that_is_not_thread_safe_runs_alone_in_steps(tmp_path):
     assert sum(upscaler.calls) == foreground_mask(read_layers(tmp_path / LOW_RES_FILE), MINI.lenses).sum()
 
 
-FINISH = """from lfsr_core.frames.request import Finish
+FINISH = """from lfsr_core.frames.frame import Finish
 from lfsr_core.reconstruct.second_stage import finish_frame
 finish_frame(sys.argv[2], Finish("bicubic", linear_exr=True))"""
 

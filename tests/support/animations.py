@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from lfsr_core.frames.request import Finish, Request
+from lfsr_core.frames.frame import Finish, Request
 from lfsr_core.pipeline.make import Made, make
 from tests.support.noisy_renders import JOB
 from tests.support.requests import changed

@@ -3,7 +3,7 @@
 import dataclasses
 from typing import Any
 
-from lfsr_core.frames.request import Request, Sampling
+from lfsr_core.frames.frame import Request, Sampling
 from lfsr_core.optics.display import DisplayProfile
 
 SAMPLING = {field.name for field in dataclasses.fields(Sampling)}

@@ -17,8 +17,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice
-from lfsr_core.frames.frame import Clip
-from lfsr_core.frames.request import FIT, Request, spread
+from lfsr_core.frames.frame import FIT, Clip, Request, spread
 from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.request import EVEN
+from lfsr_core.frames.frame import EVEN
 
 from ...check import last, look
 from ...check.problems import INFO

@@ -15,8 +15,7 @@ import bpy
 from lfsr_core.base.messages import LfsrError, Notice, duration
 from lfsr_core.base.system import atomic_path, system_errors
 from lfsr_core.frames.folder import FARM_COPY, FrameFolder
-from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
-from lfsr_core.frames.request import Finish
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, Finish, read_rendered
 from lfsr_core.pipeline.farms import write_job
 from lfsr_core.reconstruct.methods import AS_RENDERED, MENU, MORE, SUBPIXEL_METHODS, MethodName
 

@@ -16,8 +16,7 @@ from lfsr_core.base.messages import Progress
 from lfsr_core.base.records import to_data
 from lfsr_core.base.system import write_json
 from lfsr_core.exports.light_field import read_views
-from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.request import DEVICES
+from lfsr_core.frames.frame import DEVICES, read_frame
 from lfsr_core.images import image_files
 from lfsr_core.images.image_files import read_layers, read_png
 from lfsr_core.pipeline.make import open_blender, render_all

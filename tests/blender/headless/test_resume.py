@@ -14,8 +14,7 @@ import pytest
 from blender_addon.jobs import folders, session
 from blender_addon.ui.operators import render
 from lfsr_core.base.messages import Notice
-from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.request import read_report
+from lfsr_core.frames.frame import read_frame, read_report
 from lfsr_core.images.image_files import read_layers, read_png
 from lfsr_core.pipeline.make import RENDER_FRACTION
 from tests.support import panel

@@ -10,8 +10,7 @@ import pytest
 from blender_addon.jobs import folders
 from blender_addon.ui.operators import render
 from blender_addon.ui.operators.render import check_questions
-from lfsr_core.frames.frame import EIA_FILE, write_frame
-from lfsr_core.frames.request import Report, write_report
+from lfsr_core.frames.frame import EIA_FILE, Report, write_frame, write_report
 from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.tasks import runner as estimate
 from tests.support.panels import lenticular, small

@@ -16,7 +16,7 @@ from blender_addon.scene import settings as scene_settings
 from blender_addon.ui.operators import render
 from lfsr_core import __version__
 from lfsr_core.base.system import CORES
-from lfsr_core.frames.request import read_report
+from lfsr_core.frames.frame import read_report
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.reconstruct.methods.denoise import LIBRARY_VARIABLE
 from tests.support import panel

@@ -10,10 +10,8 @@ from blender_addon.render import frame_folder, output
 from blender_addon.render.frame_folder import Opened, render_job
 from lfsr_core.base.messages import Notice, silent
 from lfsr_core.exports.light_field import read_views
-from lfsr_core.frames import request as request_module
 from lfsr_core.frames.folder import is_same
-from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.request import LAYERS
+from lfsr_core.frames.frame import LAYERS, read_frame
 from lfsr_core.images import image_files
 from lfsr_core.pipeline.merge import merge
 from lfsr_core.pipeline.parts import Part
@@ -123,7 +121,7 @@ def test_the_first_view_is_the_middle_of_the_image_which_keeps_its_bytes(lit, tm
 
 @pytest.mark.parametrize(("calm", "limit", "times"), [(1.0, 60, 1), (0.0, 60, 4), (0.0, 1e-3, 1)])
 def test_a_noisy_first_view_gets_more_rays_unless_they_take_long(lit, tmp_path, monkeypatch, calm, limit, times):
-    monkeypatch.setattr(request_module, "CALM", calm)
+    monkeypatch.setattr("lfsr_core.frames.frame.CALM", calm)
     monkeypatch.setattr(frame_folder, "MOST_SECONDS", limit)
     request = make_request(str(tmp_path / "frame"), MINI, scale=4, scales=(4, 2),
                            first_view=str(tmp_path / "first.npy")).sampled(rays=1.0)

@@ -16,8 +16,7 @@ from blender_addon.scene import light
 from blender_addon.scene.open import open_scene
 from blender_addon.scene.settings import color_settings
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.request import EVEN, OWN
+from lfsr_core.frames.frame import EVEN, OWN, read_frame
 from lfsr_core.images import image_files
 from lfsr_core.images.image_files import read_layers
 from tests.support.requests import make_request

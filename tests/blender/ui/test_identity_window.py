@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.request import read_report
+from lfsr_core.frames.frame import read_frame, read_report
 from lfsr_core.images.image_files import read_png
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, denoise
 from tests.support.window.desktop import NEEDS_WINDOW, SECONDS_TO_RENDER, STATE, TASK, monkey_window

@@ -23,7 +23,7 @@ from blender_addon.scene.array import rig
 from blender_addon.ui import array_view, panels, summary
 from blender_addon.ui.panels import LFSR_MT_scale
 from lfsr_core.base.messages import Progress
-from lfsr_core.frames.request import LIGHTS, Finish, Report, write_report
+from lfsr_core.frames.frame import LIGHTS, Finish, Report, write_report
 from tests.support import panel
 from tests.support.panel import found
 from tests.support.recording_layout import RecordingLayout

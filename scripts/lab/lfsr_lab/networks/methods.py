@@ -7,7 +7,7 @@ import hashlib
 from pathlib import Path
 
 from lfsr_core.base.messages import LfsrError, did_you_mean
-from lfsr_core.frames.request import Finish
+from lfsr_core.frames.frame import Finish
 from lfsr_core.reconstruct.methods import FAST_METHOD, METHODS, PLAIN_METHOD, MethodName, load_method
 from lfsr_core.reconstruct.methods.denoise import WEIGHTS
 from lfsr_core.reconstruct.upscaler import Upscaler

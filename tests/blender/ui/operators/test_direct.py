@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon.jobs import folders, images
-from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered
-from lfsr_core.frames.request import read_report
+from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, read_rendered, read_report
 from lfsr_core.images.image_files import read_png
 from lfsr_core.optics.display import write_profile
 from tests.support import panel

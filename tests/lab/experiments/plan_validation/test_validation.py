@@ -11,8 +11,7 @@ import pytest
 from lfsr_core.base.messages import Notice
 from lfsr_core.base.records import read_record
 from lfsr_core.cli import main
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, read_frame, write_frame
-from lfsr_core.frames.request import Sampling
+from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, Sampling, read_frame, write_frame
 from lfsr_core.images.image_files import read_layers
 from lfsr_core.optics.rays import to_elemental_images
 from lfsr_core.plan.options import Candidate, Choice, Estimate, PlanOptions, Rated, path_samples

@@ -17,7 +17,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.request import Request, Sampling
+from lfsr_core.frames.frame import Request, Sampling
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.metrics.split_ssim import mean_of
 from lfsr_core.optics.display import DisplayProfile, load_display

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.request import Request, Sampling
+from lfsr_core.frames.frame import Request, Sampling, read_frame
 from lfsr_core.metrics.eia_metrics import check_reference
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, UPSCALER, names

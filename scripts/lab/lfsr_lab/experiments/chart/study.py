@@ -14,8 +14,7 @@ from lfsr_core.base.records import write_record
 from lfsr_core.base.system import staging_folder
 from lfsr_core.commands.common import ProgressBar, names, numbers
 from lfsr_core.frames.folder import FrameFolder, is_changed, scene_stamp
-from lfsr_core.frames.frame import FRAME_FILE, read_frame
-from lfsr_core.frames.request import check_scene
+from lfsr_core.frames.frame import FRAME_FILE, check_scene, read_frame
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_lab.experiments.chart import analysis, cells, findings, panels
 from lfsr_lab.experiments.chart.cells import DIRECT_METHODS, Settings, default_methods

@@ -23,8 +23,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import from_data
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.frame import Frame, read_frame
-from lfsr_core.frames.request import Finish, Request, Sampling, check_scene
+from lfsr_core.frames.frame import Finish, Frame, Request, Sampling, check_scene, read_frame
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, MethodName

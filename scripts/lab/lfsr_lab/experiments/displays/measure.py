@@ -19,8 +19,16 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, SUBPIXELS, read_frame, read_rendered
-from lfsr_core.frames.request import Request, Sampling, scales_up_to
+from lfsr_core.frames.frame import (
+    LOW_RES_FILE,
+    REFERENCE_FILES,
+    SUBPIXELS,
+    Request,
+    Sampling,
+    read_frame,
+    read_rendered,
+    scales_up_to,
+)
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.image_files import read_finite
 from lfsr_core.metrics.eia_metrics import Reference

@@ -19,8 +19,7 @@ from lfsr_core.base.system import read_json, write_json
 from lfsr_core.commands.common import ProgressBar
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, read_frame
-from lfsr_core.frames.request import Request, Sampling
+from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, Request, Sampling, read_frame
 from lfsr_core.images.image_files import read_finite
 from lfsr_core.optics.lenses import choose_lenses
 from lfsr_core.pipeline.make import make

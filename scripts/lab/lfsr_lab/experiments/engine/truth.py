@@ -28,8 +28,7 @@ import flip_evaluator
 import numpy as np
 
 from lfsr_core.base.arrays import Array, Mask
-from lfsr_core.frames.frame import LOW_RES_FILE, Frame, read_frame
-from lfsr_core.frames.request import Finish
+from lfsr_core.frames.frame import LOW_RES_FILE, Finish, Frame, read_frame
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.image_files import clean, read_layers
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES, Reference, check_reference, compare

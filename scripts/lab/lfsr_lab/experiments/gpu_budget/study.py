@@ -18,8 +18,7 @@ import torch
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.records import read_record, write_record
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.frames.frame import read_frame
-from lfsr_core.frames.request import AUTO, GUIDES, Request, Sampling
+from lfsr_core.frames.frame import AUTO, GUIDES, Request, Sampling, read_frame
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct.averaging import read_low
 from lfsr_core.reconstruct.methods.denoise import denoise_low_resolution

@@ -33,10 +33,10 @@ from lfsr_core.frames.frame import (
     REFERENCE_FILES,
     WORLD_FILE,
     Frame,
+    Request,
     read_frame,
     write_frame,
 )
-from lfsr_core.frames.request import Request
 from lfsr_core.images.image_files import read_layers, write_layers
 from lfsr_core.metrics.eia_metrics import NORMAL_95
 from lfsr_core.optics.display import DisplayProfile

@@ -22,8 +22,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.records import to_data
 from lfsr_core.base.system import read_json, write_json
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.frame import LOW_RES_FILE, read_frame
-from lfsr_core.frames.request import Request
+from lfsr_core.frames.frame import LOW_RES_FILE, Request, read_frame
 from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.image_files import clean, read_layers
 from lfsr_core.metrics.eia_metrics import student_95

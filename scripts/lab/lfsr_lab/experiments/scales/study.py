@@ -20,7 +20,7 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import read_record, write_record
 from lfsr_core.base.system import read_json, write_json
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.request import scales_up_to
+from lfsr_core.frames.frame import scales_up_to
 from lfsr_core.optics.depth_scale import LEAST_SAMPLES, MODEL, LossModel, choose_scale
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.process.child import find_blender

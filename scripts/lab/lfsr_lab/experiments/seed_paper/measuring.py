@@ -19,8 +19,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import read_json, write_json
 from lfsr_core.commands.common import ProgressBar
-from lfsr_core.frames.frame import Frame, read_frame
-from lfsr_core.frames.request import Request, Sampling, check_scene
+from lfsr_core.frames.frame import Frame, Request, Sampling, check_scene, read_frame
 from lfsr_core.metrics.eia_metrics import METRIC_NAMES
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.process.child import find_blender

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.frames.request import Request, Sampling
+from lfsr_core.frames.frame import Request, Sampling
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.reconstruct.second_stage import finished_linear

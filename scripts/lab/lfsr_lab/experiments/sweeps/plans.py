@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from lfsr_core.base.records import read_record, write_record
-from lfsr_core.frames.request import Request, Sampling
+from lfsr_core.frames.frame import Request, Sampling
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.reconstruct.methods import FAST_METHOD
 from lfsr_lab.experiments.engine.records import Store
