@@ -1,14 +1,12 @@
-"""Check a scene: what a render asks about, what the last check found, and whether the scene has changed since."""
+"""Check a scene: what the last check found, and whether the scene has changed since."""
 
 from __future__ import annotations
-
-from collections.abc import Iterable
 
 import bpy
 
 from ..jobs import images
 from . import geometry, look
-from .problems import ASKING, QUICK, SEVERITIES, Problem, denoiser, disks, grouped
+from .problems import QUICK, SEVERITIES, Problem, denoiser, grouped
 
 _problems: list[Problem] = []
 _rows: list[Problem] = []
@@ -21,17 +19,8 @@ SETTINGS = (bpy.types.RenderSettings, bpy.types.ViewLayer, bpy.types.LayerCollec
 
 def check_scene(scene: bpy.types.Scene) -> list[Problem]:
     """Return everything found, worst first."""
-    return _sorted(problem for check in (*QUICK, look.find, denoiser, geometry.find) for problem in check(scene))
-
-
-def to_ask(scene: bpy.types.Scene, frames: int = 1) -> list[Problem]:
-    """Return what an artist is asked about before a render of ``frames`` images, worst first."""
-    found = [problem for check in (*ASKING, look.find) for problem in check(scene) if problem.asks]
-    return _sorted([*found, *disks(scene, frames)])
-
-
-def _sorted(problems: Iterable[Problem]) -> list[Problem]:
-    return sorted(problems, key=lambda problem: SEVERITIES.index(problem.severity))
+    found = (problem for check in (*QUICK, look.find, denoiser, geometry.find) for problem in check(scene))
+    return sorted(found, key=lambda problem: SEVERITIES.index(problem.severity))
 
 
 def problems(code: str = "") -> list[Problem]:

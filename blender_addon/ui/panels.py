@@ -17,15 +17,14 @@ from .. import compat
 from ..check import last
 from ..check.problems import INFO, MOST_ROWS, Problem
 from ..jobs import folders, images, session
-from ..live import nodes
 from ..live import session as live_session
-from ..live.scene import EYE, PANEL
+from ..live.scene import EYE, PANEL, can_interpolate
 from ..scene import settings as scene_settings
 from ..scene.array import rig
 from ..scene.light import FILE_LIGHT
 from ..scene.settings import PROFILE_FILE
 from ..scene.words import counted
-from . import array_view, summary
+from . import array_view, drawing
 from .drawing import LightFieldPanel, columns, facts, row_if, sentence
 from .operators.array import FIT_ITEMS
 from .operators.check import OPERATORS
@@ -63,7 +62,7 @@ class LFSR_PT_image(LightFieldPanel, bpy.types.Panel):
             if task.progress.detail and task.progress.stage not in session.ALONE:
                 sentence(layout, task.progress.detail, "NONE", context)
         try:
-            layout.label(text=summary.image_text(scene))
+            layout.label(text=drawing.image_text(scene))
         except LfsrError as error:
             sentence(layout, str(error), "ERROR", context)
         _draw_outcome(layout, context)
@@ -193,7 +192,7 @@ class LFSR_PT_array(ClosedPanel, bpy.types.Panel):
         column.prop(scene.lfsr, "spacing", text="Spacing", slider=True)
         column.prop(scene.lfsr, "show_frustum")
         try:
-            facts(layout, summary.depth_facts(scene))
+            facts(layout, drawing.depth_facts(scene))
         except LfsrError as error:
             sentence(layout, str(error), "ERROR", context)
 
@@ -245,7 +244,7 @@ class LFSR_PT_advanced(ClosedPanel, bpy.types.Panel):
                 sentence(self.layout, "No GPU is set up in Preferences > System", "INFO", context)
         row_if(has_lenses, columns(self.layout)).prop(lfsr, "linear_exr")
         with contextlib.suppress(LfsrError):  # the first panel says what is wrong
-            facts(self.layout, summary.display_facts(scene_settings.resolve(scene)))
+            facts(self.layout, drawing.display_facts(scene_settings.resolve(scene)))
 
 
 class LFSR_PT_plan(ClosedPanel, bpy.types.Panel):
@@ -259,7 +258,7 @@ class LFSR_PT_plan(ClosedPanel, bpy.types.Panel):
         state = context.window_manager.lfsr
         columns(self.layout).prop(context.scene.lfsr, "plan_target")
         row_if(session.current() is None, self.layout).operator("lfsr.plan", text="Find", icon="VIEWZOOM")
-        sentence(self.layout, summary.plan_cost(context.scene), "NONE", context)
+        sentence(self.layout, drawing.plan_cost(context.scene), "NONE", context)
         if state.plan_scene != context.scene.name_full:
             return
         sentence(self.layout, state.plan_text, "CHECKMARK" if state.plan_method else "INFO", context)
@@ -343,14 +342,14 @@ class LFSR_PT_live_advanced(ClosedPanel, bpy.types.Panel):
         row_if(not woven, column).prop(lfsr, "live_scale")
         row_if(not lfsr.live_samples, column).prop(lfsr, "live_rays")
         column.prop(lfsr, "live_samples")
-        row_if(nodes.can_interpolate() and not woven, column).prop(lfsr, "live_smooth")
+        row_if(can_interpolate() and not woven, column).prop(lfsr, "live_smooth")
         row_if(compat.has_denoiser(), column).prop(lfsr, "live_denoise")
 
 
 def notes(scene: bpy.types.Scene) -> list[tuple[str, str]]:
     """Sentences with their icons: what this Blender cannot do, and what to do now."""
     found = []
-    if not nodes.can_interpolate():
+    if not can_interpolate():
         found.append(("This Blender's viewport compositor cannot interpolate: each rendered view is repeated. "
                       "Blender 5.0 and later can", "INFO"))
     if scene.lfsr.live_denoise and not compat.has_denoiser():
@@ -373,7 +372,7 @@ class LFSR_PT_reference(ClosedPanel, bpy.types.Panel):
         layout.prop(lfsr, "reference_samples")
         layout.prop(lfsr, "reference_lenses")
         row_if(session.current() is None, self.layout).operator("lfsr.render_reference", icon="RENDERLAYERS")
-        facts(self.layout, summary.metric_facts(context.scene), 0.65)
+        facts(self.layout, drawing.metric_facts(context.scene), 0.65)
 
 
 class LFSR_MT_scale(bpy.types.Menu):

@@ -15,10 +15,9 @@ from ...check.problems import INFO
 from ...jobs import runtime
 from ...scene import settings as scene_settings
 from ...scene.array import rig
-from ...scene.array.edit import add, in_front, put, remove
+from ...scene.array.edit import add, in_front, is_inside, put, remove
 from ...scene.array.placement import Rays
 from ...scene.array.rig import check_editable
-from ...scene.array.room import is_inside
 from ...scene.contents import BACKGROUND_COLLECTION, GEOMETRY, SWITCHES, find_subject, switched
 from ...scene.light import DEFAULT_LIGHT, add_light
 from ...scene.words import counted, for_panel

@@ -20,9 +20,9 @@ from lfsr_core.pipeline.farms import write_job
 from lfsr_core.reconstruct.methods import AS_RENDERED, MENU, MORE, SUBPIXEL_METHODS, MethodName
 
 from ... import compat
-from ...check.last import to_ask
+from ...check import look
 from ...check.look import MENDS
-from ...check.problems import MOST_ROWS, Problem, grouped
+from ...check.problems import ASKING, MOST_ROWS, Problem, disks, grouped
 from ...jobs import folders, images, runtime, session
 from ...jobs.runtime import save_copy
 from ...jobs.session import Job
@@ -250,6 +250,12 @@ def _asked(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
     taken = "" if scene.lfsr.use_overwrite else folders.first_foreign(scene, frames)
     foreign = [Question(taken, "Overwrite", "turn on Overwrite, or choose another output folder")] if taken else []
     return [*_denoising(scene), *foreign, *check_questions(scene, len(frames))]
+
+
+def to_ask(scene: bpy.types.Scene, frames: int = 1) -> list[Problem]:
+    """Return what an artist is asked about before a render of ``frames`` images."""
+    found = [problem for check in (*ASKING, look.find) for problem in check(scene) if problem.asks]
+    return [*found, *disks(scene, frames)]
 
 
 def check_questions(scene: bpy.types.Scene, frames: int = 1) -> list[Question]:

@@ -10,7 +10,7 @@ import pytest
 from blender_addon.check import look
 from blender_addon.jobs import session
 from blender_addon.scene import settings as scene_settings
-from blender_addon.scene.array import edit, placement, rig, room
+from blender_addon.scene.array import edit, placement, rig
 from blender_addon.scene.array.placement import Rays
 from blender_addon.scene.contents import find_subject
 from blender_addon.ui.operators.check import FIXES
@@ -109,10 +109,10 @@ def test_of_a_room_the_inside_is_seen(startup, lamp):
 def test_a_solid_thing_and_a_dome_are_no_rooms(startup):
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     bpy.ops.mesh.primitive_uv_sphere_add(radius=2)
-    assert room.view_of_room(Rays(startup), np.full(3, -2.0), np.full(3, 2.0)) is None
+    assert edit.view_of_room(Rays(startup), np.full(3, -2.0), np.full(3, 2.0)) is None
     bpy.ops.object.delete()
     bpy.ops.mesh.primitive_uv_sphere_add(radius=200)
-    assert room.view_of_room(Rays(startup), np.full(3, -1.0), np.full(3, 1.0)) is None
+    assert edit.view_of_room(Rays(startup), np.full(3, -1.0), np.full(3, 1.0)) is None
 
 
 def test_a_selected_part_of_a_figure_is_not_all_of_the_picture(startup):

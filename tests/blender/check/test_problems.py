@@ -15,7 +15,7 @@ from blender_addon.scene.array import rig
 from blender_addon.scene.contents import SWITCHES
 from blender_addon.ui import panels
 from blender_addon.ui.operators.check import OPERATORS
-from blender_addon.ui.operators.render import check_questions
+from blender_addon.ui.operators.render import check_questions, to_ask
 from tests.blender.ui.test_panels import draw
 from tests.support import panel
 from tests.support.panel import fix, found
@@ -113,7 +113,7 @@ def test_what_renders_leave_out_has_a_button_and_is_asked_before(scene, code, sp
     assert found(scene, code) is None
     spoil(scene)
     problem = found(scene, code)
-    assert problem.severity == "INFO" and (problem in last.to_ask(scene)) == (code not in IGNORED)
+    assert problem.severity == "INFO" and (problem in to_ask(scene)) == (code not in IGNORED)
     fix(scene, code)
 
 
@@ -151,11 +151,11 @@ def test_too_little_room(scene, monkeypatch):
     assert needed > 3 * 128 * 96
     for free, codes in ((needed, []), (needed - 1, ["disk"]), (0, ["disk", "temporary"])):
         monkeypatch.setattr(shutil, "disk_usage", lambda _, free=free: usage._replace(free=free))
-        seen = [problem for problem in last.to_ask(scene) if problem.target == "Disk Space"]
+        seen = [problem for problem in to_ask(scene) if problem.target == "Disk Space"]
         assert [problem.code for problem in seen] == codes
         assert all(problem.code in OPERATORS and problem.severity == "ERROR" for problem in seen)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=10 * needed))
-    assert last.to_ask(scene, 10) == [] and [problem.code for problem in last.to_ask(scene, 11)] == ["disk"]
+    assert to_ask(scene, 10) == [] and [problem.code for problem in to_ask(scene, 11)] == ["disk"]
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=0))
     assert problems.free(Path(bpy.app.tempdir, "not", "there")) == 0
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from blender_addon.check.last import check_scene
-from blender_addon.live import nodes, session
 from blender_addon.live import scene as live_scene
+from blender_addon.live import session
 from blender_addon.render import cycles, output
 from blender_addon.render.cards import CELL
 from blender_addon.scene.array import rig
@@ -191,13 +191,13 @@ def test_save_in_the_middle_keeps_it_out_of_the_file(scene, shown, tmp_path):
     assert names and not [name for name in names if name.startswith("LFSR")]
 
 
-@pytest.mark.skipif(not nodes.can_interpolate(), reason="this Blender's compositor cannot interpolate")
+@pytest.mark.skipif(not live_scene.can_interpolate(), reason="this Blender's compositor cannot interpolate")
 def test_encoding_is_the_second_stages():
     values = np.geomspace(1e-4, 50, 40, dtype=np.float32)
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    tried = {"encode": (nodes._encode, encode, values), "decode": (nodes._decode, decode, encode(values))}
+    tried = {"encode": (live_scene._encode, encode, values), "decode": (live_scene._decode, decode, encode(values))}
     for name, (fill, wanted, given) in tried.items():
-        tree = nodes._scalar(name, fill)
+        tree = live_scene._scalar(name, fill)
         assert [evaluate(tree, float(value)) for value in given] == pytest.approx(list(wanted(given)), rel=1e-4)
 
 

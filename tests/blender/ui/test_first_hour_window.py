@@ -107,7 +107,7 @@ def test_one_press_in_a_new_file_makes_an_image_in_the_panel(window):
     shown = window.run(VIEW)
     window.screenshot("panel-with-view")
     assert shown["size"] == [480, 270] and shown["brightest"] > 0.2 and shown["icon"] and shown["windows"] == 1
-    assert ", about " in window.get("addon.ui.summary.image_text(bpy.context.scene)"), "the machine was measured"
+    assert ", about " in window.get("addon.ui.drawing.image_text(bpy.context.scene)"), "the machine was measured"
     kept = window.folder / "kept" / "first.blend"
     kept.parent.mkdir()
     window.run(f"bpy.ops.wm.save_as_mainfile(filepath={str(kept)!r})")

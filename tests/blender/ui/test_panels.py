@@ -14,13 +14,13 @@ import blender_addon
 from blender_addon import compat
 from blender_addon.check import last
 from blender_addon.jobs import folders, session
-from blender_addon.live import nodes
 from blender_addon.live import session as live_session
 from blender_addon.live.scene import EYE, PANEL
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene import words
 from blender_addon.scene.array import rig
-from blender_addon.ui import array_view, panels, summary
+from blender_addon.ui import array_view, panels
+from blender_addon.ui.drawing import METRICS, metric_facts
 from blender_addon.ui.panels import LFSR_MT_scale
 from lfsr_core.base.messages import Progress
 from lfsr_core.frames.frame import LIGHTS, Finish, Report, write_report
@@ -317,7 +317,7 @@ def test_on(scene, monkeypatch):
 
 
 def test_what_this_blender_cannot_do(scene, monkeypatch):
-    monkeypatch.setattr(nodes, "can_interpolate", lambda: False)
+    monkeypatch.setattr(panels, "can_interpolate", lambda: False)
     monkeypatch.setattr(compat, "has_denoiser", lambda: False)
     text = labels(draw(panels.LFSR_PT_live))
     assert "cannot interpolate" in text and "without a denoiser" in text
@@ -349,14 +349,14 @@ def write_metrics(folder, metrics: dict) -> None:
 
 def test_metrics_of_this_files_frame_are_shown(scene):
     folder = folders.frame_folder(scene)
-    assert summary.metric_facts(scene) == []
+    assert metric_facts(scene) == []
     folder.mkdir(parents=True)
     for flip, shown in ((0.01234, [("FLIP", "0.0123")]), (None, [])):
         write_metrics(folder, {"ssim_eia_fg": 0.91234, "psnr_fg": 31.26, "flip": flip})
-        assert summary.metric_facts(scene) == [("SSIM Foreground", "0.9123"), ("PSNR", "31.3 dB"), *shown]
+        assert metric_facts(scene) == [("SSIM Foreground", "0.9123"), ("PSNR", "31.3 dB"), *shown]
     write_render(folder, source="../other.blend")
     write_metrics(folder, {"psnr_fg": 31.26})
-    assert summary.metric_facts(scene) == [], "it is another file's"
+    assert metric_facts(scene) == [], "it is another file's"
 
 
 CLASSES = [cls for module in blender_addon._modules() for cls in getattr(module, "CLASSES", ())]
@@ -501,7 +501,7 @@ def test_the_panel_shows_the_names_of_paths_alone(message, shown):
 
 
 def test_names_of_numbers_are_labels():
-    assert not any(map(wrong_label, summary.METRICS.values()))
+    assert not any(map(wrong_label, METRICS.values()))
 
 
 def test_messages_are_sentences():

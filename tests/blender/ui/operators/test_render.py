@@ -9,7 +9,7 @@ import pytest
 from blender_addon.jobs import folders, images, session
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import rig
-from blender_addon.ui import summary
+from blender_addon.ui.drawing import metric_facts
 from blender_addon.ui.operators import render
 from lfsr_core.base.system import read_json
 from lfsr_core.frames.frame import read_frame
@@ -113,7 +113,7 @@ def test_reference_and_ssim(opened, rendered):
     metrics = read_json(panel.frame_one(rendered) / "report.json", "report")["metrics"]
     assert metrics["ssim_lens_fg"] > 0.7 and metrics["psnr_fg"] > 17, "of their neighbours it is 9 dB"
     assert "ssim_eia_fg" not in metrics, "of sampled lenses"
-    assert "SSIM per Lens" in dict(summary.metric_facts(opened))
+    assert "SSIM per Lens" in dict(metric_facts(opened))
 
 
 def test_reference_needs_the_image_of_these_settings(opened):
