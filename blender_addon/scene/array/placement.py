@@ -37,7 +37,7 @@ MOST_FRAMES = 24      # sampled from an animation
 ROOM = 1 + 1e-6  # spheres are larger than their boxes by rounding
 TINY = 1e-30  # in place of 0 where a ray is parallel to the sides of boxes
 FEW = 100  # objects up to which Blender's own search, which asks each of them, is the fastest
-MOST_REACH = 1.70141e38  # Blender's value for a ray without end
+MOST_REACH = 1e30  # far enough; of the longest rays that Blender knows some meet scaled objects that they miss
 
 Hit = tuple[mathutils.Vector, mathutils.Vector, bpy.types.Object]  # place, normal of the surface, what is hit
 

@@ -247,6 +247,17 @@ def test_hair_and_volumes_are_left_to_the_render(scene):
     assert placement.unseen_notice(scene, SMALL, placement.place_array(scene, SMALL, {points}), {points}) is None
 
 
+def test_rays_that_miss_a_scaled_ball_meet_nothing(scene):
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.5)
+    bpy.context.object.scale = 0.24, 0.26, 0.3
+    bpy.context.view_layer.update()
+    rays, eye = placement.Rays(scene), mathutils.Vector((5, -5, 4))
+    turned = (-eye).to_track_quat("-Z", "Y")
+    ways = [turned @ mathutils.Vector((x, y, -1)) for x, y in np.mgrid[-20:21, -20:21].reshape(2, -1).T / 200]
+    places = [hit[0] for way in ways if (hit := rays.cast(eye, way)) is not None]
+    assert len(places) > 10 and np.linalg.norm(places, axis=1).max() < 0.2
+
+
 def test_a_subject_that_only_renders_show_is_left_to_the_render(scene):
     box = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     box.hide_viewport = True
