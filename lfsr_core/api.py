@@ -16,7 +16,6 @@ import numpy as np
 from lfsr_core.base.arrays import Array, Bytes
 from lfsr_core.base.messages import LfsrError, Tell, silent
 from lfsr_core.commands.common import ProgressBar, method_of
-from lfsr_core.commands.sentences import sentence
 from lfsr_core.exports.formats import export
 from lfsr_core.exports.light_field import read_views
 from lfsr_core.exports.options import ExportOptions
@@ -149,7 +148,7 @@ def render(scene: str | Path, output: str | Path | None = None, *, display: str 
                     sampling=Sampling.of(profile, scales, rays, samples, direct=subpixels), **given)
     if progress is None:
         progress = sys.stderr.isatty() or hasattr(builtins, "__IPYTHON__")  # a notebook
-    bar = ProgressBar(words=sentence) if progress and not callable(progress) else None
+    bar = ProgressBar() if progress and not callable(progress) else None
     tell = bar or (progress if callable(progress) else silent)
     try:
         make(asked, Finish(method_of(method, subpixels), **finish or {}), blender=blender, tell=tell,

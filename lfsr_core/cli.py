@@ -14,12 +14,11 @@ import sys
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from lfsr_core.base.messages import LfsrError, cleaned, did_you_mean
 from lfsr_core.base.records import to_data
 from lfsr_core.base.system import check_name, system_errors
-from lfsr_core.commands.common import BOLD, RED, is_openjd, styled, tell_openjd
 from lfsr_core.process.child import interrupt_main
 from lfsr_core.version import __version__
 
@@ -58,6 +57,7 @@ LABORATORY = ("study", "train")  # verbs of the package ``lfsr_lab``, found thro
 
 EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_UNREAD = 2, 130, 141
 ENDINGS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")  # signals that interrupt: Ctrl-C, and what means the same
+BOLD, RED = "1", "31"  # styles of terminals
 _interrupted = False
 
 
@@ -116,6 +116,8 @@ def _run(words: list[str]) -> int:
     except LfsrError as error:
         if _interrupted:
             raise
+        from lfsr_core.commands.common import is_openjd, tell_openjd  # loads NumPy, which help needs not
+
         name, text = f"lfsr {arguments.verb}:", cleaned(str(error), MOST_LETTERS)
         has_enough = isinstance(error.__context__, BrokenPipeError)  # who reads the output, such as `head`
         if not has_enough:
@@ -191,6 +193,12 @@ class _Parser(argparse.ArgumentParser):
             self.exit(EXIT_BAD_INPUT, f"lfsr: there is no verb {first!r}: {did_you_mean(first, names)}"
                                       "`lfsr` alone lists the verbs\n")
         return super().parse_known_args(args, namespace)
+
+
+def styled(text: str, style: str, stream: TextIO | None) -> str:
+    """Return a text in BOLD or RED where ``stream`` is a terminal and NO_COLOR (no-color.org) is not set."""
+    is_plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not (stream and stream.isatty())
+    return text if is_plain else f"\x1b[{style}m{text}\x1b[0m"
 
 
 def _check_output() -> None:

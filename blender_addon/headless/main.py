@@ -41,8 +41,7 @@ from ..render.frame_folder import Opened, inputs_before_opening, render_job, set
 from ..render.output import UNFINISHED
 from ..scene.array import placement
 from ..scene.contents import left_out
-from ..scene.files import check_files
-from ..scene.open import camera_notices, choose_camera, choose_scene, local_scene, open_scene
+from ..scene.files import camera_notices, check_files, choose_camera, choose_scene, open_scene, shown
 
 STANDARD_INPUT = 0
 MOST_WAITING, LEAST_WORK = 60, 0.05  # seconds without CPU seconds, after which a file does not answer
@@ -191,7 +190,8 @@ def _chosen_scene(request: Request, say: Tell = emit_told) -> bpy.types.Scene:
         scene = open_scene(request.scene, say) if request.scene else bpy.context.scene
     if request.scene_name is not None:
         scene = choose_scene(request.scene_name)
-    scene = local_scene(scene)
+    if scene.library is not None:  # so that a camera can be added; its objects stay linked
+        scene = shown(scene.make_local())
     if request.camera is not None:
         choose_camera(scene, request.camera)
     return scene

@@ -28,7 +28,7 @@ from lfsr_core.reconstruct.methods import MethodName, seconds
 
 from ..scene import settings as scene_settings
 from ..scene.files import SECONDS_IN_PANEL, unreadable
-from ..scene.settings import UNSAVED, Resolved, absolute, file_stem
+from ..scene.settings import UNSAVED, absolute, file_stem
 from ..scene.words import DIRECT
 from . import runtime
 
@@ -199,14 +199,6 @@ def requested_animation(scene: bpy.types.Scene) -> tuple[Request, Finish, tuple[
     request = dataclasses.replace(request, output=str(Path(request.output).parent))
     return (request.sampled(frames=spread(frames) if request.sampling.scales else ()),
             finish, frames)
-
-
-def paths_of(settings: Resolved) -> float:
-    """Return the paths of a finished image, about."""
-    pixels = math.prod(settings.display.eia_pixels)
-    if settings.rays is not None:
-        return pixels * settings.rays
-    return pixels / settings.display.finished_pixels(settings.sampling.scale) * settings.sampling.samples
 
 
 def remember(scene_name: str, measured: Measured) -> None:

@@ -39,7 +39,7 @@ from lfsr_core.frames.frame import (
 )
 from lfsr_core.images.color import ViewTransform
 from lfsr_core.images.image_files import Layers, clean, read_layers
-from lfsr_core.optics.lenses import pixel_rows
+from lfsr_core.optics.rays import pixel_rows
 from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.pipeline.parts import ImageParts, Part, remove_others
 from lfsr_core.reconstruct.upscaler import finished_layout

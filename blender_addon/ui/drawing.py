@@ -128,7 +128,9 @@ def plan_cost(scene: bpy.types.Scene) -> str:
     state = bpy.context.window_manager.lfsr
     if state.probe_scene == scene.name_full:
         return f"Takes {duration(paths * state.probe_per_path)} at most"
-    images = max(1, round(paths / folders.paths_of(settings)))
+    display, sampling = settings.display, settings.sampling
+    rays = sampling.samples / display.finished_pixels(sampling.scale) if settings.rays is None else settings.rays
+    images = max(1, round(paths / (math.prod(display.eia_pixels) * rays)))
     return f"Takes as long as {counted(images, 'image')} at most"
 
 

@@ -374,17 +374,14 @@ def peak_bytes() -> int | None:
     return None
 
 
-def machine_bytes() -> float:
-    """Memory of this computer, in bytes; infinite on Windows."""
-    if sys.platform != "win32":
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    return math.inf
-
-
 def watch_memory(end: Callable[[str], object]) -> None:
-    """Call ``end`` with a sentence, from a thread, once this process has held MOST_MEMORY of this computer's memory."""
+    """Call ``end`` with a sentence, from a thread, once this process has held MOST_MEMORY of this computer's memory.
+
+    Not on Windows, which does not tell.
+    """
     def watch() -> None:
-        while (peak_bytes() or 0) <= MOST_MEMORY * machine_bytes():
+        while sys.platform == "win32" or (peak_bytes() or 0) <= MOST_MEMORY * (
+                os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")):
             time.sleep(SECONDS_BETWEEN)
         end(f"this takes more than {MOST_MEMORY:.0%} of this computer's memory: make the scene or the display "
             "smaller, or use another computer")

@@ -26,8 +26,8 @@ from lfsr_core.calibration.patterns import FRINGE_CHANNELS, dots, pattern, tones
 from lfsr_core.calibration.photograph import Raster, View, find_panel, grid, read_photograph
 from lfsr_core.images.image_files import write_png
 from lfsr_core.optics.display import DisplayProfile, Lattice, Lenticular, write_profile
+from lfsr_core.optics.eye import seen_at
 from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_waves
-from lfsr_core.optics.panel.trace import seen_at
 
 PER_LENS = 3  # pixels of a photograph that are enough for a lens
 PLACE, PLACE_MM = 0.06, 5.0  # from the stated place to that by the perspective: of the distance, and millimetres
@@ -311,7 +311,7 @@ def _with_sheet(profile: DisplayProfile, before: DisplayProfile, waves: Array, p
 def comparison(profile: DisplayProfile, calibration: Calibration) -> Array:
     """Return a picture (H, W, 3) uint8: a row for each photograph, taken on the left, predicted on the right.
 
-    The prediction traces rays from the camera through the lenses (``trace.py``), which shares no formula with the fit.
+    The prediction traces rays from the camera through the lenses (``optics/eye.py``), without a formula of the fit.
     ``profile``: for which the pattern was drawn. LfsrError if the two are not alike.
     """
     shown, fitted = pattern(profile, "phase"), calibration.profile

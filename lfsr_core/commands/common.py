@@ -7,7 +7,6 @@ import contextlib
 import os
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -27,7 +26,7 @@ from lfsr_core.frames.frame import (
     check_scene,
 )
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.lenses import parse_rows
+from lfsr_core.optics.rays import parse_rows
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, METHODS, PLAIN_METHOD, SUBPIXEL_METHODS, MethodName
 from lfsr_core.reconstruct.methods.denoise import why_missing
 
@@ -35,13 +34,12 @@ FARTHEST_MM = 1e6
 BAR_WIDTH = 30
 SECONDS_BETWEEN_LINES = 4.0  # a render writes a record each second, so that a line comes every five at the latest
 PROGRESS_VARIABLE, OPENJD = "LFSR_PROGRESS", "openjd"  # environment variable, set by our OpenJD template
-BOLD, RED = "1", "31"  # styles of terminals
 OFFERED_LAYOUTS = tuple(layout for layout in LAYOUTS if layout != VIEW_BY_VIEW)
 
 
 def progress() -> contextlib.closing[ProgressBar]:
     """Return a progress bar for a block, which ends its line after it."""
-    return contextlib.closing(ProgressBar(words=sentence))
+    return contextlib.closing(ProgressBar())
 
 
 def add_scene_arguments(parser: argparse.ArgumentParser, when: str = "") -> None:
@@ -160,10 +158,10 @@ def names(text: str) -> tuple[str, ...]:
 
 
 class ProgressBar:
-    """A ``Tell``: shows progress, and prints each notice once, as ``words`` says it."""
+    """A ``Tell``: shows progress, and prints the sentence of each notice once."""
 
-    def __init__(self, stream: TextIO | None = None, words: Callable[[Notice], str] = str) -> None:
-        self._words, self._stream = words, stream or sys.stderr
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stderr
         self._moving = self._stream.isatty()
         self._stage, self._shown_at, self._most = "", 0.0, 0.0
         self._told: list[Notice] = []
@@ -175,7 +173,7 @@ class ProgressBar:
         if isinstance(told, Notice):
             if told not in self._told:
                 self._told.append(told)
-                self.note(self._words(told))
+                self.note(sentence(told))
             return
         left = "" if told.left is None else f"{duration(told.left)} left"
         fraction, detail = min(max(told.fraction, 0.0), 1.0), ", ".join(filter(None, (cleaned(told.detail), left)))
@@ -205,12 +203,6 @@ class ProgressBar:
         if self._moving and self._stage:
             print(file=self._stream)
         self._stage = ""
-
-
-def styled(text: str, style: str, stream: TextIO | None) -> str:
-    """Return a text in BOLD or RED where ``stream`` is a terminal and NO_COLOR (no-color.org) is not set."""
-    is_plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not (stream and stream.isatty())
-    return text if is_plain else f"\x1b[{style}m{text}\x1b[0m"
 
 
 def is_openjd() -> bool:

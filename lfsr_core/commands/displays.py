@@ -120,8 +120,8 @@ def run_displays(arguments: argparse.Namespace) -> Any:
 
 def describe(profile: DisplayProfile) -> list[str]:
     """Lines that describe a profile: its own numbers, then those derived from them."""
+    from lfsr_core.optics.eye import view_spread
     from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_lattice
-    from lfsr_core.optics.panel.trace import view_spread
 
     pitch_x, pitch_y = profile.lens_pitch_mm
     spacing = profile.camera_spacing_mm

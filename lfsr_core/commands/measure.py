@@ -18,7 +18,7 @@ from lfsr_core.commands import common
 from lfsr_core.commands.common import add_geometry_arguments, add_scene_arguments, make_request, names, numbers
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import LOW_RES_FILE, SUBPIXELS, Sampling
-from lfsr_core.optics.lenses import check_count, choose_lenses
+from lfsr_core.optics.rays import check_count, choose_lenses
 
 if TYPE_CHECKING:
     from lfsr_core.metrics.eia_metrics import Metrics

@@ -27,7 +27,7 @@ from lfsr_core.frames.frame import (
     spread,
 )
 from lfsr_core.optics.display import load_display
-from lfsr_core.optics.lenses import check_count, rows_text
+from lfsr_core.optics.rays import check_count, rows_text
 from lfsr_core.pipeline.farms import NEXT, TEMPLATES, write_template
 
 AUTO_SCALE, CHECK_SAMPLES = "auto", 1024

@@ -34,7 +34,7 @@ from lfsr_core.frames.frame import (
     read_report,
 )
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.lenses import rows_text
+from lfsr_core.optics.rays import rows_text
 
 RENDERED_FILES = {"render": (files.LOW_RES_FILE,), "reference": files.REFERENCE_FILES}
 # Made from an older render of the same folder, so they would no longer match it.

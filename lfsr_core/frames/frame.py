@@ -20,9 +20,8 @@ from lfsr_core.base.system import read_json, write_json
 from lfsr_core.images.color import ColorSettings
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.lenses import check_rows, rows_text
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout, check_sheet
-from lfsr_core.optics.rays import CONVENTIONS, CameraArray, RayLayout
+from lfsr_core.optics.rays import CONVENTIONS, CameraArray, RayLayout, check_rows, rows_text
 
 FORMAT = 1
 SUBPIXELS, VIEW_BY_VIEW = "subpixels", "view-by-view"

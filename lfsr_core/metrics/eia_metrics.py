@@ -30,8 +30,7 @@ from lfsr_core.frames.frame import (
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.image_files import read_finite, read_mask
 from lfsr_core.metrics.split_ssim import inside_border, lens_ssim, mean_of, psnr, split_ssim_map, ssim, stacked_ssim
-from lfsr_core.optics.lenses import choose_lenses
-from lfsr_core.optics.rays import LensList, to_elemental_images, to_views, views_per_lens
+from lfsr_core.optics.rays import LensList, choose_lenses, to_elemental_images, to_views, views_per_lens
 from lfsr_core.pipeline.make import make
 from lfsr_core.process.child import Starts
 from lfsr_core.reconstruct.second_stage import finished_linear, read_finished_linear

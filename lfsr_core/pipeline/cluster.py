@@ -21,7 +21,7 @@ from lfsr_core.base.messages import LfsrError, Progress, Tell
 from lfsr_core.base.system import system_errors
 from lfsr_core.frames.folder import FrameFolder, digest, request_facts, scene_stamp
 from lfsr_core.frames.frame import Finish, Request
-from lfsr_core.optics.lenses import parse_rows
+from lfsr_core.optics.rays import parse_rows
 from lfsr_core.pipeline.make import Made, make, requests_of
 from lfsr_core.pipeline.merge import merge
 

@@ -18,7 +18,7 @@ from lfsr_core.base.system import staging_folder, system_errors
 from lfsr_core.frames.folder import RENDERED_FILES, FrameFolder, first_difference, has_other_size, phrases
 from lfsr_core.frames.frame import DEVICES_JOINED, FRAME_FILE, REFERENCE_FILES, WORLD_FILE, Frame, write_frame
 from lfsr_core.images import image_files
-from lfsr_core.optics.lenses import check_cover, pixel_rows, rows_text
+from lfsr_core.optics.rays import check_cover, pixel_rows, rows_text
 
 FREE = {"rows", "seconds", "device", "gpus", "content", "notes"}  # fields in which the parts of one frame may differ
 

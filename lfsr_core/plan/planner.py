@@ -36,7 +36,7 @@ from lfsr_core.metrics.eia_metrics import listed_images, read_half
 from lfsr_core.metrics.split_ssim import stacked_ssim
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.lenses import systematic_sample
+from lfsr_core.optics.rays import systematic_sample
 from lfsr_core.plan.options import Candidate, Choice, PlanOptions, Rated, choose, estimate, path_samples, render_seconds
 from lfsr_core.reconstruct.methods import MethodName
 from lfsr_core.reconstruct.methods import seconds as finish_seconds

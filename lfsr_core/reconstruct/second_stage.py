@@ -71,33 +71,28 @@ STAGES = ("render", "load", "mask", "upscale", "assemble", "color", "write")
 
 def finish_frame(folder: str | Path, finish: Finish | str, tell: Tell = silent,
                  upscaler: Upscaler | None = None) -> Report:
-    """Finish a rendered frame folder: write the images of ``finish_into`` and report.json, and return the report.
+    """Finish a rendered frame folder: write its images and report.json, and return the report.
 
-    LfsrError for bad input, or where another process writes into the folder; all files are replaced together or none.
-    ``upscaler``: for the laboratory, see above.
+    Images are eia.png, mask.png, eia.exr where it is asked for, and panel.png for a display with a lens sheet; after
+    direct subpixel rendering panel.png alone. LfsrError for bad input, or where another process writes into the folder;
+    all files are replaced together or none. ``upscaler``: for the laboratory, see above.
     """
-    folder = Path(folder)
-    direct = read_rendered(folder).subpixels is not None
+    folder, finish = Path(folder), Finish.of(finish)
+    rendered = read_rendered(folder)
+    direct = rendered.subpixels is not None
     with staging_folder(folder) as staging, system_errors(folder):
         staged = staging / "finished"
         staged.mkdir()
-        report = finish_into(folder, staged, finish, tell, upscaler)
+        report = (_finish_subpixels(folder, staged, rendered, finish, tell) if direct
+                  else _finish_eia(folder, staged, finish, tell, upscaler))
         write_report(staged, report)
         replace_files(staged, folder, () if direct else FINISHED_FILES)
     tell(Progress("write", 1.0, files.PANEL_FILE if direct else files.EIA_FILE))
     return report
 
 
-def finish_into(folder: str | Path, staged: Path, finish: Finish | str, tell: Tell = silent,
-                upscaler: Upscaler | None = None) -> Report:
-    """Write the images of a finished frame folder into ``staged``, and return the report; ``folder`` is only read.
-
-    They are eia.png, mask.png, eia.exr where it is asked for, and panel.png for a display with a lens sheet; after
-    direct subpixel rendering panel.png alone. LfsrError for bad input.
-    """
-    finish, rendered = Finish.of(finish), read_rendered(folder)
-    if rendered.subpixels:
-        return _finish_subpixels(Path(folder), staged, rendered, finish, tell)
+def _finish_eia(folder: Path, staged: Path, finish: Finish, tell: Tell, upscaler: Upscaler | None) -> Report:
+    """Write the images of a frame folder with a light field into the folder ``staged``."""
     work = _Work(folder, finish, tell, upscaler=upscaler)
     frame, clock = work.frame, work.clock
     pixels, linear = work.panel_images(tell)

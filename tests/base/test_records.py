@@ -130,26 +130,22 @@ class Terminal(io.StringIO):
         return True
 
 
-def words(notice: Notice) -> str:
-    return f"{notice.code} {notice.values['first']}"
-
-
 def test_plain_lines_for_new_stages_and_ends_only():
     stream = io.StringIO()
-    tell = ProgressBar(stream, words)
+    tell = ProgressBar(stream)
     for step in range(101):
         tell(Progress("render", step / 100, "samples"))
     tell(Progress("load", 0.0))
     tell.close()
     assert stream.getvalue().splitlines() == ["render       0%  samples", "render     100%  samples", "load         0%"]
     unused = Terminal()
-    ProgressBar(unused, words).close()
+    ProgressBar(unused).close()
     assert unused.getvalue() == ""
 
 
 def test_terminal_line_moves_and_stays_in_place_within_a_stage():
     stream = Terminal()
-    tell = ProgressBar(stream, words)
+    tell = ProgressBar(stream)
     tell(Progress("render", 0.0))
     tell(Progress("render", 0.5, "half"))
     tell(Progress("load", 2.0))
@@ -163,18 +159,18 @@ def test_terminal_line_moves_and_stays_in_place_within_a_stage():
 
 def test_a_notice_has_its_own_line_once_also_amid_a_bar():
     stream = Terminal()
-    tell = ProgressBar(stream, words)
+    tell = ProgressBar(stream)
     tell(Progress("render", 0.5))
-    tell(Notice("image-missing", {"first": "wood.png"}))
-    tell(Notice("image-missing", {"first": "wood.png"}))
+    tell(Notice("motion-ignored"))
+    tell(Notice("motion-ignored"))
     tell(Progress("render", 1.0))
-    assert stream.getvalue().count("\nnote: image-missing wood.png\n") == 1
+    assert stream.getvalue().count("\nnote: motion blur is ignored\n") == 1
 
 
 def test_a_record_a_second_makes_a_line_every_five_seconds_at_the_latest(monkeypatch):
     stream, now, shown = io.StringIO(), [100.0], []
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    tell = ProgressBar(stream, words)
+    tell = ProgressBar(stream)
     for second in range(60):
         before = len(stream.getvalue())
         tell(Progress("render", 0.0, f"Updating Scene BVH: Building, for {second} s"))

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.cli import GROUPS, LABORATORY, VERBS, build_parser, main
-from lfsr_core.commands.common import BOLD, styled
+from lfsr_core.cli import BOLD, GROUPS, LABORATORY, VERBS, build_parser, main, styled
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.image_files import read_mask, read_png
@@ -364,6 +363,12 @@ def test_without_the_laboratory_the_help_and_its_verbs_say_so(monkeypatch, capsy
 
 
 LFSR = [sys.executable, "-m", "lfsr_core"]
+
+
+def test_help_loads_no_numpy():
+    told = subprocess.run([LFSR[0], "-X", "importtime", *LFSR[1:], "--help"], capture_output=True, text=True, cwd=ROOT,
+                          check=True).stderr
+    assert "argparse" in told and "numpy" not in told
 
 
 def test_ctrl_c_while_modules_load_shows_no_traceback():

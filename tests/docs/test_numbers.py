@@ -11,7 +11,7 @@ import pytest
 from lfsr_core.base.records import read_record
 from lfsr_core.optics.depth_scale import MODEL
 from lfsr_core.optics.display import builtin_names, load_display
-from lfsr_core.optics.panel.trace import view_spread
+from lfsr_core.optics.eye import view_spread
 from lfsr_lab.experiments.chart.analysis import Chart, MeanDuel, mean_cells, mean_duels, read_chart
 from lfsr_lab.experiments.denoiser import study as denoiser
 from lfsr_lab.experiments.engine.truth import FLIP, RELMSE, SSIM

@@ -14,8 +14,7 @@ from lfsr_core.frames.frame import MIN_VIEWS, MOST_SCALE, Sampling, samples_at, 
 from lfsr_core.optics.depth_scale import LEAST_SAMPLES, MODEL, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.optics.eye import LiveRegion
-from lfsr_core.optics.lenses import check_cover, choose_lenses, parse_rows, pixel_rows
-from lfsr_core.optics.rays import CameraArray
+from lfsr_core.optics.rays import CameraArray, check_cover, choose_lenses, parse_rows, pixel_rows
 from tests.support.synthetic import FLAT, MINI
 from tests.support.told import refuses
 

@@ -19,7 +19,7 @@ from lfsr_core.base.messages import silent
 from lfsr_core.cli import main
 from lfsr_core.frames.frame import REFERENCE_FILES, read_part
 from lfsr_core.images.image_files import read_layers
-from lfsr_core.optics.lenses import check_cover
+from lfsr_core.optics.rays import check_cover
 from lfsr_core.pipeline import cluster
 from lfsr_core.pipeline.cluster import RESOURCE, make_on, reference_on, reference_parts
 from lfsr_core.pipeline.make import KEPT, MADE, make

@@ -9,8 +9,7 @@ import pytest
 
 from lfsr_core.frames.frame import REFERENCE_FILES, read_frame, read_part, write_frame
 from lfsr_core.images.image_files import read_layers, write_layers
-from lfsr_core.optics.lenses import parse_rows
-from lfsr_core.optics.rays import CameraArray
+from lfsr_core.optics.rays import CameraArray, parse_rows
 from lfsr_core.pipeline.merge import merge
 from tests.support.noisy_renders import JOB, render
 from tests.support.requests import changed

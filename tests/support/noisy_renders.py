@@ -12,7 +12,7 @@ import numpy as np
 from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import LOW_RES_FILE, REFERENCE_FILES, Request, read_request, write_frame
 from lfsr_core.images.image_files import write_layers
-from lfsr_core.optics.lenses import pixel_rows
+from lfsr_core.optics.rays import pixel_rows
 from lfsr_core.process.child import RENDERED_STAGE, STAY, emit
 from tests.support.requests import make_request
 from tests.support.synthetic import MINI, frame_of, light_field, tiles, traced_panel

@@ -1,6 +1,6 @@
 """A telephone's photograph of a panel, simulated ray by ray.
 
-The rays are those of ``lfsr_core.optics.panel.trace``, which shares no formula with the fit. A lens images a spot of
+The rays are those of ``lfsr_core.optics.eye``, which shares no formula with the fit. A lens images a spot of
 the panel and each subpixel in it lights its own channel, so that colour moiré appears as on a real display. Light is
 linear until the camera encodes it; the sensor's distortion is another polynomial than the one that the fit solves for.
 """
@@ -15,7 +15,7 @@ from PIL import Image
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.panel.trace import trace
+from lfsr_core.optics.eye import trace
 
 # Bases of the generalised golden ratio in four dimensions: points that fill the unit cube evenly.
 GOLDEN = np.array([0.8566748838545029, 0.733891856627126, 0.6287067210378087, 0.5385972572236101])

@@ -7,7 +7,7 @@ import bpy
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import from_data
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.plan.options import Candidate, Choice, Measured, PlanOptions, Rated
+from lfsr_core.plan.options import Choice, Measured, PlanOptions, Rated
 from lfsr_core.reconstruct.methods import AS_RENDERED
 
 from ...jobs import folders, session
@@ -92,15 +92,10 @@ def show(target: float, scene_name: str, choice: Choice) -> None:
 
 
 def measured(row: Rated) -> str:
-    """Return a measured candidate in words."""
-    found = row.estimate
-    return in_words(row) + (f" ({found.mean:.3f}, at least {found.low:.3f})" if found else "")
-
-
-def in_words(candidate: Candidate) -> str:
-    """Return what the panel calls a candidate, as in "scale 4×, 16 samples, Fast"."""
-    method = "no denoiser" if candidate.method == AS_RENDERED else title(candidate.method)
-    return f"scale {candidate.scale}×, {counted(candidate.samples, 'sample')}, {method}"
+    """Return what the panel calls a measured candidate: "scale 4×, 16 samples, Fast (0.961, at least 0.953)"."""
+    found, method = row.estimate, "no denoiser" if row.method == AS_RENDERED else title(row.method)
+    accuracy = f" ({found.mean:.3f}, at least {found.low:.3f})" if found else ""
+    return f"scale {row.scale}×, {counted(row.samples, 'sample')}, {method}{accuracy}"
 
 
 CLASSES = (LFSR_OT_estimate_time, LFSR_OT_plan, LFSR_OT_plan_use)

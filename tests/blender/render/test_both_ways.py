@@ -17,11 +17,11 @@ import pytest
 from blender_addon import compat
 from blender_addon.render.frame_folder import render_job
 from blender_addon.scene.contents import left_out
-from blender_addon.scene.open import camera_notices
+from blender_addon.scene.files import camera_notices
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.exports.light_field import read_views
 from lfsr_core.images.image_files import read_png
-from lfsr_core.reconstruct.second_stage import finish_into
+from lfsr_core.reconstruct.second_stage import finish_frame
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera, add_world, fresh_scene
 
@@ -72,7 +72,7 @@ def base():
 def middle_view(scene, folder):
     request = make_request(str(folder / "frame"), TINY, scale=3, samples=SAMPLES, view_aperture=0)
     render_job(scene, request)
-    finish_into(folder / "frame", folder / "frame", "bilinear")
+    finish_frame(folder / "frame", "bilinear")
     return read_views(folder / "frame")[1, 1].astype(float)
 
 

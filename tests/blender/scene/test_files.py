@@ -11,8 +11,7 @@ import OpenImageIO as oiio
 import pytest
 
 from blender_addon import compat
-from blender_addon.scene.files import check_files, unreadable
-from blender_addon.scene.open import open_scene
+from blender_addon.scene.files import check_files, open_scene, unreadable
 from lfsr_core.base.messages import LfsrError, Notice
 from tests.support.scenes import add_box, add_camera
 from tests.support.told import refuses

@@ -13,7 +13,7 @@ from blender_addon.render import frame_folder
 from blender_addon.render.frame_folder import render_job
 from blender_addon.render.output import heard, sample_fraction
 from blender_addon.scene import light
-from blender_addon.scene.open import open_scene
+from blender_addon.scene.files import open_scene
 from blender_addon.scene.settings import color_settings
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import EVEN, OWN, read_frame

@@ -11,7 +11,7 @@ from blender_addon.render import frame_folder
 from blender_addon.scene import contents
 from blender_addon.scene.array import edit, placement, rig
 from blender_addon.scene.contents import find_subject
-from blender_addon.scene.open import camera_notices, choose_camera, open_scene
+from blender_addon.scene.files import camera_notices, choose_camera, open_scene
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images import image_files

@@ -11,7 +11,7 @@ from PIL import Image
 import lfsr_lab.scenes
 from blender_addon.scene.array import placement
 from blender_addon.scene.contents import find_subject
-from blender_addon.scene.open import open_scene
+from blender_addon.scene.files import open_scene
 from lfsr_core.base.system import write_json
 from lfsr_core.process.child import find_blender
 from lfsr_lab.experiments.animations.study import NAMES

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from blender_addon.render.frame_folder import render_job
-from blender_addon.scene import contents, light, open
+from blender_addon.scene import contents, light
 from blender_addon.scene.array import rig
-from blender_addon.scene.files import unreadable
+from blender_addon.scene.files import open_scene, unreadable
 from lfsr_core.base.system import read_json, write_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.image_files import read_layers
@@ -245,7 +245,7 @@ def test_the_script_writes_files_that_hold_all_they_need(tmp_path):
     code, (*_, message) = run_script("sweep_scenes.py", tmp_path / "job.json")
     assert (code, message["stage"]) == (2, "error") and "slope of 50" in message["message"] and not eye.exists()
     assert [item.name for item in wire.parent.iterdir()] == ["scene.blend"]
-    scene = open.open_scene(wire)
+    scene = open_scene(wire)
     assert rig.find(scene) is not None and meshes(scene, "wire")
     assert all(image.packed_file for image in bpy.data.images if image.source == "FILE")
 

@@ -10,7 +10,7 @@ import pytest
 
 from blender_addon.check import last
 from blender_addon.jobs import folders, session
-from blender_addon.scene.open import choose_scene
+from blender_addon.scene.files import choose_scene
 from blender_addon.ui import panels
 from blender_addon.ui.operators import render
 from lfsr_core.frames.frame import read_frame

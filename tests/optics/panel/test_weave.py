@@ -8,10 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lfsr_core.optics.display import WEAVES, builtin_names, load_display
-from lfsr_core.optics.eye import eye_view
+from lfsr_core.optics.eye import eye_view, trace, view_spread
 from lfsr_core.optics.panel import weave as weaving
 from lfsr_core.optics.panel.subpixel_rays import Geometry, PanelLayout, subpixel_rays
-from lfsr_core.optics.panel.trace import trace, view_spread
 from lfsr_core.optics.panel.weave import ONE, gather_map, weave
 from lfsr_core.optics.rays import CameraArray, flip_order
 from tests.support.panels import SHEETS, hexagonal, lenticular, profile, square, whole

@@ -23,7 +23,7 @@ import mathutils
 
 from blender_addon.scene.array import edit, placement, rig
 from blender_addon.scene.contents import find_subject
-from blender_addon.scene.open import open_scene
+from blender_addon.scene.files import open_scene
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 from lfsr_lab.scenes.shared.objects import script_arguments

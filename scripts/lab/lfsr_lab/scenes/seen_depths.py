@@ -18,7 +18,7 @@ sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4)
 
 from blender_addon.scene.array.placement import moves_of
 from blender_addon.scene.contents import find_subject
-from blender_addon.scene.open import open_scene
+from blender_addon.scene.files import open_scene
 from lfsr_core.base.system import write_json
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_lab.scenes.shared.objects import leave, run

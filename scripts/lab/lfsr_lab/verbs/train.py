@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.commands.common import ProgressBar
 
 NAME = "train"
 HELP = "train a network as a TOML config says"
@@ -35,14 +34,16 @@ def training_packages() -> Iterator[None]:
 
 def run(arguments: argparse.Namespace) -> None:
     """Train and print the weights file with its validation figures."""
-    with training_packages(), closing(ProgressBar()) as progress:
+    from lfsr_core.commands.common import progress
+
+    with training_packages(), progress() as tell:
         from lfsr_lab.train import session
         from lfsr_lab.train.config import load_config
         from lfsr_lab.train.loop import RunOptions
 
         config = load_config(arguments.config, arguments.set)
         output = Path(arguments.output or f"out/train/{Path(arguments.config).stem}")
-        trained = session.train(config, output, arguments.device, RunOptions(arguments.resume, progress))
+        trained = session.train(config, output, arguments.device, RunOptions(arguments.resume, tell))
     if trained.weights is None:
         print(f"stopped after {trained.epochs} epochs: go on with --resume --output {output}")
         raise KeyboardInterrupt

@@ -10,7 +10,7 @@ from blender_addon.render import frame_folder
 from blender_addon.scene import contents
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import placement, rig
-from blender_addon.scene.open import camera_notices
+from blender_addon.scene.files import camera_notices
 from blender_addon.ui.operators import render
 from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.frames.frame import read_frame

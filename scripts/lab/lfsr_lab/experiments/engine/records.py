@@ -17,11 +17,10 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import from_data, read_record, to_data, write_record
 from lfsr_core.base.system import read_json, write_json
 from lfsr_core.commands.common import ProgressBar
-from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import FRAME_FILE, LOW_RES_FILE, Request, Sampling, read_frame
 from lfsr_core.images.image_files import read_finite
-from lfsr_core.optics.lenses import choose_lenses
+from lfsr_core.optics.rays import choose_lenses
 from lfsr_core.pipeline.make import make
 from lfsr_core.process.child import find_blender
 from lfsr_core.reconstruct.upscaler import foreground_mask
@@ -85,7 +84,7 @@ class Store:
         """
         wanted = {job.output: job for job in jobs}.values()  # values of a sweep may share a reference
         if missing := [job for job in wanted if not FrameFolder(job.output).holds(job.kind)]:
-            with contextlib.closing(ProgressBar(words=sentence)) as bar:
+            with contextlib.closing(ProgressBar()) as bar:
                 bar.note(f"rendering {missing[0].output}" + (f" and {len(missing) - 1} more" if missing[1:] else ""))
                 make(missing, blender=self.blender, tell=bar)
         for job in jobs:
