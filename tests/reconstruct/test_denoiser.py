@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.rays import from_elemental_images
 from lfsr_core.reconstruct.methods import denoise, load_method
-from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_low_resolution, mirrored
+from lfsr_core.reconstruct.methods.denoise import denoise_eia, denoise_low_resolution, denoised_opacity, mirrored
 from lfsr_core.reconstruct.upscaler import LowResEIA
 from lfsr_lab.networks.tza import read_tza, write_tza
 from tests.support.prerequisites import needs_bpy
@@ -307,3 +307,17 @@ def test_missing_library_is_one_clear_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     monkeypatch.setattr(denoise, "find_libraries", lambda: iter(()))
     refuses("install the package pyoidn", denoise_eia, np.zeros((4, 4, 3), np.float32))
+
+
+@pytest.mark.parametrize("parallax", [(True, True), (True, False)])
+def test_what_is_certain_is_not_denoised(weights, parallax):
+    """Where this lens and its neighbours see no subject, or nothing but it, there is no noise."""
+    low = low_resolution(parallax, (9, 12, 5 if parallax[1] else 1, 5, 3))
+    seen = np.zeros(low.alpha.shape, np.float32)
+    seen[:, :6] = 1
+    low = dataclasses.replace(low, color=low.color * seen + 0.25 * (1 - seen), alpha=seen)
+    made, opacity = denoise_low_resolution(low, weights), denoised_opacity(low, np.repeat(seen, 3, -1))
+    np.testing.assert_array_equal(made.color[:, 7:], 0.25)
+    assert (np.ptp(made.color[:, 6], axis=(0, 3)) > 0).all() and not np.array_equal(made.color[:, :6], low.color[:, :6])
+    np.testing.assert_array_equal(opacity[:, :5], 1)
+    np.testing.assert_array_equal(opacity[:, 7:], 0)

@@ -52,11 +52,11 @@ METHODS: dict[str, Part] = {
     "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda _: Interpolation("nearest")),
     "denoise": Part(PREFILTER, "Open Image Denoise with weights trained on elemental images",
                     lambda weights: functools.partial(denoise_low_resolution, weights=weights or WEIGHTS),
-                    needs_denoiser=True, takes_weights=True, sees_neighbours=True, versions={"denoiser": 10},
+                    needs_denoiser=True, takes_weights=True, sees_neighbours=True, versions={"denoiser": 11},
                     per_rendered=0.45),
     "oidn": Part(PREFILTER, "Open Image Denoise with its own weights",
                  lambda _: functools.partial(denoise_low_resolution, weights=None), needs_denoiser=True,
-                 sees_neighbours=True, versions={"denoiser": 10}, per_rendered=0.45),
+                 sees_neighbours=True, versions={"denoiser": 11}, per_rendered=0.45),
 }
 # Seconds of every method on two cores: its start, per million finished pixels, and per million rendered ones.
 START, PER_FINISHED, PER_RENDERED = 1.2, 0.07, 0.05

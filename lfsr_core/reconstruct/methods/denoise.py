@@ -138,8 +138,9 @@ def denoise_eia(color: Array, guides: Array | None = None, *, weights: Weights |
 def denoise_low_resolution(low: LowResEIA, weights: str | Path | None = WEIGHTS) -> LowResEIA:
     """Denoise the colour of a low-resolution EIA; the rendered colour stays in the layer "noisy".
 
-    ``weights``: a TZA file, None for the library's own. Lenses that show only the background are left out. LfsrError
-    where the file is missing or damaged.
+    ``weights``: a TZA file, None for the library's own. Lenses that show only the background are left out, and pixels
+    that show it in their own and in the neighbouring lenses keep its colour. LfsrError where the file is missing or
+    damaged.
     """
     loaded, part = None if weights is None else load(weights), shown_part(low.color)
     notes = list(low.notes)
@@ -159,7 +160,9 @@ def denoise_low_resolution(low: LowResEIA, weights: str | Path | None = WEIGHTS)
             raise LfsrError(f"weights {weights} make {lost} of {shine.sum()} elemental images black or infinite: "
                             "their numbers overflow. Train them again, or use others")
         images[part] = made
-    return dataclasses.replace(low, color=mirrored(images), noisy=low.color, notes=tuple(notes))
+    shows_nothing = (low.alpha == 0) & is_even(np.concatenate([low.color, low.alpha], -1))
+    color = np.where(shows_nothing, low.color, mirrored(images))
+    return dataclasses.replace(low, color=color, noisy=low.color, notes=tuple(notes))
 
 
 def denoised_opacity(low: LowResEIA, opacity: Array) -> Array:
@@ -167,7 +170,18 @@ def denoised_opacity(low: LowResEIA, opacity: Array) -> Array:
     alone = dataclasses.replace(low, color=opacity, guides=None, noisy=None, exposure=0.0)
     cleaned = np.clip(denoise_low_resolution(alone).color, 0, 1)
     # A denoiser must not spread opacity into elemental images without any.
-    return np.asarray(cleaned * opacity.any((2, 3, 4), keepdims=True))
+    return np.where(is_even(opacity), opacity, cleaned * opacity.any((2, 3, 4), keepdims=True))
+
+
+def is_even(images: Array) -> Array:
+    """Pixels (sy, sx, h, w, 1) that equal those of the same view in the neighbouring lenses: there is no noise."""
+    even = np.ones((*images.shape[:4], 1), bool)
+    for axis in (0, 1):
+        lenses, found = np.moveaxis(images, axis, 0), np.moveaxis(even, axis, 0)
+        equal = (lenses[1:] == lenses[:-1]).all(-1, keepdims=True)
+        found[1:] &= equal
+        found[:-1] &= equal
+    return even
 
 
 def mirrored(images: Array) -> Array:
