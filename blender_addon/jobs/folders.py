@@ -12,7 +12,6 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterable
 from pathlib import Path
 
 import bpy
@@ -87,12 +86,6 @@ def is_own(scene: bpy.types.Scene, folder: Path) -> bool:
     return is_of(FrameFolder(folder).readable, source_of(scene), scene.name_full)
 
 
-def first_foreign(scene: bpy.types.Scene, frames: Iterable[int]) -> str:
-    """Return a sentence on the first of ``frames`` whose folder has the image of another file or scene, else ""."""
-    folders = (frame_folder(scene, number) for number in frames)
-    return next((_foreign(folder) for folder in folders if not is_own(scene, folder)), "")
-
-
 def is_unfinished(folder: Path) -> bool:
     """True if ``folder`` holds a render of which the second stage made no image."""
     return FrameFolder(folder).holds() and not any((folder / name).is_file() for name in (EIA_FILE, PANEL_FILE))
@@ -114,7 +107,7 @@ def shown_frame(scene: bpy.types.Scene, purpose: str) -> Path:
     """Frame folder of the current frame; LfsrError where it has no image of this scene for the panel."""
     folder = frame_folder(scene)
     if not is_own(scene, folder):
-        raise LfsrError(f"{_foreign(folder)}: render the EIA first, or choose another output folder")
+        raise LfsrError(f"{foreign(folder)}: render the EIA first, or choose another output folder")
     if not any((folder / name).is_file() for name in (EIA_FILE, PANEL_FILE)):
         raise LfsrError(f"there is no image in {folder} {purpose}: render the EIA first")
     return folder
@@ -165,7 +158,7 @@ def _unsaved(scene: bpy.types.Scene) -> Path:
     return Path(bpy.app.tempdir, f"lfsr-unsaved-{scene.session_uid}")
 
 
-def _foreign(folder: Path) -> str:
+def foreign(folder: Path) -> str:
     """A sentence on whose image ``folder`` holds."""
     frame = FrameFolder(folder).part
     file = frame.scene

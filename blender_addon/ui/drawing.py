@@ -31,11 +31,12 @@ CAMERAS = {"one-pass": "OSL camera", "lens-card": "lens card", SUBPIXELS: "panel
 
 
 class LightFieldPanel:
-    """Base of every panel of the tab."""
+    """Base of every panel of the tab, closed at first."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Light Field"
+    bl_options = {"DEFAULT_CLOSED"}
 
 
 def columns(layout: bpy.types.UILayout) -> bpy.types.UILayout:

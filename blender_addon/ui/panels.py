@@ -44,6 +44,7 @@ class LFSR_PT_image(LightFieldPanel, bpy.types.Panel):
 
     bl_label = "Light Field"
     bl_order = 0
+    bl_options = set[str]()
 
     def draw_header_preset(self, _context: bpy.types.Context) -> None:
         LFSR_PT_presets.draw_panel_header(self.layout)
@@ -155,13 +156,7 @@ def _select_button(layout: bpy.types.UILayout, code: str, target: str) -> None:
     button.code, button.target = code, target
 
 
-class ClosedPanel(LightFieldPanel):
-    """A panel that is closed at first."""
-
-    bl_options = {"DEFAULT_CLOSED"}
-
-
-class LFSR_PT_array(ClosedPanel, bpy.types.Panel):
+class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
     """The camera array in the scene"""
 
     bl_label = "Camera Array"
@@ -197,7 +192,7 @@ class LFSR_PT_array(ClosedPanel, bpy.types.Panel):
             sentence(layout, str(error), "ERROR", context)
 
 
-class LFSR_PT_quality(ClosedPanel, bpy.types.Panel):
+class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
     """How much time an image takes"""
 
     bl_label = "Quality"
@@ -218,7 +213,7 @@ class LFSR_PT_quality(ClosedPanel, bpy.types.Panel):
         row_if(session.current() is None, self.layout).operator("lfsr.estimate_time", icon="TIME")
 
 
-class LFSR_PT_advanced(ClosedPanel, bpy.types.Panel):
+class LFSR_PT_advanced(LightFieldPanel, bpy.types.Panel):
     """What decides how the rays are sent"""
 
     bl_label = "Advanced"
@@ -247,7 +242,7 @@ class LFSR_PT_advanced(ClosedPanel, bpy.types.Panel):
             facts(self.layout, drawing.display_facts(scene_settings.resolve(scene)))
 
 
-class LFSR_PT_plan(ClosedPanel, bpy.types.Panel):
+class LFSR_PT_plan(LightFieldPanel, bpy.types.Panel):
     """The cheapest settings that are accurate enough"""
 
     bl_label = "Find Cheapest Settings"
@@ -266,7 +261,7 @@ class LFSR_PT_plan(ClosedPanel, bpy.types.Panel):
             self.layout.operator("lfsr.plan_use")
 
 
-class LFSR_PT_animation(ClosedPanel, bpy.types.Panel):
+class LFSR_PT_animation(LightFieldPanel, bpy.types.Panel):
     """Images of the timeline's frames"""
 
     bl_label = "Animation"
@@ -282,7 +277,7 @@ class LFSR_PT_animation(ClosedPanel, bpy.types.Panel):
         row_if(session.current() is None, layout).menu("LFSR_MT_submit")
 
 
-class LFSR_PT_exports(ClosedPanel, bpy.types.Panel):
+class LFSR_PT_exports(LightFieldPanel, bpy.types.Panel):
     """The image on its display, and for those who have none"""
 
     bl_label = "View and Export"
@@ -305,7 +300,7 @@ class LFSR_PT_exports(ClosedPanel, bpy.types.Panel):
             row.operator("lfsr.calibrate", text="Calibrate…")
 
 
-class LFSR_PT_live(ClosedPanel, bpy.types.Panel):
+class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
     """The light field in a window of its own, as it renders"""
 
     bl_label = "Live"
@@ -331,7 +326,7 @@ class LFSR_PT_live(ClosedPanel, bpy.types.Panel):
             sentence(layout, live_session.message(EYE), "ERROR", context)
 
 
-class LFSR_PT_live_advanced(ClosedPanel, bpy.types.Panel):
+class LFSR_PT_live_advanced(LightFieldPanel, bpy.types.Panel):
     """What decides how fast the live view is right"""
 
     bl_label = "Advanced"
@@ -361,7 +356,7 @@ def notes(scene: bpy.types.Scene) -> list[tuple[str, str]]:
     return found
 
 
-class LFSR_PT_reference(ClosedPanel, bpy.types.Panel):
+class LFSR_PT_reference(LightFieldPanel, bpy.types.Panel):
     """How close the image is to its reference"""
 
     bl_label = "Reference"
@@ -397,17 +392,13 @@ class LFSR_MT_render(bpy.types.Menu):
         layout.operator("lfsr.render_animation", text="Render EIA Animation", icon="RENDER_ANIMATION")
         layout.separator()
         if rig.drawn(context.scene)[0] is None:
-            _draw_add(layout)
+            draw_camera(self, context)
         layout.operator("lfsr.array_fit", text="Fit Camera Array to Selection")
         layout.operator("lfsr.check_scene")
         layout.separator()
         layout.operator("lfsr.preview_view")
         layout.operator("lfsr.open_viewer")
         layout.operator("lfsr.show")
-
-
-def _draw_add(layout: bpy.types.UILayout) -> None:
-    layout.operator("lfsr.array_add", text="Light Field Camera Array", icon="OUTLINER_OB_CAMERA")
 
 
 def draw_render(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
@@ -418,7 +409,7 @@ def draw_render(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
 
 def draw_camera(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
     """End of the menu *Add > Camera*."""
-    _draw_add(menu.layout)
+    menu.layout.operator("lfsr.array_add", text="Light Field Camera Array", icon="OUTLINER_OB_CAMERA")
 
 
 def register() -> None:

@@ -31,14 +31,12 @@ SECONDS_TO_CONNECT, SECONDS_WITHOUT_WORKERS = 20, 20.0
 MOST_CHUNK, PARTS_PER_WORKER = 16, 2  # frames that one Blender renders; so that a fast worker does more
 AGAIN = "and run the same command again to continue"
 PLACE_FILE = ".lfsr-place-"
-
-
 Task = tuple[str, Callable[[], list[Made]]]  # a unique name, and a call that may be repeated
 
 
 def make_on(address: str, request: Request, finish: Finish, frames: Sequence[int], blender: str | None,
             overwrite: bool, tell: Tell) -> list[Made]:
-    """Make an animation as ``make`` does, on the workers of the scheduler at ``address``; errors as of ``run_on``."""
+    """Make an animation as ``make`` does, on the workers of a scheduler at ``address``; errors as of ``results_of``."""
     if finish.temporal_averaging:
         raise LfsrError("--temporal-averaging was given, but each worker of a cluster knows its own frames only: leave "
                         "out --cluster, or --temporal-averaging")
@@ -52,11 +50,9 @@ def make_on(address: str, request: Request, finish: Finish, frames: Sequence[int
             yield str(frames[first]), functools.partial(make, of_all, finish, chunk, blender=blender,
                                                         overwrite=overwrite)
 
-    def took(results: list[Made]) -> None:
+    for results in results_of(tasks, address, Path(request.output), request.scene):
         made.update((result.folder, result) for result in results)
         tell(Progress("frames", len(made) / len(frames), f"{len(made)} of {len(frames)}"))
-
-    run_on(address, Path(request.output), request.scene, tasks, took)
     return [made[asked.output] for asked in requests]
 
 
@@ -73,11 +69,9 @@ def reference_on(address: str, request: Request, blender: str | None, tell: Tell
         parts.extend(reference_parts(request, PARTS_PER_WORKER * workers, hidden))
         return ((Path(part.output).name, functools.partial(make, part, blender=blender)) for part in parts)
 
-    def took(results: list[Made]) -> None:
+    for results in results_of(tasks, address, folder.path.parent, request.scene):
         done.append(Path(results[0].folder))
         tell(Progress("reference", len(done) / len(parts), f"{len(done)} of {len(parts)} parts"))
-
-    run_on(address, folder.path.parent, request.scene, tasks, took)
     merge(done, folder.path, tell)
     for path in folder.path.parent.glob(f"{hidden}*"):
         shutil.rmtree(path, ignore_errors=True)
@@ -99,9 +93,8 @@ def reference_parts(request: Request, most: int, hidden: str) -> list[Request]:
             for number, part in enumerate(parts)]
 
 
-def run_on(address: str, output: Path, scene: str, tasks: Callable[[int], Iterator[Task]],
-           took: Callable[[list[Made]], None]) -> None:
-    """Have a scheduler's workers do ``tasks``, called with their number; ``took`` is called with each result.
+def results_of(tasks: Callable[[int], Iterator[Task]], address: str, output: Path, scene: str) -> Iterator[list[Made]]:
+    """Have a scheduler's workers do ``tasks``, called with their number; yield each result.
 
     LfsrError where no scheduler answers or no worker is left, where a worker does not see the folder ``output`` or
     the file ``scene`` under the same path, or with a task's own sentence.
@@ -141,8 +134,7 @@ def run_on(address: str, output: Path, scene: str, tasks: Callable[[int], Iterat
         while waiting:
             try:
                 ended = package.wait(waiting, timeout=SECONDS_WITHOUT_WORKERS, return_when="FIRST_COMPLETED").done
-                for task in ended:
-                    took(task.result())
+                yield from (task.result() for task in ended)
                 waiting -= ended
             except (TimeoutError, package.TimeoutError):
                 if not client.scheduler_info(n_workers=-1)["workers"]:

@@ -32,8 +32,7 @@ from lfsr_core.frames.frame import (
 )
 from lfsr_core.images.color import extreme_tone, srgb_encode
 from lfsr_core.images.image_files import read_finite
-from lfsr_core.metrics.eia_metrics import listed_images, read_half
-from lfsr_core.metrics.split_ssim import stacked_ssim
+from lfsr_core.metrics.eia_metrics import listed_images, read_half, stacked_ssim
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import systematic_sample

@@ -244,10 +244,6 @@ class Child:
         """Process id, and on POSIX the id of its process group."""
         return self._process.pid
 
-    def is_running(self) -> bool:
-        """Return False once the process has ended."""
-        return self._process.poll() is None
-
     def records(self) -> Iterator[dict[str, Any]]:
         """Yield the records that it writes, until the last, or until it closes its output."""
         assert self._process.stdout is not None

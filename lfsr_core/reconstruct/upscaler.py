@@ -284,38 +284,30 @@ KERNELS: dict[str, tuple[int, Callable[[Array], Array]]] = {
 
 
 @functools.lru_cache(maxsize=64)
-def kernel_matrix(kernel: str, size: int, scale: float, margin: int = 0) -> Array:
-    """Weights (size·scale, size + 2·margin) float32 that upscale a row of samples at half-pixel centres.
-
-    ``margin``: further samples at either end, which are only looked at; beyond them the last sample is repeated.
-    """
+def kernel_matrix(kernel: str, size: int, scale: float) -> Array:
+    """Weights (size·scale, size) float32 that upscale a row of samples at half-pixel centres, the last one repeated."""
     reach, weight = KERNELS[kernel]
     count = round(size * scale)
-    places = (np.arange(count) + 0.5) / scale - 0.5 + margin
+    places = (np.arange(count) + 0.5) / scale - 0.5
     taps = np.floor(places).astype(int)[:, None] + np.arange(1 - reach, reach + 1)
     weights = weight(places[:, None] - taps)
     weights /= weights.sum(1, keepdims=True)
-    matrix = np.zeros((count, size + 2 * margin))
-    np.add.at(matrix, (np.arange(count)[:, None], np.clip(taps, 0, size + 2 * margin - 1)), weights)
+    matrix = np.zeros((count, size))
+    np.add.at(matrix, (np.arange(count)[:, None], np.clip(taps, 0, size - 1)), weights)
     return matrix.astype(np.float32)
 
 
 @functools.lru_cache(maxsize=16)
-def _column_matrix(kernel: str, columns: int, scale: int, margin: int, channels: int) -> Array:
+def _column_matrix(kernel: str, columns: int, scale: int, channels: int) -> Array:
     """``kernel_matrix`` as (w·C, W·C) for rows of interleaved channels."""
-    return np.kron(kernel_matrix(kernel, columns, scale, margin).T, np.eye(channels, dtype=np.float32))
+    return np.kron(kernel_matrix(kernel, columns, scale).T, np.eye(channels, dtype=np.float32))
 
 
-def interpolated(images: Array, kernel: str, factors: tuple[int, int], margin: int = 0,
-                 out: Array | None = None) -> Array:
-    """Upscale ``images`` (N, h + 2·margin, w + 2·margin, C) by ``factors`` (horizontal, vertical).
-
-    ``margin``: pixels around each image that are only looked at. Returns (N, h·vertical, w·horizontal, C), in ``out``
-    if given, which must be contiguous.
-    """
+def interpolated(images: Array, kernel: str, factors: tuple[int, int], out: Array | None = None) -> Array:
+    """Upscale ``images`` (N, h, w, C) by ``factors`` (horizontal, vertical), into ``out`` if given, contiguous."""
     count, rows, columns, channels = images.shape
-    down = kernel_matrix(kernel, rows - 2 * margin, factors[1], margin)
-    across = _column_matrix(kernel, columns - 2 * margin, factors[0], margin, channels)
+    down = kernel_matrix(kernel, rows, factors[1])
+    across = _column_matrix(kernel, columns, factors[0], channels)
     tall = (down @ images.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
     wide = np.matmul(tall, across, out=None if out is None else out.reshape(len(tall), -1))
     return np.asarray(wide).reshape(count, len(down), across.shape[1] // channels, channels)
@@ -326,27 +318,15 @@ class Interpolation(Upscaler):
     """One kernel in both directions of each EI; at scale 1 the EIs as they are."""
 
     kernel: str  # of KERNELS
-    crosstalk: bool = False  # interpolate across the borders of EIs, as if the EIA were one photograph
     thread_safe: bool = True
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
-        lenses, margin = np.asarray(lenses), 4 if self.crosstalk else 0  # half the widest kernel
+        lenses = np.asarray(lenses)
         if low.scale == 1:
             return np.asarray(low.color[lenses[:, 0], lenses[:, 1]])
         result = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
         for start in range(0, len(lenses), EIS_IN_CACHE):
             part = slice(start, start + EIS_IN_CACHE)
-            seen = encode(_gather(low.color, lenses[part], margin))
-            decode(interpolated(seen, self.kernel, low.factors, margin, result[part]), out=result[part])
+            seen = encode(low.color[lenses[part, 0], lenses[part, 1]])
+            decode(interpolated(seen, self.kernel, low.factors, result[part]), out=result[part])
         return result
-
-
-def _gather(images: Array, lenses: Array, margin: int) -> Array:
-    """EIs of ``lenses`` with ``margin`` pixels of their neighbours around, (N, h + 2·margin, w + 2·margin, C)."""
-    if margin == 0:
-        return np.asarray(images[lenses[:, 0], lenses[:, 1]])
-    sy, sx, height, width, _ = images.shape
-    rows = np.clip(lenses[:, :1] * height + np.arange(-margin, height + margin), 0, sy * height - 1)
-    columns = np.clip(lenses[:, 1:] * width + np.arange(-margin, width + margin), 0, sx * width - 1)
-    row, y, column, x = rows // height, rows % height, columns // width, columns % width
-    return np.asarray(images[row[:, :, None], column[:, None, :], y[:, :, None], x[:, None, :]])

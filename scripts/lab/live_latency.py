@@ -27,8 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from lfsr_core.base.arrays import Array
 from lfsr_core.images.color import ViewTransform
 from lfsr_core.images.image_files import read_png
-from lfsr_core.metrics.eia_metrics import Reference
-from lfsr_core.metrics.split_ssim import split_mse, split_ssim
+from lfsr_core.metrics.eia_metrics import Reference, split_mse, split_ssim
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import flip_order
 from lfsr_lab.experiments.engine import plots

@@ -16,8 +16,8 @@ from lfsr_lab.experiments.chart.analysis import Chart, MeanDuel, mean_cells, mea
 from lfsr_lab.experiments.denoiser import study as denoiser
 from lfsr_lab.experiments.engine.truth import FLIP, RELMSE, SSIM
 from lfsr_lab.experiments.gpu_budget import study as gpu_page
-from lfsr_lab.experiments.gpu_budget.counts import read_gpus
 from lfsr_lab.experiments.gpu_budget.study import Record as GPURecord
+from lfsr_lab.experiments.gpu_budget.study import read_gpus
 from lfsr_lab.experiments.plan_validation.study import Validation
 from lfsr_lab.experiments.rivals import study as rivals_page
 from lfsr_lab.experiments.scales.study import ENOUGH, Group, Table, fit, groups_of

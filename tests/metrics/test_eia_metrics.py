@@ -11,8 +11,17 @@ from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE, Finish
 from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.image_files import read_mask, write_layers, write_mask
 from lfsr_core.metrics import eia_metrics
-from lfsr_core.metrics.eia_metrics import compare_folders, sampled_recall, student_95
-from lfsr_core.metrics.split_ssim import psnr, split_mse, split_ssim, split_ssim_map, ssim, stacked_ssim
+from lfsr_core.metrics.eia_metrics import (
+    compare_folders,
+    psnr,
+    sampled_recall,
+    split_mse,
+    split_ssim,
+    split_ssim_map,
+    ssim,
+    stacked_ssim,
+    student_95,
+)
 from lfsr_core.optics.rays import to_views
 from lfsr_core.reconstruct.second_stage import finish_frame
 from tests.support.finished import MINI, TALL

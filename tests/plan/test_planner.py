@@ -19,7 +19,7 @@ from lfsr_core.base.system import read_json
 from lfsr_core.frames.frame import LOW_RES_FILE, WORLD_FILE, Request, Sampling, read_frame, samples_at, write_frame
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.image_files import read_layers, write_layers
-from lfsr_core.metrics.split_ssim import stacked_ssim
+from lfsr_core.metrics.eia_metrics import stacked_ssim
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import to_elemental_images
 from lfsr_core.optics.world_view import WorldImage
@@ -136,7 +136,7 @@ def test_a_small_budget_leaves_costly_candidates_out(tmp_path, monkeypatch):
     monkeypatch.setattr(planner, "LEAST_LENSES", 4)
     monkeypatch.setattr(plan_options, "FREE_PATHS", 0)
     options = dataclasses.replace(OPTIONS, target=0.999, lenses=None, reference_samples=16, budget=0.5,
-                                  methods=("nearest", "bicubic-eia"))  # which sees neighbours, so a lens costs nine
+                                  methods=("nearest", "pool"))  # which sees neighbours, so a lens costs nine
     planned = plan(JOB, options, render, tmp_path / "sample")
     left_out = [row for row in planned.candidates if row.unmeasured]
     assert left_out and {row.unmeasured.code for row in left_out} == {"candidate-over-budget"}
@@ -262,7 +262,7 @@ def test_neighbours_are_as_many_as_a_denoiser_needs():
     # A pixel of a view is a lens, at every scale.
     assert [reach(lenticular, scale, ["denoise"]) for scale in (1, 2, 4)] == [planner.REACH_IN_A_VIEW] * 3
     assert reach(display, 8, ["bilinear", "none"]) == reach(lenticular, 4, ["bicubic"]) == 0, "they see no neighbours"
-    assert all(reach(display, 8, [name]) for name in ("pool", "bicubic-eia"))
+    assert reach(display, 8, ["pool"])
     display, options = load_display("bupt-32in-8k"), PlanOptions()
     counts = [lens_count(display, dataclasses.replace(options, budget=budget)) for budget in (0.0001, 0.01, 1.0)]
     assert counts == sorted(counts) and counts[0] >= planner.LEAST_LENSES and counts[-1] == planner.USUAL_LENSES

@@ -42,8 +42,8 @@ def test_a_child_ends_with_its_input():
     lines = []
     with Child([sys.executable, "-c", SPEAKER], log=lines.append) as child:
         assert next(child.records()) == {"stage": "scene", "index": 3} == child.last
-        assert child.is_running() and len(lines) == 2
-    assert not child.is_running()
+        assert child._process.poll() is None and len(lines) == 2
+    assert child._process.poll() is not None
     with Child([sys.executable, "-c", SPEAKER]) as first, Child([sys.executable, "-c", SPEAKER]) as second:
         threading.Timer(0.2, Child.stop_all).start()
         assert len(list(first.records())) == len(list(second.records())) == 1
@@ -54,7 +54,7 @@ def test_a_deaf_child_and_its_own_child_are_killed():
         pid = next(child.records())["pid"]
         started = time.monotonic()
         child.stop(0.2)
-        assert time.monotonic() - started < 5 and not child.is_running()
+        assert time.monotonic() - started < 5 and child._process.poll() is not None
     wait_until_gone(pid)
     started = time.monotonic()
     with Child(["/bin/sh", "-c", HASTY]) as child:

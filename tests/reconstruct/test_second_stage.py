@@ -35,7 +35,7 @@ def expected_linear(folder, name):
     return from_elemental_images(images)
 
 
-@pytest.mark.parametrize("name", ["bicubic", "nearest", "bicubic-eia"])
+@pytest.mark.parametrize("name", ["bicubic", "nearest"])
 def test_finished_eia_is_the_method_on_every_foreground_lens(tmp_path, name):
     write_render(tmp_path)
     result = second_stage.finished_linear(tmp_path, name)

@@ -42,7 +42,7 @@ class LFSR_OT_plan(TaskOperator, bpy.types.Operator):
         scene = context.scene
         scene_settings.resolve(scene).check_light_field("a plan")
         add_missing_array(scene)
-        options = wanted(scene)
+        options = PlanOptions(target=round(scene.lfsr.plan_target, 4))  # a float of single precision is not exact
         request, _ = folders.requested(scene)
         state = context.window_manager.lfsr
         state.plan_scene = state.plan_text = state.plan_method = ""  # the last result must not seem to be this one's
@@ -67,11 +67,6 @@ class LFSR_OT_plan_use(bpy.types.Operator):
         scene.lfsr.scale, scene.lfsr.method = str(state.plan_scale), state.plan_method
         scene.lfsr.rays, scene.lfsr.samples = state.plan_samples / pixels, 0
         return {"FINISHED"}
-
-
-def wanted(scene: bpy.types.Scene) -> PlanOptions:
-    """Options of a plan: the scene's target, which floats of single precision do not hold exactly."""
-    return PlanOptions(target=round(scene.lfsr.plan_target, 4))
 
 
 def show(target: float, scene_name: str, choice: Choice) -> None:

@@ -247,9 +247,10 @@ def animation_job(scene: bpy.types.Scene) -> Job:
 def _asked(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
     find_subject(scene)  # where nothing would be rendered, nothing else matters
     add_missing_array(scene)
-    taken = "" if scene.lfsr.use_overwrite else folders.first_foreign(scene, frames)
-    foreign = [Question(taken, "Overwrite", "turn on Overwrite, or choose another output folder")] if taken else []
-    return [*_denoising(scene), *foreign, *check_questions(scene, len(frames))]
+    targets = [] if scene.lfsr.use_overwrite else [folders.frame_folder(scene, number) for number in frames]
+    foreign = [Question(folders.foreign(folder), "Overwrite", "turn on Overwrite, or choose another output folder")
+               for folder in targets if not folders.is_own(scene, folder)]
+    return [*_denoising(scene), *foreign[:1], *check_questions(scene, len(frames))]
 
 
 def to_ask(scene: bpy.types.Scene, frames: int = 1) -> list[Problem]:

@@ -47,8 +47,6 @@ METHODS: dict[str, Part] = {
     "lanczos": Part(UPSCALER, "8-tap Lanczos inside each elemental image", lambda _: Interpolation("lanczos")),
     "pool": Part(UPSCALER, "linear along the depth of what is seen, from every lens that sees it", Pooling,
                  sees_neighbours=True, versions={"pool": 4}, per_finished=0.05),
-    "bicubic-eia": Part(UPSCALER, "cubic over the whole array: shows crosstalk",
-                        lambda _: Interpolation("cubic", crosstalk=True), sees_neighbours=True),
     "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda _: Interpolation("nearest")),
     "denoise": Part(PREFILTER, "Open Image Denoise with weights trained on elemental images",
                     lambda weights: functools.partial(denoise_low_resolution, weights=weights or WEIGHTS),

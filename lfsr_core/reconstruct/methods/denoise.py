@@ -123,7 +123,7 @@ def denoise_eia(color: Array, guides: Array | None = None, *, weights: Weights |
         guides = np.zeros((*color.shape[:2], 6), np.float32) if guides is None else guides
         seen += [guides[..., :3], guides[..., 3:]]
     try:
-        denoised = denoise_image(*seen, hdr=True, quality="high", device=device, note=note,
+        denoised = denoise_image(*seen, device=device, note=note,
                                  weights=None if weights is None else weights.content,
                                  input_scale=None if weights is None else 2.0 ** exposure)
     except ImportError as error:
@@ -321,14 +321,12 @@ def _entries(content: bytes) -> Iterator[tuple[str, Array]]:
 
 
 def denoise_image(color: Array, albedo: Array | None = None, normal: Array | None = None, *,
-            hdr: bool = False, srgb: bool = False, clean_aux: bool = False, quality: str = "high",
-            weights: bytes | None = None, input_scale: float | None = None, device: Wanted = CPU,
-            note: Note = silent) -> Array:
-    """Denoise an image (H, W, 3), float32; a normal needs an albedo.
+                  clean_aux: bool = False, quality: str = "high", weights: bytes | None = None,
+                  input_scale: float | None = None, device: Wanted = CPU, note: Note = silent) -> Array:
+    """Denoise an image (H, W, 3), float32, whose values may exceed 1; a normal needs an albedo.
 
-    ``hdr``: values may exceed 1; they are multiplied by ``input_scale`` before the network, None to let the library
-    expose by itself. ``srgb``: values in [0, 1] that are encoded already. ``clean_aux``: albedo and normal have no
-    noise. ``weights``: content of a checked TZA file instead of the library's own.
+    ``input_scale``: multiplies the values before the network, None to let the library expose by itself. ``clean_aux``:
+    albedo and normal have no noise. ``weights``: content of a checked TZA file instead of the library's own.
     ``device``: the one that rendered; where it cannot be had or fails, ``note`` gets a notice and the CPU denoises.
     ImportError where no library is found or loads, RuntimeError where it fails on the CPU.
     """
@@ -337,8 +335,7 @@ def denoise_image(color: Array, albedo: Array | None = None, normal: Array | Non
     images = {name: np.ascontiguousarray(image, np.float32) for name, image in given.items() if image is not None}
 
     def configure(work: int) -> None:
-        library.oidnSetFilterBool(work, b"hdr", hdr)
-        library.oidnSetFilterBool(work, b"srgb", srgb)
+        library.oidnSetFilterBool(work, b"hdr", True)
         library.oidnSetFilterBool(work, b"cleanAux", clean_aux)
         library.oidnSetFilterInt(work, b"quality", QUALITIES[quality])
         if weights is not None:  # not copied: they must outlive the filter

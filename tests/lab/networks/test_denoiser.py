@@ -33,35 +33,34 @@ def noise(shape):
         RANDOM.gamma(0.5, 4, (*shape, 3)), RANDOM.random((*shape, 3)), RANDOM.uniform(-1, 1, (*shape, 3))))
 
 
-def by_twin(network, color, guides, hdr):
+def by_twin(network, color, guides):
     color, *guides = (torch.from_numpy(image).permute(2, 0, 1)[None] for image in (color, *guides))
     seen = [guides[0], twin.normal_encode(guides[1])] if guides else []
     with torch.inference_mode():
-        found = network(torch.cat([twin.hdr_encode(color) if hdr else twin.ldr_encode(color), *seen], 1))
-        found = twin.hdr_decode(found) if hdr else twin.ldr_encode(found)
+        found = network(torch.cat([twin.hdr_encode(color), *seen], 1))
+        found = twin.hdr_decode(found)
     return found[0].permute(1, 2, 0).numpy()
 
 
-def by_library(path, color, guides, hdr, **more):
-    return denoise.denoise_image(color, *guides, hdr=hdr, srgb=not hdr, weights=path.read_bytes(),
-                        input_scale=1.0 if hdr else None, **more)
+def by_library(path, color, guides):
+    return denoise.denoise_image(color, *guides, weights=path.read_bytes(), input_scale=1.0)
 
 
 @pytest.mark.parametrize(("images", "size", "name"),
                          [*itertools.product((render, noise), twin.SIZES, twin.NAMES)])
 def test_twin_equals_library(tmp_path, name, size, images):
-    hdr, guided = name.startswith("hdr"), name.endswith("guided")
+    guided = name.endswith("guided")
     stock = twin.stock_weights(name, size)
     network = twin.Denoiser.from_tensors(stock, inputs=9 if guided else 3)
     write_tza(tmp_path / "some.tza", network.tensors())
     color, *guides = images((45, 70))
-    color, guides = (color if hdr else np.clip(color / 3, 0, 1)), guides if guided else []
-    found, expected = (by(where, color, guides, hdr) for by, where in ((by_twin, network),
+    guides = guides if guided else []
+    found, expected = (by(where, color, guides) for by, where in ((by_twin, network),
                                                                        (by_library, tmp_path / "some.tza")))
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
     np.testing.assert_array_equal(expected, denoise.denoise_image(
-        color, *guides, hdr=hdr, srgb=not hdr, input_scale=1.0 if hdr else None,
-        quality="fast" if size == "small" else "balanced"), "the library's own weights, stored again")
+        color, *guides, input_scale=1.0, quality="fast" if size == "small" else "balanced"),
+        "the library's own weights, stored again")
 
 
 @settings(max_examples=5, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])  # to shrink is slow
@@ -72,7 +71,7 @@ def test_any_widths_work(tmp_path_factory, widths, guided):
     write_tza(path, twin.Denoiser((*widths, 3), inputs).tensors())
     stored = twin.Denoiser.from_tensors(read_tza(path), inputs)
     color, *guides = noise((20, 35))
-    found, expected = (by(where, np.clip(color, 0, 1), guides if guided else [], hdr=False)
+    found, expected = (by(where, color, guides if guided else [])
                        for by, where in ((by_twin, stored), (by_library, path)))
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
 

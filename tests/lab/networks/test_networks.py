@@ -8,6 +8,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -15,9 +16,10 @@ from safetensors.numpy import save_file
 from torch import nn
 
 from lfsr_core.base.system import read_json
+from lfsr_core.optics.rays import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct.second_stage import finished_linear
-from lfsr_core.reconstruct.upscaler import LowResEIA
-from lfsr_lab.networks import checkpoint, comparators, methods, networks, upscalers
+from lfsr_core.reconstruct.upscaler import LowResEIA, decode, encode
+from lfsr_lab.networks import checkpoint, comparators, networks, upscalers
 from lfsr_lab.networks.methods import LabMethod, ready
 from lfsr_lab.networks.networks import PaperGenerator, load
 from lfsr_lab.networks.upscalers import Engine, PhotographUpscaler, WholeEIAUpscaler, srgb_decode, srgb_encode
@@ -176,9 +178,23 @@ def test_engine_agrees_with_the_network_for_every_step(network, step):
     np.testing.assert_allclose(result, expected(network, low_images()), atol=2e-5)
 
 
+@pytest.mark.parametrize("scale", [2, 3, 4, 5, 8])
+def test_the_whole_arrays_bicubic_is_opencvs(scale):
+    """Each elemental image as cut from the photograph of them all, in the order asked for."""
+    low = LowResEIA(np.random.default_rng(0).random((3, 4, 5, 6, 3), np.float32), np.ones((3, 4, 5, 6, 1), np.float32),
+                    16, scale)
+    expected = decode(cv2.resize(encode(from_elemental_images(low.color)), None, fx=scale, fy=scale,
+                                 interpolation=cv2.INTER_CUBIC))
+    finish, upscaler = ready("oidn+bicubic-eia")
+    wanted = np.array([[2, 3], [0, 1], [2, 0], [1, 2]])
+    images = upscaler(low, wanted)
+    assert finish.method == "oidn+bilinear" and upscaler.kernel == "cubic"
+    np.testing.assert_allclose(images, to_elemental_images(expected, (4, 3))[wanted[:, 0], wanted[:, 1]], atol=2e-5)
+
+
 @pytest.mark.parametrize(("make", "wrong", "message"), [
     (comparators.spec, "fsrcn", "did you mean 'fsrcnn'"), (LabMethod.parse, "fsrcn", "did you mean 'fsrcnn'"),
-    (LabMethod.parse, "fsrcnn+bicubic", "put it last"), (LabMethod.parse, "paper+pool", "put it last"),
+    (LabMethod.parse, "fsrcnn+bicubic", "put it last"), (LabMethod.parse, "bicubic-eia+bicubic", "put it last"),
     (LabMethod.parse, "bicubic+oidn", "put one upscaler last"), (partial(networks.build, "paper"), 5, "has no scale 5"),
     (partial(networks.PaperGenerator, 4), 7, "2 to 6 convolutions, not 7"),
     (lambda step: Engine(PaperGenerator(2), step=step), 0, "step is 0"),
@@ -248,8 +264,8 @@ def test_weights_decide_the_digest_and_classical_methods_have_none():
 
 
 def test_a_network_works_at_scales_it_was_trained_for_on_displays_of_both_axes(tmp_path, monkeypatch):
-    only_4 = dataclasses.replace(methods.NETWORKS["fsrcnn"], weights={4: Path("x.safetensors")})
-    monkeypatch.setitem(methods.NETWORKS, "fsrcnn", only_4)
+    only_4 = dataclasses.replace(comparators.NETWORKS["fsrcnn"], weights={4: Path("x.safetensors")})
+    monkeypatch.setitem(comparators.NETWORKS, "fsrcnn", only_4)
     assert LabMethod.parse("oidn+fsrcnn").works_at(4) and not LabMethod.parse("oidn+fsrcnn").works_at(2)
     finish, upscaler = ready("paper")
     for refused in (lambda: finished_linear(write_render(tmp_path, display=FLAT), finish, upscaler=upscaler),

@@ -19,12 +19,11 @@ NORMAL = np.zeros_like(COLOR) + np.float32([0, 0, 1])
 
 @pytest.mark.parametrize("quality", denoise.QUALITIES)
 @pytest.mark.parametrize("guides", [(), (ALBEDO,), (ALBEDO, NORMAL)])
-@pytest.mark.parametrize("hdr", [False, True])
-def test_image_is_that_of_the_package(quality, guides, hdr):
+def test_image_is_that_of_the_package(quality, guides):
     pyoidn = pytest.importorskip("pyoidn")
-    settings = {"hdr": hdr, "clean_aux": bool(guides), "quality": quality}
+    settings = {"clean_aux": bool(guides), "quality": quality}
     np.testing.assert_array_equal(denoise.denoise_image(COLOR, *guides, **settings),
-                                  pyoidn.denoise(COLOR, *guides, **settings))
+                                  pyoidn.denoise(COLOR, *guides, hdr=True, **settings))
 
 
 def test_library_of_pyoidn_comes_first(monkeypatch, tmp_path):
@@ -44,10 +43,10 @@ def test_a_library_that_does_not_load_gives_way_to_the_next(tmp_path, monkeypatc
     broken = tmp_path / works.name
     broken.write_bytes(b"no library")
     monkeypatch.setattr(denoise, "find_libraries", lambda: iter((broken, works)))
-    assert np.isfinite(denoise.denoise_image(COLOR, hdr=True)).all()
+    assert np.isfinite(denoise.denoise_image(COLOR)).all()
     monkeypatch.setattr(denoise, "find_libraries", lambda: iter((broken,)))
     with pytest.raises(ImportError, match="cannot be loaded"):
-        denoise.denoise_image(COLOR, hdr=True)
+        denoise.denoise_image(COLOR)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the loader's search is that of Linux")
@@ -67,26 +66,26 @@ def test_the_systems_library_is_found_by_its_name(tmp_path):
 
 
 def test_input_scale_multiplies_what_the_network_sees():
-    scaled = denoise.denoise_image(COLOR / 8, hdr=True, input_scale=8.0)
-    plain = denoise.denoise_image(COLOR, hdr=True, input_scale=1.0)
+    scaled = denoise.denoise_image(COLOR / 8, input_scale=8.0)
+    plain = denoise.denoise_image(COLOR, input_scale=1.0)
     np.testing.assert_allclose(scaled * 8, plain, rtol=1e-4, atol=1e-4)
     with pytest.raises(RuntimeError, match="error"):
-        denoise.denoise_image(COLOR, hdr=True, weights=bytes(100))
+        denoise.denoise_image(COLOR, weights=bytes(100))
     said = []
     with pytest.raises(RuntimeError, match="error"):
-        denoise.denoise_image(COLOR, hdr=True, weights=bytes(100), device=REFUSED, note=said.append)
+        denoise.denoise_image(COLOR, weights=bytes(100), device=REFUSED, note=said.append)
 
 
 def test_a_device_is_made_once():
     library = denoise._load_library(tuple(denoise.find_libraries()))
     assert denoise.kept(library, CPU) == denoise.kept(library, Wanted()) != 0
-    first = denoise.denoise_image(COLOR, hdr=True)
-    np.testing.assert_array_equal(denoise.denoise_image(COLOR, hdr=True), first)
-    larger = denoise.denoise_image(np.tile(COLOR, (3, 2, 1)), hdr=True)
+    first = denoise.denoise_image(COLOR)
+    np.testing.assert_array_equal(denoise.denoise_image(COLOR), first)
+    larger = denoise.denoise_image(np.tile(COLOR, (3, 2, 1)))
     assert larger.shape == (120, 100, 3) and np.isfinite(larger).all()
     said = []
-    denoised = denoise.denoise_image(COLOR, hdr=True, device=REFUSED, note=said.append)
-    np.testing.assert_array_equal(denoised, denoise.denoise_image(COLOR, hdr=True))
+    denoised = denoise.denoise_image(COLOR, device=REFUSED, note=said.append)
+    np.testing.assert_array_equal(denoised, denoise.denoise_image(COLOR))
     (notice,) = said
     assert (notice.code, notice.values["device"]) == ("denoised-on-cpu", REFUSED.kind)
 
@@ -101,15 +100,15 @@ def test_a_device_that_fails_while_it_works_gives_way_too(monkeypatch):
     # The CPU plays a GPU that is found, and the filter fails.
     monkeypatch.setitem(DEVICE_TYPES, "CUDA", DEVICE_TYPES["CPU"])
     monkeypatch.setattr(denoise, "_run", out_of_memory)
-    denoised = denoise.denoise_image(COLOR, hdr=True, device=Wanted("CUDA"), note=said.append)
-    np.testing.assert_array_equal(denoised, denoise.denoise_image(COLOR, hdr=True))
+    denoised = denoise.denoise_image(COLOR, device=Wanted("CUDA"), note=said.append)
+    np.testing.assert_array_equal(denoised, denoise.denoise_image(COLOR))
     assert len(said) == 1 and "out of memory" in said[0].values["error"]
 
 
 @pytest.mark.parametrize("guides", [(), (COLOR / 20,)])
 def test_images_are_copied_to_a_gpu_and_back(monkeypatch, guides):
     """The CPU plays one, with memory of its own: the same image, and nothing is said."""
-    expected = denoise.denoise_image(COLOR, *guides, hdr=True)
+    expected = denoise.denoise_image(COLOR, *guides)
     monkeypatch.setitem(DEVICE_TYPES, "CUDA", DEVICE_TYPES["CPU"])
     copied: list[str] = []
     library = denoise._load_library(tuple(denoise.find_libraries()))
@@ -117,7 +116,7 @@ def test_images_are_copied_to_a_gpu_and_back(monkeypatch, guides):
         real = getattr(library, name)
         monkeypatch.setattr(library, name, lambda *words, name=name, real=real: (copied.append(name), real(*words)))
     said = []
-    denoised = denoise.denoise_image(COLOR, *guides, hdr=True, device=Wanted("CUDA"), note=said.append)
+    denoised = denoise.denoise_image(COLOR, *guides, device=Wanted("CUDA"), note=said.append)
     np.testing.assert_array_equal(denoised, expected)
     assert (said, copied) == ([], ["oidnWriteBuffer"] * (1 + len(guides)) + ["oidnReadBuffer"])
 

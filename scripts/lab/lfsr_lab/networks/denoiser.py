@@ -96,18 +96,13 @@ def hdr_decode(encoded: Tensor, input_scale: float = 1.0) -> Tensor:
     return torch.where(x <= start_power, x / PU_LINE, torch.where(x <= start_log, power, log)) / input_scale
 
 
-def ldr_encode(color: Tensor) -> Tensor:
-    """Colour that is sRGB-encoded already, as the network sees it without ``hdr``; also its inverse."""
-    return color.nan_to_num(0).clamp(0, 1)
-
-
 def normal_encode(normal: Tensor) -> Tensor:
     """Normal in [-1, 1] as the network sees it, in [0, 1]; an albedo in [0, 1] stays as it is."""
     return normal.nan_to_num(0).clamp(-1, 1) / 2 + 0.5
 
 
 CORE = "*OpenImageDenoise_core*"  # holds the weights
-NAMES = {"hdr": (2, 3), "hdr-guided": (6, 7), "ldr": (11, 12), "ldr-guided": (15, 16)}  # place of "base" and "small"
+NAMES = {"hdr": (2, 3), "hdr-guided": (6, 7)}  # place of "base" and "small"
 SIZES = ("base", "small")
 KNOWN = 23  # weights in libraries 2.3 to 2.5
 START = denoise.HEADER.pack(denoise.MAGIC, denoise.VERSION, denoise.MINOR, 0)[:4]

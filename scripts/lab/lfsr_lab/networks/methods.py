@@ -6,14 +6,33 @@ import dataclasses
 import hashlib
 from pathlib import Path
 
+import numpy as np
+
+from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, did_you_mean
 from lfsr_core.frames.frame import Finish
+from lfsr_core.optics.rays import from_elemental_images
 from lfsr_core.reconstruct.methods import FAST_METHOD, METHODS, PLAIN_METHOD, MethodName, load_method
 from lfsr_core.reconstruct.methods.denoise import WEIGHTS
-from lfsr_core.reconstruct.upscaler import Upscaler
+from lfsr_core.reconstruct.upscaler import LowResEIA, Upscaler, decode, encode, interpolated
 from lfsr_lab.networks.comparators import NETWORKS, Comparator
 
+WHOLE_CUBIC, MARGIN = "bicubic-eia", 4  # cubic interpolation of the whole EIA; half the widest kernel
 COMPARED = (f"oidn+{PLAIN_METHOD}", "oidn+pool", FAST_METHOD)  # what studies compare the default with
+
+class WholeInterpolation(Upscaler):
+    """Cubic over the whole EIA as one photograph: it shows the crosstalk that per-EI methods avoid."""
+
+    kernel = "cubic"
+
+    def __call__(self, low: LowResEIA, lenses: Array) -> Array:
+        across, down = (MARGIN * factor for factor in low.factors)
+        whole = np.pad(from_elemental_images(low.color), ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="edge")
+        height, width = low.color.shape[2:4]
+        around = np.lib.stride_tricks.sliding_window_view(whole, (height + 2 * MARGIN, width + 2 * MARGIN, 3))
+        rows, columns = np.asarray(lenses).T
+        seen = encode(around[rows * height, columns * width, 0])
+        return decode(interpolated(seen, self.kernel, low.factors))[:, down:-down, across:-across]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,15 +47,16 @@ class LabMethod:
     def parse(cls, text: str) -> LabMethod:
         """Parse a name; LfsrError for an unknown or impossible one."""
         *parts, last = (part.strip() for part in text.split("+"))
+        own = (*NETWORKS, WHOLE_CUBIC)
         for part in (*parts, last):
-            if part not in METHODS and part not in NETWORKS:
-                hint = did_you_mean(part, [*METHODS, *NETWORKS], cutoff=0.4)
-                raise LfsrError(f"unknown method {part!r}: {hint}Choose from {', '.join([*METHODS, *NETWORKS])}, "
+            if part not in METHODS and part not in own:
+                hint = did_you_mean(part, [*METHODS, *own], cutoff=0.4)
+                raise LfsrError(f"unknown method {part!r}: {hint}Choose from {', '.join([*METHODS, *own])}, "
                                 "joined by '+'")
         network = last if last in NETWORKS else None
-        if any(part in NETWORKS for part in parts):
+        if any(part in own for part in parts):
             raise LfsrError(f"method {text!r} has a network before its last part: put it last")
-        name = MethodName.parse("+".join([*parts, PLAIN_METHOD]) if network else text)
+        name = MethodName.parse("+".join([*parts, PLAIN_METHOD]) if last in own else text)
         load_method(name)  # refuses what cannot be put together
         return cls(text, name, network)
 
@@ -71,7 +91,7 @@ class LabMethod:
         ``weights``: of the network, None for the shipped ones. LfsrError where a package is missing.
         """
         if self.comparator is None or self.network is None:
-            return Finish(self.text), None
+            return Finish(self.name.text), WholeInterpolation() if self.text.strip().endswith(WHOLE_CUBIC) else None
         try:
             from lfsr_lab.networks.upscalers import PhotographUpscaler, WholeEIAUpscaler
         except ModuleNotFoundError as error:

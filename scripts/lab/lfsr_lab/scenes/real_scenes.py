@@ -25,6 +25,7 @@ from lfsr_lab.scenes.shared import surfaces
 from lfsr_lab.scenes.shared.objects import (
     again,
     demo_camera,
+    joined,
     lamp,
     paint,
     principled,
@@ -162,22 +163,12 @@ class Scenes:
 
     def _model(self, name: str, at: Place, size: float, turn: float = 0.0) -> bpy.types.Object:
         """Add a model as one mesh that stands on ``at``, its longest side twice ``size``."""
-        added = self._imported(name)
-        meshes = [item for item in added if item.type == "MESH" and item.data.polygons]
-        for item, matrix in [(item, item.matrix_world.copy()) for item in meshes]:
-            item.parent, item.matrix_world = None, Matrix()
-            item.modifiers.clear()  # of the skeleton, which is removed
-            item.data.transform(matrix)
-        if len(meshes) > 1:
-            with bpy.context.temp_override(active_object=meshes[0], selected_editable_objects=meshes):
-                bpy.ops.object.join()
-        for item in set(added) - set(meshes):
-            bpy.data.objects.remove(item)
-        low, high = corners(meshes[:1], outside=0)
+        model = joined(self._imported(name))
+        low, high = corners([model], outside=0)
         longest = 2 / float((high - low).max())
-        meshes[0].data.transform(Matrix.Scale(longest, 4) @ Matrix.Translation(Vector(-(low + high) / 2)))
-        stand(meshes[0], at, size, turn)
-        return meshes[0]
+        model.data.transform(Matrix.Scale(longest, 4) @ Matrix.Translation(Vector(-(low + high) / 2)))
+        stand(model, at, size, turn)
+        return model
 
     def _whole(self, name: str, turn: tuple[float, float], size: tuple[float, float], at: Place,
                frame: int = 1) -> None:

@@ -1,6 +1,6 @@
 """Submit: a job for a farm that renders what the panel's button would."""
 
-import dataclasses
+import functools
 import json
 import os
 import shlex
@@ -98,11 +98,8 @@ def test_every_farm_is_in_the_menu():
 @pytest.fixture
 def few(add_on, tmp_path, monkeypatch):
     """A small scene and a plan of few renders."""
-    found = plan.wanted
-
-    def wanted(scene: bpy.types.Scene) -> options.PlanOptions:
-        return dataclasses.replace(found(scene), scales=(2,), samples=(1,), reference_samples=4, lenses=8)
-    monkeypatch.setattr(plan, "wanted", wanted)
+    monkeypatch.setattr(plan, "PlanOptions", functools.partial(options.PlanOptions, scales=(2,), samples=(1,),
+                                                               reference_samples=4, lenses=8))
     return panel.artist_scene(tmp_path)
 
 

@@ -8,7 +8,7 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_lab.experiments.engine.records import Store
-from lfsr_lab.experiments.gpu_budget import counts, study
+from lfsr_lab.experiments.gpu_budget import study
 from lfsr_lab.experiments.gpu_budget.study import best_device, measure, tensor_steps
 from lfsr_lab.networks.denoiser import Denoiser
 from tests.support.played_blender import played_blender
@@ -18,29 +18,29 @@ DISPLAY = load_display("bupt-32in-8k")
 
 
 def test_the_denoiser_has_the_operations_that_pytorch_counts_and_samples_are_those_of_the_rendered_pixels():
-    widths, inputs = counts.shipped_network()
+    widths, inputs = study.shipped_network()
     with FlopCounterMode(display=False) as counted, torch.inference_mode():
         Denoiser(widths, inputs)(torch.zeros(1, inputs, 64, 48))
-    assert counts.denoiser_work(64 * 48).operations == counted.get_total_flops()
-    assert {work.step: work.samples for work in counts.frame_work(DISPLAY, 4, 16)}[counts.TRACE] == 1920 * 1080 * 16
+    assert study.denoiser_work(64 * 48).operations == counted.get_total_flops()
+    assert {work.step: work.samples for work in study.frame_work(DISPLAY, 4, 16)}[study.TRACE] == 1920 * 1080 * 16
 
 
 def test_each_display_has_its_steps_at_scales_that_divide_its_views():
     for display in map(load_display, builtin_names()):
-        steps = [work.step for work in counts.frame_work(display, display.scales()[0], 1)]
-        woven = [counts.WEAVE] if display.is_woven else []
-        assert steps == [counts.TRACE, counts.DENOISE, counts.INTERPOLATE, *woven, counts.SHOW]
-        assert counts.INTERPOLATE not in [work.step for work in counts.frame_work(display, 1, 1)]
-    refuses("scale is 3", counts.frame_work, DISPLAY, 3, 1)
+        steps = [work.step for work in study.frame_work(display, display.scales()[0], 1)]
+        woven = [study.WEAVE] if display.is_woven else []
+        assert steps == [study.TRACE, study.DENOISE, study.INTERPOLATE, *woven, study.SHOW]
+        assert study.INTERPOLATE not in [work.step for work in study.frame_work(display, 1, 1)]
+    refuses("scale is 3", study.frame_work, DISPLAY, 3, 1)
 
 
 def test_the_samples_that_fit_fill_the_frame():
-    for gpu, scale in itertools.product(counts.read_gpus(), (2, 4, 8)):
-        fitting, steps = counts.fitting_samples(gpu, DISPLAY, scale), counts.frame_work(DISPLAY, scale, 1000)
-        at_highest, at_lowest = counts.frame_ms(gpu, steps)
-        others = sum(gpu.least_ms(work)[0] for work in steps if work.step != counts.TRACE)
+    for gpu, scale in itertools.product(study.read_gpus(), (2, 4, 8)):
+        fitting, steps = study.fitting_samples(gpu, DISPLAY, scale), study.frame_work(DISPLAY, scale, 1000)
+        at_highest, at_lowest = study.frame_ms(gpu, steps)
+        others = sum(gpu.least_ms(work)[0] for work in steps if work.step != study.TRACE)
         for samples, whole in zip(fitting, (at_lowest, at_highest), strict=True):
-            assert others + (whole - others) * samples / 1000 == pytest.approx(counts.FRAME_MS)
+            assert others + (whole - others) * samples / 1000 == pytest.approx(study.FRAME_MS)
         assert fitting[0] <= fitting[1]
 
 
@@ -49,13 +49,13 @@ def test_tensors_take_every_step_of_a_lenticular_panel():
     scale = display.scales()[0]
     images = torch.rand(4, 6, 1, display.views[0] // scale, 3).numpy()
     found = tensor_steps(images, (scale, 1), display, best_device())
-    assert set(found) == {counts.INTERPOLATE, counts.WEAVE, counts.SHOW} and all(value > 0 for value in found.values())
+    assert set(found) == {study.INTERPOLATE, study.WEAVE, study.SHOW} and all(value > 0 for value in found.values())
 
 
 def test_a_measured_frame_has_every_step_and_its_row_in_the_page(tmp_path):
     scene = tmp_path / "disc.blend"
     scene.touch()
     found = measure(Store(tmp_path / "out", played_blender(tmp_path / "blender")), scene, load_display("mini"), 2, 1)
-    assert set(found.milliseconds) == {counts.TRACE, counts.DENOISE, counts.INTERPOLATE, counts.SHOW}
+    assert set(found.milliseconds) == {study.TRACE, study.DENOISE, study.INTERPOLATE, study.SHOW}
     assert found.samples_per_second > 0
-    assert f"| {found.device} | {found.tensors} | 2, 1 |" in study.markdown(counts.read_gpus(), [found])
+    assert f"| {found.device} | {found.tensors} | 2, 1 |" in study.markdown(study.read_gpus(), [found])

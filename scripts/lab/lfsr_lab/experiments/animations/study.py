@@ -19,7 +19,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import Request, Sampling
 from lfsr_core.images.color import srgb_encode
-from lfsr_core.metrics.split_ssim import mean_of
+from lfsr_core.metrics.eia_metrics import mean_of
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct import averaging
 from lfsr_core.reconstruct.averaging import average_frames, near, read_low

@@ -31,8 +31,7 @@ from lfsr_core.frames.frame import (
 )
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.image_files import read_finite
-from lfsr_core.metrics.eia_metrics import Reference
-from lfsr_core.metrics.split_ssim import mean_of, psnr, split_mse, split_ssim_map
+from lfsr_core.metrics.eia_metrics import Reference, mean_of, psnr, split_mse, split_ssim_map
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.panel.weave import gather_map, weave
@@ -130,7 +129,7 @@ def panel_image(folder: Path, way: Way) -> Array:
     for row, column in np.ndindex(py, px):
         view = {name: image[:, :, row, column] for name, image in images.items()}
         guides = clean_guides({name: view[name] for name in GUIDES if name in view})
-        views[row, column] = denoise_image(view["color"], guides.get("albedo"), guides.get("normal"), hdr=True,
+        views[row, column] = denoise_image(view["color"], guides.get("albedo"), guides.get("normal"),
                                           clean_aux=bool(guides), quality="balanced")
     return shown(from_views(views), frame.display, "nearest")
 
@@ -159,7 +158,7 @@ def _encoded(linear: Array) -> Array:
 def clean_guides(guides: Mapping[str, Array]) -> dict[str, Array]:
     """Return noisy "albedo" and "normal" of one view (H, W, 3) without their noise, as Blender does it."""
     places = {"albedo": (0.0, 1.0), "normal": (1.0, 0.5)}  # from values to those in [0, 1]: (value + first) · second
-    return {name: denoise_image(np.clip((guide + places[name][0]) * places[name][1], 0, 1), hdr=True, quality="fast")
+    return {name: denoise_image(np.clip((guide + places[name][0]) * places[name][1], 0, 1), quality="fast")
             / places[name][1] - places[name][0] for name, guide in guides.items()}
 
 

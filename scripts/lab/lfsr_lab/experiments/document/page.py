@@ -113,7 +113,7 @@ def _denoiser(record: Path, _images: Path) -> Shown:
 
 def _gpu_budget(record: Path, _images: Path) -> Shown:
     measured = read_record(record, gpu_budget.Record, "measured steps").measured
-    text = gpu_budget.markdown(gpu_budget.counts.read_gpus(), measured).partition("\n\n")[2]
+    text = gpu_budget.markdown(gpu_budget.read_gpus(), measured).partition("\n\n")[2]
     return Shown([], text, text.split("\n## ")[2].partition("\n\n")[2])
 
 

@@ -31,8 +31,7 @@ from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.frames.frame import LOW_RES_FILE, Finish, Frame, read_frame
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.image_files import clean, read_layers
-from lfsr_core.metrics.eia_metrics import METRIC_NAMES, Reference, check_reference, compare
-from lfsr_core.metrics.split_ssim import stacked_ssim
+from lfsr_core.metrics.eia_metrics import METRIC_NAMES, Reference, check_reference, compare, stacked_ssim
 from lfsr_core.optics.rays import to_elemental_images
 from lfsr_core.reconstruct.second_stage import finished_lenses
 from lfsr_core.reconstruct.upscaler import foreground_mask, low_resolution, read_world, recall

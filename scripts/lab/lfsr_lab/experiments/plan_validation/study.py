@@ -34,6 +34,7 @@ from lfsr_core.frames.frame import (
     WORLD_FILE,
     Frame,
     Request,
+    parse_frames,
     read_frame,
     write_frame,
 )
@@ -374,7 +375,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--scenes", type=Path, nargs="*", default=[], help="scene files; needless with --replay")
     add("--replay", action="store_true", help="cut the sample out of the bench's frames")
     add("--targets", type=lambda text: tuple(map(float, text.split(","))), default=TARGETS)
-    add("--seeds", type=_ints, default=(101,))
+    add("--seeds", type=parse_frames, default=(101,))
     add("--spps", type=numbers, default=PlanOptions.samples)
     add("--methods", type=names)
     add("--lenses", type=int)
@@ -396,9 +397,3 @@ def run(options: argparse.Namespace) -> None:
     if not rows:
         raise LfsrError(f"{options.bench} has no scene of the files given: name them, or use --replay")
     print(markdown(rows))
-
-
-def _ints(text: str) -> tuple[int, ...]:
-    """Numbers and ranges, as in 0-9,20."""
-    ends = [part.split("-") for part in text.split(",")]
-    return tuple(number for end in ends for number in range(int(end[0]), int(end[-1]) + 1))

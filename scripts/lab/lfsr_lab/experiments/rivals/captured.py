@@ -18,7 +18,7 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.exports.importing import find_views, import_views, read_views
 from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.image_files import write_png
-from lfsr_core.metrics.split_ssim import stacked_ssim
+from lfsr_core.metrics.eia_metrics import stacked_ssim
 from lfsr_core.optics.rays import to_views
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_core.reconstruct.upscaler import KERNELS, decode, encode

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lfsr_core.base.arrays import Array, Mask
-from lfsr_core.metrics.split_ssim import inside_border, mean_of, split_ssim_map
+from lfsr_core.metrics.eia_metrics import inside_border, mean_of, split_ssim_map
 from lfsr_core.optics.rays import to_elemental_images, to_views
 from lfsr_lab.experiments.engine.truth import Metrics, root
 from lfsr_lab.scenes.sweeps.space import Space

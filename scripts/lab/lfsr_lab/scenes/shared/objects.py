@@ -125,6 +125,21 @@ CAMERA_DISTANCE, DISPLAY_WIDTH = 10.0, 7.084  # of the 32-inch display, in units
 
 
 
+def joined(added: list[bpy.types.Object]) -> bpy.types.Object:
+    """Join the meshes of ``added`` to one in the places where they stand; all else of it is removed, skeletons too."""
+    meshes = [item for item in added if item.type == "MESH" and item.data.polygons]
+    for item, matrix in [(item, item.matrix_world.copy()) for item in meshes]:
+        item.parent, item.matrix_world = None, mathutils.Matrix()
+        item.modifiers.clear()
+        item.data.transform(matrix)
+    if len(meshes) > 1:
+        with bpy.context.temp_override(active_object=meshes[0], selected_editable_objects=meshes):
+            bpy.ops.object.join()
+    for item in set(added) - set(meshes):
+        bpy.data.objects.remove(item)
+    return meshes[0]
+
+
 def demo_camera() -> None:
     """Make an empty scene for Cycles with a camera at the viewing position of the 32-inch display.
 

@@ -13,6 +13,7 @@ from mathutils import Matrix
 
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import read_json, write_json
+from lfsr_lab.scenes.shared.objects import joined
 
 SUFFIXES = {".obj", ".glb", ".gltf"}
 LICENSES_FILE = "licenses.json"  # {model's path in the folder: {"license": ..., "author": ...}}
@@ -82,26 +83,17 @@ def load_model(path: Path) -> bpy.types.Object:
     else:
         bpy.ops.import_scene.gltf(filepath=str(path))
     added = [item for item in bpy.data.objects if item not in before]
-    meshes = [item for item in added if item.type == "MESH" and item.data.polygons]
-    if not meshes:
+    if not any(item.type == "MESH" and item.data.polygons for item in added):
         raise LfsrError(f"{path} holds no faces: remove it from the models")
     bpy.context.view_layer.update()
-    placed = [item.matrix_world.copy() for item in meshes]
-    for item, matrix in zip(meshes, placed, strict=True):
-        item.parent, item.matrix_world = None, Matrix()
-        item.data.transform(matrix)
-    if len(meshes) > 1:
-        with bpy.context.temp_override(active_object=meshes[0], selected_editable_objects=meshes):
-            bpy.ops.object.join()
-    for item in set(added) - set(meshes):
-        bpy.data.objects.remove(item)
-    mesh = meshes[0].data
+    model = joined(added)
+    mesh = model.data
     points = np.empty(len(mesh.vertices) * 3, np.float32)
     mesh.vertices.foreach_get("co", points)
     low, high = points.reshape(-1, 3).min(0), points.reshape(-1, 3).max(0)
     scale = 2 / max(float((high - low).max()), 1e-9)
     mesh.transform(Matrix.Scale(scale, 4) @ Matrix.Translation([float(-x) for x in (low + high) / 2]))
-    return meshes[0]
+    return model
 
 
 def glaze(thing: bpy.types.Object) -> None:

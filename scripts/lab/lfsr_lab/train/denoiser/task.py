@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from lfsr_core.metrics.split_ssim import SSIM_C1, SSIM_C2, SSIM_SIGMA
+from lfsr_core.metrics.eia_metrics import SSIM_C1, SSIM_C2, SSIM_SIGMA
 from lfsr_lab.networks.denoiser import Denoiser, hdr_decode, hdr_encode, stock_weights
 from lfsr_lab.networks.tza import BASE, SMALL, read_tza
 from lfsr_lab.train.config import DenoiserConfig

@@ -18,7 +18,7 @@ from torch import Tensor, nn
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.metrics.split_ssim import HALF_WINDOW, SSIM_C1, SSIM_C2
+from lfsr_core.metrics.eia_metrics import HALF_WINDOW, SSIM_C1, SSIM_C2
 from lfsr_lab.networks import checkpoint, comparators
 from lfsr_lab.networks.networks import build
 from lfsr_lab.networks.upscalers import srgb_decode, srgb_encode
