@@ -222,6 +222,26 @@ def detail_gains() -> Values:
             *(fmean(new[1] / old[1] for old, new in each) for each in pairs), len(pairs[0])]
 
 
+def unprepared_gains(state: str, samples: int, names: Iterable[str] = ()) -> list[tuple[float, float]]:
+    """Gain of SSIM and ratio of FLIP in each scene, at equal rays: the better of the scales 4 and 2."""
+    scenes = record("pooling-unprepared")["scenes"]
+    cells = [[scenes[name][f"scale 4, {samples} samples"], scenes[name][f"scale 2, {samples // 4} samples"]]
+             for name in names or scenes]
+    pairs = [(max(cell["before"] for cell in each), max(cell[state] for cell in each)) for each in cells]
+    return [(after[0] - before[0], after[1] / before[1]) for before, after in pairs]
+
+
+def unprepared() -> Values:
+    means = [list(map(fmean, zip(*unprepared_gains(state, samples), strict=True)))
+             for state in ("unseen", "after") for samples in (4, 16)]
+    deep = [fmean(gain for gain, _ in unprepared_gains("after", samples, record("pooling-unprepared")["deep"]))
+            for samples in (4, 16)]
+    lost = [-unprepared_gains("after", samples, [name])[0][0] for name, samples in (
+        ("robot", 4), ("robot", 16), ("spiral", 16))]
+    order = [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (3, 0), (2, 1), (3, 1)]
+    return [*(means[row][column] for row, column in order), *deep, *lost]
+
+
 def pooling_gain(scene: str, samples: int) -> float:
     return record("pooling")["scenes"][scene]["renders"][f"scale 4, {samples} samples"]["gain"]
 
@@ -353,6 +373,9 @@ CLAIMS: list[Claim | TableClaim] = [
                    "mean of {}", places_gains),
     Claim(POOLING, "two): {}, {} and {} better with 4, 16 and 64 samples, HDR-FLIP × {}, {} and {},\nmean of {}",
           detail_gains),
+    Claim(POOLING, "scales 4 and 2): {} and {} with the rays of 4 and 16 samples, HDR-FLIP × {} and {}; since what "
+                   "they showed is mended, **{} and {}**, × {} and {}, the five deep ones {} and {}. *Robot*, which "
+                   "mirrors, loses {} and {}, *spiral* {} with 16", unprepared),
     TableClaim(POOLING, "| samples | scenes | before | after |", lambda row: [
         fmean(scene["renders"][f"scale 4, {row[0]} samples"][when][place]
               for scene in record("pooling")["scenes"].values() if row[1] in ("all", scene["group"]))
