@@ -256,9 +256,16 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: 
             above = sky * sum(free) / SKY
         seen.append(light * scattered + above * reflected)
         arriving.append((light + above) * min(reflected / LEAST_ALBEDO, 1.0))
-    if not is_dim(np.array(arriving), np.array(seen), scene.view_settings.exposure):
-        return False
-    return is_new or _proof_is_dark(scene)
+    seems_dark = is_dim(np.array(arriving), np.array(seen), scene.view_settings.exposure)
+    if is_new or not seems_dark:
+        return seems_dark
+    from ..render.frame_folder import is_dark  # reads EXR files, which the panel starts without
+
+    result = bpy.data.images.get("Render Result")
+    slots = result.render_slots if result is not None else ()
+    # In the last slot of Blender's own result, so that the artist's stays.
+    with overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
+        return is_dark(scene, scene_settings.resolve(scene).request)
 
 
 def _reflected(item: bpy.types.Object) -> tuple[float, float]:
@@ -272,16 +279,6 @@ def _reflected(item: bpy.types.Object) -> tuple[float, float]:
     clear = [max(node["Transmission Weight"].default_value, node["Metallic"].default_value) for node in nodes]
     return (max((color * (1 - part) for color, part in zip(colors, clear, strict=True)), default=1.0),
             max(colors, default=1.0))
-
-
-def _proof_is_dark(scene: bpy.types.Scene) -> bool:
-    """Render the proof, in the last slot of Blender's own result, so that the artist's stays."""
-    from ..render.frame_folder import is_dark  # reads EXR files, which the panel starts without
-
-    result = bpy.data.images.get("Render Result")
-    slots = result.render_slots if result is not None else ()
-    with overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
-        return is_dark(scene, scene_settings.resolve(scene).request)
 
 
 def _arrives(rays: Rays, lamp: bpy.types.Object, place: mathutils.Vector, normal: mathutils.Vector) -> float:

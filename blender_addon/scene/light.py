@@ -78,10 +78,8 @@ def is_certain(scene: bpy.types.Scene) -> bool:
 
 def is_dim(light: Array, radiance: Array, exposure: float) -> bool:
     """Return True if most of a picture is hardly lit, by what white surfaces would send and by what it sends."""
-    if not light.size:
-        return False
-    looks_black = np.percentile(radiance, 95) * 2.0**exposure < BLACK
-    return bool(np.median(light) * 2.0**exposure < DIM * (MORE if looks_black else 1))
+    return bool(light.size and np.median(light) * 2.0**exposure < DIM * (
+        MORE if np.percentile(radiance, 95) * 2.0**exposure < BLACK else 1))
 
 
 def has_emission(scene: bpy.types.Scene) -> bool:

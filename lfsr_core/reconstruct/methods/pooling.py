@@ -87,8 +87,8 @@ class Pooling(Upscaler):
         columns, length = self._places(sx, steepest)
         rows, height = self._places(sy, steepest * low.slope_ratio)
         source = padded((sy, h, length, w + 2 * REACH))
-        glaring, glare = self._glare(low.color, low.slope[..., 0])
-        color = self._restored(low, np.where(glaring, np.float32(UNKNOWN), slope), steepest) - glare
+        glare = self._glare(low.color, low.slope[..., 0])
+        color = self._restored(low, np.where(glare.any(-1), np.float32(UNKNOWN), slope), steepest) - glare
         source[:3, :, :, columns, REACH:-REACH] = color.transpose(4, 0, 2, 1, 3)
         source[3:, :, :, columns, REACH:-REACH] = slope.transpose(0, 2, 1, 3)
         wide = padded((sx * width, height, h + 2 * REACH))
@@ -102,7 +102,7 @@ class Pooling(Upscaler):
 
         in_threads(column, range(sx))
         return PooledEIA(**vars(low), density=(across, down), wide=wide, rows=rows, seen=known.any((2, 3)),
-                         glare=glare if glaring.any() else None)
+                         glare=glare if glare.any() else None)
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
         """Finished EIs of ``lenses``; ``low`` is the result of ``prepare``."""
@@ -129,25 +129,19 @@ class Pooling(Upscaler):
                     result[part, ..., channel] = image.transpose(1, 0, 2)
         return result
 
-    def _glare(self, color: Array, slope: Array) -> tuple[Array, Array]:
-        """Samples (sy, sx, h, w) that outshine a neighbour of their surface, and (…, 3) by how much, encoded."""
-        brightest = color.max(-1)
-        glaring, glare = np.zeros(brightest.shape, bool), np.zeros_like(color)
-        place = np.stack(np.nonzero(brightest > GLARE))
-        here = tuple(place)
-        limit = brightest[here] / CONTRAST
-        for axis in (0, 1):
-            count = brightest.shape[axis]
-            block = self._block or count
-            for step in (-1, 1):
-                beside = place.copy()
-                beside[axis] = np.clip(place[axis] + step, 0, count - 1)
-                darker = ((np.abs(slope[tuple(beside)] - slope[here]) < ALIKE) & (brightest[tuple(beside)] < limit)
-                          & (beside[axis] // block == place[axis] // block))
-                own, other = tuple(place[:, darker]), tuple(beside[:, darker])
-                glaring[own] = True
-                glare[own] = np.maximum(glare[own], encode(color[own]) - encode(color[other]))
-        return glaring, glare
+    def _glare(self, color: Array, slope: Array) -> Array:
+        """By how much samples (sy, sx, h, w, 3) outshine a neighbour of their surface, encoded; 0 of most."""
+        brightest, glare = color.max(-1), np.zeros_like(color)
+        here = np.nonzero(brightest > GLARE)
+        for axis, step in ((0, -1), (0, 1), (1, -1), (1, 1)):
+            beside, block = list(here), self._block or color.shape[axis]
+            beside[axis] = np.clip(here[axis] + step, 0, color.shape[axis] - 1)
+            there = tuple(beside)
+            darker = ((np.abs(slope[there] - slope[here]) < ALIKE) & (brightest[there] * CONTRAST < brightest[here])
+                      & (there[axis] // block == here[axis] // block))
+            own, other = (tuple(index[darker] for index in place) for place in (here, there))
+            glare[own] = np.maximum(glare[own], encode(color[own]) - encode(color[other]))
+        return glare
 
     def _restored(self, low: LowResEIA, slope: Array, steepest: float) -> Array:
         """Encoded colours (sy, sx, h, w, 3), with the detail that a denoiser took for noise.
