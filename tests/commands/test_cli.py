@@ -16,7 +16,7 @@ import pytest
 from lfsr_core.cli import BOLD, GROUPS, LABORATORY, VERBS, build_parser, main, styled
 from lfsr_core.exports.light_field import read_light_field
 from lfsr_core.frames.frame import read_frame
-from lfsr_core.images.image_files import read_mask, read_png
+from lfsr_core.images.image_files import read_png
 from lfsr_core.optics.display import builtin_names
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from tests.support.finished import finished
@@ -240,18 +240,6 @@ def test_missing_scene_is_refused(verb, blender, tmp_path, capsys):
     assert not (tmp_path / "frame").exists()
 
 
-def test_upscale_redoes_the_second_stage_only_and_dilation_grows_the_mask(tmp_path):
-    folder = write_render(tmp_path / "frame")
-    for method in ("bicubic", "nearest"):
-        assert main(["upscale", str(folder), "--method", method]) == 0
-        report = json.loads((folder / "report.json").read_text())
-        assert report["method"] == method
-    before = read_mask(folder / "mask.png")
-    main(["upscale", str(folder), "--method", "nearest", "--dilate", "1"])
-    after = read_mask(folder / "mask.png")
-    assert (after & before == before).all() and after.sum() > before.sum()
-
-
 def test_truncated_render_is_refused_and_keeps_the_old_image(tmp_path, capsys):
     folder = write_render(tmp_path / "frame")
     main(["upscale", str(folder), "--method", "nearest"])
@@ -433,14 +421,6 @@ def folder(tmp_path):
     return finished(tmp_path / "frame")
 
 
-def test_view(folder, tmp_path, capsys):
-    assert main(["view", str(folder)]) == 0
-    assert (folder / "view.html").is_file() and "view.html: 0.1 MB" in capsys.readouterr().out
-    second = finished(tmp_path / "second", frame=2)
-    assert main(["view", str(folder), str(second), "-o", str(tmp_path / "film.html"), "--quality", "80"]) == 0
-    assert (tmp_path / "film.html").read_text(encoding="utf-8").count('class="eia"') == 2
-
-
 @pytest.mark.parametrize(("options", "names"), [
     (["quilt"], ["two_depths_qs2x4a1.333.png"]),
     (["quilt", "--views", "6", "--grid", "6x1"], ["two_depths_qs6x1a1.333.png"]),
@@ -463,9 +443,3 @@ def test_there_and_back(folder, tmp_path, capsys):
     assert "next: lfsr upscale" in capsys.readouterr().out
     assert main(["upscale", str(tmp_path / "low"), "--method", "bilinear"]) == 0
     assert main(["view", str(tmp_path / "low")]) == 0
-
-
-def test_what_cannot_be(folder, tmp_path, capsys):
-    assert "does not exist" in fails(["view", str(tmp_path / "nowhere")], capsys)
-    assert "has no option 'width'" in fails(["export", str(folder), "--format", "pleno", "--width", "9"], capsys)
-    assert "is no folder" in fails(["import", str(tmp_path / "nowhere"), "-o", str(tmp_path / "frame")], capsys)

@@ -63,9 +63,14 @@ def small() -> Chart:
     return read_chart(ROOT / "docs" / "results" / "measured" / "small.json")
 
 
+@functools.cache
+def small_duels() -> list[MeanDuel]:
+    return mean_duels(small().scenes)
+
+
 def mean_duel(method: str, samples: int, measure: str, role: str = "low") -> MeanDuel:
     """What the default needs for the error of another method; the mean of all scenes."""
-    [found] = [duel for duel in mean_duels(small().scenes)
+    [found] = [duel for duel in small_duels()
                if (duel.measure, duel.role, duel.method, duel.samples) == (measure, role, method, samples)]
     return found
 

@@ -451,7 +451,7 @@ def test_commands_export_and_show_every_frame(film, tmp_path, capsys):
     assert capsys.readouterr().out == f"{tmp_path / 'quilts'}: 3 files\n"
     assert main(["export", str(film), "--format", "hci", "--views", "3", "-o", str(tmp_path / "hci")]) == 0
     assert sorted(path.name for path in (tmp_path / "hci").iterdir()) == sorted(NAMES)
-    assert main(["view", str(film), "-o", str(tmp_path / "view.html")]) == 0
+    assert main(["view", str(film), "-o", str(tmp_path / "view.html"), "--quality", "80"]) == 0
     assert '"labels": ["2", "10", "10000"]' in (tmp_path / "view.html").read_text()
     assert [folder.name for folder in frame_folders(film)] == list(NAMES)
 

@@ -170,13 +170,3 @@ def test_reference_of_another_place_or_scene_is_told_in_words():
     matrix = ((1.0, 0.0, 0.0, 0.5), *frame.matrix_world[1:])
     with pytest.raises(LfsrError, match="stand or face elsewhere"):
         check_reference(frame, dataclasses.replace(frame_of(1), scene="one.blend", matrix_world=matrix))
-
-
-def test_a_wrong_entry_is_named_however_long_the_path_is(tmp_path):
-    for length in range(1, 200, 20):
-        folder = tmp_path / ("x" * length)
-        folder.mkdir()
-        write_frame(folder, FRAME)
-        data = json.loads((folder / FRAME_FILE).read_text())
-        (folder / FRAME_FILE).write_text(json.dumps(data | {"surplus": 1}))
-        refuses("unknown field 'surplus'.*render the frame again", read_frame, folder)

@@ -53,14 +53,18 @@ def film_on(address, folder, blender="/must/not/run", frames=FRAMES, tell=silent
     return make_on(address, film_request(folder), FINISH, frames, blender, False, tell)
 
 
-def test_workers_make_the_pictures_of_one_process(scheduler, tmp_path, alone):
-    told, address = [], scheduler.scheduler_address
-    made = film_on(address, tmp_path, played_blender(tmp_path / "blender"), tell=told.append)
-    assert states(made) == [MADE] * 3 and [result.frame for result in made] == list(FRAMES)
+def test_the_commands_workers_make_the_pictures_of_one_process(scheduler, tmp_path, alone, monkeypatch, capsys):
+    (tmp_path / "scene.glb").write_text("a scene")
+    monkeypatch.chdir(tmp_path)
+    assert main(["render", "scene.glb", "-o", "film", "--frames", "1-3", "--display", "mini", "--scale", "2", "--spp",
+                 "16", "--seed", "5", "--method", "bicubic", "--blender", played_blender(tmp_path / "blender"),
+                 "--cluster", scheduler.scheduler_address]) == 0
+    assert "3 frames: 3 made, 0 kept, 0 failed" in capsys.readouterr().out
     assert images(tmp_path / "film") == alone
-    assert told[-1].fraction == 1
     assert sorted(path.name for path in (tmp_path / "film").iterdir()) == ["0001", "0002", "0003"]
-    assert states(film_on(address, tmp_path)) == [KEPT] * 3
+    told = []
+    assert states(film_on(scheduler.scheduler_address, tmp_path, tell=told.append)) == [KEPT] * 3
+    assert told[-1].fraction == 1
 
 
 def slow(path: Path) -> str:
@@ -150,16 +154,6 @@ def test_a_worker_that_does_not_see_the_folder(scheduler, tmp_path):
 
 def test_blenders_own_sentence_arrives(scheduler, tmp_path):
     refuses("'/must/not/run' was not found", film_on, scheduler.scheduler_address, tmp_path, frames=(1,))
-
-
-def test_the_command(scheduler, tmp_path, alone, monkeypatch, capsys):
-    (tmp_path / "scene.glb").write_text("a scene")
-    monkeypatch.chdir(tmp_path)
-    assert main(["render", "scene.glb", "-o", "film", "--frames", "1-3", "--display", "mini", "--scale", "2", "--spp",
-                 "16", "--seed", "5", "--method", "bicubic", "--blender", played_blender(tmp_path / "blender"),
-                 "--cluster", scheduler.scheduler_address]) == 0
-    assert "3 frames: 3 made, 0 kept, 0 failed" in capsys.readouterr().out
-    assert images(tmp_path / "film") == alone
 
 
 @pytest.fixture(scope="module")

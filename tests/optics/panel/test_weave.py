@@ -249,8 +249,6 @@ def test_an_eye_that_moves_on_by_the_zone_sees_the_views_again():
     assert np.median(first) == pytest.approx(np.median(again), abs=8)
 
 
-def test_an_eye_behind_the_panel_and_another_image_are_refused():
-    for z in (0, -5):
-        refuses(f"z = {z} mm", eye_view, np.zeros((160, 240, 3), np.uint8), lenticular(), (0, 0, z))
+def test_another_image_and_a_display_without_a_sheet_are_refused():
     refuses("240×159 pixels.*240×160", eye_view, np.zeros((159, 240, 3), np.uint8), lenticular(), (0, 0, 300))
     refuses("'mini' has no lens sheet", PanelLayout, MINI, CameraArray.for_display(MINI, 2.0))
