@@ -451,8 +451,9 @@ def test_commands_export_and_show_every_frame(film, tmp_path, capsys):
     assert capsys.readouterr().out == f"{tmp_path / 'quilts'}: 3 files\n"
     assert main(["export", str(film), "--format", "hci", "--views", "3", "-o", str(tmp_path / "hci")]) == 0
     assert sorted(path.name for path in (tmp_path / "hci").iterdir()) == sorted(NAMES)
-    assert main(["view", str(film), "-o", str(tmp_path / "view.html"), "--quality", "80"]) == 0
-    assert '"labels": ["2", "10", "10000"]' in (tmp_path / "view.html").read_text()
+    second = finished(tmp_path / "second", frame=7)
+    assert main(["view", str(film), str(second), "-o", str(tmp_path / "view.html"), "--quality", "80"]) == 0
+    assert '"labels": ["2", "10", "10000", "7"]' in (tmp_path / "view.html").read_text()
     assert [folder.name for folder in frame_folders(film)] == list(NAMES)
 
 
@@ -460,6 +461,7 @@ def test_what_cannot_be_is_said_and_leaves_nothing(film, tmp_path, capsys):
     (tmp_path / "empty").mkdir()
     assert "holds none with an eia.png" in fails(["export", str(tmp_path / "empty"), "--format", "sway"], capsys)
     assert "has no option 'fps'" in fails(["export", str(film), "--format", "quilt", "--fps", "9"], capsys)
+    assert "quality is 0" in fails(["view", str(film), "--quality", "0"], capsys)
     mixed = shutil.copytree(film / "0002", tmp_path / "mixed" / "0001").parent
     finished(mixed / "0002", DIRECT)
     refuses("0002 is for display 'direct' and .*0001 for 'mini'", export, mixed, "sway")
