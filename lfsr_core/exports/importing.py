@@ -15,7 +15,7 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
 from lfsr_core.base.records import check_within
-from lfsr_core.base.system import file_digest, read_bytes, replace_files, staging_folder, system_errors
+from lfsr_core.base.system import file_digest, read_bytes, reading, replace_files, staging_folder, system_errors
 from lfsr_core.exports.images import PARAMETERS_FILE
 from lfsr_core.exports.light_field import resized, view_between
 from lfsr_core.exports.options import PRESETS, Pair, read_quilt_name, without_suffix
@@ -193,10 +193,10 @@ def read_film(path: Path, quilt: Quilt) -> Iterator[tuple[Array, int]]:
     try:
         import av
     except ImportError:
-        raise LfsrError("films need the package av, which this Python lacks: pip install 'lfsr[video]', or import "
-                        "single images") from None
+        raise LfsrError("films need the package av: pip install 'lfsr[video]', or import single images") from None
     try:
-        with av.open(str(path), format=FILMS[path.suffix.lower()], metadata_errors="replace") as film:
+        with (reading(path, "a film"),
+              av.open(str(path), format=FILMS[path.suffix.lower()], metadata_errors="replace") as film):
             stream = next((stream for stream in film.streams.video if stream.codec_context), None)
             if stream is None:
                 raise LfsrError(f"{path} has no images that can be read: give a film of quilts")

@@ -151,15 +151,19 @@ def _bytes(data: bytes, dice: random.Random) -> bytes:
 
 
 def attempt(case: Case, folder: Path) -> Result:
-    """Run a case's command on the files in ``folder``."""
+    """Run a case's command on the files in ``folder``; a library may take the end of a long wait for a bad file."""
+    with _alarm() as rung:
+        found = _attempt(case, folder)
+    return Result(HANG, f"more than {MOST_SECONDS} s, then {found.said}") if rung else found
+
+
+def _attempt(case: Case, folder: Path) -> Result:
     output, errors = io.StringIO(), io.StringIO()
     try:
-        with (_alarm(), contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors),
-              system_errors()):  # in which every program of ours reads
+        # system_errors: in which every program of ours reads
+        with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors), system_errors():
             words = case.run(folder)
             code = main(words) if words else 0
-    except HangError as error:
-        return Result(HANG, str(error))
     except LfsrError as error:  # of a reader
         code, words = 2, None
         errors.write(str(error))
@@ -202,15 +206,18 @@ def outcomes(case: Case, folder: Path, inputs: int, seed: object) -> Iterator[tu
 
 
 @contextlib.contextmanager
-def _alarm() -> Iterator[None]:
-    def end(*_: Any) -> None:
-        raise HangError(f"more than {MOST_SECONDS} s")
+def _alarm() -> Iterator[list[int]]:
+    rung = list[int]()
+
+    def end(number: int, _: Any) -> None:
+        rung.append(number)
+        raise HangError
 
     before = signal.signal(signal.SIGALRM, end)
     signal.alarm(MOST_SECONDS)
     faulthandler.dump_traceback_later(2 * MOST_SECONDS, exit=True)  # where a library waits, no exception is raised
     try:
-        yield
+        yield rung
     finally:
         signal.alarm(0)
         faulthandler.cancel_dump_traceback_later()
