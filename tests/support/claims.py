@@ -76,13 +76,12 @@ class Claim:
 class TableClaim:
     """A table by the start of its header, and a function that says what the numbers of a row must be.
 
-    ``expected`` gets the row's cells and returns the numbers of all cells from ``first`` on, None for a row that
-    another claim covers.
+    ``expected`` gets the row's cells and returns the numbers of all cells from ``first`` on.
     """
 
     document: str
     words: str
-    expected: Callable[[list[str]], Values | None]
+    expected: Callable[[list[str]], Values]
     first: int = 1
 
     def rows(self) -> Iterator[tuple[int, list[str]]]:
@@ -101,16 +100,13 @@ class TableClaim:
         """Return the numbers that do not agree, with what the record says."""
         found = list[tuple[str, float]]()
         for _, cells in self.rows():
-            values = self.expected(cells)
-            if values is not None:
-                found += _wrong([number for cell in cells[self.first:] for number in row_numbers(cell)], values)
+            quoted = [number for cell in cells[self.first:] for number in row_numbers(cell)]
+            found += _wrong(quoted, self.expected(cells))
         return found
 
     def spans(self) -> Iterator[tuple[int, int]]:
         """Yield the places of its rows."""
-        for start, cells in self.rows():
-            if self.expected(cells) is not None:
-                yield start, text_of(self.document).index("\n", start)
+        return ((start, text_of(self.document).index("\n", start)) for start, _ in self.rows())
 
 
 def _wrong(quoted: Sequence[str], values: Values) -> list[tuple[str, float]]:
