@@ -100,8 +100,8 @@ class TableClaim:
         """Return the numbers that do not agree, with what the record says."""
         found = list[tuple[str, float]]()
         for _, cells in self.rows():
-            quoted = [number for cell in cells[self.first:] for number in row_numbers(cell)]
-            found += _wrong(quoted, self.expected(cells))
+            values = self.expected(cells)  # may leave out cells
+            found += _wrong([number for cell in cells[self.first:] for number in row_numbers(cell)], values)
         return found
 
     def spans(self) -> Iterator[tuple[int, int]]:
