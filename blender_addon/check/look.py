@@ -248,12 +248,10 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: 
         place, normal, item = hit
         normal = -normal if normal.dot(way) > 0 else normal
         start = place + normal * 1e-3 * (place - eye.translation).length
-        (scattered, reflected), above = _reflected(item), 0.0
+        scattered, reflected = _reflected(item)
         light = sum(_arrives(rays, lamp, start, normal) for lamp in lamps) / math.pi
-        if sky:
-            ways = [mathutils.Vector(way) for way in generator.normal(size=(SKY, 3))]
-            free = [rays.cast(start, way if way.dot(normal) > 0 else -way) is None for way in ways]
-            above = sky * sum(free) / SKY
+        ways = [mathutils.Vector(way) for way in generator.normal(size=(SKY if sky else 0, 3))]
+        above = sky * sum(rays.cast(start, way if way.dot(normal) > 0 else -way) is None for way in ways) / SKY
         seen.append(light * scattered + above * reflected)
         arriving.append((light + above) * min(reflected / LEAST_ALBEDO, 1.0))
     seems_dark = is_dim(np.array(arriving), np.array(seen), scene.view_settings.exposure)
@@ -276,7 +274,8 @@ def _reflected(item: bpy.types.Object) -> tuple[float, float]:
     nodes = [node.inputs for slot in item.material_slots if slot.material and slot.material.node_tree
              for node in slot.material.node_tree.nodes if node.type == "BSDF_PRINCIPLED"]
     colors = [1.0 if node["Base Color"].is_linked else max(node["Base Color"].default_value[:3]) for node in nodes]
-    clear = [max(node["Transmission Weight"].default_value, node["Metallic"].default_value) for node in nodes]
+    clear = [max(0.0 if node[name].is_linked else node[name].default_value
+                 for name in ("Transmission Weight", "Metallic")) for node in nodes]
     return (max((color * (1 - part) for color, part in zip(colors, clear, strict=True)), default=1.0),
             max(colors, default=1.0))
 

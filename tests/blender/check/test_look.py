@@ -188,9 +188,9 @@ def test_black_things_need_more_light_to_be_seen(startup, gray):
     assert ("dark" in looked(startup)) == (gray < 0.1)
 
 
-@pytest.mark.parametrize("glass", [False, True])
-def test_glass_on_velvet_under_lamps_alone_is_black(startup, glass):
-    """Nothing is around it that it could show, and velvet in the same light stays dark."""
+@pytest.mark.parametrize(("glass", "linked"), [(False, False), (True, False), (True, True)])
+def test_glass_on_velvet_under_lamps_alone_is_black(startup, glass, linked):
+    """Nothing is around it that it could show, and velvet in the same light stays dark; linked nodes say otherwise."""
     aimed(startup)
     for box, color, part in ((add_box((0, 0, 1), (1, 0.5, 1)), 0.9, float(glass)),
                              (add_box((0, 1, 1), (4, 0.1, 4)), 0.05, 0.0)):
@@ -198,9 +198,12 @@ def test_glass_on_velvet_under_lamps_alone_is_black(startup, glass):
         node = paint.node_tree.nodes["Principled BSDF"]
         node.inputs["Base Color"].default_value, node.inputs["Transmission Weight"].default_value = [color] * 4, part
         node.inputs["Roughness"].default_value = 1 - part
+        if linked:
+            none = paint.node_tree.nodes.new("ShaderNodeValue").outputs[0]  # 0
+            paint.node_tree.links.new(none, node.inputs["Transmission Weight"])
         box.data.materials.append(paint)
     startup.objects["Light"].data.energy = 150
-    assert ("dark" in looked(startup)) == glass
+    assert ("dark" in looked(startup)) == (glass and not linked)
 
 
 def test_the_dialog_offers_each_mend_ticked_and_asks_once(startup):

@@ -11,6 +11,8 @@ from scipy.io import savemat
 from scipy.ndimage import gaussian_filter
 
 from lfsr_core.base.messages import LfsrError
+from lfsr_core.frames.frame import LOW_RES_FILE
+from lfsr_core.images.image_files import read_layers, write_layers
 from lfsr_core.metrics.eia_metrics import student_95
 from lfsr_core.reconstruct.methods import denoise
 from lfsr_lab.experiments.engine.records import Store
@@ -228,13 +230,15 @@ NINE = dataclasses.replace(MINI, name="nine", panel_pixels=(144, 108), views=(9,
 def test_a_linear_network_is_linear_interpolation(tmp_path):
     tent(tmp_path)
     truth = Truth(write_reference(tmp_path / "reference", display=NINE))
-    row = study.measure(write_render(tmp_path / "render", 3, NINE), truth, "oidn", tmp_path)
+    render = write_render(tmp_path / "render", 3, NINE)
+    color = read_layers(render / LOW_RES_FILE)["color"]
+    color[..., 3] = 1  # a denoiser leaves what shows nothing as it is, with a sharp edge
+    write_layers(render / LOW_RES_FILE, {"color": color})
+    row = study.measure(render, truth, "oidn", tmp_path)
     assert list(row.followers) == ["bilinear", "bicubic", "pool", "EPICNN"]
     linear, network = row.followers["bilinear"], row.followers["EPICNN"]
     assert len(linear.ssim) == len(truth.lenses) == len(network.squared)
-    # They interpolate other encodings of colour, which counts where the subject ends.
-    away = np.abs(np.subtract(network.ssim, linear.ssim))
-    assert np.percentile(away, 90) < 0.05 and away.max() < 0.12
+    np.testing.assert_allclose(network.ssim, linear.ssim, atol=0.05)
     assert network.psnr == pytest.approx(linear.psnr, abs=1)
 
 
