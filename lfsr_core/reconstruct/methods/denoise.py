@@ -23,6 +23,7 @@ import dataclasses
 import functools
 import hashlib
 import importlib.util
+import itertools
 import math
 import os
 import struct
@@ -160,8 +161,8 @@ def denoise_low_resolution(low: LowResEIA, weights: str | Path | None = WEIGHTS)
             raise LfsrError(f"weights {weights} make {lost} of {shine.sum()} elemental images black or infinite: "
                             "their numbers overflow. Train them again, or use others")
         images[part] = made
-    shows_nothing = (low.alpha == 0) & is_even(np.concatenate([low.color, low.alpha], -1))
-    color = np.where(shows_nothing, low.color, mirrored(images))
+    color = mirrored(images)
+    np.copyto(color, low.color, where=(low.alpha == 0) & is_even(low.alpha) & is_even(low.color))
     return dataclasses.replace(low, color=color, noisy=low.color, notes=tuple(notes))
 
 
@@ -175,13 +176,13 @@ def denoised_opacity(low: LowResEIA, opacity: Array) -> Array:
 
 def is_even(images: Array) -> Array:
     """Pixels (sy, sx, h, w, 1) that equal those of the same view in the neighbouring lenses: there is no noise."""
-    even = np.ones((*images.shape[:4], 1), bool)
-    for axis in (0, 1):
-        lenses, found = np.moveaxis(images, axis, 0), np.moveaxis(even, axis, 0)
-        equal = (lenses[1:] == lenses[:-1]).all(-1, keepdims=True)
+    even = np.ones(images.shape[:4], bool)
+    for axis, channel in itertools.product((0, 1), np.moveaxis(images, -1, 0)):
+        lenses, found = np.moveaxis(channel, axis, 0), np.moveaxis(even, axis, 0)
+        equal = lenses[1:] == lenses[:-1]
         found[1:] &= equal
         found[:-1] &= equal
-    return even
+    return even[..., None]
 
 
 def mirrored(images: Array) -> Array:
