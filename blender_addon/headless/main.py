@@ -36,12 +36,13 @@ from lfsr_core.process.child import (
     repeated,
 )
 
-from ..compat import literal_path, overridden, video_output
+from ..compat import literal_path, new_data, overridden, video_output
 from ..render.frame_folder import Opened, inputs_before_opening, render_job, settled_light
 from ..render.output import UNFINISHED
 from ..scene.array import placement
 from ..scene.contents import left_out
 from ..scene.files import camera_notices, check_files, choose_camera, choose_scene, open_scene, shown
+from ..scene.light import lit
 
 STANDARD_INPUT = 0
 MOST_WAITING, LEAST_WORK = 60, 0.05  # seconds without CPU seconds, after which a file does not answer
@@ -65,12 +66,12 @@ def main(arguments: Sequence[str]) -> int:
                     request = read_request(path)
                     result = to_data(placement.scale_of(_chosen_scene(request), request))
                 case [word] if word == STAY:
-                    result = {"folder": str(run_all(map(read_request, iter(asked.get, None)), several=True))}
+                    result = {"folder": str(run_all(map(read_request, iter(asked.get, None))))}
                 case [] | ["encode" | "scale", *_]:
                     raise LfsrError("expected request files, stay, encode, two paths and a rate, or scale and a "
                                     f"request file, but got {len(arguments)} arguments")
                 case _:
-                    result = {"folder": str(run_all(map(read_request, arguments), several=len(arguments) > 1))}
+                    result = {"folder": str(run_all(map(read_request, arguments)))}
     except LfsrError as error:
         emit(stage="error", message=str(error))
         return EXIT_BAD_INPUT
@@ -130,21 +131,19 @@ def answered(scene: str) -> Iterator[None]:
         thread.join()
 
 
-def run_all(requests: Iterable[Request], several: bool) -> Path:
-    """Render ``requests``, opening a scene where it differs from the one before; return the last frame folder.
-
-    ``several``: whether each is told of, and Cycles keeps the scene for the next.
-    """
+def run_all(requests: Iterable[Request]) -> Path:
+    """Render ``requests``, opening a scene where it differs from the one before; return the last frame folder."""
     scene, opened, last, choices = None, Opened(), None, dict[str, ScaleChoice]()
     with ExitStack() as stack:
         for request in requests:
-            if last is None or (request.scene, request.scene_name) != (last.scene, last.scene_name):
+            if (request.scene, request.scene_name, request.light) != last:
                 stack.close()
                 scene, opened = _opened(request)
-                if several:
-                    # Without it Cycles would build the scene again for each frame.
-                    stack.enter_context(overridden(scene.render, {"use_persistent_data": True}))
-            last = request
+                stack.enter_context(lit(scene, opened.light))
+                opened = dataclasses.replace(opened, kept=stack.enter_context(new_data()))
+                # Without it Cycles would build the scene again after the first view, and for each frame.
+                stack.enter_context(overridden(scene.render, {"use_persistent_data": True}))
+            last = request.scene, request.scene_name, request.light
             if request.sampling.scales and request.sampling.frames:  # one scale for all frames that ask the same
                 question = digest(request_facts(request, (*PLACES, "frame", "seed")))
                 if question not in choices:
@@ -152,8 +151,7 @@ def run_all(requests: Iterable[Request], several: bool) -> Path:
                 request = request.with_scale(choices[question])
             folder = render_job(scene, request, opened, emit_told)
             opened = dataclasses.replace(opened, seconds=0.0)
-            if several:
-                emit(stage=RENDERED_STAGE, folder=str(folder))
+            emit(stage=RENDERED_STAGE, folder=str(folder))
     return folder
 
 

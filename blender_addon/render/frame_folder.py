@@ -86,6 +86,8 @@ class Opened:
     content: str = ""  # stamp of its file; empty if it is not known
     light: str = AUTO  # in which it is rendered, AUTO where that is not settled
     notes: tuple[Notice, ...] = ()  # what the user was told of it
+    # New data for all its requests, None if each lights it: Cycles keeps what it makes of a world that stays.
+    kept: list[bpy.types.ID] | None = None
 
 
 def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None = None, tell: Tell = silent) -> Path:
@@ -104,7 +106,7 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
             notes.append(notice)
             tell(notice)
 
-    with prepared(scene, request, say) as frame:
+    with prepared(scene, request, say, opened.kept is not None) as frame:
         if request.first_view is not None:
             tell(Progress("first"))
             noise, per_ray = _write_first_view(scene, frame, request.first_view)
@@ -140,7 +142,7 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
         rows = None if frame.rows is None else Part(*pixel_rows(frame.rows, frame.rays.views[1]))
         shot = Shot(frame.subpixels or frame.rays, frame.matrix_world, frame.layout, frame.clip, rows)
         images, seconds["render"] = _images(scene, request, frame), seconds.get("world", 0.0)
-        with world.white_to_camera(scene) if frame.world_apart else nullcontext():
+        with world.white_to_camera(scene, opened.kept) if frame.world_apart else nullcontext():
             for number, (name, settings) in enumerate(images):
                 follow = one_of(lambda fraction, message: tell(Progress("render", fraction, message)), number,
                                 len(images))
@@ -157,8 +159,8 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
 
 
 @contextmanager
-def prepared(scene: bpy.types.Scene, request: Request, say: Say = silent) -> Iterator[Frame]:
-    """Set ``scene`` to the request's frame, light it and index its objects inside the block; yield the Frame."""
+def prepared(scene: bpy.types.Scene, request: Request, say: Say = silent, is_lit: bool = False) -> Iterator[Frame]:
+    """Set ``scene`` to the request's frame, light it unless it is, index objects inside the block; yield the Frame."""
     # Not at the request's frame: all frames of an animation have the same light.
     request = dataclasses.replace(request, light=settled_light(scene, request, say))
     with placement.same_frame(scene):
@@ -168,7 +170,7 @@ def prepared(scene: bpy.types.Scene, request: Request, say: Say = silent) -> Ite
         if request.sampling.scales and request.kind != "reference":
             request = request.with_scale(placement.scale_of(scene, request))
         subject = find_subject(scene, request.subject)
-        with _resting(scene), pass_indices(subject), lit(scene, request.light):
+        with _resting(scene), pass_indices(subject), nullcontext() if is_lit else lit(scene, request.light):
             frame = _frame(scene, request, subject)
             placed = frame.array, frame.matrix_world
             for notice in (placement.focus_notice(scene, placed),
@@ -248,8 +250,7 @@ def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> tuple[
     # A world image is sampled by a small map, which is made at once.
     small = {"sampling_method": "MANUAL", "sample_map_resolution": FIRST_MAP}
     halves = []
-    with (overridden(scene.world.cycles, small) if scene.world is not None else nullcontext(),
-          overridden(scene.render, {"use_persistent_data": True})):
+    with overridden(scene.world.cycles, small) if scene.world is not None else nullcontext():
         for seed in (frame.seed, (frame.seed + 1) % (MOST_SEED + 1)):
             started = time.perf_counter()
             layers = _seen_from_middle(scene, (frame.array, frame.matrix_world),

@@ -46,14 +46,21 @@ def reason_against(scene: bpy.types.Scene) -> str:
 
 
 @contextmanager
-def white_to_camera(scene: bpy.types.Scene) -> Iterator[None]:
+def white_to_camera(scene: bpy.types.Scene, kept: list[bpy.types.ID] | None = None) -> Iterator[None]:
     """Show camera rays a world of radiance 1 inside the block; all other rays see the scene's own.
 
-    It is 1 in the image, to which Cycles applies the film's exposure.
+    It is 1 in the image, to which Cycles applies the film's exposure. ``kept``: the caller's new data, in which this
+    world stays for the next render of the same frame.
     """
+    same_frame = [item for item in kept or () if item.get(NAME) == scene.frame_current]
+    if same_frame:
+        with overridden(scene, {"world": same_frame[0]}):
+            yield
+        return
     with new_data() as made:
         shown = scene.world.copy()
-        made.append(shown)
+        shown[NAME] = scene.frame_current
+        (made if kept is None else kept).append(shown)
         plain = shown.node_tree is None
         compat.use_nodes(shown)
         wiring = Wiring(shown.node_tree)

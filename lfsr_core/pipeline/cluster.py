@@ -30,7 +30,6 @@ RETRIES = 2  # of a task that fails on one worker and may succeed on another
 SECONDS_TO_CONNECT, SECONDS_WITHOUT_WORKERS = 20, 20.0
 MOST_CHUNK, PARTS_PER_WORKER = 16, 2  # frames that one Blender renders; so that a fast worker does more
 AGAIN = "and run the same command again to continue"
-PLACE_FILE = ".lfsr-place-"
 Task = tuple[str, Callable[[], list[Made]]]  # a unique name, and a call that may be repeated
 
 
@@ -46,9 +45,8 @@ def make_on(address: str, request: Request, finish: Finish, frames: Sequence[int
     def tasks(workers: int) -> Iterator[Task]:
         size = max(1, min(MOST_CHUNK, -(-len(frames) // (2 * workers))))
         for first in range(0, len(frames), size):
-            chunk = frames[first:first + size]
-            yield str(frames[first]), functools.partial(make, of_all, finish, chunk, blender=blender,
-                                                        overwrite=overwrite)
+            yield str(frames[first]), functools.partial(make, of_all, finish, frames[first:first + size],
+                                                        blender=blender, overwrite=overwrite)
 
     for results in results_of(tasks, address, Path(request.output), request.scene):
         made.update((result.folder, result) for result in results)
@@ -85,8 +83,7 @@ def reference_parts(request: Request, most: int, hidden: str) -> list[Request]:
         hidden + digest([request_facts(request), scene_stamp(request.scene), count]))
     parts = [dataclasses.replace(request, output=str(folder / str(number + 1))) for number in range(count)]
     if request.lens_list is None:
-        return [dataclasses.replace(part, rows=parse_rows(f"{number + 1}/{count}", height))
-                for number, part in enumerate(parts)]
+        return [dataclasses.replace(part, rows=parse_rows(f"{n + 1}/{count}", height)) for n, part in enumerate(parts)]
     samples = [2 * ((number + 1) * pairs // count - number * pairs // count) for number in range(count)]
     samples[0] += request.sampling.samples % 2
     return [dataclasses.replace(part.sampled(samples=samples[number]), seed=request.seed + number)
@@ -107,11 +104,10 @@ def results_of(tasks: Callable[[int], Iterator[Task]], address: str, output: Pat
     if not address.strip():  # Dask would start a cluster of its own
         raise LfsrError("the address of a scheduler is empty: give one, as tcp://host:8786")
     package: Any = distributed  # has no types
-    place = output / f"{PLACE_FILE}{secrets.token_hex(4)}"  # by which workers recognise the folder
-    before = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)  # distributed's log has tracebacks of what is told here in a sentence
+    place = output / f".lfsr-place-{secrets.token_hex(4)}"  # by which workers recognise the folder
     with contextlib.ExitStack() as stack:
-        stack.callback(logging.disable, before)
+        stack.callback(logging.disable, logging.root.manager.disable)
+        logging.disable(logging.CRITICAL)  # distributed's log has tracebacks of what is told here in a sentence
         try:
             client = stack.enter_context(package.Client(address, timeout=SECONDS_TO_CONNECT, set_as_default=False))
         except (OSError, ValueError, MemoryError) as error:  # MemoryError: a length that another server's bytes state
@@ -138,8 +134,7 @@ def results_of(tasks: Callable[[int], Iterator[Task]], address: str, output: Pat
                 waiting -= ended
             except (TimeoutError, package.TimeoutError):
                 if not client.scheduler_info(n_workers=-1)["workers"]:
-                    raise LfsrError(f"no worker of {address} is left: start some by `dask worker ADDRESS`, {AGAIN}"
-                                    ) from None
+                    raise LfsrError(f"{address} has no worker: start some by `dask worker ADDRESS`, {AGAIN}") from None
             except package.KilledWorker as error:
                 raise LfsrError(f"workers died over the same work ({error.task}): check that their machines have "
                                 f"enough memory, {AGAIN}") from None

@@ -273,14 +273,12 @@ def render_all(requests: Sequence[Request], blender: Starts, tell: Tell = silent
                             publish()
                         elif (told := told_of(record)) is not None:
                             tell(told)
-                    if not child.is_done():
+                    if not child.is_done() or waiting:
                         log.flush()
                         stored = Path((waiting or [last])[0][0].output, LOG_FILE)
                         with atomic_path(stored) as copy:
                             shutil.copyfile(log_file, copy)
                         raise child.crash("Blender stopped with", f"the whole log is {stored}")
-                while waiting:  # a single request is not reported as rendered
-                    publish()
         except BaseException:
             if waiting and has_parts(parts := folders[waiting[0][0].output].parts):
                 tell(Notice("parts-kept", {"folder": str(parts)}))

@@ -93,7 +93,7 @@ else:
             with contextlib.suppress(ProcessLookupError, PermissionError):  # macOS says the latter of zombies
                 os.killpg(self._id, signal.SIGKILL)
 PROGRESS_PREFIX = "LFSR "
-RENDERED_STAGE = "rendered"  # one of several jobs is complete in its folder
+RENDERED_STAGE = "rendered"  # a job is complete in its folder
 STAY = "stay"  # word for request files: they come later, one a line on standard input
 LAST_STAGES = ("done", "error", "cancelled")
 EXIT_BAD_INPUT, EXIT_CANCELLED = 2, 130

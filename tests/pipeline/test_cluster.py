@@ -113,7 +113,7 @@ def _start(folder: Path, kind: str, *words: str) -> subprocess.Popen[bytes]:
 
 
 @pytest.mark.parametrize(("kind", "sentence"), [
-    ("worker", "no worker of tcp://.* is left"),
+    ("worker", "tcp://.* has no worker"),
     ("scheduler", "the scheduler tcp://.* has ended")])
 @pytest.mark.skipif(sys.platform == "win32", reason="kills")
 def test_the_end_of_all_workers_or_of_the_scheduler_is_told(processes, alone, tmp_path, monkeypatch, capfd, kind,

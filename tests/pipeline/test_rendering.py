@@ -30,6 +30,7 @@ GOOD = """
 print("Fra:1 Mem:20M", flush=True)
 print('LFSR {"stage": "render", "fraction": 0.5, "message": "half"}', flush=True)
 Path(job["output"], "lr_eia.exr").write_text("new")
+print('LFSR {"stage": "rendered"}')
 print('LFSR {"stage": "done", "folder": "."}')
 """
 

@@ -66,7 +66,6 @@ def play(arguments: Sequence[str]) -> int:
             with open(os.environ[LOG], "a") as log:
                 log.write(json.dumps(to_data(job)) + "\n")
         render(job)
-        if words == [STAY] or len(words) > 1:
-            emit(stage=RENDERED_STAGE)
+        emit(stage=RENDERED_STAGE)
     emit(stage="done", folder=".")
     return 0
