@@ -97,7 +97,7 @@ def packages_of(python):
     return Path(subprocess.run(ask, check=True, capture_output=True, text=True).stdout.strip())
 
 
-def test_zip_is_complete(files):
+def test_zip_is_complete_with_every_module_that_reads_its_own_folder(files):
     manifest = tomllib.loads(files["blender_manifest.toml"].decode())
     assert manifest["version"] == __version__ and "platforms" not in manifest and "wheels" not in manifest
     assert {"__init__.py", "render/ray_layout.osl", "headless/entry.py", "LICENSE"} <= files.keys()
@@ -105,6 +105,7 @@ def test_zip_is_complete(files):
                     "exports/viewer/*", "exports/*.html"):
         data = {f"packages/{path.relative_to(ROOT).as_posix()}" for path in (ROOT / "lfsr_core").glob(pattern)}
         assert data and data <= files.keys(), pattern
+    assert files.keys() >= reviewer.READS_ITS_FOLDER
 
 
 def test_zip_has_the_repositorys_files(files):
@@ -228,16 +229,13 @@ def other_extension(folder, version):
     return folder / "other.zip"
 
 
-def test_zip_that_blender_refuses_is_not_written(tmp_path, monkeypatch):
+def test_a_zip_that_blender_refuses_is_not_written_and_a_version_that_differs_is_an_error(tmp_path, monkeypatch):
+    monkeypatch.setattr(builder, "__version__", "9.9.9")
+    refuses(r"9\.9\.9: make them equal", builder.write_manifest, tmp_path / "blender_manifest.toml", None)
     monkeypatch.setattr(builder, "write_manifest", lambda path, _: path.write_text(
         (ROOT / "blender_manifest.toml").read_text().replace('id = "lfsr"', 'id = "no id"')))
     refuses("extension tool failed", builder.build, tmp_path / "out")
     assert not list(tmp_path.rglob("*.zip"))
-
-
-def test_version_that_differs_is_an_error(tmp_path, monkeypatch):
-    monkeypatch.setattr(builder, "__version__", "9.9.9")
-    refuses(r"9\.9\.9: make them equal", builder.write_manifest, tmp_path / "blender_manifest.toml", None)
 
 
 @pytest.fixture
@@ -335,11 +333,8 @@ def test_review_sees_what_breaks_a_rule(files, check, name, change):
     assert check in found
 
 
-def test_every_check_can_fail():
+def test_every_check_can_fail_and_is_in_the_guide():
     assert {check for check, *_ in BROKEN} == {function.__name__ for function in reviewer.CHECKS}
-
-
-def test_every_check_is_in_the_guide():
     guide = (ROOT / "docs" / "guide" / "extension.md").read_text(encoding="utf-8")
     for function in (*reviewer.CHECKS, reviewer.check_publisher):
         assert f"`{function.__name__.removeprefix('check_')}`" in guide, function.__name__
@@ -347,8 +342,3 @@ def test_every_check_is_in_the_guide():
 
 def test_a_release_needs_a_publisher_in_its_manifest(archive):
     assert len(reviewer.review(archive, is_release=True)) == 2, "nothing else breaks a rule"
-
-
-def test_modules_of_the_repository_beside_the_zip_are_looked_at(files):
-    """The list of those that read their own folder names no file that is gone."""
-    assert files.keys() >= reviewer.READS_ITS_FOLDER

@@ -22,8 +22,12 @@ from tests.support.panel import fix, found
 from tests.support.scenes import MINI, add_box, compositing
 
 
-def test_a_good_scene_has_no_problems(scene):
+def test_a_good_scene_has_no_problems_and_blenders_own_defaults_that_do_no_harm_are_hidden(scene):
     assert [problem for problem in last.check_scene(scene) if problem.severity != "INFO"] == []
+    scene.cycles.property_unset("pixel_filter_type")
+    scene.cycles.property_unset("use_denoising")
+    assert scene.cycles.pixel_filter_type == "BLACKMAN_HARRIS" and scene.cycles.use_denoising
+    assert last.check_scene(scene) == []
 
 
 def test_no_light(scene):
@@ -66,13 +70,6 @@ def test_the_only_subject_is_not_background(scene):
     add_box(scene, (0, 0, 0), (0.1, 0.1, 0.1))
     bpy.context.view_layer.update()
     assert found(scene, "background").target == "Box"
-
-
-def test_blenders_own_defaults_that_do_no_harm_are_hidden(scene):
-    scene.cycles.property_unset("pixel_filter_type")
-    scene.cycles.property_unset("use_denoising")
-    assert scene.cycles.pixel_filter_type == "BLACKMAN_HARRIS" and scene.cycles.use_denoising
-    assert last.check_scene(scene) == []
 
 
 def switch_on(switch):
@@ -312,7 +309,7 @@ def test_an_artist_is_asked_once_before_a_render(scene):
     assert [question.sentence.startswith("The scene has no light") for question in check_questions(scene)] == [True]
 
 
-def test_a_change_is_said_until_the_next_check(scene):
+def test_a_change_is_said_until_the_next_check_and_the_rows_of_another_file_are_forgotten(scene, tmp_path):
     last.check(scene)
     assert not last.has_changed() and "Check Again" not in shown()
     scene.render.use_motion_blur = True
@@ -321,11 +318,6 @@ def test_a_change_is_said_until_the_next_check(scene):
     assert "Check Again" in shown() and "motion" not in rows(), "nothing is done at once"
     last.check(scene)
     assert not last.has_changed() and "motion" in rows()
-
-
-def test_the_rows_of_another_file_are_forgotten(scene, tmp_path):
-    scene.render.use_motion_blur = True
-    last.check(scene)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "other.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "other.blend"))
     assert bpy.context.window_manager.lfsr.checked_scene == "" and last.problems() == []

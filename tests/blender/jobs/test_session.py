@@ -298,20 +298,18 @@ def test_another_image_in_a_material_makes_a_new_one(scene, output, tmp_path):
     assert cancelled(output) != first
 
 
-def test_another_file_opened_makes_a_new_one(scene, output, tmp_path):
+def test_copies_of_one_state_have_one_stamp_and_another_file_opened_makes_a_new_one(scene, output, tmp_path):
     first = cancelled(output)
+    first[1].unlink()
+    again = cancelled(output)
+    assert again[0] == first[0], "finished frames of an animation are not taken for older"
+    first = again
     edit()
     save(tmp_path / "other.blend")
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
     assert cancelled(output) == first
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "other.blend"))
     assert cancelled(output)[0] != first[0]
-
-
-def test_copies_of_one_state_have_one_stamp(scene, output):
-    first = cancelled(output)
-    first[1].unlink()
-    assert cancelled(output)[0] == first[0], "finished frames of an animation are not taken for older"
 
 
 def test_it_goes_with_the_render_and_where_no_parts_are_left(scene, output, tmp_path):

@@ -51,10 +51,6 @@ def is_mine() -> bool:
         return False
 
 
-def test_a_project_that_was_moved_keeps_its_results(project):
-    assert is_mine()
-
-
 def test_two_files_in_one_folder_have_their_own_results(project):
     first = read_png(folders.frame_folder(bpy.context.scene) / "eia.png")
     add_box(bpy.context.scene, (0.3, 0.0, 0.0), (0.4, 0.4, 0.4))
@@ -89,6 +85,7 @@ def test_a_file_of_one_name_elsewhere_does_not_take_results(project, tmp_path):
 
 
 def test_a_renamed_file_does_not_take_the_results_of_the_one_that_has_its_name_now(project):
+    assert is_mine(), "a project that was moved keeps them"
     (project / "shot.blend").rename(project / "hero.blend")
     bpy.ops.wm.open_mainfile(filepath=str(project / "hero.blend"))
     assert not is_mine()
@@ -105,12 +102,6 @@ def test_scenes_whose_names_are_cleaned_to_one_are_told_apart(project):
     assert not is_mine()
 
 
-def test_names_in_any_script_have_folders_of_their_own(project):
-    bpy.context.scene.name = "场景"
-    save(project / "镜头.blend")
-    assert folders.frame_folder(bpy.context.scene).parts[-3:] == ("镜头", "场景", "0001")
-
-
 def test_a_file_that_was_never_saved_knows_its_results(tmp_path):
     scene = panel.artist_scene(None)
     scene.lfsr.output = str(tmp_path)
@@ -121,12 +112,15 @@ def test_a_file_that_was_never_saved_knows_its_results(tmp_path):
     panel.refused("'Scene' of a file that was never saved: turn on Overwrite", bpy.ops.lfsr.render_eia)
 
 
-def test_relative_output_folders(project):
+def test_relative_output_folders_and_names_in_any_script(project):
     for output in ("//lightfield/", "//", "", "//../images"):
         bpy.context.scene.lfsr.output = output
         folder, root = folders.frame_folder(bpy.context.scene), project / "x" / ".." / bpy.path.abspath(output or "//")
         assert folder.is_absolute() and folder.resolve() == root.resolve() / "shot/Scene/0001"
     assert render() == folder and is_mine()
+    bpy.context.scene.name = "场景"
+    save(project / "镜头.blend")
+    assert folders.frame_folder(bpy.context.scene).parts[-3:] == ("镜头", "场景", "0001")
 
 
 def test_what_was_rendered_before_the_first_save_moves_beside_the_file(scene, tmp_path):

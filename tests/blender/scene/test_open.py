@@ -142,14 +142,11 @@ def two(scene):
     return scene
 
 
-def test_subject_is_what_is_not_background(two):
+def test_subject_is_what_is_not_background_and_none_that_is_visible_is_refused(two):
     things, background = (set(two.collection.children[name].objects) for name in ("Things", "Background"))
     assert contents.find_subject(two) == things == contents.find_subject(two, "Things")
     assert contents.find_subject(two, "Background") == background
     assert contents.has_background_meshes(two, things)
-
-
-def test_no_visible_subject_is_refused(two):
     refuses("no collection 'Thing'.*Background, .*Things", contents.find_subject, two, "Thing")
     two.collection.children["Things"].objects[0].hide_render = True
     refuses("nothing of the subject 'Scene' would be rendered", contents.find_subject, two)

@@ -146,14 +146,13 @@ def test_the_light_of_the_menu_is_the_jobs(scene, tmp_path):
     assert scene_settings.resolve_for_render(scene).request.light == str(tmp_path / "sky.hdr")
 
 
-def test_without_an_array(scene):
-    bpy.ops.lfsr.array_remove()
-    assert operators(draw(panels.LFSR_PT_array)) == {"lfsr.array_add", "lfsr.array_fit"}
-
-
-def test_with_a_broken_array(scene):
+def test_with_a_broken_array_and_without_one(scene):
+    assert "lfsr.array_add" not in entries()
     bpy.data.objects.remove(bpy.data.objects["Display Plane"])
     assert "no display plane" in labels(draw_all()["Camera Array"])
+    bpy.ops.lfsr.array_remove()
+    assert operators(draw(panels.LFSR_PT_array)) == {"lfsr.array_add", "lfsr.array_fit"}
+    assert entries()["lfsr.array_add"] == "Light Field Camera Array"
 
 
 def test_the_menu_of_scales_has_those_of_the_display(scene):
@@ -235,16 +234,12 @@ def icons(drawn: list, text: str) -> set[str]:
     return {named["icon"] for name, named in drawn if name == "label" and named["text"].startswith(text)}
 
 
-def test_what_informs_is_not_drawn_as_an_error(scene):
+def test_what_informs_is_no_error_and_what_was_done_is_one_line_with_its_buttons(scene):
     for say, icon in ((session.say, "INFO"), (lambda text: session.say(text, is_error=True), "ERROR")):
         say("a kept frame is older")
         assert icons(draw_all()["Light Field"], "A kept frame") == {icon}
-    bpy.context.window_manager.lfsr.message = ""
-
-
-def test_what_was_done_is_one_line_with_its_buttons(scene):
     state = bpy.context.window_manager.lfsr
-    state.outcome, state.outcome_folder = "Done in 0:42", str(folders.frame_folder(scene))
+    state.message, state.outcome, state.outcome_folder = "", "Done in 0:42", str(folders.frame_folder(scene))
     drawn = draw(panels.LFSR_PT_image)
     assert icons(drawn, "Done in 0:42") == {"CHECKMARK"}
     assert "wm.path_open" in operators(drawn)
@@ -265,40 +260,28 @@ def entries() -> dict[str, str]:
             if name == "operator"}
 
 
-def test_blenders_menus_have_the_entries(scene):
+def test_blenders_menus_have_the_entries_and_renders_do_not_block_it(scene):
     for menu, draw in ((bpy.types.TOPBAR_MT_render, panels.draw_render),
                        (bpy.types.VIEW3D_MT_camera_add, panels.draw_camera)):
         assert draw in menu._dyn_ui_initialize()
     assert ("menu", {"menu": "LFSR_MT_render", "icon": "CAMERA_STEREO"}) in drawn(panels.draw_render)
     assert [(named["operator"], named["text"]) for _, named in drawn(panels.draw_camera)] == [
         ("lfsr.array_add", "Light Field Camera Array")]
-
-
-def test_renders_start_without_blocking_blender(scene):
     assert ("set", {"operator_context": "INVOKE_DEFAULT"}) in drawn(panels.LFSR_MT_render.draw)
     assert {"lfsr.render_eia", "lfsr.render_animation", "lfsr.check_scene"} <= set(entries())
-
-
-def test_an_array_is_added_once(scene):
-    assert "lfsr.array_add" not in entries()
-    bpy.ops.lfsr.array_remove()
-    assert entries()["lfsr.array_add"] == "Light Field Camera Array"
 
 
 def buttons(drawn) -> list[str]:
     return [named.get("text", "") for name, named in drawn if name == "operator"]
 
 
-def test_off(scene):
+def test_off_and_a_lens_sheet_that_has_no_pixel_size(scene):
     drawn = draw(panels.LFSR_PT_live)
     assert not bpy.ops.lfsr.live_full_screen.poll()
     assert buttons(drawn) == ["Start Live", "Show One Eye"]
     assert {"live_eye_right", "live_eye_up", "live_eye_near"} == properties(drawn)
     advanced = {"live_scale", "live_rays", "live_samples", "live_smooth", "live_denoise"}
     assert properties(draw(panels.LFSR_PT_live_advanced)) == advanced
-
-
-def test_a_lens_sheet_has_no_pixel_size(scene):
     scene.lfsr.display = "looking-glass-go"
     assert {"live_scale", "live_smooth"} <= greyed(draw(panels.LFSR_PT_live_advanced))
 
@@ -408,7 +391,7 @@ def test_texts_follow_blenders_rules(cls):
         assert not issubclass(cls, bpy.types.Operator) or cls.bl_idname.startswith("lfsr.")
 
 
-def test_texts_of_buttons_follow_them_too(scene):
+def test_texts_of_buttons_and_numbers_follow_them_too(scene):
     scene.lfsr.display, scene.cycles.pixel_filter_type = "looking-glass-16", "GAUSSIAN"
     scene.collection.objects.unlink(bpy.data.objects["Sun"])
     assert len(last.check(scene)) > 1
@@ -417,6 +400,7 @@ def test_texts_of_buttons_follow_them_too(scene):
     texts = {named["text"] for name, named in drawn if name in ("operator", "prop", "menu") and named.get("text")}
     assert {"Use Box", "Selection", "View", "Camera"} <= texts
     assert [wrong_label(text) for text in texts if wrong_label(text)] == []
+    assert not any(map(wrong_label, METRICS.values()))
 
 
 def test_buttons_of_one_operator_have_tooltips_of_their_own(scene):
@@ -498,10 +482,6 @@ def test_the_panels_texts_are_plain(scene, state):
     ("the output folder is '//lightfield/', 1/2 of it", "The output folder is '//lightfield/', 1/2 of it")])
 def test_the_panel_shows_the_names_of_paths_alone(message, shown):
     assert words.for_panel(message) == shown
-
-
-def test_names_of_numbers_are_labels():
-    assert not any(map(wrong_label, METRICS.values()))
 
 
 def test_messages_are_sentences():

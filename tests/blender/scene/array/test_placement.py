@@ -238,15 +238,6 @@ def test_a_sheet_along_the_middle_view_is_seen_by_others(scene):
         scene, side_by_side, placement.place_array(scene, side_by_side, {sheet}), {sheet}).values["seen"] == []
 
 
-def test_hair_and_volumes_are_left_to_the_render(scene):
-    """Rays do not meet them."""
-    points = bpy.data.objects.new("points", bpy.data.pointclouds.new("points"))
-    scene.collection.objects.link(points)
-    add_camera(scene, (0, -6, 0)).data.dof.use_dof = True
-    bpy.context.view_layer.update()
-    assert placement.unseen_notice(scene, SMALL, placement.place_array(scene, SMALL, {points}), {points}) is None
-
-
 def test_rays_that_miss_a_scaled_ball_meet_nothing(scene):
     bpy.ops.mesh.primitive_uv_sphere_add(radius=0.5)
     bpy.context.object.scale = 0.24, 0.26, 0.3
@@ -258,14 +249,15 @@ def test_rays_that_miss_a_scaled_ball_meet_nothing(scene):
     assert len(places) > 10 and np.linalg.norm(places, axis=1).max() < 0.2
 
 
-def test_a_subject_that_only_renders_show_is_left_to_the_render(scene):
-    box = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
-    box.hide_viewport = True
-    camera = add_camera(scene, (0, -6, 0))
-    camera.data.dof.use_dof = True
+def test_hair_volumes_and_a_subject_that_only_renders_show_are_left_to_the_render(scene):
+    """Rays do not meet them."""
+    points = bpy.data.objects.new("points", bpy.data.pointclouds.new("points"))
+    scene.collection.objects.link(points)
+    box, camera = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5)), add_camera(scene, (0, -6, 0))
+    box.hide_viewport = camera.data.dof.use_dof = True
     bpy.context.view_layer.update()
-    chosen = {box, camera}
-    assert placement.unseen_notice(scene, SMALL, placement.place_array(scene, SMALL, chosen), chosen) is None
+    for chosen in ({points}, {box, camera}):
+        assert placement.unseen_notice(scene, SMALL, placement.place_array(scene, SMALL, chosen), chosen) is None
 
 
 def test_a_focus_that_walls_override_is_said(scene):
@@ -306,14 +298,10 @@ def test_deep_scenes_get_a_smaller_scale(scene, depths, scale):
     frame.display.low_views(frame.scale)
 
 
-def test_a_scale_that_was_asked_for_stays(scene):
+def test_a_scale_that_was_asked_for_stays_samples_follow_from_the_rays_and_fixed_ones_stay(scene):
     boxes(scene, (1.0, 20.0))
     assert [(frame.scale, frame.scale_reason) for frame in (frame_of(scene, scales=()),
             frame_of(scene, kind="reference"))] == [(4, None), (1, None)]
-
-
-def test_samples_follow_from_the_rays_and_fixed_ones_stay(scene):
-    boxes(scene, (1.0, 20.0))
     deep = [(frame.scale, frame.samples) for frame in (frame_of(scene, rays=4.0), frame_of(scene, samples=64))]
     assert deep == [(1, 4), (1, 64)]
     assert frame_of(scene, samples=64).scale_reason.values["rays"] == 4

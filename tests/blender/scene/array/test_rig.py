@@ -24,15 +24,6 @@ def place(scene):
     return rig.placement(scene, MINI)
 
 
-def test_moving_the_plane_keeps_the_framing(scene):
-    before, _ = place(scene)
-    scene.lfsr.distance = 2 * before.distance
-    after, _ = place(scene)
-    assert after.distance == pytest.approx(2 * before.distance, rel=1e-5)
-    assert after.half_width / after.distance == pytest.approx(before.half_width / before.distance, rel=1e-5)
-    assert after.spacing == pytest.approx(2 * before.spacing, rel=1e-5)
-
-
 def test_the_plane_moves_along_the_view_of_a_scaled_turned_array(scene):
     array = rig.find(scene)
     array.rotation_euler, array.scale = (0.4, 0.3, 1.2), (2, 2, 2)
@@ -71,17 +62,7 @@ def test_array_without_a_direction_is_one_sentence(scene):
     assert "has no direction" in found(scene, "rig").reason
 
 
-def test_spacing_flattens_and_deepens(scene):
-    full, _ = place(scene)
-    scene.lfsr.spacing = 0.5
-    half, _ = place(scene)
-    assert half.spacing == pytest.approx(full.spacing / 2)
-    near, far = rig.usable_depth(full, MINI)
-    nearer, farther = rig.usable_depth(half, MINI)
-    assert nearer < near and farther > far
-
-
-def test_usable_depth_is_the_displays(scene):
+def test_usable_depth_is_the_displays_the_plane_keeps_the_framing_and_spacing_flattens_and_deepens(scene):
     array, _ = place(scene)
     unit = array.distance / MINI.viewing_distance_mm
     for scale in (1, 2):
@@ -89,6 +70,19 @@ def test_usable_depth_is_the_displays(scene):
         near, far = rig.usable_depth(array, MINI, scale)
         assert array.distance - near == pytest.approx(front * unit, rel=1e-4)
         assert far - array.distance == pytest.approx(behind * unit, rel=1e-4)
+    before, _ = place(scene)
+    scene.lfsr.distance = 2 * before.distance
+    after, _ = place(scene)
+    assert after.distance == pytest.approx(2 * before.distance, rel=1e-5)
+    assert after.half_width / after.distance == pytest.approx(before.half_width / before.distance, rel=1e-5)
+    assert after.spacing == pytest.approx(2 * before.spacing, rel=1e-5)
+    full, _ = place(scene)
+    scene.lfsr.spacing = 0.5
+    half, _ = place(scene)
+    assert half.spacing == pytest.approx(full.spacing / 2)
+    near, far = rig.usable_depth(full, MINI)
+    nearer, farther = rig.usable_depth(half, MINI)
+    assert nearer < near and farther > far
 
 
 def test_the_array_is_saved_with_the_file(scene, tmp_path):
@@ -130,7 +124,7 @@ def test_nothing_is_searched_until_objects_come_or_go(scene, monkeypatch):
     assert same() == ("Light Field Array", "Display Plane")
 
 
-def test_undo_and_redo(scene):
+def test_undo_redo_and_another_file(scene, tmp_path):
     assert same()[0]
     bpy.ops.lfsr.array_remove()
     bpy.ops.ed.undo_push(message="no array")
@@ -139,10 +133,6 @@ def test_undo_and_redo(scene):
     assert same() == ("Light Field Array", "Display Plane")
     bpy.ops.ed.redo()
     assert same() == (None, None)
-
-
-def test_another_file(scene, tmp_path):
-    assert same()[0]
     bpy.ops.wm.read_factory_settings(use_empty=True)
     assert same() == (None, None)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
@@ -160,16 +150,6 @@ def test_another_scene(scene):
     bpy.context.window.scene = other
     bpy.data.scenes.remove(scene)
     assert same()[0] == "Its Array"
-
-
-def test_deletion(scene):
-    assert same()[1]
-    bpy.data.objects.remove(bpy.data.objects["Display Plane"])
-    assert rig.drawn(scene)[1] is None, "also before an update"
-    assert same() == ("Light Field Array", None)
-    bpy.data.objects.remove(bpy.data.objects["Light Field Array"])
-    assert rig.drawn(scene)[0] is None and same() == (None, None)
-    assert scene.lfsr.distance == 0 and scene.lfsr.spacing == 1
 
 
 def test_an_array_that_is_unlinked_or_becomes_an_ordinary_camera(scene):
@@ -198,12 +178,18 @@ def test_names_and_the_active_camera_decide_between_two(scene):
     assert same()[0] == "Aardvark"
 
 
-def test_a_plane_that_belongs_to_another_array(scene):
+def test_a_plane_that_belongs_to_another_array_and_deletion(scene):
     array, plane = rig.drawn(scene)
     plane.parent = None
     assert same() == (array.name, None)
     plane.parent = array
     assert same() == (array.name, plane.name)
+    bpy.data.objects.remove(bpy.data.objects["Display Plane"])
+    assert rig.drawn(scene)[1] is None, "also before an update"
+    assert same() == ("Light Field Array", None)
+    bpy.data.objects.remove(bpy.data.objects["Light Field Array"])
+    assert rig.drawn(scene)[0] is None and same() == (None, None)
+    assert scene.lfsr.distance == 0 and scene.lfsr.spacing == 1
 
 
 def test_a_render_farm_that_tells_of_no_changes(tmp_path):

@@ -44,7 +44,7 @@ def test_the_panel_image_is_the_only_result(opened, rendered):
     assert (report.method, report.finish.temporal_averaging) == ("oidn", 0)
 
 
-def test_it_is_complete_for_these_settings_alone(opened, rendered):
+def test_it_is_complete_for_these_settings_alone_and_an_image_without_views_has_no_reference(opened, rendered):
     assert folders.is_made(*folders.requested(opened))
     opened.lfsr.subpixels, opened.lfsr.scale, opened.lfsr.method = False, "1", "oidn"
     assert not folders.is_made(*folders.requested(opened))
@@ -53,6 +53,8 @@ def test_it_is_complete_for_these_settings_alone(opened, rendered):
     (panel.frame_one(rendered) / EIA_FILE).unlink()
     opened.lfsr.subpixels, opened.lfsr.samples = True, 5
     assert not folders.is_made(*folders.requested(opened))
+    opened.lfsr.subpixels = False
+    panel.refused("no views to compare", bpy.ops.lfsr.render_reference)
 
 
 def test_an_animation_keeps_the_frame_that_is_there(opened, rendered, capfd):
@@ -72,8 +74,3 @@ def test_an_animation_keeps_the_frame_that_is_there(opened, rendered, capfd):
 def test_what_needs_a_light_field_says_so(opened, rendered, button, arguments, sentence):
     panel.refused(f"{sentence}.* switch .*off under Quality, Advanced", getattr(bpy.ops.lfsr, button), **arguments)
     assert not (rendered.parent / "job").exists()
-
-
-def test_an_image_without_views_has_no_reference(opened):
-    opened.lfsr.subpixels = False
-    panel.refused("no views to compare", bpy.ops.lfsr.render_reference)

@@ -39,10 +39,12 @@ def frame(add_on, tmp_path):
     return finished(folders.frame_folder(scene), source=folders.source_of(scene))
 
 
-def test_the_viewer_is_written_beside_the_image(frame):
+def test_the_viewer_is_written_beside_the_image_and_every_format_is_in_the_menu(frame, add_on):
     assert bpy.ops.lfsr.open_viewer() == {"FINISHED"}
     assert "two depths" not in (frame / "view.html").read_text(encoding="utf-8")
     assert "5\\u2033 for Trials" in (frame / "view.html").read_text(encoding="utf-8")
+    items = bpy.ops.lfsr.export.get_rna_type().properties["format"].enum_items
+    assert set(items.keys()) == set(FORMATS)
 
 
 @pytest.mark.parametrize(("name", "file"), [("quilt", "two_depths_qs*.png"), ("hci", "parameters.cfg"),
@@ -76,11 +78,6 @@ def test_quilts_of_an_animation_become_a_film(frame):
         assert film.streams.video[0].average_rate == 12
         frames = [frame.to_ndarray(format="rgb24").astype(float) for frame in film.decode(video=0)]
     assert len(frames) == 2 and frames[0].mean() > 1.5 * frames[1].mean()
-
-
-def test_every_format_is_in_the_menu(add_on):
-    items = bpy.ops.lfsr.export.get_rna_type().properties["format"].enum_items
-    assert set(items.keys()) == set(FORMATS)
 
 
 @pytest.mark.parametrize("press", [lambda: bpy.ops.lfsr.open_viewer(), lambda: bpy.ops.lfsr.export(format="quilt"),
@@ -129,12 +126,6 @@ def test_without_bridge_a_lenticular_display_is_shown_full_screen(lenticular_fra
     assert said() == "The browser shows it full screen: move its window to the display and click into it"
 
 
-def test_an_image_for_another_display_is_not_shown(frame):
-    bpy.context.scene.lfsr.display = "small"
-    with pytest.raises(RuntimeError, match="is for the display 5″ for Trials, but the scene's is 14″ for Trials"):
-        bpy.ops.lfsr.show()
-
-
 @pytest.mark.parametrize("press", [lambda: bpy.ops.lfsr.open_viewer(), lambda: bpy.ops.lfsr.show()])
 def test_without_a_browser_it_says_where_the_page_is(frame, browser, press, tmp_path):
     browser.delenv("BROWSER")
@@ -143,12 +134,15 @@ def test_without_a_browser_it_says_where_the_page_is(frame, browser, press, tmp_
     assert said().startswith("There is no browser here: open ") and said().endswith(", in one")
 
 
-def test_a_lens_array_is_shown_full_screen(frame):
+def test_a_lens_array_is_shown_full_screen_and_an_image_for_another_display_is_not(frame):
     assert bpy.ops.lfsr.show() == {"FINISHED"}
     assert "eia.png" in (frame / "show.html").read_text(encoding="utf-8")
     finished(frame.with_name("0002"), frame=2)
     assert bpy.ops.lfsr.show(animation=True) == {"FINISHED"}
     assert (frame.parent / "show.html").read_text(encoding="utf-8").count("eia.png") == 2
+    bpy.context.scene.lfsr.display = "small"
+    with pytest.raises(RuntimeError, match="is for the display 5″ for Trials, but the scene's is 14″ for Trials"):
+        bpy.ops.lfsr.show()
 
 
 def test_a_lenticular_animation_is_shown_as_a_film_of_quilts(lenticular_frame, bridge):
@@ -185,7 +179,4 @@ def test_the_test_picture_is_photographed_and_the_display_calibrated(own_display
     assert made.lfsr.profile_file.endswith("large-calibrated.toml")
     assert load_display(made.lfsr.profile_file).lenticular.pitch_mm == pytest.approx(1.6, rel=2e-5)
     assert (folder / "large-calibrated.png").exists()
-
-
-def test_no_photograph_is_named(own_display):
-    panel.refused("No photograph was chosen", bpy.ops.lfsr.calibrate, directory=str(own_display[1]))
+    panel.refused("No photograph was chosen", bpy.ops.lfsr.calibrate, directory=str(folder))

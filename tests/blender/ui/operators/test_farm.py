@@ -54,6 +54,7 @@ def test_the_openjd_job_is_valid_and_says_what_the_panel_says(scene, tmp_path, c
     assert {entry["name"]: entry["value"] for entry in bundle} == values
     said = capsys.readouterr().out
     assert f"the job is in {job}" in said and "deadline bundle gui-submit" in said
+    assert {name for name, _, _ in buttons.FARM_ITEMS} == set(TEMPLATES), "every farm is in the menu"
 
 
 @pytest.mark.skipif(not node() and not os.environ.get("CI"), reason="needs Node")
@@ -91,10 +92,6 @@ def test_what_cannot_be_is_said(scene, tmp_path, options, sentence):
     assert not list(tmp_path.glob("job/*.json"))
 
 
-def test_every_farm_is_in_the_menu():
-    assert {name for name, _, _ in buttons.FARM_ITEMS} == set(TEMPLATES)
-
-
 @pytest.fixture
 def few(add_on, tmp_path, monkeypatch):
     """A small scene and a plan of few renders."""
@@ -118,20 +115,6 @@ def test_plan_is_found_shown_and_used(few):
     assert not list(Path(bpy.app.tempdir).glob("lfsr-*")), "what was rendered is gone"
 
 
-def test_a_plan_that_finds_nothing_has_nothing_to_use(few):
-    plan.show(0.95, few.name, Choice(None, None, Notice("plan-limit-unmeasured")))
-    drawn = draw(panels.LFSR_PT_plan)
-    assert "Nothing reaches" in labels(drawn) and operators(drawn) == {"lfsr.plan"}
-    panel.refused("No settings were found", bpy.ops.lfsr.plan_use)
-
-
-def test_a_plan_of_another_scene_is_not_shown(few):
-    plan.show(0.9, "Other", Choice(Rated(2, 4, DEFAULT_METHOD, 3.0, Estimate(0.95, 0.91, 48)), None))
-    drawn = draw(panels.LFSR_PT_plan)
-    assert properties(drawn) == {"plan_target"} and "0.91" not in labels(drawn)
-    panel.refused("No settings were found for scene 'Scene'", bpy.ops.lfsr.plan_use)
-
-
 def test_cancel_ends_the_render_it_started(few):
     context = bpy.context
     few.lfsr.display = "bupt-32in-8k"  # its quick render alone would go on for many seconds
@@ -146,8 +129,16 @@ def test_cancel_ends_the_render_it_started(few):
     assert not context.window_manager.lfsr.plan_text, "nothing is said that was not measured"
 
 
-def test_what_it_costs_is_said_before(few):
+def test_what_a_plan_costs_is_said_before_and_one_that_finds_nothing_or_of_another_scene_is_not_used(few):
     assert "as long as" in labels(draw(panels.LFSR_PT_plan)) and "images at most" in labels(draw(panels.LFSR_PT_plan))
     state = bpy.context.window_manager.lfsr
     state.probe_scene, state.probe_per_path = few.name_full, 1e-6
     assert "Takes 10 s at most" in labels(draw(panels.LFSR_PT_plan))
+    plan.show(0.95, few.name, Choice(None, None, Notice("plan-limit-unmeasured")))
+    drawn = draw(panels.LFSR_PT_plan)
+    assert "Nothing reaches" in labels(drawn) and operators(drawn) == {"lfsr.plan"}
+    panel.refused("No settings were found", bpy.ops.lfsr.plan_use)
+    plan.show(0.9, "Other", Choice(Rated(2, 4, DEFAULT_METHOD, 3.0, Estimate(0.95, 0.91, 48)), None))
+    drawn = draw(panels.LFSR_PT_plan)
+    assert properties(drawn) == {"plan_target"} and "0.91" not in labels(drawn)
+    panel.refused("No settings were found for scene 'Scene'", bpy.ops.lfsr.plan_use)

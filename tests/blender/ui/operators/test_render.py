@@ -58,7 +58,7 @@ def test_a_scene_without_an_array_gets_one(scene):
     assert read_json(folder / "report.json", "report")["foreground_fraction"] > 0.05
 
 
-def test_preview_shows_the_view_of_the_eye(opened, rendered):
+def test_preview_shows_the_view_of_the_eye_and_in_another_file_not_the_old_ones(opened, rendered):
     assert bpy.ops.lfsr.preview_view() == {"FINISHED"}
     image = bpy.data.images[images.IMAGE_NAME]
     views = np.load(folders.views_file(panel.frame_one(rendered)))
@@ -69,10 +69,6 @@ def test_preview_shows_the_view_of_the_eye(opened, rendered):
         times = image.size[0] // 16
         shown = pixels[::-1, :, :3][times // 2::times, times // 2::times]
         assert np.allclose(shown, views[index] / 255, atol=0.01), eye
-
-
-def test_another_file_does_not_show_the_old_ones_views(opened, rendered):
-    bpy.ops.lfsr.preview_view()
     assert images.show(opened, (0, 0))
     bpy.ops.wm.open_mainfile(filepath=str(rendered))
     assert not images.show(bpy.context.scene, (0, 0))
