@@ -72,7 +72,7 @@ def test_reconstruction_in_memory_is_that_of_a_folder(tmp_path):
     assert same[lenses].mean() > 0.9
 
 
-def test_the_list_of_names_is_complete_and_documented():
+def test_the_list_of_names_is_complete_documented_and_loads_nothing_heavy():
     assert {*lfsr_core.__all__} == {"__version__", *" ".join(lfsr_core._MODULES.values()).split()}
     with pytest.raises(AttributeError, match="no attribute 'finish_frames'"):
         _ = lfsr_core.finish_frames
@@ -80,9 +80,6 @@ def test_the_list_of_names_is_complete_and_documented():
         value = getattr(lfsr_core, name)
         assert name in dir(lfsr_core)
         assert isinstance(value, str) or value.__doc__
-
-
-def test_importing_the_package_loads_nothing_heavy():
     code = "import sys, lfsr_core; print(sorted({'numpy', 'torch', 'bpy', 'OpenImageIO'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

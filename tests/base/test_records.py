@@ -61,13 +61,6 @@ def test_a_record_comes_back_from_json_as_it_went(sheet: Sheet) -> None:
     assert json.dumps(to_data(from_data(Sheet, data, "sheet"))) == json.dumps(data)
 
 
-def test_a_file_holds_a_record(tmp_path) -> None:
-    sheet = from_data(Sheet, GOOD, "sheet")
-    write_record(tmp_path / "sheet.json", sheet)
-    assert read_record(tmp_path / "sheet.json", Sheet, "a sheet") == sheet
-    refuses(r"other\.json does not exist, expected a sheet", read_record, tmp_path / "other.json", Sheet, "a sheet")
-
-
 @pytest.mark.parametrize(("change", "parts"), [
     ({"count": 1.0}, ("count is 1.0", "a whole number")), ({"count": True}, ("count is True", "a whole number")),
     ({"share": True}, ("share is True", "a finite number")), ({"share": "0.5"}, ("share is '0.5'", "a finite number")),
@@ -107,10 +100,14 @@ def test_a_missing_field_is_named_and_a_misspelt_one_gets_a_hint():
         refuses("sheet: it is .*, but it must be an object", from_data, Sheet, data, "sheet")
 
 
-def test_what_could_not_be_read_back_is_not_written(tmp_path) -> None:
+def test_what_could_not_be_read_back_is_not_written_and_a_file_holds_a_record(tmp_path):
     with pytest.raises(LfsrError, match="share is inf, but it must be a finite number"):
         write_record(tmp_path / "sheet.json", Sheet("a", 1, math.inf, True))
     assert not list(tmp_path.iterdir())
+    sheet = from_data(Sheet, GOOD, "sheet")
+    write_record(tmp_path / "sheet.json", sheet)
+    assert read_record(tmp_path / "sheet.json", Sheet, "a sheet") == sheet
+    refuses(r"other\.json does not exist, expected a sheet", read_record, tmp_path / "other.json", Sheet, "a sheet")
 
 
 @settings(max_examples=50)
@@ -143,7 +140,7 @@ def test_plain_lines_for_new_stages_and_ends_only():
     assert unused.getvalue() == ""
 
 
-def test_terminal_line_moves_and_stays_in_place_within_a_stage():
+def test_terminal_line_moves_within_a_stage_and_a_notice_has_its_own_line_once_also_amid_a_bar():
     stream = Terminal()
     tell = ProgressBar(stream)
     tell(Progress("render", 0.0))
@@ -155,9 +152,6 @@ def test_terminal_line_moves_and_stays_in_place_within_a_stage():
     assert "\rrender     " + "█" * 15 + "░" * 15 + "  50%  half" in text
     assert "█" * 30 in text
     assert "█" * 31 not in text
-
-
-def test_a_notice_has_its_own_line_once_also_amid_a_bar():
     stream = Terminal()
     tell = ProgressBar(stream)
     tell(Progress("render", 0.5))

@@ -196,17 +196,14 @@ def test_the_shaders_formula(slope, interval, x0):
     assert profile.views == (40, 1) and off_the_formula(profile, slope, interval, x0) < 1e-9
 
 
-def test_the_built_in_profile_has_typical_numbers():
+def test_the_built_in_profiles_have_typical_numbers_and_the_views_of_a_hologram_printer():
     profile = load_display("cubevi-c1")
     assert off_the_formula(profile, *TYPICAL) < 1e-3
     typed = profile_of_c1(*TYPICAL)
     assert (profile.lenses, profile.panel_mm) == (typed.lenses, pytest.approx(typed.panel_mm))
     for numbers in [(3, 19.6, 8.9), (0.1, 0, 8.9), (0.1, 19.6, float("nan")), (float("inf"), 19, 1)]:
         refuses("must be between", profile_of_c1, *numbers)
-
-
-def test_the_views_of_a_hologram_printer():
-    """Behind each hogel are the 23 views, each in the middle of four, the leftmost at its right end."""
+    # Behind each hogel are the 23 views, each in the middle of four, the leftmost at its right end.
     profile = load_display("litiholo")
     columns = np.arange(46)
     rays = subpixel_rays(profile, 0, np.full(46, 100), columns)

@@ -73,7 +73,11 @@ def test_a_connected_display_becomes_the_same_profile_as_its_calibration(bridge,
     assert load_display(ours) == load_display(theirs)
 
 
-def test_which_connected_display_is_said_or_asked(bridge, tmp_path, capsys):
+def test_which_connected_display_is_said_or_asked_and_without_bridge_no_profile_is_written(monkeypatch, tmp_path,
+                                                                                           capsys, bridge):
+    monkeypatch.setenv(loopback.PORT_VARIABLE, "1")
+    assert "is not running" in fails(["displays", "--bridge", "-o", str(tmp_path / "desk.toml")], capsys)
+    assert not list(tmp_path.iterdir())
     output = ["-o", str(tmp_path / "desk.toml")]
     bridge()
     assert "2 displays are connected, but a profile is of one: name one of 1 (LKG-P1), 2 (LKG-J2)" in fails(
@@ -82,12 +86,6 @@ def test_which_connected_display_is_said_or_asked(bridge, tmp_path, capsys):
     bridge(devices=[PORTRAIT])
     assert main(["displays", "--bridge", *output]) == 0
     assert load_display(tmp_path / "desk.toml").panel_pixels == (1536, 2048)
-
-
-def test_without_bridge_no_profile_is_written(monkeypatch, tmp_path, capsys):
-    monkeypatch.setenv(loopback.PORT_VARIABLE, "1")
-    assert "is not running" in fails(["displays", "--bridge", "-o", str(tmp_path / "desk.toml")], capsys)
-    assert not list(tmp_path.iterdir())
 
 
 def test_the_three_numbers_of_a_cubevi(tmp_path, capsys):

@@ -109,16 +109,10 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_frame(folder):
-    check(read_data(folder / "frame.json"), "frame.json")
-
-
-def test_report(folder):
-    check(read_data(folder / "report.json"), "report.json")
-
-
 @pytest.mark.parametrize(("lenses", "kind"), [(None, "whole"), (((3, 5), (4, 6), (5, 7), (0, 0), (1, 1)), "list")])
-def test_metrics(folder, tmp_path, lenses, kind):
+def test_frame_report_and_metrics(folder, tmp_path, lenses, kind):
+    for name in ("frame.json", "report.json"):
+        check(read_data(folder / name), name)
     compare_folders(folder, write_reference(tmp_path, lens_list=lenses))
     metrics = read_data(folder / "report.json")["metrics"]
     check(metrics, "metrics", kind)

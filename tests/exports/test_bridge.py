@@ -124,7 +124,7 @@ def test_a_display_of_which_little_is_known(bridge, entry):
     assert chosen([unknown], None, 16 / 9) == unknown, "Bridge may know better"
 
 
-def test_a_call_to_this_computer_returns_the_answers_data(bridge):
+def test_a_call_to_this_computer_returns_the_answers_data_also_by_the_other_protocol(bridge, monkeypatch):
     stand_in = bridge()
     answer = loopback.put("enter_orchestration", {"name": "default"})
     assert answer["payload"]["value"] == TOKEN
@@ -133,6 +133,14 @@ def test_a_call_to_this_computer_returns_the_answers_data(bridge):
     assert request["headers"]["Host"] == f"localhost:{stand_in.port}"
     assert loopback.put("no_such_endpoint", {}) is None
     assert loopback.ADDRESSES == ("127.0.0.1", "::1")
+    try:
+        server = socket.create_server(("::1", 0), family=socket.AF_INET6)
+    except OSError:
+        pytest.skip("this computer has no IPv6")
+    with server:
+        monkeypatch.setenv(loopback.PORT_VARIABLE, str(server.getsockname()[1]))
+        refuses("did not answer", loopback.put, "x", {}, 0.2)
+        server.accept()[0].close()
 
 
 @pytest.mark.parametrize(("fault", "message"), [
@@ -166,17 +174,6 @@ def test_nobody_listens_there_is_no_other_protocol_or_no_port(monkeypatch):
     for port in ["", "0", "65536", "-1", "80 ", "example.org:80", "٣", "1e3", "999999999999"]:
         monkeypatch.setenv(loopback.PORT_VARIABLE, port)
         refuses("LFSR_BRIDGE_PORT is .* must be a port from 1 to 65535", loopback.put, "x", {})
-
-
-def test_a_server_of_the_other_protocol_is_found(monkeypatch):
-    try:
-        server = socket.create_server(("::1", 0), family=socket.AF_INET6)
-    except OSError:
-        pytest.skip("this computer has no IPv6")
-    with server:
-        monkeypatch.setenv(loopback.PORT_VARIABLE, str(server.getsockname()[1]))
-        refuses("did not answer", loopback.put, "x", {}, 0.2)
-        server.accept()[0].close()
 
 
 WATCHED = """

@@ -290,7 +290,15 @@ def test_refused(folder, tmp_path, name, options, named):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_refused_for_what_the_folder_lacks(tmp_path):
+def test_what_the_folder_or_the_computer_lacks_is_named(folder, tmp_path, monkeypatch):
+    for kind, package in (("mp4", "av"), ("gif", "PIL")):
+        monkeypatch.setitem(__import__("sys").modules, package, None)
+        refuses("pip install", export, folder, "sway", tmp_path / "out", ExportOptions(type=kind, seconds=0.1))
+    assert list(tmp_path.iterdir()) == []
+    assert set(FORMATS) == set(WRITERS)
+    for options in [{"views": (0, 1)}, {"eyes_mm": -1.0}, {"eyes_mm": math.nan}, {"seconds": 1e9}]:
+        refuses("must be", ExportOptions, **options)
+    monkeypatch.undo()
     folder = finished(tmp_path / "frame")
     (folder / "eia.exr").unlink()
     refuses("has no eia.exr", export, folder, "views", options=ExportOptions(type="exr"))
@@ -301,16 +309,6 @@ def test_refused_for_what_the_folder_lacks(tmp_path):
     assert not (folder / "export").exists()
     (folder / "export").write_text("a file")
     refuses("choose another folder", export, finished(folder), "quilt")
-
-
-def test_a_missing_encoder_is_named(folder, tmp_path, monkeypatch):
-    for kind, package in (("mp4", "av"), ("gif", "PIL")):
-        monkeypatch.setitem(__import__("sys").modules, package, None)
-        refuses("pip install", export, folder, "sway", tmp_path / "out", ExportOptions(type=kind, seconds=0.1))
-    assert list(tmp_path.iterdir()) == []
-    assert set(FORMATS) == set(WRITERS)
-    for options in [{"views": (0, 1)}, {"eyes_mm": -1.0}, {"eyes_mm": math.nan}, {"seconds": 1e9}]:
-        refuses("must be", ExportOptions, **options)
 
 
 def pfm(path) -> np.ndarray:
@@ -396,7 +394,7 @@ def test_disparity_of_one_row_of_views_lies_where_things_are(tmp_path):
     assert (central_disparity(field)[:, 28] > 0).tolist() == near[:, 28].tolist()
 
 
-def test_hci_without_a_position_layer_says_so(tmp_path):
+def test_hci_without_a_position_layer_says_so_and_lenses_may_not_be_square(tmp_path):
     folder = finished(tmp_path / "frame")
     frame = read_frame(folder)
     write_frame(folder, dataclasses.replace(frame, layers=()))
@@ -404,12 +402,10 @@ def test_hci_without_a_position_layer_says_so(tmp_path):
     files = export(folder, "hci", tmp_path / "out", ExportOptions(views=(2, 2), tell=told))
     assert [path.name for path in files] == [f"input_Cam00{i}.png" for i in range(4)] + ["parameters.cfg"]
     assert Notice("disparity-missing") in told.notices
-
-
-def test_hci_of_lenses_that_are_not_square(tmp_path):
-    refuses("same proportion", export, finished(tmp_path / "frame", TALL), "hci", options=ExportOptions(views=(4, 4)))
-    files = export(tmp_path / "frame", "hci", options=ExportOptions(views=(2, 3)))
-    disparity = pfm(tmp_path / "frame" / "export" / "hci" / "gt_disp_lowres.pfm")
+    tall = finished(tmp_path / "tall", TALL)
+    refuses("same proportion", export, tall, "hci", options=ExportOptions(views=(4, 4)))
+    files = export(tall, "hci", options=ExportOptions(views=(2, 3)))
+    disparity = pfm(tall / "export" / "hci" / "gt_disp_lowres.pfm")
     assert len(files) == 8 and disparity.shape == (12, 16)
     spacing, pitch = TALL.camera_spacing_mm * 4, TALL.lens_pitch_mm[0]
     assert disparity[4, 6] == pytest.approx((1 / 0.8 - 1) * spacing / pitch, rel=1e-3)

@@ -36,15 +36,12 @@ def test_size_is_that_of_the_image_and_a_little(folder, tmp_path, quality):
     assert written.bytes == written.path.stat().st_size <= (folder / "eia.png").stat().st_size + OVERHEAD
 
 
-def test_lossless_is_the_image_bit_for_bit_and_nothing_is_fetched(folder, tmp_path):
+def test_lossless_is_the_image_and_by_default_nothing_is_lost_where_that_would_show_or_fetched(folder, tmp_path):
     (image,) = images(write_page([folder], tmp_path / "page.html", 100).path)
     np.testing.assert_array_equal(image, read_png(folder / "eia.png"))
     text = write_page([folder], tmp_path / "page.html").path.read_text(encoding="utf-8")
     assert not re.search(r"""(?:src|href)\s*=\s*["'](?!data:)|url\(|@import|https?://|fetch\(|XMLHttp""", text)
     assert not re.search(r"/\*(?:STYLE|SHADER|SCRIPT)\*/|<!--IMAGES", text)
-
-
-def test_by_default_it_loses_nothing_where_that_would_show(folder, tmp_path):
     (strong,) = images(write_page([folder], tmp_path / "page.html").path)
     np.testing.assert_array_equal(strong, read_png(folder / "eia.png"))
     grey = finished(tmp_path / "grey", TALL)
@@ -93,7 +90,7 @@ def test_fewer_views_keep_every_lens():
     np.testing.assert_array_equal(tiles[0, 0, 0, :, 0], [0, 2, 4])
 
 
-def test_refused(folder, tmp_path):
+def test_what_is_refused_and_a_large_page_noted(folder, tmp_path, monkeypatch):
     with pytest.raises(LfsrError, match="shown together: give frames of one display"):
         write_page([folder, finished(tmp_path / "direct", DIRECT)], tmp_path / "page.html")
     (tmp_path / "empty").mkdir()
@@ -102,9 +99,6 @@ def test_refused(folder, tmp_path):
     refuses("is no frame folder and holds none", write_page, [tmp_path / "empty"])
     refuses("does not exist", write_page, [tmp_path / "nowhere"])
     assert not list(tmp_path.glob("**/*.html"))
-
-
-def test_a_large_page_is_noted_and_one_that_is_too_large_refused(folder, tmp_path, monkeypatch):
     monkeypatch.setattr(page, "WARN_BYTES", 1000)
     told = Told()
     made = write_page([folder], tmp_path / "page.html", tell=told)

@@ -31,14 +31,11 @@ FRAME = Frame(
     light="city", seconds={"render": 1.5})
 
 
-def test_round_trip_keeps_every_field(tmp_path):
+def test_round_trip_keeps_every_field_and_rays_follow_the_frame(tmp_path):
     defaults = {field.name: field.default for field in dataclasses.fields(Frame)}
     assert all(getattr(FRAME, name) != default for name, default in defaults.items())
     write_frame(tmp_path, FRAME)
     assert read_part(tmp_path) == FRAME
-
-
-def test_rays_follow_the_frame(tmp_path):
     rays = FRAME.rays
     assert rays.views == (4, 4)
     assert rays.spacing == pytest.approx(2 * FRAME.array.spacing)

@@ -120,7 +120,7 @@ def test_a_scene_is_known_by_size_and_time_of_its_files(tmp_path):
     refuses("b.blend", scene_stamp, tmp_path / "b.blend")
 
 
-def test_of_records_and_tuples_the_part_that_differs_is_shown():
+def test_of_what_differs_the_part_or_the_field_is_shown_and_no_record_printed():
     other = dataclasses.replace(FRAME, array=CameraArray.for_display(MINI, 9), clip=(0.5, 9.0))
     assert folder.first_difference(vars(FRAME), vars(other)) == "array"
     here, there = phrases("array", FRAME.array, other.array)
@@ -129,9 +129,6 @@ def test_of_records_and_tuples_the_part_that_differs_is_shown():
     assert phrases("clip", None, other.clip) == ("no clip", "clip (0.5, 9.0)")
     assert phrases("lens_list", LENSES, LENSES[::-1]) == ("other 2 lenses", "2 lenses")
     assert folder.first_difference(vars(FRAME), vars(FRAME)) == ""
-
-
-def test_of_displays_that_differ_the_field_is_named_and_no_record_printed():
     stripes, device = lenticular(), cells()
     assert phrases("display", stripes, device) == ("no display subpixels", "display subpixels")
     other = dataclasses.replace(device, lenticular=dataclasses.replace(device.lenticular, flip=(True, False)))
@@ -174,13 +171,17 @@ def test_a_backslash_is_refused_because_blender_takes_it_for_a_slash(output):
     refuses("output .* has a backslash, which Blender takes for a slash: choose another", make_request, output, MINI)
 
 
-def test_json_round_trip_keeps_every_field(tmp_path):
+def test_json_round_trip_keeps_every_field_and_a_bad_job_file_is_named(tmp_path):
     plain = make_request("out", MINI)
     same = {key for key, value in to_data(plain).items() if to_data(FULL)[key] == value}
     assert same == {"output", "display", "rows"}, "a field left at its default could be lost unnoticed"
     for job in (FULL, plain, make_request("out", MINI, rows=(2, 5))):
         write_record(tmp_path / "job.json", job)
         assert read_request(tmp_path / "job.json") == job
+    (tmp_path / "job.json").write_text(json.dumps(to_data(FULL) | {"sed": 3}))
+    refuses("job.json: unknown field 'sed'", read_request, tmp_path / "job.json")
+    (tmp_path / "job.json").write_text("[]")
+    refuses("it is .., but it must be an object", read_request, tmp_path / "job.json")
 
 
 @pytest.mark.parametrize(("options", "message"), [
@@ -204,13 +205,6 @@ def test_bad_value_is_named(options, message):
     refuses(message, make_request, "out", MINI, **options)
 
 
-def test_a_bad_job_file_is_named(tmp_path):
-    (tmp_path / "job.json").write_text(json.dumps(to_data(FULL) | {"sed": 3}))
-    refuses("job.json: unknown field 'sed'", read_request, tmp_path / "job.json")
-    (tmp_path / "job.json").write_text("[]")
-    refuses("it is .., but it must be an object", read_request, tmp_path / "job.json")
-
-
 def test_samples_follow_from_the_rays_at_the_chosen_scale():
     job = make_request("out", MINI, scale=4, samples=5, scales=(4, 2, 1), frames=(1,))
     assert job.with_scale(ScaleChoice(2, DEEP)) == make_request("out", MINI, scale=2, samples=5, reason=DEEP)
@@ -230,16 +224,13 @@ def test_a_noisy_scene_takes_more_rays_and_stays_the_same_render():
         assert (folder.wanted_facts(job, frame)["samples"] == samples) == same
 
 
-def test_scene_is_checked_before_blender_starts(tmp_path):
+def test_scene_and_light_are_checked_before_blender_starts(tmp_path, monkeypatch):
     (tmp_path / "scene.GLB").touch()
     assert check_scene(tmp_path / "scene.GLB") == str(tmp_path / "scene.GLB")
     refuses(r"absent.blend does not exist", check_scene, tmp_path / "absent.blend")
     refuses(r"scene \S+ is no file: check the path", check_scene, tmp_path)
     (tmp_path / "scene.fbx").touch()
     refuses(r"scene.fbx is not a scene file.*\.blend, \.glb", check_scene, tmp_path / "scene.fbx")
-
-
-def test_a_light_is_a_name_or_a_file_that_is_there(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "Sky.HDR").touch()
     (tmp_path / "a.hdr").mkdir()
@@ -249,12 +240,18 @@ def test_a_light_is_a_name_or_a_file_that_is_there(tmp_path, monkeypatch):
         refuses(sentence, check_light, light)
 
 
-def test_a_finish_is_read_as_it_was_written():
+def test_a_finish_and_a_report_are_read_as_they_were_written(tmp_path):
     finish = Finish("bicubic", 2, "weights.tza", True, 1)
     assert from_data(Finish, to_data(finish), "finish") == finish and Finish.of("bicubic") == Finish("bicubic")
     for options in [{"dilate": -1}, {"temporal_averaging": -1},
                                          {"temporal_averaging": MOST_AVERAGED + 1}, {"temporal_averaging": 10**400}]:
         refuses("", Finish, "bicubic", **options)
+    report = Report(Finish("bicubic", temporal_averaging=2), "bicubic", "mini", 2, 16, {"render": 1.0}, None, 0.5,
+                    (Notice("scale-unseen", {"scale": 2}),), metrics={"p": 0.5})
+    records.write_report(tmp_path, report)
+    assert records.read_report(tmp_path) == report
+    data = json.loads((tmp_path / "report.json").read_text())
+    assert (data["foreground_fraction"], data["finish"]["temporal_averaging"]) == (0.5, 2)
 
 
 @pytest.mark.parametrize("count", range(MOST_AVERAGED + 1))
@@ -285,12 +282,3 @@ def test_a_few_are_spread_over_all(frames, most):
     assert most < 2 or not frames or (few[0], few[-1]) == (frames[0], frames[-1])
     steps = [frames.index(second) - frames.index(first) for first, second in itertools.pairwise(few)]
     assert not steps or max(steps) - min(steps) <= 1
-
-
-def test_a_report_comes_back(tmp_path):
-    report = Report(Finish("bicubic", temporal_averaging=2), "bicubic", "mini", 2, 16, {"render": 1.0}, None, 0.5,
-                    (Notice("scale-unseen", {"scale": 2}),), metrics={"p": 0.5})
-    records.write_report(tmp_path, report)
-    assert records.read_report(tmp_path) == report
-    data = json.loads((tmp_path / "report.json").read_text())
-    assert (data["foreground_fraction"], data["finish"]["temporal_averaging"]) == (0.5, 2)

@@ -53,7 +53,7 @@ def numbered_eia(lenses=(16, 12), views=(8, 8)) -> np.ndarray:
     return from_views(np.stack([u, v, i], axis=-1))
 
 
-def test_sheet_shows_evenly_spaced_views_in_camera_order():
+def test_sheet_shows_evenly_spaced_views_in_camera_order_and_each_of_few_once():
     sheet = contact_sheet(numbered_eia(), (16, 12), across=4)
     times = 12  # 16 lenses are enlarged to at least 192 pixels
     cell = np.array([12 * times + 4, 16 * times + 4])
@@ -65,9 +65,6 @@ def test_sheet_shows_evenly_spaced_views_in_camera_order():
             assert (view[..., 0] == 2 * column + 1).all()
             assert (view[..., 1] == 2 * row + 1).all()
             np.testing.assert_array_equal(view[0, ::times, 2], np.arange(16))
-
-
-def test_sheet_of_few_views_shows_each_once():
     sheet = contact_sheet(numbered_eia(views=(2, 3)), (16, 12), across=5)
     assert {tuple(pixel) for pixel in sheet.reshape(-1, 3)[:, :2]} == (
         {(u, v) for u in range(2) for v in range(3)} | {(255, 255)})
@@ -109,16 +106,13 @@ def marked(mask):
     return {tuple(map(int, lens)) for lens in np.argwhere(mask)}
 
 
-def test_any_hit_however_faint_marks_its_lens_and_no_other():
+def test_any_hit_however_faint_marks_its_lens_and_no_subject_is_said_with_what_is_shown():
     mask = foreground_mask(layers(alpha=image((0, 2), (5, 9), value=1e-3)), LENSES)
     assert mask.shape == (4, 5)
     assert marked(mask) == {(0, 0), (2, 3)}
     mask = foreground_mask(layers(alpha=image((0, 0))), LENSES, dilate=1)
     assert marked(mask) == {(0, 0), (0, 1), (1, 0), (1, 1)}
     assert foreground_mask(layers(alpha=image((4, 7))), LENSES, dilate=2).sum() == 20
-
-
-def test_a_render_without_its_subject_is_said_with_what_it_shows():
     wall = image((0, 0), (1, 1), (2, 2))
     edge = image((0, 0), (1, 1), value=2.0)  # where a ray passed the wall first, the index is 0
     for seen, said in ((layers(), 0.0), (layers(alpha=wall, index=edge), 3 / wall.size)):

@@ -90,7 +90,8 @@ def test_unknown_names_are_one_clear_sentence(settings, message):
     refuses(message, ViewTransform, settings)
 
 
-def test_configuration_named_by_the_frame_or_the_environment_comes_first(tmp_path, monkeypatch):
+def test_the_frames_configuration_comes_before_the_environments_and_a_damaged_one_is_one_sentence(tmp_path,
+                                                                                                  monkeypatch):
     (tmp_path / "named.ocio").touch()
     (tmp_path / "environment.ocio").touch()
     monkeypatch.setenv("OCIO", str(tmp_path / "environment.ocio"))
@@ -99,6 +100,11 @@ def test_configuration_named_by_the_frame_or_the_environment_comes_first(tmp_pat
     monkeypatch.delenv("OCIO", raising=False)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     refuses("install the package bpy", find_config, ColorSettings())
+    config = tmp_path / "config.ocio"
+    config.write_text("ocio_profile_version: 2\nroles: [" + "x" * 1000)
+    refuses(r"config\.ocio cannot be used as a colour configuration", ViewTransform, ColorSettings(config=str(config)))
+    for numbers in [{"exposure": float("nan")}, {"exposure": 1e4}, {"gamma": -1.0}]:
+        refuses("exposure is .* and gamma .*, but they must be between", ColorSettings, **numbers)
 
 
 @needs_bpy
@@ -109,14 +115,6 @@ def test_the_plain_view_needs_no_blender(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     np.testing.assert_array_equal(ViewTransform(ColorSettings()).to_uint8(linear), from_blender)
     refuses("install the package bpy", ViewTransform, ColorSettings(view_transform="AgX"))
-
-
-def test_damaged_configuration_is_one_sentence(tmp_path):
-    config = tmp_path / "config.ocio"
-    config.write_text("ocio_profile_version: 2\nroles: [" + "x" * 1000)
-    refuses(r"config\.ocio cannot be used as a colour configuration", ViewTransform, ColorSettings(config=str(config)))
-    for numbers in [{"exposure": float("nan")}, {"exposure": 1e4}, {"gamma": -1.0}]:
-        refuses("exposure is .* and gamma .*, but they must be between", ColorSettings, **numbers)
 
 
 MANY = 1 << 25

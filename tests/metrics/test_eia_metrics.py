@@ -77,7 +77,7 @@ def test_whole_comparison_reports_every_metric_from_its_own_pixels():
     assert found["flip"] == pytest.approx(eia_metrics.mean_flip(X, (A + B) / 2), abs=1e-6)
 
 
-def test_foreground_metrics_ignore_the_background_and_the_other_way_round():
+def test_foreground_metrics_ignore_the_background_and_values_above_display_white_do_not_count():
     x, a, b = eia_case()
     before = compared(x, a, b, LENSES, MASK)
     worse = x.copy()
@@ -86,9 +86,6 @@ def test_foreground_metrics_ignore_the_background_and_the_other_way_round():
     for name in ("ssim_eia_fg", "ssim_lens_fg", "psnr_fg"):
         assert after[name] == pytest.approx(before[name], abs=1e-9)
     assert after["ssim_eia"] < before["ssim_eia"] - 0.02
-
-
-def test_values_above_display_white_do_not_count():
     x, a, b = eia_case()
     bright = [values.copy() for values in (x, a, b)]
     for values, level in zip(bright, (3, 5, 7), strict=True):
@@ -192,7 +189,7 @@ def test_a_frame_that_is_finished_anew_meanwhile_keeps_its_own_report(tmp_path, 
     assert (report["method"], report["metrics"]) == ("nearest", {})
 
 
-def test_sampled_recall_is_unbiased_under_unequal_sampling():
+def test_sampled_recall_is_unbiased_and_unknown_with_few_samples_outside_the_mask():
     rng = np.random.default_rng(3)
     truth = rng.random((30, 40)) < 0.4
     mask = truth & (rng.random(truth.shape) < 0.8)
@@ -202,9 +199,6 @@ def test_sampled_recall_is_unbiased_under_unequal_sampling():
         listed = np.concatenate([rng.permutation(inside)[:60], rng.permutation(outside)[:20]])
         estimates.append(sampled_recall(mask, truth[tuple(listed.T)], tuple(map(tuple, listed))))
     assert np.mean(estimates) == pytest.approx((mask & truth).sum() / truth.sum(), abs=0.02)
-
-
-def test_sampled_recall_is_unknown_with_few_samples_outside_the_mask():
     mask = np.zeros((4, 40), bool)
     mask[0] = True
     listed = tuple((row, column) for row, columns in ((0, 20), (1, 3)) for column in range(columns))

@@ -41,15 +41,20 @@ def looking(image, x=0.0, y=0.0, z=None):
     return eye_view(on_panel(image), MINI, (x, y, MINI.viewing_distance_mm if z is None else z), width=0)
 
 
-def test_an_eye_where_a_camera_stood_sees_that_cameras_view():
+def test_an_eye_where_a_camera_stood_sees_its_view_and_beyond_the_zone_it_repeats_one_lens_on():
     image = np.random.default_rng(0).random((96, 128, 3)).astype(np.float32)
     views = to_views(image, MINI.lenses)
     offset = view_offset(np.arange(8), 8, ARRAY.spacing)
     for row, column in ((0, 0), (2, 5), (7, 7), (3, 0)):
         np.testing.assert_array_equal(looking(image, offset[column], -offset[row]), views[row, column])
+    zone = 8 * ARRAY.spacing
+    offset = view_offset(np.arange(8), 8, ARRAY.spacing)[2]
+    inside, outside = looking(image, offset), looking(image, offset + zone)
+    np.testing.assert_array_equal(outside[:, 1:], inside[:, :-1])
+    assert (outside[:, 0] == 0).all(), "left of the panel there is nothing"
 
 
-def test_near_things_move_against_the_eye_and_far_things_with_it():
+def test_near_things_move_against_the_eye_far_ones_with_it_and_those_on_the_display_stand_still():
     x, y = center(looking(painted((-30, 20, 1.0, PLANE))), PLANE)
     assert x < 5.5 and y < 4, "left is left and up is up"
     image = painted((0, 0, 1.2, FAR), (0, 0, 0.8, NEAR))
@@ -61,20 +66,8 @@ def test_near_things_move_against_the_eye_and_far_things_with_it():
         upwards = -1 if axis else 1  # rows count downwards
         assert near * upwards < -1
         assert far * upwards > 0.5
-
-
-def test_things_on_the_display_stand_still():
     image = painted((30, 0, 1.0, PLANE))
     assert np.ptp([center(looking(image, x), PLANE)[0] for x in (-50, 0, 50)]) < 1e-6
-
-
-def test_beyond_the_viewing_zone_the_view_repeats_one_lens_on():
-    image = np.random.default_rng(0).random((96, 128, 3)).astype(np.float32)
-    zone = 8 * ARRAY.spacing
-    offset = view_offset(np.arange(8), 8, ARRAY.spacing)[2]
-    inside, outside = looking(image, offset), looking(image, offset + zone)
-    np.testing.assert_array_equal(outside[:, 1:], inside[:, :-1])
-    assert (outside[:, 0] == 0).all(), "left of the panel there is nothing"
 
 
 def test_a_display_whose_driver_flips_shows_the_same():
@@ -118,7 +111,7 @@ def test_every_lens_shows_the_ray_of_the_pixel_that_the_eye_sees(order, place):
     assert np.allclose(origin, wanted[shown, :3]) and np.allclose(direction, wanted[shown, 3:6])
 
 
-def test_scale_shows_the_rendered_view_and_a_lens_is_of_many_pixels():
+def test_a_lens_is_of_many_pixels_and_smaller_ones_where_large_ones_leave_too_much_empty():
     profile = load_display("mini")
     layout = RayLayout.for_display(profile, CameraArray.for_display(profile, 2.0), 4)
     region = eye_region(profile, (300, 200))
@@ -126,9 +119,6 @@ def test_scale_shows_the_rendered_view_and_a_lens_is_of_many_pixels():
     card = eye_card(layout, profile, eye_place(profile, 0.3, 0.3, 1), region)
     assert len(card.cells) == 16 * 12 * 4 and len(np.unique(card.targets, axis=0)) == 16 * 12
     assert {tuple(cell) for cell in np.floor(card.cells).reshape(-1, 2)} == {(1, 0)}, "right of the middle and above"
-
-
-def test_smaller_pixels_where_large_ones_leave_too_much_empty():
     region = eye_region(load_display("mini"), (16 * 23, 500))
     assert (region.scale, region.profile.views) == (4, (20, 20))
     refuses("make the window larger", eye_region, load_display("mini"), (15, 500))

@@ -70,15 +70,6 @@ def test_paper_convention_shifts_low_against_high_by_half_s_minus_one(low_count,
     np.testing.assert_allclose(shift, (scale - 1) / 2, atol=1e-9)
 
 
-def test_rays_start_on_the_camera_plane_with_unit_directions_towards_the_display():
-    for convention in ("centred", "paper"):
-        origin, direction = pixel_rays(layout(convention=convention))
-        assert origin.shape == direction.shape == (96, 128, 3)
-        assert not origin[..., 2].any()
-        np.testing.assert_allclose(np.linalg.norm(direction, axis=-1), 1)
-        assert (direction[..., 2] > 0).all()
-
-
 def test_whole_layout_is_point_symmetric_with_right_and_up_as_on_the_display():
     origin, direction = pixel_rays(layout())
     np.testing.assert_allclose(origin[::-1, ::-1, :2], -origin[..., :2], atol=1e-12)
@@ -106,31 +97,6 @@ def test_pixels_of_a_lens_meet_at_its_centre_or_their_place_on_it():
     points = hits(*pixel_rays(layout(convention="paper"), place=(0.0, 0.0)))
     expected = (np.arange(128) / 128 * 2 - 1) * ARRAY.half_width  # Eq. (8)
     np.testing.assert_allclose(points[..., 0], np.broadcast_to(expected, (96, 128)), atol=1e-9)
-
-
-@given(st.lists(st.floats(0.001, 0.999), min_size=4, max_size=4), st.sampled_from([1, 2, 4]))
-def test_every_ray_of_a_pixel_stays_on_its_lens_and_in_its_view_cell(numbers, scale):
-    place_x, place_y, random_x, random_y = numbers
-    full, (width, height) = layout(scale), layout(scale).size
-    column, row = np.meshgrid(np.arange(width), np.arange(height))
-    origin, direction = rays(full, (column + place_x) / width, 1 - (row + place_y) / height, random_x, random_y)
-    middle = pixel_rays(full)
-    cell = full.spacing / 2 * (1 + 1e-6)
-    assert np.abs(origin - middle[0]).max() <= cell
-    lens_half = np.array([ARRAY.half_width / 16, ARRAY.half_height / 12]) * (1 + 1e-6)
-    assert (np.abs(hits(origin, direction) - hits(*middle)) <= lens_half).all()
-
-
-def test_view_aperture_zero_is_a_point_and_one_the_whole_cell():
-    raster = np.full(50, 0.5 / 128), np.full(50, 0.5)
-    numbers = np.linspace(0, 1, 50)
-    point = rays(layout(view_aperture=0.0), *raster, numbers, numbers)[0]
-    assert np.ptp(point, axis=0).max() == 0
-    whole = rays(layout(view_aperture=1.0), *raster, numbers, numbers)[0]
-    np.testing.assert_allclose(np.ptp(whole, axis=0)[:2], ARRAY.spacing)
-    coarse = layout(8)
-    assert coarse.views == (1, 1)
-    assert coarse.cell == (ARRAY.spacing, ARRAY.spacing)
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -166,18 +132,6 @@ def test_lens_list_places_the_same_rays_in_tiles():
     ({"lens_list": ((0, -1),)}, r"lens \(0, -1\) is outside")])
 def test_bad_layout_is_refused(options, told):
     refuses(told, layout, **options)
-
-
-def test_the_lower_edge_of_a_pixel_belongs_to_it():
-    width, height = layout().size
-    rows = np.arange(height)
-    edge, _ = rays(layout(), np.full(height, 0.5 / width), rows / height)
-    middle, _ = rays(layout(), np.full(height, 0.5 / width), (rows + 0.5) / height)
-    np.testing.assert_allclose(edge[:, 1], middle[:, 1], atol=1e-12)
-    scale = 4
-    low = views_of(pixel_rays(layout(scale))[0], (2, 2))
-    high = views_of(pixel_rays(layout())[0], (8, 8)).reshape(12, 16, 2, scale, 2, scale, 3)
-    np.testing.assert_allclose(high.mean(axis=(3, 5)), low, atol=1e-12)
 
 
 CARD_ARRAY = CameraArray(distance=3.0, half_width=1.2, half_height=0.7, spacing=0.1)

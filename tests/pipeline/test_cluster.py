@@ -142,7 +142,7 @@ def test_the_end_of_all_workers_or_of_the_scheduler_is_told(processes, alone, tm
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
-def test_a_worker_that_does_not_see_the_folder(scheduler, tmp_path):
+def test_a_worker_that_does_not_see_the_folder_and_blenders_own_sentence(scheduler, tmp_path):
     """What lies behind a descriptor of this process nobody else sees under that name."""
     shown = os.open(tmp_path, os.O_RDONLY)
     try:
@@ -150,9 +150,6 @@ def test_a_worker_that_does_not_see_the_folder(scheduler, tmp_path):
     finally:
         os.close(shown)
     assert list((tmp_path / "film").iterdir()) == [], "no mark is left"
-
-
-def test_blenders_own_sentence_arrives(scheduler, tmp_path):
     refuses("'/must/not/run' was not found", film_on, scheduler.scheduler_address, tmp_path, frames=(1,))
 
 

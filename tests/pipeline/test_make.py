@@ -91,18 +91,19 @@ def test_a_broken_frame_is_made_again_and_one_that_lacks_its_picture_not_rendere
     assert images(made / "film") == before and len(before) == 3
 
 
-def test_another_method_finishes_the_same_renders(made):
+def test_frames_of_another_render_are_refused_replaced_or_made_again(made):
     assert states(film(made, FRAMES, Finish("nearest"))) == [MADE] * 3
+    refuses("seed 5.*overwrite", film, made, FRAMES, changes={"seed": 9})
+    assert states(film(made, FRAMES, changes={"seed": 9}, blender=played_blender(made / "blender"),
+                       lenient=True)) == [MADE] * 3
+    before = images(made / "film")
+    assert states(film(made, FRAMES, changes={"seed": 7}, blender=played_blender(made / "blender"),
+                       overwrite=True)) == [MADE] * 3
+    after = images(made / "film")
+    assert all(after[name] != before[name] for name in before)
 
 
-def test_one_scale_for_all_frames_is_chosen_by_the_depth_of_a_few(tmp_path):
-    request = film_request(tmp_path, scales=(4, 2), rays=1.0)
-    assert {asked.sampling.frames for asked in requests_of(request, FINISH, range(1, 10))} == {(1, 3, 5, 7, 9)}
-    request = request.sampled(frames=(2, 3))
-    assert {asked.sampling.frames for asked in requests_of(request, FINISH, range(1, 10))} == {(2, 3)}
-
-
-def test_frames_that_are_there_decide_the_scale_of_others(made):
+def test_one_scale_for_all_frames_is_that_of_frames_there_or_chosen_by_the_depth_of_a_few(made, tmp_path):
     request = film_request(made, scale=4, scales=(4, 2), frames=(1,), rays=4.0)
 
     def sampling(asked, **options):
@@ -112,6 +113,10 @@ def test_frames_that_are_there_decide_the_scale_of_others(made):
     other = dataclasses.replace(request, output=str(made / "other"))
     for asked in (sampling(other), sampling(request.sampled(scales=(4, 8))), sampling(request, overwrite=True)):
         assert len(asked) == 1 and asked.pop().scales
+    request = film_request(tmp_path, scales=(4, 2), rays=1.0)
+    assert {asked.sampling.frames for asked in requests_of(request, FINISH, range(1, 10))} == {(1, 3, 5, 7, 9)}
+    request = request.sampled(frames=(2, 3))
+    assert {asked.sampling.frames for asked in requests_of(request, FINISH, range(1, 10))} == {(2, 3)}
 
 
 def test_frames_at_scale_1_are_denoised_alone(tmp_path):
@@ -119,17 +124,6 @@ def test_frames_at_scale_1_are_denoised_alone(tmp_path):
     assert states(film(tmp_path, (1,), blender=played_blender(tmp_path / "blender"), **options)) == [MADE]
     assert FrameFolder(tmp_path / "film" / "0001").report.method == "oidn"
     assert states(film(tmp_path, (1,), **options)) == [KEPT]
-
-
-def test_frames_of_another_render_are_refused_replaced_or_all_made_again(made):
-    refuses("seed 5.*overwrite", film, made, FRAMES, changes={"seed": 9})
-    assert states(film(made, FRAMES, changes={"seed": 9}, blender=played_blender(made / "blender"),
-                       lenient=True)) == [MADE] * 3
-    before = images(made / "film")
-    assert states(film(made, FRAMES, changes={"seed": 7}, blender=played_blender(made / "blender"),
-                       overwrite=True)) == [MADE] * 3
-    after = images(made / "film")
-    assert all(after[name] != before[name] for name in before)
 
 
 def test_frames_of_a_scene_that_has_changed_are_refused_or_told(made):
@@ -259,17 +253,14 @@ def test_every_frame_has_noise_of_its_own_and_sees_those_beside_it(averaged, tmp
     assert {request.seed for request in requests_of(film_request(tmp_path), FINISH, range(1, 4))} == {5}
 
 
-def test_the_picture_is_that_of_the_second_stage_alone(averaged_film):
-    before = images(averaged_film / "film")
-    finish_frame(averaged_film / "film" / "0002", AVERAGED)
-    assert images(averaged_film / "film") == before
-    finish_frame(averaged_film / "film" / "0002", FINISH)
-    assert images(averaged_film / "film")["0002"] != before["0002"]
-
-
-def test_frames_of_other_seeds_are_refused_and_more_neighbours_finish_a_frame_again(averaged_film):
+def test_frames_of_other_seeds_are_refused_and_averaged_ones_finished_by_the_second_stage_alone(averaged_film):
     refuses("seed 6.*seed 5", film, averaged_film, (2,))
     assert states(film(averaged_film, range(1, 4), AVERAGED)) == [KEPT] * 3
     made = film(averaged_film, range(1, 5), AVERAGED, blender=str(averaged_film / "blender"))
     assert states(made) == [KEPT, KEPT, MADE, MADE]
     assert neighbours(averaged_film) == [(2, 3), (1, 3), (2, 4), (2, 3)]
+    before = images(averaged_film / "film")
+    finish_frame(averaged_film / "film" / "0002", AVERAGED)
+    assert images(averaged_film / "film") == before
+    finish_frame(averaged_film / "film" / "0002", FINISH)
+    assert images(averaged_film / "film")["0002"] != before["0002"]

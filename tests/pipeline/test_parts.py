@@ -172,7 +172,7 @@ def test_even_work_is_told_exactly_whatever_came_before_it(kept):
     assert clock.left(51.0) == pytest.approx(2.0), "only what follows is left"
 
 
-def test_silence_never_ends_at_nothing_left():
+def test_silence_never_ends_at_nothing_left_and_fewer_cores_of_late_make_the_rest_longer():
     clock = TimeLeft()
     clock.hear(Progress("render", 0.0), 0.0)
     clock.hear(Progress("render", 0.5), 1.0)
@@ -182,10 +182,6 @@ def test_silence_never_ends_at_nothing_left():
     for second, cpu in enumerate([0.0, 1.0, 2.0, 0.5, 1.5, 2.5]):
         clock.hear(Progress("render", second / 10, cpu=cpu), float(second))
     assert clock.left(5.0) == pytest.approx(5.0, rel=0.1)
-
-
-def test_fewer_cores_of_late_make_the_rest_longer():
-    """Ten seconds for a tenth at full speed, then a process that gets a quarter of it."""
     clock = TimeLeft()
     clock.hear(Progress("render", 0.0, cpu=0.0), 0.0)
     clock.hear(Progress("render", 0.1, cpu=10.0), 10.0)

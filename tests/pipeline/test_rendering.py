@@ -78,7 +78,7 @@ def test_the_wheel_then_the_path_but_first_what_is_asked_for(monkeypatch, blende
     assert Path(command[command.index("--python") + 1]).name == "from_sources.py"
 
 
-def test_the_newest_installed_blender_is_found(monkeypatch, tmp_path, blender):
+def test_the_newest_installed_blender_and_that_inside_a_bundle_of_macos_are_found(monkeypatch, tmp_path, blender):
     with_wheel(monkeypatch, None)
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("ProgramFiles", f"{tmp_path}/Program Files")
@@ -88,9 +88,6 @@ def test_the_newest_installed_blender_is_found(monkeypatch, tmp_path, blender):
         folder.mkdir(parents=True)
         Path(blender(GOOD, f"Blender {version}.2")).rename(folder / "blender.exe")
     assert find_blender() == Blender(f"{tmp_path}/Program Files/Blender Foundation/Blender 10.1/blender.exe")
-
-
-def test_a_bundle_of_macos_is_the_blender_inside(tmp_path, blender):
     inside = tmp_path / "Blender.app" / "Contents" / "MacOS" / "Blender"
     inside.parent.mkdir(parents=True)
     Path(blender(GOOD)).rename(inside)

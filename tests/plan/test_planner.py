@@ -192,12 +192,20 @@ def test_a_visible_world_is_rendered_once_and_reused(tmp_path):
     assert 50 < planned.sample.seconds < 100
 
 
-def test_an_empty_scene_is_refused(tmp_path):
+def test_an_empty_scene_is_refused_and_a_black_image_is_no_perfect_one(tmp_path):
     def empty(job: Request) -> None:
         render(job)
         path = Path(job.output, LOW_RES_FILE)
         write_layers(path, {"color": np.zeros((*reversed(frame_of(job.sampling.scale).rays.size), 4), np.float32)})
-    refuses("no lens shows any foreground", plan, JOB, OPTIONS, empty, tmp_path)
+    refuses("no lens shows any foreground", plan, JOB, OPTIONS, empty, tmp_path / "empty")
+    def black(job):
+        render(job)
+        for path in Path(job.output).glob("*.exr"):
+            layers = read_layers(path)
+            layers["color"][..., :3] *= 1e-5
+            write_layers(path, layers)
+
+    refuses("almost black, so that every setting would seem perfect", plan, JOB, OPTIONS, black, tmp_path / "black")
 
 
 def test_pooling_is_judged_and_timed_like_any_method(tmp_path):
@@ -207,17 +215,6 @@ def test_pooling_is_judged_and_timed_like_any_method(tmp_path):
     assert all(row.estimate is not None and row.estimate.low < row.estimate.mean for row in rows.values())
     assert set(rows) == {"bilinear", "pool"}
     assert all(0 < row.seconds < 60 for row in rows.values())
-
-
-def test_a_black_image_is_no_perfect_one(tmp_path):
-    def black(job):
-        render(job)
-        for path in Path(job.output).glob("*.exr"):
-            layers = read_layers(path)
-            layers["color"][..., :3] *= 1e-5
-            write_layers(path, layers)
-
-    refuses("almost black, so that every setting would seem perfect", plan, JOB, OPTIONS, black, tmp_path)
 
 
 GRID = (7, 5)
@@ -411,7 +408,7 @@ def test_plans_of_the_recorded_scenes_meet_their_target_at_little_more_than_the_
     assert len(met) > 0.95 * plans and np.mean(met) >= 0.95 and np.mean(cheap) >= 0.85
 
 
-def test_options_methods_and_limits():
+def test_options_methods_limits_and_all_combinations_that_they_allow():
     assert PlanOptions().limit == math.inf and PlanOptions(most_seconds=3).limit == 3
     assert plan_options.methods_at(4, ("none", "bilinear")) == ("bilinear",)
     assert plan_options.methods_at(1, ("bilinear", "oidn+bilinear")) == ("none", "oidn")
@@ -425,9 +422,6 @@ def test_options_methods_and_limits():
     for wrong in [{"scales": (3,)}, {"methods": ("bilinar",)}, {"rays": (0.0,)},
                                        {"scales": (2,), "methods": ("none",)}]:
         refuses("", PlanOptions(**wrong).candidates, MINI)
-
-
-def test_candidates_are_all_combinations_the_display_and_methods_allow():
     found = PlanOptions(samples=(4, 16), methods=("bilinear", "oidn+bilinear")).candidates(MINI)
     assert {candidate.scale for candidate in found} == {1, 2, 4, 8}
     assert {candidate.method for candidate in found if candidate.scale == 1} == {"none", "oidn"}

@@ -38,7 +38,7 @@ def wait_until_gone(pid: int) -> None:
         time.sleep(0.02)
 
 
-def test_a_child_ends_with_its_input():
+def test_a_child_ends_with_its_input_and_with_a_parent_that_dies():
     lines = []
     with Child([sys.executable, "-c", SPEAKER], log=lines.append) as child:
         assert next(child.records()) == {"stage": "scene", "index": 3} == child.last
@@ -47,6 +47,8 @@ def test_a_child_ends_with_its_input():
     with Child([sys.executable, "-c", SPEAKER]) as first, Child([sys.executable, "-c", SPEAKER]) as second:
         threading.Timer(0.2, Child.stop_all).start()
         assert len(list(first.records())) == len(list(second.records())) == 1
+    answer = subprocess.run([sys.executable, "-c", HOLDER], capture_output=True, text=True, check=False)
+    wait_until_gone(int(answer.stdout))
 
 
 def test_a_deaf_child_and_its_own_child_are_killed():
@@ -61,11 +63,6 @@ def test_a_deaf_child_and_its_own_child_are_killed():
         assert [record["stage"] for record in child.records()] == ["done"] and child.is_done()
     wait_until_gone(child.last["pid"])
     assert time.monotonic() - started < 30
-
-
-def test_a_child_notices_the_end_of_a_parent_that_dies():
-    answer = subprocess.run([sys.executable, "-c", HOLDER], capture_output=True, text=True, check=False)
-    wait_until_gone(int(answer.stdout))
 
 
 def test_how_a_child_ended_is_one_sentence():
@@ -110,7 +107,7 @@ def said(capsys, count: int) -> list[dict]:
     return found
 
 
-def test_the_last_progress_is_said_again_with_its_age(capsys):
+def test_the_last_progress_is_said_again_with_its_age_and_nothing_after_an_end(capsys):
     with repeated(0.01):
         emit(stage="render", fraction=0.25, message="Updating Scene BVH: Building")
         emit_told(Notice("file-unreadable", {"path": "wood.png"}))
@@ -122,9 +119,6 @@ def test_the_last_progress_is_said_again_with_its_age(capsys):
     capsys.readouterr()
     time.sleep(0.05)
     assert capsys.readouterr().out == "", "after the block nothing follows what was said last"
-
-
-def test_after_an_end_nothing_is_said_again(capsys):
     with repeated(0.01):
         emit(stage="render", fraction=0.25)
         emit(stage="rendered", folder="frame")
@@ -134,7 +128,7 @@ def test_after_an_end_nothing_is_said_again(capsys):
         assert capsys.readouterr().out == ""
 
 
-def test_after_the_last_record_nobody_is_heard(capsys, monkeypatch):
+def test_after_the_last_record_nobody_is_heard_and_it_does_not_wait_for_one_that_hangs(capsys, monkeypatch):
     monkeypatch.setattr(protocol, "_speaking", threading.Lock())
     emit_last(stage="cancelled", message="stopped")
     late = threading.Thread(target=emit, kwargs={"stage": "render", "message": "late"}, daemon=True)
@@ -145,9 +139,6 @@ def test_after_the_last_record_nobody_is_heard(capsys, monkeypatch):
     late.join()
     assert "cancelled" in heard and "late" not in heard
     assert "late" in capsys.readouterr().out, "only the end of the process silences it"
-
-
-def test_the_last_record_does_not_wait_for_one_that_hangs(capsys, monkeypatch):
     hung = threading.Lock()
     monkeypatch.setattr(protocol, "_speaking", hung)
     monkeypatch.setattr(protocol, "LONGEST_WAIT", 0.01)

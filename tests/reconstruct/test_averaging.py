@@ -131,14 +131,11 @@ def numbers_near(folder, number, count):
             for each in neighbours_of(frame, read_frame(frame), count)]
 
 
-def test_the_nearest_on_both_sides():
+def test_only_the_nearest_rendered_frames_with_a_number_on_both_sides_count(tmp_path):
     assert near(5, [1, 2, 4, 5, 7, 9, 11], 2) == [2, 4, 7, 9]
     assert near(1, [1, 2, 3, 4, 5, 6], 2) == [2, 3, 4, 5] and near(6, range(1, 7), 2) == [2, 3, 4, 5]
     assert near(1, [1, 2, 3], 2) == [2, 3]
     assert near(1, [1, 2, 3], 0) == []
-
-
-def test_only_rendered_frames_with_a_number_count(tmp_path):
     film(tmp_path, (1, 3))
     (tmp_path / "0002").mkdir()
     write_render(tmp_path / "0001", frame=1, seed=1).rename(tmp_path / "notes")

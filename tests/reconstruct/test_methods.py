@@ -89,12 +89,11 @@ def test_threads_share_the_clock():
     assert clock.seconds["upscale"] == pytest.approx(0.2, abs=0.1)
 
 
-def threads() -> set[int]:
-    controller = pytest.importorskip("threadpoolctl").threadpool_info()
-    return {pool["num_threads"] for pool in controller if pool["user_api"] == "blas"}
-
-
 def test_threads_are_limited_inside_the_block(monkeypatch):
+    def threads() -> set[int]:
+        return {pool["num_threads"] for pool in controller() if pool["user_api"] == "blas"}
+
+    controller = pytest.importorskip("threadpoolctl").threadpool_info
     np.dot(np.ones((2, 2)), np.ones((2, 2)))  # a BLAS library is loaded
     before = threads()
     with blas_threads(1):

@@ -79,13 +79,19 @@ def test_missing_python_is_said_with_what_installs_it(monkeypatch, tmp_path, pla
         setup.environment("dev")
 
 
-def test_tests_check_everything_in_turn(played):
+def test_tests_check_everything_in_turn_and_the_first_failure_ends_them(played):
     folder = played()
     assert run("test.py", LFSR_VENV=str(folder)).returncode == 0
     types = [f"python -m mypy --platform {platform} --cache-dir .mypy_cache/{platform}"
              for platform in ("linux", "win32", "darwin")]
     assert played.calls() == ["ruff check .", "lint-imports ", *types,
                               "python -m pytest --numprocesses=2 --dist=worksteal"]
+    folder = played("lint-imports ")
+    assert run("test.py", LFSR_VENV=str(folder)).returncode == 1
+    assert played.calls()[-2:] == ["ruff check .", "lint-imports "]
+    folder = played()
+    assert run("test.py", "tests/optics", "-k", "weave", LFSR_VENV=str(folder)).returncode == 0
+    assert played.calls()[-1] == "python -m pytest tests/optics -k weave"
 
 
 def test_the_fast_tests_are_folders_that_exist_and_start_no_blender(played):
@@ -96,15 +102,6 @@ def test_the_fast_tests_are_folders_that_exist_and_start_no_blender(played):
     words = [word.removeprefix("--ignore=") for word in tests.split()]
     places = [word for word in words if word.startswith("tests/")]
     assert len(places) > 9 and all((ROOT / place).exists() for place in places) and "tests/blender" not in places
-
-
-def test_first_failure_ends_the_tests(played):
-    folder = played("lint-imports ")
-    assert run("test.py", LFSR_VENV=str(folder)).returncode == 1
-    assert played.calls() == ["ruff check .", "lint-imports "]
-    folder = played()
-    assert run("test.py", "tests/optics", "-k", "weave", LFSR_VENV=str(folder)).returncode == 0
-    assert played.calls()[-1] == "python -m pytest tests/optics -k weave"
 
 
 def test_demo_takes_every_step(played, tmp_path):

@@ -120,15 +120,12 @@ def press(folder: Path, frames: list[int] | None, blender: str | None = None, op
     return [(result["frame"], result["state"]) for result in done["made"]]
 
 
-def test_frames_of_other_settings_are_made_again(folder):
+def test_frames_of_other_settings_are_made_again_those_of_another_device_or_an_older_scene_kept(folder, capsys):
     assert press(folder, [1, 2]) == [(1, "made"), (2, "made")]
     assert press(folder, [1, 2, 3]) == [(1, "kept"), (2, "kept"), (3, "made")]
     assert press(folder, [1], samples=64) == [(1, "made")]
     assert read_frame(folder / "film" / "0001").samples == 64
     assert press(folder, [2], options={"overwrite": True}) == [(2, "made")]
-
-
-def test_frames_of_another_device_or_an_older_scene_are_kept(folder, capsys):
     press(folder, [1, 2])
     for name, changes in (("0001", {"content": "of yesterday"}), ("0002", {"device": "OPTIX"})):
         path = folder / "film" / name

@@ -13,7 +13,7 @@ from lfsr_core.optics.panel import weave as weaving
 from lfsr_core.optics.panel.subpixel_rays import Geometry, PanelLayout, subpixel_rays
 from lfsr_core.optics.panel.weave import ONE, gather_map, weave
 from lfsr_core.optics.rays import CameraArray, flip_order
-from tests.support.panels import SHEETS, hexagonal, lenticular, profile, square, whole
+from tests.support.panels import SHEETS, hexagonal, lenticular, square, whole
 from tests.support.synthetic import MINI
 from tests.support.told import refuses
 
@@ -38,15 +38,6 @@ def test_stripes_are_their_pixels_where_the_nearest_view_is_taken(kind):
     display = whole(kind)
     eia = noise(display)
     np.testing.assert_array_equal(weave(eia, gather_map(display, "nearest")), flip_order(eia, display.lenses))
-
-
-@pytest.mark.parametrize("quarter", [0.0, 90.0, -90.0])
-def test_turning_square_lenses_by_a_quarter_changes_nothing(quarter):
-    lattice = {"pitch_mm": [5.0, 5.0], "shift_mm": [0.31, -0.23]}  # no subpixel just between two views
-    plain = profile(lenslet={"lenses": lattice}, lenses=[24, 16], views=[12, 12])
-    turned = profile(lenslet={"lenses": lattice | {"rotation_deg": quarter}}, lenses=[24, 16], views=[12, 12])
-    eia = noise(plain)
-    np.testing.assert_array_equal(weave(eia, gather_map(turned, "nearest")), weave(eia, gather_map(plain, "nearest")))
 
 
 def taps(mapped):
@@ -75,14 +66,6 @@ def test_the_weave_is_the_weighted_sum_of_its_samples_inside_the_eia(sheet, samp
     np.testing.assert_allclose(woven, total, atol=2.0)  # each level of interpolation rounds once
 
 
-@pytest.mark.parametrize("sheet", SHEETS)
-def test_one_colour_stays_one_colour(sheet):
-    display = SHEETS[sheet]()
-    columns, rows = display.eia_pixels
-    eia = np.broadcast_to(np.array([10, 128, 255], np.uint8), (rows, columns, 3))
-    assert (weave(eia, gather_map(display, "all")) == (10, 128, 255)).all()
-
-
 MIRRORED = dataclasses.replace(lenticular(), lenticular=dataclasses.replace(lenticular().lenticular, flip=(True, True)))
 
 
@@ -101,18 +84,6 @@ def test_an_eye_at_the_end_of_a_subpixels_ray_sees_that_subpixel(display, seed, 
     seen = trace(display, (eye_x, eye_y + 0 * x, geometry.distance), x, y)
     assert (seen.row == row).all() and (seen.column == column).all()
     assert (seen.channel == channel).all()
-
-
-@pytest.mark.parametrize("sheet", SHEETS)
-def test_views_of_a_lens_stay_in_the_light_field(sheet):
-    display = SHEETS[sheet]()
-    rows = np.arange(display.panel_pixels[1])[:, None]
-    for channel in range(3):
-        rays = subpixel_rays(display, channel, rows, np.arange(display.panel_pixels[0]))
-        # The corners of a turned or hexagonal cell stand out.
-        beyond = 0.5 if display.lenticular else 1.5
-        for view, count in zip((rays.view_x, rays.view_y), display.views, strict=True):
-            assert -beyond <= view.min() and view.max() <= count - 1 + beyond
 
 
 def test_a_mirrored_panel_is_woven_for_its_mirror():
@@ -149,12 +120,14 @@ def test_an_eye_sees_the_view_of_its_place(name):
     assert view_spread(coarse).others < 0.1
 
 
-def test_crosstalk_of_small_sheets_and_of_whole_numbers():
+def test_crosstalk_of_small_sheets_and_of_whole_numbers_and_what_no_eye_sees():
     spread = view_spread(whole("lenslet", subpixels={"stripes": "white"}))
     assert (spread.own, spread.others) == (pytest.approx(1), pytest.approx(0))
     for sheet in SHEETS:
         spread = view_spread(SHEETS[sheet]())
         assert abs(spread.error) < 0.25 and spread.others < 0.45
+    refuses("240×159 pixels.*240×160", eye_view, np.zeros((159, 240, 3), np.uint8), lenticular(), (0, 0, 300))
+    refuses("'mini' has no lens sheet", PanelLayout, MINI, CameraArray.for_display(MINI, 2.0))
 
 
 @pytest.fixture
@@ -239,16 +212,3 @@ def test_whole_numbers_are_seen_as_a_profile_of_format_1_is():
     for view in ((0, 0), (2, 5), (7, 7)):
         eye = eye_of_view(display, *view)
         np.testing.assert_array_equal(eye_view(panel, display, eye, width=1), eye_view(panel, MINI, eye, width=1))
-
-
-def test_an_eye_that_moves_on_by_the_zone_sees_the_views_again():
-    display = lenticular()
-    eia, zone = numbered(display, 0), display.views[0] * Geometry.of(display).spacing
-    eye = eye_of_view(display, 5)
-    first, again = (looks(display, eia, (eye[0] + step, eye[1], eye[2])) for step in (0, zone))
-    assert np.median(first) == pytest.approx(np.median(again), abs=8)
-
-
-def test_another_image_and_a_display_without_a_sheet_are_refused():
-    refuses("240×159 pixels.*240×160", eye_view, np.zeros((159, 240, 3), np.uint8), lenticular(), (0, 0, 300))
-    refuses("'mini' has no lens sheet", PanelLayout, MINI, CameraArray.for_display(MINI, 2.0))
