@@ -11,6 +11,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.base.messages import LfsrError, Notice
+from lfsr_core.frames.frame import EVEN
 
 from .. import compat
 from ..jobs import folders, images, runtime
@@ -231,7 +232,7 @@ def _ignored(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 def _shows_world(scene: bpy.types.Scene) -> bool:
     """True if the scene's own world is seen behind a subject that may catch shadows."""
-    is_own = scene.lfsr.light == OWN_LIGHT or (scene.lfsr.light == AUTO_LIGHT and has_light(scene))
+    is_own = scene.lfsr.light in (OWN_LIGHT, EVEN.upper()) or (scene.lfsr.light == AUTO_LIGHT and has_light(scene))
     # Whether any object catches shadows is asked here, since finding those of instances takes long.
     return is_own and scene.world is not None and not scene.render.film_transparent and any(
         item.is_shadow_catcher for item in bpy.data.objects)

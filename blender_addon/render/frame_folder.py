@@ -296,7 +296,7 @@ def _frame(scene: bpy.types.Scene, request: Request, subject: set[bpy.types.Obje
                         "without one")
     world_visible = request.world_visible
     if world_visible is None:
-        world_visible = request.light == OWN and scene.world is not None and not scene.render.film_transparent
+        world_visible = request.light in (OWN, EVEN) and scene.world is not None and not scene.render.film_transparent
     # The lens card renders where the OSL camera cannot.
     layout = compat.way_of(request.device) if request.layout == "one-pass" else request.layout
     return Frame(

@@ -124,12 +124,14 @@ def test_black_things_in_good_light_are_not_dark(scene, tmp_path):
 
 
 def test_what_an_image_cannot_light_is_lit_evenly(scene, tmp_path):
-    """A closed room, or a city in a box of sky."""
+    """A closed room, or a city in a box of sky. Its own world stays, as what windows show."""
+    add_world(scene, 0.5, 0.01)
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     add_box(scene, (0, 0, 0), (9, 9, 9))
     add_camera(scene, (0, -4, 0))
     _, said = brightness(scene, tmp_path, scene="scene.glb")
-    assert "encloses it" in said and read_frame(tmp_path / "out").light == "even"
+    frame = read_frame(tmp_path / "out")
+    assert "encloses it" in said and frame.light == "even" and frame.world_visible
     color = image_files.read_layers(tmp_path / "out" / "lr_eia.exr")["color"][..., :3].max(-1)
     assert np.median(color) > 0.05
     assert not bpy.data.lights
