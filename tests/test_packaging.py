@@ -57,8 +57,7 @@ def test_every_file_is_installed_and_the_command_answers_outside_the_clone(envir
     assert [path for path in installed_paths() if not (packages(environment) / path).is_file()] == []
     folders = {PurePosixPath(path).parent for path in installed_paths() if path.endswith(".py")}
     assert [folder for folder in folders if f"{folder}/__init__.py" not in installed_paths()] == []
-    for arguments, answer in [(("displays",), "bupt-32in-8k"), (("study", "stress", "--help"),
-                                                                                         "--sweeps")]:
+    for arguments, answer in [(("displays",), "bupt-32in-8k"), (("study", "stress", "--help"), "--sweeps")]:
         assert answer in run(environment / "bin/lfsr", *arguments, cwd=tmp_path)
 
 

@@ -102,13 +102,7 @@ def test_after_a_cancel(worn, tmp_path, options):
     assert not bpy.app.handlers.render_stats
 
 
-def test_setting_that_cannot_be_set_restores_those_before(scene):
-    with pytest.raises(TypeError), overridden(scene.cycles, {"samples": 77, "pixel_filter_type": "NONE SUCH"}):
-        pass
-    assert scene.cycles.samples != 77
-
-
-def test_progress_grows_to_one(worn, tmp_path):
+def test_progress_grows_to_one_and_a_setting_that_cannot_be_set_restores_those_before(worn, tmp_path):
     told = Told()
     frame_folder.render_job(worn, job(tmp_path, layout="view-by-view"), tell=told)
     fractions = [progress.fraction for progress in told.progress]
@@ -117,6 +111,9 @@ def test_progress_grows_to_one(worn, tmp_path):
     assert any(message.startswith("4/4: Sample") for message in said)
     assert any("Updating Scene BVH: Building" in message for message in said), "also while Cycles gets ready"
     assert not any("Mem:" in message for message in said)
+    with pytest.raises(TypeError), overridden(worn.cycles, {"samples": 77, "pixel_filter_type": "NONE SUCH"}):
+        pass
+    assert worn.cycles.samples != 77
 
 
 @pytest.mark.parametrize(("own", "allowed", "used"), [(None, None, os.cpu_count()), (None, 1, 1), (1, 9, 1)])

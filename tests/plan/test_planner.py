@@ -26,15 +26,7 @@ from lfsr_core.optics.world_view import WorldImage
 from lfsr_core.plan import options as plan_options
 from lfsr_core.plan import planner
 from lfsr_core.plan.options import Candidate, Estimate, PlanOptions, Rated, choose, estimate
-from lfsr_core.plan.planner import (
-    LEAST_LENSES,
-    Planned,
-    SampleRenders,
-    lens_count,
-    make_plan,
-    reach,
-    sampled_lenses,
-)
+from lfsr_core.plan.planner import LEAST_LENSES, Planned, SampleRenders, lens_count, make_plan, reach, sampled_lenses
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PLAIN_METHOD
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_core.reconstruct.upscaler import finished_layout

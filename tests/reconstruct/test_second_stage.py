@@ -148,10 +148,7 @@ def test_bad_methods_and_sizes_are_errors(tmp_path):
     write_render(tmp_path)
     write_layers(tmp_path / LOW_RES_FILE, {"color": np.zeros((48, 60, 4), np.float32)})
     refuses("60×48 pixels, but frame.json says 64×48", finish_frame, tmp_path, "bicubic")
-    for scale, name, message in [
-        (2, "bicubik", "did you mean 'bicubic'"),
-        (2, "none", "scale 2 needs an upscaler"),
-    ]:
+    for scale, name, message in [(2, "bicubik", "did you mean 'bicubic'"), (2, "none", "scale 2 needs an upscaler")]:
         write_render(tmp_path, scale)
         before = {path.name for path in tmp_path.iterdir()}
         refuses(message, finish_frame, tmp_path, name)

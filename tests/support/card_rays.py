@@ -111,6 +111,5 @@ def pixel_rays(layout: RayLayout, place: tuple[float, float] = (0.5, 0.5)) -> tu
     ``place``: where in the pixel, (rightwards, downwards) in [0, 1).
     """
     width, height = layout.size
-    raster_x, raster_y = np.meshgrid((np.arange(width) + place[0]) / width,
-                                     1 - (np.arange(height) + place[1]) / height)
+    raster_x, raster_y = np.meshgrid((np.arange(width) + place[0]) / width, 1 - (np.arange(height) + place[1]) / height)
     return rays(layout, raster_x, raster_y)

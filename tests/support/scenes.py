@@ -203,8 +203,7 @@ def save_box(path: Path, centre: tuple[float, ...], half: tuple[float, ...]) -> 
     elif path.suffix == ".blend":
         bpy.ops.wm.save_as_mainfile(filepath=str(path))
     else:
-        bpy.ops.export_scene.gltf(filepath=str(path),
-                                  export_format="GLB" if path.suffix == ".glb" else "GLTF_SEPARATE")
+        bpy.ops.export_scene.gltf(filepath=str(path), export_format="GLB" if path.suffix == ".glb" else "GLTF_SEPARATE")
     return path
 
 

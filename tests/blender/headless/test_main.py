@@ -179,8 +179,7 @@ def test_what_a_signal_leaves_goes_with_the_next_render(blend, tmp_path):
 
 @pytest.mark.parametrize("options", [{"kind": "reference", "scale": 1, "samples": 2}, {"scale": 1}])
 def test_a_file_that_was_cut_short_is_not_published(blend, tmp_path, options):
-    child = start(tmp_path, limit=24_576, scene=str(blend),
-                  layers=("albedo", "normal", "position"), **options)
+    child = start(tmp_path, limit=24_576, scene=str(blend), layers=("albedo", "normal", "position"), **options)
     *_, last = records(child.communicate()[0].splitlines())
     assert child.returncode == 2
     assert last["stage"] == "error" and "was not written completely" in last["message"]

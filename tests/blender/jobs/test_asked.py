@@ -17,16 +17,13 @@ from tests.support.panels import lenticular, small
 from tests.support.synthetic import frame_of
 
 
-def test_an_animation_is_averaged_as_the_panel_says_and_an_image_is_not(scene):
+def test_an_animation_is_averaged_as_the_panel_says_and_chooses_one_scale_by_some_of_its_frames(scene):
     for count in (0, 2):
         scene.lfsr.temporal_averaging = count
         arguments = render.animation_job(scene).arguments
         assert arguments["finish"].temporal_averaging == count
         assert arguments["request"].seed == scene.lfsr.seed, "each frame's follows from it"
         assert render.image_job(scene).arguments["finish"].temporal_averaging == 0
-
-
-def test_an_animation_chooses_one_scale_by_some_of_its_frames(scene):
     scene.frame_end = 9
     assert render.animation_job(scene).arguments["request"].sampling.frames == ()
     scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.rays = "AUTO", 0, 0.5

@@ -44,13 +44,19 @@ def test_blenders_own_python_is_isolated(addon, monkeypatch, tmp_path):
     assert done.stdout == f"{__version__}\n"
 
 
-def test_cores_stay_free_as_the_preference_says(addon, monkeypatch):
+def test_cores_stay_free_and_the_library_is_named_as_the_preferences_say(addon, monkeypatch, tmp_path):
     monkeypatch.setattr(runtime.os, "cpu_count", lambda: 8)
     for free, used in ((1, "7"), (0, "8"), (3, "5"), (9, "1")):
         addon.free_cores = free
         assert {runtime.environment()[name] for name in (CORES, "OIDN_NUM_THREADS")} == {used}
     monkeypatch.setenv(CORES, "2")
     assert runtime.environment()[CORES] == "2", "the user's own choice"
+    addon.oidn_path = str(tmp_path / "gone.so")
+    refuses(r"the library .*gone.so' of Open Image Denoise does not exist: choose another", runtime.environment)
+    (tmp_path / "gone.so").write_bytes(b"")
+    assert runtime.environment()[LIBRARY_VARIABLE] == str(tmp_path / "gone.so") and runtime.why_missing()
+    addon.oidn_path = ""
+    assert LIBRARY_VARIABLE not in runtime.environment() and not runtime.why_missing()
 
 
 @pytest.fixture
@@ -102,11 +108,15 @@ def test_with_the_library_nothing_is_asked_and_every_method_finishes(scene):
     assert render.methods(scene)[0] == DEFAULT_METHOD and "none" not in render.methods(scene)
 
 
-def test_the_render_is_refused_before_it_starts(scene, without_library):
+def test_without_the_library_a_render_is_refused_and_the_check_offers_what_there_is(scene, without_library):
     said = f"The method Default needs Open Image Denoise, but {without_library.name} cannot be loaded: "
     for operator in (bpy.ops.lfsr.render_eia, bpy.ops.lfsr.render_animation):
         panel.refused(f"{said}.*blender.org.*preferences", operator)
     assert not folders.scene_folder(scene).exists()
+    last.check(scene)
+    assert found(scene)[0] == "denoise"
+    assert bpy.ops.lfsr.check_fix(code="denoise", target="Open Image Denoise") == {"FINISHED"}
+    assert scene.lfsr.method == "pool" and "denoise" not in found(scene)
 
 
 def test_the_answer_is_remembered_for_scenes_without_a_chosen_method(scene, without_library, monkeypatch):
@@ -122,32 +132,22 @@ def test_the_answer_is_remembered_for_scenes_without_a_chosen_method(scene, with
     assert len(render._denoising(scene)) == 1, "a method that was chosen is asked about"
 
 
-def test_a_blender_without_it_is_named(scene, monkeypatch):
+def test_direct_rendering_can_leave_the_noise_and_a_blender_without_the_library_is_named(scene, monkeypatch):
     monkeypatch.setattr(runtime, "why_missing", lambda: "none was found")
     said = runtime.lacking(scene_settings.resolve(scene))
     assert said == "The method Default needs Open Image Denoise, which this Blender does not have"
-
-
-def test_the_check_offers_what_this_blender_has(scene, without_library):
-    last.check(scene)
-    assert found(scene)[0] == "denoise"
-    assert bpy.ops.lfsr.check_fix(code="denoise", target="Open Image Denoise") == {"FINISHED"}
-    assert scene.lfsr.method == "pool" and "denoise" not in found(scene)
-
-
-@pytest.mark.parametrize(("method", "other"), [("denoise", "none"), ("denoise+pool", "pool"), ("oidn", "none")])
-def test_the_replacement_is_the_method_without_its_denoiser(scene, method, other):
-    scene.lfsr.scale, scene.lfsr.method = "1" if other == "none" else "2", method
-    assert scene_settings.resolve(scene).method.undenoised.text == other
-
-
-def test_direct_rendering_can_leave_the_noise(scene):
     scene.lfsr.display, scene.lfsr.subpixels = "looking-glass-go", True
     settings = scene_settings.resolve(scene)
     assert settings.method.text == "oidn"
     scene.lfsr.samples, before = 0, scene.lfsr.rays
     runtime.use_replacement(scene, settings)
     assert scene_settings.resolve(scene).method.text == "none" and scene.lfsr.rays == 2 * before
+
+
+@pytest.mark.parametrize(("method", "other"), [("denoise", "none"), ("denoise+pool", "pool"), ("oidn", "none")])
+def test_the_replacement_is_the_method_without_its_denoiser(scene, method, other):
+    scene.lfsr.scale, scene.lfsr.method = "1" if other == "none" else "2", method
+    assert scene_settings.resolve(scene).method.undenoised.text == other
 
 
 def test_a_render_whose_second_stage_failed_is_kept_without_an_older_image_and_finished_by_another_method(
@@ -167,15 +167,6 @@ def test_a_render_whose_second_stage_failed_is_kept_without_an_older_image_and_f
     assert read_report(folder).method == "pool" and folders.is_decoded(folder)
     assert folders.is_made(*folders.requested(scene)) and not folders.is_unfinished(folder)
     panel.refused("There is no unfinished render in .*: render the EIA", bpy.ops.lfsr.finish_frame, method="pool")
-
-
-def test_the_preference_names_the_library(addon, tmp_path):
-    addon.oidn_path = str(tmp_path / "gone.so")
-    refuses(r"the library .*gone.so' of Open Image Denoise does not exist: choose another", runtime.environment)
-    (tmp_path / "gone.so").write_bytes(b"")
-    assert runtime.environment()[LIBRARY_VARIABLE] == str(tmp_path / "gone.so") and runtime.why_missing()
-    addon.oidn_path = ""
-    assert LIBRARY_VARIABLE not in runtime.environment() and not runtime.why_missing()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="distributions are those of Linux")

@@ -31,7 +31,7 @@ def shown(scene):
     return live_scene.make(scene, live_scene.view_of(scene, SIZE))
 
 
-def test_nothing_is_left_and_nothing_was_changed(scene):
+def test_nothing_is_left_nor_changed_also_after_a_failure(scene, monkeypatch):
     before = snapshot()
     live_scene.make(scene, live_scene.view_of(scene, SIZE))
     assert len(bpy.data.scenes) == 2
@@ -41,19 +41,6 @@ def test_nothing_is_left_and_nothing_was_changed(scene):
     live_scene.remove_all()
     assert snapshot() == before
     assert not [group for group in bpy.data.node_groups if group.name.startswith("LFSR")]
-
-
-def test_rays_of_the_live_view_are_per_pixel_of_the_display(scene, shown):
-    found = {}
-    for values in (("2", 16, 0), ("4", 16, 0), ("4", 0, 0), ("4", 16, 5)):
-        scene.lfsr.live_scale, scene.lfsr.live_rays, scene.lfsr.live_samples = values
-        live_scene.follow(shown)
-        found[values] = shown.cycles.preview_samples
-    assert list(found.values()) == [64, 256, 0, 5]
-
-
-def test_failure_leaves_nothing(scene, monkeypatch):
-    before = snapshot()
     monkeypatch.setattr(live_scene, "new_camera", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         live_scene.make(scene, live_scene.view_of(scene, SIZE))
@@ -84,7 +71,7 @@ def rendered(shown, size, samples, folder):
     return image_files.read_layers(path)["color"]
 
 
-def test_it_follows_the_array(scene, shown):
+def test_it_follows_the_array_world_frame_and_colours(scene, shown):
     array, camera = rig.find(scene), shown.camera
     for place in ((1.0, 2.0, 3.0), (-4.0, 0.5, 0.0)):
         array.location, array.rotation_euler, array.scale = place, (0.3, place[0], 1), (2, 2, 2)
@@ -94,9 +81,6 @@ def test_it_follows_the_array(scene, shown):
         assert np.allclose(ours.to_3x3(), theirs.to_3x3(), atol=1e-5)
         behind = theirs.inverted() @ ours.translation
         assert np.allclose(behind[:2], 0, atol=1e-4) and 0 < behind[2] < 0.01
-
-
-def test_it_follows_world_frame_and_colours(scene, shown):
     scene.world, scene.view_settings.exposure = bpy.data.worlds.new("another"), 1.5
     scene.cycles.max_bounces = 3
     scene.frame_set(7)
@@ -106,11 +90,17 @@ def test_it_follows_world_frame_and_colours(scene, shown):
     assert shown.render.preview_pixel_size == "2" and shown.cycles.pixel_filter_type == "BOX"
 
 
-def test_region_of_another_size_keeps_the_card_in_the_middle(scene, shown):
+def test_a_region_of_another_size_keeps_the_card_in_the_middle_and_rays_are_per_pixel_of_the_display(scene, shown):
     live_scene.show(shown, live_scene.view_of(scene, (301, 200)))
     assert (shown.render.resolution_x, shown.render.resolution_y) == (301, 200)
     assert shown.render.use_border and shown.render.border_max_x == pytest.approx(300.5 / 301)
     assert shown.camera.data.shift_x == pytest.approx(-live_scene.view_of(scene, (301, 200)).region.shift[0] / 301)
+    found = {}
+    for values in (("2", 16, 0), ("4", 16, 0), ("4", 0, 0), ("4", 16, 5)):
+        scene.lfsr.live_scale, scene.lfsr.live_rays, scene.lfsr.live_samples = values
+        live_scene.follow(shown)
+        found[values] = shown.cycles.preview_samples
+    assert list(found.values()) == [64, 256, 0, 5]
 
 
 def test_one_eye_beside_the_panel(scene, shown):
@@ -158,12 +148,9 @@ def test_a_panel_with_a_lens_sheet_shows_its_subpixels(scene, tmp_path, make):
     assert snapshot() == before
 
 
-def test_a_panel_with_a_lens_sheet_has_an_eye_too(scene):
+def test_a_lens_sheet_has_an_eye_too_and_without_an_array_to_follow_there_is_no_view(scene):
     scene.lfsr.display, scene.lfsr.live_scale = "looking-glass-go", "2"
     assert live_scene.view_of(scene, (4000, 3000), live_scene.EYE).eye[2] > 0
-
-
-def test_without_an_array_that_can_be_followed_there_is_no_view(scene):
     rig.find(scene).scale.y = -1
     bpy.context.view_layer.update()
     refuses("mirrored by a negative scale", live_scene.view_of, scene, SIZE)

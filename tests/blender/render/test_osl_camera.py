@@ -61,17 +61,13 @@ def test_a_full_temporary_folder_is_not_called_a_missing_camera(room):
     assert re.search(r"refused: \S*lfsr-osl\S* cannot be written \(File too large\): free some space", told), told
 
 
-def test_every_parameter_of_the_shader_is_set_and_no_other(scene):
+def test_every_parameter_of_the_shader_is_set_and_no_other_nor_one_of_an_older_layout(scene):
     layout = RayLayout.for_display(MINI, ARRAY, lens_list=((1, 2), (3, 4)))
     interface = GOOD[GOOD.index("shader ray_layout("):GOOD.index("output point")]
     declared = {line.split("=")[0].split()[-1] for line in interface.splitlines() if "=" in line}
     assert set(cycles.layout_parameters(layout)) == declared
-
-
-def test_new_parameters_replace_those_of_an_older_layout(scene):
     camera = bpy.data.cameras.new("camera")
     camera.cycles_custom["left_over"] = 1.0
-    layout = RayLayout.for_display(MINI, ARRAY)
     cycles.set_shader(camera, cycles.layout_source(layout), cycles.layout_parameters(layout))
     assert "left_over" not in camera.cycles_custom
 

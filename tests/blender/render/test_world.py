@@ -46,13 +46,6 @@ def lit_box(scene, monkeypatch):
     return scene
 
 
-def test_no_world_cannot_show(lit_box, tmp_path):
-    lit_box.world = None
-    lit_box.collection.objects.link(bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN")))
-    refuses("has no world to show",
-            render_job, lit_box, make_request(str(tmp_path / "low"), MINI, scale=4, samples=1, world_visible=True))
-
-
 def elemental(image):
     return to_elemental_images(image, MINI.lenses)
 
@@ -130,10 +123,14 @@ def test_what_no_direction_says_is_rendered_with_the_subject(lit_box, tmp_path, 
     assert "so the world is rendered with the subject" in sentence(said[-1])
 
 
-def test_references_and_hidden_worlds_have_none_apart(lit_box, tmp_path):
+def test_references_and_hidden_worlds_have_none_apart_and_no_world_cannot_show(lit_box, tmp_path):
     for options in ({"kind": "reference"}, {"scale": 1}, {"world_visible": False}):
         with frame_folder.prepared(lit_box, make_request(str(tmp_path), MINI, **options)) as frame:
             assert not frame.world_apart
+    lit_box.world = None
+    lit_box.collection.objects.link(bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN")))
+    refuses("has no world to show",
+            render_job, lit_box, make_request(str(tmp_path / "low"), MINI, scale=4, samples=1, world_visible=True))
 
 
 SAMPLES = 32

@@ -24,18 +24,15 @@ def plain(scene):
     return scene
 
 
-def test_compositor_nodes_that_change_the_image_are_said(plain):
+def test_compositor_nodes_that_change_the_image_are_said_and_no_others(plain):
+    compositing(plain, "NodeReroute").pop().id_data.nodes.new("CompositorNodeExposure")
+    assert left_out(plain) == []
     tree_nodes = compositing(plain, "CompositorNodeExposure", "NodeReroute", "CompositorNodeBrightContrast")
     assert left_out(plain) == [Notice("compositor-ignored", {"names": ["Brightness/Contrast", "Exposure"]})]
     tree_nodes[0].mute = True
     assert left_out(plain)[0].values["names"] == ["Brightness/Contrast"]
     plain.render.use_compositing = False
     assert left_out(plain) == [], "F12 leaves it out too"
-
-
-def test_compositor_that_passes_the_render_on_is_not_said(plain):
-    compositing(plain, "NodeReroute").pop().id_data.nodes.new("CompositorNodeExposure")
-    assert left_out(plain) == []
 
 
 def test_strips_of_the_sequencer_are_said(plain):

@@ -143,12 +143,9 @@ def test_the_mirror_shows_its_board_at_the_sweeps_depth(built):
     assert not shown.visible_camera and shown.visible_glossy
 
 
-def test_the_lamp_of_the_caustics_is_as_large_as_the_sweep_says(built):
+def test_lamps_are_as_large_as_the_sweep_says_at_constant_power_beside_dark_surfaces(built):
     lamps = [item.data for item in built("caustics", 15).objects if item.type == "LIGHT"]
     assert [math.degrees(lamp.angle) for lamp in lamps] == pytest.approx([15])
-
-
-def test_lamps_shrink_at_constant_power_beside_dark_surfaces(built):
     found = []
     for pixels in (1 / 2, 1 / 32):
         scene = built("lamps", pixels)
@@ -225,12 +222,9 @@ def test_the_card_steps_by_whole_lenses_and_its_print_goes_with_it(built):
     assert all(item.location.y > y + 1 for item in meshes(scene, "body")), "nothing before the card"
 
 
-def test_the_eyes_board_has_the_sweeps_slope(built):
+def test_the_eyes_board_has_the_sweeps_slope_and_specks_its_size(built):
     board = meshes(built("eye", 2), "print")[0]
     assert SPACE.slope(board.location.y) == pytest.approx(2, rel=1e-4)
-
-
-def test_specks_are_as_large_as_the_sweep_says(built):
     for speck in meshes(built("recall", 1 / 4), "speck"):
         radius = np.linalg.norm(points(speck) - np.array(speck.location), axis=1).max()
         assert 2 * radius == pytest.approx(SPACE.footprint(speck.location.y) / 4, rel=1e-2)

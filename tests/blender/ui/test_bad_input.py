@@ -139,6 +139,7 @@ def test_two_scenes_with_different_displays(scene, tmp_path):
     other = bpy.context.window.scene
     other.name = "Other"
     assert other != scene
+    refuses("no scene 'Gone': choose one of Other, Scene", choose_scene, "Gone")
     other.lfsr.display, other.lfsr.scale = "small", "8"
     other.view_settings.exposure = 1.5
     requests = [folders.requested(each)[0] for each in (scene, other)]
@@ -162,7 +163,3 @@ def test_cycles_disabled(scene):
         assert "Cycles" in labels(draw(panels.LFSR_PT_image))
     finally:
         bpy.ops.preferences.addon_enable(module="cycles")
-
-
-def test_a_scene_that_is_not_in_the_file(scene):
-    refuses("no scene 'Gone': choose one of Scene", choose_scene, "Gone")

@@ -30,15 +30,12 @@ def test_changing_a_value_is_custom_and_back(scene, changed):
     assert scene.lfsr.quality == "FINAL"
 
 
-def test_samples_that_were_set_stay_at_every_scale(scene):
+def test_samples_that_were_set_stay_at_every_scale_and_so_do_the_rays(scene):
     scene.lfsr.samples = 40
     for scale in ("2", "4", scene_settings.AUTO_SCALE):
         scene.lfsr.scale = scale
         resolved = scene_settings.resolve(scene)
         assert (resolved.sampling.samples, resolved.rays, resolved.request.samples_at(1)) == (40, None, 40)
-
-
-def test_the_rays_stay_when_the_scale_changes(scene):
     scene.lfsr.samples, scene.lfsr.rays = 0, 2.0
     found = {}
     for scale in ("1", "2", "4", "8"):
@@ -66,12 +63,13 @@ def test_only_scales_that_divide_the_views_are_offered(scene, name):
         scene_settings.display_of(scene).low_views(int(scale))
 
 
-def test_a_scale_that_another_display_lacks_becomes_auto(scene):
+def test_a_scale_that_another_display_lacks_becomes_auto_and_saved_settings_all_exist(scene):
     scene.lfsr.display, scene.lfsr.scale = "bupt-32in-8k", "5"
     scene.lfsr.display = "dense-8k"
     assert scene.lfsr.scale == "5"
     scene.lfsr.display = "mini"
     assert scene.lfsr.scale == "AUTO"
+    assert set(panels.SAVED) <= {item.identifier for item in scene.lfsr.bl_rna.properties}
 
 
 def test_the_menu_of_methods_has_every_method_that_a_plan_finds():
@@ -99,7 +97,3 @@ def test_a_blender_preset_is_saved_loaded_and_removed(scene):
     assert bpy.ops.lfsr.preset_add(name="My Wall", remove_active=True) == {"FINISHED"}
     panels.LFSR_PT_presets.bl_label = "Light Field Presets"
     assert not file.exists()
-
-
-def test_saved_settings_all_exist(scene):
-    assert set(panels.SAVED) <= {item.identifier for item in scene.lfsr.bl_rna.properties}

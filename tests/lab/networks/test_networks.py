@@ -96,13 +96,10 @@ def test_weights_of_another_network(path, name, scale, message):
     refuses(message, load, name, scale, None if scale == 3 else path)
 
 
-def test_hash_sees_shapes_and_names():
+def test_hash_sees_shapes_and_names_and_too_large_or_diverged_weights_are_not_written(tmp_path):
     value = np.arange(6, dtype=np.float32)
     variants = ({"a": value}, {"b": value}, {"a": value.reshape(2, 3)})
     assert len({checkpoint.digest(tensors) for tensors in variants}) == 3
-
-
-def test_too_large_and_diverged_weights_are_not_written(tmp_path):
     broken = PaperGenerator(4)
     torch.nn.init.constant_(broken.up.bias, float("nan"))
     for network, message in ((torch.nn.Linear(600, 600), "less than 1000000"), (broken, r"'up\.bias'.*not finite")):
@@ -246,13 +243,10 @@ def test_nan_is_replaced_and_noted(network):
     assert len(upscaler.notes) == 1
 
 
-def test_plain_interpolation_stands_for_a_network():
+def test_plain_interpolation_stands_for_a_network_and_weights_decide_the_digest():
     method = LabMethod.parse("oidn+fsrcnn")
     assert (method.name.text, method.network) == ("oidn+bilinear", "fsrcnn")
     assert LabMethod.parse("denoise+bicubic").network is None and ready("denoise+bicubic")[1] is None
-
-
-def test_weights_decide_the_digest_and_classical_methods_have_none():
     digest = {text: LabMethod.parse(text).weights_digest for text in
               ("oidn+bicubic", "denoise", "denoise+bicubic", "denoise+paper", "espcn", "oidn+espcn", "fsrcnn-eia",
                "fsrcnn", "paper")}

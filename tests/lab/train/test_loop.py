@@ -114,20 +114,17 @@ def test_stopped_run_resumes_where_it_was(tmp_path, stop_at):
     assert [(line["epoch"], line["loss"]) for line in lines] == [(1, 1.5), (2, 11.5), (3, 21.5), (4, 31.5)]
 
 
-def test_crash_between_checkpoints_repeats_epochs_without_double_lines(tmp_path):
+def test_a_crash_repeats_epochs_without_double_lines_and_an_interrupt_leaves_a_checkpoint(tmp_path):
     again, schedule = Counter(), loop.Schedule(4, checkpoint_every=2)
     with pytest.raises(ZeroDivisionError):
         loop.run(Counter(30, lambda: 1 / 0), schedule, tmp_path)
     loop.run(again, schedule, tmp_path, RESUME)
     assert again.done == [0, 1, 10, 11, 20, 21, 30, 31]
     assert [line["epoch"] for line in read_log(tmp_path / "log.jsonl")] == [1, 2, 3, 4]
-
-
-def test_interrupt_signal_ends_the_run_with_a_checkpoint(tmp_path):
     before = signal.getsignal(signal.SIGINT)
-    outcome = loop.run(Counter(10, lambda: os.kill(os.getpid(), signal.SIGINT)), loop.Schedule(4), tmp_path)
+    outcome = loop.run(Counter(10, lambda: os.kill(os.getpid(), signal.SIGINT)), loop.Schedule(4), tmp_path / "other")
     assert outcome.stopped and outcome.epochs == 1
-    assert loop.load_checkpoint(tmp_path / "checkpoint.pt")["state"] == {"done": [0, 1, 10]}
+    assert loop.load_checkpoint(tmp_path / "other" / "checkpoint.pt")["state"] == {"done": [0, 1, 10]}
     assert signal.getsignal(signal.SIGINT) is before
 
 

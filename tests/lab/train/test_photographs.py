@@ -33,7 +33,7 @@ def folder(tmp_path):
     return write_photographs(tmp_path / "photographs")
 
 
-def test_a_folder_is_read_pixel_by_pixel_and_reduction_keeps_the_mean(folder):
+def test_a_folder_is_read_pixel_by_pixel_reduction_keeps_the_mean_and_the_digest_sees_all(folder):
     images = some_photographs().images
     read = comparator.load_photographs(folder).images
     assert [image.tolist() for image in read] == [image.tolist() for image in images]
@@ -41,9 +41,6 @@ def test_a_folder_is_read_pixel_by_pixel_and_reduction_keeps_the_mean(folder):
     assert [max(image.shape) for image in reduced] == [26, 26, 26]
     for one, image in zip(reduced, images, strict=True):
         np.testing.assert_allclose(one.mean((0, 1)), image.mean((0, 1)), atol=3)
-
-
-def test_digest_depends_on_pixels_and_names():
     one, other = some_photographs(), some_photographs(seed=1)
     renamed = comparator.Photographs(("a.png", *one.names[1:]), one.images)
     assert len({one.digest, other.digest, renamed.digest}) == 3
@@ -85,13 +82,10 @@ def test_crops_are_seeded_parts_of_their_photographs_turned_in_every_way():
     assert not torch.equal(first, crops(1, 6)[0]) and not torch.equal(first, crops(2, 5)[0])
 
 
-def test_downsampling_is_the_mean_light():
+def test_downsampling_is_the_mean_light_and_quality_agrees_with_scikit_image():
     high = torch.rand(2, 3, 8, 12)
     mean = srgb_decode(high).reshape(2, 3, 2, 4, 3, 4).mean((3, 5))
     torch.testing.assert_close(srgb_decode(comparator.downsample(high, 4)), mean, atol=1e-5, rtol=1e-4)
-
-
-def test_quality_agrees_with_scikit_image():
     random = np.random.default_rng(1)
     a = cv2.GaussianBlur(random.random((50, 60, 3)), (0, 0), 2).astype(np.float64)
     b = (a + random.normal(0, 0.05, a.shape)).clip(0, 1)

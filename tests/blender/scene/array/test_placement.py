@@ -334,8 +334,7 @@ def test_the_panel_leaves_the_choice_to_blender_and_gives_an_animation_one_scale
     assert (job.sampling.scale, job.sampling.scales, job.sampling.rays) == (2, (), None)
     artist.lfsr.scale, artist.lfsr.samples, artist.lfsr.rays = scene_settings.AUTO_SCALE, 0, 0.5
     auto = folders.requested(artist)[0]
-    assert (auto.sampling.scale, auto.sampling.scales, auto.sampling.samples, auto.sampling.rays) == (2, (2,), 2,
-            0.5)
+    assert (auto.sampling.scale, auto.sampling.scales, auto.sampling.samples, auto.sampling.rays) == (2, (2,), 2, 0.5)
     artist.frame_end = 2
     monkeypatch.setattr(placement, "seen_depths", lambda *_: pytest.fail("Blender's window waits for it"))
     made = session.run("Animation", render.animation_job(artist)).result["made"]

@@ -47,18 +47,15 @@ def test_each_figure_shows_what_it_is_named_after(image, expected):
         assert getattr(found, name) == pytest.approx(value, abs=allowed), name
 
 
-def test_the_cost_command_says_seconds(capsys):
-    assert main(["study", "animations", "--cost", "mini"]) == 0
-    assert "CPU seconds per neighbouring frame" in capsys.readouterr().out
-    assert main(["study", "animations", "--cost", "nothing"]) == 2
-
-
-def test_renders_differ_by_their_seeds_and_references_share_none(tmp_path):
+def test_renders_differ_by_their_seeds_references_share_none_and_the_cost_is_said_in_seconds(tmp_path, capsys):
     animation = study.Animation(Store(tmp_path), study.Settings(), "object")
     assert len({job.seed for job in animation.low(study.FIXED, 4)}) == 1
     assert len({job.seed for job in animation.low(study.CHANGING, 4)}) == study.Settings().frames
     lenses = study.Settings().lens_list
     assert len(set(lenses)) == study.Settings().reference_lenses and study.Settings(seed=1).lens_list != lenses
+    assert main(["study", "animations", "--cost", "mini"]) == 0
+    assert "CPU seconds per neighbouring frame" in capsys.readouterr().out
+    assert main(["study", "animations", "--cost", "nothing"]) == 2
 
 
 def test_tables_and_chart_show_every_figure_of_a_report():

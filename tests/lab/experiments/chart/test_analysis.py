@@ -75,16 +75,13 @@ def rivals(factor=1.0, random=None):
     return points("ours", 4, factor, random) + points("theirs", 1, 2.0, random, analysis.DIRECT, (1,))
 
 
-def test_a_duel_of_power_laws_has_the_ratio_of_their_squares():
+def test_a_duel_of_power_laws_has_the_ratio_of_their_squares_and_intervals_hold_it_as_they_say():
     found = analysis.duels(rivals(), OURS)
     assert len(found) == len(MEASURES)
     duel = found[0]
     assert (duel.role, duel.method, duel.samples) == (analysis.DIRECT, "theirs", 1)
     assert duel.rays.value == pytest.approx(0.25, rel=1e-4) and not duel.rays.bound
     assert duel.seconds.value == pytest.approx((0.3 + 0.25) / 1.3, rel=0.1)
-
-
-def test_intervals_of_the_ratio_hold_the_truth_about_as_often_as_they_say():
     random, inside, runs = np.random.default_rng(3), 0, 40
     for _ in range(runs):
         rays = next(each.rays for each in analysis.duels(rivals(random=random), OURS) if each.measure == SSIM)
@@ -106,7 +103,7 @@ def scene(every):
                              tuple(analysis.duels(every, OURS)), ())
 
 
-def test_the_geometric_mean_has_an_interval_over_scenes():
+def test_the_geometric_mean_has_an_interval_over_scenes_and_repeated_times_are_drawn_anew():
     sharp = [analysis.Cost(ratio, ratio, ratio, False) for ratio in (0.1, 0.2, 0.4, 0.8)]
     found = analysis.geometric_mean(sharp)
     assert found.value == pytest.approx((0.1 * 0.2 * 0.4 * 0.8)**0.25, rel=1e-4)
@@ -115,6 +112,8 @@ def test_the_geometric_mean_has_an_interval_over_scenes():
     assert wide.value == found.value and wide.low < found.low and wide.high > found.high
     assert analysis.geometric_mean([*sharp, analysis.Cost(0.3, 0.2, None, True)]).high is None
     assert analysis.geometric_mean([]).value is None and analysis.geometric_mean(sharp[:1]) == sharp[0]
+    drawn = analysis.drawn_seconds(analysis.Times((1.0, 2.0, 9.0), (0.5,), None))
+    assert drawn[0] == 2.5 and set(np.unique(drawn)) == {1.5, 2.5, 9.5}
 
 
 def test_the_mean_duel_is_over_the_scenes_in_which_ours_gets_there():
@@ -131,11 +130,6 @@ def test_means_over_scenes_are_of_the_cells_that_all_have():
     half = one.errors[SSIM].high - one.errors[SSIM].mean
     assert found[0].errors[SSIM].high - found[0].errors[SSIM].mean == pytest.approx(half * 10**0.5 / 2, rel=1e-3)
     assert found[0].seconds.mean == pytest.approx(one.seconds.mean, rel=1e-4)
-
-
-def test_repeated_times_are_drawn_anew():
-    drawn = analysis.drawn_seconds(analysis.Times((1.0, 2.0, 9.0), (0.5,), None))
-    assert drawn[0] == 2.5 and set(np.unique(drawn)) == {1.5, 2.5, 9.5}
 
 
 @pytest.mark.parametrize(("change", "message"), [
@@ -175,11 +169,18 @@ def texts(svg: str) -> list[str]:
     return ["".join(element.itertext()) for element in ElementTree.fromstring(svg).iter(f"{SVG}text")]
 
 
-def test_the_image_has_every_error_against_every_cost(image):
+def test_the_image_has_every_error_against_every_cost_and_every_text_inside(image):
     words = " ".join(texts(image))
     assert words.count("Mean of 3 scenes") == 2 * (len(MEASURES) + 1)
     assert words.count("slope −½") == 10 and words.count("slope −1") == 6, "of squares the slope of their root too"
     assert words.count("end to end →") == words.count("rays per finished pixel →") == 5
+    image = ElementTree.fromstring(image)
+    width, height = (float(size) for size in image.get("viewBox").split()[2:])
+    places = []
+    for element in image.iter(f"{SVG}text"):
+        moved = re.search(r"translate\((\S+) (\S+)\)", element.get("transform"))
+        places.append(tuple(map(float, moved.groups() if moved else (element.get("x"), element.get("y")))))
+    assert len(places) > 50 and all(0 <= x <= width and 0 <= y <= height for x, y in places)
 
 
 def test_without_times_there_are_only_rays_and_the_noise_of_the_reference_is_shaded():
@@ -200,26 +201,13 @@ def test_the_name_of_a_scene_is_no_formula():
     assert panels.page(chart, None)
 
 
-def test_every_text_lies_inside_the_image(image):
-    image = ElementTree.fromstring(image)
-    width, height = (float(size) for size in image.get("viewBox").split()[2:])
-    places = []
-    for element in image.iter(f"{SVG}text"):
-        moved = re.search(r"translate\((\S+) (\S+)\)", element.get("transform"))
-        places.append(tuple(map(float, moved.groups() if moved else (element.get("x"), element.get("y")))))
-    assert len(places) > 50 and all(0 <= x <= width and 0 <= y <= height for x, y in places)
-
-
-def test_the_page_stands_alone_and_its_tables_are_whole(chart, page):
+def test_the_page_stands_alone_its_tables_are_whole_and_losses_named_as_wins_are(chart, page):
     assert not re.search(r"<script|<link|src=|url\((?!#)|@import", page)
     for table in re.findall(r"<table>.*?</table>", page):
         rows = ElementTree.fromstring(table).iter("tr")
         assert len({len(row) for row in rows}) == 1
     assert all(name in page for name in LOW_METHODS) and all(scene.scene in page for scene in chart.scenes)
     assert chart.skipped[0] in page and "Example processor" in page
-
-
-def test_losses_are_named_as_wins_are(chart, page):
     duels = [duel for scene in chart.scenes for duel in scene.duels]
     lost = sum(map(findings.is_lost, duels))
     assert 0 < lost < len(duels)

@@ -159,12 +159,6 @@ def test_a_missing_asset_is_one_sentence_and_the_others_go_on(tmp_path):
                                     "vase.bin": hashlib.sha256(b"its mesh").hexdigest()}
 
 
-def test_a_command_that_fails_leaves_its_last_words(tmp_path):
-    work = work_of(tmp_path, "a", command="print('out of lamps'); raise SystemExit(2)\n")
-    document.measure(work, SHORT, work.table.study)
-    assert work.ended(every(work.table)[0]).sentence == "out of lamps"
-
-
 def test_a_unit_waits_for_those_that_it_reads(tmp_path):
     path = work_of(tmp_path, "a").folder.parent / "table.toml"
     text = path.read_text(encoding="utf-8")
@@ -176,6 +170,10 @@ def test_a_unit_waits_for_those_that_it_reads(tmp_path):
     assert work.ended(reader).sentence == "it needs study/a, which has not ended: run the command again after that"
     document.measure(work, SHORT, work.table.study)
     assert work.is_whole(first) and work.is_whole(reader)
+    (tmp_path / "other").mkdir()
+    work = work_of(tmp_path / "other", "a", command="print('out of lamps'); raise SystemExit(2)\n")
+    document.measure(work, SHORT, work.table.study)
+    assert work.ended(every(work.table)[0]).sentence == "out of lamps", "the last words of a command that fails"
 
 
 def test_parts_cover_all_units_once_and_a_folder_keeps_its_form(tmp_path):

@@ -43,15 +43,12 @@ def cells(tmp_path):
     return Records(tmp_path, Kept)
 
 
-def test_a_record_is_measured_once_per_fingerprint(cells):
+def test_a_record_is_measured_once_per_fingerprint_a_damaged_one_again_and_a_failure_not_kept(cells):
     results = iter([Kept("a", 1.0), Kept("a", 2.0)])
     first = cells.get("one", {"weights": "x"}, lambda: next(results))
     assert first == Kept("a", 1.0) == cells.get("one", {"weights": "x"}, lambda: next(results))
     assert cells.get("one", {"weights": "y"}, lambda: next(results)) == Kept("a", 2.0)
     assert cells.read("one", {"weights": "x"}) is None and cells.read("two", {"weights": "x"}) is None
-
-
-def test_a_damaged_file_is_measured_again_and_nothing_is_kept_of_a_measurement_that_fails(cells):
     for text in ("", "{", "[]", "{}", '{"fingerprint": {"a": 1}, "record": {"name": 3, "seconds": 1.0}}',
                  '{"fingerprint": {"a": 1}, "record": {"name": "n"}}'):
         cells.path("one").write_text(text)
@@ -173,7 +170,7 @@ def test_a_long_footer_is_broken_and_lies_below_the_panels(count):
     assert box.y1 < min(axes.bbox.y0 for axes in grid) - 30 * figure.dpi / 72, "an axis has its words there"
 
 
-def test_points_wear_what_is_known_of_them():
+def test_points_wear_what_is_known_of_them_and_long_names_break_where_a_part_begins():
     figure, axes = plots.sheet(3, 2)
     axes = axes[0, 0]
     plots.draw_curve(axes, Curve("a", plots.INK, "o", (1, 2), (3, 4), spans=((0.5, 1), (2, 2.5)),
@@ -181,6 +178,8 @@ def test_points_wear_what_is_known_of_them():
     sides, ups = (collection.get_segments() for collection in axes.collections)
     assert np.allclose(sides, [[(0.5, 3), (1, 3)], [(2, 4), (2.5, 4)]])
     assert np.allclose(ups, [[(1, 2.9), (1, 3.1)], [(2, 4), (2, 4)]])
+    assert list(map(plots.broken, ("every view +OIDN", "bicubic", "denoise+bilinear+epi (ours)"))) == [
+        "every view\n+OIDN", "bicubic", "denoise\n+bilinear+epi\n(ours)"]
 
 
 @given(st.floats(1e-3, 1e5), st.floats(1.01, 1e4))
@@ -194,11 +193,6 @@ def test_time_ticks_lie_inside_and_are_few(low, factor):
 def test_heights_rise_with_values(value, gain):
     assert plots.height(value + gain) >= plots.height(value)
     assert math.isfinite(plots.height(1.2))
-
-
-def test_long_names_break_where_a_part_begins():
-    assert list(map(plots.broken, ("every view +OIDN", "bicubic", "denoise+bilinear+epi (ours)"))) == [
-        "every view\n+OIDN", "bicubic", "denoise\n+bilinear+epi\n(ours)"]
 
 
 LENSES, SIZE = 12, 24
@@ -275,15 +269,12 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say(lens_sd, seed_sd, r
     assert 0.87 < inside / runs < 0.99
 
 
-def test_the_spread_is_that_of_the_means_of_seeds():
+def test_the_spread_is_that_of_the_means_of_seeds_and_methods_are_compared_in_pairs():
     values = np.array([[1.0, 3.0], [2.0, 4.0], [3.0, 5.0]])
     found = estimate(values)
     assert (found.mean, found.spread) == (3.0, pytest.approx(1.0))
     assert found.low <= 2.5 and found.high >= 3.5
     assert estimate(values[:1]).spread is None
-
-
-def test_methods_with_the_same_lenses_are_compared_in_pairs():
     random = np.random.default_rng(1)
     hard = random.normal(10, 5, (1, 20))
     ours, theirs = (hard + random.normal(shift, 0.1, (10, 20)) for shift in (0.0, 1.0))

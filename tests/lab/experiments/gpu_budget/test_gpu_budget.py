@@ -25,16 +25,13 @@ def test_the_denoiser_has_the_operations_that_pytorch_counts_and_samples_are_tho
     assert {work.step: work.samples for work in study.frame_work(DISPLAY, 4, 16)}[study.TRACE] == 1920 * 1080 * 16
 
 
-def test_each_display_has_its_steps_at_scales_that_divide_its_views():
+def test_each_display_has_its_steps_at_its_scales_and_the_samples_that_fit_fill_the_frame():
     for display in map(load_display, builtin_names()):
         steps = [work.step for work in study.frame_work(display, display.scales()[0], 1)]
         woven = [study.WEAVE] if display.is_woven else []
         assert steps == [study.TRACE, study.DENOISE, study.INTERPOLATE, *woven, study.SHOW]
         assert study.INTERPOLATE not in [work.step for work in study.frame_work(display, 1, 1)]
     refuses("scale is 3", study.frame_work, DISPLAY, 3, 1)
-
-
-def test_the_samples_that_fit_fill_the_frame():
     for gpu, scale in itertools.product(study.read_gpus(), (2, 4, 8)):
         fitting, steps = study.fitting_samples(gpu, DISPLAY, scale), study.frame_work(DISPLAY, scale, 1000)
         at_highest, at_lowest = study.frame_ms(gpu, steps)
@@ -44,15 +41,12 @@ def test_the_samples_that_fit_fill_the_frame():
         assert fitting[0] <= fitting[1]
 
 
-def test_tensors_take_every_step_of_a_lenticular_panel():
+def test_a_measured_frame_has_every_step_and_its_row_as_tensors_have_of_a_lenticular_panel(tmp_path):
     display = load_display("looking-glass-portrait")
     scale = display.scales()[0]
     images = torch.rand(4, 6, 1, display.views[0] // scale, 3).numpy()
     found = tensor_steps(images, (scale, 1), display, best_device())
     assert set(found) == {study.INTERPOLATE, study.WEAVE, study.SHOW} and all(value > 0 for value in found.values())
-
-
-def test_a_measured_frame_has_every_step_and_its_row_in_the_page(tmp_path):
     scene = tmp_path / "disc.blend"
     scene.touch()
     found = measure(Store(tmp_path / "out", played_blender(tmp_path / "blender")), scene, load_display("mini"), 2, 1)

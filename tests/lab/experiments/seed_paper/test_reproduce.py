@@ -74,16 +74,14 @@ def test_every_figure_measures_draws_and_speaks_and_what_is_not_there_is_not_inv
     assert found.schedules["paper-gan"] == "no weights"
 
 
-def test_accuracy_is_what_compare_gives(frames, measured):
+def test_accuracy_is_what_compare_gives_the_middle_lenses_are_shown_and_references_must_be_whole(frames, measured,
+                                                                                                 tmp_path):
     folder = frames.bench / "toy" / f"s4-spp{CLEAN}"
     finish_frame(folder, "bicubic")
     expected = compare_folders(folder, frames.bench / "toy" / "reference")
     row = next(row for row in measured["fig9"].rows if row.method == "bicubic" and row.samples == CLEAN)
     assert [row.values[name] for name in METRIC_NAMES] == pytest.approx([getattr(expected, n) for n in METRIC_NAMES])
     assert statistics.mean(row.series[LENS_SSIM]) == pytest.approx(expected.ssim_lens_fg, abs=0.01)
-
-
-def test_the_middle_lenses_are_shown_and_references_of_some_lenses_are_refused(frames, tmp_path):
     mask = np.zeros((12, 16), bool)
     mask[6:9, 13:] = True
     assert images.middle(mask, (8, 4)) == (slice(6 * 4, 9 * 4), slice(12 * 8, 16 * 8))

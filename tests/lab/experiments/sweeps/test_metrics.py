@@ -68,24 +68,18 @@ def meet(layout, raster_x, random_x, y):
     return origin[:, 0] + direction[:, 0] / direction[:, 2] * depth
 
 
-def test_a_depth_at_the_viewer_or_a_slope_beyond_the_display_is_refused():
-    space = Space.of(load_display("small"), 4)
-    refuses("at the viewer", space.depth, -4)
-    refuses("the limit is 2.47", space.depth_of_slope, 4)
-
-
-def test_gratings_beyond_nyquist_alias_in_an_elemental_image():
+def test_holes_gratings_and_what_no_display_shows():
     space = Space.of(DISPLAYS[0], 4)
     y = space.depth(1)
     low_pixel = space.scale * space.spacing * y / space.distance  # through one point of a lens
     assert space.nyquist(y) * low_pixel == pytest.approx(0.5)
-
-
-def test_a_hole_is_a_block_of_lenses_of_nearly_that_fraction():
     for fraction in (1, 0.75, 0.5, 0.25, 0.1, 0.05, 0.02):
         columns, rows = hole((12, 8), fraction)
         assert 1 <= columns <= 12 and 1 <= rows <= 8
         assert columns * rows / 96 == pytest.approx(fraction, abs=0.006)
+    space = Space.of(load_display("small"), 4)
+    refuses("at the viewer", space.depth, -4)
+    refuses("the limit is 2.47", space.depth_of_slope, 4)
 
 
 @given(st.integers(2, 40), st.integers(1, 3), st.integers(1, 9), st.integers(1, 9))
@@ -153,14 +147,11 @@ def test_an_error_at_the_borders_is_found_there_and_nowhere_else():
     assert found["rmse_border"] == pytest.approx(0.1) and found["rmse_centre"] == 0
 
 
-def test_the_ratio_of_an_even_error_is_one_and_the_references_noise_cancels():
+def test_the_ratio_of_an_even_error_is_one_noise_cancels_and_borders_count_in_the_foreground_only():
     x, a, b = EVEN + 0.05, EVEN + noise(0.05, 1), EVEN + noise(0.05, 2)
     found = metrics.border_and_centre(Compared(x, a, b, LENSES, ALL), 3)
     assert found["border_ratio"] == pytest.approx(1, abs=0.06)
     assert found["rmse_centre"] == pytest.approx(0.05, abs=0.003)
-
-
-def test_borders_count_in_the_foreground_only():
     mask = ALL.copy()
     mask[0] = False
     x = EVEN.copy()

@@ -230,7 +230,8 @@ def test_values_near_breaking_points_have_every_seed(report):
     assert dials["samples"]["breaks"]["nearest"]["earliest"] == dials["samples"]["breaks"]["nearest"]["latest"] == 64
 
 
-def test_another_version_of_a_method_is_measured_again(bench, report, monkeypatch):
+def test_another_version_of_a_method_is_measured_again_and_a_folder_of_other_settings_refused(bench, report,
+                                                                                              monkeypatch, capsys):
     made, real, versions = [], Records.write, {"nearest": {"denoiser": -1}}
     monkeypatch.setattr(Records, "write", lambda records, name, *rest: made.append(name) or real(records, name, *rest))
     monkeypatch.setattr(MethodName, "versions", property(lambda name: versions.get(name.text, {})))
@@ -239,6 +240,8 @@ def test_another_version_of_a_method_is_measured_again(bench, report, monkeypatc
     cells = 3 * (3 + 3 + 2 + 3 + 3) + sum(len(dial["repeats"]) for dial in report["dials"])
     kept = [json.loads(path.read_text()) for path in bench.glob("*/cells/*.json")]
     assert len(kept) == cells and all(each["fingerprint"].keys() == {"weights", "versions"} for each in kept)
+    capsys.readouterr()
+    assert "frames differs" in fails(["study", "stress", "-o", str(bench), *OPTIONS[:-1], "3"], capsys)
 
 
 def test_the_published_report_is_what_the_documents_show():
@@ -270,10 +273,6 @@ def test_default_methods_are_bicubic_the_default_and_what_has_weights():
 def test_bad_input_is_refused_before_anything_is_written(tmp_path, capsys, options, message):
     assert message in fails(["study", "stress", "-o", str(tmp_path / "out"), "--display", "mini", *options], capsys)
     assert not (tmp_path / "out").exists()
-
-
-def test_a_folder_of_other_settings_is_refused(bench, capsys):
-    assert "frames differs" in fails(["study", "stress", "-o", str(bench), *OPTIONS[:-1], "3"], capsys)
 
 
 METHODS = ("bicubic", FAST_METHOD, DEFAULT_METHOD)
