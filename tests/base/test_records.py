@@ -92,12 +92,18 @@ def test_what_is_wrong_is_one_sentence_with_its_place(change: dict[str, Any], pa
     assert len(message) <= 300 and "\n" not in message
 
 
-def test_a_missing_field_is_named_and_a_misspelt_one_gets_a_hint():
+def test_missing_and_misspelt_fields_are_named_and_a_message_is_one_line():
     with pytest.raises(LfsrError, match="sheet: field 'flag' is missing; every Sheet needs it"):
         from_data(Sheet, {key: value for key, value in GOOD.items() if key != "flag"}, "sheet")
     refuses("sheet: unknown field 'cuont'; did you mean 'count'", from_data, Sheet, GOOD | {"cuont": 3}, "sheet")
     for data in [None, [], "text", 3]:
         refuses("sheet: it is .*, but it must be an object", from_data, Sheet, data, "sheet")
+    assert did_you_mean("aple", FRUIT) == "did you mean 'apple'? "
+    assert did_you_mean("xyz", FRUIT) == did_you_mean("apple", ()) == ""
+    assert did_you_mean("berry", FRUIT, cutoff=0.9) == "" and "cherry" in did_you_mean("berry", FRUIT, cutoff=0.4)
+    message = str(LfsrError("what is\nwrong " + "x" * 10_000 + " what to do"))
+    assert len(message) <= 300
+    assert message.startswith("what is wrong xx") and message.endswith("xx what to do")
 
 
 def test_what_could_not_be_read_back_is_not_written_and_a_file_holds_a_record(tmp_path):
@@ -127,7 +133,7 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_plain_lines_for_new_stages_and_ends_only():
+def test_plain_lines_for_new_stages_and_ends_and_every_five_seconds_at_the_latest(monkeypatch):
     stream = io.StringIO()
     tell = ProgressBar(stream)
     for step in range(101):
@@ -138,6 +144,16 @@ def test_plain_lines_for_new_stages_and_ends_only():
     unused = Terminal()
     ProgressBar(unused).close()
     assert unused.getvalue() == ""
+    stream, now, shown = io.StringIO(), [100.0], []
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    tell = ProgressBar(stream)
+    for second in range(60):
+        before = len(stream.getvalue())
+        tell(Progress("render", 0.0, f"Updating Scene BVH: Building, for {second} s"))
+        shown += [second] * (len(stream.getvalue()) > before)
+        now[0] += 1.04
+    assert 12 <= len(shown) < 20
+    assert all(1.04 * (after - before) <= 5 for before, after in itertools.pairwise(shown))
 
 
 def test_terminal_line_moves_within_a_stage_and_a_notice_has_its_own_line_once_also_amid_a_bar():
@@ -161,19 +177,6 @@ def test_terminal_line_moves_within_a_stage_and_a_notice_has_its_own_line_once_a
     assert stream.getvalue().count("\nnote: motion blur is ignored\n") == 1
 
 
-def test_a_record_a_second_makes_a_line_every_five_seconds_at_the_latest(monkeypatch):
-    stream, now, shown = io.StringIO(), [100.0], []
-    monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    tell = ProgressBar(stream)
-    for second in range(60):
-        before = len(stream.getvalue())
-        tell(Progress("render", 0.0, f"Updating Scene BVH: Building, for {second} s"))
-        shown += [second] * (len(stream.getvalue()) > before)
-        now[0] += 1.04
-    assert 12 <= len(shown) < 20
-    assert all(1.04 * (after - before) <= 5 for before, after in itertools.pairwise(shown))
-
-
 @pytest.mark.parametrize(("text", "expected"), [
     ("1", 1), ("0", 1), ("100000", os.cpu_count()), ("", os.cpu_count()), ("many", os.cpu_count())])
 def test_the_environment_may_ask_for_fewer_cores(monkeypatch, text, expected):
@@ -182,12 +185,3 @@ def test_the_environment_may_ask_for_fewer_cores(monkeypatch, text, expected):
 
 
 FRUIT = ("apple", "banana", "cherry")
-
-
-def test_a_message_is_one_line_and_names_what_is_near():
-    assert did_you_mean("aple", FRUIT) == "did you mean 'apple'? "
-    assert did_you_mean("xyz", FRUIT) == did_you_mean("apple", ()) == ""
-    assert did_you_mean("berry", FRUIT, cutoff=0.9) == "" and "cherry" in did_you_mean("berry", FRUIT, cutoff=0.4)
-    message = str(LfsrError("what is\nwrong " + "x" * 10_000 + " what to do"))
-    assert len(message) <= 300
-    assert message.startswith("what is wrong xx") and message.endswith("xx what to do")

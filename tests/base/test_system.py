@@ -128,13 +128,19 @@ def test_a_full_disk_is_told_and_keeps_the_old_file(tmp_path):
     assert read_json(tmp_path / "data.json", "a text") == "old" and names(tmp_path) == ["data.json"]
 
 
-def test_json_round_trip_and_nan_leaves_no_file(tmp_path):
+def test_json_round_trip_of_regular_files_up_to_a_size(tmp_path):
     data = {"a": [1, 2.5, None, "ü"], "b": {"c": True}}
     write_json(tmp_path / "data.json", data)
     assert read_json(tmp_path / "data.json", "a test") == data
     with pytest.raises(ValueError, match="JSON"):
         write_json(tmp_path / "nan.json", {"a": float("nan")})
     assert names(tmp_path) == ["data.json"]
+    os.mkfifo(tmp_path / "fifo")
+    (tmp_path / "large").write_bytes(bytes(101))
+    for path in (tmp_path, tmp_path / "fifo", Path("/dev/zero")):
+        refuses("is not a regular file", read_bytes, path, "a test", 100)
+    refuses("more than 100 bytes", read_bytes, tmp_path / "large", "a test", 100)
+    assert read_bytes(tmp_path / "large", "a test", 101) == bytes(101)
 
 
 @pytest.mark.parametrize("content", [
@@ -146,15 +152,6 @@ def test_unreadable_json_says_what_was_expected(tmp_path, content):
     said = refuses("does not exist, expected the report" if content is None else "cannot be read as the report",
                    read_json, tmp_path / "data.json", "the report")
     assert "sys.set" not in said, "advice for programmers"
-
-
-def test_only_regular_files_up_to_a_size_are_read(tmp_path):
-    os.mkfifo(tmp_path / "fifo")
-    (tmp_path / "large").write_bytes(bytes(101))
-    for path in (tmp_path, tmp_path / "fifo", Path("/dev/zero")):
-        refuses("is not a regular file", read_bytes, path, "a test", 100)
-    refuses("more than 100 bytes", read_bytes, tmp_path / "large", "a test", 100)
-    assert read_bytes(tmp_path / "large", "a test", 101) == bytes(101)
 
 
 # Staging folders: one render into a folder at a time, and nothing left of dead ones.

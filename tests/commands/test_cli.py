@@ -56,13 +56,22 @@ def test_every_verb_has_help_that_loads_no_numpy(capsys):
     assert "argparse" in told and "numpy" not in told
 
 
-def test_lfsr_alone_shows_every_verb_in_its_group_with_an_example(capsys):
+def test_lfsr_alone_and_displays_show_what_there_is(capsys):
     assert main([]) == 0
     shown = capsys.readouterr().out
     assert "\x1b" not in shown, "no terminal, no colour"
     for title, example, verbs in GROUPS:
         build_parser().parse_args(example.split()[1:])
         assert f"{title}:  {example}\n" + "".join(f"  {name:10} {text}\n" for name, (_, text) in verbs.items()) in shown
+    assert main(["displays"]) == 0
+    listed = capsys.readouterr().out
+    assert [line.split()[0] for line in listed.splitlines()] == builtin_names()
+    assert "7680×4320 px, 96×54 lenses of 80×80 views" in listed
+    assert main(["displays", "bupt-32in-8k"]) == 0
+    shown = capsys.readouterr().out
+    for number in ("96×54 = 5184", "7.379 × 7.379 mm", "9.099 mm", "0.521°", "2, 4, 5, 8, 10",
+                   "168.6 mm in front, 254.3 mm behind"):
+        assert number in shown
 
 
 @pytest.mark.parametrize(("variables", "is_styled"), [({}, True), ({"NO_COLOR": "1"}, False),
@@ -138,18 +147,6 @@ def test_wrong_command_line_exits_with_2(words, capsys):
     assert caught.value.code == 2 and said and ("'rendr': did you mean 'render'?" in said) == ("rendr " in words)
 
 
-def test_displays_lists_and_shows(capsys):
-    assert main(["displays"]) == 0
-    listed = capsys.readouterr().out
-    assert [line.split()[0] for line in listed.splitlines()] == builtin_names()
-    assert "7680×4320 px, 96×54 lenses of 80×80 views" in listed
-    assert main(["displays", "bupt-32in-8k"]) == 0
-    shown = capsys.readouterr().out
-    for number in ("96×54 = 5184", "7.379 × 7.379 mm", "9.099 mm", "0.521°", "2, 4, 5, 8, 10",
-                   "168.6 mm in front, 254.3 mm behind"):
-        assert number in shown
-
-
 def test_render_goes_all_the_way(scene, blender, tmp_path, capsys):
     folder = tmp_path / "frame"
     assert main(["render", scene, "-o", str(folder), "--display", "mini", "--scale", "2", "--spp", "3", "--method",
@@ -179,12 +176,15 @@ def test_an_image_without_foreground_is_no_success(scene, blender, tmp_path, cap
     assert "no lens sees the subject" in capsys.readouterr().err
 
 
-def test_render_defaults(scene, blender, tmp_path):
+def test_render_defaults_and_frames_whose_depth_decides(scene, blender, tmp_path):
     assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender]) == 0
     (job,) = jobs(blender)
     assert (job["layers"], job["frame"]) == ([], None)
     assert job["sampling"] == {"scale": 2, "samples": 4, "scales": [2, 1], "rays": 1, "frames": [], "reason": None}
     assert json.loads((tmp_path / "frame" / "report.json").read_text())["method"] == DEFAULT_METHOD
+    assert main(["render", scene, "-o", str(tmp_path / "seventh"), "--display", "mini", "--blender", blender,
+                 "--frame", "7", "--scale-frames", "1-9:2", "--layers", "none"]) == 0
+    assert (jobs(blender)[1]["sampling"]["frames"], jobs(blender)[1]["layers"]) == ([1, 3, 5, 7, 9], [])
 
 
 def test_a_scene_too_deep_for_any_scale_is_denoised_alone(scene, tmp_path):
@@ -206,12 +206,6 @@ def test_rays_are_per_finished_pixel_and_samples_per_rendered_pixel(scene, blend
     sampling = job["sampling"]
     assert (sampling["scale"], sampling["samples"], sampling["scales"], sampling["rays"]) == expected
     assert job["layers"] == [], "the method looks at none"
-
-
-def test_frames_can_be_named_whose_depth_decides(scene, blender, tmp_path):
-    assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender, "--frame",
-                 "7", "--scale-frames", "1-9:2", "--layers", "none"]) == 0
-    assert (jobs(blender)[0]["sampling"]["frames"], jobs(blender)[0]["layers"]) == ([1, 3, 5, 7, 9], [])
 
 
 @pytest.mark.parametrize(("options", "message"), [

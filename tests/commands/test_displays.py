@@ -42,7 +42,7 @@ def test_a_telephones_photograph_of_the_pattern_fits_the_profile(tmp_path, capsy
     assert read_png(fitted.with_suffix(".png")).shape == (405, 1452, 3)
 
 
-def test_what_is_missing_is_named(tmp_path, capsys):
+def test_what_is_missing_is_named_also_of_a_cubevi(tmp_path, capsys):
     assert "no file was given: add -o FILE.toml" in fails(["displays", "--import", str(new_unit(tmp_path))], capsys)
     assert "nothing to write to x.toml" in fails(["displays", "mini", "-o", "x.toml"], capsys)
     assert "add -o FILE.png" in fails(["displays", "looking-glass-go", "--pattern", "rgb"], capsys)
@@ -50,19 +50,15 @@ def test_what_is_missing_is_named(tmp_path, capsys):
     assert "1 photographs and 2 positions were given" in fails(
         ["displays", "looking-glass-go", "--fit", "a.png", "--from", "0,0,1", "--from", "0,0,2"], capsys)
     assert "'mini' has no lens sheet" in fails(["displays", "mini", "--pattern", "grid", "-o", "a.png"], capsys)
+    assert main(["displays", "--cubevi", "0.0988", "19.6138", " -1.95", "-o", str(tmp_path / "c1.toml")]) == 0
+    assert "19.614" in capsys.readouterr().out and load_display(tmp_path / "c1.toml").views == (40, 1)
+    assert "add -o FILE.toml" in fails(["displays", "--cubevi", "0.1", "19", "1"], capsys)
+    assert "interval (lineNumber) is 0.0" in fails(
+        ["displays", "--cubevi", "0.1", "0", "1", "-o", str(tmp_path / "c2.toml")], capsys)
+    assert not (tmp_path / "c2.toml").exists()
 
 
-def test_connected_displays_are_listed(bridge, capsys):
-    bridge(devices=[*DEVICES, device(3, "LKG-X", "go_p", {"pitch": 80})])
-    assert main(["displays", "--bridge"]) == 0
-    portrait, large, broken = capsys.readouterr().out.splitlines()
-    assert portrait == (" 1  LKG-P1 (portrait), at 3840,0: 1536×2048 px, 40° cone, 52.5927 cylinders per inch, "
-                        "quilt 8×6 of 3360×3360 px")
-    assert "LKG-J2 (16_gen3_landscape)" in large and "50° cone" in large
-    assert "the calibration of display 'LKG-X' in Bridge: field 'slope' is missing" in broken
-
-
-def test_a_connected_display_becomes_the_same_profile_as_its_calibration(bridge, tmp_path, capsys):
+def test_connected_displays_are_listed_and_become_the_same_profile_as_their_calibration(bridge, tmp_path, capsys):
     bridge()
     (tmp_path / "imported").mkdir()
     ours, theirs = tmp_path / "desk.toml", tmp_path / "imported" / "desk.toml"
@@ -71,6 +67,14 @@ def test_a_connected_display_becomes_the_same_profile_as_its_calibration(bridge,
     written(tmp_path, NEW, CellPatternMode=2, subpixelCells=CELLS, serial="LKG-J2")
     assert main(["displays", "--import", str(tmp_path / "visual.json"), "-o", str(theirs)]) == 0
     assert load_display(ours) == load_display(theirs)
+    capsys.readouterr()
+    bridge(devices=[*DEVICES, device(3, "LKG-X", "go_p", {"pitch": 80})])
+    assert main(["displays", "--bridge"]) == 0
+    portrait, large, broken = capsys.readouterr().out.splitlines()
+    assert portrait == (" 1  LKG-P1 (portrait), at 3840,0: 1536×2048 px, 40° cone, 52.5927 cylinders per inch, "
+                        "quilt 8×6 of 3360×3360 px")
+    assert "LKG-J2 (16_gen3_landscape)" in large and "50° cone" in large
+    assert "the calibration of display 'LKG-X' in Bridge: field 'slope' is missing" in broken
 
 
 def test_which_connected_display_is_said_or_asked_and_without_bridge_no_profile_is_written(monkeypatch, tmp_path,
@@ -86,12 +90,3 @@ def test_which_connected_display_is_said_or_asked_and_without_bridge_no_profile_
     bridge(devices=[PORTRAIT])
     assert main(["displays", "--bridge", *output]) == 0
     assert load_display(tmp_path / "desk.toml").panel_pixels == (1536, 2048)
-
-
-def test_the_three_numbers_of_a_cubevi(tmp_path, capsys):
-    assert main(["displays", "--cubevi", "0.0988", "19.6138", " -1.95", "-o", str(tmp_path / "c1.toml")]) == 0
-    assert "19.614" in capsys.readouterr().out and load_display(tmp_path / "c1.toml").views == (40, 1)
-    assert "add -o FILE.toml" in fails(["displays", "--cubevi", "0.1", "19", "1"], capsys)
-    assert "interval (lineNumber) is 0.0" in fails(
-        ["displays", "--cubevi", "0.1", "0", "1", "-o", str(tmp_path / "c2.toml")], capsys)
-    assert not (tmp_path / "c2.toml").exists()

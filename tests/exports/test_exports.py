@@ -120,7 +120,7 @@ def test_film_of_quilts(folder, tmp_path, monkeypatch, side, codec):
 
 # Folders of views.
 
-def test_stanford_names_carry_the_places(folder, field, tmp_path):
+def test_folders_of_views_have_the_names_places_and_bits_of_their_readers(folder, field, tmp_path):
     files = export(folder, "stanford", tmp_path)
     parts = [re.fullmatch(r"out_(\d\d)_(\d\d)_(-?[\d.]+)_(-?[\d.]+)_\.png", path.name) for path in files]
     assert len(files) == 64 and all(parts)
@@ -129,9 +129,6 @@ def test_stanford_names_carry_the_places(folder, field, tmp_path):
         row, column, y, x = (float(text) for text in part.groups())
         assert (y, x) == pytest.approx(((row - 3.5) * spacing, (column - 3.5) * spacing), abs=1e-5)
     np.testing.assert_array_equal(picture(files[2 * 8 + 5]), field.views[2, 5])
-
-
-def test_pleno_has_ten_bits_and_the_column_first(folder, field, tmp_path):
     files = export(folder, "pleno", tmp_path)
     assert len(files) == 64 and files[-1].name == "007_007.ppm"
     path = tmp_path / "005_002.ppm"
@@ -211,7 +208,7 @@ def test_depth_beside_colour(folder, field, tmp_path):
     assert Notice("display-plane", {"depth": depth}) in told.notices
 
 
-def test_depth_where_nothing_was_hit_and_without_the_position_layer(tmp_path):
+def test_depth_where_nothing_was_hit_of_one_row_of_views_and_without_the_position_layer(tmp_path):
     folder = finished(tmp_path / "frame")
     layers = read_layers(folder / "lr_eia.exr")
     layers["color"][layers["color"][..., 2] < 0.5] = 0
@@ -220,6 +217,12 @@ def test_depth_where_nothing_was_hit_and_without_the_position_layer(tmp_path):
     assert set(np.unique(picture(path)[:, 160:])) == {0, 255}
     folder = finished(tmp_path / "without", layers=())
     refuses("position layer.*--layers|layer position", export, folder, "rgbd", tmp_path / "out")
+    row = dataclasses.replace(MINI, name="row", views=(8, 1), lenses=(64, 48), panel_pixels=(512, 48))
+    field = read_light_field(finished(tmp_path / "row", row, scale=4))
+    near = field.view_at(3.5, 0)[..., 2] > 160  # the near square is the only blue
+    wrong = ((central_disparity(field) > 0) != near).any(axis=1)
+    assert set(np.nonzero(wrong)[0]) <= set(np.nonzero(near.any(axis=1))[0]), "above and below nothing is near"
+    assert (central_disparity(field)[:, 28] > 0).tolist() == near[:, 28].tolist()
 
 
 def test_enlarged_images_are_as_opencv_makes_them(field):
@@ -383,15 +386,6 @@ def test_hci_disparity_warps_views_onto_each_other(fine_hci, row, column):
         return np.abs(warped[inside].astype(float) - views[3, 3][inside]).mean()
 
     assert error(1) < 0.6 * error(0) < 0.6 * error(-1)
-
-
-def test_disparity_of_one_row_of_views_lies_where_things_are(tmp_path):
-    row = dataclasses.replace(MINI, name="row", views=(8, 1), lenses=(64, 48), panel_pixels=(512, 48))
-    field = read_light_field(finished(tmp_path / "frame", row, scale=4))
-    near = field.view_at(3.5, 0)[..., 2] > 160  # the near square is the only blue
-    wrong = ((central_disparity(field) > 0) != near).any(axis=1)
-    assert set(np.nonzero(wrong)[0]) <= set(np.nonzero(near.any(axis=1))[0]), "above and below nothing is near"
-    assert (central_disparity(field)[:, 28] > 0).tolist() == near[:, 28].tolist()
 
 
 def test_hci_without_a_position_layer_says_so_and_lenses_may_not_be_square(tmp_path):

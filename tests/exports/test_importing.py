@@ -97,12 +97,6 @@ def test_stanford_cameras_are_ordered_by_place(field, tmp_path):
     np.testing.assert_array_equal(read_light_field(tmp_path / "frame").views, field.views[::4, ::4][:, :2])
 
 
-def test_mirrored_cameras_are_turned_round(images, field, tmp_path):
-    import_views(images, tmp_path / "frame", geometry=ImportGeometry(mirror="x"))
-    finish_frame(tmp_path / "frame", "none")
-    np.testing.assert_array_equal(read_light_field(tmp_path / "frame").views, field.resampled((3, 3))[:, ::-1])
-
-
 def test_a_wide_grid_keeps_its_middle(folder, tmp_path):
     export(folder, "views", tmp_path / "views", ExportOptions(views=(8, 4)))
     told = Told()
@@ -149,15 +143,6 @@ def test_files_beside_views_are_kept(images, tmp_path, kept):
     assert (images / kept).read_text() == "my own"
 
 
-def test_a_page_in_a_folder_that_held_no_render_is_kept(images, tmp_path):
-    (tmp_path / "frame").mkdir()
-    (tmp_path / "frame" / "view.html").write_text("my own")
-    import_views(images, tmp_path / "frame")
-    assert (tmp_path / "frame" / "view.html").read_text() == "my own"
-    import_views(images, tmp_path / "frame")
-    assert not (tmp_path / "frame" / "view.html").exists(), "it would show another image than the frame"
-
-
 def camera(source, number):
     return source / f"input_Cam{number:03d}.png"
 
@@ -190,7 +175,7 @@ def test_refused_in_one_sentence(images, tmp_path, spoil, told):
     assert [path.name for path in tmp_path.iterdir()] == ["views"]
 
 
-def test_an_empty_or_missing_folder_and_geometry_that_cannot_be(tmp_path, images):
+def test_a_page_in_a_folder_that_held_no_render_is_kept_and_what_cannot_be_imported_said(tmp_path, images):
     refuses("no views with known names", import_views, tmp_path, tmp_path / "frame")
     refuses(re.escape("nowhere is no folder"), import_views, tmp_path / "nowhere", tmp_path / "frame")
     for options, message in [
@@ -199,6 +184,12 @@ def test_an_empty_or_missing_folder_and_geometry_that_cannot_be(tmp_path, images
         ({"geometry": ImportGeometry(width_mm=-1.0)}, "lengths above 0")]:
         refuses(message, import_views, images, tmp_path / "frame", **options)
         assert not (tmp_path / "frame").exists()
+    (tmp_path / "frame").mkdir()
+    (tmp_path / "frame" / "view.html").write_text("my own")
+    import_views(images, tmp_path / "frame")
+    assert (tmp_path / "frame" / "view.html").read_text() == "my own"
+    import_views(images, tmp_path / "frame")
+    assert not (tmp_path / "frame" / "view.html").exists(), "it would show another image than the frame"
 
 
 PORTRAIT = dataclasses.replace(load_display("looking-glass-portrait"), lenses=(105, 140))
@@ -300,18 +291,7 @@ def test_woven_for_another_display_as_if_made_for_it(tmp_path, quilt, angle, see
     assert (woven[:, :inside.start - 24] == 0).all(), "beside the picture the panel is black"
 
 
-def test_fill_cuts_the_picture(tmp_path):
-    path = coordinates(tmp_path)
-    for fill in (False, True):
-        import_views(path, tmp_path / str(fill), quilt=quilt_of(path),
-                     geometry=ImportGeometry(display=landscape(), fill=fill))
-        finish_frame(tmp_path / str(fill), "none")
-    whole, cut = (read_light_field(tmp_path / str(fill)).views[0, 24] for fill in (False, True))
-    assert (whole[:, 0] == 0).all() and cut[:, 0, 0].min() > 0
-    assert cut[0, 107, 2] > whole[0, 107, 2] + 30, "the top of the picture is cut"
-
-
-def test_a_folder_of_views_for_a_display(tmp_path, folder, field):
+def test_a_folder_of_views_for_a_display_and_fill_that_cuts_the_picture(tmp_path, folder, field):
     export(folder, "hci", tmp_path / "views")
     smaller = dataclasses.replace(MINI, views=(4, 4), panel_pixels=(64, 48), name="smaller")
     told = Told()
@@ -320,6 +300,14 @@ def test_a_folder_of_views_for_a_display(tmp_path, folder, field):
     assert imported == smaller and not told.notices
     off = np.abs(read_light_field(tmp_path / "frame").views.astype(int) - field.resampled((4, 4)))
     assert off.max() <= 1
+    path = coordinates(tmp_path)
+    for fill in (False, True):
+        import_views(path, tmp_path / str(fill), quilt=quilt_of(path),
+                     geometry=ImportGeometry(display=landscape(), fill=fill))
+        finish_frame(tmp_path / str(fill), "none")
+    whole, cut = (read_light_field(tmp_path / str(fill)).views[0, 24] for fill in (False, True))
+    assert (whole[:, 0] == 0).all() and cut[:, 0, 0].min() > 0
+    assert cut[0, 107, 2] > whole[0, 107, 2] + 30, "the top of the picture is cut"
 
 
 @pytest.mark.parametrize("options", [{"width_mm": 5.0}, {"distance_mm": 5.0}])

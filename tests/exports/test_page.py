@@ -30,12 +30,6 @@ def images(path) -> list[np.ndarray]:
     return [np.asarray(Image.open(io.BytesIO(base64.b64decode(text)))) for text in found]
 
 
-@pytest.mark.parametrize("quality", [None, 1, 90, 100])
-def test_size_is_that_of_the_image_and_a_little(folder, tmp_path, quality):
-    written = write_page([folder], tmp_path / "page.html", quality)
-    assert written.bytes == written.path.stat().st_size <= (folder / "eia.png").stat().st_size + OVERHEAD
-
-
 def test_lossless_is_the_image_and_by_default_nothing_is_lost_where_that_would_show_or_fetched(folder, tmp_path):
     (image,) = images(write_page([folder], tmp_path / "page.html", 100).path)
     np.testing.assert_array_equal(image, read_png(folder / "eia.png"))

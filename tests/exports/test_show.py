@@ -141,17 +141,15 @@ def test_an_animation_full_screen(tmp_path, make):
     assert found["seconds"] == pytest.approx(1 / 12)
 
 
-def test_without_a_browser_it_says_what_to_do(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr("webbrowser.open", lambda _: False)
-    assert main(["show", str(frame(tmp_path / "frame", MINI))]) == 0
-    assert "note: no browser was found here: open that page yourself" in capsys.readouterr().err
-
-
-def test_a_display_of_other_proportions_is_refused_before_the_export(bridge, tmp_path, capsys):
+def test_other_proportions_are_refused_before_the_export_and_without_a_browser_it_says_what_to_do(bridge, tmp_path,
+                                                                                                  capsys, monkeypatch):
     stand_in, folder = bridge(), frame(tmp_path / "frame")
     assert "the image is made for a panel of width / height 1.500, but display 'LKG-P1' has 0.750" in fails(
         ["show", str(folder)], capsys)
     assert not (folder / "export").exists() and stand_in.endpoints[-1] == "available_output_devices"
+    monkeypatch.setattr("webbrowser.open", lambda _: False)
+    assert main(["show", str(frame(tmp_path / "array", MINI))]) == 0
+    assert "note: no browser was found here: open that page yourself" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("make", "options", "message"), [

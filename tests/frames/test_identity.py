@@ -205,16 +205,13 @@ def test_bad_value_is_named(options, message):
     refuses(message, make_request, "out", MINI, **options)
 
 
-def test_samples_follow_from_the_rays_at_the_chosen_scale():
+def test_samples_follow_from_the_rays_and_a_noisy_scene_takes_more_of_the_same_render():
     job = make_request("out", MINI, scale=4, samples=5, scales=(4, 2, 1), frames=(1,))
     assert job.with_scale(ScaleChoice(2, DEEP)) == make_request("out", MINI, scale=2, samples=5, reason=DEEP)
     assert job.judged_rays == 5 / 16
     by_rays = job.sampled(rays=4.0)
     assert [by_rays.with_scale(ScaleChoice(scale)).sampling.samples for scale in job.sampling.scales] == [64, 16, 4]
     assert by_rays.judged_rays == 4
-
-
-def test_a_noisy_scene_takes_more_rays_and_stays_the_same_render():
     usual = records.usual_rays(MINI)
     assert [records.more_rays(MINI, usual, noise) for noise in (0.0, 0.039, 0.05, 0.07, 1.0)] == [1, 1, 2, 4, 4]
     assert [records.more_rays(MINI, usual * times, 0.07) for times in (0.25, 1, 2, 4)] == [1, 4, 2, 1]

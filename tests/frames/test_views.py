@@ -30,15 +30,12 @@ def test_views_of_an_eia_of_views_are_the_same(display):
     np.testing.assert_array_equal(eia_to_views(panel, display), numbered(display))
 
 
-def test_the_left_pixel_behind_a_lens_is_the_rightmost_view_where_the_display_flips():
+def test_the_left_pixel_is_the_rightmost_view_where_the_display_flips_also_of_a_finished_folder(tmp_path):
     assert views_to_eia(numbered(), MINI)[0, 0, :2].tolist() == [7, 7]
     assert views_to_eia(numbered(), DIRECT)[0, 0, :2].tolist() == [0, 0]
     refuses("has 64×96 pixels, but display 'mini' has 128×96", eia_to_views, np.zeros((96, 64, 3), np.uint8), MINI)
     with pytest.raises(LfsrError, match="views have shape .* but display 'mini' needs .8, 8, 12, 16. and channels"):
         views_to_eia(np.zeros((8, 8, 16, 12, 3)), MINI)
-
-
-def test_views_of_a_finished_folder(tmp_path):
     folder = write_render(tmp_path)
     finish_frame(folder, "bilinear")
     views = read_views(folder)
@@ -120,8 +117,7 @@ def test_any_hit_however_faint_marks_its_lens_and_no_subject_is_said_with_what_i
     assert unseen_notices(layers(alpha=wall)) == unseen_notices(layers(alpha=wall, index=image((2, 2)))) == []
 
 
-def test_background_meshes_are_no_foreground():
-    """Everything is covered by a wall (2), an object (1) stands in front of two lenses."""
+def test_background_meshes_are_no_foreground_and_recall():
     index = np.full((8, 15), 2.0)
     index[2, 4] = index[7, 14] = 1
     assert marked(foreground_mask(layers(alpha=np.ones((8, 15)), index=index), LENSES)) == {(1, 1), (3, 4)}
@@ -131,9 +127,6 @@ def test_background_meshes_are_no_foreground():
     index = image((0, 0), value=2.0)
     alpha = image((0, 0), (2, 3), value=0.5)
     assert marked(foreground_mask(layers(alpha=alpha, index=index), LENSES)) == {(1, 1)}
-
-
-def test_recall():
     reference = np.array([[True, True, False, True]])
     assert recall(np.array([[True, False, False, True]]), reference) == pytest.approx(2 / 3)
     assert recall(np.array([[True, True, True, True]]), reference) == 1

@@ -143,17 +143,13 @@ def test_intervals_hold_the_truth_about_95_times_in_100(without_flip):
     assert all(50 <= count <= 60 for count in hits.values()), hits
 
 
-def test_strata_weigh_by_their_share_of_the_display():
-    """Eight of 54 foreground and two of 138 background lenses: the estimate must not weigh them 8 to 2."""
+def test_strata_weigh_by_their_share_and_shapes_that_do_not_fit_are_errors():
     x, a, b = eia_case(noise=0)
     background = np.repeat(np.repeat(~MASK, 8, 0), 8, 1)
     x[background] = a[background]  # perfect there
     found = sampled([*np.argwhere(MASK)[::7], (0, 0), (11, 15)], x, a, b)
     expected = found["p"] * found["ssim_lens_fg"] + (1 - found["p"])
     assert found["ssim_lens"] == pytest.approx(expected, abs=1e-6)
-
-
-def test_shapes_that_do_not_fit_are_errors():
     x, a, b = eia_case()
     refuses(r"reference has shape \(96, 120, 3\)", compared, x, a[:, :120], b, LENSES, MASK)
     refuses("foreground mask has shape", compared, x, a, b, LENSES, MASK[:, :8])

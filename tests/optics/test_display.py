@@ -1,7 +1,6 @@
 """Display profiles: what they state, what follows, what they refuse."""
 
 import dataclasses
-import itertools
 import math
 
 import numpy as np
@@ -10,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.frame import MIN_VIEWS, MOST_SCALE, Sampling, samples_at, scales_up_to, usual_rays
+from lfsr_core.frames.frame import Sampling, samples_at, scales_up_to, usual_rays
 from lfsr_core.optics.depth_scale import LEAST_SAMPLES, MODEL, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.optics.eye import LiveRegion
@@ -23,6 +22,8 @@ GOOD = {"name": "test", "panel_pixels": [40, 20], "panel_mm": [80.0, 40.0], "len
 
 
 def test_built_in_profiles_are_the_promised_ones():
+    for name in builtin_names():
+        assert load_display(name).name == name and load_display(name).scales(), "one must offer a scale factor"
     plain = {name for name in builtin_names() if not name.startswith("looking-glass-")}
     assert plain == {"bupt-32in-8k", "dense-8k", "fhd", "small", "mini", "cubevi-c1", "litiholo", "first-look"}
     paper = load_display("bupt-32in-8k")
@@ -33,14 +34,7 @@ def test_built_in_profiles_are_the_promised_ones():
     assert math.hypot(*load_display("bupt-32in-8k").panel_mm) == pytest.approx(32 * 25.4, rel=1e-3)
 
 
-@pytest.mark.parametrize("name", builtin_names())
-def test_file_name_is_profile_name_and_diagonal_is_plausible(name):
-    profile = load_display(name)
-    assert profile.name == name
-    assert profile.scales(), "a built-in profile must offer at least one scale factor"
-
-
-def test_derived_numbers_scales_and_unlimited_depth_for_views_closer_than_lenses():
+def test_derived_numbers_and_scales_that_divide_only_axes_with_several_views():
     profile = DisplayProfile.from_dict(GOOD)
     assert profile.lens_pitch_mm == (8.0, 8.0)
     assert profile.camera_spacing_mm == pytest.approx(2 * 200 * math.tan(math.radians(20)) / 4)
@@ -51,9 +45,6 @@ def test_derived_numbers_scales_and_unlimited_depth_for_views_closer_than_lenses
     assert profile.low_views(4) == (20, 20)
     assert profile.low_views(1) == (80, 80)
     assert profile.scales() == [2, 4, 5, 8, 10]
-
-
-def test_a_scale_divides_only_axes_with_several_views():
     flat = DisplayProfile.from_dict(GOOD | {"views": [4, 1], "lenses": [10, 20]})
     assert (flat.parallax, flat.low_views(2), flat.scales()) == ((True, False), (2, 1), [2, 4])
     assert flat.eia_pixels == (40, 20)
@@ -214,15 +205,6 @@ def test_points_at_the_usable_depth_move_by_one_lens(display, scale):
     assert disparities(display, array, np.array([array.distance]))[0] == 0
 
 
-@given(DISPLAYS, MOVES, RAYS, st.floats(1, 100), st.data())
-def test_the_deeper_the_smaller(display, moves, rays, factor, data):
-    """Wherever a point moves away from the display plane, the scale does not grow."""
-    factors = np.array(data.draw(st.lists(st.floats(1, factor), min_size=len(moves), max_size=len(moves))))
-    scales = scales_up_to(display)
-    near, far = (choose_scale(display, points, scales, rays) for points in (moves, moves * factors))
-    assert far.scale <= near.scale
-
-
 @given(DISPLAYS, MOVES, RAYS, st.floats(1, 1000))
 def test_the_more_rays_the_smaller(display, moves, rays, factor):
     few, many = (choose_scale(display, moves, scales_up_to(display), each) for each in (rays, rays * factor))
@@ -276,12 +258,3 @@ def test_usual_rays_are_sixteen_samples_at_scale_4():
         (60, (5, 4, 3, 2, 1))]:
         pixels = tuple(count * views for count in SMALL.lenses)
         assert scales_up_to(dataclasses.replace(SMALL, views=(views, views), panel_pixels=pixels)) == scales
-
-
-@given(DISPLAYS)
-def test_scales_divide_the_views(display):
-    scales = scales_up_to(display)
-    assert list(scales) == sorted(set(scales), reverse=True) and scales[-1] == 1
-    for scale in scales:
-        views = itertools.compress(display.low_views(scale), display.parallax)
-        assert scale <= 2 or (scale <= MOST_SCALE and min(views) >= MIN_VIEWS)

@@ -12,12 +12,11 @@ from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, Finish, read_frame, rea
 from lfsr_core.images.image_files import read_layers, read_png, write_layers
 from lfsr_core.optics.display import DisplayProfile, write_profile
 from lfsr_core.optics.panel.weave import gather_map, weave
-from lfsr_core.optics.rays import flip_order
 from lfsr_core.reconstruct.second_stage import finish_frame
-from tests.support.panels import SHEETS, cells, hexagonal, lenticular, whole
+from tests.support.panels import SHEETS, cells, hexagonal, lenticular
 from tests.support.played_blender import played_blender
 from tests.support.prerequisites import needs_bpy
-from tests.support.synthetic import MINI, fails, write_reference, write_render, write_traced
+from tests.support.synthetic import fails, write_reference, write_render, write_traced
 from tests.support.told import refuses
 
 pytestmark = needs_bpy  # for Blender's colour configuration
@@ -38,17 +37,6 @@ def test_the_panels_image_is_woven_from_the_finished_eia(tmp_path, display):
     np.testing.assert_array_equal(panel, weave(eia, gather_map(display, "views")))
     assert panel.shape == (160, 240, 3) and panel.std() > 10
     assert {"map", "weave"} <= report.seconds.keys()
-
-
-def test_a_whole_number_sheet_shows_what_a_profile_of_format_1_shows(tmp_path):
-    display = whole("lenslet", subpixels={"stripes": "white"})
-    for name, profile in (("old", MINI), ("new", display)):
-        write_render(tmp_path / name, display=profile)
-        finish_frame(tmp_path / name, "bicubic")
-    assert not (tmp_path / "old" / PANEL_FILE).exists()
-    old, new = (read_png(tmp_path / name) for name in ("old/eia.png", "new/panel.png"))
-    np.testing.assert_array_equal(new, old)
-    np.testing.assert_array_equal(read_png(tmp_path / "new/eia.png"), flip_order(old, MINI.lenses))
 
 
 def test_every_verb_that_reads_a_folder_takes_it(tmp_path, capsys):

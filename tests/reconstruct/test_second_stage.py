@@ -35,13 +35,6 @@ def expected_linear(folder, name):
     return from_elemental_images(images)
 
 
-@pytest.mark.parametrize("name", ["bicubic", "nearest"])
-def test_finished_eia_is_the_method_on_every_foreground_lens(tmp_path, name):
-    write_render(tmp_path)
-    result = second_stage.finished_linear(tmp_path, name)
-    np.testing.assert_allclose(result, expected_linear(tmp_path, name), atol=1e-6)
-
-
 @pytest.mark.parametrize(("display", "shape"), [(MINI, (96, 128, 3)), (FLAT, (48, 128, 3))])
 def test_upscaling_comes_near_the_true_light_field(tmp_path, display, shape):
     write_render(tmp_path, display=display)

@@ -30,10 +30,17 @@ def test_a_good_scene_has_no_problems_and_blenders_own_defaults_that_do_no_harm_
     assert last.check_scene(scene) == []
 
 
-def test_no_light(scene):
+def test_no_light_and_colors_that_cannot_be_shown(scene):
     scene.collection.objects.unlink(bpy.data.objects["Sun"])
     fix(scene, "light")
     assert scene.world.name == "Light Field World"
+    scene.view_settings.use_curve_mapping = True
+    assert found(scene, "view").severity == "ERROR"
+    fix(scene, "view")
+    scene.world = bpy.data.worlds.new("World")
+    bpy.data.objects["Box"].is_shadow_catcher = True
+    assert "shadow catcher" in found(scene, "catcher").reason
+    fix(scene, "catcher")
 
 
 def test_the_world_of_a_new_file_alone(scene):
@@ -49,7 +56,7 @@ def test_the_world_of_a_new_file_alone(scene):
     fix(scene, "dark")
 
 
-def test_nodes_of_eevee_are_named_with_their_material(scene):
+def test_nodes_of_eevee_and_of_osl_are_named_with_their_material(scene):
     material, group = bpy.data.materials.new("Toon"), bpy.data.node_groups.new("Toon", "ShaderNodeTree")
     use_nodes(material)
     material.node_tree.nodes.new("ShaderNodeGroup").node_tree = group
@@ -60,16 +67,12 @@ def test_nodes_of_eevee_are_named_with_their_material(scene):
     assert found(scene, "eevee") is None
     material.node_tree.nodes["Material Output"].target = "EEVEE"
     assert "ode Material Output" in found(scene, "eevee").reason
-
-
-def test_the_only_subject_is_not_background(scene):
-    box = bpy.data.objects["Box"]
-    box.scale = 60, 60, 60
-    bpy.context.view_layer.update()
-    assert found(scene, "background") is None
-    add_box(scene, (0, 0, 0), (0.1, 0.1, 0.1))
-    bpy.context.view_layer.update()
-    assert found(scene, "background").target == "Box"
+    material = bpy.data.materials.new("Scripted")
+    material.use_nodes = True
+    material.node_tree.nodes.new("ShaderNodeScript")
+    bpy.data.objects["Box"].data.materials.append(material)
+    assert found(scene, "script").target == "Scripted"
+    fix(scene, "script")
 
 
 def switch_on(switch):
@@ -81,11 +84,18 @@ def switch_on(switch):
     return spoil
 
 
-def test_an_empty_collection_that_is_switched_off_is_no_problem(scene):
+def test_the_only_subject_is_not_background_and_an_empty_collection_no_problem(scene):
     switch_on(SWITCHES[0])(scene)
     assert found(scene, SWITCHES[0])
     bpy.data.objects.remove(bpy.data.objects["Chair"])
     assert found(scene, SWITCHES[0]) is None
+    box = bpy.data.objects["Box"]
+    box.scale = 60, 60, 60
+    bpy.context.view_layer.update()
+    assert found(scene, "background") is None
+    add_box(scene, (0, 0, 0), (0.1, 0.1, 0.1))
+    bpy.context.view_layer.update()
+    assert found(scene, "background").target == "Box"
 
 
 IGNORED = {"filter", "engine"}  # and not asked about
@@ -112,23 +122,6 @@ def test_what_renders_leave_out_has_a_button_and_is_asked_before(scene, code, sp
     problem = found(scene, code)
     assert problem.severity == "INFO" and (problem in to_ask(scene)) == (code not in IGNORED)
     fix(scene, code)
-
-
-def test_colors_that_cannot_be_shown(scene):
-    scene.view_settings.use_curve_mapping = True
-    assert found(scene, "view").severity == "ERROR"
-    fix(scene, "view")
-    scene.world = bpy.data.worlds.new("World")
-    bpy.data.objects["Box"].is_shadow_catcher = True
-    assert "shadow catcher" in found(scene, "catcher").reason
-    fix(scene, "catcher")
-
-
-def test_settings_that_do_not_go_together(scene):
-    scene.lfsr.method, scene.lfsr.scale = "none", "2"
-    fix(scene, "display")
-    scene.lfsr.display, scene.lfsr.profile_file = "FILE", "//gone.toml"
-    fix(scene, "display")
 
 
 @pytest.mark.parametrize(("code", "spoil"), [
@@ -165,15 +158,6 @@ def test_every_device_traces_all_views_at_once(scene, monkeypatch):
     assert scene_settings.resolve(scene).request.layout == "one-pass"
 
 
-def test_material_that_needs_osl(scene):
-    material = bpy.data.materials.new("Scripted")
-    material.use_nodes = True
-    material.node_tree.nodes.new("ShaderNodeScript")
-    bpy.data.objects["Box"].data.materials.append(material)
-    assert found(scene, "script").target == "Scripted"
-    fix(scene, "script")
-
-
 def test_textures_that_cannot_be_read_and_unsaved_paint(scene, tmp_path):
     image = bpy.data.images.new("Paint", 4, 4)
     image.use_fake_user = True
@@ -192,9 +176,13 @@ def test_textures_that_cannot_be_read_and_unsaved_paint(scene, tmp_path):
     assert "cut.png is damaged" in found(scene, "texture").reason
 
 
-def test_unknown_problems_and_objects_are_refused(scene):
+def test_settings_that_do_not_go_together_and_unknown_problems_are_refused(scene):
     panel.refused("cannot be fixed by a button", bpy.ops.lfsr.check_fix, code="nonsense")
     panel.refused("'Nobody' is not there any more", bpy.ops.lfsr.check_select, target="Nobody")
+    scene.lfsr.method, scene.lfsr.scale = "none", "2"
+    fix(scene, "display")
+    scene.lfsr.display, scene.lfsr.profile_file = "FILE", "//gone.toml"
+    fix(scene, "display")
 
 
 def at_depth(scene, depth: float, half: float, lift: float = 0.0) -> bpy.types.Object:
@@ -215,12 +203,21 @@ def test_outside_the_usable_depth(scene, side):
     assert problem.target == "Stray" and problem.is_object and " m" in problem.reason
 
 
-def test_objects_out_of_sight_are_no_problem(scene):
+def test_objects_out_of_sight_are_no_problem_and_walls_become_background_by_one_button(scene):
     placed, _ = rig.placement(scene, MINI)
     at_depth(scene, -placed.distance, 0.1)
     at_depth(scene, placed.distance * 50, 0.1, lift=4)
     bpy.context.view_layer.update()
     assert found(scene, "depth") is None
+    _, far = rig.usable_depth(rig.placement(scene, MINI)[0], MINI)
+    add_box(scene, (0, 0, -1), (far * 3, far * 3, 0.01)).name = "Floor"
+    at_depth(scene, far * 1.5, far * 2).name = "Wall"
+    bpy.context.view_layer.update()
+    last.check(scene)
+    assert rows()["background"].count == 2
+    assert bpy.ops.lfsr.check_fix(code="background", target="") == {"FINISHED"}
+    assert "background" not in rows()
+    assert sorted(item.name for item in bpy.data.collections["Background"].objects) == ["Floor", "Wall"]
 
 
 def rows() -> dict[str, Problem]:
@@ -259,18 +256,6 @@ def test_many_objects_that_are_thinner_than_a_view_shows_are_one_row_that_opens(
         rod.scale = (15, 15, 1)
     bpy.context.view_layer.update()
     assert found(scene, "thin") is None
-
-
-def test_walls_and_floors_are_marked_as_background_by_one_button(scene):
-    _, far = rig.usable_depth(rig.placement(scene, MINI)[0], MINI)
-    add_box(scene, (0, 0, -1), (far * 3, far * 3, 0.01)).name = "Floor"
-    at_depth(scene, far * 1.5, far * 2).name = "Wall"
-    bpy.context.view_layer.update()
-    last.check(scene)
-    assert rows()["background"].count == 2
-    assert bpy.ops.lfsr.check_fix(code="background", target="") == {"FINISHED"}
-    assert "background" not in rows()
-    assert sorted(item.name for item in bpy.data.collections["Background"].objects) == ["Floor", "Wall"]
 
 
 def spoil(scene) -> None:

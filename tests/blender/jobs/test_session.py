@@ -111,14 +111,11 @@ def test_a_file_that_is_opened_meanwhile_stays_as_it_is(scene):
     assert task.ended and (folders.frame_folder(bpy.context.scene) / "eia.png").is_file(), "but its image is saved"
 
 
-def test_a_cancelled_animation_can_be_continued(scene):
+def test_a_cancelled_animation_can_be_continued_and_saving_is_announced_before_blender_stops_for_it(scene, monkeypatch):
     task = session.start("Render Animation", render.animation_job(scene))
     panel.wait_for(lambda: task.child)
     assert bpy.ops.lfsr.cancel() == {"FINISHED"}
     assert message()[0] == f"Cancelled. {folders.CONTINUE}"
-
-
-def test_saving_is_announced_before_blender_stops_for_it(scene, monkeypatch):
     saved = []
     monkeypatch.setattr(runtime, "save_copy", lambda path: saved.append(path) or path.touch() or path)
     running = start(scene)
@@ -153,10 +150,15 @@ def test_a_copy_that_cannot_be_saved_ends_the_task(scene, monkeypatch):
     assert running.ended and "cannot be saved" in message()[0] and message()[1]
 
 
-def test_every_stage_that_the_panel_hears_has_a_title():
+def test_every_stage_has_a_title_and_notices_are_told_once_those_of_a_job_its_own():
     told = {found for package in ("lfsr_core", "blender_addon") for path in (ROOT / package).rglob("*.py")
             for found in re.findall(r'Progress\("(\w+)"', path.read_text(encoding="utf-8"))}
     assert (told | set(TASKS)) - {"import", "merge", "make"} <= set(session.TITLES)
+    heard = []
+    running = Task("Render EIA", Job("make", {}, print, lambda told: told.code == "own" and not heard.append(told)))
+    for code in ("own", "other", "other"):
+        running._take(0.0, {"stage": "notice", "notice": code, "values": {}})
+    assert [told.code for told in heard] == ["own"] and running.notices == [Notice("other")]
 
 
 def test_progress_and_time_left_run_on_between_reports(monkeypatch):
@@ -176,14 +178,6 @@ def test_progress_and_time_left_run_on_between_reports(monkeypatch):
     assert running.seconds_left > 0, "what is late takes some more"
     running._take(now, {"stage": "write", "fraction": 0.5, "message": "", "left": None})
     assert running.seconds_left is None and running.fraction >= 0.6, "it never falls"
-
-
-def test_notices_are_told_once_and_those_of_a_job_are_its_own():
-    heard = []
-    running = Task("Render EIA", Job("make", {}, print, lambda told: told.code == "own" and not heard.append(told)))
-    for code in ("own", "other", "other"):
-        running._take(0.0, {"stage": "notice", "notice": code, "values": {}})
-    assert [told.code for told in heard] == ["own"] and running.notices == [Notice("other")]
 
 
 class _StopError(Exception):

@@ -238,7 +238,13 @@ def test_parts_are_the_whole_image(lit, tmp_path, monkeypatch, options):
     assert all((kept / name).stat().st_mtime_ns == time for name, time in times.items())
 
 
-def test_a_finished_half_is_kept_while_the_other_is_rendered(lit, tmp_path, monkeypatch):
+def test_a_short_render_keeps_nothing_and_a_finished_half_is_kept_while_the_other_is_rendered(lit, tmp_path,
+                                                                                              monkeypatch):
+    calls = []
+    monkeypatch.setattr(output, "gaps", lambda *arguments: calls.append(arguments) or [])
+    images_of(lit, tmp_path / "frame", told := Told(), parts=str(tmp_path / "kept"), **LONG)
+    assert not (tmp_path / "kept").exists() and not calls and not told.notices
+    monkeypatch.undo()
     options = {"kind": "reference", "samples": 8}
     whole = images_of(lit, tmp_path / "whole", **options)
     monkeypatch.setattr(output, "is_worth_storing", lambda seconds: True)
@@ -247,13 +253,6 @@ def test_a_finished_half_is_kept_while_the_other_is_rendered(lit, tmp_path, monk
     (half,) = kept.glob("*.exr")
     assert half.name.startswith("reference_a-")
     assert_same(images_of(lit, tmp_path / "again", parts=str(kept), **options), whole)
-
-
-def test_a_short_render_stays_one_and_keeps_nothing(lit, tmp_path, monkeypatch):
-    calls = []
-    monkeypatch.setattr(output, "gaps", lambda *arguments: calls.append(arguments) or [])
-    images_of(lit, tmp_path / "frame", told := Told(), parts=str(tmp_path / "kept"), **LONG)
-    assert not (tmp_path / "kept").exists() and not calls and not told.notices
 
 
 def test_parts_of_other_inputs_are_removed(lit, tmp_path, monkeypatch):

@@ -46,13 +46,6 @@ def test_broken_shader_is_an_error_and_not_the_last_good_one(scene, broken):
     assert camera.cycles_custom["spacing"] == 0.5, "neither half of it is set"
 
 
-def test_blender_without_osl_says_what_to_do(scene, monkeypatch):
-    import _cycles
-
-    monkeypatch.setattr(_cycles, "with_osl", False)
-    refuses("built without OSL.*lens-card", cycles.compile_osl, GOOD)
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX limit on file size")
 @pytest.mark.parametrize("room", [-1, 9000])
 def test_a_full_temporary_folder_is_not_called_a_missing_camera(room):
@@ -166,9 +159,13 @@ def test_samples_fill_the_lens_and_the_cell_of_views(tmp_path, scale, aperture, 
     assert views == pytest.approx(-centres, abs=0.01 * layout.spacing)
 
 
-def test_image_too_small_for_blender_is_refused(scene, tmp_path):
+def test_blender_without_osl_says_what_to_do_and_too_small_an_image_is_refused(scene, tmp_path, monkeypatch):
     add_plane(scene, plane_in_array(ARRAY.distance, 0.0), position_emission())
     refuses("2×2 pixels, but Blender needs at least 4", encoded, scene, layout_of(4, lens_list=LENSES[:1]), tmp_path)
+    import _cycles
+
+    monkeypatch.setattr(_cycles, "with_osl", False)
+    refuses("built without OSL.*lens-card", cycles.compile_osl, GOOD)
 
 
 def test_normal_layer_is_in_array_space(scene, tmp_path, way):

@@ -198,15 +198,7 @@ def test_camera_rays_stay_camera_rays(scene, tmp_path):
         bpy.data.objects.remove(item)
 
 
-def test_nothing_is_left_of_a_card_that_cannot_be_made(scene, monkeypatch):
-    before = snapshot()
-    monkeypatch.setattr(cards, "ray_group", lambda _: 1 / 0)
-    with pytest.raises(ZeroDivisionError), cards.card_camera(scene, LAYOUT, front()):
-        pass
-    assert snapshot() == before
-
-
-def test_distance_to_volume(scene):
+def test_distance_to_volume_and_nothing_left_of_a_card_that_cannot_be_made(scene, monkeypatch):
     assert distance_to_volume(scene, mathutils.Vector()) == np.inf
     add_box(scene, (0, 0, 0), (0.1, 0.1, 0.1))
     assert distance_to_volume(scene, mathutils.Vector()) == np.inf, "no volume"
@@ -218,6 +210,11 @@ def test_distance_to_volume(scene):
     item.hide_render = True
     bpy.context.view_layer.update()
     assert distance_to_volume(scene, mathutils.Vector()) == np.inf
+    before = snapshot()
+    monkeypatch.setattr(cards, "ray_group", lambda _: 1 / 0)
+    with pytest.raises(ZeroDivisionError), cards.card_camera(scene, LAYOUT, front()):
+        pass
+    assert snapshot() == before
 
 
 SPARSE = RayLayout.for_display(MINI, ARRAY, 4)

@@ -35,16 +35,13 @@ def test_compositor_nodes_that_change_the_image_are_said_and_no_others(plain):
     assert left_out(plain) == [], "F12 leaves it out too"
 
 
-def test_strips_of_the_sequencer_are_said(plain):
+def test_strips_of_the_sequencer_and_python_that_was_not_run_are_said(plain, tmp_path):
     strip = plain.sequence_editor_create().strips.new_effect("x", "COLOR", 1, frame_start=1, length=10)
     assert left_out(plain) == [Notice("sequencer-ignored")]
     strip.mute = True
     assert left_out(plain) == []
     strip.mute, plain.render.use_sequencer = False, False
     assert left_out(plain) == []
-
-
-def test_python_that_was_not_run_is_said(plain, tmp_path):
     plain.camera.driver_add("location", 0).driver.expression = "__import__('os').getpid() * 0"
     path = tmp_path / "driven.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path))

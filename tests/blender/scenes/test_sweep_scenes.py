@@ -108,7 +108,7 @@ def test_bodies_are_spread_over_the_whole_range(built):
     assert SPACE.depth(-0.5) <= min(depths) < 0 < max(depths) <= SPACE.depth(0.5)
 
 
-def test_the_grating_has_the_sweeps_frequency(built):
+def test_gratings_glass_and_tiles_are_those_of_the_sweep(built):
     board = meshes(built("texture", 1.5), "grating")[0]
     factors = [node.inputs[1].default_value for node in board.data.materials[0].node_tree.nodes
                if node.type == "MATH" and node.operation == "MULTIPLY" and not node.inputs[1].is_linked]
@@ -116,9 +116,6 @@ def test_the_grating_has_the_sweeps_frequency(built):
     turns = 2 * math.pi * 1.5 * SPACE.nyquist(y)
     assert sorted(factors) == pytest.approx(sorted([turns, turns, 0.4]), rel=1e-5)
     assert board.location.y == pytest.approx(y, rel=1e-5)
-
-
-def test_glass_has_the_sweeps_roughness_and_the_board_behind_it_the_sweeps_tiles(built):
     inputs = shader(meshes(built("glass-roughness", 0.4), "body")[0]).inputs
     assert [inputs[name].default_value for name in ("IOR", "Roughness", "Transmission Weight")] == \
         pytest.approx([1.45, 0.4, 1])
@@ -194,7 +191,7 @@ def test_the_ground_is_as_bright_as_the_sweep_says_and_no_foreground(built, tmp_
     assert 0.2 < mask.mean() < 0.95
 
 
-def test_tiles_of_the_border_are_lenses_of_the_sweeps_contrast(built):
+def test_borders_and_specks_and_the_eyes_board_are_those_of_the_sweep(built):
     board = meshes(built("border", 0.5), "tiles")[0]
     checker = shader(board, "TEX_CHECKER")
     bright, dark = (checker.inputs[name].default_value[0] for name in ("Color1", "Color2"))
@@ -203,6 +200,11 @@ def test_tiles_of_the_border_are_lenses_of_the_sweeps_contrast(built):
     assert list(mapping.inputs["Scale"].default_value) == [1, 1, 1]
     assert list(mapping.inputs["Location"].default_value) == [0, 0.5, 0], "an even number of lenses"
     assert board.location.y == 0
+    board = meshes(built("eye", 2), "print")[0]
+    assert SPACE.slope(board.location.y) == pytest.approx(2, rel=1e-4)
+    for speck in meshes(built("recall", 1 / 4), "speck"):
+        radius = np.linalg.norm(points(speck) - np.array(speck.location), axis=1).max()
+        assert 2 * radius == pytest.approx(SPACE.footprint(speck.location.y) / 4, rel=1e-2)
 
 
 def test_the_card_steps_by_whole_lenses_and_its_print_goes_with_it(built):
@@ -220,14 +222,6 @@ def test_the_card_steps_by_whole_lenses_and_its_print_goes_with_it(built):
     assert np.abs(points(card) - places[-1]).max(0)[[0, 2]] == pytest.approx(half, rel=1e-5)
     assert scene.frame_end == FRAMES
     assert all(item.location.y > y + 1 for item in meshes(scene, "body")), "nothing before the card"
-
-
-def test_the_eyes_board_has_the_sweeps_slope_and_specks_its_size(built):
-    board = meshes(built("eye", 2), "print")[0]
-    assert SPACE.slope(board.location.y) == pytest.approx(2, rel=1e-4)
-    for speck in meshes(built("recall", 1 / 4), "speck"):
-        radius = np.linalg.norm(points(speck) - np.array(speck.location), axis=1).max()
-        assert 2 * radius == pytest.approx(SPACE.footprint(speck.location.y) / 4, rel=1e-2)
 
 
 def test_the_script_writes_files_that_hold_all_they_need(tmp_path):

@@ -155,7 +155,7 @@ def test_with_a_broken_array_and_without_one(scene):
     assert entries()["lfsr.array_add"] == "Light Field Camera Array"
 
 
-def test_the_menu_of_scales_has_those_of_the_display(scene):
+def test_the_menu_of_scales_has_those_of_the_display_and_a_missing_profile_is_said(scene):
     def offered() -> list[str]:
         return [named["value"] for name, named in draw(LFSR_MT_scale) if name == "prop_enum"]
 
@@ -165,9 +165,6 @@ def test_the_menu_of_scales_has_those_of_the_display(scene):
     assert ("menu", {"menu": "LFSR_MT_scale", "text": "2×"}) in draw(panels.LFSR_PT_advanced)
     scene.lfsr.display = "FILE"
     assert offered() == ["AUTO"]
-
-
-def test_with_a_missing_profile(scene):
     scene.lfsr.display, scene.lfsr.profile_file = "FILE", "//gone.toml"
     drawn = draw_all()["Light Field"]
     assert "profile_file" in properties(drawn)
@@ -299,14 +296,11 @@ def test_on(scene, monkeypatch):
     assert buttons(drawn) == ["Stop Live", "", "Hide Eye"]
 
 
-def test_what_this_blender_cannot_do(scene, monkeypatch):
+def test_what_this_blender_cannot_do_and_a_scene_without_an_array_that_gets_one(scene, monkeypatch):
     monkeypatch.setattr(panels, "can_interpolate", lambda: False)
     monkeypatch.setattr(compat, "has_denoiser", lambda: False)
     text = labels(draw(panels.LFSR_PT_live))
     assert "cannot interpolate" in text and "without a denoiser" in text
-
-
-def test_a_scene_without_an_array_gets_one(scene):
     bpy.ops.lfsr.array_remove()
     panel.refused("without a window", bpy.ops.lfsr.live)
     assert rig.find(scene) is not None and not live_session.is_on() and len(bpy.data.scenes) == 1

@@ -44,14 +44,18 @@ def test_samples_that_were_set_stay_at_every_scale_and_so_do_the_rays(scene):
     assert found == {"1": 2, "2": 8, "4": 32, "8": 128}
 
 
-def test_a_preset_costs_the_same_on_every_display(scene):
-    """As many samples at scale 4, or in a pixel of the panel."""
+def test_a_preset_costs_the_same_on_every_display_and_the_menu_has_every_method_of_a_plan(scene):
     scene.lfsr.quality = "BALANCED"
     for display, rays in (("small", 1), ("looking-glass-16", 4)):
         scene.lfsr.display = display
         assert (scene.lfsr.quality, scene.lfsr.rays) == ("BALANCED", rays)
     scene.lfsr.subpixels = True
     assert (scene.lfsr.rays, scene_settings.resolve(scene).sampling.samples) == (16, 16)
+    items = properties.method_items()
+    listed = {item[0] for item in items}
+    assert len({item[4] for item in items}) == len(items), "each has a number of its own"
+    assert all(not name or MethodName.parse(name).text == name for name in listed)
+    assert {MethodName.parse(name).at_scale(scale).text for name in default_methods() for scale in (1, 4)} <= listed
 
 
 @pytest.mark.parametrize("name", builtin_names())
@@ -70,14 +74,6 @@ def test_a_scale_that_another_display_lacks_becomes_auto_and_saved_settings_all_
     scene.lfsr.display = "mini"
     assert scene.lfsr.scale == "AUTO"
     assert set(panels.SAVED) <= {item.identifier for item in scene.lfsr.bl_rna.properties}
-
-
-def test_the_menu_of_methods_has_every_method_that_a_plan_finds():
-    items = properties.method_items()
-    listed = {item[0] for item in items}
-    assert len({item[4] for item in items}) == len(items), "each has a number of its own"
-    assert all(not name or MethodName.parse(name).text == name for name in listed)
-    assert {MethodName.parse(name).at_scale(scale).text for name in default_methods() for scale in (1, 4)} <= listed
 
 
 def test_a_blender_preset_is_saved_loaded_and_removed(scene):

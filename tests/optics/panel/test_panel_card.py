@@ -14,12 +14,12 @@ from lfsr_core.base.records import from_data, to_data
 from lfsr_core.frames.frame import Frame
 from lfsr_core.optics.display import CELL_RULES, PACKINGS, DisplayProfile, Lattice, cell_of
 from lfsr_core.optics.panel import subpixel_rays
-from lfsr_core.optics.panel.panel_card import PARTS, Rows, panel_card
+from lfsr_core.optics.panel.panel_card import PARTS, panel_card
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout, lattice_point, nearest_point, panel_image
 from lfsr_core.optics.rays import CameraArray
-from tests.support.card_rays import nearest, panel_card_rays
+from tests.support.card_rays import panel_card_rays
 from tests.support.panels import CELLS, SHEETS, hexagonal, large, lenticular, profile, square
-from tests.support.reference_rays import lens_points, panel_rays
+from tests.support.reference_rays import panel_rays
 from tests.support.synthetic import frame_of
 from tests.support.told import refuses
 
@@ -95,19 +95,6 @@ def test_a_subpixels_ray_is_the_one_that_the_weave_looks_for(name):
                                    rays.view_x + 0.5 - display.views[0] / 2, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["lenticular", "hexagonal", "square"])
-def test_points_on_a_lens_are_even_around_its_middle_and_its_own(name):
-    display, random = DISPLAYS[name], np.random.default_rng(1).random((2, 4000))
-    x, y = lens_points(display, *random)
-    assert abs(x.mean()) < 0.02 * x.std() + 0.05 and abs(y.mean()) < 0.02 * y.std() + 0.05
-    if display.lenticular:
-        assert np.hypot(x, y).max() < display.lenticular.pitch_mm / 2
-        return
-    matrix = display.lenslet.lenses.matrix(display.lenslet.packing)
-    steps = [matrix @ (one, two) for one in (-1, 0, 1) for two in (-1, 0, 1) if one or two]
-    assert all((np.hypot(x, y) <= np.hypot(x - right, y - up) + 1e-9).all() for right, up in steps)
-
-
 @pytest.mark.parametrize("name", ["cells", "hexagonal", "square", "sheared"])
 def test_random_points_fill_the_lens_as_those_of_the_layout(name):
     """Not number by number: both choose points evenly over the lens, in other orders."""
@@ -118,17 +105,6 @@ def test_random_points_fill_the_lens_as_those_of_the_layout(name):
         panel_rays(layout, place, place, *random))]
     assert ends[0].mean(0) == pytest.approx(ends[1].mean(0), abs=0.02 * ends[1].std())
     assert np.cov(ends[0].T) == pytest.approx(np.cov(ends[1].T), abs=0.03 * np.var(ends[1]))
-
-
-@given(st.floats(-0.6, 0.6), st.floats(0.5, 2), st.lists(st.tuples(*[st.floats(-20, 20)] * 2), min_size=1))
-def test_nearest_is_the_nearest_point_of_the_lattice(shift, square, counts):
-    away = nearest(np.array(counts), Rows(shift, square))
-    steps = [(column + shift * row, row) for column in range(-2, 3) for row in range(-2, 3)]
-    squares = [(away[:, 0] - right) ** 2 + square * (away[:, 1] - up) ** 2 for right, up in steps]
-    assert (away[:, 0] ** 2 + square * away[:, 1] ** 2 <= np.min(squares, 0) + 1e-9).all()
-    rows = np.array(counts)[:, 1] - away[:, 1]
-    columns = np.array(counts)[:, 0] - away[:, 0] - shift * np.rint(rows)
-    assert rows == pytest.approx(np.rint(rows), abs=1e-9) and columns == pytest.approx(np.rint(columns), abs=1e-9)
 
 
 @pytest.mark.parametrize("cells", [False, True])
@@ -147,11 +123,22 @@ def test_in_single_precision_the_phase_is_right_to_a_thousandth_of_a_cylinder(ce
     assert error.max() < 1e-3 and error.mean() > 1e-6, "of one cylinder"
 
 
-def test_subpixels_are_counted_in_thirds_from_the_panels_lower_left_corner():
+def test_lattices_subpixels_and_a_proposed_light_field():
     card = panel_card(layout_of(DISPLAYS["lenticular"]))
     assert card.places == pytest.approx(np.array([(0, 160), (0, 0), (240 * PARTS, 0), (240 * PARTS, 160)]), abs=0.02)
     assert (card.table[0, :3, 2] == (0, 1, 2)).all() and card.stretch is None
     assert (panel_card(layout_of(FLIPPED)).table[0, :3, 2] == (2, 1, 0)).all()
+    display = lenticular()
+    across = display.lenticular.lenses_across(120.0)
+    assert display.lenses == (math.ceil(across), 80)
+    assert display.views == (4 * math.ceil(2 * 3 * 240 / across / 4), 1)
+    assert (hexagonal().lenses, hexagonal().views) == ((24, 19), (12, 12))
+    assert lenticular(lenses=[20, 16], views=[6, 1]).eia_pixels == (120, 16)
+    plain = Lattice((2.0, 3.0)).matrix("square")
+    np.testing.assert_allclose(plain, [[2, 0], [0, 3]])
+    np.testing.assert_allclose(Lattice((2.0, 3.0), 90.0).matrix("square"), [[0, -3], [2, 0]], atol=1e-12)
+    np.testing.assert_allclose(Lattice((2.0, 3.0)).matrix("hexagonal"), [[2, 1], [0, 3]])
+    np.testing.assert_allclose(Lattice((2.0, 3.0), shear=0.5).matrix("square"), [[2, 1.5], [0, 3]])
 
 
 @pytest.mark.parametrize("sheet", SHEETS)
@@ -160,23 +147,6 @@ def test_a_profile_and_its_frame_are_read_back(sheet):
     assert DisplayProfile.from_dict(json.loads(json.dumps(display.to_dict()))) == display
     frame = frame_of(1, display)
     assert from_data(Frame, json.loads(json.dumps(to_data(frame))), "frame.json") == frame
-
-
-def test_a_light_field_is_proposed_and_may_be_smaller():
-    display = lenticular()
-    across = display.lenticular.lenses_across(120.0)
-    assert display.lenses == (math.ceil(across), 80)
-    assert display.views == (4 * math.ceil(2 * 3 * 240 / across / 4), 1)
-    assert (hexagonal().lenses, hexagonal().views) == ((24, 19), (12, 12))
-    assert lenticular(lenses=[20, 16], views=[6, 1]).eia_pixels == (120, 16)
-
-
-def test_rotating_shearing_and_packing_a_lattice():
-    plain = Lattice((2.0, 3.0)).matrix("square")
-    np.testing.assert_allclose(plain, [[2, 0], [0, 3]])
-    np.testing.assert_allclose(Lattice((2.0, 3.0), 90.0).matrix("square"), [[0, -3], [2, 0]], atol=1e-12)
-    np.testing.assert_allclose(Lattice((2.0, 3.0)).matrix("hexagonal"), [[2, 1], [0, 3]])
-    np.testing.assert_allclose(Lattice((2.0, 3.0), shear=0.5).matrix("square"), [[2, 1.5], [0, 3]])
 
 
 @given(st.tuples(st.floats(1, 8), st.floats(1, 8)), st.floats(-90, 90), st.floats(-1, 1), st.sampled_from(PACKINGS))

@@ -51,7 +51,7 @@ def test_subject_fills_the_display_and_straddles_its_plane(display, size):
         assert on_plane.max() == pytest.approx(placement.FILL, abs=1e-3)
 
 
-def test_deep_subject_is_made_smaller_but_not_tiny():
+def test_a_deep_subject_is_made_smaller_but_not_tiny_and_array_space_is_taken_to_the_world():
     profile = load_display("dense-8k")
     deep, _ = placement.fit_array(np.array((-0.2, -2, -0.1)), np.array((0.2, 2, 0.1)), profile)
     flat, _ = placement.fit_array(np.array((-0.2, -0.01, -0.1)), np.array((0.2, 0.01, 0.1)), profile)
@@ -59,9 +59,6 @@ def test_deep_subject_is_made_smaller_but_not_tiny():
     medium, _ = placement.fit_array(np.array((-0.2, -0.12, -0.1)), np.array((0.2, 0.12, 0.1)), profile)
     usable = min(profile.depth_range_mm()) / profile.panel_mm[0] * 2 * medium.half_width
     assert usable >= 0.12 * 0.999
-
-
-def test_matrix_takes_array_space_to_the_world():
     _, matrix_world = placement.fit_array(CENTRE - HALF, CENTRE + HALF, SMALL)
     matrix = np.array(matrix_world)
     assert matrix[:3, :3] @ (1, 0, 0) == pytest.approx((1, 0, 0), abs=1e-6)
@@ -69,7 +66,7 @@ def test_matrix_takes_array_space_to_the_world():
     assert matrix[:3, :3] @ (0, 0, 1) == pytest.approx((0, 1, 0), abs=1e-6), "forward is +Y: Blender's front view"
 
 
-def test_own_camera_keeps_place_direction_and_angle(scene):
+def test_own_camera_keeps_place_direction_and_angle_and_the_display_where_it_focuses(scene):
     box = add_box(scene, tuple(CENTRE), tuple(HALF))
     camera = add_camera(scene)
     scene.render.resolution_x, scene.render.resolution_y = 1600, 900
@@ -78,11 +75,6 @@ def test_own_camera_keeps_place_direction_and_angle(scene):
     assert np.arctan(array.half_width / array.distance) * 2 == pytest.approx(0.6, rel=1e-5)
     assert array.distance == pytest.approx(7 - HALF[1], abs=0.05), "only the box's front is seen"
     assert array.spacing == pytest.approx(SMALL.camera_spacing_mm * array.distance / SMALL.viewing_distance_mm)
-
-
-def test_own_camera_puts_the_display_where_it_focuses(scene):
-    box = add_box(scene, tuple(CENTRE), tuple(HALF))
-    camera = add_camera(scene)
     camera.data.dof.use_dof, camera.data.dof.focus_distance = True, 4.5
     assert placement.place_array(scene, SMALL, {box})[0].distance == pytest.approx(4.5)
     camera.data.dof.focus_object = box

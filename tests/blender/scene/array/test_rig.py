@@ -24,7 +24,7 @@ def place(scene):
     return rig.placement(scene, MINI)
 
 
-def test_the_plane_moves_along_the_view_of_a_scaled_turned_array(scene):
+def test_an_array_without_a_direction_is_one_sentence_and_moves_along_its_view(scene):
     array = rig.find(scene)
     array.rotation_euler, array.scale = (0.4, 0.3, 1.2), (2, 2, 2)
     scene.lfsr.distance = 3.0
@@ -33,6 +33,12 @@ def test_the_plane_moves_along_the_view_of_a_scaled_turned_array(scene):
     ahead = array.matrix_world.translation - array.matrix_world.normalized().col[2].to_3d() * 3.0
     assert (plane.matrix_world.translation - ahead).length < 1e-4
     assert tuple(plane.lock_location) == (True, True, False)
+    array.scale = (0, 0, 0)
+    bpy.context.view_layer.update()
+    assert scene.lfsr.distance == 0
+    refuses("has no direction.*set the scale to 1", place, scene)
+    panel.refused("has no direction", bpy.ops.lfsr.array_fit)
+    assert "has no direction" in found(scene, "rig").reason
 
 
 @pytest.mark.parametrize("whose", ["array", "parent"])
@@ -50,16 +56,6 @@ def test_mirror_of_an_array_is_undone(scene, whose):
     scene.lfsr.distance = 3.0
     assert scene.lfsr.distance == pytest.approx(3.0, rel=1e-5)
     assert f"{array.name!r} is mirrored" in found(scene, "mirror").reason
-
-
-def test_array_without_a_direction_is_one_sentence(scene):
-    array = rig.find(scene)
-    array.scale = (0, 0, 0)
-    bpy.context.view_layer.update()
-    assert scene.lfsr.distance == 0
-    refuses("has no direction.*set the scale to 1", place, scene)
-    panel.refused("has no direction", bpy.ops.lfsr.array_fit)
-    assert "has no direction" in found(scene, "rig").reason
 
 
 def test_usable_depth_is_the_displays_the_plane_keeps_the_framing_and_spacing_flattens_and_deepens(scene):

@@ -104,13 +104,6 @@ def said():
     return bpy.context.window_manager.lfsr.message
 
 
-def test_a_quilt_is_shown_through_bridge(lenticular_frame, bridge):
-    stand_in = bridge(devices=[device(1, "LKG-S3", "small", OLD | {"screenW": 240, "screenH": 160})])
-    assert bpy.ops.lfsr.show() == {"FINISHED"}
-    assert stand_in.shown == [str(next((lenticular_frame / "export" / "quilt").glob("*.png")))]
-    assert said().endswith("a1.5.png is shown on LKG-S3 (small)")
-
-
 @pytest.mark.parametrize(("faults", "devices", "message"), [
     ([], DEVICES, "made for a panel of width / height 1.500, but display 'LKG-P1' has 0.750"),
     (["drop:available_output_devices"], DEVICES, "broke the connection at available_output_devices")])
@@ -119,11 +112,15 @@ def test_what_bridge_refuses_is_one_sentence(lenticular_frame, bridge, faults, d
     panel.refused(message, bpy.ops.lfsr.show)
 
 
-def test_without_bridge_a_lenticular_display_is_shown_full_screen(lenticular_frame):
+def test_a_quilt_is_shown_through_bridge_and_without_it_the_panel_full_screen(lenticular_frame, bridge):
     panel.refused("Looking Glass Bridge is not running", bpy.ops.lfsr.show)
     assert bpy.ops.lfsr.show(full_screen=True) == {"FINISHED"}
     assert "panel.png" in (lenticular_frame / "show.html").read_text(encoding="utf-8")
     assert said() == "The browser shows it full screen: move its window to the display and click into it"
+    stand_in = bridge(devices=[device(1, "LKG-S3", "small", OLD | {"screenW": 240, "screenH": 160})])
+    assert bpy.ops.lfsr.show() == {"FINISHED"}
+    assert stand_in.shown == [str(next((lenticular_frame / "export" / "quilt").glob("*.png")))]
+    assert said().endswith("a1.5.png is shown on LKG-S3 (small)")
 
 
 @pytest.mark.parametrize("press", [lambda: bpy.ops.lfsr.open_viewer(), lambda: bpy.ops.lfsr.show()])
