@@ -21,7 +21,7 @@ from lfsr_core.optics.display import builtin_names
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from tests.support.finished import finished
 from tests.support.noisy_renders import LOG, UNSEEN
-from tests.support.played_blender import changed_blender, played_blender
+from tests.support.played_blender import played_blender
 from tests.support.synthetic import fails, light_field, write_render
 
 ROOT = Path(__file__).parents[2]
@@ -187,14 +187,6 @@ def test_render_defaults_and_frames_whose_depth_decides(scene, blender, tmp_path
     assert (jobs(blender)[1]["sampling"]["frames"], jobs(blender)[1]["layers"]) == ([1, 3, 5, 7, 9], [])
 
 
-def test_a_scene_too_deep_for_any_scale_is_denoised_alone(scene, tmp_path):
-    blender = changed_blender(tmp_path / "deep", "path = Path(sys.argv[-1])\n"
-                              "path.write_text(path.read_text().replace('\"scale\": 2', '\"scale\": 1'))")
-    assert main(["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender]) == 0
-    report = json.loads((tmp_path / "frame" / "report.json").read_text())
-    assert (report["scale"], report["method"]) == (1, "denoise")
-
-
 @pytest.mark.parametrize(("arguments", "expected"), [
     (["--scale", "4"], (4, 16, [], None)), (["--scale", "4", "--rays", "0.25"], (4, 4, [], None)),
     (["--scale", "1", "--rays", "3.4"], (1, 3, [], None)), (["--scale", "2", "--spp", "7"], (2, 7, [], None)),
@@ -221,13 +213,6 @@ def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, c
     assert message in fails(arguments, capsys)
     assert not (tmp_path / "frame").exists()
     assert not Path(blender + ".jobs").exists()
-
-
-@pytest.mark.parametrize("verb", ["render", "reference"])
-def test_missing_scene_is_refused(verb, blender, tmp_path, capsys):
-    arguments = [verb, str(tmp_path / "no.blend"), "-o", str(tmp_path / "frame"), "--blender", blender]
-    assert "no.blend does not exist: check the path" in fails(arguments, capsys)
-    assert not (tmp_path / "frame").exists()
 
 
 def test_truncated_render_is_refused_and_keeps_the_old_image(tmp_path, capsys):

@@ -52,17 +52,6 @@ def test_compare_writes_and_prints_every_metric_also_in_a_python_without_flip(tm
         name: metrics[name] for name in metrics if name not in left_out}
 
 
-@pytest.mark.parametrize("lenses", [((5, 7),), ((0, 0),), ((5, 7), (5, 8))])
-def test_compare_tells_what_it_can_from_very_few_lenses(tmp_path, capsys, lenses):
-    folder, reference = write_render(tmp_path / "frame"), write_reference(tmp_path / "reference", lens_list=lenses)
-    main(["upscale", str(folder), "--method", "bicubic"])
-    capsys.readouterr()
-    assert main(["compare", str(folder), str(reference)]) == 0
-    printed = capsys.readouterr().out
-    assert printed.startswith("p ")
-    assert "None" not in printed
-
-
 def test_compare_before_upscale_or_with_a_frame_instead_of_a_reference_is_refused(tmp_path, capsys):
     folder, reference = write_render(tmp_path / "frame"), write_reference(tmp_path / "reference")
     assert "report.json does not exist" in fails(["compare", str(folder), str(reference)], capsys)

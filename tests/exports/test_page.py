@@ -71,7 +71,7 @@ def test_default_place_an_animation_and_frames_of_one_number(tmp_path):
     assert '"labels": ["a/frame", "b/frame"]' in text, "they are named after their folders"
 
 
-def test_fewer_views_keep_every_lens():
+def test_fewer_views_keep_every_lens_and_the_documents_example_is_of_this_viewer():
     wide = DisplayProfile.from_dict(MINI.to_dict() | {
         "lenses": [4096, 2], "views": [5, 5], "panel_pixels": [20480, 10], "panel_mm": [2048.0, 1.0]})
     image = np.zeros((10, 20480, 3), np.uint8)
@@ -82,6 +82,10 @@ def test_fewer_views_keep_every_lens():
     tiles = to_elemental_images(less, wide.lenses)
     assert (tiles[..., 1] == (np.arange(4096) % 256)[None, :, None, None]).all()
     np.testing.assert_array_equal(tiles[0, 0, 0, :, 0], [0, 2, 4])
+    page = (Path(__file__).parents[2] / "docs" / "examples" / "viewer.html").read_text(encoding="utf-8")
+    for part in ("viewer.css", "viewer.glsl", "viewer.js", "controls.js"):
+        assert (PARTS / part).read_text(encoding="utf-8") in page, part
+    assert load_display("bupt-32in-8k").title in page
 
 
 def test_what_is_refused_and_a_large_page_noted(folder, tmp_path, monkeypatch):
@@ -99,11 +103,3 @@ def test_what_is_refused_and_a_large_page_noted(folder, tmp_path, monkeypatch):
     assert Notice("page-large", {"bytes": made.bytes}) in told.notices
     monkeypatch.setattr(page, "MOST_PAGE_BYTES", 1000)
     refuses("would be over", write_page, [folder], tmp_path / "page.html")
-
-
-def test_the_documents_example_is_of_this_viewer():
-    """Make it again with the command of README.md where this fails."""
-    page = (Path(__file__).parents[2] / "docs" / "examples" / "viewer.html").read_text(encoding="utf-8")
-    for part in ("viewer.css", "viewer.glsl", "viewer.js", "controls.js"):
-        assert (PARTS / part).read_text(encoding="utf-8") in page, part
-    assert load_display("bupt-32in-8k").title in page

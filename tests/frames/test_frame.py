@@ -83,16 +83,25 @@ def test_every_rotation_mirrored_or_not_is_taken_to_single_precision(numbers, ha
     assert dataclasses.replace(FRAME, matrix_world=matrix).matrix_world == matrix
 
 
-def test_folder_without_frame_is_named(tmp_path):
+def test_folders_without_a_frame_or_a_whole_reference_are_named(tmp_path):
     refuses(r"frame.json does not exist, expected the frame.json of a rendered", read_frame, tmp_path / "nowhere")
     for clip in [(-1.0, 2.0), (2.0, 1.0), (0.0, float("inf"))]:
         refuses("two depths", dataclasses.replace, FRAME, clip=clip)
+    folder = write_reference(tmp_path)
+    write_frame(folder, frame_of(1, lens_list=LISTED))
+    refuses("but frame.json says", Reference.read, folder)
+    write_frame(folder, frame_of(1))
+    first, second = (folder / name for name in REFERENCE_FILES)
+    second.write_bytes(first.read_bytes())
+    refuses("both halves in .* are the same image", Reference.read, folder)
+    second.unlink()
+    refuses(REFERENCE_FILES[1], Reference.read, folder)
 
 
 LISTED = tuple((row, column) for row in range(1, 9) for column in (2, 7, 8))[:23]
 
 
-def test_a_whole_reference_holds_every_lens(tmp_path):
+def test_a_reference_holds_every_lens_or_those_listed_without_spare_tiles(tmp_path):
     reference = Reference.read(write_reference(tmp_path, noise=1e-6))
     sx, sy = reference.frame.display.lenses
     field = light_field()
@@ -105,9 +114,6 @@ def test_a_whole_reference_holds_every_lens(tmp_path):
     assert np.array_equal(reference.foreground.reshape(sy, sx), hits)
     other = np.zeros_like(hits)
     assert reference.foreground_mask(other) is reference.hits
-
-
-def test_a_reference_of_listed_lenses_holds_those_without_spare_tiles(tmp_path):
     listed = Reference.read(write_reference(tmp_path / "listed", noise=1e-6, lens_list=LISTED))
     whole = Reference.read(write_reference(tmp_path / "whole", noise=1e-6))
     places = [row * whole.hits.shape[1] + column for row, column in LISTED]
@@ -119,18 +125,6 @@ def test_a_reference_of_listed_lenses_holds_those_without_spare_tiles(tmp_path):
     assert np.array_equal(listed.elemental_images()[0], srgb_encode(listed.linear_images()[0]))
     mask = np.zeros((3, 3), bool)
     assert listed.foreground_mask(mask) is mask
-
-
-def test_a_reference_that_is_not_whole_or_has_one_image_twice_is_refused(tmp_path):
-    folder = write_reference(tmp_path)
-    write_frame(folder, frame_of(1, lens_list=LISTED))
-    refuses("but frame.json says", Reference.read, folder)
-    write_frame(folder, frame_of(1))
-    first, second = (folder / name for name in REFERENCE_FILES)
-    second.write_bytes(first.read_bytes())
-    refuses("both halves in .* are the same image", Reference.read, folder)
-    second.unlink()
-    refuses(REFERENCE_FILES[1], Reference.read, folder)
 
 
 REFERENCE = frame_of(1)

@@ -82,7 +82,7 @@ def test_what_a_job_leaves_open_may_be_anything(changes, found):
     assert is_same(dataclasses.replace(FRAME, **found), changed(JOB, **changes))
 
 
-def test_another_light_is_another_render_and_a_changed_file_told(tmp_path):
+def test_another_light_and_subpixels_are_other_renders_and_a_changed_file_told(tmp_path):
     write_frame(tmp_path, dataclasses.replace(FRAME, light="own"))
     with pytest.raises(LfsrError, match="with light own, but light night was asked for"):
         FrameFolder(tmp_path).check_rendered(changed(JOB, light="night"))
@@ -92,9 +92,6 @@ def test_another_light_is_another_render_and_a_changed_file_told(tmp_path):
         FrameFolder(tmp_path).check_rendered(JOB, "2 11; 7 10")
     write_frame(tmp_path, FRAME)
     FrameFolder(tmp_path).check_rendered(JOB, "2 11; 7 10")
-
-
-def test_a_light_field_is_no_render_of_subpixels():
     display = lenticular()
     frame, job = frame_of(1, display), changed(JOB, display=display, scale=1, device="OPTIX")
     assert is_same(frame, changed(job, layout="lens-card"))

@@ -59,7 +59,7 @@ def test_layers_come_back_as_written_half_floats_near_and_colour_without_alpha_o
     assert (image_files.read_layers(tmp_path / "a.exr")["color"][..., 3] == 1).all()
 
 
-def test_reads_blender_4_names(tmp_path):
+def test_reads_the_names_of_blender_4_and_the_parts_of_5(tmp_path):
     names = ["Combined.R", "Combined.G", "Combined.B", "Combined.A", "Denoising Albedo.R", "Denoising Albedo.G",
              "Denoising Albedo.B", "Denoising Depth.Z", "Denoising Normal.X", "Denoising Normal.Y",
              "Denoising Normal.Z", "Env.R", "Env.G", "Env.B", "IndexOB.X", "Position.X", "Position.Y", "Position.Z"]
@@ -71,9 +71,6 @@ def test_reads_blender_4_names(tmp_path):
     assert layers.keys() == expected.keys()
     for name, columns in expected.items():
         np.testing.assert_array_equal(layers[name], pixels[..., columns], err_msg=name)
-
-
-def test_reads_blender_5_parts_and_leaves_unknown_passes_out(tmp_path):
     layers = some_layers()
     parts = [([f"ViewLayer.Combined.{c}" for c in "RGBA"], layers["color"]),
              (["ViewLayer.Denoising Depth.Z"], layers["index"] + 9),

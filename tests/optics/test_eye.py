@@ -70,7 +70,7 @@ def test_near_things_move_against_the_eye_far_ones_with_it_and_those_on_the_disp
     assert np.ptp([center(looking(image, x), PLANE)[0] for x in (-50, 0, 50)]) < 1e-6
 
 
-def test_a_display_whose_driver_flips_shows_the_same():
+def test_a_display_whose_driver_flips_shows_the_same_and_the_gap_gives_the_viewing_angle():
     image = painted((-30, 20, 0.8, NEAR), (20, 0, 1.2, FAR))
     direct = dataclasses.replace(MINI, ei_order="direct")
     eye = (25.0, -10.0, MINI.viewing_distance_mm)
@@ -80,9 +80,6 @@ def test_a_display_whose_driver_flips_shows_the_same():
     assert large.shape == (12 * 6, 16 * 6, 3)
     np.testing.assert_array_equal(large[::6, ::6], looking(image))
     np.testing.assert_array_equal(large[5::6, 5::6], looking(image))
-
-
-def test_gap_gives_the_viewing_angle_and_bad_input_errors():
     angle = 2 * np.degrees(np.arctan(MINI.lens_pitch_mm[0] / 2 / gap_mm(MINI)))
     assert angle == pytest.approx(MINI.viewing_angle_deg)
     refuses("z = 0", eye_view, np.zeros((96, 128, 3)), MINI, (0, 0, 0))

@@ -46,13 +46,23 @@ def views_of(pixels: np.ndarray, views: tuple[int, int]) -> np.ndarray:
     return pixels.reshape(height // views[1], views[1], width // views[0], views[0], channels).swapaxes(1, 2)
 
 
-def test_array_keeps_the_proportions_and_the_viewing_angle_of_the_display():
+def test_the_array_keeps_the_displays_proportions_and_the_layout_is_point_symmetric():
     assert ARRAY.half_height / ARRAY.half_width == pytest.approx(96 / 128)
     assert ARRAY.distance == pytest.approx(3.0 * 180 / 128)
     assert ARRAY.spacing / ARRAY.distance == pytest.approx(PROFILE.camera_spacing_mm / 180)
     near = CameraArray.for_display(PROFILE, width=3.0, distance=1.0)
     assert near.distance == 1.0
     assert near.spacing == pytest.approx(ARRAY.spacing / ARRAY.distance)
+    origin, direction = pixel_rays(layout())
+    np.testing.assert_allclose(origin[::-1, ::-1, :2], -origin[..., :2], atol=1e-12)
+    np.testing.assert_allclose(direction[::-1, ::-1, :2], -direction[..., :2], atol=1e-12)
+    origin = views_of(pixel_rays(layout())[0], (8, 8))
+    assert (np.diff(origin[..., 0], axis=3) > 0).all()
+    assert (np.diff(origin[..., 1], axis=2) < 0).all()
+    centre = rays(layout(), 0.5, 0.5, 0.5, 0.5)[0]
+    moved = rays(layout(), 0.5, 0.5, 0.75, 0.75)[0]
+    assert moved[0] > centre[0]
+    assert moved[1] > centre[1]
 
 
 @given(st.integers(1, 100), st.floats(0.01, 10))
@@ -68,19 +78,6 @@ def test_paper_convention_shifts_low_against_high_by_half_s_minus_one(low_count,
     low = view_offset(np.arange(low_count), low_count, float(scale), "paper")
     shift = high.reshape(low_count, scale).mean(axis=1) - low
     np.testing.assert_allclose(shift, (scale - 1) / 2, atol=1e-9)
-
-
-def test_whole_layout_is_point_symmetric_with_right_and_up_as_on_the_display():
-    origin, direction = pixel_rays(layout())
-    np.testing.assert_allclose(origin[::-1, ::-1, :2], -origin[..., :2], atol=1e-12)
-    np.testing.assert_allclose(direction[::-1, ::-1, :2], -direction[..., :2], atol=1e-12)
-    origin = views_of(pixel_rays(layout())[0], (8, 8))
-    assert (np.diff(origin[..., 0], axis=3) > 0).all()
-    assert (np.diff(origin[..., 1], axis=2) < 0).all()
-    centre = rays(layout(), 0.5, 0.5, 0.5, 0.5)[0]
-    moved = rays(layout(), 0.5, 0.5, 0.75, 0.75)[0]
-    assert moved[0] > centre[0]
-    assert moved[1] > centre[1]
 
 
 def test_pixels_of_a_lens_meet_at_its_centre_or_their_place_on_it():

@@ -54,14 +54,11 @@ def test_parts_of_another_image_or_other_inputs_are_not_taken(parts):
     assert dataclasses.replace(parts, inputs=INPUTS | {"settings": "x"}).stored(9) == []
 
 
-def test_a_damaged_part_goes(parts):
+def test_a_damaged_part_goes_and_other_inputs_remove_the_old_ones(parts):
     whole, damaged = put(parts, 0, 4), put(parts, 4, 9)
     damaged.write_bytes(damaged.read_bytes()[:-20])
     assert [path for _, path in parts.stored(9)] == [whole]
     assert not damaged.exists()
-
-
-def test_other_inputs_remove_the_old_parts_and_say_what_is_other(parts):
     put(parts, 0, 4)
     assert remove_others(parts.folder, INPUTS) == ""
     assert len(parts.stored(9)) == 1

@@ -119,21 +119,18 @@ def test_progress_lines(line, record):
     assert parse_progress(line) == record
 
 
-def test_finished_render_is_moved_in_whole_with_warnings_apart_from_progress(blender, job):
-    record = '{"stage": "notice", "notice": "file-unreadable", "values": {"path": "wood.png"}}'
-    seen = []
-    render_all([job], Blender(blender(f"print('LFSR {record}')" + GOOD)), seen.append)
-    assert seen == [Notice("file-unreadable", {"path": "wood.png"}), Progress("render", 0.5, "half")]
-    assert leftovers(job) == ["frame", f"frame/{LOW_RES_FILE}"]
-
-
-def test_job_file_asks_for_the_job(blender, job, tmp_path):
+def test_job_file_asks_for_the_job_and_its_render_is_moved_in_whole(blender, job, tmp_path):
     body = f"Path({str(tmp_path / 'copy.json')!r}).write_text(json.dumps(job))" + GOOD
     render_all([job], Blender(blender(body)))
     asked = json.loads((tmp_path / "copy.json").read_text())
     assert Path(asked.pop("output")).is_absolute()
     assert asked.pop("parts") == str(FrameFolder(job.output).parts)
     assert asked == {key: value for key, value in to_data(job).items() if key not in ("output", "parts")}
+    record = '{"stage": "notice", "notice": "file-unreadable", "values": {"path": "wood.png"}}'
+    seen = []
+    render_all([job], Blender(blender(f"print('LFSR {record}')" + GOOD)), seen.append)
+    assert seen == [Notice("file-unreadable", {"path": "wood.png"}), Progress("render", 0.5, "half")]
+    assert leftovers(job) == ["frame", f"frame/{LOW_RES_FILE}"]
 
 
 def test_new_render_replaces_what_was_made_from_the_old_one(blender, job):
@@ -155,8 +152,12 @@ sys.exit(2)
 """
 
 
-def test_bad_input_is_told_in_blenders_sentence_and_leaves_nothing(blender, job):
+def test_bad_input_is_told_in_blenders_sentence_and_a_full_disk_in_ours(blender, job):
     refuses(r"^scene x.blend has no visible subject: show one$", render_all, [job], Blender(blender(BAD_INPUT)))
+    assert leftovers(job) == []
+    executable = blender("print('x' * 100_000, flush=True)\n" + GOOD)
+    said = on_a_small_disk(50_000, LOG_FILLS_THE_DISK, executable, job.output)
+    assert said.startswith("refused: ") and "free some space" in said, said
     assert leftovers(job) == []
 
 
@@ -190,13 +191,6 @@ from lfsr_core.process.child import find_blender
 from tests.support.requests import make_request
 render_all([make_request(sys.argv[3], load_display("mini"))], find_blender(sys.argv[2]))
 """
-
-
-def test_log_that_fills_the_disk_is_one_sentence_and_leaves_nothing(blender, job):
-    executable = blender("print('x' * 100_000, flush=True)\n" + GOOD)
-    said = on_a_small_disk(50_000, LOG_FILLS_THE_DISK, executable, job.output)
-    assert said.startswith("refused: ") and "free some space" in said, said
-    assert leftovers(job) == []
 
 
 @pytest.mark.parametrize(("kind", "present"), [("render", REFERENCE_FILES[0]), ("reference", LOW_RES_FILE)])

@@ -65,7 +65,7 @@ def test_a_deaf_child_and_its_own_child_are_killed():
     assert time.monotonic() - started < 30
 
 
-def test_how_a_child_ended_is_one_sentence():
+def test_how_a_child_ended_is_one_sentence_and_the_output_of_a_command():
     with Child([sys.executable, "-c", "print('out of memory'); raise SystemExit(3)"]) as child:
         assert not list(child.records()) and not child.is_done()
         sentence = "the render stopped with exit code 3 before it was done, last printing 'out of memory': try again"
@@ -73,9 +73,6 @@ def test_how_a_child_ended_is_one_sentence():
     with Child([sys.executable, "-c", REFUSAL]) as child:
         assert len(list(child.records())) == 1
         refuses("^bad$", child.is_done)
-
-
-def test_the_output_of_a_command():
     code = "import os, sys; print(os.environ['GIVEN'], flush=True); print('both', file=sys.stderr); sys.exit(4)"
     assert output_of([sys.executable, "-c", code], os.environ | {"GIVEN": "one"}) == (4, "one\nboth\n")
     with pytest.raises(TimeoutError, match="no answer within 0 s"):

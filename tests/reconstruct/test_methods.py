@@ -27,16 +27,13 @@ def test_a_name_has_parts(text, prefilters, upscaler):
     assert MethodName.parse(f" {text.replace('+', ' + ')}") == name, "blanks do not count"
 
 
-def test_every_row_makes_what_it_says_and_every_name_that_is_offered_is_one():
+def test_every_row_makes_what_it_says_and_what_follows_from_a_name():
     for name, part in methods.METHODS.items():
         assert part.text and part.kind in (methods.PREFILTER, methods.UPSCALER)
         made = part.make(None)
         assert callable(made) and isinstance(made, Upscaler) == (part.kind != methods.PREFILTER), name
     for text in (DEFAULT_METHOD, *SUBPIXEL_METHODS, *methods.MENU, *methods.MORE):
         assert MethodName.parse(text).text == text
-
-
-def test_what_follows_from_a_name():
     assert MethodName.parse("bicubic").versions == {}
     assert set(MethodName.parse("oidn+bilinear").versions) == {"denoiser"}
     assert set(MethodName.parse(DEFAULT_METHOD).versions) == {"denoiser", "pool"}

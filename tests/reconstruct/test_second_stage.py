@@ -104,17 +104,6 @@ def test_broken_pixels_are_counted_and_black_many_said_and_a_picture_of_nothing_
     assert not (tmp_path / "eia.png").exists()
 
 
-def test_edges_of_background_meshes_alone_are_no_foreground(tmp_path):
-    write_render(tmp_path)
-    layers = read_layers(tmp_path / LOW_RES_FILE)
-    layers["index"] = np.where(layers["color"][..., 3:] == 1, np.float32(2), np.float32(0))
-    write_layers(tmp_path / LOW_RES_FILE, layers)
-    report = finish_frame(tmp_path, "nearest")
-    assert report.foreground_fraction == 0 and report.notes[0].code == "subject-unseen"
-    write_render(tmp_path, notes=(LIT,), scale_reason=DEEP)
-    assert finish_frame(tmp_path, "bicubic").notes == (DEEP, LIT)
-
-
 def test_report_has_what_the_documentation_says_and_progress_rises_to_the_end(tmp_path):
     write_render(tmp_path, seconds={"open": 0.5, "render": 2.0})
     seen = []
@@ -249,17 +238,6 @@ def test_almost_black_and_almost_white_images_say_so_and_plain_frames_nothing(tm
     assert notes == ((Notice("image-extreme", {"tone": tone}),) if tone else ())
 
 
-# What stands behind: background, world, meshes of the background.
-def test_display_background_shows_around_and_through(tmp_path):
-    green = dataclasses.replace(MINI, background=(0.0, 0.5, 0.0))
-    write_render(tmp_path, scale=1, display=green)
-    truth = light_field()
-    expected = truth[..., :3] + (1 - truth[..., 3:]) * np.float32([0, 0.5, 0])
-    np.testing.assert_allclose(second_stage.finished_linear(tmp_path, "none"), expected, atol=1e-6)
-    finish_frame(tmp_path, "none")
-    np.testing.assert_array_equal(read_png(tmp_path / "eia.png")[0, 0], [0, 188, 0])
-
-
 def test_visible_world_fills_the_background_lenses(tmp_path):
     """Cycles weighs the environment by what shows of it: it is added, never weighted twice."""
     write_render(tmp_path, world_visible=True)
@@ -276,10 +254,17 @@ def test_visible_world_fills_the_background_lenses(tmp_path):
     np.testing.assert_allclose(result[~mask].mean((1, 2)), sky_lenses[~mask].mean((1, 2)), atol=2e-3)
 
 
-def test_visible_world_without_its_layer_is_an_error(tmp_path):
+def test_display_background_shows_around_and_through_and_a_world_needs_its_layer(tmp_path):
     write_render(tmp_path, world_visible=True)
     refuses("no environment layer", finish_frame, tmp_path, "bicubic")
     assert not (tmp_path / "eia.png").exists()
+    green = dataclasses.replace(MINI, background=(0.0, 0.5, 0.0))
+    write_render(tmp_path, scale=1, display=green)
+    truth = light_field()
+    expected = truth[..., :3] + (1 - truth[..., 3:]) * np.float32([0, 0.5, 0])
+    np.testing.assert_allclose(second_stage.finished_linear(tmp_path, "none"), expected, atol=1e-6)
+    finish_frame(tmp_path, "none")
+    np.testing.assert_array_equal(read_png(tmp_path / "eia.png")[0, 0], [0, 188, 0])
 
 
 def test_background_meshes_are_filled_cheaply_and_objects_by_the_method(tmp_path):
@@ -300,7 +285,7 @@ def test_background_meshes_are_filled_cheaply_and_objects_by_the_method(tmp_path
     np.testing.assert_allclose(every, expected_linear(tmp_path, "nearest"), atol=1e-6)
 
 
-def test_mask_and_dilation_are_written(tmp_path):
+def test_mask_and_dilation_are_written_and_edges_of_background_meshes_no_foreground(tmp_path):
     write_render(tmp_path)
     report = finish_frame(tmp_path, "bicubic")
     plain = read_mask(tmp_path / "mask.png")
@@ -309,6 +294,14 @@ def test_mask_and_dilation_are_written(tmp_path):
     assert report.foreground_fraction == pytest.approx(plain.mean())
     assert finish_frame(tmp_path, Finish("bicubic", dilate=1)).foreground_fraction > plain.mean()
     assert (read_mask(tmp_path / "mask.png") >= plain).all()
+    write_render(tmp_path)
+    layers = read_layers(tmp_path / LOW_RES_FILE)
+    layers["index"] = np.where(layers["color"][..., 3:] == 1, np.float32(2), np.float32(0))
+    write_layers(tmp_path / LOW_RES_FILE, layers)
+    report = finish_frame(tmp_path, "nearest")
+    assert report.foreground_fraction == 0 and report.notes[0].code == "subject-unseen"
+    write_render(tmp_path, notes=(LIT,), scale_reason=DEEP)
+    assert finish_frame(tmp_path, "bicubic").notes == (DEEP, LIT)
 
 
 @pytest.mark.parametrize("name", ["bilinear", "oidn+pool"])
@@ -323,12 +316,19 @@ def test_lenses_without_subject_see_the_world_alone(tmp_path, name):
     np.testing.assert_allclose(result[empty], world, atol=1e-6 if name == "bilinear" else 2e-3)
 
 
-def test_an_opaque_subject_hides_it(tmp_path):
+def test_an_opaque_subject_hides_the_world_and_one_that_is_gone_is_refused(tmp_path):
     def opaque(color):
         return np.concatenate([color[..., :3] + 0.1, np.ones_like(color[..., 3:])], -1)
     write_apart(tmp_path / "apart", paint=opaque)
     write_apart(tmp_path / "bright", world=5.0, paint=opaque)
     np.testing.assert_array_equal(*(finished_linear(tmp_path / name, "bicubic") for name in ("apart", "bright")))
+    write_apart(tmp_path)
+    frame = read_frame(tmp_path)
+    write_layers(tmp_path / WORLD_FILE, {"color": np.ones((9, 7, 3), np.float32)})
+    refuses("7×9 pixels, but its frame.json asks for", finished_linear, tmp_path, "bilinear")
+    (tmp_path / WORLD_FILE).unlink()
+    refuses(r"world\.exr", finished_linear, tmp_path, "bilinear")
+    assert read_world(tmp_path, dataclasses.replace(frame, world_apart=False)) is None
 
 
 @pytest.mark.parametrize("name", ["nearest", "bilinear"])
@@ -362,13 +362,3 @@ def test_sampled_lenses_are_finished_as_those_of_a_frame(tmp_path):
     found = finished_lenses(mosaic, mask[tuple(lenses.T)], "bicubic", np.array([(0, n) for n in range(4)]))
     whole = to_elemental_images(finished_linear(tmp_path, "bicubic"), MINI.lenses)
     np.testing.assert_allclose(found, whole[tuple(lenses.T)], atol=1e-6)
-
-
-def test_a_world_that_is_gone_or_of_another_size_is_refused(tmp_path):
-    write_apart(tmp_path)
-    frame = read_frame(tmp_path)
-    write_layers(tmp_path / WORLD_FILE, {"color": np.ones((9, 7, 3), np.float32)})
-    refuses("7×9 pixels, but its frame.json asks for", finished_linear, tmp_path, "bilinear")
-    (tmp_path / WORLD_FILE).unlink()
-    refuses(r"world\.exr", finished_linear, tmp_path, "bilinear")
-    assert read_world(tmp_path, dataclasses.replace(frame, world_apart=False)) is None

@@ -15,7 +15,7 @@ FLAGS = {"nearest": cv2.INTER_NEAREST, "bilinear": cv2.INTER_LINEAR, "bicubic": 
 RANDOM = np.random.default_rng(0)
 
 
-def test_blur_keeps_single_precision():
+def test_blur_keeps_single_precision_and_none_full_resolution():
     image = np.random.default_rng(1).random((30, 30, 3), dtype=np.float32)
     blurred = blur(image)
     assert blurred.dtype == np.float32
@@ -24,6 +24,15 @@ def test_blur_keeps_single_precision():
         image = np.random.default_rng(1).random(shape)
         expected = cv2.GaussianBlur(image, (11, 11), 1.5, borderType=cv2.BORDER_REFLECT).reshape(shape)
         np.testing.assert_allclose(blur(image), expected, atol=1e-12)
+    refuses("upscales nothing, but scale 4", finished_lenses, low_eia(), np.ones(1, bool), "none",
+            np.zeros((1, 2), int))
+    low = low_eia(scale=1)
+    np.testing.assert_array_equal(upscaled("none", low).reshape(low.color.shape), low.color)
+    assert load_method("bicubic").upscaler(low_eia(), np.zeros((0, 2), int)).shape == (0, 20, 24, 3)
+    for name in FLAGS:
+        color = np.zeros((1, 1, 5, 5, 3))
+        color[0, 0, :, 2:] = 3e38
+        assert np.isfinite(upscaled(name, low_eia(color=color))).all()
 
 
 def low_eia(sy=3, sx=4, h=5, w=6, scale=4, color=None):
@@ -70,15 +79,3 @@ def test_highlight_leaves_no_dark_ring_in_its_neighbourhood():
     np.testing.assert_allclose(decode(encode(values)), values, rtol=1e-5, atol=1e-7)
     assert (np.diff(encode(values)) >= 0).all()
     assert (decode(np.float32([-0.3, 0])) == 0).all()
-
-
-def test_none_refuses_to_upscale_and_passes_full_resolution():
-    refuses("upscales nothing, but scale 4", finished_lenses, low_eia(), np.ones(1, bool), "none",
-            np.zeros((1, 2), int))
-    low = low_eia(scale=1)
-    np.testing.assert_array_equal(upscaled("none", low).reshape(low.color.shape), low.color)
-    assert load_method("bicubic").upscaler(low_eia(), np.zeros((0, 2), int)).shape == (0, 20, 24, 3)
-    for name in FLAGS:
-        color = np.zeros((1, 1, 5, 5, 3))
-        color[0, 0, :, 2:] = 3e38
-        assert np.isfinite(upscaled(name, low_eia(color=color))).all()

@@ -131,7 +131,12 @@ def test_what_the_user_must_know_is_said_before_the_render_and_kept_in_the_frame
     assert notes[2].values == {"seen": ["Wall"], "place": "hidden"} and read_frame(tmp_path / "out").notes == (*notes,)
 
 
-def test_that_parts_cannot_be_used_is_said_before_the_scene_is_opened(blend, tmp_path):
+def test_bad_input_is_one_sentence_and_that_parts_cannot_be_used_said_before_the_scene_is_opened(blend, tmp_path):
+    child = start(tmp_path, scene=str(blend), subject="Nothing")
+    *_, last = records(child.communicate()[0].splitlines())
+    assert child.returncode == 2
+    assert last["stage"] == "error" and "no collection 'Nothing'" in last["message"] and "\n" not in last["message"]
+    assert not list((tmp_path / "out").glob("**/*"))
     parts = tmp_path / "parts"
     parts.mkdir()
     (parts / "lr_eia-digest-000000-000002-100.exr").write_bytes(b"")
@@ -141,14 +146,6 @@ def test_that_parts_cannot_be_used_is_said_before_the_scene_is_opened(blend, tmp
     assert len(said) == 1 and said[0] < [record["stage"] for record in emitted].index("open")
     assert emitted[said[0]]["values"] == {"input": "settings"}
     assert not parts.exists()
-
-
-def test_bad_input_is_one_sentence_and_exit_code_2(blend, tmp_path):
-    child = start(tmp_path, scene=str(blend), subject="Nothing")
-    *_, last = records(child.communicate()[0].splitlines())
-    assert child.returncode == 2
-    assert last["stage"] == "error" and "no collection 'Nothing'" in last["message"] and "\n" not in last["message"]
-    assert not list((tmp_path / "out").glob("**/*"))
 
 
 def sampling(tmp_path, blend, **options):

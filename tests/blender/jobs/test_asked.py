@@ -62,7 +62,7 @@ def test_lenses_are_spread_over_the_display(scene):
     assert 0 <= min(at for _, at in lenses) < columns / 3 and columns * 2 / 3 < max(at for _, at in lenses) < columns
 
 
-def test_the_button_measures_and_the_image_takes_about_that_long(scene):
+def test_a_button_measures_as_long_as_an_image_takes_also_of_subpixels(scene, tmp_path):
     scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples = "small", "4", 16
     assert folders.expected_seconds(scene) is None
     assert bpy.ops.lfsr.estimate_time() == {"FINISHED"}
@@ -70,9 +70,6 @@ def test_the_button_measures_and_the_image_takes_about_that_long(scene):
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
     took = time.monotonic() - started
     assert 0.2 < expected / took < 5  # tests run on busy machines
-
-
-def test_direct_subpixel_rendering_is_measured_too(scene, tmp_path):
     write_profile(tmp_path / "own.toml", small(lenticular()))
     scene.lfsr.profile_file = str(tmp_path / "own.toml")
     scene.lfsr.display, scene.lfsr.subpixels, scene.lfsr.samples = "FILE", True, 8
@@ -84,19 +81,7 @@ def test_direct_subpixel_rendering_is_measured_too(scene, tmp_path):
         paths * bpy.context.window_manager.lfsr.probe_per_path, rel=1e-3)
 
 
-def test_other_settings_need_no_other_probe(scene):
-    display = load_display("mini")
-    remembered(scene)
-    scene.lfsr.samples = 100
-    pixels = display.eia_pixels[0] * display.eia_pixels[1] / 4
-    few = folders.expected_seconds(scene)
-    scene.lfsr.samples = 1100
-    assert folders.expected_seconds(scene) - few == pytest.approx(1000 * pixels * 1e-5, rel=1e-3)
-    bpy.ops.scene.new(type="EMPTY")
-    assert folders.expected_seconds(bpy.context.scene) is None, "another scene"
-
-
-def test_a_long_image_is_asked_about_until_it_is_accepted(scene):
+def test_a_long_image_is_asked_about_until_accepted_and_other_settings_need_no_other_probe(scene):
     remembered(scene)
     assert check_questions(scene) == []
     remembered(scene, per_path=1.0)
@@ -109,6 +94,15 @@ def test_a_long_image_is_asked_about_until_it_is_accepted(scene):
     remembered(scene, per_path=1e-2)
     assert check_questions(scene) == []
     assert [question.sentence[:9] for question in check_questions(scene, 250)] == ["250 image"], "each takes little"
+    display = load_display("mini")
+    remembered(scene)
+    scene.lfsr.samples = 100
+    pixels = display.eia_pixels[0] * display.eia_pixels[1] / 4
+    few = folders.expected_seconds(scene)
+    scene.lfsr.samples = 1100
+    assert folders.expected_seconds(scene) - few == pytest.approx(1000 * pixels * 1e-5, rel=1e-3)
+    bpy.ops.scene.new(type="EMPTY")
+    assert folders.expected_seconds(bpy.context.scene) is None, "another scene"
 
 
 @pytest.mark.parametrize(("method", "least"), [("denoise+pool", 1), ("pool", 2), ("none", 1)])

@@ -70,7 +70,7 @@ def test_its_image_holds_what_every_ray_sees(lit_box, tmp_path):
     assert np.abs(seen - expected).mean() < 0.02 and abs((seen - expected).mean()) < 2e-3
 
 
-def test_the_image_of_another_render_is_used_as_it_is(lit_box, tmp_path):
+def test_the_image_of_another_render_is_used_and_references_have_none_apart(lit_box, tmp_path):
     image_files.write_layers(tmp_path / "image.exr", {"color": np.full((4, 4, 3), 0.25, np.float32)})
     job = make_request(str(tmp_path / "low"), MINI, scale=2, samples=1, lens_list=((3, 5), (6, 9)),
               world=str(tmp_path / "image.exr"))
@@ -79,6 +79,13 @@ def test_the_image_of_another_render_is_used_as_it_is(lit_box, tmp_path):
     assert (tmp_path / "low" / WORLD_FILE).read_bytes() == (tmp_path / "image.exr").read_bytes()
     assert frame.world_apart and frame.seconds["world"] == 0 < frame.seconds["render"]
     assert "environment" in image_files.read_layers(tmp_path / "low" / LOW_RES_FILE)
+    for options in ({"kind": "reference"}, {"scale": 1}, {"world_visible": False}):
+        with frame_folder.prepared(lit_box, make_request(str(tmp_path), MINI, **options)) as frame:
+            assert not frame.world_apart
+    lit_box.world = None
+    lit_box.collection.objects.link(bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN")))
+    refuses("has no world to show",
+            render_job, lit_box, make_request(str(tmp_path / "none"), MINI, scale=4, samples=1, world_visible=True))
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -121,16 +128,6 @@ def test_what_no_direction_says_is_rendered_with_the_subject(lit_box, tmp_path, 
     with frame_folder.prepared(lit_box, make_request(str(tmp_path), MINI), said.append) as frame:
         assert frame.world_visible and not frame.world_apart
     assert "so the world is rendered with the subject" in sentence(said[-1])
-
-
-def test_references_and_hidden_worlds_have_none_apart_and_no_world_cannot_show(lit_box, tmp_path):
-    for options in ({"kind": "reference"}, {"scale": 1}, {"world_visible": False}):
-        with frame_folder.prepared(lit_box, make_request(str(tmp_path), MINI, **options)) as frame:
-            assert not frame.world_apart
-    lit_box.world = None
-    lit_box.collection.objects.link(bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN")))
-    refuses("has no world to show",
-            render_job, lit_box, make_request(str(tmp_path / "low"), MINI, scale=4, samples=1, world_visible=True))
 
 
 SAMPLES = 32

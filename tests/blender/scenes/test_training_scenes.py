@@ -157,7 +157,7 @@ def test_bad_input_is_one_sentence(inputs, models, scenes, monkeypatch):
         refuses(pattern, lambda words=words: training_scenes.run(training_scenes.parse(words)))
 
 
-def test_photographs_are_made_small(monkeypatch, tmp_path):
+def test_photographs_are_made_small_and_random_displays_stay_small(monkeypatch, tmp_path):
     from lfsr_lab.scenes.training import models
 
     monkeypatch.setattr(models, "SIZE", 40)
@@ -166,9 +166,6 @@ def test_photographs_are_made_small(monkeypatch, tmp_path):
     small = oiio.ImageBuf(str(tmp_path / "small" / "photo.jpg"))
     assert (small.spec().width, small.spec().height) == (40, 20)
     assert small.get_pixels(oiio.FLOAT).mean((0, 1)) == pytest.approx([0.2, 0.5, 0.8], abs=0.02)
-
-
-def test_random_displays_fit_their_scale_and_stay_small():
     from lfsr_core.optics.panel.subpixel_rays import rendered_size
     from lfsr_lab.scenes.training.stage import training_display
 

@@ -94,8 +94,7 @@ def test_with_an_array(scene):
     assert operators(drawn["Reference"]) == {"lfsr.render_reference"}
 
 
-def test_few_controls_are_open_at_first(scene):
-    """The image's own panel is open; of the others only the headers."""
+def test_few_controls_are_open_at_first_and_words_of_the_laboratory_are_advanced(scene):
     closed = [cls for cls in panels.CLASSES if "DEFAULT_CLOSED" in getattr(cls, "bl_options", ())]
     opened = [cls for cls in PANELS if cls not in closed]
     assert opened == [panels.LFSR_PT_image]
@@ -104,9 +103,6 @@ def test_few_controls_are_open_at_first(scene):
         "Camera Array", "Quality", "Animation", "View and Export", "Live", "Reference"]
     controls = [name for name, _ in draw(panels.LFSR_PT_image) if name in CONTROLS]
     assert len(controls) + len(opened) + len(headers) <= MOST_CONTROLS
-
-
-def test_words_of_the_laboratory_are_advanced(scene):
     plain = [draw(cls) for cls in PANELS if cls.bl_label != "Advanced"]
     assert not {"samples", "seed", "scale", "live_samples", "device"} & set().union(*map(properties, plain))
     assert "Renders On" not in " ".join(map(labels, plain))
@@ -397,7 +393,7 @@ def test_texts_of_buttons_and_numbers_follow_them_too(scene):
     assert not any(map(wrong_label, METRICS.values()))
 
 
-def test_buttons_of_one_operator_have_tooltips_of_their_own(scene):
+def test_buttons_of_one_operator_have_tooltips_and_check_boxes_titles_of_their_own(scene):
     for name, item, values in (("live", "kind", ("panel", "eye")), ("export", "format", ("quilt", "views")),
                                ("submit", "farm", ("openjd", "flamenco")), ("array_fit", "to", ("VIEW", "CAMERA")),
                                ("show", "full_screen", (False, True)), ("show", "animation", (False, True))):
@@ -408,9 +404,6 @@ def test_buttons_of_one_operator_have_tooltips_of_their_own(scene):
             texts.add(cls.description(bpy.context, properties))
         properties.property_unset(item)
         assert len(texts) == 2 and not any(map(wrong_tooltip, texts - {""}))
-
-
-def test_no_two_check_boxes_have_one_title(scene):
     owners = [bpy.types.Scene.bl_rna.properties["lfsr"].fixed_type,
               *(getattr(bpy.ops.lfsr, cls.bl_idname.removeprefix("lfsr.")).get_rna_type()
                 for cls in CLASSES if issubclass(cls, bpy.types.Operator))]

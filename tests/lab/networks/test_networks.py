@@ -215,11 +215,18 @@ def low_eia(seed=0):
     return LowResEIA(color, np.ones((4, 5, 6, 5, 1), np.float32), 16, 2)
 
 
-def test_upscaler_gives_the_lenses_asked_for(network):
+def test_upscaler_gives_the_lenses_asked_for_and_nan_is_replaced_and_noted(network):
     low = low_eia()
     result = PhotographUpscaler("paper", device="cpu")(low, LENSES)
     np.testing.assert_allclose(result, expected(network, low.color[LENSES[:, 0], LENSES[:, 1]]), atol=2e-5)
     assert PhotographUpscaler("paper")(low, np.zeros((0, 2), int)).shape == (0, 12, 10, 3)
+    low, upscaler = low_eia(), PhotographUpscaler("paper", device="cpu")
+    low.color[0, 0, 2, 2, 0], low.color[1, 3, 0, 0, 1] = np.nan, np.inf
+    with pytest.warns(UserWarning, match="NaN or infinite"):
+        result = upscaler(low, LENSES)
+    low.color[0, 0, 2, 2, 0] = low.color[1, 3, 0, 0, 1] = 0
+    np.testing.assert_array_equal(result, upscaler(low, LENSES))
+    assert len(upscaler.notes) == 1
 
 
 @pytest.mark.parametrize("rows_at_once", [1, 2, 8])
@@ -231,16 +238,6 @@ def test_whole_eia_is_one_image_whatever_the_strips_and_of_one_frame(network, ro
         whole = expected(network, image)[0].reshape(4, 12, 5, 10, 3)
         np.testing.assert_allclose(upscaler(low, LENSES), np.stack([whole[row, :, column] for row, column in LENSES]),
                                    atol=2e-5)
-
-
-def test_nan_is_replaced_and_noted(network):
-    low, upscaler = low_eia(), PhotographUpscaler("paper", device="cpu")
-    low.color[0, 0, 2, 2, 0], low.color[1, 3, 0, 0, 1] = np.nan, np.inf
-    with pytest.warns(UserWarning, match="NaN or infinite"):
-        result = upscaler(low, LENSES)
-    low.color[0, 0, 2, 2, 0] = low.color[1, 3, 0, 0, 1] = 0
-    np.testing.assert_array_equal(result, upscaler(low, LENSES))
-    assert len(upscaler.notes) == 1
 
 
 def test_plain_interpolation_stands_for_a_network_and_weights_decide_the_digest():
@@ -257,7 +254,7 @@ def test_plain_interpolation_stands_for_a_network_and_weights_decide_the_digest(
     assert digest["paper"] != digest["espcn"]
 
 
-def test_a_network_works_at_scales_it_was_trained_for_on_displays_of_both_axes(tmp_path, monkeypatch):
+def test_a_network_works_at_its_scales_on_both_axes_and_not_without_torch(tmp_path, monkeypatch):
     only_4 = dataclasses.replace(comparators.NETWORKS["fsrcnn"], weights={4: Path("x.safetensors")})
     monkeypatch.setitem(comparators.NETWORKS, "fsrcnn", only_4)
     assert LabMethod.parse("oidn+fsrcnn").works_at(4) and not LabMethod.parse("oidn+fsrcnn").works_at(2)
@@ -265,9 +262,6 @@ def test_a_network_works_at_scales_it_was_trained_for_on_displays_of_both_axes(t
     for refused in (lambda: finished_linear(write_render(tmp_path, display=FLAT), finish, upscaler=upscaler),
                     lambda: LabMethod.parse("paper").check_parallax((True, False))):
         refuses("'paper' needs views in two directions", refused)
-
-
-def test_the_lack_of_torch_is_one_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     monkeypatch.delitem(sys.modules, "lfsr_lab.networks.upscalers", raising=False)
     refuses(r"'torch'.*lfsr-lab\[training\]", ready, "espcn")

@@ -92,7 +92,7 @@ class Counter:
         self.done = state["done"]
 
 
-def test_loop_logs_validates_and_draws(tmp_path):
+def test_loop_logs_validates_and_draws_and_a_full_disk_is_one_sentence(tmp_path):
     outcome = loop.run(Counter(), loop.Schedule(5, validate_every=2, checkpoint_every=2), tmp_path)
     lines = read_log(tmp_path / "log.jsonl")
     assert [line["epoch"] for line in lines] == [1, 2, 3, 4, 5]
@@ -100,6 +100,10 @@ def test_loop_logs_validates_and_draws(tmp_path):
     assert ["validation.last" in line for line in lines] == [False, True, False, True, True]
     assert not outcome.stopped and outcome.validation == {"validation.last": 41.0}
     assert cv2.imread(str(tmp_path / "loss.png")).std() > 1
+    log = TrainLog(tmp_path)
+    (tmp_path / "log.jsonl").unlink()
+    (tmp_path / "log.jsonl").symlink_to("/dev/full")
+    refuses("No space left on device", log.add, {"epoch": 1})
 
 
 @pytest.mark.parametrize("stop_at", [0, 10, 21, 31])
@@ -180,10 +184,3 @@ def test_log_of_a_damaged_line_or_a_pipe(tmp_path, line):
     path = tmp_path / "log.jsonl"
     os.mkfifo(path) if line is None else path.write_bytes(line.encode("latin-1"))
     refuses("training log", TrainLog, tmp_path)
-
-
-def test_log_on_a_full_disk_is_one_sentence(tmp_path):
-    log = TrainLog(tmp_path)
-    (tmp_path / "log.jsonl").unlink()
-    (tmp_path / "log.jsonl").symlink_to("/dev/full")
-    refuses("No space left on device", log.add, {"epoch": 1})

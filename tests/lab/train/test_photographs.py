@@ -103,16 +103,6 @@ class Judge(nn.Module):
         return 10 * images.mean((1, 2, 3))[:, None]
 
 
-def test_adversarial_losses_point_the_right_way_and_leave_the_generator_alone():
-    bright, dark = torch.full((2, 3, 4, 4), 0.5), torch.full((2, 3, 4, 4), -0.5, requires_grad=True)
-    assert comparator.discriminator_loss(Judge(), bright, dark) < 0.01
-    assert comparator.discriminator_loss(Judge(), dark, bright) > 4
-    assert comparator.adversarial_loss(Judge(), bright) < 0.01
-    assert comparator.adversarial_loss(Judge(), dark) > 4
-    comparator.discriminator_loss(comparator.Discriminator(), bright, dark).backward()
-    assert dark.grad is None
-
-
 def task_of(config):
     return comparator.ComparatorTask(config, comparator.load_photographs(config.photographs), None, CPU)
 
@@ -127,7 +117,7 @@ def test_cosine_schedule_falls_from_the_rate_to_zero(folder, monkeypatch):
     assert rates == pytest.approx([1e-3, 0.8536e-3, 0.5e-3, 0.1464e-3], rel=1e-3)
 
 
-def test_adversary_changes_the_generator_and_learns(folder):
+def test_an_adversary_learns_changes_the_generator_and_points_the_right_way(folder):
     plain, judged = (task_of(small(folder, crop=32, adversarial=weight)) for weight in (0.0, 1e-3))
     before = [value.clone() for value in judged.discriminator.parameters()]
     for task in (plain, judged):
@@ -137,6 +127,13 @@ def test_adversary_changes_the_generator_and_learns(folder):
     assert not torch.equal(plain.network.up.weight, judged.network.up.weight)
     assert any(not torch.equal(old, new) for old, new in zip(before, judged.discriminator.parameters(), strict=True))
     assert all(value.requires_grad for value in judged.discriminator.parameters())
+    bright, dark = torch.full((2, 3, 4, 4), 0.5), torch.full((2, 3, 4, 4), -0.5, requires_grad=True)
+    assert comparator.discriminator_loss(Judge(), bright, dark) < 0.01
+    assert comparator.discriminator_loss(Judge(), dark, bright) > 4
+    assert comparator.adversarial_loss(Judge(), bright) < 0.01
+    assert comparator.adversarial_loss(Judge(), dark) > 4
+    comparator.discriminator_loss(comparator.Discriminator(), bright, dark).backward()
+    assert dark.grad is None
 
 
 def sha256(outcome):

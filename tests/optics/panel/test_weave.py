@@ -86,18 +86,6 @@ def test_an_eye_at_the_end_of_a_subpixels_ray_sees_that_subpixel(display, seed, 
     assert (seen.channel == channel).all()
 
 
-def test_a_mirrored_panel_is_woven_for_its_mirror():
-    plain = lenticular(subpixels={"stripes": "white"}, weave="nearest")
-    mirrored = dataclasses.replace(plain, lenticular=dataclasses.replace(plain.lenticular, flip=(True, True)))
-    eia = noise(plain)
-    np.testing.assert_array_equal(weave(eia, gather_map(mirrored, "views"))[::-1, ::-1],
-                                  weave(eia, gather_map(plain, "views")))
-    red = subpixel_rays(lenticular(), 0, np.arange(160)[:, None], np.arange(240))
-    blue = subpixel_rays(lenticular(subpixels={"stripes": "bgr"}), 2, np.arange(160)[:, None], np.arange(240))
-    np.testing.assert_array_equal(red.view_x, blue.view_x)
-    assert Geometry.of(square()).gap == 7.0
-
-
 @pytest.mark.parametrize("change", [lambda eia: eia[1:], lambda eia: eia.astype(float), lambda eia: eia[..., :1]])
 def test_another_eia_is_refused(change):
     display = hexagonal()
@@ -154,7 +142,7 @@ def test_a_damaged_map_is_made_again(cache, name, damage):
     same(weaving.cached_gather_map(lenticular()), first)
 
 
-def test_only_the_last_few_stay(cache, monkeypatch):
+def test_only_the_last_few_stay_and_without_a_place_to_write_it_is_only_slower(cache, monkeypatch, tmp_path):
     for number in range(weaving.MAX_MAPS + 2):
         weaving.cached_gather_map(lenticular(viewing_distance_mm=300.0 + number))
     assert len(list(cache.iterdir())) == weaving.MAX_MAPS
@@ -164,12 +152,10 @@ def test_only_the_last_few_stay(cache, monkeypatch):
     first = weaving.cached_gather_map(lenticular())
     monkeypatch.setattr(weaving, "gather_map", lambda *_: pytest.fail("it is on disk"))
     same(weaving.cached_gather_map(lenticular(description="another text")), first)
-
-
-def test_without_a_place_to_write_it_is_only_slower(tmp_path, monkeypatch):
+    monkeypatch.undo()
+    monkeypatch.setattr(weaving, "MIN_SUBPIXELS", 0)
     (tmp_path / "file").touch()
     monkeypatch.setenv("LFSR_CACHE", str(tmp_path / "file"))
-    monkeypatch.setattr(weaving, "MIN_SUBPIXELS", 0)
     assert weaving.cached_gather_map(lenticular()).axes
 
 
@@ -205,10 +191,19 @@ def test_an_eye_at_the_centre_of_a_view_sees_that_view(sheet):
             assert np.percentile(np.abs(seen - view), 90) < 1.5
 
 
-def test_whole_numbers_are_seen_as_a_profile_of_format_1_is():
+def test_whole_numbers_are_seen_as_a_profile_of_format_1_is_and_mirrored_panels_woven_for_it():
     display = whole("lenslet", subpixels={"stripes": "white"})
     eia = np.random.default_rng(0).integers(0, 256, (96, 128, 3), np.uint8)
     panel = weave(eia, gather_map(display, "views"))
     for view in ((0, 0), (2, 5), (7, 7)):
         eye = eye_of_view(display, *view)
         np.testing.assert_array_equal(eye_view(panel, display, eye, width=1), eye_view(panel, MINI, eye, width=1))
+    plain = lenticular(subpixels={"stripes": "white"}, weave="nearest")
+    mirrored = dataclasses.replace(plain, lenticular=dataclasses.replace(plain.lenticular, flip=(True, True)))
+    eia = noise(plain)
+    np.testing.assert_array_equal(weave(eia, gather_map(mirrored, "views"))[::-1, ::-1],
+                                  weave(eia, gather_map(plain, "views")))
+    red = subpixel_rays(lenticular(), 0, np.arange(160)[:, None], np.arange(240))
+    blue = subpixel_rays(lenticular(subpixels={"stripes": "bgr"}), 2, np.arange(160)[:, None], np.arange(240))
+    np.testing.assert_array_equal(red.view_x, blue.view_x)
+    assert Geometry.of(square()).gap == 7.0

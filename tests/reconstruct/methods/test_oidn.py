@@ -65,18 +65,7 @@ def test_the_systems_library_is_found_by_its_name(tmp_path):
     assert float(said(LD_LIBRARY_PATH=str(tmp_path / "system"))) == pytest.approx(1, abs=0.1)
 
 
-def test_input_scale_multiplies_what_the_network_sees():
-    scaled = denoise.denoise_image(COLOR / 8, input_scale=8.0)
-    plain = denoise.denoise_image(COLOR, input_scale=1.0)
-    np.testing.assert_allclose(scaled * 8, plain, rtol=1e-4, atol=1e-4)
-    with pytest.raises(RuntimeError, match="error"):
-        denoise.denoise_image(COLOR, weights=bytes(100))
-    said = []
-    with pytest.raises(RuntimeError, match="error"):
-        denoise.denoise_image(COLOR, weights=bytes(100), device=REFUSED, note=said.append)
-
-
-def test_a_device_is_made_once():
+def test_a_device_is_made_once_and_input_scale_multiplies_what_the_network_sees():
     library = denoise._load_library(tuple(denoise.find_libraries()))
     assert denoise.kept(library, CPU) == denoise.kept(library, Wanted()) != 0
     first = denoise.denoise_image(COLOR)
@@ -88,6 +77,14 @@ def test_a_device_is_made_once():
     np.testing.assert_array_equal(denoised, denoise.denoise_image(COLOR))
     (notice,) = said
     assert (notice.code, notice.values["device"]) == ("denoised-on-cpu", REFUSED.kind)
+    scaled = denoise.denoise_image(COLOR / 8, input_scale=8.0)
+    plain = denoise.denoise_image(COLOR, input_scale=1.0)
+    np.testing.assert_allclose(scaled * 8, plain, rtol=1e-4, atol=1e-4)
+    with pytest.raises(RuntimeError, match="error"):
+        denoise.denoise_image(COLOR, weights=bytes(100))
+    said = []
+    with pytest.raises(RuntimeError, match="error"):
+        denoise.denoise_image(COLOR, weights=bytes(100), device=REFUSED, note=said.append)
 
 
 def test_a_device_that_fails_while_it_works_gives_way_too(monkeypatch):

@@ -35,13 +35,19 @@ def rendered(add_on, tmp_path_factory) -> Path:
     return folder / "scene.blend"
 
 
-def test_the_panel_image_is_the_only_result(opened, rendered):
+def test_the_panel_image_is_the_only_result_and_an_animation_keeps_it(opened, rendered, capfd):
     folder = panel.frame_one(rendered)
     assert {path.name for path in folder.iterdir()} == {"frame.json", "lr_eia.exr", "panel.png", "report.json"}
     image, frame, report = read_png(folder / PANEL_FILE), read_rendered(folder), read_report(folder)
     assert image.shape == (80, 120, 3) and image.std() > 10
     assert (frame.layout, frame.scale, frame.layers, frame.samples) == ("subpixels", 1, (), 4)
     assert (report.method, report.finish.temporal_averaging) == ("oidn", 0)
+    opened.frame_start, opened.frame_end = 1, 2
+    assert bpy.ops.lfsr.render_animation() == {"FINISHED"}
+    assert "2 frames: 1 made, 1 kept, 0 failed" in capfd.readouterr().out
+    second = panel.frame_one(rendered).with_name("0002")
+    assert read_rendered(second).frame == 2 and read_png(second / PANEL_FILE).std() > 10
+    assert not (second / EIA_FILE).exists() and not folders.views_file(second).exists()
 
 
 def test_it_is_complete_for_these_settings_alone_and_an_image_without_views_has_no_reference(opened, rendered):
@@ -55,15 +61,6 @@ def test_it_is_complete_for_these_settings_alone_and_an_image_without_views_has_
     assert not folders.is_made(*folders.requested(opened))
     opened.lfsr.subpixels = False
     panel.refused("no views to compare", bpy.ops.lfsr.render_reference)
-
-
-def test_an_animation_keeps_the_frame_that_is_there(opened, rendered, capfd):
-    opened.frame_start, opened.frame_end = 1, 2
-    assert bpy.ops.lfsr.render_animation() == {"FINISHED"}
-    assert "2 frames: 1 made, 1 kept, 0 failed" in capfd.readouterr().out
-    second = panel.frame_one(rendered).with_name("0002")
-    assert read_rendered(second).frame == 2 and read_png(second / PANEL_FILE).std() > 10
-    assert not (second / EIA_FILE).exists() and not folders.views_file(second).exists()
 
 
 @pytest.mark.parametrize(("button", "arguments", "sentence"), [

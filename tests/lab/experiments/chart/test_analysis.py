@@ -116,13 +116,10 @@ def test_the_geometric_mean_has_an_interval_over_scenes_and_repeated_times_are_d
     assert drawn[0] == 2.5 and set(np.unique(drawn)) == {1.5, 2.5, 9.5}
 
 
-def test_the_mean_duel_is_over_the_scenes_in_which_ours_gets_there():
+def test_means_are_of_scenes_where_ours_gets_there_and_of_cells_that_all_have():
     duel = analysis.mean_duels([scene(rivals(factor)) for factor in (1.0, 0.5, 50.0)])[0]
     assert duel.scenes == 2 and duel.rays.value == pytest.approx((0.25 * 0.0625)**0.5, rel=1e-4)
     assert duel.seconds.value is not None
-
-
-def test_means_over_scenes_are_of_the_cells_that_all_have():
     first, second = scene(points("ours", 4, 1.0)), scene(points("ours", 4, 3.0, samples=SAMPLES[:2]))
     found, one = analysis.mean_cells([first, second]), first.cells[0]
     assert [cell.samples for cell in found] == [1, 4]
@@ -183,13 +180,17 @@ def test_the_image_has_every_error_against_every_cost_and_every_text_inside(imag
     assert len(places) > 50 and all(0 <= x <= width and 0 <= y <= height for x, y in places)
 
 
-def test_without_times_there_are_only_rays_and_the_noise_of_the_reference_is_shaded():
+def test_without_times_there_are_only_rays_and_without_direct_rendering_is_still_a_page():
     chart = example(2, timed=False)
     scenes = tuple(dataclasses.replace(scene, reference=dataclasses.replace(
         scene.reference, noise=dict.fromkeys(MEASURES, 0.05))) for scene in chart.scenes)
     words = " ".join(texts(panels.image(dataclasses.replace(chart, scenes=scenes))))
     assert words.count("the reference's own noise") == words.count("rays per finished pixel →") == 5
     assert "end to end →" not in words and "of the rays" in findings.headline(chart)
+    images = np.random.default_rng(0).random((3, 24, 24, 3))
+    row = Row("equal time", ("ours 4", "theirs 1"), (0.1, 0.2), images[0], (images[1], images[2]))
+    page = panels.page(example(1, direct=False, timed=False), Crops((row, row)))
+    assert "was not measured" in page and 'src="data:image/png;base64,iVBORw' in page
 
 
 def test_the_name_of_a_scene_is_no_formula():
@@ -233,10 +234,3 @@ def test_a_tie_at_less_error_is_no_loss_and_headline_and_tables_are_whole(chart)
     rows = [line for line in table.splitlines() if line.startswith("| espcn | 16 | 4 | 1 |")]
     assert len(rows) == 4, "one per scene and one of the mean"
     assert all(row.count("–") == row.count("(") == 6 and row.count("±") == 4 for row in rows), rows
-
-
-def test_a_chart_without_direct_rendering_is_still_a_page_and_crops_stand_in_it():
-    images = np.random.default_rng(0).random((3, 24, 24, 3))
-    row = Row("equal time", ("ours 4", "theirs 1"), (0.1, 0.2), images[0], (images[1], images[2]))
-    page = panels.page(example(1, direct=False, timed=False), Crops((row, row)))
-    assert "was not measured" in page and 'src="data:image/png;base64,iVBORw' in page

@@ -52,13 +52,22 @@ def test_sheared_epi_finds_the_shear_of_each_view(tmp_path):
     np.testing.assert_array_equal(made[::4, ::4], corners)
 
 
-def test_a_weighted_median_keeps_edges_of_its_guide():
+def test_a_weighted_median_keeps_edges_of_its_guide_colours_come_back_and_cells_share_borders():
     guide = np.zeros((20, 20, 3))
     guide[:, 10:] = 200
     labels = (guide[..., 0] > 0).astype(int) * 3
     labels[4, 4], labels[5, 15] = 5, 0
     clean = weighted_median(labels, guide, 6)
     assert (clean[:, :10] == 0).all() and (clean[:, 10:] == 3).all()
+    views = np.random.default_rng(0).random((3, 3, 2, 2, 3)).astype(np.float32)
+    np.testing.assert_allclose(of_cells(views, 4, lambda corners: linear(corners, 4)), linear(views, 4), atol=1e-6)
+    extremes = matlab.to_ycbcr(np.array([[1.0, 1, 1], [0, 0, 0]])) * 255
+    np.testing.assert_allclose(extremes, [[235, 128, 128], [16, 128, 128]], atol=1e-6)
+    colours = np.random.default_rng(1).random((5, 3))
+    np.testing.assert_allclose(matlab.from_ycbcr(matlab.to_ycbcr(colours)), colours, atol=1e-9)
+    spot = np.zeros((5, 5, 2))
+    spot[2, 2], spot[:, 4, 1] = 9, 1
+    assert not matlab.median3(spot)[..., 0].any() and matlab.median3(spot).shape == (5, 5, 2)
 
 
 def test_epicnn_interpolates_both_axes_of_views(tmp_path):
@@ -82,11 +91,6 @@ def test_angular_sr_puts_new_views_in_the_order_of_matlab(tmp_path):
     made = AngularSR(tmp_path)(colour)
     assert made.shape == (8, 8, 140, 3, 3) and np.ptp(made[3, 3, :, 0, 0]) < 1e-6  # bands join
     np.testing.assert_array_equal(made[::7, ::7], colour)
-
-
-def test_cells_of_views_share_their_borders():
-    views = np.random.default_rng(0).random((3, 3, 2, 2, 3)).astype(np.float32)
-    np.testing.assert_allclose(of_cells(views, 4, lambda corners: linear(corners, 4)), linear(views, 4), atol=1e-6)
 
 
 def test_lfdnpatch_sees_the_patches_that_match(tmp_path):
@@ -157,16 +161,6 @@ def test_resizing_is_cubic_convolution_with_a_mirror_and_values_are_moved_and_un
     np.testing.assert_array_equal(matlab.moved(line, 0, 2.0, cubic=True), [4, 9, 16, 25, 36, 49, np.nan, np.nan])
     np.testing.assert_allclose(matlab.moved(line, 0, -0.5, cubic=False)[:3], [np.nan, 0.5, 2.5])
     assert matlab.moved(line, 0, 0.5, cubic=True)[3] == pytest.approx(3.5**2)  # exact for a parabola
-
-
-def test_colours_and_median():
-    extremes = matlab.to_ycbcr(np.array([[1.0, 1, 1], [0, 0, 0]])) * 255
-    np.testing.assert_allclose(extremes, [[235, 128, 128], [16, 128, 128]], atol=1e-6)
-    colours = np.random.default_rng(1).random((5, 3))
-    np.testing.assert_allclose(matlab.from_ycbcr(matlab.to_ycbcr(colours)), colours, atol=1e-9)
-    spot = np.zeros((5, 5, 2))
-    spot[2, 2], spot[:, 4, 1] = 9, 1
-    assert not matlab.median3(spot)[..., 0].any() and matlab.median3(spot).shape == (5, 5, 2)
 
 
 SIZE = (50, 54)

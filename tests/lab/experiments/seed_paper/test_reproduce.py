@@ -115,7 +115,7 @@ def test_training_is_labelled_and_done_once(tmp_path, frames):
     assert measuring.weights(given, "paper-4") is None
 
 
-def test_one_command_writes_pages_and_goes_on(frames, tmp_path, capsys):
+def test_one_command_writes_pages_and_goes_on_and_bad_input_is_one_sentence(frames, tmp_path, capsys):
     words = ["study", "paper", "-o", str(tmp_path / "out"), "--scenes", str(frames.scenes[0]), "--bench",
              str(frames.bench), "--quick", "--display", "mini", "--timing-display", "mini", "--spp", str(SPP),
              "--clean-spp", str(CLEAN), "--repeats", "3", "--docs", str(tmp_path / "docs")]
@@ -126,9 +126,6 @@ def test_one_command_writes_pages_and_goes_on(frames, tmp_path, capsys):
     assert str(tmp_path) not in text and str(frames.output) not in text
     assert (tmp_path / "docs" / "images" / "paper-fig9.png").exists()
     assert "Fig. 9: residuals: **" in capsys.readouterr().out
-
-
-def test_bad_input_is_one_sentence(frames, tmp_path, capsys):
     common = ["study", "paper", "-o", str(tmp_path), "--scenes", str(frames.scenes[0])]
     for words, sentence in ((["--only", "fig13"], "there is no figure 'fig13'"),
                             (["--weights", str(tmp_path / "none")], "is not a folder"),

@@ -105,7 +105,7 @@ def report_of(judged, qualities, found, repeats=(), **more):
     return records.SweepReport("d", "meaning", "unit", judged, values, cells, {"m": found}, repeats)
 
 
-def test_a_curve_with_gaps_is_drawn_where_it_is_known(monkeypatch):
+def test_a_curve_with_gaps_is_drawn_where_it_is_known_and_tables_show_means_over_seeds(monkeypatch):
     sweep, figures = report_of("q", (0.9, None, 0.7), records.Break(3, 0.7, records.BELOW_START)), []
     monkeypatch.setattr(study, "svg", lambda figure: figures.append(figure) or "<svg></svg>")
     study.curves(sweep, ["m"])
@@ -113,9 +113,6 @@ def test_a_curve_with_gaps_is_drawn_where_it_is_known(monkeypatch):
     assert line.get_xydata().tolist() == [[0, 0.9], [2, 0.7]] and ring.get_xydata().tolist() == [[2, 0.7]]
     unknown = report_of("other", (0.9, None, 0.7), None)
     assert study.curves(unknown, ["m"]) is None and unknown.break_text("m") == "?"
-
-
-def test_tables_show_the_mean_over_seeds_and_where_else_the_break_may_be():
     repeats = (records.Repeat(2, "m", (0.8, 0.6, None)),)
     below, start = records.BELOW_BICUBIC, records.BELOW_START
     for found, text in (((below, 1, 2), "2 b (1 to 2)"), ((below, 2, 2), "2 b"), ((start, 2), "2 s (2 to ?)"),
