@@ -20,18 +20,8 @@ from lfsr_core.calibration.makers import profile_from_calibration, read_calibrat
 from lfsr_core.calibration.photograph import read_photograph
 from lfsr_core.exports import images
 from lfsr_core.exports.importing import quilt_of, read_film, read_quilt
-from lfsr_core.frames.frame import (
-    FRAME_FILE,
-    LOW_RES_FILE,
-    MASK_FILE,
-    REPORT_FILE,
-    Finish,
-    Report,
-    read_frame,
-    read_report,
-    read_request,
-    write_report,
-)
+from lfsr_core.frames import frame as records
+from lfsr_core.frames.frame import LOW_RES_FILE, Finish, Report, read_frame, read_report, read_request, write_report
 from lfsr_core.images.image_files import read_finite, read_mask, read_png, write_mask
 from lfsr_core.optics.display import load_display, write_profile
 from lfsr_core.optics.panel.weave import gather_map
@@ -99,8 +89,8 @@ def case(name: str, make: Callable[[Path], object], read: Callable[[Path], objec
 
 
 READERS = {
-    "frame": case(FRAME_FILE, write_render, lambda folder: read_frame(folder).rays.tiles),
-    "report": case(REPORT_FILE, lambda folder: write_report(folder, REPORT), read_report),
+    "frame": case(records.FRAME_FILE, write_render, lambda folder: read_frame(folder).rays.tiles),
+    "report": case(records.REPORT_FILE, lambda folder: write_report(folder, REPORT), read_report),
     "job": case("job.json", lambda folder: write_json(folder / "job.json", to_data(JOB)),
                 lambda folder: read_request(folder / "job.json")),
     "parts": case(f"parts/{INPUTS_FILE}", lambda folder: write_json(folder / "parts" / INPUTS_FILE, INPUTS_OF_PARTS),
@@ -109,8 +99,8 @@ READERS = {
                   use_sheet)
        for name, display in (("profile", MINI), ("cylinders", lenticular()), ("hexagonal", hexagonal()))},
     "exr": case(LOW_RES_FILE, write_render, use_picture, ("read",)),
-    "png": case(MASK_FILE, lambda folder: write_mask(folder / MASK_FILE, np.eye(12, 16) > 0),
-                lambda folder: (read_mask(folder / MASK_FILE), read_png(folder / MASK_FILE))),
+    "png": case(records.MASK_FILE, lambda folder: write_mask(folder / records.MASK_FILE, np.eye(12, 16) > 0),
+                lambda folder: (read_mask(folder / records.MASK_FILE), read_png(folder / records.MASK_FILE))),
     "photo": case("photo.jpg", write_photograph, lambda folder: read_photograph(folder / "photo.jpg").size),
     "quilt": case(QUILT, lambda folder: write_mask(folder / QUILT, np.eye(12, 16) > 0),
                   lambda folder: read_quilt(folder / QUILT, quilt_of(folder / QUILT)).size),

@@ -265,7 +265,7 @@ def test_a_released_folder_that_goes_while_it_is_looked_at_locks_nobody_out(tmp_
     assert system.remove_dead(tmp_path / "frame") == []
 
 
-def test_names_that_a_system_takes_for_the_same_lock_each_other(tmp_path, monkeypatch):
+def test_names_that_a_system_takes_for_the_same_lock_each_other_and_the_lock_goes_last(tmp_path, monkeypatch):
     with staging_folder(tmp_path / "Frame"):
         with staging_folder(tmp_path / "frame"):
             pass
@@ -276,6 +276,16 @@ def test_names_that_a_system_takes_for_the_same_lock_each_other(tmp_path, monkey
         with staging_folder(tmp_path / name), pytest.raises(LfsrError, match="another process is writing"), \
                 staging_folder(tmp_path / name):
             pass
+    seen = []
+    real = Path.unlink
+    monkeypatch.setattr(Path, "unlink", lambda path, **options: (seen.append(sorted(os.listdir(path.parent))),
+                                                                 real(path, **options)))
+    with staging_folder(tmp_path / "frame") as folder:
+        (folder / "finished").mkdir()
+        (folder / "finished" / "eia.png").touch()
+        (folder / "log.txt").touch()
+        system.release(folder)
+    assert seen[-2:] == [["in-use", "released"], ["released"]] and names(tmp_path) == []
 
 
 @pytest.mark.parametrize("left", [[], ["in-use"], ["in-use", "finished/eia.png"], ["released"]])
@@ -287,16 +297,3 @@ def test_a_folder_goes_at_whatever_moment_its_process_was_killed(tmp_path, left)
         path.touch()
     (tmp_path / name).mkdir(exist_ok=True)
     assert system.remove_dead(tmp_path / "frame") == [] and names(tmp_path) == []
-
-
-def test_the_lock_file_is_the_last_that_goes(tmp_path, monkeypatch):
-    seen = []
-    real = Path.unlink
-    monkeypatch.setattr(Path, "unlink", lambda path, **options: (seen.append(sorted(os.listdir(path.parent))),
-                                                                 real(path, **options)))
-    with staging_folder(tmp_path / "frame") as folder:
-        (folder / "finished").mkdir()
-        (folder / "finished" / "eia.png").touch()
-        (folder / "log.txt").touch()
-        system.release(folder)
-    assert seen[-2:] == [["in-use", "released"], ["released"]] and names(tmp_path) == []

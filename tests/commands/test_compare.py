@@ -98,7 +98,10 @@ def test_plan_ends_with_the_command_that_renders_the_choice(scene, blender, tmp_
     assert (tmp_path / "work" / "quick" / "frame.json").exists()
 
 
-def test_progress_moves_and_speaks_of_as_many_lenses_as_the_result(scene, blender, capsys, monkeypatch):
+def test_plan_speaks_of_as_many_lenses_as_the_result_and_says_why_it_finds_nothing(scene, blender, capsys, monkeypatch):
+    assert main(["plan", scene, "--target", "0.999", *FEW, "--blender", blender]) == 0
+    out = capsys.readouterr().out
+    assert "nothing reaches ssim_lens_fg 0.999" in out and "Limit: " in out and "lfsr render" not in out
     monkeypatch.setattr(common, "SECONDS_BETWEEN_LINES", 0.0)
     assert main(["plan", scene, "--target", "0.5", *FEW, "--blender", blender]) == 0
     captured = capsys.readouterr()
@@ -106,12 +109,6 @@ def test_progress_moves_and_speaks_of_as_many_lenses_as_the_result(scene, blende
     assert set(re.findall(r"(\d+) lenses", captured.err)) == {lenses}
     fractions = [int(found) for found in re.findall(r"^plan +(\d+)%", captured.err, re.MULTILINE)]
     assert fractions == sorted(fractions)
-
-
-def test_plan_that_finds_nothing_says_why_and_names_no_command(scene, blender, capsys):
-    assert main(["plan", scene, "--target", "0.999", *FEW, "--blender", blender]) == 0
-    out = capsys.readouterr().out
-    assert "nothing reaches ssim_lens_fg 0.999" in out and "Limit: " in out and "lfsr render" not in out
 
 
 @pytest.mark.parametrize(("options", "message"), [

@@ -37,19 +37,9 @@ def column_of_square(view) -> float:
     return float(np.nonzero(view[..., 2] > 160)[1].mean())
 
 
-def test_views_between_cameras_and_of_a_display_that_flips_itself(field, tmp_path):
-    np.testing.assert_array_equal(field.view_at(3, 5), field.views[5, 3])
-    between = (field.views[5, 3].astype(float) + field.views[5, 4]) / 2
-    assert np.abs(field.view_at(3.5, 5) - between).max() <= 0.5
-    np.testing.assert_array_equal(field.view_at(-4, 99), field.views[7, 0])
-    half = 3.5 * MINI.camera_spacing_mm
-    np.testing.assert_array_equal(field.seen_from(half, half), field.views[0, 7])
-    np.testing.assert_array_equal(read_light_field(finished(tmp_path, DIRECT)).views, field.views)
-
-
 # Quilts: what a player does with the name and the image.
 
-def test_quilt_as_a_player_reads_it(folder, field, tmp_path):
+def test_quilts_as_a_player_reads_them_of_any_number_of_views_across_the_cone(folder, field, tmp_path):
     (path,) = export(folder, "quilt", tmp_path)
     columns, rows, aspect = re.fullmatch(r"two_depths_qs(\d+)x(\d+)a([\d.]+)\.png", path.name).groups()
     columns, rows = int(columns), int(rows)
@@ -60,9 +50,6 @@ def test_quilt_as_a_player_reads_it(folder, field, tmp_path):
     np.testing.assert_array_equal(tiles, field.views[3])
     # View 0 is the leftmost camera's, which sees what is near further to the right.
     assert column_of_square(tiles[0]) > column_of_square(tiles[7]) + 1
-
-
-def test_quilt_of_any_number_of_views_across_the_cone(folder, field, tmp_path):
     options = ExportOptions(views=(6, 1), grid=(3, 2), width=64)
     (path,) = export(folder, "quilt", tmp_path, options)
     quilt = picture(path)
@@ -225,12 +212,19 @@ def test_depth_where_nothing_was_hit_of_one_row_of_views_and_without_the_positio
     assert (central_disparity(field)[:, 28] > 0).tolist() == near[:, 28].tolist()
 
 
-def test_enlarged_images_are_as_opencv_makes_them(field):
+def test_enlarged_images_are_as_opencv_makes_them_and_views_between_cameras_mixed(field, tmp_path):
     view = field.views[3, 3]
     theirs = cv2.resize(view, (320, 240), interpolation=cv2.INTER_CUBIC)
     assert np.abs(on_screen(view, MINI, 320).astype(int) - theirs).max() <= 1
     small = on_screen(np.full((200, 400, 3), 77, np.uint8), MINI, 32)
     assert (small == 77).all() and small.shape == (24, 32, 3)
+    np.testing.assert_array_equal(field.view_at(3, 5), field.views[5, 3])
+    between = (field.views[5, 3].astype(float) + field.views[5, 4]) / 2
+    assert np.abs(field.view_at(3.5, 5) - between).max() <= 0.5
+    np.testing.assert_array_equal(field.view_at(-4, 99), field.views[7, 0])
+    half = 3.5 * MINI.camera_spacing_mm
+    np.testing.assert_array_equal(field.seen_from(half, half), field.views[0, 7])
+    np.testing.assert_array_equal(read_light_field(finished(tmp_path, DIRECT)).views, field.views)
 
 
 def test_film(folder, field, tmp_path):

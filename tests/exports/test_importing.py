@@ -47,7 +47,7 @@ def test_what_was_exported_comes_back_equal(folder, field, tmp_path, name):
     np.testing.assert_array_equal(read_light_field(tmp_path / "back").views, field.views)
 
 
-def test_hci_tells_its_geometry(folder, tmp_path):
+def test_hci_tells_its_geometry_and_a_wide_grid_keeps_its_middle(folder, tmp_path):
     export(folder, "hci", tmp_path / "views")
     told = Told()
     imported = import_views(tmp_path / "views", tmp_path / "back", tell=told)
@@ -57,6 +57,9 @@ def test_hci_tells_its_geometry(folder, tmp_path):
     assert display.panel_mm == pytest.approx(MINI.panel_mm) and display.camera_spacing_mm == pytest.approx(
         MINI.camera_spacing_mm)
     assert display.viewing_distance_mm == pytest.approx(MINI.viewing_distance_mm)
+    export(folder, "views", tmp_path / "wide", ExportOptions(views=(8, 4)))
+    imported = import_views(tmp_path / "wide", tmp_path / "frame", tell=told)
+    assert imported.views == (4, 4) and Notice("cameras-cut", {"side": 4, "across": 8, "down": 4}) in told.notices
 
 
 def test_the_second_stage_makes_the_views_between(images, field, tmp_path):
@@ -95,13 +98,6 @@ def test_stanford_cameras_are_ordered_by_place(field, tmp_path):
     import_views(source, tmp_path / "frame")
     finish_frame(tmp_path / "frame", "none")
     np.testing.assert_array_equal(read_light_field(tmp_path / "frame").views, field.views[::4, ::4][:, :2])
-
-
-def test_a_wide_grid_keeps_its_middle(folder, tmp_path):
-    export(folder, "views", tmp_path / "views", ExportOptions(views=(8, 4)))
-    told = Told()
-    imported = import_views(tmp_path / "views", tmp_path / "frame", tell=told)
-    assert imported.views == (4, 4) and Notice("cameras-cut", {"side": 4, "across": 8, "down": 4}) in told.notices
 
 
 def test_a_row_of_cameras_has_views_along_it_alone(images, field, tmp_path):

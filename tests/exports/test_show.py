@@ -57,7 +57,8 @@ def images(page: Path) -> dict:
     return json.loads(re.search(r'application/json">(.*)</script>', page.read_text(encoding="utf-8"))[1])
 
 
-def test_a_lenticular_frame_goes_through_bridge_as_a_quilt(bridge, browser, tmp_path, capsys):
+def test_a_lenticular_frame_goes_through_bridge_as_a_quilt_and_an_animation_as_a_film(bridge, browser, tmp_path,
+                                                                                      capsys):
     stand_in = bridge(devices=[*DEVICES, OWN])
     assert main(["show", str(frame(tmp_path / "frame"))]) == 0
     (quilt,) = map(Path, stand_in.shown)
@@ -66,6 +67,15 @@ def test_a_lenticular_frame_goes_through_bridge_as_a_quilt(bridge, browser, tmp_
     assert entry["cols"] * entry["rows"] == entry["view_count"] == DISPLAY.views[0] and entry["aspect"] == 1.5
     assert f"{quilt.name} is shown on LKG-S3 (small)" in capsys.readouterr().out
     assert browser() == []
+    stand_in = bridge(devices=[OWN])
+    for number in (1, 2, 3):
+        frame(tmp_path / "film" / f"{number}", frame=number)
+    assert main(["show", str(tmp_path / "film"), "--fps", "12"]) == 0
+    with av.open(stand_in.shown[0]) as film:
+        assert film.streams.video[0].average_rate == 12 and len(list(film.decode(video=0))) == 3
+    assert stand_in.requests[-1]["endpoint"] == "play_playlist"
+    entry = next(request["body"] for request in stand_in.requests if request["endpoint"] == "insert_playlist_entry")
+    assert entry["cols"] * entry["rows"] == entry["view_count"] == DISPLAY.views[0]
 
 
 @pytest.mark.parametrize(("stated", "grid"), [({"tileX": 4, "tileY": 2, "quiltX": 401, "quiltY": 200}, (4, 2)),
@@ -79,18 +89,6 @@ def test_a_device_that_states_its_quilt_gets_that(bridge, tmp_path, stated, grid
     assert (entry["cols"], entry["rows"]) == grid if grid else entry["view_count"] == DISPLAY.views[0]
     if grid:
         assert read_png(stand_in.shown[0]).shape[:2] == (200, 400)
-
-
-def test_a_lenticular_animation_goes_through_bridge_as_a_film_of_quilts(bridge, tmp_path):
-    stand_in = bridge(devices=[OWN])
-    for number in (1, 2, 3):
-        frame(tmp_path / "film" / f"{number}", frame=number)
-    assert main(["show", str(tmp_path / "film"), "--fps", "12"]) == 0
-    with av.open(stand_in.shown[0]) as film:
-        assert film.streams.video[0].average_rate == 12 and len(list(film.decode(video=0))) == 3
-    assert stand_in.requests[-1]["endpoint"] == "play_playlist"
-    entry = next(request["body"] for request in stand_in.requests if request["endpoint"] == "insert_playlist_entry")
-    assert entry["cols"] * entry["rows"] == entry["view_count"] == DISPLAY.views[0]
 
 
 def test_a_quilt_without_proportions_in_its_name_has_the_panels(bridge, tmp_path):

@@ -14,17 +14,7 @@ from lfsr_core.base.records import from_data, to_data, write_record
 from lfsr_core.frames import folder
 from lfsr_core.frames import frame as records
 from lfsr_core.frames.folder import FrameFolder, has_other_size, is_changed, is_same, phrases, scene_stamp
-from lfsr_core.frames.frame import (
-    MOST_AVERAGED,
-    SUBPIXELS,
-    Finish,
-    Report,
-    check_light,
-    check_scene,
-    parse_frames,
-    read_request,
-    write_frame,
-)
+from lfsr_core.frames.frame import Finish, Report, check_light, check_scene, parse_frames, read_request, write_frame
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.rays import CameraArray
 from tests.support.panels import cells, hexagonal, lenticular
@@ -95,8 +85,8 @@ def test_another_light_and_subpixels_are_other_renders_and_a_changed_file_told(t
     display = lenticular()
     frame, job = frame_of(1, display), changed(JOB, display=display, scale=1, device="OPTIX")
     assert is_same(frame, changed(job, layout="lens-card"))
-    assert not is_same(dataclasses.replace(frame, layout=SUBPIXELS), job)
-    assert not is_same(frame, changed(job, layout=SUBPIXELS))
+    assert not is_same(dataclasses.replace(frame, layout=records.SUBPIXELS), job)
+    assert not is_same(frame, changed(job, layout=records.SUBPIXELS))
     moved = changed(JOB, output="elsewhere", parts="p", world="w")
     assert folder.digest(folder.request_facts(JOB)) == folder.digest(folder.request_facts(moved))
     assert folder.digest(folder.request_facts(JOB)) != folder.digest(folder.request_facts(changed(JOB, seed=1)))
@@ -237,8 +227,8 @@ def test_scene_and_light_are_checked_before_blender_starts(tmp_path, monkeypatch
 def test_a_finish_and_a_report_are_read_as_they_were_written(tmp_path):
     finish = Finish("bicubic", 2, "weights.tza", True, 1)
     assert from_data(Finish, to_data(finish), "finish") == finish and Finish.of("bicubic") == Finish("bicubic")
-    for options in [{"dilate": -1}, {"temporal_averaging": -1},
-                                         {"temporal_averaging": MOST_AVERAGED + 1}, {"temporal_averaging": 10**400}]:
+    for options in [{"dilate": -1}, *({"temporal_averaging": count}
+                                      for count in (-1, records.MOST_AVERAGED + 1, 10**400))]:
         refuses("", Finish, "bicubic", **options)
     report = Report(Finish("bicubic", temporal_averaging=2), "bicubic", "mini", 2, 16, {"render": 1.0}, None, 0.5,
                     (Notice("scale-unseen", {"scale": 2}),), metrics={"p": 0.5})
@@ -248,7 +238,7 @@ def test_a_finish_and_a_report_are_read_as_they_were_written(tmp_path):
     assert (data["foreground_fraction"], data["finish"]["temporal_averaging"]) == (0.5, 2)
 
 
-@pytest.mark.parametrize("count", range(MOST_AVERAGED + 1))
+@pytest.mark.parametrize("count", range(records.MOST_AVERAGED + 1))
 def test_frames_that_are_averaged_have_each_seed_once(count):
     finish, across = Finish("bicubic", temporal_averaging=count), 2 * count + 1
     for first in (-3, 1, 40):

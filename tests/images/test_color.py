@@ -9,15 +9,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.images import color as viewing
-from lfsr_core.images.color import (
-    ColorSettings,
-    ViewTransform,
-    extreme_tone,
-    find_config,
-    is_accurate,
-    srgb_decode,
-    srgb_encode,
-)
+from lfsr_core.images.color import ColorSettings, ViewTransform, extreme_tone, find_config, srgb_decode, srgb_encode
 from lfsr_core.images.image_files import read_png
 from tests.support.prerequisites import needs_bpy
 from tests.support.told import refuses
@@ -159,7 +151,7 @@ def test_what_lies_outside_the_table_is_exact():
     ([99_950, 0, 45, 5, 0], True), ([99_900, 0, 0, 100, 0], False), ([99_999, 0, 0, 0, 1], False)])
 def test_a_table_is_accurate_where_steps_are_small_and_large_ones_rarer_still(counts, near):
     steps = np.repeat(np.arange(len(counts)), counts)
-    assert is_accurate(steps) == near
+    assert viewing.is_accurate(steps) == near
 
 
 def test_almost_black_and_almost_white_images_but_for_sparks_and_background():

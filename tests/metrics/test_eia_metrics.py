@@ -11,17 +11,7 @@ from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE, Finish
 from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.image_files import read_mask, write_layers, write_mask
 from lfsr_core.metrics import eia_metrics
-from lfsr_core.metrics.eia_metrics import (
-    compare_folders,
-    psnr,
-    sampled_recall,
-    split_mse,
-    split_ssim,
-    split_ssim_map,
-    ssim,
-    stacked_ssim,
-    student_95,
-)
+from lfsr_core.metrics.eia_metrics import compare_folders, psnr, split_mse, split_ssim, split_ssim_map, ssim
 from lfsr_core.optics.rays import to_views
 from lfsr_core.reconstruct.second_stage import finish_frame
 from tests.support.finished import MINI, TALL
@@ -171,20 +161,6 @@ def test_a_lens_lost_by_the_mask_lowers_recall_and_still_counts_as_foreground(tm
     assert after.ssim_eia_fg == pytest.approx(whole.ssim_eia_fg)
 
 
-def test_a_frame_that_is_finished_anew_meanwhile_keeps_its_own_report(tmp_path, monkeypatch):
-    folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
-    finish_frame(folder, "bicubic")
-    real = eia_metrics.compare
-
-    def slow(*arguments, **options):
-        finish_frame(folder, "nearest")
-        return real(*arguments, **options)
-    monkeypatch.setattr(eia_metrics, "compare", slow)
-    refuses("was finished again while it was compared", compare_folders, folder, reference)
-    report = read_json(folder / REPORT_FILE, "a report")
-    assert (report["method"], report["metrics"]) == ("nearest", {})
-
-
 def test_sampled_recall_is_unbiased_and_unknown_with_few_samples_outside_the_mask():
     rng = np.random.default_rng(3)
     truth = rng.random((30, 40)) < 0.4
@@ -193,12 +169,12 @@ def test_sampled_recall_is_unbiased_and_unknown_with_few_samples_outside_the_mas
     estimates = []
     for _ in range(300):
         listed = np.concatenate([rng.permutation(inside)[:60], rng.permutation(outside)[:20]])
-        estimates.append(sampled_recall(mask, truth[tuple(listed.T)], tuple(map(tuple, listed))))
+        estimates.append(eia_metrics.sampled_recall(mask, truth[tuple(listed.T)], tuple(map(tuple, listed))))
     assert np.mean(estimates) == pytest.approx((mask & truth).sum() / truth.sum(), abs=0.02)
     mask = np.zeros((4, 40), bool)
     mask[0] = True
     listed = tuple((row, column) for row, columns in ((0, 20), (1, 3)) for column in range(columns))
-    assert sampled_recall(mask, np.ones(len(listed), bool), listed) is None
+    assert eia_metrics.sampled_recall(mask, np.ones(len(listed), bool), listed) is None
 
 
 @pytest.mark.parametrize("display", [MINI, TALL], ids=["mini", "tall"])
@@ -216,11 +192,23 @@ def test_eia_exr_is_read_instead_of_computed_again(tmp_path, monkeypatch, displa
                               if isinstance(value, float) else value), name
 
 
-def test_kept_linear_world_image_another_size_is_refused(tmp_path):
+def test_a_frame_finished_meanwhile_keeps_its_report_and_a_linear_image_of_another_size_is_refused(tmp_path,
+                                                                                                   monkeypatch):
     folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
     finish_frame(folder, "bicubic")
     write_layers(folder / "eia.exr", {"color": np.zeros((8, 8, 3), np.float16)}, half=True)
     refuses("finish the frame again with a linear EXR", compare_folders, folder, reference)
+    folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
+    finish_frame(folder, "bicubic")
+    real = eia_metrics.compare
+
+    def slow(*arguments, **options):
+        finish_frame(folder, "nearest")
+        return real(*arguments, **options)
+    monkeypatch.setattr(eia_metrics, "compare", slow)
+    refuses("was finished again while it was compared", compare_folders, folder, reference)
+    report = read_json(folder / REPORT_FILE, "a report")
+    assert (report["method"], report["metrics"]) == ("nearest", {})
 
 
 @pytest.mark.parametrize("shape", [(96, 128), (23, 31), (600, 40)])
@@ -233,7 +221,7 @@ def test_equal_halves_give_the_ssim_of_scikit_image(shape):
     assert ssim(candidate, image) == pytest.approx(expected, abs=1e-6)
 
 
-def test_halves_count_alike_and_local_ssim_and_psnr_are_scikit_images():
+def test_halves_count_alike_and_stacked_images_do_not_see_each_other():
     image, candidate = textured_image(), blurred(textured_image())
     assert split_ssim(candidate, image, candidate) == pytest.approx(split_ssim(candidate, candidate, image), abs=1e-12)
     image = textured_image(600, 64)  # higher than one band
@@ -244,6 +232,12 @@ def test_halves_count_alike_and_local_ssim_and_psnr_are_scikit_images():
     assert psnr(split_mse(candidate, image, image)) == pytest.approx(expected, abs=1e-9)
     assert psnr(0.0) is None
     assert psnr(-1e-9) is None
+    stack = np.stack([textured_image(20, 24, seed) for seed in range(200)])  # more than one call's worth of channels
+    candidates = np.stack([blurred(image) for image in stack])
+    together = eia_metrics.stacked_ssim(candidates, stack, stack)
+    for index in (0, 99, 199):
+        alone = split_ssim_map(candidates[index], stack[index], stack[index]).mean(-1)
+        np.testing.assert_allclose(together[index], alone, atol=1e-12)
 
 
 @pytest.mark.parametrize(("noise", "tolerance"), [(0.01, 0.001), (0.02, 0.002), (0.03, 0.008), (0.04, 0.02)])
@@ -263,18 +257,9 @@ def test_noise_of_the_reference_cancels(noise, tolerance):
     assert plain_squared - true_mse == pytest.approx(noise**2 / 2, rel=0.05)
 
 
-def test_stacked_images_do_not_see_each_other():
-    stack = np.stack([textured_image(20, 24, seed) for seed in range(200)])  # more than one call's worth of channels
-    candidates = np.stack([blurred(image) for image in stack])
-    together = stacked_ssim(candidates, stack, stack)
-    for index in (0, 99, 199):
-        alone = split_ssim_map(candidates[index], stack[index], stack[index]).mean(-1)
-        np.testing.assert_allclose(together[index], alone, atol=1e-12)
-
-
 @pytest.mark.parametrize("freedom", [3, 5, 11, 40, 1000])
 def test_small_samples_get_students_intervals(freedom):
-    assert student_95(freedom) == pytest.approx(scipy.stats.t.ppf(0.975, freedom), rel=0.01)
+    assert eia_metrics.student_95(freedom) == pytest.approx(scipy.stats.t.ppf(0.975, freedom), rel=0.01)
 
 
 # The settings under which scikit-image computes the SSIM of Wang et al.

@@ -21,7 +21,7 @@ GOOD = {"name": "test", "panel_pixels": [40, 20], "panel_mm": [80.0, 40.0], "len
         "viewing_distance_mm": 200.0, "viewing_angle_deg": 40.0}
 
 
-def test_built_in_profiles_are_the_promised_ones():
+def test_built_in_profiles_are_the_promised_ones_and_own_files_and_unknown_names_said(tmp_path):
     for name in builtin_names():
         assert load_display(name).name == name and load_display(name).scales(), "one must offer a scale factor"
     plain = {name for name in builtin_names() if not name.startswith("looking-glass-")}
@@ -32,6 +32,17 @@ def test_built_in_profiles_are_the_promised_ones():
     assert load_display("dense-8k").lenses == (192, 108)
     assert load_display("small").panel_pixels == (960, 560)
     assert math.hypot(*load_display("bupt-32in-8k").panel_mm) == pytest.approx(32 * 25.4, rel=1e-3)
+    file = tmp_path / "own.toml"
+    file.write_text("\n".join(f"{key} = {value!r}" for key, value in GOOD.items()), encoding="utf-8")
+    assert load_display(file) == DisplayProfile.from_dict(GOOD)
+    refuses(r"absent.toml does not exist, expected a display profile", load_display, tmp_path / "absent.toml")
+    refuses("unknown display 'smal': did you mean 'small'", load_display, "smal")
+    for content in [b"name = ", b"\xff\xfe", b"a = " + b"[" * 5000, b"a = " + b"9" * 5000]:
+        file = tmp_path / "broken.toml"
+        file.write_bytes(content)
+        with pytest.raises(LfsrError, match=r"broken.toml is not valid TOML") as refused:
+            load_display(file)
+        assert "sys.set" not in str(refused.value), "advice for programmers"
 
 
 def test_derived_numbers_and_scales_that_divide_only_axes_with_several_views():
@@ -72,20 +83,6 @@ def test_bad_field_is_named_with_value_and_rule(change, told):
     with pytest.raises(LfsrError, match=told) as caught:
         DisplayProfile.from_dict(GOOD | change, source="x.toml")
     assert str(caught.value).startswith("x.toml: ")
-
-
-def test_own_files_absent_ones_and_unknown_names(tmp_path):
-    file = tmp_path / "own.toml"
-    file.write_text("\n".join(f"{key} = {value!r}" for key, value in GOOD.items()), encoding="utf-8")
-    assert load_display(file) == DisplayProfile.from_dict(GOOD)
-    refuses(r"absent.toml does not exist, expected a display profile", load_display, tmp_path / "absent.toml")
-    refuses("unknown display 'smal': did you mean 'small'", load_display, "smal")
-    for content in [b"name = ", b"\xff\xfe", b"a = " + b"[" * 5000, b"a = " + b"9" * 5000]:
-        file = tmp_path / "broken.toml"
-        file.write_bytes(content)
-        with pytest.raises(LfsrError, match=r"broken.toml is not valid TOML") as refused:
-            load_display(file)
-        assert "sys.set" not in str(refused.value), "advice for programmers"
 
 
 MASK = np.zeros((12, 16), bool)

@@ -61,13 +61,6 @@ def test_an_image_is_an_animation_of_one_frame(made):
     assert states(make(request.sampled(scale=4), FINISH, blender=blender, lenient=True)) == [MADE]
 
 
-@pytest.mark.parametrize("kind", ["render", "reference"])
-def test_a_render_alone_is_made_once(tmp_path, kind):
-    request = film_request(tmp_path, kind=kind, scale=2 if kind == "render" else 1)
-    assert states(make(request, blender=played_blender(tmp_path / "blender"))) == [MADE]
-    assert FrameFolder(request.output).is_rendered(request) and states(make(request)) == [KEPT]
-
-
 def cut(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-30])
 

@@ -51,7 +51,7 @@ def test_a_child_ends_with_its_input_and_with_a_parent_that_dies():
     wait_until_gone(int(answer.stdout))
 
 
-def test_a_deaf_child_and_its_own_child_are_killed():
+def test_a_deaf_child_is_killed_with_its_own_and_one_of_low_priority_nicer():
     with Child(["/bin/sh", "-c", DEAF]) as child:
         pid = next(child.records())["pid"]
         started = time.monotonic()
@@ -63,6 +63,13 @@ def test_a_deaf_child_and_its_own_child_are_killed():
         assert [record["stage"] for record in child.records()] == ["done"] and child.is_done()
     wait_until_gone(child.last["pid"])
     assert time.monotonic() - started < 30
+    script = """import json, os, subprocess, sys, time
+time.sleep(0.2)
+child = subprocess.run([sys.executable, "-c", "import os; print(os.nice(0))"], capture_output=True, text=True)
+print("LFSR " + json.dumps({"stage": "done", "nice": [os.nice(0), int(child.stdout)]}))"""
+    for low_priority in (False, True):
+        with Child([sys.executable, "-c", script], low_priority=low_priority) as child:
+            assert list(child.records())[-1]["nice"] == [min(19, os.nice(0) + low_priority * 10)] * 2
 
 
 def test_how_a_child_ended_is_one_sentence_and_the_output_of_a_command():
@@ -79,16 +86,6 @@ def test_how_a_child_ended_is_one_sentence_and_the_output_of_a_command():
         output_of([sys.executable, "-c", "import time; time.sleep(1)"], seconds=0.1)
     with pytest.raises(OSError, match="No such file"):
         output_of(["/no/such/program"])
-
-
-def test_a_child_of_low_priority_is_nicer_with_its_own_children():
-    script = """import json, os, subprocess, sys, time
-time.sleep(0.2)
-child = subprocess.run([sys.executable, "-c", "import os; print(os.nice(0))"], capture_output=True, text=True)
-print("LFSR " + json.dumps({"stage": "done", "nice": [os.nice(0), int(child.stdout)]}))"""
-    for low_priority in (False, True):
-        with Child([sys.executable, "-c", script], low_priority=low_priority) as child:
-            assert list(child.records())[-1]["nice"] == [min(19, os.nice(0) + low_priority * 10)] * 2
 
 
 LONG_ENOUGH = 30  # seconds after which a machine is broken, not slow

@@ -136,7 +136,14 @@ def test_only_the_nearest_rendered_frames_with_a_number_on_both_sides_count(tmp_
     assert numbers_near(tmp_path, 3, 1) == [] and not neighbours_of(notes, read_frame(notes), 1)
 
 
-def test_an_array_that_moved_or_the_same_seed_is_not_averaged(tmp_path):
+def test_the_second_stage_averages_with_which_array_stood_still_and_says_so(tmp_path):
+    film(tmp_path, (1, 2, 3))
+    report = finish_frame(tmp_path / "0002", Finish("bicubic", temporal_averaging=1))
+    assert report.neighbours == (1, 3) and report.seconds["average"] >= 0
+    assert report.averaged == 1, "the frames are the same"
+    alone = finish_frame(tmp_path / "0002", "bicubic")
+    assert (alone.neighbours, alone.averaged) == ((), None)
+    assert "average" not in alone.seconds
     film(tmp_path, (1, 2, 3))
     film(tmp_path, (4,), seed=3)
     moved = tuple((*row[:3], row[3] + 0.01) for row in IDENTITY[:3]) + IDENTITY[3:]
@@ -146,13 +153,3 @@ def test_an_array_that_moved_or_the_same_seed_is_not_averaged(tmp_path):
     notes = averaging.averaging_notices(found)
     assert notes == [Notice("averaging-same-seed", {"frames": [4]}), Notice("averaging-other-rays", {"frames": [1]})]
     assert not averaging.averaging_notices(found[1:2])
-
-
-def test_the_second_stage_averages_and_says_with_which(tmp_path):
-    film(tmp_path, (1, 2, 3))
-    report = finish_frame(tmp_path / "0002", Finish("bicubic", temporal_averaging=1))
-    assert report.neighbours == (1, 3) and report.seconds["average"] >= 0
-    assert report.averaged == 1, "the frames are the same"
-    alone = finish_frame(tmp_path / "0002", "bicubic")
-    assert (alone.neighbours, alone.averaged) == ((), None)
-    assert "average" not in alone.seconds

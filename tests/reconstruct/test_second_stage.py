@@ -137,7 +137,7 @@ def test_bad_methods_and_sizes_are_errors(tmp_path):
         assert {path.name for path in tmp_path.iterdir()} == before
 
 
-def test_lens_list_is_finished_as_tiles(tmp_path):
+def test_lenses_of_a_list_or_a_sample_are_finished_as_those_of_a_frame(tmp_path):
     chosen = ((5, 5), (6, 7), (4, 9))
     write_render(tmp_path)
     whole = to_elemental_images(read_layers(tmp_path / LOW_RES_FILE)["color"], MINI.lenses)
@@ -149,6 +149,13 @@ def test_lens_list_is_finished_as_tiles(tmp_path):
     result = to_elemental_images(second_stage.finished_linear(tmp_path, "bicubic"), (across, down))
     for tile, lens in enumerate(chosen):
         np.testing.assert_allclose(result[tile // across, tile % across], expected[lens], atol=1e-6)
+    frame = read_frame(write_apart(tmp_path))
+    layers, lenses = read_layers(tmp_path / LOW_RES_FILE), np.array([(3, 5), (6, 9), (0, 0), (6, 8)])
+    low, mask = low_resolution(layers, frame, read_world(tmp_path, frame)), foreground_mask(layers, MINI.lenses)
+    mosaic = low.each(lambda layer: layer[lenses[:, 0], lenses[:, 1]][None])
+    found = finished_lenses(mosaic, mask[tuple(lenses.T)], "bicubic", np.array([(0, n) for n in range(4)]))
+    whole = to_elemental_images(finished_linear(tmp_path, "bicubic"), MINI.lenses)
+    np.testing.assert_allclose(found, whole[tuple(lenses.T)], atol=1e-6)
 
 
 def test_prefilters_see_the_low_resolution_eia_before_the_upscaler(tmp_path, monkeypatch):
@@ -351,14 +358,3 @@ def test_guides_do_not_show_the_world(tmp_path):
                     for each in (low, dataclasses.replace(low, guides=None)))
     np.testing.assert_array_equal(found.opacity, plain.opacity)
     assert not np.array_equal(found.color, plain.color)
-
-
-def test_sampled_lenses_are_finished_as_those_of_a_frame(tmp_path):
-    """Wherever they lie in a mosaic."""
-    frame = read_frame(write_apart(tmp_path))
-    layers, lenses = read_layers(tmp_path / LOW_RES_FILE), np.array([(3, 5), (6, 9), (0, 0), (6, 8)])
-    low, mask = low_resolution(layers, frame, read_world(tmp_path, frame)), foreground_mask(layers, MINI.lenses)
-    mosaic = low.each(lambda layer: layer[lenses[:, 0], lenses[:, 1]][None])
-    found = finished_lenses(mosaic, mask[tuple(lenses.T)], "bicubic", np.array([(0, n) for n in range(4)]))
-    whole = to_elemental_images(finished_linear(tmp_path, "bicubic"), MINI.lenses)
-    np.testing.assert_allclose(found, whole[tuple(lenses.T)], atol=1e-6)

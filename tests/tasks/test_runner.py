@@ -58,13 +58,6 @@ def test_task_of_the_add_on_ends_with_its_result(tmp_path, blender):
     assert fractions == sorted(fractions) and fractions[0] == 0 < fractions[-1] <= 1
 
 
-def test_task_with_bad_options_ends_with_one_sentence(tmp_path, blender):
-    with run_task(task(tmp_path, blender, target=2.0)) as process:
-        record = json.loads(process.stdout.read().removeprefix("LFSR "))
-    assert process.returncode == EXIT_BAD_INPUT
-    assert record["stage"] == "error" and "target is 2.0" in record["message"]
-
-
 def test_a_task_that_takes_the_memory_ends_in_a_sentence(tmp_path):
     write_render(tmp_path / "frame")
     data = {"task": "finish", "folder": str(tmp_path / "frame"), "finish": {"method": "bicubic"}}

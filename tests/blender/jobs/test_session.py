@@ -128,7 +128,8 @@ def test_a_cancelled_animation_can_be_continued_and_saving_is_announced_before_b
     session.cancel()
 
 
-def test_a_copy_has_no_preview_image_and_the_preferences_stay(scene, tmp_path):
+def test_a_copy_without_preview_leaves_the_preferences_and_one_that_cannot_be_saved_ends_the_task(scene, tmp_path,
+                                                                                                  monkeypatch):
     preferences, seen = bpy.context.preferences, []
     before = preferences.filepaths.file_preview_type, preferences.is_dirty
     assert before[0] != "NONE"
@@ -140,9 +141,6 @@ def test_a_copy_has_no_preview_image_and_the_preferences_stay(scene, tmp_path):
     bpy.app.handlers.save_pre.remove(note)
     assert seen == ["NONE"] and (tmp_path / "copy.blend").is_file()
     assert (preferences.filepaths.file_preview_type, preferences.is_dirty) == before
-
-
-def test_a_copy_that_cannot_be_saved_ends_the_task(scene, monkeypatch):
     monkeypatch.setattr(runtime, "save_copy", functools.partial(runtime.save_copy, Path("/no/such/folder/copy.blend")))
     monkeypatch.setattr(runtime, "_kept_copy", lambda _: runtime.save_copy())
     running = start(scene)

@@ -17,21 +17,11 @@ from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.images import image_files
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout
 from lfsr_core.optics.rays import CameraArray, RayLayout, to_elemental_images, to_views, view_offset
+from tests.support import scenes
 from tests.support.card_rays import pixel_rays
 from tests.support.panels import SHEETS, large, lenticular
 from tests.support.reference_rays import panel_rays
-from tests.support.scenes import (
-    ARRAY,
-    FLAT,
-    MINI,
-    POSITION_OFFSET,
-    TURNED,
-    WAYS,
-    add_plane,
-    encoded,
-    fresh_scene,
-    position_emission,
-)
+from tests.support.scenes import ARRAY, FLAT, MINI, POSITION_OFFSET, TURNED, WAYS, add_plane, encoded, position_emission
 from tests.support.small_disk import on_a_small_disk
 from tests.support.told import refuses
 
@@ -144,7 +134,7 @@ def test_samples_fill_the_lens_and_the_cell_of_views(tmp_path, scale, aperture, 
     layout = layout_of(scale, view_aperture=aperture)
     moments = []
     for square in (False, True):
-        scene = fresh_scene()
+        scene = scenes.fresh_scene()
         # In array space itself, so that x and y are not mixed by the turn.
         add_plane(scene, mathutils.Matrix.Translation((0, 0, -2 * ARRAY.distance)), position_emission(square))
         looking_down = rig.from_blender(mathutils.Matrix())

@@ -12,22 +12,8 @@ from blender_addon.render import view_by_view as views
 from blender_addon.render.cards import distance_to_volume
 from lfsr_core.images import image_files
 from lfsr_core.optics.rays import RayLayout, from_views, to_views
-from tests.support.scenes import (
-    ARRAY,
-    FLAT,
-    MINI,
-    WAYS,
-    add_box,
-    add_lamp,
-    add_plane,
-    emission,
-    encoded,
-    fresh_scene,
-    front,
-    mixed,
-    position_emission,
-    snapshot,
-)
+from tests.support import scenes
+from tests.support.scenes import ARRAY, FLAT, MINI, WAYS, add_box, add_lamp, add_plane, emission, encoded, front
 
 SEEDS, SAMPLES, SCALE = 10, 4, 4
 # A two-sided t of 18 degrees of freedom is above this for one pixel in a thousand.
@@ -36,7 +22,7 @@ T_ONE_IN_1000 = 3.92
 
 def lit_scene():
     """Boxes before, on and behind the display plane, with light, shadow and gloss."""
-    scene = fresh_scene()
+    scene = scenes.fresh_scene()
     add_box(scene, (0, 1.2, 0), (2.5, 0.1, 2.5))
     add_box(scene, (-0.4, 0, 0.1), (0.2, 0.3, 0.4))
     add_box(scene, (0.4, -0.7, -0.2), (0.2, 0.2, 0.2), emission((0.2, 0.6, 0.1)))
@@ -82,7 +68,7 @@ def test_views_are_the_one_pass_image(tmp_path, display, scale):
 @pytest.mark.parametrize("convention", ["centred", "paper"])
 def test_positions_agree_pixel_by_pixel(scene, tmp_path, convention, lens_list):
     """Two planes at an angle, one pixel-centre sample: no statistics needed."""
-    add_box(scene, (0, 30.5, 0), (60, 30, 60), position_emission())
+    add_box(scene, (0, 30.5, 0), (60, 30, 60), scenes.position_emission())
     layout = RayLayout.for_display(MINI, ARRAY, SCALE, convention=convention, view_aperture=0.0, lens_list=lens_list)
     expected = encoded(scene, layout, tmp_path)["color"]
     views.render_views(scene, cycles.Shot(layout, front()), cycles.RenderSettings(1), tmp_path / "views.exr")
@@ -96,7 +82,7 @@ def test_positions_agree_pixel_by_pixel(scene, tmp_path, convention, lens_list):
 @pytest.mark.parametrize(("display", "scale"), [(MINI, SCALE), (FLAT, 2)])
 def test_other_layers_come_view_by_view_too(scene, tmp_path, display, scale):
     """Also where pixels are not square."""
-    add_box(scene, (0.2, 0, 0), (0.3, 0.3, 0.3), position_emission())
+    add_box(scene, (0.2, 0, 0), (0.3, 0.3, 0.3), scenes.position_emission())
     layout = RayLayout.for_display(display, ARRAY, scale, view_aperture=0.0)
     settings = cycles.RenderSettings(1, layers=("albedo", "normal", "position", "index"), world_visible=True)
     views.render_views(scene, cycles.Shot(layout, front()), settings, tmp_path / "views.exr")
@@ -113,7 +99,7 @@ LAYERS = ("albedo", "normal", "position", "index")
 
 def room(half=2.5):
     """A wall, a lamp and a world."""
-    scene = fresh_scene()
+    scene = scenes.fresh_scene()
     scene.world = bpy.data.worlds.new("world")
     scene.world.color = (0.2, 0.25, 0.3)
     add_box(scene, (0, 1.2, 0), (half, 0.1, half))
@@ -124,9 +110,9 @@ def room(half=2.5):
 def glass_film_and_mirror():
     """The mirror shows what is behind the viewer, where the card stands; films use up the transparent bounces."""
     scene = room()
-    add_box(scene, (-0.5, 0, 0.1), (0.2, 0.3, 0.4), mixed(("ShaderNodeBsdfGlass", {"Roughness": 0.0})))
-    add_box(scene, (0.5, 0.2, 0.3), (0.3, 0.02, 0.3), mixed(("ShaderNodeBsdfGlossy", {"Roughness": 0.0})))
-    film = mixed(("ShaderNodeBsdfTransparent", {}), ("ShaderNodeBsdfDiffuse", {}))
+    add_box(scene, (-0.5, 0, 0.1), (0.2, 0.3, 0.4), scenes.mixed(("ShaderNodeBsdfGlass", {"Roughness": 0.0})))
+    add_box(scene, (0.5, 0.2, 0.3), (0.3, 0.02, 0.3), scenes.mixed(("ShaderNodeBsdfGlossy", {"Roughness": 0.0})))
+    film = scenes.mixed(("ShaderNodeBsdfTransparent", {}), ("ShaderNodeBsdfDiffuse", {}))
     for number in range(4):
         add_box(scene, (0.3, -0.6 + 0.2 * number, -0.4), (0.3, 0.02, 0.2), film)
     scene.cycles.transparent_max_bounces = 3
@@ -136,7 +122,8 @@ def glass_film_and_mirror():
 def fog_around_the_viewer():
     """A box of fog narrower than the card would be."""
     scene = room(1.0)
-    add_box(scene, (0, 0, 0), (1.5, 9, 1.5), mixed(("ShaderNodeVolumeScatter", {"Density": 0.15}), output="Volume"))
+    fog = scenes.mixed(("ShaderNodeVolumeScatter", {"Density": 0.15}), output="Volume")
+    add_box(scene, (0, 0, 0), (1.5, 9, 1.5), fog)
     return scene
 
 
@@ -202,7 +189,7 @@ def test_distance_to_volume_and_nothing_left_of_a_card_that_cannot_be_made(scene
     assert distance_to_volume(scene, mathutils.Vector()) == np.inf
     add_box(scene, (0, 0, 0), (0.1, 0.1, 0.1))
     assert distance_to_volume(scene, mathutils.Vector()) == np.inf, "no volume"
-    fog = mixed(("ShaderNodeVolumeScatter", {}), output="Volume")
+    fog = scenes.mixed(("ShaderNodeVolumeScatter", {}), output="Volume")
     item = add_box(scene, (0, 0, 0), (2, 3, 4), fog)
     bpy.context.view_layer.update()
     assert distance_to_volume(scene, mathutils.Vector()) == pytest.approx(2)
@@ -210,11 +197,11 @@ def test_distance_to_volume_and_nothing_left_of_a_card_that_cannot_be_made(scene
     item.hide_render = True
     bpy.context.view_layer.update()
     assert distance_to_volume(scene, mathutils.Vector()) == np.inf
-    before = snapshot()
+    before = scenes.snapshot()
     monkeypatch.setattr(cards, "ray_group", lambda _: 1 / 0)
     with pytest.raises(ZeroDivisionError), cards.card_camera(scene, LAYOUT, front()):
         pass
-    assert snapshot() == before
+    assert scenes.snapshot() == before
 
 
 SPARSE = RayLayout.for_display(MINI, ARRAY, 4)

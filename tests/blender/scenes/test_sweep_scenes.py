@@ -99,16 +99,13 @@ def test_bodies_stand_at_the_sweeps_depth_and_fill_what_the_views_see(built, usa
     assert (reach[[0, 2]] >= np.array(SPACE.window(y)) - 2 * SPACE.magnified(y)).all()
 
 
-def test_bodies_are_spread_over_the_whole_range(built):
+def test_bodies_gratings_glass_and_tiles_are_those_of_the_sweep(built):
     depths = [item.location.y for item in meshes(built("depth-range", 1.5), "body")]
     front, behind = SPACE.depth(-1.5), SPACE.depth(1.5)
     assert front <= min(depths) < 0.8 * front and 0.8 * behind < max(depths) <= behind
     assert {item.location.y for item in meshes(built("depth-range", 0), "body")} == {0}
     depths = [item.location.y for item in meshes(built("samples", 1), "body")]
     assert SPACE.depth(-0.5) <= min(depths) < 0 < max(depths) <= SPACE.depth(0.5)
-
-
-def test_gratings_glass_and_tiles_are_those_of_the_sweep(built):
     board = meshes(built("texture", 1.5), "grating")[0]
     factors = [node.inputs[1].default_value for node in board.data.materials[0].node_tree.nodes
                if node.type == "MATH" and node.operation == "MULTIPLY" and not node.inputs[1].is_linked]
@@ -127,7 +124,7 @@ def test_gratings_glass_and_tiles_are_those_of_the_sweep(built):
         assert shader(meshes(scene, "body")[0]).inputs["Roughness"].default_value == 0
 
 
-def test_the_mirror_shows_its_board_at_the_sweeps_depth(built):
+def test_the_mirror_shows_its_board_and_flakes_are_as_many_as_the_sweep_says(built):
     scene = built("mirror", 1.5)
     mirror, shown = meshes(scene, "mirror")[0], meshes(scene, "shown")[0]
     normal = np.array(mirror.matrix_world.to_3x3() @ mirror.data.polygons[0].normal)
@@ -138,9 +135,19 @@ def test_the_mirror_shows_its_board_at_the_sweeps_depth(built):
     assert image[:, 1] == pytest.approx(np.full(len(at), y), rel=1e-4), "the mirror image faces the viewer"
     assert np.abs(image[:, [0, 2]]).max(0) == pytest.approx(1.15 * np.array(SPACE.window(y)), rel=1e-4)
     assert not shown.visible_camera and shown.visible_glossy
+    for per_lens in (1, 16):
+        flakes = meshes(built("glitter", per_lens), "flakes")[0]
+        corners = points(flakes).reshape(-1, 4, 3)
+        y = corners.mean(1)[:, 1]
+        assert SPACE.depth(-0.3) <= y.min() and y.max() <= SPACE.depth(0.3)
+        size = np.array([SPACE.magnified(each) for each in y])
+        sides = np.linalg.norm(np.diff(corners, axis=1), axis=-1) / size[:, None]
+        assert sides == pytest.approx(np.full(sides.shape, 0.12), rel=1e-3), "squares, alike from the viewing position"
+        seen = np.abs(corners.mean(1)[:, [0, 2]] / size[:, None]) < np.array(DISPLAY.lenses) / 2
+        assert seen.all(1).sum() / math.prod(DISPLAY.lenses) == pytest.approx(per_lens, rel=0.35)
 
 
-def test_lamps_are_as_large_as_the_sweep_says_at_constant_power_beside_dark_surfaces(built):
+def test_lamps_borders_specks_and_the_eyes_board_are_those_of_the_sweep(built):
     lamps = [item.data for item in built("caustics", 15).objects if item.type == "LIGHT"]
     assert [math.degrees(lamp.angle) for lamp in lamps] == pytest.approx([15])
     found = []
@@ -152,6 +159,19 @@ def test_lamps_are_as_large_as_the_sweep_says_at_constant_power_beside_dark_surf
         assert radius == pytest.approx(pixels * SPACE.footprint(0), rel=1e-3)
         found.append(shader(ball).inputs["Emission Strength"].default_value * radius**2)
     assert found[0] == pytest.approx(found[1], rel=1e-2)
+    board = meshes(built("border", 0.5), "tiles")[0]
+    checker = shader(board, "TEX_CHECKER")
+    bright, dark = (checker.inputs[name].default_value[0] for name in ("Color1", "Color2"))
+    assert (bright - dark) / (bright + dark) == pytest.approx(0.5) and dark == pytest.approx(0.05)
+    mapping = shader(board, "MAPPING")
+    assert list(mapping.inputs["Scale"].default_value) == [1, 1, 1]
+    assert list(mapping.inputs["Location"].default_value) == [0, 0.5, 0], "an even number of lenses"
+    assert board.location.y == 0
+    board = meshes(built("eye", 2), "print")[0]
+    assert SPACE.slope(board.location.y) == pytest.approx(2, rel=1e-4)
+    for speck in meshes(built("recall", 1 / 4), "speck"):
+        radius = np.linalg.norm(points(speck) - np.array(speck.location), axis=1).max()
+        assert 2 * radius == pytest.approx(SPACE.footprint(speck.location.y) / 4, rel=1e-2)
 
 
 @pytest.mark.parametrize("fraction", [1, 0.02])
@@ -166,19 +186,6 @@ def test_the_foregrounds_fraction_is_that_of_the_hole(built, tmp_path, fraction)
     assert abs(columns * rows / 48 - fraction) < 0.02
 
 
-def test_flakes_are_as_many_as_the_sweep_says_and_flat(built):
-    for per_lens in (1, 16):
-        flakes = meshes(built("glitter", per_lens), "flakes")[0]
-        corners = points(flakes).reshape(-1, 4, 3)
-        y = corners.mean(1)[:, 1]
-        assert SPACE.depth(-0.3) <= y.min() and y.max() <= SPACE.depth(0.3)
-        size = np.array([SPACE.magnified(each) for each in y])
-        sides = np.linalg.norm(np.diff(corners, axis=1), axis=-1) / size[:, None]
-        assert sides == pytest.approx(np.full(sides.shape, 0.12), rel=1e-3), "squares, alike from the viewing position"
-        seen = np.abs(corners.mean(1)[:, [0, 2]] / size[:, None]) < np.array(DISPLAY.lenses) / 2
-        assert seen.all(1).sum() / math.prod(DISPLAY.lenses) == pytest.approx(per_lens, rel=0.35)
-
-
 def test_the_ground_is_as_bright_as_the_sweep_says_and_no_foreground(built, tmp_path):
     scene = built("background", 1)
     ground = meshes(scene, "ground")[0]
@@ -189,22 +196,6 @@ def test_the_ground_is_as_bright_as_the_sweep_says_and_no_foreground(built, tmp_
     render_job(bpy.context.scene, make_request(str(tmp_path), DISPLAY, scale=SCALE, samples=4))
     mask = foreground_mask(read_layers(tmp_path / "lr_eia.exr"), DISPLAY.lenses)
     assert 0.2 < mask.mean() < 0.95
-
-
-def test_borders_and_specks_and_the_eyes_board_are_those_of_the_sweep(built):
-    board = meshes(built("border", 0.5), "tiles")[0]
-    checker = shader(board, "TEX_CHECKER")
-    bright, dark = (checker.inputs[name].default_value[0] for name in ("Color1", "Color2"))
-    assert (bright - dark) / (bright + dark) == pytest.approx(0.5) and dark == pytest.approx(0.05)
-    mapping = shader(board, "MAPPING")
-    assert list(mapping.inputs["Scale"].default_value) == [1, 1, 1]
-    assert list(mapping.inputs["Location"].default_value) == [0, 0.5, 0], "an even number of lenses"
-    assert board.location.y == 0
-    board = meshes(built("eye", 2), "print")[0]
-    assert SPACE.slope(board.location.y) == pytest.approx(2, rel=1e-4)
-    for speck in meshes(built("recall", 1 / 4), "speck"):
-        radius = np.linalg.norm(points(speck) - np.array(speck.location), axis=1).max()
-        assert 2 * radius == pytest.approx(SPACE.footprint(speck.location.y) / 4, rel=1e-2)
 
 
 def test_the_card_steps_by_whole_lenses_and_its_print_goes_with_it(built):

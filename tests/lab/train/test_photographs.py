@@ -140,7 +140,7 @@ def sha256(outcome):
     return checkpoint.read(outcome.weights)[0]["sha256"]
 
 
-def test_seeds_decide_the_weights_and_a_generator_meets_its_adversary_with_what_it_has_learned(folder, tmp_path):
+def test_seeds_decide_the_weights_that_a_command_trains_and_an_adversary_meets(folder, tmp_path):
     generator, again, other = (train(small(folder, epochs=1, seed=seed), tmp_path / name, device="cpu")
                                for name, seed in (("a", 1), ("b", 1), ("c", 2)))
     assert sha256(generator) == sha256(again) != sha256(other)
@@ -150,6 +150,9 @@ def test_seeds_decide_the_weights_and_a_generator_meets_its_adversary_with_what_
     assert all(torch.equal(value, learned[name]) for name, value in task.network.state_dict().items())
     assert task.identity() != task_of(dataclasses.replace(judged, start=str(other.weights))).identity()
     refuses(r"'Paper.*expected 'E", task_of, dataclasses.replace(judged, network="espcn"))
+    settings = f"--set=photographs={folder} --set=validation= --set=scale=2 --set=crop=16 --set=epochs=1"
+    assert main(["train", "paper", *settings.split(), "--output", str(tmp_path / "out"), "--device", "cpu"]) == 0
+    assert (tmp_path / "out" / "paper-x2.safetensors").exists()
 
 
 def test_training_lowers_the_loss_and_beats_its_start(folder, tmp_path):
@@ -188,9 +191,3 @@ def test_resumed_training_gives_the_same_weights(folder, tmp_path, changes, monk
     assert part.weights is None and part.stopped
     resumed = train(config, tmp_path / "part", device="cpu", options=loop.RunOptions(resume=True))
     assert sha256(resumed) == sha256(whole)
-
-
-def test_command_trains(folder, tmp_path):
-    settings = f"--set=photographs={folder} --set=validation= --set=scale=2 --set=crop=16 --set=epochs=1"
-    assert main(["train", "paper", *settings.split(), "--output", str(tmp_path / "out"), "--device", "cpu"]) == 0
-    assert (tmp_path / "out" / "paper-x2.safetensors").exists()

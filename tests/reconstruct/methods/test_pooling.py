@@ -88,7 +88,14 @@ def test_the_edge_of_a_lamp_leaves_no_light_around_it(slope):
     np.testing.assert_allclose(around, 0.3, rtol=1e-4)
 
 
-def test_a_flat_display_pools_along_its_one_axis():
+def test_blocks_do_not_see_each_other_and_a_flat_display_pools_along_its_one_axis():
+    low = plane(0.9)
+    changed = low.each(lambda array: np.concatenate([array[:, :7], array[:, 7:][:, ::-1]], 1))
+    lenses = np.argwhere(np.ones(LENSES, bool)[:, :7])
+    images = [upscaler(upscaler.prepare(each), lenses)
+              for each in (low, changed) for upscaler in (Pooling(7), Pooling())]
+    np.testing.assert_array_equal(images[0], images[2])
+    assert np.abs(images[1] - images[3]).max() > 1e-3
     low = plane(0.8)
     one = low.each(lambda array: array[:, :, :1])
     one = dataclasses.replace(one, parallax=(True, False))
@@ -100,17 +107,6 @@ def test_a_flat_display_pools_along_its_one_axis():
     inner = np.all((lenses >= 3) & (lenses < np.array(LENSES) - 3), 1)
     linear = Interpolation("linear")(one, lenses)
     assert np.mean((images - truth)[inner] ** 2) < np.mean((linear - truth)[inner] ** 2)
-
-
-def test_blocks_do_not_see_each_other():
-    """Of a plan's sample: the blocks stand side by side, but not on the display."""
-    low = plane(0.9)
-    changed = low.each(lambda array: np.concatenate([array[:, :7], array[:, 7:][:, ::-1]], 1))
-    lenses = np.argwhere(np.ones(LENSES, bool)[:, :7])
-    images = [upscaler(upscaler.prepare(each), lenses)
-              for each in (low, changed) for upscaler in (Pooling(7), Pooling())]
-    np.testing.assert_array_equal(images[0], images[2])
-    assert np.abs(images[1] - images[3]).max() > 1e-3
 
 
 def test_slopes_follow_from_the_rendered_positions():

@@ -50,15 +50,7 @@ def test_scenes_and_renders_are_found_and_replay_cuts_the_lenses_out_of_the_fram
         assert np.array_equal(cut[number // cut.shape[1], number % cut.shape[1]], whole[lens])
 
 
-def test_setup_is_what_no_sample_costs(tmp_path):
-    for scale, spp in ((4, 4), (4, 16), (2, 16)):
-        folder = write_render(tmp_path / f"s{scale}-spp{spp}", scale, samples=spp)
-        frame = read_frame(folder)
-        write_frame(folder, dataclasses.replace(frame, seconds={"render": 0.7 + 1e-5 * path_samples(frame)}))
-    assert math.isclose(study.setup_seconds(tmp_path), 0.7, rel_tol=1e-6)
-
-
-def test_replayed_references_show_both_halves(bench, tmp_path):
+def test_replayed_references_show_both_halves_and_the_setup_is_what_no_sample_costs(bench, tmp_path):
     halves = set()
     for part in (0, 1):
         job = dataclasses.replace(JOB, output=str(tmp_path / f"{part}"), kind="reference", sampling=Sampling(1),
@@ -68,6 +60,11 @@ def test_replayed_references_show_both_halves(bench, tmp_path):
         assert parts[0] == parts[1]
         halves.add(parts[0])
     assert len(halves) == 2
+    for scale, spp in ((4, 4), (4, 16), (2, 16)):
+        folder = write_render(tmp_path / f"s{scale}-spp{spp}", scale, samples=spp)
+        frame = read_frame(folder)
+        write_frame(folder, dataclasses.replace(frame, seconds={"render": 0.7 + 1e-5 * path_samples(frame)}))
+    assert math.isclose(study.setup_seconds(tmp_path), 0.7, rel_tol=1e-6)
 
 
 def test_plans_are_held_against_whole_frames(bench, tmp_path, capsys):

@@ -129,7 +129,7 @@ def test_what_is_missing_is_one_sentence(tmp_path, load, message):
     refuses(message, load, tmp_path)
 
 
-def test_a_transposed_convolution_puts_the_filter_at_every_step_and_a_convolution_does_not_turn_it():
+def test_matlabs_convolutions_and_resizing_are_made_as_by_its_own():
     weight = np.array([[1.0, 10], [100, 1000]])[:, :, None, None]
     made = matlab.transposed(torch.tensor([[[[1.0, 2]]]]), weight, np.array([0.5]), (2, 2))
     np.testing.assert_allclose(made[0, 0], np.array([[1, 10, 2, 20], [100, 1000, 200, 2000]]) + 0.5)
@@ -137,6 +137,15 @@ def test_a_transposed_convolution_puts_the_filter_at_every_step_and_a_convolutio
     weight[0, 1] = 1  # the pixel above
     made = matlab.convolution(torch.arange(6.0).reshape(1, 1, 3, 2), weight, np.zeros(1), 1)
     np.testing.assert_array_equal(made[0, 0], [[0, 0], [0, 1], [2, 3]])
+    # (-.5, 1.25 and 1.75 samples away, of which one is mirrored): -.0703125 - .0234375
+    assert matlab.resize_matrix(2, 4)[0, 1] == pytest.approx(-0.09375)
+    np.testing.assert_allclose(matlab.resize_matrix(7, 23).sum(1), 1)
+    line = np.arange(30.0)
+    np.testing.assert_allclose(matlab.resized(line, 0, 15)[3:-3], line.reshape(15, 2).mean(1)[3:-3])
+    line = np.arange(8.0)**2
+    np.testing.assert_array_equal(matlab.moved(line, 0, 2.0, cubic=True), [4, 9, 16, 25, 36, 49, np.nan, np.nan])
+    np.testing.assert_allclose(matlab.moved(line, 0, -0.5, cubic=False)[:3], [np.nan, 0.5, 2.5])
+    assert matlab.moved(line, 0, 0.5, cubic=True)[3] == pytest.approx(3.5**2)  # exact for a parabola
 
 
 @pytest.mark.parametrize(("pad", "step"), [((1, 0), 1), ((0, 1), 2)])
@@ -149,18 +158,6 @@ def test_four_axes_are_convolved_as_by_loops(pad, step):
         part = wide[row * step:row * step + 2, column * step:column * step + 3, :, y:y + 3, left:left + 2]
         expected = (part * weight[..., out].transpose(2, 3, 4, 0, 1)).sum() + bias[out]
         assert made[row, column, out, y, left] == pytest.approx(expected, rel=1e-4)
-
-
-def test_resizing_is_cubic_convolution_with_a_mirror_and_values_are_moved_and_unknown_outside():
-    # (-.5, 1.25 and 1.75 samples away, of which one is mirrored): -.0703125 - .0234375
-    assert matlab.resize_matrix(2, 4)[0, 1] == pytest.approx(-0.09375)
-    np.testing.assert_allclose(matlab.resize_matrix(7, 23).sum(1), 1)
-    line = np.arange(30.0)
-    np.testing.assert_allclose(matlab.resized(line, 0, 15)[3:-3], line.reshape(15, 2).mean(1)[3:-3])
-    line = np.arange(8.0)**2
-    np.testing.assert_array_equal(matlab.moved(line, 0, 2.0, cubic=True), [4, 9, 16, 25, 36, 49, np.nan, np.nan])
-    np.testing.assert_allclose(matlab.moved(line, 0, -0.5, cubic=False)[:3], [np.nan, 0.5, 2.5])
-    assert matlab.moved(line, 0, 0.5, cubic=True)[3] == pytest.approx(3.5**2)  # exact for a parabola
 
 
 SIZE = (50, 54)
@@ -198,7 +195,7 @@ def test_views_between_come_back_in_their_places(clones, task):
     assert ("Sheared-EPI" in methods(task, views)) == (task.shear > 0)
 
 
-def test_only_views_that_were_left_out_count():
+def test_only_views_that_were_left_out_count_and_renders_of_both_widths_have_their_folders(tmp_path):
     views = np.random.default_rng(0).integers(0, 200, (4, 4, *SIZE, 3)).astype(np.uint8)
     shown = views.copy()
     shown[::3, ::3] = 0
@@ -207,6 +204,13 @@ def test_only_views_that_were_left_out_count():
     assert compared(shown, views, 3).psnr == pytest.approx(-20 * np.log10(0.2 * 219 / 255), abs=0.01)
     shown[:, :, :22] = shown[:, :, -22:] = 0
     assert compared(shown, views, 3).psnr == pytest.approx(-20 * np.log10(0.2 * 219 / 255), abs=0.01)
+    (tmp_path / "cloth.blend").touch()
+    where = study.place("cloth", Store(tmp_path / "out"), [tmp_path / "empty", tmp_path])
+    wide, narrow = (study.job(where, view) for view in (study.View(7, 16), study.View(7, 16, study.NARROW)))
+    assert (wide.view_aperture, narrow.view_aperture) == (7, 1)
+    assert wide.output != narrow.output and narrow.output.endswith(study.folder_of(study.View(7, 16, study.NARROW)))
+    assert wide.display.low_views(7) == (6, 6) and wide.display.low_views(3) == (14, 14)
+    assert study.rendered_scenes([tmp_path], tmp_path, Store(tmp_path / "out", may_render=False)) == {}
 
 
 def test_a_field_that_is_not_whole(clones, tmp_path, capsys):
@@ -234,16 +238,6 @@ def test_a_linear_network_is_linear_interpolation(tmp_path):
     assert len(linear.ssim) == len(truth.lenses) == len(network.squared)
     np.testing.assert_allclose(network.ssim, linear.ssim, atol=0.05)
     assert network.psnr == pytest.approx(linear.psnr, abs=1)
-
-
-def test_renders_of_both_widths_have_folders_of_their_own(tmp_path):
-    (tmp_path / "cloth.blend").touch()
-    where = study.place("cloth", Store(tmp_path / "out"), [tmp_path / "empty", tmp_path])
-    wide, narrow = (study.job(where, view) for view in (study.View(7, 16), study.View(7, 16, study.NARROW)))
-    assert (wide.view_aperture, narrow.view_aperture) == (7, 1)
-    assert wide.output != narrow.output and narrow.output.endswith(study.folder_of(study.View(7, 16, study.NARROW)))
-    assert wide.display.low_views(7) == (6, 6) and wide.display.low_views(3) == (14, 14)
-    assert study.rendered_scenes([tmp_path], tmp_path, Store(tmp_path / "out", may_render=False)) == {}
 
 
 def test_a_page_is_made_of_means_and_differences_in_pairs():

@@ -131,7 +131,7 @@ def ring_of(width):
     return 1 - from_elemental_images(inside)
 
 
-def test_an_error_at_the_borders_is_found_there_and_nowhere_else():
+def test_errors_at_the_borders_are_found_there_and_the_worst_lens_in_the_foreground():
     x = EVEN + 0.1 * ring_of(3)
     found = metrics.border_and_centre(Compared(x, EVEN, EVEN, LENSES, ALL), 3)
     assert found["rmse_border"] == pytest.approx(0.1) and found["rmse_centre"] == 0
@@ -142,6 +142,14 @@ def test_an_error_at_the_borders_is_found_there_and_nowhere_else():
     to_elemental_images(x, lenses)[..., [0, 1, 2, -3, -2, -1], :] += 0.1
     found = metrics.border_and_centre(Compared(x, EVEN, EVEN, lenses, np.ones((72, 8), bool)), 3)
     assert found["rmse_border"] == pytest.approx(0.1) and found["rmse_centre"] == 0
+    x = EVEN.copy()
+    to_elemental_images(x, LENSES)[2, 5] += 0.1
+    to_elemental_images(x, LENSES)[4, 1] += 0.3
+    assert metrics.worst_lens(Compared(x, EVEN, EVEN, LENSES, ALL)) == (4, 1)
+    mask = ALL.copy()
+    mask[4, 1] = False
+    assert metrics.worst_lens(Compared(x, EVEN, EVEN, LENSES, mask)) == (2, 5)
+    assert metrics.worst_lens(Compared(x, EVEN, EVEN, LENSES, ~ALL)) is None
 
 
 def test_the_ratio_of_an_even_error_is_one_noise_cancels_and_borders_count_in_the_foreground_only():
@@ -240,14 +248,3 @@ def test_card_pixels_are_those_whose_every_ray_meets_the_card(display):
     assert card.any() and not (card & ~expected).any()
     # No pixel well inside is left out.
     assert (card == expected).mean() > 0.97
-
-
-def test_the_worst_lens_is_found_inside_the_foreground():
-    x = EVEN.copy()
-    to_elemental_images(x, LENSES)[2, 5] += 0.1
-    to_elemental_images(x, LENSES)[4, 1] += 0.3
-    assert metrics.worst_lens(Compared(x, EVEN, EVEN, LENSES, ALL)) == (4, 1)
-    mask = ALL.copy()
-    mask[4, 1] = False
-    assert metrics.worst_lens(Compared(x, EVEN, EVEN, LENSES, mask)) == (2, 5)
-    assert metrics.worst_lens(Compared(x, EVEN, EVEN, LENSES, ~ALL)) is None
