@@ -25,15 +25,12 @@ def frame(tmp_path_factory):
                             method="bicubic", blender=played_blender(folder / "blender"), progress=False)
 
 
-def test_a_scene_becomes_views(frame):
+def test_a_scene_becomes_views_is_finished_compared_and_exported(frame, tmp_path):
     assert frame.views.shape == (8, 8, 12, 16, 3) and frame.views.dtype == np.uint8
     assert frame.linear.shape == (96, 128, 3) and frame.report.method == "bicubic"
     assert frame._repr_png_().startswith(b"\x89PNG") and "mini" in repr(frame)
     left, right = frame.eye(-40), frame.eye(40)
     assert left.shape == right.shape == frame.eye().shape and (left != right).any()
-
-
-def test_it_is_finished_compared_and_exported(frame, tmp_path):
     before = frame.views
     assert (frame.finish("nearest").views != before).any() and frame.report.method == "nearest"
     request = make_request(str(tmp_path / "reference"), MINI, str(frame.folder.path.with_name("scene.glb")),

@@ -215,19 +215,6 @@ def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, c
     assert not Path(blender + ".jobs").exists()
 
 
-def test_truncated_render_is_refused_and_keeps_the_old_image(tmp_path, capsys):
-    folder = write_render(tmp_path / "frame")
-    main(["upscale", str(folder), "--method", "nearest"])
-    capsys.readouterr()
-    picture = (folder / "eia.png").read_bytes()
-    whole = (folder / "lr_eia.exr").read_bytes()
-    (folder / "lr_eia.exr").write_bytes(whole[:len(whole) // 2])
-    assert main(["upscale", str(folder), "--method", "bicubic"]) == 2
-    assert "lr_eia.exr cannot be read" in capsys.readouterr().err
-    assert (folder / "eia.png").read_bytes() == picture
-    assert "frame.json does not exist" in fails(["upscale", str(tmp_path)], capsys)
-
-
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
 def test_an_output_that_lacks_letters_is_no_error(encoding):
     code = ("from lfsr_core.cli import main\nfor words in (['displays'], ['displays', 'bupt-32in-8k']):\n"
@@ -300,7 +287,7 @@ def test_reference_of_sampled_lenses_takes_them_from_the_foreground(scene, blend
     assert sum(alpha[lens] for lens in lenses) == 14, "7 of 8 are foreground"
 
 
-def test_views_writes_its_images_once_the_frame_is_finished(tmp_path, capsys):
+def test_views_writes_its_images_once_finished_and_a_truncated_render_keeps_the_old_image(tmp_path, capsys):
     folder = write_render(tmp_path / "frame")
     assert "eia.png does not exist" in fails(["views", str(folder)], capsys)
     main(["upscale", str(folder), "--method", "bicubic"])
@@ -309,6 +296,16 @@ def test_views_writes_its_images_once_the_frame_is_finished(tmp_path, capsys):
     assert capsys.readouterr().out.split() == [str(folder / name) for name in ("epi_x.png", "epi_y.png", "views.png")]
     assert main(["views", str(folder), "--eye=-20,10,180"]) == 0
     assert (folder / "eye.png").exists()
+    folder = write_render(tmp_path / "frame")
+    main(["upscale", str(folder), "--method", "nearest"])
+    capsys.readouterr()
+    picture = (folder / "eia.png").read_bytes()
+    whole = (folder / "lr_eia.exr").read_bytes()
+    (folder / "lr_eia.exr").write_bytes(whole[:len(whole) // 2])
+    assert main(["upscale", str(folder), "--method", "bicubic"]) == 2
+    assert "lr_eia.exr cannot be read" in capsys.readouterr().err
+    assert (folder / "eia.png").read_bytes() == picture
+    assert "frame.json does not exist" in fails(["upscale", str(tmp_path)], capsys)
 
 
 def test_without_the_laboratory_the_help_and_its_verbs_say_so(monkeypatch, capsys):

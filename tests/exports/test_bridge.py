@@ -25,21 +25,6 @@ CALLS = ("enter_orchestration", "available_output_devices", "instance_playlist",
 QUILTS = [Path(f"/films/{name}_qs8x6a0.75.png") for name in "abc"]
 
 
-def test_displays_with_lenses_are_listed_and_no_display_or_a_forgotten_session_said(bridge):
-    bridge()
-    portrait, large = Bridge().devices()
-    assert (portrait.index, portrait.name, portrait.hardware) == (1, "LKG-P1", "portrait")
-    assert portrait.corner == (3840, 0) and portrait.quilt["tileX"] == 8
-    assert portrait.calibration.numbers["slope"] == -7.083540916442871
-    assert large.calibration.mode == 2 and len(large.calibration.cells) == 2
-    bridge()
-    session = Bridge(lambda endpoint, body: loopback.put(endpoint, body | {"orchestration": "older"}))
-    refuses(r"refuses available_output_devices \(UnknownOrchestration\)", session.devices)
-    for devices in [[], [MONITOR]]:
-        bridge(devices=devices)
-        refuses("sees no Looking Glass: connect the display and switch it on", Bridge().devices)
-
-
 def test_each_show_replaces_the_last_once_it_is_complete_and_bridge_is_told_all_of_it(bridge):
     stand_in = bridge()
     for quilt in QUILTS:
@@ -96,7 +81,7 @@ def test_whatever_is_answered_is_a_display_or_a_sentence(answer, entry):
         Bridge(lambda *_: answer)
 
 
-def test_a_display_is_chosen_by_index_name_or_proportions(bridge):
+def test_displays_are_listed_and_one_chosen_by_index_name_or_proportions(bridge):
     bridge()
     devices = Bridge().devices()
     assert chosen(devices, None).name == "LKG-P1" and chosen(devices, "2").name == "LKG-J2"
@@ -107,6 +92,18 @@ def test_a_display_is_chosen_by_index_name_or_proportions(bridge):
     refuses(r"several displays called 'LKG-J2': choose one of 7 \(LKG-J2\), .* number", chosen, twins, "LKG-J2")
     with pytest.raises(LfsrError, match=r"for a panel of width / height 1.778, but display 'LKG-P1' has 0.750: render"):
         chosen(devices, "1", 16 / 9)
+    bridge()
+    portrait, large = Bridge().devices()
+    assert (portrait.index, portrait.name, portrait.hardware) == (1, "LKG-P1", "portrait")
+    assert portrait.corner == (3840, 0) and portrait.quilt["tileX"] == 8
+    assert portrait.calibration.numbers["slope"] == -7.083540916442871
+    assert large.calibration.mode == 2 and len(large.calibration.cells) == 2
+    bridge()
+    session = Bridge(lambda endpoint, body: loopback.put(endpoint, body | {"orchestration": "older"}))
+    refuses(r"refuses available_output_devices \(UnknownOrchestration\)", session.devices)
+    for devices in [[], [MONITOR]]:
+        bridge(devices=devices)
+        refuses("sees no Looking Glass: connect the display and switch it on", Bridge().devices)
 
 
 @pytest.mark.parametrize("entry", [

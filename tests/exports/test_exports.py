@@ -327,7 +327,7 @@ def hci(folder, tmp_path_factory):
     return np.array(views).reshape(7, 7, 12, 16, 3), parameters, pfm(target / "gt_disp_lowres.pfm")
 
 
-def test_hci_has_its_views_and_parameters(hci, field):
+def test_hci_has_its_views_and_parameters_and_disparity_the_depth_that_is_there(hci, field):
     views, parameters, _ = hci
     np.testing.assert_array_equal(views, field.resampled((7, 7)))
     inside, outside = parameters["intrinsics"], parameters["extrinsics"]
@@ -341,10 +341,7 @@ def test_hci_has_its_views_and_parameters(hci, field):
     assert focus * 1000 * sensor / focal == pytest.approx(MINI.panel_mm[0])
     assert float(outside["offset"]) == pytest.approx(baseline * focal / focus / 1000 / sensor * 16)
     assert float(outside["center_cam_ry_rad"]) == pytest.approx(math.asin(0.6))
-
-
-def test_hci_disparity_becomes_the_depth_that_is_there(hci):
-    """By the toolkit's conversion: depth = b·f·res·focus / (disparity·focus·sensor + b·f·res)."""
+    # By the toolkit's conversion: depth = b·f·res·focus / (disparity·focus·sensor + b·f·res).
     _, parameters, disparity = hci
     value = {name: float(text) for section in ("intrinsics", "extrinsics", "meta")
              for name, text in parameters[section].items() if re.fullmatch(r"-?[\d.e-]+", text)}

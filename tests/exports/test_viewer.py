@@ -484,14 +484,11 @@ IN_TURN = """new Promise(done => {
 })"""
 
 
-def test_an_animation_shows_its_images_in_turn(screen, tmp_path):
+def test_an_animation_shows_its_images_in_turn_and_one_that_is_gone_is_said(screen, tmp_path):
     page, images = screen(count=3, seconds=0.2)
     order = [[image.as_uri() for image in images].index(source) for source in page.page.evaluate(IN_TURN)]
     assert [(later - earlier) % 3 for earlier, later in itertools.pairwise(order)] == [1] * 6
     assert (seen(page) == read_png(images[order[-1]])).all(), "the film stands still at the last of them"
-
-
-def test_an_image_that_is_gone_is_said(screen, tmp_path):
     page, (image,) = screen()
     image.unlink()
     page.page.goto("about:blank")

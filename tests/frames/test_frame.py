@@ -46,8 +46,7 @@ def test_round_trip_keeps_every_field_and_rays_follow_the_frame(tmp_path):
 
 @pytest.mark.parametrize(("change", "message"), [
     (lambda data: data.update(format=99), "is not of format 1"),
-    (lambda data: data.pop("format"), "is not of format 1"), (lambda data: data.pop("scale"), "incomplete.*scale"),
-    (lambda data: data.pop("array"), "incomplete.*array"), (lambda data: data.update(surplus=1), "surplus"),
+    (lambda data: data.pop("format"), "is not of format 1"), (lambda data: data.pop("array"), "incomplete.*array"),
     (lambda data: data.update(matrix_world=[[1.0] * 4] * 3), "four rows of four"),
     (lambda data: data.update(matrix_world=[[0.0] * 4] * 4), "matrix_world is .*expected a rotation and a place"),
     (lambda data: data["matrix_world"].__setitem__(0, [2.0, 0.0, 0.0, 0.0]), "expected a rotation and a place"),
@@ -61,7 +60,6 @@ def test_round_trip_keeps_every_field_and_rays_follow_the_frame(tmp_path):
     (lambda data: data["color"].update(exposure=1e9), "exposure is 1000000000.0"),
     (lambda data: data.update(lens_list=[[0, 0]] * 193), "lens_list names 193 lenses"),
     (lambda data: data.update(lens_list=[[0, 99]]), "outside the"), (lambda data: data.update(scale=3), "scale is 3"),
-    (lambda data: data.update(seconds={"render": 10**400}), "seconds.render is 1000"),
     (lambda data: data["display"].update(lenses=[3, 3]), "frame.json: panel_pixels")])
 def test_damaged_frame_is_refused(tmp_path, change, message):
     write_frame(tmp_path, FRAME)

@@ -50,7 +50,7 @@ def numbered_eia(lenses=(16, 12), views=(8, 8)) -> np.ndarray:
     return from_views(np.stack([u, v, i], axis=-1))
 
 
-def test_sheet_shows_evenly_spaced_views_in_camera_order_and_each_of_few_once():
+def test_sheets_show_evenly_spaced_views_and_epis_run_through_the_middle():
     sheet = contact_sheet(numbered_eia(), (16, 12), across=4)
     times = 12  # 16 lenses are enlarged to at least 192 pixels
     cell = np.array([12 * times + 4, 16 * times + 4])
@@ -65,9 +65,6 @@ def test_sheet_shows_evenly_spaced_views_in_camera_order_and_each_of_few_once():
     sheet = contact_sheet(numbered_eia(views=(2, 3)), (16, 12), across=5)
     assert {tuple(pixel) for pixel in sheet.reshape(-1, 3)[:, :2]} == (
         {(u, v) for u in range(2) for v in range(3)} | {(255, 255)})
-
-
-def test_epi_pair_runs_through_the_middle():
     horizontal, vertical = epi_pair(numbered_eia(), (16, 12))
     assert horizontal.shape == (160, 320, 3)
     assert vertical.shape == (160, 240, 3)

@@ -19,11 +19,20 @@ from tests.support.synthetic import frame_of, tiles, write_reference, write_rend
 from tests.support.told import refuses
 
 
-def test_flip_is_zero_for_the_same_image_and_grows_with_the_error():
+def test_flip_grows_with_the_error_and_without_foreground_or_samples_there_is_none():
     image = textured_image()
     assert eia_metrics.mean_flip(image, image) == pytest.approx(0, abs=1e-6)
     slight, strong = (eia_metrics.mean_flip(np.clip(image + shift, 0, 1), image) for shift in (0.02, 0.2))
     assert 0.001 < slight < strong < 1
+    found = compared(*eia_case(), LENSES, np.zeros_like(MASK))
+    names = ("p", "ssim_eia_fg", "ssim_lens_fg", "psnr_fg", "ssim_views_fg")
+    assert [found[name] for name in names] == [0, None, None, None, None]
+    found = sampled(np.argwhere(MASK)[:10], *eia_case())
+    assert found["ssim_lens"] is None and found["ssim_lens_fg"] is not None
+    x, _, _ = eia_case()
+    found = sampled([(3, 5), (8, 12), (0, 0), (4, 4), (11, 3)], x, x, x)
+    assert found["ssim_lens_fg"] == pytest.approx(1, abs=1e-9)
+    assert found["psnr_fg"] is None
 
 
 # A display of 16 × 12 lenses and 8 × 8 views, so 128 × 96 pixels.
@@ -82,18 +91,6 @@ def test_foreground_metrics_ignore_the_background_and_values_above_display_white
         values[40:60, 60:80] = level
     clipped = [np.clip(values, 0, 1) for values in bright]
     assert compared(*bright, LENSES, MASK) == compared(*clipped, LENSES, MASK)
-
-
-def test_no_foreground_and_no_samples_are_none_and_tiles_meet_their_lenses():
-    found = compared(*eia_case(), LENSES, np.zeros_like(MASK))
-    names = ("p", "ssim_eia_fg", "ssim_lens_fg", "psnr_fg", "ssim_views_fg")
-    assert [found[name] for name in names] == [0, None, None, None, None]
-    found = sampled(np.argwhere(MASK)[:10], *eia_case())
-    assert found["ssim_lens"] is None and found["ssim_lens_fg"] is not None
-    x, _, _ = eia_case()
-    found = sampled([(3, 5), (8, 12), (0, 0), (4, 4), (11, 3)], x, x, x)
-    assert found["ssim_lens_fg"] == pytest.approx(1, abs=1e-9)
-    assert found["psnr_fg"] is None
 
 
 def sampled(chosen, x, a, b, mask=MASK):

@@ -216,16 +216,6 @@ def test_elemental_images_without_a_copy_and_views_round_trip(size):
     np.testing.assert_array_equal(from_views(views), image)
 
 
-@given(SIZES, st.data())
-def test_every_order_finds_the_same_pixel(size, data):
-    sx, sy, px, py, _ = size
-    image = image_of(*size)
-    j, i, v, u = (data.draw(st.integers(0, count - 1)) for count in (sy, sx, py, px))
-    pixel = image[j * py + v, i * px + u]
-    np.testing.assert_array_equal(to_elemental_images(image, (sx, sy))[j, i, v, u], pixel)
-    np.testing.assert_array_equal(to_views(image, (sx, sy))[v, u, j, i], pixel)
-
-
 @given(SIZES)
 def test_flip_reverses_inside_each_lens_and_undoes_itself(size):
     image = image_of(*size)

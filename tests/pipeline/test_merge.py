@@ -46,13 +46,6 @@ def test_parts_are_the_whole(tmp_path, kind, count):
     assert not list(tmp_path.glob(".merged*"))
 
 
-def test_what_was_made_of_an_older_merge_goes(tmp_path):
-    made(tmp_path / "merged")
-    (tmp_path / "merged" / "eia.png").touch()
-    merge(parts(tmp_path, 2), tmp_path / "merged")
-    assert sorted(path.name for path in (tmp_path / "merged").iterdir()) == ["frame.json", "lr_eia.exr"]
-
-
 def change_frame(folder: Path, **changes) -> None:
     write_frame(folder, dataclasses.replace(read_part(folder), **changes))
 
@@ -108,7 +101,7 @@ def test_references_of_other_seeds_become_one_of_all_samples(tmp_path):
     assert abs(np.corrcoef(noise[0].ravel(), noise[1].ravel())[0, 1]) < 0.05
 
 
-def test_references_that_cannot_be_averaged(tmp_path, capsys):
+def test_references_that_cannot_be_averaged_and_what_was_made_of_an_older_merge_goes(tmp_path, capsys):
     options = {"kind": "reference", "scale": 1}
     first, same = made(tmp_path / "a", seed=1, **options), made(tmp_path / "b", seed=1, **options)
     whole = made(tmp_path / "c")
@@ -116,3 +109,7 @@ def test_references_that_cannot_be_averaged(tmp_path, capsys):
     assert "have the same seed 1" in fails(["merge", str(first), str(same), *target], capsys)
     assert "c is a whole render, not a part" in fails(["merge", str(first), str(whole), *target], capsys)
     assert "does not exist" in fails(["merge", str(tmp_path / "none"), *target], capsys)
+    made(tmp_path / "merged")
+    (tmp_path / "merged" / "eia.png").touch()
+    merge(parts(tmp_path, 2), tmp_path / "merged")
+    assert sorted(path.name for path in (tmp_path / "merged").iterdir()) == ["frame.json", "lr_eia.exr"]

@@ -158,17 +158,6 @@ def test_lenses_of_a_list_or_a_sample_are_finished_as_those_of_a_frame(tmp_path)
     np.testing.assert_allclose(found, whole[tuple(lenses.T)], atol=1e-6)
 
 
-def test_prefilters_see_the_low_resolution_eia_before_the_upscaler(tmp_path, monkeypatch):
-    write_render(tmp_path)
-    expected = 2 * second_stage.finished_linear(tmp_path, "nearest")
-
-    def doubled(low):
-        return dataclasses.replace(low, color=2 * low.color)
-
-    monkeypatch.setitem(METHODS, "oidn", dataclasses.replace(METHODS["oidn"], make=lambda _: doubled))
-    np.testing.assert_allclose(second_stage.finished_linear(tmp_path, "oidn+nearest"), expected, rtol=1e-6)
-
-
 class OneAtATime(Upscaler):
     """An upscaler that notices a second call while the first runs."""
 
@@ -184,13 +173,21 @@ class OneAtATime(Upscaler):
         return np.full((len(lenses), 8, 8, 3), 0.5, np.float32)
 
 
-def test_an_upscaler_that_is_not_thread_safe_runs_alone_in_steps(tmp_path):
+def test_prefilters_see_the_eia_before_an_upscaler_that_may_run_alone_in_steps(tmp_path, monkeypatch):
     write_render(tmp_path)
     upscaler = OneAtATime()
     second_stage.finished_panel(tmp_path, "bilinear", upscaler=upscaler)
     assert not upscaler.overlapped
     assert max(upscaler.calls) == MINI.lenses[0]
     assert sum(upscaler.calls) == foreground_mask(read_layers(tmp_path / LOW_RES_FILE), MINI.lenses).sum()
+    write_render(tmp_path)
+    expected = 2 * second_stage.finished_linear(tmp_path, "nearest")
+
+    def doubled(low):
+        return dataclasses.replace(low, color=2 * low.color)
+
+    monkeypatch.setitem(METHODS, "oidn", dataclasses.replace(METHODS["oidn"], make=lambda _: doubled))
+    np.testing.assert_allclose(second_stage.finished_linear(tmp_path, "oidn+nearest"), expected, rtol=1e-6)
 
 
 FINISH = """from lfsr_core.frames.frame import Finish

@@ -11,15 +11,8 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.optics.display import DisplayProfile, Lenticular
-from lfsr_core.optics.panel.subpixel_rays import (
-    PERIOD,
-    Geometry,
-    PanelLayout,
-    lattice_point,
-    nearest_point,
-    point_rays,
-    subpixel_table,
-)
+from lfsr_core.optics.panel import subpixel_rays
+from lfsr_core.optics.panel.subpixel_rays import Geometry, PanelLayout, lattice_point, nearest_point
 from lfsr_core.optics.rays import RayLayout, view_offset
 
 
@@ -84,9 +77,9 @@ def panel_rays(layout: PanelLayout, raster_x: Array, raster_y: Array, random_x: 
     column = index // pixel.count
     row = down - 1 - line if display.flip[1] else line  # the image may be mirrored on the panel
     column = across - 1 - column if display.flip[0] else column
-    (right, up, _), (wide, high) = subpixel_table(layout), pixel.size
-    entry = row % PERIOD, column % PERIOD, index % pixel.count
-    seen = point_rays(
+    (right, up, _), (wide, high) = subpixel_rays.subpixel_table(layout), pixel.size
+    entry = row % subpixel_rays.PERIOD, column % subpixel_rays.PERIOD, index % pixel.count
+    seen = subpixel_rays.point_rays(
         display, ((column + 0.5 + right[entry] + (at_x - index - 0.5) * wide) / across - 0.5) * display.panel_mm[0],
         ((row + 0.5 + up[entry] + (at_y - line - 0.5) * high) / down - 0.5) * display.panel_mm[1])
     right, up = lens_points(display, np.asarray(random_x, float), np.asarray(random_y, float))

@@ -54,7 +54,7 @@ def test_exports_go_into_the_frame_folder(frame, name, file):
     assert list((frame / "export" / name).glob(file))
 
 
-def test_the_film_is_encoded_by_blender(frame):
+def test_films_are_encoded_by_blender_also_of_the_quilts_of_an_animation(frame):
     assert bpy.ops.lfsr.export(format="sway") == {"FINISHED"}
     (path,) = (frame / "export" / "sway").iterdir()
     assert path.suffix == ".mp4"
@@ -64,9 +64,6 @@ def test_the_film_is_encoded_by_blender(frame):
     expected = on_screen(field.seen_from(*eye_place(field, 0.25)), field.display, 320)
     assert len(frames) == 120 and frames[30].shape == expected.shape
     assert abs(frames[30].astype(float) - expected).mean() < 4
-
-
-def test_quilts_of_an_animation_become_a_film(frame):
     panel.refused("one image only", bpy.ops.lfsr.export, format="quilt-film")
     second = finished(frame.with_name("0002"), source=read_frame(frame).source, frame=2)
     write_png(second / "eia.png", read_png(second / "eia.png") // 2)

@@ -98,7 +98,7 @@ def test_animation_makes_what_is_missing(opened, rendered, capfd):
     assert (film / "0002" / "eia.png").is_file() and "3 frames: 2 made, 1 kept" in capfd.readouterr().out
 
 
-def test_reference_and_ssim(opened, rendered):
+def test_reference_and_ssim_need_the_image_of_these_settings(opened, rendered):
     opened.lfsr.reference_samples, opened.lfsr.reference_lenses = 2, 16
     before = snapshot()
     assert bpy.ops.lfsr.render_reference() == {"FINISHED"}
@@ -110,9 +110,6 @@ def test_reference_and_ssim(opened, rendered):
     assert metrics["ssim_lens_fg"] > 0.7 and metrics["psnr_fg"] > 17, "of their neighbours it is 9 dB"
     assert "ssim_eia_fg" not in metrics, "of sampled lenses"
     assert "SSIM per Lens" in dict(metric_facts(opened))
-
-
-def test_reference_needs_the_image_of_these_settings(opened):
     opened.lfsr.samples = 5
     panel.refused("made with other settings", bpy.ops.lfsr.render_reference)
     opened.frame_set(44)

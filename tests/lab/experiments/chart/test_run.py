@@ -135,19 +135,6 @@ def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, capsys, undrawn):
     assert "skipped: head has no reference" in capsys.readouterr().err
 
 
-def test_two_charts_at_once_and_a_scene_of_the_same_name_are_refused(tmp_path, capsys):
-    folder = experiment_folder(tmp_path)
-    with staging_folder(folder / "chart"):
-        assert "another process is writing" in main_fails(arguments(folder), capsys)
-    changed = {"scene": "vase.blend", "content": "1 other"}
-    for samples, changes in ((1, {"scene": "vase.glb"}), (4, changed)):
-        write_render(folder / "vase" / "s2-spp4", samples=samples, **changes)
-        (tmp_path / "vase.blend").write_text("a scene")
-        said = main_fails(arguments(folder, scenes=(str(tmp_path / "vase.blend"),)), capsys)
-        assert "s2-spp4 was rendered " in said and ("of vase.glb" in said) == (samples == 1)
-    assert not (folder / "chart.json").exists()
-
-
 @pytest.mark.parametrize(("more", "said"), [
     (("--methods", "nothing"), "unknown method 'nothing'"), (("--spps", "0,4"), "different whole numbers"),
     (("--repeats", "0"), "repeats is 0"), (("--seeds", "0"), "seeds is 0"), (("--scale", "3"), "scale is 3"),
@@ -159,13 +146,23 @@ def test_bad_input_is_refused_in_a_sentence(ready, capsys, more, said):
     assert not (ready / "chart.json").exists()
 
 
-def test_scenes_of_one_name_nothing_to_measure_and_a_scene_that_is_not_there_are_refused(tmp_path, capsys):
+def test_two_charts_at_once_scenes_of_one_name_and_none_at_all_are_refused(tmp_path, capsys):
     words = arguments(tmp_path, scenes=("vase.blend", "other/vase.obj"))
     assert "two scenes are called 'vase'" in main_fails(words, capsys)
     assert "no scene could be measured" in main_fails(arguments(tmp_path), capsys)
     words = [word for word in arguments(tmp_path / "out") if word != "--only-measure"]
     assert "vase.blend does not exist" in fails(words, capsys)
     assert not (tmp_path / "out").exists()
+    folder = experiment_folder(tmp_path)
+    with staging_folder(folder / "chart"):
+        assert "another process is writing" in main_fails(arguments(folder), capsys)
+    changed = {"scene": "vase.blend", "content": "1 other"}
+    for samples, changes in ((1, {"scene": "vase.glb"}), (4, changed)):
+        write_render(folder / "vase" / "s2-spp4", samples=samples, **changes)
+        (tmp_path / "vase.blend").write_text("a scene")
+        said = main_fails(arguments(folder, scenes=(str(tmp_path / "vase.blend"),)), capsys)
+        assert "s2-spp4 was rendered " in said and ("of vase.glb" in said) == (samples == 1)
+    assert not (folder / "chart.json").exists()
 
 
 def test_default_methods_begin_with_the_default_and_have_no_network_without_pytorch():

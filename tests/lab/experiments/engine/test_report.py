@@ -59,15 +59,6 @@ def test_a_record_is_measured_once_per_fingerprint_a_damaged_one_again_and_a_fai
     assert not cells.path("two").exists()
 
 
-def test_a_render_that_is_asked_for_twice_is_made_once(tmp_path):
-    (tmp_path / "disc.blend").touch()
-    job = make_request(str(tmp_path / "render"), MINI, scene=str(tmp_path / "disc.blend"), scale=2, samples=4)
-    store = Store(tmp_path, played_blender(tmp_path / "blender"))
-    store.render_all([job, job])
-    (tmp_path / "blender").unlink()
-    assert store.rendered(job) == tmp_path / "render" and FrameFolder(tmp_path / "render").holds()
-
-
 TABLE = """{% extends "base.html" %}{% import "macros.html" as macros %}{% block title %}T{% endblock %}
 {% block body %}{{ macros.table(["name", "n"], rows) }}{{ picture }}{% endblock %}"""
 
@@ -87,7 +78,7 @@ class Results:
     value: float
 
 
-def test_results_are_written_before_anything_is_drawn(tmp_path):
+def test_results_are_written_before_they_are_drawn_and_a_render_asked_for_twice_made_once(tmp_path):
     def draw():
         raise ValueError("no such font\nin this place")
 
@@ -95,6 +86,12 @@ def test_results_are_written_before_anything_is_drawn(tmp_path):
         report.write_report(tmp_path, "results", Results(0.5), {".md": lambda: "# Results\n", ".svg": draw})
     assert json.loads((tmp_path / "results.json").read_text()) == {"value": 0.5}
     assert (tmp_path / "results.md").read_text() == "# Results\n" and len(list(tmp_path.iterdir())) == 2
+    (tmp_path / "disc.blend").touch()
+    job = make_request(str(tmp_path / "render"), MINI, scene=str(tmp_path / "disc.blend"), scale=2, samples=4)
+    store = Store(tmp_path, played_blender(tmp_path / "blender"))
+    store.render_all([job, job])
+    (tmp_path / "blender").unlink()
+    assert store.rendered(job) == tmp_path / "render" and FrameFolder(tmp_path / "render").holds()
 
 
 def test_text_is_escaped_pictures_are_not_and_what_the_template_wants_must_be_given(templates):
