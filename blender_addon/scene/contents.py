@@ -84,7 +84,7 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
         found.append(Notice("scripts-off", {"reason": bpy.app.autoexec_fail_message.strip()}))
     render, cycles = scene.render, getattr(scene, "cycles", None)
     if render.engine != "CYCLES":
-        found.append(Notice("engine-ignored", {"engine": render.engine}))
+        found.append(Notice("engine-ignored", {"engine": render.engine.removeprefix("BLENDER_").removesuffix("_NEXT")}))
     for material in materials(scene):
         nodes = list(nodes_of(material.node_tree))
         outputs = [node for node in nodes if node.type == "OUTPUT_MATERIAL"]

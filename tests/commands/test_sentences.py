@@ -39,7 +39,7 @@ EXAMPLES = {
     "clamp-ignored": ({"direct": 1.0, "indirect": 10.0}, "direct 1, indirect 10"),
     "coordinates-differ": ({"names": ["Sky"]}, "(Sky)"),
     "eevee-nodes": ({"material": "Toon", "node": "Shader to RGB"}, "node Shader to RGB of material 'Toon'"),
-    "engine-ignored": ({"engine": "BLENDER_EEVEE"}, "BLENDER_EEVEE"),
+    "engine-ignored": ({"engine": "EEVEE"}, "EEVEE"),
     "filter-ignored": ({"filter": "gaussian"}, "filter gaussian"),
     "focus-ignored": ({"camera": "Front"}, "camera 'Front'"),
     "lines-left-out": ({"names": ["Freestyle"]}, "(Freestyle)"),
