@@ -20,7 +20,7 @@ from lfsr_core.reconstruct.second_stage import STAGES, finish_frame, finished_le
 from lfsr_core.reconstruct.upscaler import Upscaler, foreground_mask, low_resolution, over_background, read_world
 from tests.support.prerequisites import needs_bpy
 from tests.support.small_disk import on_a_small_disk
-from tests.support.synthetic import FLAT, MINI, light_field, write_apart, write_render
+from tests.support.synthetic import MINI, light_field, write_apart, write_render
 from tests.support.told import refuses
 
 pytestmark = needs_bpy  # for Blender's colour configuration
@@ -33,17 +33,6 @@ def expected_linear(folder, name):
     images = load_method(name).upscaler(low, np.argwhere(np.ones((sy, sx), bool))).reshape(sy, sx, 8, 8, 3)
     images[~low.alpha.any((2, 3, 4))] = MINI.background
     return from_elemental_images(images)
-
-
-@pytest.mark.parametrize(("display", "shape"), [(MINI, (96, 128, 3)), (FLAT, (48, 128, 3))])
-def test_upscaling_comes_near_the_true_light_field(tmp_path, display, shape):
-    write_render(tmp_path, display=display)
-    truth = light_field(display)[..., :3]
-    error = {name: np.sqrt(np.mean((second_stage.finished_linear(tmp_path, name) - truth) ** 2))
-             for name in ("nearest", "bicubic")}
-    assert error["bicubic"] < 0.06 and error["bicubic"] < error["nearest"]
-    finish_frame(tmp_path, "oidn+pool")
-    assert read_png(tmp_path / "eia.png").shape == shape
 
 
 def test_a_frame_of_a_device_that_is_not_here_is_denoised_on_the_cpu_and_says_so(tmp_path):

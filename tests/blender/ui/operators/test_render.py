@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from blender_addon.jobs import folders, images, session
-from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import rig
 from blender_addon.ui.drawing import metric_facts
 from blender_addon.ui.operators import render
@@ -15,7 +14,7 @@ from lfsr_core.base.system import read_json
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.image_files import read_png
 from tests.support import panel
-from tests.support.scenes import add_camera, snapshot
+from tests.support.scenes import snapshot
 
 
 @pytest.fixture
@@ -45,17 +44,6 @@ def test_render_writes_the_frame_folder_beside_the_file(rendered):
     frame, report = read_frame(folder), read_json(folder / "report.json", "report")
     assert (frame.display.name, frame.scale, frame.samples, frame.frame) == ("mini", 2, 1, 1)
     assert report["method"] == "bicubic" and 0 < report["foreground_fraction"] < 1
-
-
-def test_a_scene_without_an_array_gets_one(scene):
-    bpy.ops.lfsr.array_remove()
-    add_camera(scene, (0.3, -3, 0.5))
-    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
-    array, matrix = rig.placement(scene, scene_settings.display_of(scene))
-    folder = folders.frame_folder(scene)
-    frame = read_frame(folder)
-    assert np.allclose(frame.matrix_world, matrix, atol=1e-6) and scene.camera.name == "camera"
-    assert read_json(folder / "report.json", "report")["foreground_fraction"] > 0.05
 
 
 def test_preview_shows_the_view_of_the_eye_and_in_another_file_not_the_old_ones(opened, rendered):
