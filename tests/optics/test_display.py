@@ -138,7 +138,7 @@ def test_shares_are_the_whole_and_of_one_size(count, data):
     assert max(sizes) - min(sizes) <= 1 and min(sizes) >= 1
 
 
-def test_rows_as_people_write_them_and_parts_that_are_not_the_whole():
+def test_rows_as_people_write_them_parts_that_are_not_the_whole_and_a_region_of_another_size():
     assert pixel_rows((1, 3), 4) == (0, 12) and pixel_rows((4, 4), 4) == (12, 16)
     for text, rows in [("3-7", (3, 7)), (" 4 ", (4, 4)), ("12-12", (12, 12)), ("1/1", (1, 12))]:
         assert parse_rows(text, 12) == rows
@@ -149,13 +149,6 @@ def test_rows_as_people_write_them_and_parts_that_are_not_the_whole():
         ([(1, 9)], "rows 10-12 are in none"), ([(1, 6), (5, 12)], "rows 5-6 are in more than one"),
         ([(1, 12), (3, 4)], "rows 3-4 are in more than one")]:
         refuses(sentence, check_cover, parts, 12)
-
-
-SMALL = load_display("small")
-sides = st.integers(1, 2000)
-
-
-def test_a_region_says_where_its_size_is_another():
     region = LiveRegion(SMALL, SMALL.panel_pixels, 4)
     assert region.sentence() is None
     assert region.corner == (0, 0) and region.shift == (0, 0) and region.drawn == SMALL.panel_pixels
@@ -165,6 +158,10 @@ def test_a_region_says_where_its_size_is_another():
         sentence = LiveRegion(SMALL, size, 4).sentence()
         assert words in sentence and f"{size[0]}×{size[1]}" in sentence and "960×560" in sentence
         assert len(sentence) < 300
+
+
+SMALL = load_display("small")
+sides = st.integers(1, 2000)
 
 
 @given(width=sides, height=sides, scale=st.sampled_from((1, 2, 4, 8)))

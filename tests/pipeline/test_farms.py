@@ -57,12 +57,22 @@ def lfsr(tmp_path_factory):
 
 
 @needs_node
-def test_settings_are_of_kinds_that_flamenco_has(tmp_path):
-    found = compiled(tmp_path)["type"]
+def test_settings_are_of_kinds_that_flamenco_has_and_a_frame_that_shares_waits_for_those_beside_it(tmp_path):
+    compilation = compiled(tmp_path, frames="9, 1-7", temporalaveraging=1)
+    found, tasks = compilation["type"], compilation["tasks"]
     settings = {setting["key"]: setting for setting in found["settings"]}
     assert {setting["type"] for setting in settings.values()} <= TYPES
     assert set().union(*settings.values()) <= KEYS
     assert settings["method"]["default"] == DEFAULT_METHOD and found["label"]
+    names, frames = [task["name"] for task in tasks], (*range(1, 8), 9)
+    for task in tasks:
+        assert {names.index(name) for name in task["dependencies"]} <= set(range(names.index(task["name"])))
+        number = task["name"].removeprefix("finish-")
+        if number != task["name"]:
+            merged = {int(name.removeprefix("merge-")) for name in task["dependencies"]}
+            assert merged >= {int(number), *near(int(number), frames, 1)}
+            assert len(merged) <= 5, "no more wait than have to"
+            assert task["commands"][0]["parameters"]["args"][-2:] == ["--temporal-averaging", "1"]
 
 
 @needs_node
@@ -81,20 +91,6 @@ def test_tasks_run_in_the_order_of_their_dependencies(tmp_path, lfsr):
         subprocess.run([command["parameters"]["exe"], *command["parameters"]["args"]], check=True, capture_output=True)
         done.add(task["name"])
     assert [path.parent.name for path in sorted(output.glob("*/eia.png"))] == ["0002", "0007", "0008"]
-
-
-@needs_node
-def test_a_frame_that_shares_is_finished_after_those_beside_it_are_merged(tmp_path):
-    tasks = compiled(tmp_path, frames="9, 1-7", temporalaveraging=1)["tasks"]
-    names, frames = [task["name"] for task in tasks], (*range(1, 8), 9)
-    for task in tasks:
-        assert {names.index(name) for name in task["dependencies"]} <= set(range(names.index(task["name"])))
-        number = task["name"].removeprefix("finish-")
-        if number != task["name"]:
-            merged = {int(name.removeprefix("merge-")) for name in task["dependencies"]}
-            assert merged >= {int(number), *near(int(number), frames, 1)}
-            assert len(merged) <= 5, "no more wait than have to"
-            assert task["commands"][0]["parameters"]["args"][-2:] == ["--temporal-averaging", "1"]
 
 
 OPENJD = Path(sys.executable).with_name("openjd")

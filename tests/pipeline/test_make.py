@@ -223,37 +223,23 @@ def test_an_interrupted_run_loses_only_the_frame_in_work(tmp_path, number):
 AVERAGED = Finish("bicubic", temporal_averaging=1)
 
 
-@pytest.fixture(scope="module")
-def averaged(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("shared")
-    film(folder, range(1, 4), AVERAGED, blender=played_blender(folder / "blender"), chunk=2)
-    return folder
-
-
-@pytest.fixture
-def averaged_film(averaged, tmp_path):
-    return shutil.copytree(averaged, tmp_path / "own")
-
-
 def neighbours(folder):
     return [read_report(path).neighbours for path in sorted((folder / "film").glob("0*"))]
 
 
-def test_every_frame_has_noise_of_its_own_and_sees_those_beside_it(averaged, tmp_path):
-    frames = [read_frame(path) for path in sorted((averaged / "film").glob("0*"))]
+def test_averaged_frames_have_noise_of_their_own_see_those_beside_them_and_no_frame_of_another_seed(tmp_path):
+    film(tmp_path, range(1, 4), AVERAGED, blender=played_blender(tmp_path / "blender"), chunk=2)
+    frames = [read_frame(path) for path in sorted((tmp_path / "film").glob("0*"))]
     assert [frame.seed for frame in frames] == [5, 6, 7], "one for each averaged frame, from the job's on"
-    assert neighbours(averaged) == [(2, 3), (1, 3), (1, 2)]
+    assert neighbours(tmp_path) == [(2, 3), (1, 3), (1, 2)]
     assert {request.seed for request in requests_of(film_request(tmp_path), FINISH, range(1, 4))} == {5}
-
-
-def test_frames_of_other_seeds_are_refused_and_averaged_ones_finished_by_the_second_stage_alone(averaged_film):
-    refuses("seed 6.*seed 5", film, averaged_film, (2,))
-    assert states(film(averaged_film, range(1, 4), AVERAGED)) == [KEPT] * 3
-    made = film(averaged_film, range(1, 5), AVERAGED, blender=str(averaged_film / "blender"))
+    refuses("seed 6.*seed 5", film, tmp_path, (2,))
+    assert states(film(tmp_path, range(1, 4), AVERAGED)) == [KEPT] * 3
+    made = film(tmp_path, range(1, 5), AVERAGED, blender=str(tmp_path / "blender"))
     assert states(made) == [KEPT, KEPT, MADE, MADE]
-    assert neighbours(averaged_film) == [(2, 3), (1, 3), (2, 4), (2, 3)]
-    before = images(averaged_film / "film")
-    finish_frame(averaged_film / "film" / "0002", AVERAGED)
-    assert images(averaged_film / "film") == before
-    finish_frame(averaged_film / "film" / "0002", FINISH)
-    assert images(averaged_film / "film")["0002"] != before["0002"]
+    assert neighbours(tmp_path) == [(2, 3), (1, 3), (2, 4), (2, 3)]
+    before = images(tmp_path / "film")
+    finish_frame(tmp_path / "film" / "0002", AVERAGED)
+    assert images(tmp_path / "film") == before
+    finish_frame(tmp_path / "film" / "0002", FINISH)
+    assert images(tmp_path / "film")["0002"] != before["0002"]

@@ -129,22 +129,19 @@ def command(tmp_path, monkeypatch):
             "--blender", played_blender(tmp_path / "blender")]
 
 
-def test_a_scene_is_rendered_and_finished(command, capsys):
+def test_a_scene_is_rendered_and_finished_and_frames_of_an_animation_once(command, capsys):
     assert main(command) == 0
     assert f"frame/{PANEL_FILE}: the panel's image, traced for its subpixels; oidn" in capsys.readouterr().out
     frame, report = read_rendered("frame"), json.loads(Path("frame/report.json").read_text())
     assert (frame.scale, frame.layers, frame.samples) == (1, (), 4)
     assert (report["method"], report["layout"], report["scale"]) == ("oidn", "subpixels", 1)
     assert read_png(Path("frame", PANEL_FILE)).std() > 10 and not Path("frame", EIA_FILE).exists()
-
-
-def test_frames_of_an_animation_are_finished_once(command, capsys):
     for told in ("2 made, 0 kept", "0 made, 2 kept"):
-        assert main([*command, "--frames", "1-2", "--method", "none"]) == 0
+        assert main([*command, "-o", "film", "--frames", "1-2", "--method", "none"]) == 0
         assert told in capsys.readouterr().out
-    assert all(read_png(Path("frame", name, PANEL_FILE)).std() > 10 for name in ("0001", "0002"))
+    assert all(read_png(Path("film", name, PANEL_FILE)).std() > 10 for name in ("0001", "0002"))
     light_field = [word for word in command if word not in ("--layout", "subpixels")]
-    said = fails([*light_field, "--frames", "1-2", "--scale", "1", "--method", "none"], capsys)
+    said = fails([*light_field, "-o", "film", "--frames", "1-2", "--scale", "1", "--method", "none"], capsys)
     assert "layout subpixels, but layout one-pass" in said, "not taken for frames of a light field"
 
 

@@ -79,7 +79,7 @@ def test_missing_python_is_said_with_what_installs_it(monkeypatch, tmp_path, pla
         setup.environment("dev")
 
 
-def test_tests_check_everything_in_turn_and_the_first_failure_ends_them(played):
+def test_tests_check_everything_in_turn_and_the_fast_ones_are_folders_that_exist_and_start_no_blender(played):
     folder = played()
     assert run("test.py", LFSR_VENV=str(folder)).returncode == 0
     types = [f"python -m mypy --platform {platform} --cache-dir .mypy_cache/{platform}"
@@ -92,10 +92,6 @@ def test_tests_check_everything_in_turn_and_the_first_failure_ends_them(played):
     folder = played()
     assert run("test.py", "tests/optics", "-k", "weave", LFSR_VENV=str(folder)).returncode == 0
     assert played.calls()[-1] == "python -m pytest tests/optics -k weave"
-
-
-def test_the_fast_tests_are_folders_that_exist_and_start_no_blender(played):
-    folder = played()
     assert run("test.py", "--fast", LFSR_VENV=str(folder)).returncode == 0
     *_, types, tests = played.calls()
     assert types.split()[2:5] == ["mypy", "--platform", sys.platform]

@@ -36,6 +36,11 @@ def test_the_cost_on_a_power_law_is_exact(target):
 def test_what_is_never_reached_is_infinite_and_what_is_reached_at_once_is_a_bound():
     found, bound = analysis.reach(COSTS, np.tile(COSTS**-0.5, 3), np.array([0.01, 1.0, 2.0]))
     assert found.tolist() == [np.inf, 1.0, 1.0] and bound.tolist() == [False, False, True]
+    every = points("ours", 4, 1.0) + points("worse", 4, 9.0)
+    found = {(each.method, each.measure): each for each in analysis.reaches(every, {SSIM: 0.75})}
+    hard = np.exp(np.random.default_rng(5).normal(0, 0.5, 20)).mean()
+    assert found["ours", SSIM].rays.value == pytest.approx((hard / 0.75)**2, rel=1e-4)
+    assert found["worse", SSIM].rays.value is None
 
 
 DEARER_IS_WORSE, BUSY = column([0.5, 0.8, 0.4, 0.2]), column([2.0, 1.0, 4.0])  # as times of a busy machine are
@@ -87,14 +92,6 @@ def test_a_duel_of_power_laws_has_the_ratio_of_their_squares_and_intervals_hold_
         rays = next(each.rays for each in analysis.duels(rivals(random=random), OURS) if each.measure == SSIM)
         inside += rays.low < 0.25 < rays.high
     assert inside / runs > 0.85 and rays.high - rays.low < 0.05
-
-
-def test_a_fixed_error_is_reached_or_never():
-    every = points("ours", 4, 1.0) + points("worse", 4, 9.0)
-    found = {(each.method, each.measure): each for each in analysis.reaches(every, {SSIM: 0.75})}
-    hard = np.exp(np.random.default_rng(5).normal(0, 0.5, 20)).mean()
-    assert found["ours", SSIM].rays.value == pytest.approx((hard / 0.75)**2, rel=1e-4)
-    assert found["worse", SSIM].rays.value is None
 
 
 def scene(every):

@@ -112,7 +112,8 @@ def test_times_are_a_pass_of_their_own_that_continues(tmp_path, timed, monkeypat
     assert main(arguments(folder)) == 0 and timed == [] and measured(folder)["scenes"][0]["cells"] == after
 
 
-def test_a_whole_reference_and_one_seed_are_measured_too_and_several_scenes_have_a_mean(tmp_path, undrawn):
+def test_a_whole_reference_one_seed_and_several_scenes_are_measured_and_what_is_missing_is_left_out(tmp_path, undrawn,
+                                                                                                    capsys):
     folder = experiment_folder(tmp_path, names=("vase", "head"), lens_list=None)
     assert main(arguments(folder, "--seeds", "1", scenes=("vase.blend", "head.glb"))) == 0
     scene, other = measured(folder)["scenes"]
@@ -121,10 +122,7 @@ def test_a_whole_reference_and_one_seed_are_measured_too_and_several_scenes_have
     assert scene["reference"]["lenses"] is None and scene["reference"]["counted"] > 20
     assert all(cell["errors"].keys() == {*MEASURES} for cell in scene["cells"])
     assert scene["cells"][0]["errors"]["1-ssim"]["spread"] is None
-
-
-def test_what_is_missing_is_left_out_with_a_sentence(tmp_path, capsys, undrawn):
-    folder = experiment_folder(tmp_path, names=("vase", "head"))
+    folder = experiment_folder(tmp_path / "less", names=("vase", "head"))
     shutil.rmtree(folder / "vase" / "s2-spp4-seed1")
     shutil.rmtree(folder / "head" / "reference")
     assert main(arguments(folder, "--methods", "bicubic,espcn", scenes=("vase.blend", "head.glb"))) == 0

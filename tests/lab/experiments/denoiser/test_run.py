@@ -58,8 +58,8 @@ def test_what_is_there_is_measured_once_and_shown(tmp_path, capsys):
         "cells", "reference", "s1-spp1-seed0", "s2-spp16-seed0", "s2-spp16-seed1", "s2-spp4-seed0", "s4-spp16-seed0"}
 
 
-def test_errors_do_not_grow_with_the_noise_of_the_reference(tmp_path):
-    truth = Truth(write_reference(tmp_path, noise=0.05))
+def test_errors_do_not_grow_with_the_noise_of_the_reference_and_views_are_those_along_one_axis(tmp_path):
+    truth = Truth(write_reference(tmp_path / "plain", noise=0.05))
     field = to_elemental_images(light_field()[..., :3], MINI.lenses)[tuple(truth.lenses.T)]
     exact, worse = (study.figures(truth, np.float32(factor) * field, 0.0) for factor in (1.0, 1.2))
     mean = np.mean(truth.halves, 0)
@@ -68,12 +68,9 @@ def test_errors_do_not_grow_with_the_noise_of_the_reference(tmp_path):
     expected = np.mean((0.2 * field)**2 / (mean.mean(-1, keepdims=True)**2 + 0.01))
     assert np.mean(worse.relative) == pytest.approx(expected, rel=0.15)
     assert np.mean(exact.ssim) > np.mean(worse.ssim) and np.mean(exact.flip) < np.mean(worse.flip)
-
-
-def test_views_are_compared_where_they_differ_along_one_axis(tmp_path):
     panel = whole("lenticular")
     block = tuple((row, column) for row in range(3, 7) for column in range(2, 8))
-    truth = Truth(write_reference(tmp_path, display=panel, lens_list=block))
+    truth = Truth(write_reference(tmp_path / "lenticular", display=panel, lens_list=block))
     field = light_field(panel)[..., :3]
     images = to_elemental_images(field, panel.lenses)[tuple(truth.lenses.T)]
     assert np.array_equal(truth.shown(images), to_views(field, panel.lenses)[0, :, 3:7, 2:8])
@@ -129,7 +126,8 @@ def test_a_known_model_is_found_again_and_its_choices_are_shown(tmp_path, capsys
     assert "| scene0 | 1 | " in shown and "MODEL = LossModel(detail=" in shown and "| always 4 |" in shown
 
 
-def test_the_renders_of_another_experiment_are_measured(tmp_path, monkeypatch):
+def test_the_renders_of_another_experiment_are_measured_and_what_cannot_be_fitted_is_said(tmp_path, monkeypatch,
+                                                                                          capsys):
     (tmp_path / "disc.blend").touch()
     (tmp_path / "settings.toml").write_text(TOML.replace("lenses = 20", "lenses = 8"))
     settings, store = read_settings(tmp_path / "settings.toml"), Store(tmp_path, played_blender(tmp_path / "blender"))
@@ -140,9 +138,7 @@ def test_the_renders_of_another_experiment_are_measured(tmp_path, monkeypatch):
     found = collect(settings, store, [tmp_path], "bilinear")
     assert [(cell.scene, cell.rays, cell.scale) for cell in found.cells] == [("disc", 1, 1), ("disc", 1, 2)]
     assert found.moves == {"disc": (0.1, 0.2)} and all(0 < cell.ssim < 1 for cell in found.cells)
-
-
-def test_what_cannot_be_fitted_is_said(tmp_path, capsys):
+    capsys.readouterr()
     file = tmp_path / "table.json"
     file.write_text(json.dumps({"method": "bilinear", "moves": {}, "cells": []}))
     for words, said in (([str(tmp_path)], "add -o OUT -m METHOD"), ([], "no scene with two scales at equal rays")):

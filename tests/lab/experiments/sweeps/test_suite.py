@@ -252,16 +252,6 @@ def test_the_published_report_is_what_the_documents_show():
         assert " | ".join([f"\n| {dial.values[0]:g}", *figures]) in document
 
 
-def test_default_methods_are_bicubic_the_default_and_what_has_weights():
-    methods = measure.default_methods(4)
-    assert methods[0] == "bicubic" and measure.DEFAULT_METHOD in methods
-    assert "espcn" in methods and "paper-3" not in methods
-    assert "espcn" not in measure.default_methods(2)
-    for name in methods:
-        LabMethod.parse(name)
-    assert len(set(methods)) == len(methods)
-
-
 @pytest.mark.parametrize(("options", "message"), [
     (["--sweeps", "wires"], "did you mean 'wire'"), (["--methods", "bicubix"], "did you mean 'bicubic'"),
     (["--scale", "3"], "scale is 3"), (["--scale", "1"], "scale is 1"), (["--frames", "1"], "need at least 2"),
@@ -283,13 +273,20 @@ def sweep_of(name="wire", first=0.62, **breaks):
     return SweepReport(name, "", "pixels", "ssim_eia_fg", values, cells, dict.fromkeys(METHODS) | breaks)
 
 
-def test_plans_are_made_where_the_default_breaks_or_where_it_is_hardest():
+def test_plans_are_made_where_the_default_breaks_or_where_it_is_hardest_and_default_methods_have_weights():
     at = [Break(value, 0.7, "below its start") for value in (0.5, 0.25)]
     assert plans.value_of(sweep_of(**{DEFAULT_METHOD: at[0], FAST_METHOD: at[1]})) == 0.5
     assert plans.value_of(sweep_of(**{FAST_METHOD: at[1], "bicubic": at[0]})) == 0.25
     assert plans.value_of(sweep_of()) == 1 / 16
     assert plans.target_of(sweep_of(first=0.8)) == pytest.approx(0.75)
     assert plans.target_of(sweep_of(first=0.8199)) == pytest.approx(0.76)
+    methods = measure.default_methods(4)
+    assert methods[0] == "bicubic" and measure.DEFAULT_METHOD in methods
+    assert "espcn" in methods and "paper-3" not in methods
+    assert "espcn" not in measure.default_methods(2)
+    for name in methods:
+        LabMethod.parse(name)
+    assert len(set(methods)) == len(methods)
 
 
 def test_plans_at_a_breaking_point_are_made_judged_and_shown(tmp_path, monkeypatch, capsys):
