@@ -211,6 +211,9 @@ def test_rays_are_per_finished_pixel_and_samples_per_rendered_pixel(scene, blend
 def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, capsys, options, message):
     arguments = ["render", scene, "-o", str(tmp_path / "frame"), "--display", "mini", "--blender", blender, *options]
     assert message in fails(arguments, capsys)
+    for verb in ("render", "reference"):
+        arguments = [verb, str(tmp_path / "no.blend"), "-o", str(tmp_path / "frame"), "--blender", blender]
+        assert "no.blend does not exist: check the path" in fails(arguments, capsys)
     assert not (tmp_path / "frame").exists()
     assert not Path(blender + ".jobs").exists()
 

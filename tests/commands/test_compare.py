@@ -59,6 +59,11 @@ def test_compare_before_upscale_or_with_a_frame_instead_of_a_reference_is_refuse
     capsys.readouterr()
     assert "scale 2" in fails(["compare", str(folder), str(folder)], capsys)
     assert json.loads((folder / "report.json").read_text())["metrics"] == {}
+    for number, lenses in enumerate((((5, 7),), ((0, 0),), ((5, 7), (5, 8)))):
+        reference = write_reference(tmp_path / f"few{number}", lens_list=lenses)
+        assert main(["compare", str(folder), str(reference)]) == 0
+        printed = capsys.readouterr().out
+        assert printed.startswith("p ") and "None" not in printed, "of very few lenses it tells what it can"
 
 
 ROOT = Path(__file__).parents[2]

@@ -33,6 +33,9 @@ def images(path) -> list[np.ndarray]:
 def test_lossless_is_the_image_and_by_default_nothing_is_lost_where_that_would_show_or_fetched(folder, tmp_path):
     (image,) = images(write_page([folder], tmp_path / "page.html", 100).path)
     np.testing.assert_array_equal(image, read_png(folder / "eia.png"))
+    for quality in (None, 1, 90, 100):
+        written = write_page([folder], tmp_path / "page.html", quality)
+        assert written.bytes == written.path.stat().st_size <= (folder / "eia.png").stat().st_size + OVERHEAD
     text = write_page([folder], tmp_path / "page.html").path.read_text(encoding="utf-8")
     assert not re.search(r"""(?:src|href)\s*=\s*["'](?!data:)|url\(|@import|https?://|fetch\(|XMLHttp""", text)
     assert not re.search(r"/\*(?:STYLE|SHADER|SCRIPT)\*/|<!--IMAGES", text)

@@ -139,13 +139,11 @@ if first in {frames!r} and seen < {times}:
     os.kill(os.getpid(), signal.SIGSEGV)""")
 
 
-def test_a_frame_that_crashed_once_is_tried_again(tmp_path):
-    blender = crashing(tmp_path / "blender", (1, 2), 1)
-    assert states(film(tmp_path, (1, 2), blender=blender, chunk=1)) == [MADE, MADE]
-    assert not list((tmp_path / "film").rglob("blender.log"))
-
-
-def test_a_frame_that_always_crashes_is_left_out(tmp_path, capsys):
+def test_a_frame_that_crashed_once_is_tried_again_and_one_that_always_crashes_left_out(tmp_path, capsys):
+    (tmp_path / "once").mkdir()
+    blender = crashing(tmp_path / "once" / "blender", (1, 2), 1)
+    assert states(film(tmp_path / "once", (1, 2), blender=blender, chunk=1)) == [MADE, MADE]
+    assert not list((tmp_path / "once" / "film").rglob("blender.log"))
     told, blender = [], crashing(tmp_path / "blender", (2,), 99)
     made = film(tmp_path, FRAMES, blender=blender, tell=told.append, chunk=1)
     assert states(made) == [MADE, FAILED, MADE] and "signal 11" in made[1].error

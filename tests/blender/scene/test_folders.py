@@ -84,16 +84,13 @@ def test_a_file_of_one_name_elsewhere_does_not_take_results(project, tmp_path):
     assert is_mine() and (read_png(folders.frame_folder(scene) / "eia.png") != mine).any()
 
 
-def test_a_renamed_file_does_not_take_the_results_of_the_one_that_has_its_name_now(project):
+def test_scenes_whose_names_are_cleaned_to_one_are_told_apart_and_a_renamed_file_takes_no_others_results(project):
     assert is_mine(), "a project that was moved keeps them"
     (project / "shot.blend").rename(project / "hero.blend")
     bpy.ops.wm.open_mainfile(filepath=str(project / "hero.blend"))
     assert not is_mine()
     (project / "lightfield" / "shot").rename(project / "lightfield" / "hero")
     assert not is_mine()  # whether it is the same file cannot be known
-
-
-def test_scenes_whose_names_are_cleaned_to_one_are_told_apart(project):
     scene = bpy.context.scene
     scene.name = "Set A"
     folder = render()

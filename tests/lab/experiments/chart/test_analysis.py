@@ -177,7 +177,7 @@ def test_the_image_has_every_error_against_every_cost_and_every_text_inside(imag
     assert len(places) > 50 and all(0 <= x <= width and 0 <= y <= height for x, y in places)
 
 
-def test_without_times_there_are_only_rays_and_without_direct_rendering_is_still_a_page():
+def test_without_times_there_are_only_rays_the_name_of_a_scene_is_no_formula_and_a_page_needs_no_direct_ones():
     chart = example(2, timed=False)
     scenes = tuple(dataclasses.replace(scene, reference=dataclasses.replace(
         scene.reference, noise=dict.fromkeys(MEASURES, 0.05))) for scene in chart.scenes)
@@ -188,9 +188,6 @@ def test_without_times_there_are_only_rays_and_without_direct_rendering_is_still
     row = Row("equal time", ("ours 4", "theirs 1"), (0.1, 0.2), images[0], (images[1], images[2]))
     page = panels.page(example(1, direct=False, timed=False), Crops((row, row)))
     assert "was not measured" in page and 'src="data:image/png;base64,iVBORw' in page
-
-
-def test_the_name_of_a_scene_is_no_formula():
     chart, name = example(1, timed=False), "$a_b$ do$ll $\\frac$ back\\slash a^b_c{d} %s"
     chart = dataclasses.replace(chart, scenes=(dataclasses.replace(chart.scenes[0], scene=name),),
                                 settings=dataclasses.replace(chart.settings, display=f"{name}.toml"))
