@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 import bpy
@@ -26,15 +26,17 @@ def overridden(owner: Any, values: Mapping[str, Any]) -> Iterator[None]:
     """Set properties of ``owner`` inside the block and restore them after it, also after an error.
 
     List a property after those it depends on (a bit depth after its file format): all are recorded before
-    the first is set, and they are set and restored in the given order. AttributeError for a name that this
-    Blender does not have.
+    the first is set, and they are set and restored in the given order. A value of an older file that this Blender does
+    not have cannot be restored. AttributeError for a name that this Blender does not have.
     """
     before = {name: _copy(getattr(owner, name)) for name in values}
     try:
         _set(owner, values)
         yield
     finally:
-        _set(owner, before)
+        for name, value in before.items():
+            with suppress(TypeError):
+                _set(owner, {name: value})
 
 
 @contextmanager

@@ -40,8 +40,7 @@ CONTINUE = "Render again to continue"
 
 def scene_folder(scene: bpy.types.Scene) -> Path:
     """Folder of this scene's frames; each scene of each file has its own. LfsrError where it cannot exist."""
-    output = (_unsaved(scene) if waits_for_saving(scene) else
-              absolute(scene.lfsr.output or "//", "the output folder"))
+    output = (_unsaved(scene) if waits_for_saving(scene) else absolute(scene.lfsr.output or "//", "the output folder"))
     folder = output / _clean(file_stem()) / _clean(scene.name_full)
     check_name(folder)
     return folder
@@ -190,8 +189,7 @@ def requested_animation(scene: bpy.types.Scene) -> tuple[Request, Finish, tuple[
     frames = timeline(scene)
     request, finish = requested(scene, frames[0])
     request = dataclasses.replace(request, output=str(Path(request.output).parent))
-    return (request.sampled(frames=spread(frames) if request.sampling.scales else ()),
-            finish, frames)
+    return (request.sampled(frames=spread(frames) if request.sampling.scales else ()), finish, frames)
 
 
 def remember(scene_name: str, measured: Measured) -> None:

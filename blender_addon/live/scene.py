@@ -188,8 +188,7 @@ def follow(live: bpy.types.Scene) -> None:
 
 def marked(kind: str | None = None) -> list[bpy.types.ID]:
     """Return the data of all live scenes in the open file, or of one ``kind``."""
-    return [item for name in KINDS for item in getattr(bpy.data, name)
-            if MARK in item and kind in (None, item[MARK])]
+    return [item for name in KINDS for item in getattr(bpy.data, name) if MARK in item and kind in (None, item[MARK])]
 
 
 def remove_all(kind: str | None = None) -> None:

@@ -68,8 +68,7 @@ def unreadable(scene: bpy.types.Scene, frame: int | None = None, seconds: float 
     end = time.monotonic() + seconds
     reached, number = _reached(scene), scene.frame_current if frame is None else frame
     files = {Path(path): (kind, item) for item in reached for kind, path in _files(item, number)}
-    states = {path: NO_FILE if path.exists() else "missing" for path in files
-              if not (path.is_file() or path.is_dir())}
+    states = {path: NO_FILE if path.exists() else "missing" for path in files if not (path.is_file() or path.is_dir())}
     for library in {item.library for item in reached} - {None}:
         path = Path(bpy.path.abspath(library.filepath))
         if library.is_missing or not (library.packed_file or path.is_file()):

@@ -35,8 +35,7 @@ HEADINGS = ("", "scale", "rays", "spp", "method", "seconds", "accuracy", "95 % a
 def reference_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `lfsr reference`."""
     add_scene_arguments(parser)
-    parser.add_argument("--spp", type=int, default=1024, metavar="N",
-                        help="samples per pixel, default: %(default)s")
+    parser.add_argument("--spp", type=int, default=1024, metavar="N", help="samples per pixel, default: %(default)s")
     parser.add_argument("--lenses", type=int, metavar="N",
                         help="only N random lenses, spread over the foreground; default: all")
 

@@ -72,8 +72,7 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
     if chosen.is_film:
         # One at a time: an 8K animation would not fit into memory.
         fields = map(read_light_field, paths or [Path(folder)])
-        written = _write(target, chosen,
-                         lambda staged: chosen.write(fields, paths and len(paths), staged, options))
+        written = _write(target, chosen, lambda staged: chosen.write(fields, paths and len(paths), staged, options))
     elif paths is None:
         written = _write(target, chosen, lambda staged: chosen.write(read_light_field(folder), staged, options))
     else:

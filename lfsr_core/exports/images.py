@@ -187,8 +187,7 @@ def write_stanford(field: LightField, folder: Path, options: ExportOptions) -> N
     """Write ``out_ROW_COLUMN_Y_X_.png``, y downwards and x rightwards in millimetres on the display."""
     spacing = field.frame.array.spacing * field.mm_per_unit
     count = options.views or field.count
-    x, y = ((camera_places(n, wanted) - (n - 1) / 2) * spacing
-            for n, wanted in zip(field.count, count, strict=True))
+    x, y = ((camera_places(n, wanted) - (n - 1) / 2) * spacing for n, wanted in zip(field.count, count, strict=True))
     for row, column, view in each_view(field, options):
         write_png(folder / f"out_{row:02d}_{column:02d}_{y[row]:.6f}_{x[column]:.6f}_.png", view)
 

@@ -99,8 +99,7 @@ class PlanOptions:
         for scale in scales:
             display.low_views(scale)
             counts = self.samples if self.rays is None else [samples_at(display, scale, each) for each in self.rays]
-            found |= {Candidate(scale, samples, name) for samples in counts
-                      for name in methods_at(scale, methods)}
+            found |= {Candidate(scale, samples, name) for samples in counts for name in methods_at(scale, methods)}
         if not found:
             raise LfsrError(f"no method of {', '.join(methods)} works at scale {', '.join(map(str, scales))}: "
                             "choose others")

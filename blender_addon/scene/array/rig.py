@@ -199,8 +199,7 @@ def drawn(scene: bpy.types.Scene) -> tuple[bpy.types.Object | None, bpy.types.Ob
 
 
 def _search(scene: bpy.types.Scene) -> tuple[Objects, Objects]:
-    return ([item for item in scene.objects if is_array(item)],
-            [item for item in bpy.data.objects if PLANE in item])
+    return ([item for item in scene.objects if is_array(item)], [item for item in bpy.data.objects if PLANE in item])
 
 
 @bpy.app.handlers.persistent

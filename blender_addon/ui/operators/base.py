@@ -25,16 +25,23 @@ Result = set[str]
 
 
 def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
-    """Make an LfsrError in the operator's method its report, and cancel the operator."""
+    """Make an LfsrError in the operator's method its report, and cancel the operator; Edit Mode is left meanwhile."""
     # Blender counts the arguments of the methods that it calls: no *arguments here.
     @functools.wraps(method)
     def wrapped(self: bpy.types.Operator, context: bpy.types.Context) -> Result:
+        change = bpy.ops.object.mode_set  # in Edit Mode each ray through a large mesh takes hundredths of a second
+        edited = context.active_object if context.mode.startswith("EDIT") and change.poll() else None
         try:
             with system_errors():
+                if edited is not None:
+                    change(mode="OBJECT")
                 return method(self, context)
         except LfsrError as error:
             self.report({"ERROR"}, capitalized(str(error)) if bpy.app.background else for_panel(str(error)))
             return {"CANCELLED"}
+        finally:
+            if edited is not None and context.active_object == edited and context.mode == "OBJECT":
+                change(mode="EDIT")
     return wrapped
 
 

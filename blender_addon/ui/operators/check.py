@@ -89,8 +89,7 @@ def _fit(scene: bpy.types.Scene, _target: str) -> None:
 
 def _to_background(scene: bpy.types.Scene, target: str) -> None:
     item = find_object(target)
-    background = (bpy.data.collections.get(BACKGROUND_COLLECTION)
-                  or bpy.data.collections.new(BACKGROUND_COLLECTION))
+    background = (bpy.data.collections.get(BACKGROUND_COLLECTION) or bpy.data.collections.new(BACKGROUND_COLLECTION))
     check_editable(background)
     if background not in scene.collection.children_recursive:
         scene.collection.children.link(background)
