@@ -39,8 +39,7 @@ def state():
     return plain | held | {"windows": windows, "camera": scene.camera and scene.camera.name,
                            "marked": [item.name for item in live_scene.marked()]}
 """
-IMPORTS = ("from bl_ext.user_default.lfsr.live import scene as live_scene, session as live\n"
-           f"SAMPLES = {SAMPLES}\n")
+IMPORTS = ("from bl_ext.user_default.lfsr.live import scene as live_scene, session as live\n" f"SAMPLES = {SAMPLES}\n")
 LIVE = "next(s for s in bpy.data.scenes if 'lfsr_live' in s)"
 
 
@@ -234,8 +233,7 @@ def test_the_eye_sees_the_light_field(window, place):
     wanted = eye_view(offline, display, eye_place(display, *place), width=256).astype(float)
     start(window, (256, 192), "eye")
     first = window.get("live.live('eye').camera.session_uid")
-    window.run("lfsr = bpy.context.scene.lfsr\n"
-               f"lfsr.live_eye_right, lfsr.live_eye_up, lfsr.live_eye_near = {place}")
+    window.run("lfsr = bpy.context.scene.lfsr\n" f"lfsr.live_eye_right, lfsr.live_eye_up, lfsr.live_eye_near = {place}")
     if place != (0, 0, 1):
         window.until(f"live.live('eye').camera.session_uid != {first}", 10)
     seen = resting(window, "eye-{}-{}-{}".format(*place))[:192, :256].astype(float)
