@@ -94,12 +94,12 @@ def world_radiance(world: bpy.types.World | None) -> float:
 
 
 def _plain_world(world: bpy.types.World | None) -> float:
-    """Radiance of a world of one colour, 0 for any other world."""
+    """Radiance of a world of one colour, 0 for any other world; frames and unused nodes do not count."""
     if world is None:
         return 0.0
     if world.node_tree is None:
         return max(world.color)
-    if any(node.type not in {"BACKGROUND", "OUTPUT_WORLD"} for node in world.node_tree.nodes):
+    if any(node.type != "BACKGROUND" and any(out.is_linked for out in node.outputs) for node in world.node_tree.nodes):
         return 0.0
     return max((max(node.inputs["Color"].default_value[:3]) * node.inputs["Strength"].default_value
                 for node in world.node_tree.nodes if _emits(node)), default=0.0)

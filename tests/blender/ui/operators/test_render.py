@@ -121,4 +121,3 @@ def test_edit_mode_is_left_while_rays_are_sent_and_entered_again(scene, monkeypa
     monkeypatch.setattr(rig, "find", lambda *_, real=rig.find: (modes.append(bpy.context.mode), real(*_))[1])
     assert bpy.ops.lfsr.check_scene() == {"FINISHED"}
     assert modes and set(modes) == {"OBJECT"} and bpy.context.mode == "EDIT_MESH"
-    bpy.ops.object.mode_set(mode="OBJECT")
