@@ -153,8 +153,7 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
                     render_views(scene, shot, settings, path, follow) if frame.layout == VIEW_BY_VIEW
                     else render_encoded(scene, shot, settings, path, follow, parts))
     seconds = {name: round(value, 3) for name, value in seconds.items()}
-    write_frame(request.output, dataclasses.replace(frame, content=opened.content, seconds=seconds,
-                                                    notes=tuple(notes)))
+    write_frame(request.output, dataclasses.replace(frame, content=opened.content, seconds=seconds, notes=tuple(notes)))
     return Path(request.output)
 
 

@@ -66,8 +66,7 @@ class LFSR_OT_export(DescribedByItem, TaskOperator, bpy.types.Operator):
             print(f"Light Field: exported to {target}")
 
         fps = None if self.format in FILMS else _rate(context)
-        return Job("export", {"folder": str(folder), "name": self.format, "target": str(target), "fps": fps},
-                   say_where)
+        return Job("export", {"folder": str(folder), "name": self.format, "target": str(target), "fps": fps}, say_where)
 
 
 class LFSR_OT_show(TaskOperator, bpy.types.Operator):
