@@ -389,11 +389,11 @@ def write_film(path: Path, frames: Iterator[Array], rate: float) -> None:
         if encoder == "libx265":
             codec.codec_tag = "hvc1"  # without which Apple's programs do not play HEVC
         for number, pixels in enumerate(itertools.chain([first], frames)):
-            frame = av.VideoFrame.from_ndarray(pixels, format="rgb24").reformat(
+            image = av.VideoFrame.from_ndarray(pixels, format="rgb24").reformat(
                 format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")
             # PyAV would number a frame by how many the encoder has finished, which its threads decide.
-            frame.pts, frame.time_base = number, 1 / speed
-            film.mux(stream.encode(frame))
+            image.pts, image.time_base = number, 1 / speed
+            film.mux(stream.encode(image))
         film.mux(stream.encode())
 
 
