@@ -373,11 +373,12 @@ def write_film(path: Path, frames: Iterator[Array], rate: float) -> None:
     except ImportError:
         raise LfsrError("MP4 needs the package av, which this Python lacks: pip install 'lfsr[video]', or choose "
                         "type png and encode the frames elsewhere") from None
-    first, speed = next(frames), Fraction(rate).limit_denominator(1001)
+    first = next(frames)
     encoder = "libx264" if max(first.shape[:2]) <= H264_SIDE else "libx265"
     with av.open(str(path), "w", options={"movflags": "faststart"}) as film:
         try:
-            stream: Any = film.add_stream(encoder, rate=speed, options=ENCODERS[encoder])
+            stream: Any = film.add_stream(encoder, rate=Fraction(rate).limit_denominator(1001),
+                                          options=ENCODERS[encoder])
         except ValueError:
             raise LfsrError(f"films of {first.shape[1]}×{first.shape[0]} pixels need {encoder}, which this Python's "
                             "package av lacks: choose type png and encode the frames elsewhere") from None
@@ -388,12 +389,9 @@ def write_film(path: Path, frames: Iterator[Array], rate: float) -> None:
         codec.color_primaries = codec.color_trc = codec.colorspace = codec.color_range = 1
         if encoder == "libx265":
             codec.codec_tag = "hvc1"  # without which Apple's programs do not play HEVC
-        for number, pixels in enumerate(itertools.chain([first], frames)):
-            image = av.VideoFrame.from_ndarray(pixels, format="rgb24").reformat(
-                format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")
-            # PyAV would number a frame by how many the encoder has finished, which its threads decide.
-            image.pts, image.time_base = number, 1 / speed
-            film.mux(stream.encode(image))
+        for pixels in itertools.chain([first], frames):
+            film.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, format="rgb24").reformat(
+                format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")))
         film.mux(stream.encode())
 
 
