@@ -58,9 +58,11 @@ def white_to_camera(scene: bpy.types.Scene, kept: list[bpy.types.ID] | None = No
             yield
         return
     with new_data() as made:
+        made += kept or ()  # of another frame
         shown = scene.world.copy()
         shown[NAME] = scene.frame_current
-        (made if kept is None else kept).append(shown)
+        kept = made if kept is None else kept
+        kept[:] = [shown]
         plain = shown.node_tree is None
         compat.use_nodes(shown)
         wiring = Wiring(shown.node_tree)
