@@ -49,6 +49,7 @@ DISPARITY_FILE, PARAMETERS_FILE = "gt_disp_lowres.pfm", "parameters.cfg"
 QUALITY = 90  # of WebP
 ENCODERS = {"libx264": {"crf": "18", "preset": "medium"},  # without visible loss
             "libx265": {"crf": "20", "preset": "fast", "x265-params": "log-level=error"}}
+MOST_DELAY = 16  # frames from decoding to showing; libx265 leaves that of a film of one frame undefined
 RATES = {"mp4": 30, "gif": 20, "webp": 20, "png": 30}  # frames per second; GIF counts in hundredths of a second
 LOOPING = ("gif", "webp")  # start again by themselves
 ANIMATION_RATE = 24  # Blender's default
@@ -373,12 +374,11 @@ def write_film(path: Path, frames: Iterator[Array], rate: float) -> None:
     except ImportError:
         raise LfsrError("MP4 needs the package av, which this Python lacks: pip install 'lfsr[video]', or choose "
                         "type png and encode the frames elsewhere") from None
-    first = next(frames)
+    first, speed = next(frames), Fraction(rate).limit_denominator(1001)
     encoder = "libx264" if max(first.shape[:2]) <= H264_SIDE else "libx265"
     with av.open(str(path), "w", options={"movflags": "faststart"}) as film:
         try:
-            stream: Any = film.add_stream(encoder, rate=Fraction(rate).limit_denominator(1001),
-                                          options=ENCODERS[encoder])
+            stream: Any = film.add_stream(encoder, rate=speed, options=ENCODERS[encoder])
         except ValueError:
             raise LfsrError(f"films of {first.shape[1]}×{first.shape[0]} pixels need {encoder}, which this Python's "
                             "package av lacks: choose type png and encode the frames elsewhere") from None
@@ -389,10 +389,13 @@ def write_film(path: Path, frames: Iterator[Array], rate: float) -> None:
         codec.color_primaries = codec.color_trc = codec.colorspace = codec.color_range = 1
         if encoder == "libx265":
             codec.codec_tag = "hvc1"  # without which Apple's programs do not play HEVC
-        for pixels in itertools.chain([first], frames):
-            film.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, format="rgb24").reformat(
-                format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")))
-        film.mux(stream.encode())
+        pictures = (av.VideoFrame.from_ndarray(pixels, format="rgb24").reformat(
+            format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG")
+            for pixels in itertools.chain([first], frames))
+        for packet in itertools.chain.from_iterable(map(stream.encode, itertools.chain(pictures, [None]))):
+            if not 0 <= packet.pts - packet.dts <= MOST_DELAY:
+                packet.dts = packet.pts
+            film.mux(packet)
 
 
 def central_disparity(field: LightField) -> Array | None:

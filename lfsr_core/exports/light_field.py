@@ -229,7 +229,6 @@ def _weights(size: int, target: int, covers: float = 1) -> Array:
     taps = np.floor(places).astype(int)[:, None] + np.arange(1 - reach, reach + 1)
     weights = cubic((places[:, None] - taps) / stretch)
     matrix = np.zeros((target, size), np.float32)
-    np.add.at(matrix, (np.arange(target)[:, None], np.clip(taps, 0, size - 1)),
-              weights / weights.sum(1, keepdims=True))
+    np.add.at(matrix, (np.arange(target)[:, None], np.clip(taps, 0, size - 1)), weights / weights.sum(1, keepdims=True))
     matrix[(places < -0.5) | (places > size - 0.5)] = 0
     return matrix

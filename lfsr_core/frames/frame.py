@@ -390,8 +390,7 @@ def scales_up_to(display: DisplayProfile) -> tuple[int, ...]:
     If there are none, the smallest that divides the views, and 1.
     """
     fewest = min((count for count in display.views if count > 1), default=1)
-    usual = [scale for scale in display.scales() if scale <= MOST_SCALE
-             and (scale <= 2 or fewest >= MIN_VIEWS * scale)]
+    usual = [scale for scale in display.scales() if scale <= MOST_SCALE and (scale <= 2 or fewest >= MIN_VIEWS * scale)]
     return (*sorted(usual or display.scales()[:1], reverse=True), 1)
 
 

@@ -72,5 +72,4 @@ def write_job(farm: str, folder: Path, request: Request, finish: Finish, frames:
         "settings": {"blendfile": scene, "frames": listed, "lfsr": "lfsr"}
         | {name.lower(): value for name, value in values.items()}})
     words = ["curl", "-H", "Content-Type: application/json", "--data", f"@{data}", "http://MANAGER:8080/api/v3/jobs"]
-    return (shlex.join(words),
-            f"Put your manager in place of MANAGER, once {script.name} is in its folder scripts")
+    return (shlex.join(words), f"Put your manager in place of MANAGER, once {script.name} is in its folder scripts")

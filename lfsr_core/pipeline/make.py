@@ -242,8 +242,7 @@ def render_all(requests: Sequence[Request], blender: Starts, tell: Tell = silent
     for request in requests:
         folders[request.output].check_free(request.kind)
     with contextlib.ExitStack() as stack:
-        waiting = [(request, stack.enter_context(staging_folder(folders[request.output].path)))
-                   for request in requests]
+        waiting = [(request, stack.enter_context(staging_folder(folders[request.output].path))) for request in requests]
 
         def publish() -> None:
             request, staging = waiting.pop(0)
