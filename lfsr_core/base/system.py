@@ -188,6 +188,9 @@ def remove_dead(target: Path) -> list[Path]:
     ours = re.compile(re.escape(f".{target.name}-") + r"[a-z0-9_]{8}", re.IGNORECASE if _ignores_case(place) else 0)
     for folder in [path for path in place.iterdir() if ours.fullmatch(path.name)]:
         is_released = (folder / RELEASED_FILE).exists()  # before its lock, because it goes after it
+        with contextlib.suppress(OSError):
+            if LOCK_FILE not in (os.listdir(folder) or [LOCK_FILE]):
+                remove(folder)  # a process that outlived its maker has made it again
         with contextlib.suppress(OSError), (folder / LOCK_FILE).open("rb") as lock:
             if not locks(lock):
                 used += [] if is_released else [folder]

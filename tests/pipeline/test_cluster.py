@@ -68,24 +68,36 @@ def test_the_commands_workers_make_the_pictures_of_one_process(scheduler, tmp_pa
 
 
 def slow(path: Path) -> str:
-    """A played Blender that says by a file of its process's name that it is at work, and takes its time."""
-    return changed_blender(path, "open(here + f'.{os.getppid()}.pid', 'w').close()\ntime.sleep(1.5)")
+    """A played Blender whose first render never ends; a file tells the processes of its worker and of it."""
+    return changed_blender(path, """
+try:
+    os.open(here + '.first', os.O_CREAT | os.O_EXCL)
+    Path(here + '.pids').write_text(f'{os.getppid()} {os.getpid()} end')
+    time.sleep(600)
+except FileExistsError:
+    pass
+""")
+
+
+def of_first(blender: str) -> tuple[int, int]:
+    """Processes of the worker that began first and of its Blender."""
+    pids = Path(f"{blender}.pids")
+    wait_for(lambda: pids.exists() and pids.read_text().endswith("end"))
+    return tuple(map(int, pids.read_text().split()[:2]))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="kills")
 def test_a_dead_workers_frames_are_made_by_others(scheduler, tmp_path, alone):
-    killed: list[int] = []
+    blender = slow(tmp_path / "blender")
 
     def kill_first_worker() -> None:
-        wait_for(lambda: list(tmp_path.glob("blender.*.pid")))
-        killed.append(int(next(tmp_path.glob("blender.*.pid")).suffixes[-2][1:]))
-        os.kill(killed[0], signal.SIGKILL)
+        for pid in of_first(blender):  # Blender ends with its input
+            os.kill(pid, signal.SIGKILL)
     thread = threading.Thread(target=kill_first_worker, daemon=True)
     thread.start()
-    made = film_on(scheduler.scheduler_address, tmp_path, slow(tmp_path / "blender"))
+    made = film_on(scheduler.scheduler_address, tmp_path, blender)
     thread.join(5)
-    assert killed and states(made) == [MADE] * 3 and images(tmp_path / "film") == alone
-    assert len(list(tmp_path.glob("blender.*.pid"))) >= 2, "another worker has taken over"
+    assert states(made) == [MADE] * 3 and images(tmp_path / "film") == alone
 
 
 @pytest.fixture
@@ -121,20 +133,20 @@ def test_the_end_of_all_workers_or_of_the_scheduler_is_told(processes, alone, tm
     """And the next run, on other workers, clears what the dead one left."""
     monkeypatch.setattr(cluster, "SECONDS_WITHOUT_WORKERS", 1)
     scheduler, worker, address = processes
-    ended = worker if kind == "worker" else scheduler
+    ended, blender = worker if kind == "worker" else scheduler, slow(tmp_path / "blender")
 
     def kill() -> None:
-        wait_for(lambda: list(tmp_path.glob("blender.*.pid")))  # a worker has begun a frame
+        of_first(blender)
         ended.kill()
     thread = threading.Thread(target=kill, daemon=True)
     thread.start()
     started = time.monotonic()
-    blender = slow(tmp_path / "blender")
     refuses(sentence, film_on, address, tmp_path, blender)
     assert time.monotonic() - started < 30
     assert "Traceback" not in capfd.readouterr().err
     worker.kill()
     worker.wait()
+    os.kill(of_first(blender)[1], signal.SIGKILL)  # as Blender ends with its input
     with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as other:
         film_on(other.scheduler_address, tmp_path, blender)
     assert images(tmp_path / "film") == alone
