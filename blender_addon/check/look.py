@@ -155,7 +155,7 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, mai
     is_in_box = bool((np.array(eye.translation) > low).all() and (np.array(eye.translation) < high).all())
     if len(inner) > len(hits) / 2 and is_in_box and np.median(
             [(hit[0] - eye.translation).length for hit in inner]) < (0.5 if is_unaimed else CLOSE) * size and not (
-            edit.is_inside(rays, eye.translation, (low, high))):
+            edit.view_of_room(rays, main, low, high)):
         return f"The array stands inside {inner[0][2].name}."
     if not seen:
         return f"The array sees nothing of {name}." if is_unaimed or hits.count(None) > len(hits) / 2 else ""
@@ -166,7 +166,7 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, mai
         local = points @ toward[:3, :3].T + toward[:3, 3]
         half = np.array([array.half_width, array.half_height]) / array.distance
         inside = (local[:, 2] > 0) & (np.abs(local[:, :2]) < half * local[:, 2:]).all(1)
-        if not is_in_box and edit.view_of_room(rays, low, high) is not None:
+        if not is_in_box and edit.view_of_room(rays, main, low, high) is not None:
             return f"The array stands outside a room. {UNAIMED}."
         if not inside.all():
             return f"{1 - inside.mean():.0%} of {name} lies outside the frame. {UNAIMED}."

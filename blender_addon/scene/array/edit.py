@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterator
 
 import bpy
 import mathutils
@@ -187,7 +187,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
     rays, shown = Rays(scene), with_instanced(set(chosen))
     low, high = points.min(0), points.max(0)
-    if (view := view_of_room(rays, low, high)) is not None:
+    if (view := view_of_room(rays, chosen, low, high)) is not None:
         return placement.array_of_view(scene, profile, subject, view)
     choices = list[tuple[float, Placement]]()
     # What lies below a sea or a ground that cuts the subject may be hidden: it is fitted with and without it.
@@ -271,75 +271,84 @@ GRID, HEIGHT, MARGIN = 5, 0.5, 0.15  # places across a room's bounding box, at h
 YAWS = 12  # directions of view at each place
 HALF_WIDTH = 0.6  # of the view at distance 1: about 62°
 VIEW_ACROSS, VIEW_DOWN = 7, 3  # rays of a view
-ENCLOSED, FACING, LEAST_PLACES = 0.95, 0.6, 3  # least fractions of rays that hit, and that hit a front
-WALLS = 1000  # most polygons of a room whose walls face outwards
-# Where walls are, from the middle of the box of what stands in a room, in its sizes: 0.5 is its side.
-SIDE, OUTSIDE, BOXY = 0.42, 2.0, 0.5  # the fraction of rays that must end there at least
+ENCLOSED = 0.95  # least fraction of the rays that hit, from what is closed on all sides
+FACES, BLOCKED = 300, 0.85  # faces that tell a room; the fraction of the rays from a face in it that must hit
+ROOM = 0.5  # faces seen from inside alone, at least, to each face that is open to the outside
 NEAR = 0.15  # of the median depth of a view, at which nothing may stand in its way
 AROUND = [mathutils.Vector(way).normalized() for way in itertools.product((-1, 0, 1), repeat=3) if any(way)]
 
 Hit = tuple[mathutils.Vector, bool, bpy.types.Object]  # place, whether the front of a surface is hit, what is hit
-Box = tuple[Array, Array]  # lowest and highest world corner (3,)
-
-
-def cast(rays: Rays, start: mathutils.Vector, ways: Iterable[mathutils.Vector]) -> list[Hit | None]:
-    """Return what rays from ``start`` meet first."""
-    hits = ((rays.cast(start, way), way) for way in ways)
-    return [(hit[0], hit[1].dot(way) < 0, hit[2]) if hit else None for hit, way in hits]
 
 
 def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = PROBES[1]) -> list[Hit | None]:
     """Return what rays from the middle of a ``placed`` array, spread over its display, meet first."""
     array, eye = placed[0], mathutils.Matrix(placed[1])
     half = array.half_width / array.distance, array.half_height / array.distance
-    return cast(rays, eye.translation, [eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))
-                                        for x in np.linspace(-1, 1, across) for y in np.linspace(-1, 1, down)])
+    ways = [eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))
+            for x in np.linspace(-1, 1, across) for y in np.linspace(-1, 1, down)]
+    hits = (rays.cast(eye.translation, way) for way in ways)
+    return [(hit[0], hit[1].dot(way) < 0, hit[2]) if hit else None for hit, way in zip(hits, ways, strict=True)]
 
 
-def is_inside(rays: Rays, place: mathutils.Vector, box: Box | None = None) -> bool:
-    """Return True if ``place`` is in a room: closed on all sides, by walls that face it or that hold other things.
+def is_inside(rays: Rays, place: mathutils.Vector) -> bool:
+    """Return True if ``place`` is closed on all sides: no light of a world arrives there."""
+    return sum(rays.cast(place, way) is not None for way in AROUND) >= ENCLOSED * len(AROUND)
 
-    With the bounding ``box`` of what stands there only if most walls lie at its sides or not far beyond them, and
-    something stands between them: else it is the inside of a solid thing, or of a dome.
+
+def _faces(rays: Rays, items: Collection[bpy.types.Object]) -> Iterator[tuple[mathutils.Vector, mathutils.Vector]]:
+    """Middle and normal, in the world, of at most FACES polygons of ``items``, evenly out of all."""
+    shown = with_instanced(set(items))
+    shapes = [(instance.object.data.polygons, instance.matrix_world.copy())
+              for instance in rays.depsgraph.object_instances
+              if instance.object.type == "MESH" and instance.object.original in shown]
+    ends = np.cumsum([0, *(len(polygons) for polygons, _ in shapes)])
+    for number in np.unique(np.linspace(0, ends[-1] - 1, FACES).round().astype(int)) if ends[-1] else ():
+        index = int(np.searchsorted(ends, number, "right")) - 1
+        polygons, matrix = shapes[index]
+        face = polygons[int(number - ends[index])]
+        yield matrix @ face.center, (matrix.to_3x3().inverted_safe().transposed() @ face.normal).normalized()
+
+
+def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, high: Array) -> View | None:
+    """Return the longest free view inside ``items`` in a box of world corners ``low``, ``high`` (3,); None if no room.
+
+    A room has many faces that are seen from inside alone: both of their sides are shut off from the outside.
     """
-    hits = cast(rays, place, AROUND)
-    met = [hit for hit in hits if hit is not None]
-    if len(met) < ENCLOSED * len(hits):
-        return False
-    if box is not None:
-        low, size = box[0], np.maximum(box[1] - box[0], 1e-9)
-        middle = np.abs((np.array([hit[0] for hit in met]) - low) / size - 0.5).max(1)  # 0.5 at the box's sides
-        if (np.median(middle) > OUTSIDE or (middle > SIDE).mean() < BOXY
-                or not (middle < SIDE).any()):
-            return False
-    if sum(faces for _, faces, _ in met) >= FACING * len(met):
-        return True
-    walls = {item for _, faces, item in met if not faces}
-    return (all(item.type == "MESH" and len(item.data.polygons) < WALLS for item in walls)
-            and any(faces and item not in walls for _, faces, item in met))
-
-
-def view_of_room(rays: Rays, low: Array, high: Array) -> View | None:
-    """Return the longest free view inside a box of world corners ``low``, ``high`` (3,); None where that is no room."""
     size = high - low
+    reach = float(np.linalg.norm(size))
+    faces = list(_faces(rays, items))
+
+    def is_shut_off(at: mathutils.Vector, side: mathutils.Vector) -> bool:
+        ways = [way for way in AROUND if way.dot(side) > 0.2]
+        escaping = (way for way in ways if rays.cast(at + side * 1e-4 * reach, way, reach) is None)
+        most = int((1 - BLOCKED) * len(ways))
+        return len(list(itertools.islice(escaping, most + 1))) <= most
+    inner = [face for face in faces if is_shut_off(*face) and is_shut_off(face[0], -face[1])]
+    least = ROOM * (len(faces) - len(inner))
+    if not inner or len(inner) < least:
+        return None
     shares = np.linspace(MARGIN, 1 - MARGIN, GRID)
     places = [mathutils.Vector((*(low[:2] + size[:2] * (x, y)), low[2] + HEIGHT * size[2]))
               for x, y in itertools.product(shares, repeat=2)]
-    inside = [place for place in places if is_inside(rays, place, (low, high))]
-    if len(inside) < LEAST_PLACES:
-        return None
+    free = list[mathutils.Vector]()
     best, most = None, 0.0
-    for place, step in itertools.product(inside, range(YAWS)):
+    for place, step in itertools.product(places, range(YAWS)):
         turn = mathutils.Euler((math.pi / 2, 0, math.tau * step / YAWS)).to_matrix()
         ways = [turn @ mathutils.Vector((x, y, -1)) for x in np.linspace(-HALF_WIDTH, HALF_WIDTH, VIEW_ACROSS)
                 for y in np.linspace(-HALF_WIDTH / 2, HALF_WIDTH / 2, VIEW_DOWN)]
-        hits = [hit for hit in cast(rays, place, ways) if hit is not None]
+        hits = [hit for hit in itertools.takewhile(bool, (rays.cast(place, way) for way in ways)) if hit]
         if len(hits) < len(ways):
             continue  # it looks out of a window or a hole
         nearest, middle = np.percentile([(at - place).length for at, _, _ in hits], (5, 50))
-        worth = middle * len({item for _, _, item in hits})**0.5  # a long view of things, not of a wall
-        if nearest > NEAR * middle and worth > most:
+        # A long view of things, not of a wall.
+        worth = middle * len({(item, tuple(map(round, 2 * normal))) for _, normal, item in hits})**0.5
+        if nearest <= NEAR * middle:
+            continue
+        free += [] if place in free[-1:] else [place]
+        if worth > most:
             matrix = turn.to_4x4()
             matrix.translation = place
             best, most = View(matrix, HALF_WIDTH, float(middle), (0.0, MOST_REACH), True), float(worth)
-    return best
+    seen = sum(any(normal.dot(at - place) < 0 and rays.cast(place, at - place, (at - place).length * (1 - 1e-4)) is None
+                   for place in free) for at, normal in inner)
+    return best if seen > least else None

@@ -104,13 +104,40 @@ def test_of_a_room_the_inside_is_seen(startup, lamp):
     assert np.median(depths) > 2.5, "the longest view"
 
 
+def is_room(scene, items) -> bool:
+    points = np.concatenate(list(edit.boxes_now(set(items)).values()))
+    return edit.view_of_room(Rays(scene), items, points.min(0), points.max(0)) is not None
+
+
 def test_a_solid_thing_and_a_dome_are_no_rooms(startup):
+    """Nor is a cart, whose wheels reach into it. A house of one mesh is one, whichever way its walls face."""
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     bpy.ops.mesh.primitive_uv_sphere_add(radius=2)
-    assert edit.view_of_room(Rays(startup), np.full(3, -2.0), np.full(3, 2.0)) is None
-    bpy.ops.object.delete()
+    ball = bpy.context.object
+    assert not is_room(startup, [ball])
     bpy.ops.mesh.primitive_uv_sphere_add(radius=200)
-    assert edit.view_of_room(Rays(startup), np.full(3, -1.0), np.full(3, 1.0)) is None
+    assert not is_room(startup, [ball])
+    bpy.ops.object.delete()
+    bpy.data.objects.remove(ball)
+    parts = [add_box((0, 0, 1), (1, 0.5, 0.5))]
+    for x in (-0.7, 0.7):
+        for y in (-0.5, 0.5):
+            bpy.ops.mesh.primitive_cylinder_add(location=(x, y, 0.4), radius=0.35, depth=0.2,
+                                                rotation=(np.pi / 2, 0, 0))
+            parts.append(bpy.context.object)
+    assert not is_room(startup, parts)
+    for part in parts:
+        bpy.data.objects.remove(part)
+    bpy.ops.mesh.primitive_monkey_add(location=(0, 1, -0.6))
+    bpy.ops.mesh.primitive_cube_add(size=2, scale=(3, 4, 1.4))
+    startup.objects["Suzanne"].select_set(True)
+    bpy.ops.object.join()
+    assert is_room(startup, [bpy.context.object])
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.flip_normals()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert is_room(startup, [bpy.context.object])
 
 
 def test_a_selected_part_of_a_figure_is_not_all_of_the_picture(startup):
