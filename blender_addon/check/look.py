@@ -83,8 +83,8 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
 
 @contextmanager
 def _without(item: bpy.types.Object | None) -> Iterator[None]:
-    """Hide an object from rays inside the block."""
-    with overridden(item, {"hide_viewport": True}) if item is not None else nullcontext():
+    """Hide an object inside the block."""
+    with overridden(item, {"hide_viewport": True, "hide_render": True}) if item is not None else nullcontext():
         bpy.context.view_layer.update()
         yield
     bpy.context.view_layer.update()
@@ -228,11 +228,9 @@ def _seen(scene: bpy.types.Scene) -> tuple[CameraArray, float, float]:
 def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: bool) -> bool:
     """True if hardly any light of lamps and of the world comes back from the places that the array sees.
 
-    What rays do not tell, light that is reflected or of a material, a proof of 64 pixels across does, but for a scene
-    that ``is_new``.
+    What rays do not tell, light that is reflected or of a material, a proof of 64 pixels across does; of a scene that
+    ``is_new``, in which nobody has placed lamps, only where a material shines.
     """
-    if has_emission(scene) and is_new:
-        return False
     array, matrix = placed
     eye = mathutils.Matrix(matrix)
     half = array.half_width / array.distance, array.half_height / array.distance
@@ -255,7 +253,7 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: 
         seen.append(light * scattered + above * reflected)
         arriving.append((light + above) * min(reflected / LEAST_ALBEDO, 1.0))
     seems_dark = is_dim(np.array(arriving), np.array(seen), scene.view_settings.exposure)
-    if is_new or not seems_dark:
+    if not seems_dark or (is_new and not has_emission(scene)):
         return seems_dark
     from ..render.frame_folder import is_dark  # reads EXR files, which the panel starts without
 
@@ -263,7 +261,7 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: 
     slots = result.render_slots if result is not None else ()
     # In the last slot of Blender's own result, so that the artist's stays.
     with overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
-        return is_dark(scene, scene_settings.resolve(scene).request)
+        return is_dark(scene, scene_settings.resolve(scene).request, placed)
 
 
 def _reflected(item: bpy.types.Object) -> tuple[float, float]:

@@ -203,16 +203,16 @@ def settled_light(scene: bpy.types.Scene, request: Request, say: Say) -> str:
     return light
 
 
-def is_dark(scene: bpy.types.Scene, request: Request) -> bool:
-    """Measure with a tiny render if most of what the middle of the array sees of the subject is hardly lit.
+def is_dark(scene: bpy.types.Scene, request: Request, placed: Placement | None = None) -> bool:
+    """Measure with a tiny render if most of what the middle of a ``placed`` array, else of the scene's, sees is dark.
 
     Compared is the brightness, at the scene's exposure, that a white surface would have in its place. What shines does
-    not count by its brightness but by its size: half of the subject decides. False also where the subject is not in
+    not count by its brightness but by its size: half of the subject decides. False also where that is not in
     sight; the render says that.
     """
     with suppress(LfsrError):
         subject = find_subject(scene, request.subject)
-        placed = placement.place_array(scene, request.display, subject)
+        placed = placed or placement.place_array(scene, request.display, subject)
         settings = RenderSettings(LIGHT_SAMPLES, layers=("albedo", "index"), device=compat.best_device(request.device))
         with _resting(scene), pass_indices(subject):
             layers = _seen_from_middle(scene, placed, settings, LIGHT_WIDTH)

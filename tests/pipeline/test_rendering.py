@@ -234,5 +234,5 @@ def test_interrupt_stops_blender_and_leaves_nothing(blender, job, tmp_path, sent
     assert program.returncode == 130, errors
     assert "interrupted" in errors
     assert "Traceback" not in errors
-    assert not Path(f"/proc/{pid_file.read_text()}").exists(), "Blender must not live on"
+    wait_for(lambda: not Path(f"/proc/{pid_file.read_text()}").exists())  # Blender must not live on
     assert leftovers(job) == []

@@ -88,10 +88,12 @@ def make_room(scene, lamp: bool) -> None:
         scene.objects["Light"].location = (0, 0, 2.5)
 
 
-@pytest.mark.parametrize("lamp", [True, False])
-def test_of_a_room_the_inside_is_seen(startup, lamp):
+@pytest.mark.parametrize(("lamp", "glow"), [(True, 0), (False, 0), (False, 1e-3)])
+def test_of_a_room_the_inside_is_seen(startup, lamp, glow):
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     make_room(startup, lamp)
+    bpy.context.object.active_material = material = bpy.data.materials.new("Glow")
+    material.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = glow
     found = looked(startup)
     assert "outside a room" in found["frame"] and ("dark" in found) != lamp
     mend(startup)
