@@ -104,6 +104,10 @@ def test_random_numbers_of_every_render_are_its_own(tmp_path, rendered):
     assert len({job.seed for job in jobs}) == len(jobs)
     assert all(job.clamp_indirect == (0.0 if job.kind == "reference" else None) for job in jobs)
     assert {job.layers for job in jobs if job.kind == "render"} == {JOB.layers}
+    assert {len(job.lens_list) for job in jobs if job.lens_list} == {40}
+    options = dataclasses.replace(OPTIONS, scales=(2,), samples=(4,), methods=("denoise+bilinear",))
+    plan(JOB, options, remember, tmp_path / "denoised")
+    assert len(jobs[-1].lens_list) > 40, "a denoiser sees the neighbours"
 
 
 def test_an_unreachable_target_names_the_best_and_what_takes_too_long_is_not_chosen(tmp_path):
