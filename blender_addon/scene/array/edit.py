@@ -272,11 +272,14 @@ YAWS = 12  # directions of view at each place
 HALF_WIDTH = 0.6  # of the view at distance 1: about 62°
 VIEW_ACROSS, VIEW_DOWN = 7, 3  # rays of a view
 ENCLOSED = 0.95  # least fraction of the rays that hit, from what is closed on all sides
-FACES, BLOCKED = 300, 0.85  # faces that tell a room; the fraction of the rays from a face in it that must hit
+FACES, BLOCKED = 200, 0.85  # faces that tell a room; the fraction of the rays from a face in it that must hit
 ROOM = 0.5  # faces seen from inside alone, at least, to each face that is open to the outside
+INSIDE_OUT = 0.5  # least fraction of the faces whose backs alone are open, of a solid thing whose faces point inwards
+LEAST_DEPTH = 0.1  # of a view inside a room, as a fraction of its diagonal
 NEAR = 0.15  # of the median depth of a view, at which nothing may stand in its way
 AROUND = [mathutils.Vector(way).normalized() for way in itertools.product((-1, 0, 1), repeat=3) if any(way)]
 
+Face = tuple[mathutils.Vector, mathutils.Vector]  # place and normal
 Hit = tuple[mathutils.Vector, bool, bpy.types.Object]  # place, whether the front of a surface is hit, what is hit
 
 
@@ -295,37 +298,52 @@ def is_inside(rays: Rays, place: mathutils.Vector) -> bool:
     return sum(rays.cast(place, way) is not None for way in AROUND) >= ENCLOSED * len(AROUND)
 
 
-def _faces(rays: Rays, items: Collection[bpy.types.Object]) -> Iterator[tuple[mathutils.Vector, mathutils.Vector]]:
-    """Middle and normal, in the world, of at most FACES polygons of ``items``, evenly out of all."""
-    shown = with_instanced(set(items))
-    shapes = [(instance.object.data.polygons, instance.matrix_world.copy())
-              for instance in rays.depsgraph.object_instances
-              if instance.object.type == "MESH" and instance.object.original in shown]
-    ends = np.cumsum([0, *(len(polygons) for polygons, _ in shapes)])
-    for number in np.unique(np.linspace(0, ends[-1] - 1, FACES).round().astype(int)) if ends[-1] else ():
-        index = int(np.searchsorted(ends, number, "right")) - 1
-        polygons, matrix = shapes[index]
-        face = polygons[int(number - ends[index])]
-        yield matrix @ face.center, (matrix.to_3x3().inverted_safe().transposed() @ face.normal).normalized()
+def _faces(rays: Rays, items: Collection[bpy.types.Object]) -> list[list[Face]]:
+    """Middle and normal, in the world, of FACES polygons of ``items``, spread evenly over their number, and area."""
+    shown, areas, faces = with_instanced(set(items)), list[Array](), dict[int, Face]()
+
+    def meshes() -> Iterator[tuple[bpy.types.MeshPolygons, mathutils.Matrix]]:
+        for instance in rays.depsgraph.object_instances:  # which holds no instance for longer than its turn
+            if instance.object.type == "MESH" and instance.object.original in shown:
+                yield instance.object.data.polygons, instance.matrix_world
+    for polygons, matrix in meshes():
+        areas.append(np.empty(len(polygons), np.float32))
+        polygons.foreach_get("area", areas[-1])
+        areas[-1] *= abs(matrix.determinant())**(2 / 3)
+    if not areas or not (every := np.concatenate(areas)).any():
+        return []
+    until = [np.cumsum(weights, dtype=float) for weights in (np.ones_like(every), every)]
+    chosen = [np.searchsorted(sums, (np.arange(FACES) + 0.5) / FACES * sums[-1]) for sums in until]
+    start, numbers = 0, np.unique(chosen)
+    for polygons, matrix in meshes():
+        turn = matrix.to_3x3().inverted_safe().transposed()
+        for number in numbers[slice(*np.searchsorted(numbers, (start, start + len(polygons))))]:
+            polygon = polygons[int(number) - start]
+            faces[number] = matrix @ polygon.center, (turn @ polygon.normal).normalized()
+        start += len(polygons)
+    return [[faces[number] for number in numbers] for numbers in chosen]
 
 
 def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, high: Array) -> View | None:
     """Return the longest free view inside ``items`` in a box of world corners ``low``, ``high`` (3,); None if no room.
 
-    A room has many faces that are seen from inside alone: both of their sides are shut off from the outside.
+    Of a room, many faces or much of their area is seen from inside alone, shut off from the outside.
     """
     size = high - low
     reach = float(np.linalg.norm(size))
-    faces = list(_faces(rays, items))
 
     def is_shut_off(at: mathutils.Vector, side: mathutils.Vector) -> bool:
         ways = [way for way in AROUND if way.dot(side) > 0.2]
         escaping = (way for way in ways if rays.cast(at + side * 1e-4 * reach, way, reach) is None)
         most = int((1 - BLOCKED) * len(ways))
         return len(list(itertools.islice(escaping, most + 1))) <= most
-    inner = [face for face in faces if is_shut_off(*face) and is_shut_off(face[0], -face[1])]
-    least = ROOM * (len(faces) - len(inner))
-    if not inner or len(inner) < least:
+    inner = list[list[Face]]()
+    for faces in _faces(rays, items):
+        shut = [face for face in faces if is_shut_off(*face)]
+        is_inside_out = sum(not is_shut_off(at, -normal) for at, normal in shut) > INSIDE_OUT * FACES
+        if len(shut) > ROOM * (FACES - len(shut)) and not is_inside_out:
+            inner.append(shut)
+    if not inner:
         return None
     shares = np.linspace(MARGIN, 1 - MARGIN, GRID)
     places = [mathutils.Vector((*(low[:2] + size[:2] * (x, y)), low[2] + HEIGHT * size[2]))
@@ -349,6 +367,12 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
             matrix = turn.to_4x4()
             matrix.translation = place
             best, most = View(matrix, HALF_WIDTH, float(middle), (0.0, MOST_REACH), True), float(worth)
-    seen = sum(any(normal.dot(at - place) < 0 and rays.cast(place, at - place, (at - place).length * (1 - 1e-4)) is None
-                   for place in free) for at, normal in inner)
-    return best if seen > least else None
+    if best is None or best.pivot < LEAST_DEPTH * reach:
+        return None
+
+    def is_seen(at: mathutils.Vector, normal: mathutils.Vector) -> bool:
+        before = at + normal * 1e-4 * reach
+        return any(normal.dot(before - place) < 0 and rays.cast(before, place - before, (place - before).length) is None
+                   for place in free)
+    is_room = any(sum(is_seen(*face) for face in faces) > ROOM * (FACES - len(faces)) for faces in inner)
+    return best if is_room else None
