@@ -107,7 +107,10 @@ def _plain_world(world: bpy.types.World | None) -> float:
 
 @contextmanager
 def lit(scene: bpy.types.Scene, light: str) -> Iterator[None]:
-    """Light ``scene`` inside the block: OWN leaves it as it is, EVEN adds lamps, anything else is a world image."""
+    """Light ``scene`` inside the block: OWN leaves it as it is, EVEN adds lamps, anything else is a world image.
+
+    Even light is what arrives from the lamps alone: in a white room, reflected light would make all surfaces as bright.
+    """
     if light == OWN:
         yield
     elif light == EVEN:
@@ -117,7 +120,8 @@ def lit(scene: bpy.types.Scene, light: str) -> Iterator[None]:
                 lamp.rotation_euler = math.radians(90 - above), 0, math.radians(around)
                 lamp.data.energy, lamp.data.use_shadow, lamp.visible_camera = strength, False, False
                 scene.collection.objects.link(lamp)
-            yield
+            with compat.overridden(scene.cycles, {"diffuse_bounces": 0}):
+                yield
         finally:
             bpy.data.batch_remove([data for lamp in lamps for data in (lamp, lamp.data)])
     else:

@@ -133,8 +133,7 @@ def test_what_an_image_cannot_light_is_lit_evenly(scene, tmp_path):
     frame = read_frame(tmp_path / "out")
     assert "encloses it" in said and frame.light == "even" and frame.world_visible
     color = image_files.read_layers(tmp_path / "out" / "lr_eia.exr")["color"][..., :3].max(-1)
-    assert np.median(color) > 0.05
-    assert not bpy.data.lights
+    assert 0.05 < np.median(color) < 0.5 and not bpy.data.lights, "walls have shades of their own"
 
 
 def test_light_is_chosen_by_hand(scene, tmp_path):
