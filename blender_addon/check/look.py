@@ -71,12 +71,13 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
         yield from _deep(scene, placed, display, *depths)
     if scene.lfsr.light not in SCENE_LIGHTS or not has_light(scene):
         return
-    lamps = [item for item in scene.objects if item.type == "LIGHT"]
-    is_imported = bool(reason) or startup_cube(scene) is not None
-    if is_imported and len(lamps) == 1 and not has_emission(scene) and (
-            lamps[0].matrix_world.translation - mathutils.Vector(STARTUP_LAMP)).length < 1e-3:
+    lamps = [item for item in scene.objects if item.type == "LIGHT" and not item.hide_render]
+    is_imported = bool(reason) or startup_cube(scene) is not None  # which the lamp of the new file was not to light
+    own = [item for item in lamps if not is_imported
+           or (item.matrix_world.translation - mathutils.Vector(STARTUP_LAMP)).length > 1e-3]
+    if lamps and not own and not has_emission(scene):
         yield _problem("dark", scene.name, "Only the lamp of Blender's new file lights it. Images only are lit.")
-    elif _is_dark(scene, rays, placed, is_new):
+    elif _is_dark(scene, rays, placed, own, is_new):
         yield _problem("dark", scene.name, "Hardly any light comes from what the array sees: the image will be almost "
                        "black. Images only are lit; the scene keeps its own light.")
 
@@ -225,8 +226,9 @@ def _seen(scene: bpy.types.Scene) -> tuple[CameraArray, float, float]:
     return placed[0], depths[0], depths[1]
 
 
-def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: bool) -> bool:
-    """True if hardly any light of lamps and of the world comes back from the places that the array sees.
+def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, lamps: list[bpy.types.Object],
+             is_new: bool) -> bool:
+    """True if hardly any light of ``lamps`` and of the world comes back from the places that the array sees.
 
     What rays do not tell, light that is reflected or of a material, a proof of 64 pixels across does; of a scene that
     ``is_new``, in which nobody has placed lamps, only where a material shines.
@@ -234,8 +236,7 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, is_new: 
     array, matrix = placed
     eye = mathutils.Matrix(matrix)
     half = array.half_width / array.distance, array.half_height / array.distance
-    lamps = sorted((item for item in scene.objects if item.type == "LIGHT" and not item.hide_render),
-                   key=lambda item: -item.data.energy)[:LAMPS]
+    lamps = sorted(lamps, key=lambda item: -item.data.energy)[:LAMPS]
     sky, arriving, seen = world_radiance(scene.world), list[float](), list[float]()
     generator = np.random.default_rng(0)
     for x, y in generator.uniform(-0.9, 0.9, (4 * LIT, 2)):

@@ -157,6 +157,9 @@ def test_a_selected_part_of_a_figure_is_not_all_of_the_picture(startup):
 def test_the_lamp_of_the_new_file_is_not_all_the_light_of_what_was_imported(startup):
     add_box((90, 40, 0), (2, 2, 2))
     assert "new file" in looked(startup)["dark"]
+    bpy.context.object.active_material = shining = bpy.data.materials.new("Dark")
+    shining.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = 1e-3
+    assert "Hardly any light" in looked(startup)["dark"], "it shines too little"
     startup.objects["Light"].location = (88, 37, 5)
     assert "dark" not in looked(startup)
 
