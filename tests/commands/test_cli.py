@@ -204,7 +204,8 @@ def test_rays_are_per_finished_pixel_and_samples_per_rendered_pixel(scene, blend
     (["--method", "bicubik"], "'bicubic'"), (["--scale", "3"], "scale is 3"),
     (["--spp", "4", "--rays", "2"], "--rays 2 and --spp 4 were both given"),
     (["--rays", "0"], "rays per finished pixel are 0"), (["--spp", "0"], "samples per pixel is 0"),
-    (["--scale-frames", "9-1"], "frames are 9-1"), (["--layers", "albdo"], "'albedo'"),
+    (["--scale-frames", "9-1"], "frames are 9-1"), (["--frames", "1-2", "--scale-frames", ""], "frames are ''"),
+    (["--frames", "1-2", "--cluster", ""], "scheduler is empty"), (["--layers", "albdo"], "'albedo'"),
     (["--light", "gone.exr"], "gone.exr does not exist"), (["--display", "mimi"], "'mini'"),
     (["--dilate", str(2**32)], "dilation of the foreground mask is 4294967296"),
     (["--seed", str(10**400)], "seed is 1000"), (["--blender", "/no/blender"], "'/no/blender' was not found")])
@@ -252,15 +253,6 @@ def test_an_interrupt_is_not_lost(inside):
             "cli.build_parser = build\nsys.exit(cli.main(['displays']))\n")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, timeout=15)
     assert done.returncode == 130 and "interrupted" in done.stderr, done.stderr
-
-
-@pytest.mark.parametrize(("option", "told"), [("--cluster", "is empty"), ("--scale-frames", "frames are ''")])
-def test_an_empty_option_is_refused(scene, tmp_path, capsys, option, told):
-    try:
-        assert main(["render", str(scene), "-o", str(tmp_path / "out"), "--frames", "1-2", option, ""]) == 2
-    except SystemExit as ended:
-        assert ended.code == 2
-    assert told in capsys.readouterr().err
 
 
 def test_reference_of_all_lenses_and_of_too_many(scene, blender, tmp_path, capsys):

@@ -81,16 +81,12 @@ def test_paper_convention_shifts_low_against_high_by_half_s_minus_one(low_count,
 
 
 def test_pixels_of_a_lens_meet_at_its_centre_or_their_place_on_it():
-    points = views_of(hits(*pixel_rays(layout())), (8, 8))
-    lens_x = ((np.arange(16) + 0.5) / 16 * 2 - 1) * ARRAY.half_width
-    lens_y = -((np.arange(12) + 0.5) / 12 * 2 - 1) * ARRAY.half_height
-    np.testing.assert_allclose(points[..., 0], np.broadcast_to(lens_x[None, :, None, None], (12, 16, 8, 8)), atol=1e-9)
-    np.testing.assert_allclose(points[..., 1], np.broadcast_to(lens_y[:, None, None, None], (12, 16, 8, 8)), atol=1e-9)
-    corner = views_of(hits(*pixel_rays(layout(), place=(0.25, 0.75))), (8, 8))
-    lens_x = ((np.arange(16) + 0.25) / 16 * 2 - 1) * ARRAY.half_width
-    lens_y = -((np.arange(12) + 0.75) / 12 * 2 - 1) * ARRAY.half_height
-    np.testing.assert_allclose(corner[..., 0], np.broadcast_to(lens_x[None, :, None, None], (12, 16, 8, 8)), atol=1e-9)
-    np.testing.assert_allclose(corner[..., 1], np.broadcast_to(lens_y[:, None, None, None], (12, 16, 8, 8)), atol=1e-9)
+    for x, y in ((0.5, 0.5), (0.25, 0.75)):
+        points = views_of(hits(*pixel_rays(layout(), (x, y))), (8, 8))
+        lens_x = ((np.arange(16) + x) / 16 * 2 - 1) * ARRAY.half_width
+        lens_y = -((np.arange(12) + y) / 12 * 2 - 1) * ARRAY.half_height
+        expected = np.stack(np.meshgrid(lens_x, lens_y), -1)[:, :, None, None]
+        np.testing.assert_allclose(points, np.broadcast_to(expected, (12, 16, 8, 8, 2)), atol=1e-9)
     points = hits(*pixel_rays(layout(convention="paper"), place=(0.0, 0.0)))
     expected = (np.arange(128) / 128 * 2 - 1) * ARRAY.half_width  # Eq. (8)
     np.testing.assert_allclose(points[..., 0], np.broadcast_to(expected, (96, 128)), atol=1e-9)

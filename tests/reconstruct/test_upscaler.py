@@ -50,22 +50,14 @@ def upscaled(name, low):
 
 @pytest.mark.parametrize("scale", [2, 3, 4, 5, 8])
 @pytest.mark.parametrize("name", FLAGS)
-def test_each_elemental_image_is_resized_alone_and_as_by_opencv(name, scale):
+def test_each_elemental_image_is_resized_alone_as_by_opencv_in_the_order_asked_for(name, scale):
     low = low_eia(scale=scale)
-    high = upscaled(name, low)
-    assert high.shape == (12, 5 * scale, 6 * scale, 3) and high.dtype == np.float32
-    for (row, column), image in zip(all_lenses(low), high, strict=True):
+    wanted = RANDOM.permutation(all_lenses(low))[:9]
+    high = load_method(name).upscaler(low, wanted)
+    assert high.shape == (9, 5 * scale, 6 * scale, 3) and high.dtype == np.float32
+    for (row, column), image in zip(wanted, high, strict=True):
         expected = cv2.resize(encode(low.color[row, column]), None, fx=scale, fy=scale, interpolation=FLAGS[name])
         np.testing.assert_allclose(image, decode(expected), atol=2e-5)
-
-
-@pytest.mark.parametrize("name", FLAGS)
-def test_lenses_come_back_in_the_order_asked_for(name):
-    low = low_eia()
-    wanted = np.array([[2, 3], [0, 1], [2, 0]])
-    everything = upscaled(name, low).reshape(3, 4, 20, 24, 3)
-    some = load_method(name).upscaler(low, wanted)
-    np.testing.assert_allclose(some, everything[wanted[:, 0], wanted[:, 1]], atol=1e-6)
 
 
 def test_highlight_leaves_no_dark_ring_in_its_neighbourhood():

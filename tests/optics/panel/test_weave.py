@@ -24,20 +24,14 @@ def noise(display, seed=0):
     return np.random.default_rng(seed).integers(0, 256, (rows, columns, 3), np.uint8)
 
 
-@pytest.mark.parametrize("sampling", WEAVES)
+@pytest.mark.parametrize(("stripes", "sampling"), [*(("white", sampling) for sampling in WEAVES), ("rgb", "nearest")])
 @pytest.mark.parametrize("kind", ["lenslet", "lenticular"])
-def test_a_whole_number_of_pixels_behind_each_lens_changes_nothing(kind, sampling):
-    display = whole(kind, subpixels={"stripes": "white"})
+def test_a_whole_number_of_pixels_behind_each_lens_changes_nothing(kind, stripes, sampling):
+    """Coloured stripes are their pixels where the nearest view is taken."""
+    display = whole(kind, subpixels={"stripes": stripes})
     eia = noise(display)
     # What the panel of a profile of format 1 shows: the views of each lens in the order of its optics.
     np.testing.assert_array_equal(weave(eia, gather_map(display, sampling)), flip_order(eia, display.lenses))
-
-
-@pytest.mark.parametrize("kind", ["lenslet", "lenticular"])
-def test_stripes_are_their_pixels_where_the_nearest_view_is_taken(kind):
-    display = whole(kind)
-    eia = noise(display)
-    np.testing.assert_array_equal(weave(eia, gather_map(display, "nearest")), flip_order(eia, display.lenses))
 
 
 def taps(mapped):
