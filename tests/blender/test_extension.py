@@ -30,14 +30,9 @@ ON = {"listed": True, "operators": True, "settings": True}
 OFF = dict.fromkeys(ON, False)
 
 
-def load_script():
-    spec = importlib.util.spec_from_file_location("build_extension", ROOT / "scripts" / "build_extension.py")
-    module = sys.modules["build_extension"] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-builder = load_script()
+spec = importlib.util.spec_from_file_location("build_extension", ROOT / "scripts" / "build_extension.py")
+builder = sys.modules["build_extension"] = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(builder)
 reviewer = sys.modules["review_extension"]
 
 

@@ -177,7 +177,10 @@ def test_a_page_in_a_folder_that_held_no_render_is_kept_and_what_cannot_be_impor
     for options, message in [
         ({"scale": 0}, "scale is 0"), ({"scale": 99}, "scale is 99"),
         ({"geometry": ImportGeometry(angle_deg=200.0)}, "between 1 and 120"),
-        ({"geometry": ImportGeometry(width_mm=-1.0)}, "lengths above 0")]:
+        ({"geometry": ImportGeometry(width_mm=-1.0)}, "lengths above 0"),
+        ({"geometry": ImportGeometry(display=MINI, width_mm=5.0)}, "have no use with --display"),
+        ({"geometry": ImportGeometry(display=MINI, distance_mm=5.0)}, "have no use with --display"),
+        ({"geometry": ImportGeometry(display=MINI, angle_deg=500.0)}, "between 1 and 120")]:
         refuses(message, import_views, images, tmp_path / "frame", **options)
         assert not (tmp_path / "frame").exists()
     (tmp_path / "frame").mkdir()
@@ -202,15 +205,15 @@ def landscape(angle_deg: float = 50.0):
                                viewing_distance_mm=400 / 120.415 * 0.75 * 193.866, viewing_angle_deg=angle_deg)
 
 
-def coordinates(folder, shape=(2, 4), tile=(6, 9), ending=".png"):
+def coordinates(folder):
     """A quilt whose tiles have red for their number, green rightwards and blue downwards."""
-    (columns, rows), (width, height) = shape, tile
+    columns, rows, width, height = 2, 4, 6, 9
     quilt = np.zeros((rows, height, columns, width, 3), np.uint8)
     number = np.arange(rows * columns).reshape(rows, columns)[::-1]  # from the bottom left
     quilt[..., 0] = 20 * number[:, None, :, None]
     quilt[..., 1] = 40 * np.arange(width)
     quilt[..., 2] = 25 * np.arange(height)[:, None, None]
-    path = folder / f"holo_qs{columns}x{rows}a0.75{ending}"
+    path = folder / "holo_qs2x4a0.75.png"
     write_png(path, quilt.reshape(rows * height, columns * width, 3))
     return path
 
@@ -306,16 +309,6 @@ def test_a_folder_of_views_for_a_display_and_fill_that_cuts_the_picture(tmp_path
     assert cut[0, 107, 2] > whole[0, 107, 2] + 30, "the top of the picture is cut"
 
 
-@pytest.mark.parametrize("options", [{"width_mm": 5.0}, {"distance_mm": 5.0}])
-def test_what_a_display_decides(tmp_path, options):
-    path = coordinates(tmp_path)
-    with pytest.raises(LfsrError, match="have no use with --display"):
-        import_views(path, tmp_path / "frame", quilt=quilt_of(path), geometry=ImportGeometry(display=MINI, **options))
-    refuses("between 1 and 120", import_views, path, tmp_path / "frame", quilt=quilt_of(path),
-            geometry=ImportGeometry(display=MINI, angle_deg=500.0))
-    assert not (tmp_path / "frame").exists()
-
-
 # Films.
 
 @pytest.fixture(scope="module")
@@ -362,7 +355,6 @@ def test_the_command(quilt_film, tmp_path, capsys):
     assert "8×8 views of 16×12 pixels" in said.out and "--angle-deg 40" in said.err
     path = coordinates(tmp_path)
     plain = shutil.copy(path, tmp_path / "plain.png")
-    assert "does not say how many tiles" in fails(["import", str(plain), "-o", str(tmp_path / "one")], capsys)
     write_profile(tmp_path / "own.toml", small(lenticular()))
     assert main(["import", str(plain), "-o", str(tmp_path / "one"), "--quilt", "2x4a0.75", "--display",
                  str(tmp_path / "own.toml")]) == 0
@@ -429,8 +421,7 @@ def test_images_in_other_formats(tmp_path):
     flat = np.array([[[40, 90, 200], [220, 120, 30]], [[10, 180, 60], [128, 128, 128]]], np.uint8)
     write_png(path, flat.repeat(64, 0).repeat(64, 1))
     wanted = quilts.read_quilt(path, quilt_of(path)).astype(int)
-    for ending, most in ((".jpg", 3), (".webp", 3)):
+    for ending in (".jpg", ".webp"):
         other = path.with_suffix(ending)
         Image.open(path).save(other, quality=95)
-        found = quilts.read_quilt(other, quilt_of(other))
-        assert np.abs(found.astype(int) - wanted).mean() < most
+        assert np.abs(quilts.read_quilt(other, quilt_of(other)) - wanted).mean() < 3

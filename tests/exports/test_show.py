@@ -92,15 +92,12 @@ def test_a_device_that_states_its_quilt_gets_that(bridge, tmp_path, stated, grid
 
 
 def test_a_quilt_without_proportions_in_its_name_has_the_panels(bridge, tmp_path):
-    stand_in = bridge()
-    write_png(tmp_path / "theirs_qs8x6.png", np.zeros((60, 80, 3), np.uint8))
-    assert main(["show", str(tmp_path / "theirs_qs8x6.png"), "--display", "2"]) == 0
-    entry = next(request["body"] for request in stand_in.requests if request["endpoint"] == "insert_playlist_entry")
-    assert entry["aspect"] == 3840 / 2160 and (entry["cols"], entry["rows"]) == (8, 6)
-    stand_in, quilt = bridge(), tmp_path / "theirs_qs8x6a0.75.png"
+    stand_in, quilt = bridge(), tmp_path / "theirs_qs8x6.png"
     write_png(quilt, np.zeros((60, 80, 3), np.uint8))
-    for name, index in (("2", 2), ("lkg-p1", 1), (None, 1)):
-        assert main(["show", str(quilt), *(["--display", name] if name else [])]) == 0
+    for options, index, aspect in ((["--display", "2"], 2, 3840 / 2160), ([], 1, 0.75)):
+        assert main(["show", str(quilt), *options]) == 0
+        entry = [request["body"] for request in stand_in.requests if request["endpoint"] == "insert_playlist_entry"][-1]
+        assert entry["aspect"] == aspect and (entry["cols"], entry["rows"]) == (8, 6)
         assert stand_in.shown == [str(quilt.resolve())] and stand_in.requests[-1]["body"]["head_index"] == index
 
 

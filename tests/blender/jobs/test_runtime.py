@@ -144,12 +144,6 @@ def test_direct_rendering_can_leave_the_noise_and_a_blender_without_the_library_
     assert scene_settings.resolve(scene).method.text == "none" and scene.lfsr.rays == 2 * before
 
 
-@pytest.mark.parametrize(("method", "other"), [("denoise", "none"), ("denoise+pool", "pool"), ("oidn", "none")])
-def test_the_replacement_is_the_method_without_its_denoiser(scene, method, other):
-    scene.lfsr.scale, scene.lfsr.method = "1" if other == "none" else "2", method
-    assert scene_settings.resolve(scene).method.undenoised.text == other
-
-
 def test_a_render_whose_second_stage_failed_is_kept_without_an_older_image_and_finished_by_another_method(
         scene, without_library):
     scene.lfsr.method = "pool"

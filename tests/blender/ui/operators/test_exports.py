@@ -19,7 +19,7 @@ from lfsr_core.optics.display import load_display, write_profile
 from tests.calibration.test_fit import CYLINDERS, GOOD, PLACE
 from tests.calibration.test_makers import OLD
 from tests.support import panel
-from tests.support.bridge import DEVICES, device
+from tests.support.bridge import device
 from tests.support.finished import finished
 from tests.support.panels import lenticular, small
 from tests.support.telephone import jpeg
@@ -99,14 +99,6 @@ def lenticular_frame(add_on, tmp_path, monkeypatch):
 
 def said():
     return bpy.context.window_manager.lfsr.message
-
-
-@pytest.mark.parametrize(("faults", "devices", "message"), [
-    ([], DEVICES, "made for a panel of width / height 1.500, but display 'LKG-P1' has 0.750"),
-    (["drop:available_output_devices"], DEVICES, "broke the connection at available_output_devices")])
-def test_what_bridge_refuses_is_one_sentence(lenticular_frame, bridge, faults, devices, message):
-    bridge(*faults, devices=devices)
-    panel.refused(message, bpy.ops.lfsr.show)
 
 
 def test_a_quilt_is_shown_through_bridge_and_without_it_the_panel_full_screen(lenticular_frame, bridge):
