@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.images.image_files import read_png
-from tests.support.other_systems import FOLDER, SYSTEMS
+from tests.support.other_systems import FOLDER, SYSTEMS, names
 from tests.support.played_blender import cold_blender
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the stand-ins are of Linux")
@@ -54,10 +54,6 @@ def folder(tmp_path):
 def words(folder: Path, blender: str) -> list[str]:
     return ["render", str(folder / "scene.glb"), "-o", str(folder / "frame"), "--display", "mini", "--scale", "2",
             "--method", "bicubic", "--blender", blender]
-
-
-def names(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.iterdir())
 
 
 def test_the_stand_in_refuses_what_the_system_does(tmp_path, system, monkeypatch):

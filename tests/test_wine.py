@@ -12,7 +12,7 @@ import pytest
 
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.image_files import read_png
-from tests.support.other_systems import FOLDER, ROOT
+from tests.support.other_systems import FOLDER, ROOT, names
 
 FOUND = os.environ.get("LFSR_WINDOWS_PYTHON", "")
 pytestmark = pytest.mark.skipif(not FOUND, reason="needs LFSR_WINDOWS_PYTHON=DIR, made by scripts/windows_python.sh")
@@ -78,10 +78,6 @@ def words(folder):
     run("-c", made)
     return ["-m", "lfsr_core", "render", f"Z:{folder / 'scene.blend'}", "-o", f"Z:{folder / 'frame'}", "--display",
             "mini", "--scale", "4", "--spp", "1", "--method", "bicubic"]
-
-
-def names(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.iterdir())
 
 
 def test_portable_tests_pass(tmp_path):

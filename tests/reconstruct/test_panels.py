@@ -13,7 +13,7 @@ from lfsr_core.images.image_files import read_layers, read_png, write_layers
 from lfsr_core.optics.display import DisplayProfile, write_profile
 from lfsr_core.optics.panel.weave import gather_map, weave
 from lfsr_core.reconstruct.second_stage import finish_frame
-from tests.support.panels import SHEETS, cells, hexagonal, lenticular
+from tests.support.panels import SHEETS, cells, hexagonal, lenticular, psnr
 from tests.support.played_blender import played_blender
 from tests.support.prerequisites import needs_bpy
 from tests.support.synthetic import fails, write_reference, write_render, write_traced
@@ -51,10 +51,6 @@ def test_every_verb_that_reads_a_folder_takes_it(tmp_path, capsys):
     metrics = json.loads((frame / "report.json").read_text())["metrics"]
     assert 0.5 < metrics["ssim_eia"] <= 1
     assert json.loads((frame / "report.json").read_text())["method"] == "denoise+pool"
-
-
-def psnr(first, second):
-    return -10 * np.log10((((first.astype(float) - second) / 255) ** 2).mean())
 
 
 @pytest.mark.parametrize("sheet", ["cells", "hexagonal"])

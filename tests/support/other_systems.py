@@ -11,6 +11,11 @@ STAND_IN = Path(__file__).parent / "stand_in"
 FOLDER = "Jürgen's Filme – 光"  # no code page of Windows has all of its letters
 
 
+def names(folder: Path) -> list[str]:
+    """What is in a folder."""
+    return sorted(path.name for path in folder.iterdir())
+
+
 @dataclasses.dataclass(frozen=True)
 class System:
     """A system that this one stands in for, as ``sys.platform`` names it."""

@@ -3,6 +3,8 @@
 import dataclasses
 import math
 
+import numpy as np
+
 from lfsr_core.optics.display import DisplayProfile
 
 # Of the first columns of a real third-generation device, see docs/reference/displays.md.
@@ -62,6 +64,11 @@ def small(display: DisplayProfile) -> DisplayProfile:
     """A corner of it, with small lenses for so few pixels."""
     return dataclasses.replace(display, panel_pixels=(120, 80), panel_mm=(60.0, 40.0), viewing_distance_mm=150.0,
                                lenses=(24, 40 if display.lenticular else 16), weave="all")
+
+
+def psnr(first: np.ndarray, second: np.ndarray) -> float:
+    """Likeness in decibels of two images of 256 levels."""
+    return float(-10 * np.log10((((first.astype(float) - second) / 255) ** 2).mean()))
 
 
 SHEETS = {"lenticular": lenticular, "hexagonal": hexagonal, "square": square, "cells": cells}

@@ -14,7 +14,7 @@ from lfsr_core.images.image_files import read_png
 from lfsr_core.optics.rays import to_elemental_images
 from lfsr_core.reconstruct.second_stage import finish_frame
 from lfsr_core.reconstruct.upscaler import read_world
-from tests.support.panels import cells, hexagonal, small
+from tests.support.panels import cells, hexagonal, psnr, small
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, WAYS, add_box, add_camera, add_world, emission, mixed
 from tests.support.told import refuses
@@ -208,10 +208,6 @@ def panel(scene, folder, display, **options):
     render_job(scene, make_request(str(folder), display, **{"samples": 16, "scale": 1} | options))
     finish_frame(folder, "none")
     return read_png(folder / PANEL_FILE).astype(float)
-
-
-def psnr(first, second):
-    return -10 * np.log10((((first - second) / 255) ** 2).mean())
 
 
 @pytest.mark.parametrize(("make", "world"), [(cells, False), (hexagonal, False), (cells, True)])
