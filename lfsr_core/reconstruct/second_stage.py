@@ -143,15 +143,10 @@ def finished_lenses(low: LowResEIA, mask: Array, finish: Finish | str, lenses: A
     ``low``: as rendered, before any prefilter. ``mask`` (n,) bool: lenses in the foreground; the others are filled in.
     ``block``: see ``pooling.Pooling``.
     """
-    finish = Finish.of(finish)
-    name = MethodName.parse(finish.method)
-    if upscaler is None:
-        name.check_scale(low.scale)
-        name = name.at_scale(low.scale)
-    method = load_method(name, finish.weights, upscaler=upscaler, block=block)
+    method, filler = _loaded(Finish.of(finish), low.scale, upscaler, block)
     ready = method.prepare(low)
     images = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
-    for wanted, chosen in ((mask, method.upscaler), (~mask, _filler(method, low.scale))):
+    for wanted, chosen in ((mask, method.upscaler), (~mask, filler)):
         if wanted.any():
             images[wanted] = finish_lenses(chosen, ready, lenses[wanted])
     return images
@@ -179,15 +174,12 @@ class _Work:
     def __init__(self, folder: str | Path, finish: Finish, tell: Tell, selection: bool = True,
                  upscaler: Upscaler | None = None, shows: bool = True) -> None:
         """``shows``: whether its image is shown as Blender shows it."""
-        folder, frame, name = Path(folder), read_frame(folder), MethodName.parse(finish.method)
-        if upscaler is None:
-            name.check_scale(frame.scale)
-            name = name.at_scale(frame.scale)
+        folder, frame = Path(folder), read_frame(folder)
         self.frame, self.finish, self.clock = frame, finish, StageClock(frame.seconds)
-        self.method = load_method(name, finish.weights, upscaler=upscaler)
-        self.filler = _filler(self.method, frame.scale)  # of lenses beside the foreground
+        self.method, self.filler = _loaded(finish, frame.scale, upscaler)
         self.background = np.asarray(frame.display.background, np.float32)  # (3,), scene-linear
-        averaged, count = None, finish.temporal_averaging
+        self.averaged: float | None = None  # fraction of the image
+        count = finish.temporal_averaging
         self.neighbours = neighbours_of(folder, frame, count) if count else []
         tell(Progress("load", 0.0, files.LOW_RES_FILE))
         with ThreadPoolExecutor(1) as beside:
@@ -206,8 +198,7 @@ class _Work:
             tell(Progress("average", 0.0, "neighbouring frames"))
             with self.clock("average"):
                 usable = (each.folder for each in self.neighbours if each.same_rays and not each.same_seed)
-                low, averaged = average_frames(low, map(read_low, usable))
-        self.averaged = averaged  # fraction of the image
+                low, self.averaged = average_frames(low, map(read_low, usable))
         with self.clock("mask"):
             self.unseen = unseen_notices(layers)
             mask = foreground_mask(layers, frame.rays.tiles, finish.dilate)
@@ -271,10 +262,14 @@ class _Work:
         self.clock.threads = 1
 
 
-def _filler(method: Method, scale: int) -> Upscaler:
-    """Upscaler of the lenses beside the foreground."""
-    made: Upscaler = method.upscaler if scale == 1 else METHODS[PLAIN_METHOD].make(None)
-    return made
+def _loaded(finish: Finish, scale: int, upscaler: Upscaler | None, block: int | None = None) -> tuple[Method, Upscaler]:
+    """The method that finishes a render at ``scale``, and the upscaler of the lenses beside the foreground."""
+    name = MethodName.parse(finish.method)
+    if upscaler is None:
+        name.check_scale(scale)
+        name = name.at_scale(scale)
+    method = load_method(name, finish.weights, upscaler=upscaler, block=block)
+    return method, method.upscaler if scale == 1 else METHODS[PLAIN_METHOD].make(None)
 
 
 def _report(frame: Frame, finish: Finish, clock: StageClock, **found: Any) -> Report:
@@ -391,7 +386,6 @@ def finish_lenses(upscaler: Upscaler, low: LowResEIA, lenses: Array) -> Array:
     and upscaled as colour is, in the same domain, so that no dark or bright seam is left between subject and world;
     the world itself is known at full resolution and without noise.
     """
-    lenses = np.asarray(lenses)
     if low.world is None:
         return upscaler(low, lenses)
     assert low.places is not None and low.opacity is not None, "Method.prepare has checked it"
