@@ -107,10 +107,6 @@ class Reference:
         half_a, half_b = self.linear_images()
         return srgb_encode(half_a), srgb_encode(half_b)
 
-    def foreground_mask(self, low_resolution: Mask) -> Mask:
-        """Return its own foreground (sy, sx) if it shows every lens, else that of a ``low_resolution`` render."""
-        return self.hits if self.lens_list is None else low_resolution
-
 
 def listed_images(pixels: Array, frame: Frame) -> Array:
     """Return the elemental images (n, py, px, 3) of the lenses in a render (H, W, 3), without spare tiles."""
@@ -169,7 +165,7 @@ def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], 
     The names are METRIC_NAMES, or with ``lens_list`` SAMPLED_NAMES, "lenses" and "ci95"; without the package
     flip-evaluator "flip" is None and "notes" tells so. LfsrError if shapes differ.
     """
-    views_per_lens(image, lenses)
+    px, py = views_per_lens(image, lenses)
     if mask.shape != lenses[::-1]:
         raise LfsrError(f"the foreground mask has shape {mask.shape}, expected {lenses[::-1]}, one entry per lens: "
                         "upscale the frame again")
@@ -177,7 +173,7 @@ def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], 
     if lens_list is not None:
         rows, columns = np.asarray(lens_list).T
         chosen = to_elemental_images(image, lenses)[rows, columns]
-        count, py, px, channels = chosen.shape
+        count, channels = len(chosen), image.shape[2]
         encoded = [srgb_encode(chosen)]
         for half in halves:  # its first tiles are those of the lenses
             if half.shape[0] % py or half.shape[1] % px or half.shape[0] * half.shape[1] < count * py * px:
@@ -213,7 +209,6 @@ def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], 
             raise _shape_error(half.shape, image.shape)
     x, a, b = srgb_encode(image), srgb_encode(halves[0]), srgb_encode(halves[1])
     mean, any_foreground, (sx, sy) = (a + b) / 2, bool(mask.any()), lenses
-    px, py = views_per_lens(x, (sx, sy))
     foreground = np.kron(mask, np.ones((py, px), bool))
     shown, of_a, of_b = (values[foreground] for values in (x, a, b))
     # Windows cross from lens to lens in ``local``, but not in ``alone``.
@@ -346,12 +341,10 @@ def compare_folders(folder: str | Path, reference: str | Path) -> Metrics:
     if image is None:
         image = finished_linear(folder, report.finish)
     known, mask = Reference.read(reference), read_mask(folder / MASK_FILE, frame.display.lenses)
-    metrics = compare(image, (known.half_a, known.half_b), frame.display.lenses, known.foreground_mask(mask),
-                      known.lens_list)
-    if known.lens_list is None:
-        metrics["recall"] = recall(mask, known.hits)
-    else:
-        metrics["recall"] = sampled_recall(mask, known.foreground, known.lens_list)
+    metrics = compare(image, (known.half_a, known.half_b), frame.display.lenses,
+                      known.hits if known.lens_list is None else mask, known.lens_list)
+    metrics["recall"] = (recall(mask, known.hits) if known.lens_list is None
+                         else sampled_recall(mask, known.foreground, known.lens_list))
     if read_report(folder) != report:
         raise LfsrError(f"{folder} was finished again while it was compared, so the metrics belong to the earlier "
                         "image: compare it again")

@@ -110,8 +110,6 @@ def test_a_reference_holds_every_lens_or_those_listed_without_spare_tiles(tmp_pa
     hits = to_elemental_images(field[..., 3:], (sx, sy)).any((2, 3, 4))
     assert 0 < hits.sum() < hits.size and np.array_equal(reference.hits, hits)
     assert np.array_equal(reference.foreground.reshape(sy, sx), hits)
-    other = np.zeros_like(hits)
-    assert reference.foreground_mask(other) is reference.hits
     listed = Reference.read(write_reference(tmp_path / "listed", noise=1e-6, lens_list=LISTED))
     whole = Reference.read(write_reference(tmp_path / "whole", noise=1e-6))
     places = [row * whole.hits.shape[1] + column for row, column in LISTED]
@@ -121,8 +119,6 @@ def test_a_reference_holds_every_lens_or_those_listed_without_spare_tiles(tmp_pa
     for ours, theirs in zip(listed.linear_images(), whole.linear_images(), strict=True):
         np.testing.assert_allclose(ours, theirs[places], atol=1e-4)
     assert np.array_equal(listed.elemental_images()[0], srgb_encode(listed.linear_images()[0]))
-    mask = np.zeros((3, 3), bool)
-    assert listed.foreground_mask(mask) is mask
 
 
 REFERENCE = frame_of(1)
