@@ -316,11 +316,6 @@ class Frame:
         return PanelLayout(self.display, self.array) if self.layout == SUBPIXELS else None
 
     @property
-    def rendered_size(self) -> tuple[int, int]:
-        """Size in pixels, (width, height), of the rendered image."""
-        return (self.subpixels or self.rays).size
-
-    @property
     def rays(self) -> RayLayout:
         """Ray layout of this render; in direct subpixel rendering, of the light field that is not rendered."""
         return RayLayout.for_display(self.display, self.array, self.scale, convention=self.convention,

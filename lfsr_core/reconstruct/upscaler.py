@@ -90,7 +90,7 @@ def over_background(layers: Mapping[str, Array], frame: Frame, name: str = LOW_R
     own is not added. LfsrError where the environment layer is missing, or where the file ``name`` that held the layers
     has another size than the frame.
     """
-    color, (width, height) = layers["color"], frame.rendered_size
+    color, (width, height) = layers["color"], (frame.subpixels or frame.rays).size
     if color.shape[:2] != (height, width):
         raise LfsrError(f"{name} has {color.shape[1]}×{color.shape[0]} pixels, but frame.json says {width}×{height}: "
                         "render the frame again")
@@ -225,7 +225,7 @@ class Upscaler(abc.ABC):
 
     thread_safe: bool = False  # whether several threads may call it at once
     follows_depth: bool = False  # whether it reads the slopes of what is seen
-    kernel: str = "linear"  # of ``interpolation.KERNELS``, by which the opacity before a world is upscaled
+    kernel: str = "linear"  # of KERNELS, by which the opacity before a world is upscaled
 
     def prepare(self, low: LowResEIA) -> LowResEIA:
         """Return what it is called with: ``low`` after all prefilters, and what all lenses have in common."""
