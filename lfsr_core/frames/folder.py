@@ -135,18 +135,14 @@ class FrameFolder:
 
     def is_finished(self, finish: Finish, beside: Collection[int] = ()) -> bool:
         """True if its image is whole and was finished so, averaged with the frames ``beside`` it."""
-        try:
-            report = self.report
-        except LfsrError:
-            return False
-        if report.finish != finish or not set(beside) <= set(report.neighbours):
-            return False
-        if finish.linear_exr and not is_whole(self.path / files.EIA_LINEAR_FILE):
-            return False
         image = self.image
-        with contextlib.suppress(OSError, LfsrError), reading(image, "a PNG image") as file:
-            file.seek(-min(len(PNG_END), image.stat().st_size), 2)
-            return file.read() == PNG_END
+        with contextlib.suppress(OSError, LfsrError):
+            report = self.report
+            if report.finish == finish and set(beside) <= set(report.neighbours) and (
+                    not finish.linear_exr or is_whole(self.path / files.EIA_LINEAR_FILE)):
+                with reading(image, "a PNG image") as file:
+                    file.seek(-min(len(PNG_END), image.stat().st_size), 2)
+                    return file.read() == PNG_END
         return False
 
     def check_free(self, kind: str) -> None:
