@@ -62,8 +62,8 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
         raise LfsrError(f"unknown format {name!r}: {did_you_mean(name, FORMATS)}Choose from {', '.join(FORMATS)}")
     chosen = WRITERS[name]
     has = FORMATS[name].options
-    for option in options.given():
-        if option not in has:
+    for option, value in vars(options).items():
+        if value is not None and option not in (*has, "tell", "shape"):
             raise LfsrError(f"format {name!r} has no option {option!r}, only {', '.join(has)}: leave it out")
     target = default_target(folder, name) if target is None else Path(target)
     paths = frame_folders(folder) if is_sequence(folder) else None

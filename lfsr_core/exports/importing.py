@@ -251,9 +251,8 @@ class ImportGeometry:
     fill: bool = False  # whether the picture fills that display and is cut; else it is seen whole, between black bars
 
 
-# For folders without parameters: a desk display seen from a metre; for quilts the usual viewing cone.
+# For folders without parameters: a desk display seen from a metre.
 DEFAULTS = {"width_mm": 600.0, "distance_mm": 1000.0, "angle_deg": 20.0}
-QUILT_ANGLE = 40.0
 
 
 def import_views(source: str | Path, output: str | Path, scale: int = 1, geometry: ImportGeometry | None = None,
@@ -399,7 +398,7 @@ def _display(size: Pair, count: Pair, scale: int, given: ImportGeometry, known: 
             tell(Notice("angle-assumed", {"angle_deg": given.display.viewing_angle_deg}))
         return given.display
     known = known | {name: value for name in DEFAULTS if (value := getattr(given, name)) is not None}
-    defaults = DEFAULTS | ({} if quilt is None else {"angle_deg": QUILT_ANGLE})
+    defaults = DEFAULTS | ({} if quilt is None else {"angle_deg": 40.0})  # the usual viewing cone of quilts
     if assumed := {name: value for name, value in defaults.items() if name not in known}:
         tell(Notice("geometry-assumed", assumed))
     (width, height), (across, down), chosen = size, count, defaults | known

@@ -54,9 +54,6 @@ FILMS, FILM_RATE = ("sway", "wiggle"), 30.0  # of one frame, and their frames a 
 QUILT_FILM = "quilt-film"  # of an animation
 H264_SIDE = 6000  # pixels; films of longer sides are HEVC
 MOST_VIEWS = 1000  # a side
-WIDEST_EYES_MM = 1000.0
-MOST_SECONDS = 60.0
-MOST_FPS = 240.0
 Pair = tuple[int, int]
 SUFFIX = re.compile(r"_qs(\d{1,4})x(\d{1,4})(?:a(\d{1,4}(?:\.\d{1,9})?))?(?![\dx])", re.IGNORECASE)
 
@@ -106,14 +103,10 @@ class ExportOptions:
             pair = getattr(self, name)
             if pair is not None and not all(1 <= count <= MOST_VIEWS for count in pair):
                 raise LfsrError(f"{name} is {pair[0]}x{pair[1]}, but both must be from 1 to {MOST_VIEWS}")
-        for name, most in (("eyes_mm", WIDEST_EYES_MM), ("seconds", MOST_SECONDS), ("fps", MOST_FPS)):
+        for name, most in (("eyes_mm", 1000.0), ("seconds", 60.0), ("fps", 240.0)):
             value = getattr(self, name)
             if value is not None and not 0 < value <= most:
                 raise LfsrError(f"{name} is {value}, but it must be above 0 and at most {most:g}")
-
-    def given(self) -> list[str]:
-        """Names of the options that are not None."""
-        return [name for name, value in vars(self).items() if name not in ("tell", "shape") and value is not None]
 
 
 def chosen_type(options: ExportOptions, name: str) -> str:
