@@ -44,7 +44,6 @@ from ..scene.contents import left_out
 from ..scene.files import camera_notices, check_files, choose_camera, choose_scene, open_scene, shown
 from ..scene.light import lit
 
-STANDARD_INPUT = 0
 MOST_WAITING, LEAST_WORK = 60, 0.05  # seconds without CPU seconds, after which a file does not answer
 
 
@@ -86,7 +85,7 @@ def _end_with_input(asked: queue.SimpleQueue[str]) -> None:
     does when it dies. Cycles does not return to Python before its image is done, so that a thread waits for it.
     """
     rest = b""
-    while some := os.read(STANDARD_INPUT, 4096):
+    while some := os.read(0, 4096):
         *lines, rest = (rest + some).split(b"\n")
         for line in lines:
             asked.put(line.decode())

@@ -40,7 +40,6 @@ KINDS = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups", "
 COPIED = ("render", "cycles", "view_settings", "display_settings")
 COMPOSITOR = "LFSR Live"
 ENCODE, DECODE, INTERPOLATE = f"{COMPOSITOR} Encode", f"{COMPOSITOR} Decode", f"{COMPOSITOR} Interpolation"
-NEEDED = ("CompositorNodeImageCoordinates", "CompositorNodeMapUV")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -203,7 +202,7 @@ def _remove(items: list[bpy.types.ID]) -> None:
 
 def can_interpolate() -> bool:
     """Return True if this Blender's viewport compositor has the nodes; 4.5 lacks one."""
-    return (all(hasattr(bpy.types, name) for name in NEEDED)
+    return (all(hasattr(bpy.types, f"CompositorNode{name}") for name in ("ImageCoordinates", "MapUV"))
             and "compositing_node_group" in bpy.types.Scene.bl_rna.properties)
 
 

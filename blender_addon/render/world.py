@@ -29,7 +29,6 @@ SAMPLES = 4
 SENSOR_MM = 36.0
 CLIP = 0.1, 1000.0  # scene units; only rounding depends on it
 LEAST_EXPOSURE = 1e-6
-_UNSUITED_COORDINATES = {"Window", "Camera"}
 
 
 def reason_against(scene: bpy.types.Scene) -> str:
@@ -37,7 +36,7 @@ def reason_against(scene: bpy.types.Scene) -> str:
     outputs = [node for node in nodes_of(scene.world.node_tree) if node.bl_idname == "ShaderNodeOutputWorld"]
     if any(node.inputs["Volume"].is_linked for node in outputs):
         return "volume"
-    if has_coordinates(scene.world.node_tree, _UNSUITED_COORDINATES):
+    if has_coordinates(scene.world.node_tree, ("Window", "Camera")):
         return "coordinates"
     if any(item.type == "LIGHT" and item.data.type == "SUN" and item.visible_camera and not item.hide_render
            for item in scene.objects):

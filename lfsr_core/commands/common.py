@@ -34,7 +34,6 @@ FARTHEST_MM = 1e6
 BAR_WIDTH = 30
 SECONDS_BETWEEN_LINES = 4.0  # a render writes a record each second, so that a line comes every five at the latest
 PROGRESS_VARIABLE, OPENJD = "LFSR_PROGRESS", "openjd"  # environment variable, set by our OpenJD template
-OFFERED_LAYOUTS = tuple(layout for layout in LAYOUTS if layout != VIEW_BY_VIEW)
 
 
 def progress() -> contextlib.closing[ProgressBar]:
@@ -56,7 +55,8 @@ def add_scene_arguments(parser: argparse.ArgumentParser, when: str = "") -> None
 def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
     """Display, views, subject, and the Blender that renders them."""
     parser.add_argument("--display", default="bupt-32in-8k", metavar="NAME|FILE.toml", help="default: %(default)s")
-    parser.add_argument("--layout", choices=OFFERED_LAYOUTS, default=LAYOUTS[0],
+    offered = [layout for layout in LAYOUTS if layout != VIEW_BY_VIEW]
+    parser.add_argument("--layout", choices=offered, default=LAYOUTS[0],
                         help="how rays are sent, default: %(default)s; subpixels: direct subpixel rendering with "
                              "`lfsr render`, for displays with a lens sheet: the panel's image, no light field")
     parser.add_argument("--view-aperture", type=float, default=1.0, metavar="N",

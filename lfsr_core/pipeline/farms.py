@@ -18,17 +18,14 @@ TEMPLATES = {OPENJD: "lfsr-openjd.yaml", FLAMENCO: "lfsr-light-field.js"}
 # What to do with the file of a template.
 NEXT = {OPENJD: "submit it to the farm, or try it with: openjd run FILE -p Scene=SCENE -p Output=FILM",
         FLAMENCO: "put it into the folder scripts beside flamenco-manager, and restart that"}
-TEMPLATE_FOLDER = Path(__file__).with_name("templates")
 MOST_PARTS = 1000
-FLAMENCO_PRIORITY = 50
 FLAMENCO_PLATFORMS = {"Linux": "linux", "Darwin": "darwin", "Windows": "windows"}
-LINEAR_EXR = {True: "--linear-exr", False: "--no-linear-exr"}
 
 
 def write_template(farm: str, output: Path) -> None:
     """Write the template of a farm in TEMPLATES."""
     with atomic_path(output) as temporary:
-        temporary.write_bytes((TEMPLATE_FOLDER / TEMPLATES[farm]).read_bytes())
+        temporary.write_bytes((Path(__file__).with_name("templates") / TEMPLATES[farm]).read_bytes())
 
 
 def write_job(farm: str, folder: Path, request: Request, finish: Finish, frames: Sequence[int], parts: int = 1,
@@ -49,7 +46,8 @@ def write_job(farm: str, folder: Path, request: Request, finish: Finish, frames:
     values = {"Output": request.output, "Parts": parts, "Display": display or request.display.name,
               "Scale": str(sampling.scale), "Rays": sampling.samples / request.display.finished_pixels(sampling.scale),
               "Seed": request.seed, "Light": request.light, "Device": request.device, "Method": finish.method,
-              "Linear": LINEAR_EXR[finish.linear_exr], "TemporalAveraging": finish.temporal_averaging}
+              "Linear": "--linear-exr" if finish.linear_exr else "--no-linear-exr",
+              "TemporalAveraging": finish.temporal_averaging}
     # As OpenJD writes them: 1-48, 1-48:2 if all steps are equal, else a list.
     listed, steps = ",".join(map(str, frames)), {second - first for first, second in itertools.pairwise(frames)}
     step = min(steps, default=0)
@@ -67,7 +65,7 @@ def write_job(farm: str, folder: Path, request: Request, finish: Finish, frames:
     script, data = folder / TEMPLATES[FLAMENCO], folder / "flamenco-job.json"
     write_template(FLAMENCO, script)
     write_json(data, {
-        "name": f"{Path(scene).stem} {ranges}", "type": script.stem, "priority": FLAMENCO_PRIORITY,
+        "name": f"{Path(scene).stem} {ranges}", "type": script.stem, "priority": 50,
         "submitter_platform": FLAMENCO_PLATFORMS.get(platform.system(), "linux"),
         "settings": {"blendfile": scene, "frames": listed, "lfsr": "lfsr"}
         | {name.lower(): value for name, value in values.items()}})
