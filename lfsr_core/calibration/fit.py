@@ -328,10 +328,8 @@ def comparison(profile: DisplayProfile, calibration: Calibration) -> Array:
                 for axis, place in zip((points[0, :, 0], points[:, 0, 1]), seen.eye_mm, strict=False))
         predicted = seen_at(shown, fitted, seen.eye_mm, x, y) / 255
         # Correlation of the channels of the fringes, the lesser.
-        high, wide = (count // BLOCK for count in taken.shape[:2])
-        blocks = [image[:high * BLOCK, :wide * BLOCK].reshape(high, BLOCK, wide, BLOCK, 3).mean((1, 3))
-                  for image in (taken, predicted)]
-        alike = min(float(np.corrcoef(*(block[..., channel].ravel() for block in blocks))[0, 1])
+        first, second = (Raster.of(image).shrunk(BLOCK).values for image in (taken, predicted))
+        alike = min(float(np.corrcoef(first[..., channel].ravel(), second[..., channel].ravel())[0, 1])
                     for channel in FRINGE_CHANNELS)
         if alike < LEAST_ALIKE:
             raise LfsrError(f"the photograph and what the fitted lenses would show agree by {alike:.0%} only: start "
