@@ -73,23 +73,19 @@ def _opened(*_: object) -> None:
     _problems.clear()
     _rows.clear()
     bpy.context.window_manager.lfsr.checked_scene = ""
-    _subscribe()  # Blender forgets them with the file
+    register()  # Blender forgets what it listens to with the file
 
 
-def _subscribe() -> None:
+def register() -> None:
+    """Listen to changes, anew."""
     bpy.msgbus.clear_by_owner(_OWNER)
     for kind in SETTINGS:
         bpy.msgbus.subscribe_rna(key=kind, owner=_OWNER, args=(), notify=_mark, options={"PERSISTENT"})
 
 
-HANDLERS = (("depsgraph_update_post", _note), ("undo_post", _note), ("redo_post", _note), ("load_post", _opened))
-
-
-def register() -> None:
-    """Listen to changes."""
-    _subscribe()
-
-
 def unregister() -> None:
     """Stop listening."""
     bpy.msgbus.clear_by_owner(_OWNER)
+
+
+HANDLERS = (("depsgraph_update_post", _note), ("undo_post", _note), ("redo_post", _note), ("load_post", _opened))

@@ -185,7 +185,7 @@ def timeline(scene: bpy.types.Scene) -> tuple[int, ...]:
 
 
 def requested_animation(scene: bpy.types.Scene) -> tuple[Request, Finish, tuple[int, ...]]:
-    """Request, finish and numbers of the timeline's frames; the output is the folder of their """
+    """Request, finish and numbers of the timeline's frames; the output is the folder of their folders."""
     frames = timeline(scene)
     request, finish = requested(scene, frames[0])
     request = dataclasses.replace(request, output=str(Path(request.output).parent))
