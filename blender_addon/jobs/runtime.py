@@ -52,10 +52,10 @@ LIBRARIES = {"win32": "OpenImageDenoise.dll", "darwin": "libOpenImageDenoise.dyl
 # Packages of the library, by the ID in /etc/os-release. Debian and those made of it have none.
 OF_SYSTEMS = {"fedora": "oidn-libs", "arch": "openimagedenoise", "alpine": "openimagedenoise",
               "void": "openimagedenoise", "gentoo": "media-libs/oidn"}
-# Workers that each started BLAS threads of their own would wait for one another.
 COPY_FOLDER, RECORD = "copy", "names.json"  # in the folder of the parts, and in that of the copy
 # A request names its frame; whether a compositor is used decides nothing.
 FREE = ("frame_current", "frame_current_final", "frame_float", "frame_subframe", "use_nodes")
+# Workers that each started BLAS threads of their own would wait for one another.
 ONE_BLAS_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1")
 
 
@@ -264,12 +264,11 @@ def _state() -> _State:
 
 def _unreported() -> list[Any]:
     """Return what may decide pixels of a render and can change without a report to ``_updated``."""
-    layers = [(scene, layer) for scene in bpy.data.scenes for layer in scene.view_layers]
+    layers = [layer for scene in bpy.data.scenes for layer in scene.view_layers]
     owners = [owner for scene in bpy.data.scenes
               for owner in (scene, scene.render, scene.view_settings, getattr(scene, "cycles", None))]
-    owners += [owner for _, layer in layers for owner in (layer, getattr(layer, "cycles", None))]
-    owners += [each for _, layer in layers
-               for each in (layer.layer_collection, *layer_collections(layer.layer_collection))]
+    owners += [owner for layer in layers for owner in (
+        layer, getattr(layer, "cycles", None), layer.layer_collection, *layer_collections(layer.layer_collection))]
     used = bpy.data.user_map(key_types={"IMAGE"}, value_types={"MATERIAL", "WORLD", "LIGHT", "NODETREE", "TEXTURE"})
     images = [[image.name_full, image.source, image.filepath, image.alpha_mode, image.colorspace_settings.name]
               for image, users in used.items() if users]
@@ -329,8 +328,4 @@ def _saved(path: str, *_: object) -> None:
 
 HANDLERS = (("depsgraph_update_post", _updated), ("undo_post", _edited), ("redo_post", _edited),
             ("load_post", _opened), ("save_post", _saved))
-
-
-def register() -> None:
-    """Count edits from now on."""
-    _edited()
+register = _edited  # edits are counted from then on
