@@ -35,7 +35,6 @@ from . import images, runtime
 SECONDS_BETWEEN_LOOKS = 0.1
 SECONDS_TO_STOP = 1.5
 LEAST_LEFT = 0.5  # seconds
-SAVE = Progress("save")
 STARTING = ("make", "reference", "plan", "estimate", "export", "show")  # tasks that start Blender
 POPUP_COLUMNS = 90
 STATUS_WIDTH = 12  # of the progress in the status bar, in Blender's units
@@ -68,7 +67,7 @@ class Task:
 
     def __init__(self, title: str, job: Job) -> None:
         """Announce that a copy of the file is saved; the first ``poll`` saves it and starts the process."""
-        self.title, self.job, self.progress = title, job, SAVE
+        self.title, self.job, self.progress = title, job, Progress("save")
         self.notices: list[Notice] = []
         self.result: dict[str, Any] | None = None
         self.ended = False  # done, failed or cancelled
@@ -122,8 +121,8 @@ class Task:
         self._end(None)
         return True
 
-    def run(self) -> dict[str, Any]:
-        """Wait for the end and return the result, for scripts and background mode."""
+    def run(self) -> None:
+        """Wait for the end, for scripts and background mode."""
         try:
             while not self.poll():
                 if self._reader is not None:
@@ -131,7 +130,6 @@ class Task:
         except BaseException:
             self.cancel()
             raise
-        return self.result or {}
 
     def cancel(self) -> None:
         """Stop the process and what it has started; finished parts and frames stay."""
