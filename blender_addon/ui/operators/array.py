@@ -83,8 +83,7 @@ class LFSR_OT_select_plane(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        array = rig.find(context.scene)
-        plane = rig.plane_of(array) if array else None
+        plane = rig.plane_of(rig.find(context.scene))
         if plane is None:
             raise LfsrError("there is no display plane to select: add a camera array")
         activate(context, plane)

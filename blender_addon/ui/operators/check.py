@@ -26,12 +26,8 @@ from .base import UNDO, AsksForFile, Result, activate, reports_errors
 Fix = Callable[[bpy.types.Scene, str], None]
 
 
-def find_object(name: str) -> bpy.types.Object:
-    """Return the object ``name`` of the open file; LfsrError if it is gone."""
-    return _existing(bpy.data.objects, name, "object")
-
-
-def _existing(items: bpy.types.bpy_prop_collection, name: str, kind: str) -> Any:
+def _existing(items: bpy.types.bpy_prop_collection, name: str, kind: str = "object") -> Any:
+    """Return the one of ``items`` that is called ``name``; LfsrError if it is gone."""
     item = items.get(name)
     if item is None:
         raise LfsrError(f"{kind} {name!r} is not there any more: check the scene again")
@@ -39,7 +35,7 @@ def _existing(items: bpy.types.bpy_prop_collection, name: str, kind: str) -> Any
 
 
 def _camera(name: str) -> bpy.types.Camera:
-    item = find_object(name)
+    item = _existing(bpy.data.objects, name)
     if item.type != "CAMERA":
         raise LfsrError(f"object {name!r} is no camera any more: check the scene again")
     check_editable(item.data)
@@ -74,7 +70,7 @@ def _light_images(scene: bpy.types.Scene, _target: str) -> None:
 
 
 def _leave_out(_scene: bpy.types.Scene, target: str) -> None:
-    item = find_object(target)
+    item = _existing(bpy.data.objects, target)
     item.hide_render = item.hide_viewport = True
     bpy.context.view_layer.update()
 
@@ -88,7 +84,7 @@ def _fit(scene: bpy.types.Scene, _target: str) -> None:
 
 
 def _to_background(scene: bpy.types.Scene, target: str) -> None:
-    item = find_object(target)
+    item = _existing(bpy.data.objects, target)
     background = (bpy.data.collections.get(BACKGROUND_COLLECTION) or bpy.data.collections.new(BACKGROUND_COLLECTION))
     check_editable(background)
     if background not in scene.collection.children_recursive:
@@ -197,7 +193,7 @@ class LFSR_OT_check_select(bpy.types.Operator):
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
         names = [self.target] if self.target else [problem.target for problem in last.problems(self.code)]
-        items = [find_object(name) for name in names]
+        items = [_existing(bpy.data.objects, name) for name in names]
         if not items:
             raise LfsrError("no object has this problem any more: check the scene again")
         activate(context, items[0])
