@@ -57,8 +57,7 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
             views = np.stack([layers[name] for layers in images])
             views = views.reshape(*reversed(layout.views), *views.shape[1:])
             if layout.lens_list is not None:
-                lenses, (across, down) = np.asarray(layout.lens_list), layout.tiles
-                shown = lenses[np.minimum(np.arange(across * down), len(lenses) - 1)].reshape(down, across, 2)
+                shown = layout.shown_lenses
                 views = views[:, :, shown[..., 0], shown[..., 1]]
             assembled[name] = from_views(views)
         image_files.write_layers(target, assembled, half=settings.half)
