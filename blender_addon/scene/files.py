@@ -320,10 +320,9 @@ def open_scene(path: str | Path, tell: Tell = silent) -> bpy.types.Scene:
 def choose_scene(name: str) -> bpy.types.Scene:
     """Make the scene of the full name ``name`` in the open file the current one; LfsrError if there is none."""
     scenes = {scene.name_full: scene for scene in bpy.data.scenes}
-    scene = scenes.get(name)
-    if scene is None:
+    if name not in scenes:
         raise LfsrError(f"the file has no scene {name!r}: choose one of {', '.join(scenes)}")
-    return shown(scene)
+    return shown(scenes[name])
 
 
 def shown(scene: bpy.types.Scene) -> bpy.types.Scene:

@@ -123,7 +123,7 @@ def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: Iterab
 def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.types.Object]) -> Array:
     """Return depths (n,) from the camera plane at which the middle of a ``placed`` array sees the subject."""
     array, matrix = placed
-    sight = _Sight(scene, Rays(scene), to_blender(matrix), clip_of(scene))
+    sight = _Sight(Rays(scene), to_blender(matrix), clip_of(scene))
     half = array.half_width / array.distance, array.half_height / array.distance
     return np.array(_depths(sight, half, subject))
 
@@ -144,7 +144,7 @@ def unseen_notice(scene: bpy.types.Scene, profile: DisplayProfile, placed: Place
     None if some of its views see the subject, or if rays could not tell: they meet neither hair nor volumes.
     """
     array, matrix = placed
-    sight = _Sight(scene, Rays(scene), to_blender(matrix), clip_of(scene))
+    sight = _Sight(Rays(scene), to_blender(matrix), clip_of(scene))
     half = array.half_width / array.distance, array.half_height / array.distance
     points = [points.mean(0) for points in world_points(subject)]
     unmet = any(item.type in BOXED for item, _, _ in instances(subject))
@@ -217,7 +217,7 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
     half_width = (max(c.x for c in corners) - min(c.x for c in corners)) / 2 / -corners[0].z  # at distance 1
     # The camera's scale does not apply to its clipping depths.
     clip = camera.data.clip_start, camera.data.clip_end
-    sight = _Sight(scene, Rays(scene), upright(camera), clip)
+    sight = _Sight(Rays(scene), upright(camera), clip)
     distance, half = _focus(camera), _half(half_width, profile)
     if not distance:
         depths = _depths(sight, half, subject)
@@ -235,7 +235,7 @@ def array_of_view(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[
 
     The display plane is as of ``array_of_camera``; where the view sees nothing of the subject, at the view's centre.
     """
-    sight = _Sight(scene, Rays(scene), mathutils.Matrix(view.matrix), view.clip)
+    sight = _Sight(Rays(scene), mathutils.Matrix(view.matrix), view.clip)
     depths = _depths(sight, _half(view.half_width, profile), subject)
     return _array_at(sight, profile, view.half_width, _middle(depths) if depths else view.pivot)
 
@@ -320,7 +320,6 @@ def _focus(camera: bpy.types.Object) -> float | None:
 class _Sight:
     """Rays from a camera into what would be rendered."""
 
-    scene: bpy.types.Scene
     rays: Rays
     matrix: mathutils.Matrix  # the camera's world matrix, without scale
     clip: Clip | None = None  # depths between which the camera sees, None for all
@@ -363,7 +362,7 @@ def _hits(sight: _Sight, half: tuple[float, float], eye: Sequence[float] | Array
 def is_free(scene: bpy.types.Scene, placed: Placement, profile: DisplayProfile, times: float) -> bool:
     """Return False if a ``placed`` array would reach through a wall, were it ``times`` as large."""
     array, matrix = placed
-    sight = _Sight(scene, Rays(scene), to_blender(matrix))
+    sight = _Sight(Rays(scene), to_blender(matrix))
     return _free_fraction(sight, profile, dataclasses.replace(array, spacing=array.spacing * times)) == 1
 
 
