@@ -29,7 +29,7 @@ def overridden(owner: Any, values: Mapping[str, Any]) -> Iterator[None]:
     the first is set, and they are set and restored in the given order. A value of an older file that this Blender does
     not have cannot be restored. AttributeError for a name that this Blender does not have.
     """
-    before = {name: _copy(getattr(owner, name)) for name in values}
+    before = {name: copied(getattr(owner, name)) for name in values}
     try:
         _set(owner, values)
         yield
@@ -52,12 +52,12 @@ def new_data() -> Iterator[list[bpy.types.ID]]:
 def _set(owner: Any, values: Mapping[str, Any]) -> None:
     for name, value in values.items():
         # Setting an equal value would tag the data for an update.
-        if _copy(getattr(owner, name)) != value:
+        if copied(getattr(owner, name)) != value:
             setattr(owner, name, value)
 
 
-def _copy(value: Any) -> Any:
-    """Copy of an array property, which would change with the data."""
+def copied(value: Any) -> Any:
+    """Return a copy of an array property, which would change with the data; another value as it is."""
     if hasattr(value, "__len__") and not isinstance(value, (str, set)):
         return tuple(value)
     return value

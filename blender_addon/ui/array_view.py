@@ -22,6 +22,7 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
+from ..compat import copied
 from ..jobs import images
 from ..scene import settings as scene_settings
 from ..scene.array import rig
@@ -100,9 +101,7 @@ def _watch() -> float | None:
 
 
 def _values(item: Any, *names: str) -> dict[str, Any]:
-    values = {name: getattr(item, name) for name in names if hasattr(item, name)}
-    return {name: tuple(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
-            for name, value in values.items()}
+    return {name: copied(getattr(item, name)) for name in names if hasattr(item, name)}
 
 
 def _set(item: Any, values: dict[str, Any]) -> None:
