@@ -28,6 +28,7 @@ class Part:
     """A part of methods' names."""
 
     kind: str  # PREFILTER changes the low-resolution EIA, UPSCALER makes EIs of it
+    text: str  # one line for menus
     # A PREFILTER as function of a weights file or None; an UPSCALER of the side of blocks, see ``pooling.Pooling``.
     make: Callable[..., Any]
     needs_denoiser: bool = False  # Open Image Denoise
@@ -40,17 +41,19 @@ class Part:
 
 
 METHODS: dict[str, Part] = {
-    "nearest": Part(UPSCALER, lambda _: Interpolation("nearest")),
-    "bilinear": Part(UPSCALER, lambda _: Interpolation("linear")),
-    "bicubic": Part(UPSCALER, lambda _: Interpolation("cubic")),
-    "lanczos": Part(UPSCALER, lambda _: Interpolation("lanczos")),
-    "pool": Part(UPSCALER, Pooling, sees_neighbours=True, versions={"pool": 4}, per_finished=0.05),
-    "none": Part(UPSCALER, lambda _: Interpolation("nearest")),  # for renders at scale 1
-    # With weights trained on elemental images; "oidn" with the library's own.
-    "denoise": Part(PREFILTER, lambda weights: functools.partial(denoise_low_resolution, weights=weights or WEIGHTS),
+    "nearest": Part(UPSCALER, "each view repeated", lambda _: Interpolation("nearest")),
+    "bilinear": Part(UPSCALER, "linear inside each elemental image", lambda _: Interpolation("linear")),
+    "bicubic": Part(UPSCALER, "cubic inside each elemental image", lambda _: Interpolation("cubic")),
+    "lanczos": Part(UPSCALER, "8-tap Lanczos inside each elemental image", lambda _: Interpolation("lanczos")),
+    "pool": Part(UPSCALER, "linear along the depth of what is seen, from every lens that sees it", Pooling,
+                 sees_neighbours=True, versions={"pool": 4}, per_finished=0.05),
+    "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda _: Interpolation("nearest")),
+    "denoise": Part(PREFILTER, "Open Image Denoise with weights trained on elemental images",
+                    lambda weights: functools.partial(denoise_low_resolution, weights=weights or WEIGHTS),
                     needs_denoiser=True, takes_weights=True, sees_neighbours=True, versions={"denoiser": 11},
                     per_rendered=0.45),
-    "oidn": Part(PREFILTER, lambda _: functools.partial(denoise_low_resolution, weights=None), needs_denoiser=True,
+    "oidn": Part(PREFILTER, "Open Image Denoise with its own weights",
+                 lambda _: functools.partial(denoise_low_resolution, weights=None), needs_denoiser=True,
                  sees_neighbours=True, versions={"denoiser": 11}, per_rendered=0.45),
 }
 # Seconds of every method on two cores: its start, per million finished pixels, and per million rendered ones.
@@ -202,8 +205,9 @@ def load_method(name: str | MethodName, weights: str | None = None, *, upscaler:
     if weights and not any(part.takes_weights for part in name.parts):
         raise LfsrError(f"weights {weights} were given, but method {name.text!r} has none: choose one with "
                         "'denoise', or leave the weights out")
-    prefilters = tuple(METHODS[part].make(weights) for part in name.prefilters)
-    return Method(name, prefilters, upscaler or METHODS[name.upscaler].make(block))
+    upscaler = upscaler or METHODS[name.upscaler].make(block)
+    assert upscaler is not None, "the table makes one"
+    return Method(name, tuple(METHODS[part].make(weights) for part in name.prefilters), upscaler)
 
 
 def seconds(display: DisplayProfile, scale: int, method: str, layout: str = "one-pass") -> float:
