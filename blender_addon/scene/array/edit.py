@@ -152,7 +152,7 @@ MOST_SURROUNDINGS = 6
 # Degrees around Z from the front, and from above: what they show counts this much.
 TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.7, -90: 0.7, 180: 0.7}
 TILTS = {0: 1.0, 35: 0.7, 65: 0.5}
-ACROSS, DOWN = 24, 14  # rays that tell it
+PROBED, FEWER = (24, 14), (16, 9)  # rays that tell it, across and down
 
 
 def first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placement:
@@ -190,6 +190,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     if (view := view_of_room(rays, chosen, low, high)) is not None:
         return placement.array_of_view(scene, profile, subject, view)
     choices = list[tuple[float, Placement]]()
+    probes = FEWER if rays.items else PROBED  # in a scene of many objects a ray takes long
     # What lies below a sea or a ground that cuts the subject may be hidden: it is fitted with and without it.
     grounds = [top for item, box in boxes.items() if item not in chosen and (top := box[:, 2].max()) < high[2]
                and top > low[2] + FLAT * (high - low)[2] and np.ptp(box[:, 2]) < FLAT * np.ptp(box, axis=0).max()]
@@ -198,7 +199,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         turn = (mathutils.Matrix.Rotation(math.radians(degrees), 3, "Z")
                 @ mathutils.Matrix.Rotation(math.radians(-tilt), 3, "X"))
         placed = fit_turned(np.maximum(points, (-math.inf, -math.inf, ground)), profile, turn)
-        seen = [hit[2] for hit in through(rays, placed, ACROSS, DOWN) if hit is not None and hit[2] in shown]
+        seen = [hit[2] for hit in through(rays, placed, *probes) if hit is not None and hit[2] in shown]
         choices.append((above * wide * len(seen) * len(set(seen))**0.5, placed))
     return max(choices, key=lambda each: each[0])[1]
 
@@ -274,6 +275,7 @@ VIEW_ACROSS, VIEW_DOWN = 7, 3  # rays of a view
 ENCLOSED = 0.95  # least fraction of the rays that hit, from what is closed on all sides
 FACES, BLOCKED = 200, 0.85  # faces that tell a room; the fraction of the rays from a face in it that must hit
 ROOM = 0.5  # faces seen from inside alone, at least, to each face that is open to the outside
+LEAST_SHUT = 0.2  # of every tenth face, below which the others are not looked at
 INSIDE_OUT = 0.5  # least fraction of the faces whose backs alone are open, of a solid thing whose faces point inwards
 LEAST_DEPTH = 0.1  # of a view inside a room, as a fraction of its diagonal
 NEAR = 0.15  # of the median depth of a view, at which nothing may stand in its way
@@ -339,6 +341,8 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
         return len(list(itertools.islice(escaping, most + 1))) <= most
     inner = list[list[Face]]()
     for faces in _faces(rays, items):
+        if sum(is_shut_off(*face) for face in faces[::10]) < LEAST_SHUT * FACES / 10:
+            continue  # most things are open
         shut = [face for face in faces if is_shut_off(*face)]
         is_inside_out = sum(not is_shut_off(at, -normal) for at, normal in shut) > INSIDE_OUT * FACES
         if len(shut) > ROOM * (FACES - len(shut)) and not is_inside_out:
