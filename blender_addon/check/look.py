@@ -75,11 +75,16 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     is_imported = bool(reason) or startup_cube(scene) is not None  # which the lamp of the new file was not to light
     own = [item for item in lamps if not is_imported
            or (item.matrix_world.translation - mathutils.Vector(STARTUP_LAMP)).length > 1e-3]
-    if lamps and not own and not has_emission(scene):
-        yield _problem("dark", scene.name, "Only the lamp of Blender's new file lights it. Images only are lit.")
-    elif _is_dark(scene, rays, placed, own, is_new):
+    startup = next((item for item in lamps if item not in own), None)
+    if startup is not None and not own and not has_emission(scene):
+        is_dark = True
+    else:
+        with _without(startup):
+            is_dark = _is_dark(scene, rays, placed, own, is_new)
+    if is_dark:
         yield _problem("dark", scene.name, "Hardly any light comes from what the array sees: the image will be almost "
-                       "black. Images only are lit; the scene keeps its own light.")
+                       "black. Images only are lit; the scene keeps its own light." if startup is None else
+                       "Only the lamp of Blender's new file lights it. Images only are lit.")
 
 
 @contextmanager
