@@ -76,15 +76,16 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     own = [item for item in lamps if not is_imported
            or (item.matrix_world.translation - mathutils.Vector(STARTUP_LAMP)).length > 1e-3]
     startup = next((item for item in lamps if item not in own), None)
-    if startup is not None and not own and not has_emission(scene):
+    is_alone = startup is not None and not own
+    if is_alone and not has_emission(scene):
         is_dark = True
     else:
         with _without(startup):
             is_dark = _is_dark(scene, rays, placed, own, is_new)
     if is_dark:
-        yield _problem("dark", scene.name, "Hardly any light comes from what the array sees: the image will be almost "
-                       "black. Images only are lit; the scene keeps its own light." if startup is None else
-                       "Only the lamp of Blender's new file lights it. Images only are lit.")
+        yield _problem("dark", scene.name, "Only the lamp of Blender's new file lights it. Images only are lit."
+                       if is_alone else "Hardly any light comes from what the array sees: the image will be almost "
+                       "black. Images only are lit; the scene keeps its own light.")
 
 
 @contextmanager

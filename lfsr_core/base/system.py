@@ -189,7 +189,8 @@ def remove_dead(target: Path) -> list[Path]:
     for folder in [path for path in place.iterdir() if ours.fullmatch(path.name)]:
         is_released = (folder / RELEASED_FILE).exists()  # before its lock, because it goes after it
         with contextlib.suppress(OSError):
-            if LOCK_FILE not in (os.listdir(folder) or [LOCK_FILE]):
+            names = os.listdir(folder)
+            if names and LOCK_FILE not in names:
                 remove(folder)  # a process that outlived its maker has made it again
         with contextlib.suppress(OSError), (folder / LOCK_FILE).open("rb") as lock:
             if not locks(lock):

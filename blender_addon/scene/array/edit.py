@@ -366,7 +366,8 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
         worth = middle * len({(item, tuple(map(round, 2 * normal))) for _, normal, item in hits})**0.5
         if nearest <= NEAR * middle:
             continue
-        free += [] if place in free[-1:] else [place]
+        if place not in free:
+            free.append(place)
         if worth > most:
             matrix = turn.to_4x4()
             matrix.translation = place
