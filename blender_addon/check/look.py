@@ -6,6 +6,7 @@ a render offers ticked, in the order of MENDS: each is looked for as if those be
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
@@ -65,9 +66,9 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     is_new, rays = _is_unaimed(scene), Rays(scene)  # where nobody has aimed the camera, nobody has placed lamps
     if reason := _out_of_frame(scene, rays, placed, main):
         is_new = True
-        yield _problem("frame", main[0].name if main else scene.name, reason)
         placed = edit.in_front(scene, display, set(main))
-    if depths := depths_of(scene, placed, main):
+        yield dataclasses.replace(_problem("frame", main[0].name if main else scene.name, reason), placed=placed)
+    if depths := depths_of(scene, placed, main, rays):
         yield from _deep(scene, placed, display, *depths)
     if scene.lfsr.light not in SCENE_LIGHTS or not has_light(scene):
         return
@@ -77,12 +78,7 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
            or (item.matrix_world.translation - mathutils.Vector(STARTUP_LAMP)).length > 1e-3]
     startup = next((item for item in lamps if item not in own), None)
     is_alone = startup is not None and not own
-    if is_alone and not has_emission(scene):
-        is_dark = True
-    else:
-        with _without(startup):
-            is_dark = _is_dark(scene, rays, placed, own, is_new)
-    if is_dark:
+    if (is_alone and not has_emission(scene)) or _is_dark(scene, rays, placed, own, startup, is_new):
         yield _problem("dark", scene.name, "Only the lamp of Blender's new file lights it. Images only are lit."
                        if is_alone else "Hardly any light comes from what the array sees: the image will be almost "
                        "black. Images only are lit; the scene keeps its own light.")
@@ -91,7 +87,10 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
 @contextmanager
 def _without(item: bpy.types.Object | None) -> Iterator[None]:
     """Hide an object inside the block."""
-    with overridden(item, {"hide_viewport": True, "hide_render": True}) if item is not None else nullcontext():
+    if item is None:
+        yield
+        return
+    with overridden(item, {"hide_viewport": True, "hide_render": True}):
         bpy.context.view_layer.update()
         yield
     bpy.context.view_layer.update()
@@ -138,9 +137,10 @@ def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list
     return sorted(chosen, key=lambda item: -float(np.linalg.norm(np.ptp(boxes[item], axis=0))))
 
 
-def depths_of(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.types.Object]) -> tuple[float, ...]:
+def depths_of(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.types.Object],
+              rays: Rays | None = None) -> tuple[float, ...]:
     """Nearest and farthest depth at which the middle of an array sees the main objects; empty where it sees none."""
-    depths = placement.seen_depths(scene, placed, with_instanced(set(main)))
+    depths = placement.seen_depths(scene, placed, with_instanced(set(main)), rays)
     return tuple(map(float, np.percentile(depths, (2, 98)))) if len(depths) else ()
 
 
@@ -233,11 +233,11 @@ def _seen(scene: bpy.types.Scene) -> tuple[CameraArray, float, float]:
 
 
 def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, lamps: list[bpy.types.Object],
-             is_new: bool) -> bool:
+             startup: bpy.types.Object | None, is_new: bool) -> bool:
     """True if hardly any light of ``lamps`` and of the world comes back from the places that the array sees.
 
-    What rays do not tell, light that is reflected or of a material, a proof of 64 pixels across does; of a scene that
-    ``is_new``, in which nobody has placed lamps, only where a material shines.
+    What rays do not tell, light that is reflected or of a material, a proof of 64 pixels across does, without the lamp
+    ``startup``; of a scene that ``is_new``, in which nobody has placed lamps, only where a material shines.
     """
     array, matrix = placed
     eye = mathutils.Matrix(matrix)
@@ -267,7 +267,7 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, lamps: l
     result = bpy.data.images.get("Render Result")
     slots = result.render_slots if result is not None else ()
     # In the last slot of Blender's own result, so that the artist's stays.
-    with overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
+    with _without(startup), overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
         return is_dark(scene, scene_settings.resolve(scene).request, placed)
 
 

@@ -81,6 +81,7 @@ class Problem:
     title: str = ""  # shown instead of ``target``
     asks: bool = False  # whether a render is started only after the artist was asked
     count: int = 1  # of the findings that a row stands for
+    placed: rig.Placement | None = None  # of the array, where its fix moves that
 
 
 def grouped(problems: Iterable[Problem]) -> list[Problem]:

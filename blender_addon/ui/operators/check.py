@@ -17,7 +17,7 @@ from ...scene import settings as scene_settings
 from ...scene.array import rig
 from ...scene.array.edit import add, in_front, is_inside, put, remove
 from ...scene.array.placement import Rays
-from ...scene.array.rig import check_editable
+from ...scene.array.rig import Placement, check_editable
 from ...scene.contents import BACKGROUND_COLLECTION, GEOMETRY, SWITCHES, find_subject, switched
 from ...scene.light import DEFAULT_LIGHT, add_light
 from ...scene.words import counted, for_panel
@@ -75,12 +75,12 @@ def _leave_out(_scene: bpy.types.Scene, target: str) -> None:
     bpy.context.view_layer.update()
 
 
-def _fit(scene: bpy.types.Scene, _target: str) -> None:
+def _fit(scene: bpy.types.Scene, _target: str, placed: Placement | None = None) -> None:
     display = scene_settings.display_of(scene)
     array = rig.find(scene) or add(scene, display)
     check_editable(array)
     subject = find_subject(scene)
-    put(array, in_front(scene, display, set(look.main_objects(scene, subject)) or subject))
+    put(array, placed or in_front(scene, display, set(look.main_objects(scene, subject)) or subject))
 
 
 def _to_background(scene: bpy.types.Scene, target: str) -> None:

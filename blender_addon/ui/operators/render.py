@@ -266,7 +266,8 @@ def check_questions(scene: bpy.types.Scene, frames: int = 1) -> list[Question]:
     mends = [problem for code in MENDS for problem in new if problem.code == code]
     rows = grouped(problem for problem in new if problem.code not in MENDS)
     asked = [*(Question(problem.reason.rstrip("."), "Render", accept=accept, mend=MENDS[problem.code][0],
-                        title=problem.fix, mends=functools.partial(FIXES[problem.code], scene, problem.target))
+                        title=problem.fix, mends=functools.partial(FIXES[problem.code], scene, problem.target,
+                                                         *filter(None, [problem.placed])))
                for problem in mends),
              *_long(scene, frames), *(
                  Question((row.reason if row.count == 1 else f"{row.title}. {row.reason}").rstrip("."), "Render",
