@@ -31,6 +31,7 @@ from lfsr_core.reconstruct.methods import DEFAULT_METHOD, PLAIN_METHOD
 from lfsr_core.reconstruct.second_stage import finished_linear
 from lfsr_core.reconstruct.upscaler import finished_layout
 from tests.support import noisy_renders
+from tests.support.finished import finished
 from tests.support.noisy_renders import JOB, render
 from tests.support.synthetic import MINI, frame_of, light_field
 from tests.support.told import refuses
@@ -214,6 +215,29 @@ def test_mosaic_shows_each_sampled_lens_amid_its_neighbours(lenses, reach_):
             for right in range(-reach_, reach_ + 1):
                 neighbour = np.clip(row + down, 0, 4) * GRID[0] + np.clip(column + right, 0, 6)
                 assert numbers[index[y + down, x + right]] == neighbour
+
+
+def test_a_sampled_lens_is_finished_as_in_its_frame(tmp_path):
+    lenses = list(np.ndindex(*MINI.lenses[::-1]))
+    quarters = [to_elemental_images(light_field()[..., :3], MINI.lenses).reshape(-1, 8, 8, 3)] * 4
+    folder = finished(tmp_path / "deep")
+    layers = read_layers(folder / LOW_RES_FILE)
+    layers["index"] = np.where(layers["color"][..., 2:3] > 0.5, 1, 2).astype(np.float32)  # the nearer square alone
+    write_layers(folder / LOW_RES_FILE, layers)
+    whole = to_elemental_images(finished_linear(folder, "nearest")[..., :3], MINI.lenses).reshape(-1, 8, 8, 3)
+    expected = planner.split_scores(srgb_encode(whole), quarters)
+    found = planner.scores(folder, "nearest", np.arange(len(lenses))[:, None, None], quarters)
+    assert found == pytest.approx(expected, abs=1e-6), "lenses without foreground are filled in"
+
+    at = [(5, 5), (1, 12), (8, 3)]
+    width, (listed, blocks) = MINI.lenses[0], planner.with_neighbours(at, 1, MINI.lenses)
+    blocks = np.array([row * width + column for row, column in listed])[blocks]
+
+    def scored(chosen: slice) -> np.ndarray:
+        references = [quarter[[row * width + column for row, column in at[chosen]]] for quarter in quarters]
+        return planner.scores(folder, "pool", blocks[chosen], references)
+    together, alone = scored(slice(3)), [*scored(slice(1)), *scored(slice(1, 2)), *scored(slice(2, 3))]
+    assert together == pytest.approx(alone, abs=1e-6), "a block of lenses sees no other block"
 
 
 @given(st.integers(4, 60), st.integers(0, 9))
