@@ -46,6 +46,7 @@ GIGABYTE = 1e9
 LEFT_OUT = {"scripts-off": ("autoexec", "Scripts", "Reload Trusted"),
             "engine-ignored": ("engine", "Render Engine", "Use Cycles"),
             "eevee-nodes": ("eevee", "", ""),
+            "material-clear": ("clear", "", ""),
             "filter-ignored": ("filter", "Pixel Filter", "Use Box"),
             "clamp-ignored": ("clamp", "Clamping", "Use Defaults"),
             "motion-ignored": ("motion", "Motion Blur", "Switch Off"),

@@ -117,6 +117,7 @@ SENTENCES: dict[str, Wording] = {
                       "own engine, {engine}",
     "eevee-nodes": "node {node} of material {material!r} works in EEVEE only, and Cycles shows the material black. "
                    "Connect a shader of Cycles",
+    "material-clear": "material {material!r} has Alpha 0, so that it shows nothing. Set its Alpha to 1 to see it",
     "filter-ignored": "the pixel filter {filter} is ignored, since it would mix neighbouring views. A box of one pixel "
                       "is used",
     "clamp-ignored": "the scene's clamping of light (direct {direct:g}, indirect {indirect:g}) is ignored. Direct "

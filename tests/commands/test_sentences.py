@@ -38,6 +38,7 @@ EXAMPLES = {
     "camera-sheared": ({"camera": "Front"}, "'Front' is sheared"),
     "clamp-ignored": ({"direct": 1.0, "indirect": 10.0}, "direct 1, indirect 10"),
     "coordinates-differ": ({"names": ["Sky"]}, "(Sky)"),
+    "material-clear": ({"material": "Skin"}, "'Skin' has Alpha 0"),
     "eevee-nodes": ({"material": "Toon", "node": "Shader to RGB"}, "node Shader to RGB of material 'Toon'"),
     "engine-ignored": ({"engine": "EEVEE"}, "EEVEE"),
     "filter-ignored": ({"filter": "gaussian"}, "filter gaussian"),

@@ -56,7 +56,7 @@ def test_the_world_of_a_new_file_alone(scene):
     fix(scene, "dark")
 
 
-def test_nodes_of_eevee_and_of_osl_are_named_with_their_material(scene):
+def test_materials_that_do_not_show_are_named(scene):
     material, group = bpy.data.materials.new("Toon"), bpy.data.node_groups.new("Toon", "ShaderNodeTree")
     use_nodes(material)
     material.node_tree.nodes.new("ShaderNodeGroup").node_tree = group
@@ -67,6 +67,13 @@ def test_nodes_of_eevee_and_of_osl_are_named_with_their_material(scene):
     assert found(scene, "eevee") is None
     material.node_tree.nodes["Material Output"].target = "EEVEE"
     assert "ode Material Output" in found(scene, "eevee").reason
+    alpha = material.node_tree.nodes["Principled BSDF"].inputs["Alpha"]
+    assert found(scene, "clear") is None
+    alpha.default_value = 0.0
+    assert found(scene, "clear").target == "Toon" and found(scene, "clear").asks
+    texture = material.node_tree.nodes.new("ShaderNodeTexImage")
+    material.node_tree.links.new(texture.outputs["Alpha"], alpha)
+    assert found(scene, "clear") is None
     material = bpy.data.materials.new("Scripted")
     material.use_nodes = True
     material.node_tree.nodes.new("ShaderNodeScript")
