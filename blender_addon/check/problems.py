@@ -63,7 +63,7 @@ LEFT_OUT = {"scripts-off": ("autoexec", "Scripts", "Reload Trusted"),
             "layers-left-out": ("layers", "View Layers", "Switch Off Others"),
             "compositor-ignored": ("compositor", "Compositor", "Switch Off"),
             "sequencer-ignored": ("sequencer", "Sequencer", "Switch Off")}
-HARMLESS = ("engine", "filter")  # of which nobody is asked
+HARMLESS = ("engine", "filter", "clamp")  # of which nobody is asked
 # Title and button of what a view layer does with collections.
 SWITCHED = {"exclude": ("Excluded Collections", "Include"), "holdout": ("Holdouts", "Switch Off"),
             "indirect_only": ("Indirect-Only Collections", "Switch Off")}

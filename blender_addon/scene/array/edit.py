@@ -269,9 +269,9 @@ def boxes_now(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
 
 
 GRID, HEIGHT, MARGIN = 5, 0.5, 0.15  # places across a room's bounding box, at half of its height, away from its sides
-YAWS = 12  # directions of view at each place
-HALF_WIDTH = 0.6  # of the view at distance 1: about 62°
+YAWS, HALF_WIDTH = 12, 0.6  # views at each place; half their width at distance 1: about 62°
 VIEW_ACROSS, VIEW_DOWN = 7, 3  # rays of a view
+LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the hull of a small thing
 ENCLOSED = 0.95  # least fraction of the rays that hit, from what is closed on all sides
 FACES, BLOCKED = 200, 0.85  # faces that tell a room; the fraction of the rays from a face in it that must hit
 ROOM = 0.5  # faces seen from inside alone, at least, to each face that is open to the outside
@@ -331,8 +331,9 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
 
     Of a room, many faces or much of their area is seen from inside alone, shut off from the outside.
     """
-    size = high - low
-    reach = float(np.linalg.norm(size))
+    size, reach = high - low, float(np.linalg.norm(high - low))
+    if size.min() * rays.scene.unit_settings.scale_length < LEAST_ROOM:
+        return None
 
     def is_shut_off(at: mathutils.Vector, side: mathutils.Vector) -> bool:
         ways = [way for way in AROUND if way.dot(side) > 0.2]
@@ -349,11 +350,9 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
             inner.append(shut)
     if not inner:
         return None
-    shares = np.linspace(MARGIN, 1 - MARGIN, GRID)
     places = [mathutils.Vector((*(low[:2] + size[:2] * (x, y)), low[2] + HEIGHT * size[2]))
-              for x, y in itertools.product(shares, repeat=2)]
-    free = list[mathutils.Vector]()
-    best, most = None, 0.0
+              for x, y in itertools.product(np.linspace(MARGIN, 1 - MARGIN, GRID), repeat=2)]
+    free, best, most = list[mathutils.Vector](), None, 0.0
     for place, step in itertools.product(places, range(YAWS)):
         turn = mathutils.Euler((math.pi / 2, 0, math.tau * step / YAWS)).to_matrix()
         ways = [turn @ mathutils.Vector((x, y, -1)) for x in np.linspace(-HALF_WIDTH, HALF_WIDTH, VIEW_ACROSS)
@@ -362,8 +361,9 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
         if len(hits) < len(ways):
             continue  # it looks out of a window or a hole
         nearest, middle = np.percentile([(at - place).length for at, _, _ in hits], (5, 50))
-        # A long view of things, not of a wall.
-        worth = middle * len({(item, tuple(map(round, 2 * normal))) for _, normal, item in hits})**0.5
+        # A long view of things, not of a wall, nor of the backs of surfaces.
+        fronts = 1 + sum(hit[1].dot(way) < 0 for hit, way in zip(hits, ways, strict=True))
+        worth = fronts * middle * len({(item, tuple(map(round, 2 * normal))) for _, normal, item in hits})**0.5
         if nearest <= NEAR * middle:
             continue
         if place not in free:

@@ -135,6 +135,9 @@ def test_a_solid_thing_and_a_dome_are_no_rooms(startup):
     startup.objects["Suzanne"].select_set(True)
     bpy.ops.object.join()
     assert is_room(startup, [bpy.context.object])
+    startup.unit_settings.scale_length = 0.1
+    assert not is_room(startup, [bpy.context.object]), "nobody stands in so small a box"
+    startup.unit_settings.scale_length = 1.0
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.mesh.select_all(action="SELECT")
     bpy.ops.mesh.flip_normals()
