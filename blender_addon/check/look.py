@@ -239,8 +239,7 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, lamps: l
     What rays do not tell, light that is reflected or of a material, a proof of 64 pixels across does, without the lamp
     ``startup``; of a scene that ``is_new``, in which nobody has placed lamps, only where a material shines.
     """
-    array, matrix = placed
-    eye = mathutils.Matrix(matrix)
+    array, eye = placed[0], mathutils.Matrix(placed[1])
     half = array.half_width / array.distance, array.half_height / array.distance
     lamps = sorted(lamps, key=lambda item: -item.data.energy)[:LAMPS]
     sky, arriving, seen = world_radiance(scene.world), list[float](), list[float]()

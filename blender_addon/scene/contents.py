@@ -91,8 +91,9 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
         of_eevee = outputs if {node.target for node in outputs} == {"EEVEE"} else []
         for node in [*of_eevee, *(node for node in nodes if node.type in EEVEE_NODES)][:1]:
             found.append(Notice("eevee-nodes", {"material": material.name, "node": node.label or node.name}))
-        alphas = [node.inputs["Alpha"] for node in nodes if node.type == "BSDF_PRINCIPLED"]
-        if alphas and not any(alpha.is_linked or alpha.default_value for alpha in alphas):
+        shaders = [node for node in nodes if any(output.type == "SHADER" for output in node.outputs)]
+        if shaders and all(node.type == "BSDF_PRINCIPLED" and not (
+                node.inputs["Alpha"].is_linked or node.inputs["Alpha"].default_value) for node in shaders):
             found.append(Notice("material-clear", {"material": material.name}))
     if cycles is not None and cycles.pixel_filter_type not in ("BOX", _default(cycles, "pixel_filter_type")):
         found.append(Notice("filter-ignored", {"filter": cycles.pixel_filter_type.replace("_", "-").lower()}))
