@@ -276,8 +276,6 @@ KERNELS: dict[str, tuple[int, Callable[[Array], Array]]] = {
     # A box, one sample wide; a tie goes to the sample on the right.
     "nearest": (1, lambda distance: ((distance > -0.5) & (distance <= 0.5)).astype(np.float64)),
     "linear": (1, linear), "cubic": (2, cubic),
-    # sinc windowed by a sinc four times as wide.
-    "lanczos": (4, lambda distance: np.where(np.abs(distance) < 4, np.sinc(distance) * np.sinc(distance / 4), 0)),
     # Sharper than the tent, less noisy than the cubic.
     "halfway": (2, lambda distance: (linear(distance) + cubic(distance)) / 2)}
 """By name: samples to either side, and the weight at a distance in samples."""

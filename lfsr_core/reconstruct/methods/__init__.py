@@ -44,9 +44,8 @@ METHODS: dict[str, Part] = {
     "nearest": Part(UPSCALER, "each view repeated", lambda _: Interpolation("nearest")),
     "bilinear": Part(UPSCALER, "linear inside each elemental image", lambda _: Interpolation("linear")),
     "bicubic": Part(UPSCALER, "cubic inside each elemental image", lambda _: Interpolation("cubic")),
-    "lanczos": Part(UPSCALER, "8-tap Lanczos inside each elemental image", lambda _: Interpolation("lanczos")),
     "pool": Part(UPSCALER, "linear along the depth of what is seen, from every lens that sees it", Pooling,
-                 sees_neighbours=True, versions={"pool": 4}, per_finished=0.05),
+                 sees_neighbours=True, versions={"pool": 5}, per_finished=0.05),
     "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda _: Interpolation("nearest")),
     "denoise": Part(PREFILTER, "Open Image Denoise with weights trained on elemental images",
                     lambda weights: functools.partial(denoise_low_resolution, weights=weights or WEIGHTS),
@@ -76,7 +75,6 @@ MORE = {
     "pool": ("Pool", "Missing views from every lens that sees the same point; the noise stays"),
     "bilinear": ("Bilinear", "Linear interpolation; the noise stays: fastest"),
     "bicubic": ("Bicubic", "Bicubic interpolation; the noise stays"),
-    "lanczos": ("Lanczos", "Lanczos interpolation; the noise stays"),
     "nearest": ("Nearest", "Repeat each rendered view, to see what was rendered"),
     "none": ("None", "For scale 1×, where every view is rendered; the noise stays"),
 }

@@ -33,13 +33,16 @@ STEEP = 1.0  # lenses per rendered view from which an edge is known better from 
 STEEPEST = 8.0  # lenses per rendered view: steeper points skip too many lenses to be found again
 LEAST = 0.05  # sum of weights below which nothing was found
 UNKNOWN, OUTSIDE = 1e6, 1e9  # slopes of samples without depth, and of places beyond the display or its views
-GLARE, CONTRAST = 1.0, 4.0  # scene-linear value, and times a neighbour of the same surface, of a sample with such light
+GLARE, CONTRAST = 2.0, 4.0  # scene-linear value, and times a neighbour of the same surface, of a sample with such light
 PLACES = 2  # per rendered view at which samples are pooled, of scenes that are not steep: more gain nothing there
 MOST_STEEP = 0.05  # of the samples of such a scene
 KERNEL, SHARP_KERNEL = "linear", "halfway"
 SHARP_SAMPLES, SHARP_SCALE = 16, 3  # samples per pixel and scale from which noise allows the sharper kernel
 LENSES_IN_CACHE, SAMPLES_IN_CACHE = 24, 40_000
-LEAST_SAMPLES = 2  # per pixel from which detail is told from noise
+LEAST_SAMPLES = 2  # per pixel from which detail is told from noise, and an edge from what is behind it
+# Rendered views up to which an edge is looked for; half a lens, which a sample sees to each side; lenses per rendered
+# view by which an edge must be nearer than what is behind it.
+EDGE_REACH, HALF, APART = 3, 0.5, 0.1
 LEAST_STEEP = 0.1  # lenses per rendered view: below, no other lens is within reach
 LEAST_OTHERS = 0.3  # sum of the weights of other lenses' samples
 DETAIL_REACH, DETAIL_SIGMA = 3, 2.0  # rendered views: reach, and standard deviation of the weight, of residuals
@@ -80,6 +83,7 @@ class Pooling(Upscaler):
         if not known.any():
             return low
         slope = np.where(known, low.slope[..., 0], np.float32(UNKNOWN))
+        slope = _with_edges(slope, low.slope_ratio) if low.samples < LEAST_SAMPLES else slope
         is_steep = (np.abs(slope[known]) > STEEP).mean() > MOST_STEEP
         across, down = (factor if is_steep else min(factor, PLACES) for factor in low.factors)
         (sy, sx, h, w), width = known.shape, known.shape[3] * across
@@ -198,6 +202,23 @@ class Pooling(Upscaler):
         number = np.arange(count)
         places = number + (2 * (number // block) + 1) * guard
         return places, int(places[-1]) + guard + 1
+
+
+def _with_edges(slope: Array, slope_ratio: float) -> Array:
+    """Slopes (sy, sx, h, w) with which samples near the edge of a nearer surface follow that.
+
+    A sample covers a lens: up to HALF / |m| rendered views from an edge of slope m it shows a mixture, which moves with
+    the edge. Its depth is that of one of both.
+    """
+    for axis, ratio in ((3, 1.0), (2, slope_ratio)):
+        before, slope = slope, slope.copy()
+        for step in range(1, min(EDGE_REACH, slope.shape[axis] - 1) + 1):
+            start, end = ((slice(None),) * axis + (part,) for part in (slice(None, -step), slice(step, None)))
+            for here, there in ((start, end), (end, start)):
+                edge = before[there]
+                np.copyto(slope[here], edge, where=(edge < np.minimum(before[here] - APART, slope[here])) & (
+                    np.abs(edge) * np.float32(ratio * step) < HALF))
+    return slope
 
 
 def _kernel(low: LowResEIA) -> str:

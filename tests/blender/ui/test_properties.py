@@ -77,7 +77,7 @@ def test_a_scale_that_another_display_lacks_becomes_auto_and_saved_settings_all_
 
 
 def test_a_blender_preset_is_saved_loaded_and_removed(scene):
-    scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method = "small", "5", 21, "lanczos"
+    scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method = "small", "5", 21, "bicubic"
     scene.lfsr.rays = 2.5
     assert bpy.ops.lfsr.preset_add(name="My Wall") == {"FINISHED"}
     folder = Path(bpy.utils.user_resource("SCRIPTS", path=f"presets/{panels.SUBFOLDER}"))
@@ -87,7 +87,7 @@ def test_a_blender_preset_is_saved_loaded_and_removed(scene):
     scene.lfsr.rays = 1
     bpy.ops.script.execute_preset(filepath=str(file), menu_idname="LFSR_PT_presets")
     lfsr = scene.lfsr
-    assert (lfsr.display, lfsr.scale, lfsr.samples, lfsr.method) == ("small", "5", 21, "lanczos")
+    assert (lfsr.display, lfsr.scale, lfsr.samples, lfsr.method) == ("small", "5", 21, "bicubic")
     assert (scene.lfsr.quality, scene.lfsr.rays) == ("CUSTOM", 2.5)
     panels.LFSR_PT_presets.bl_label = "My Wall"
     assert bpy.ops.lfsr.preset_add(name="My Wall", remove_active=True) == {"FINISHED"}

@@ -53,6 +53,17 @@ def test_a_print_off_the_display_plane_is_nearer_the_truth_than_interpolated(slo
     assert error["pool"] < (0.4 if abs(slope) > 1 else 1.1 if samples == 1 else 1) * error["linear"], error
 
 
+def test_with_one_sample_what_lies_beside_an_edge_moves_with_it():
+    """The soft edge of a body before a black wall, of which each sample has one of two depths."""
+    def body(factor: int) -> np.ndarray:
+        x = (np.arange(VIEWS[1] * factor) + 0.5) / factor - 0.5
+        shown = np.clip(7 - np.arange(LENSES[1])[:, None] + 0.2 * x, 0, 1).astype(np.float32)
+        return np.broadcast_to(shown[None, :, None, :, None], (*LENSES, VIEWS[0] * factor, VIEWS[1] * factor, 3))
+    error = [np.mean((finished(plane(np.where(body(1)[..., :1] > 0.5, 0.2, 0.8), 1.0, samples, body(1).copy()))[INNER]
+                      - body(SCALE)[INNER]) ** 2) for samples in (1, 2)]
+    assert error[0] < 0.3 * error[1], error
+
+
 def test_a_wrong_slope_no_depth_and_the_mirrored_light_field():
     low, truth = plane(0.9), views_of(0.9, 1.0, SCALE)
     wrong = dataclasses.replace(low, slope=-low.slope)

@@ -27,8 +27,8 @@ from lfsr_lab.experiments.rivals.matlab import to_ycbcr
 
 VERSION = 1  # of how figures are measured
 CUT = 22  # pixels
-OURS = ("bilinear", "bicubic", "lanczos")
-KERNEL_OF = {"bilinear": "linear", "bicubic": "cubic", "lanczos": "lanczos"}
+OURS = ("bilinear", "bicubic")
+KERNEL_OF = {"bilinear": "linear", "bicubic": "cubic"}
 FOLDERS = {"antinous": "epinet/hci_dataset/additional/antinous",
            "translucent": "LightField_Denoising/data/clean/translucent",
            "t_rex": "LightField_Denoising/data/clean/t_rex", "Amethyst": "Sheared-EPI/Training/TrainDataLF/Amethyst",}
