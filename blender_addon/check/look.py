@@ -6,7 +6,6 @@ a render offers ticked, in the order of MENDS: each is looked for as if those be
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
@@ -67,8 +66,8 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     if reason := _out_of_frame(scene, rays, placed, main):
         is_new = True
         placed = edit.in_front(scene, display, set(main))
-        yield dataclasses.replace(_problem("frame", main[0].name if main else scene.name, reason), placed=placed)
-    if depths := depths_of(scene, placed, main, rays):
+        yield _problem("frame", main[0].name if main else scene.name, reason, placed)
+    if depths := depths_of(scene, placed, main):
         yield from _deep(scene, placed, display, *depths)
     if scene.lfsr.light not in SCENE_LIGHTS or not has_light(scene):
         return
@@ -96,9 +95,9 @@ def _without(item: bpy.types.Object | None) -> Iterator[None]:
     bpy.context.view_layer.update()
 
 
-def _problem(code: str, target: str, reason: str) -> Problem:
-    return Problem(code, target, reason, MENDS[code][1], asks=True, title={"plane": "Depth", "deep": "Depth",
-                                                                         "dark": "Light"}.get(code, ""))
+def _problem(code: str, target: str, reason: str, placed: rig.Placement | None = None) -> Problem:
+    title = {"plane": "Depth", "deep": "Depth", "dark": "Light"}.get(code, "")
+    return Problem(code, target, reason, MENDS[code][1], asks=True, title=title, placed=placed)
 
 
 def startup_cube(scene: bpy.types.Scene) -> bpy.types.Object | None:
@@ -137,10 +136,9 @@ def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list
     return sorted(chosen, key=lambda item: -float(np.linalg.norm(np.ptp(boxes[item], axis=0))))
 
 
-def depths_of(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.types.Object],
-              rays: Rays | None = None) -> tuple[float, ...]:
+def depths_of(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.types.Object]) -> tuple[float, ...]:
     """Nearest and farthest depth at which the middle of an array sees the main objects; empty where it sees none."""
-    depths = placement.seen_depths(scene, placed, with_instanced(set(main)), rays)
+    depths = placement.seen_depths(scene, placed, with_instanced(set(main)))
     return tuple(map(float, np.percentile(depths, (2, 98)))) if len(depths) else ()
 
 

@@ -120,11 +120,10 @@ def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: Iterab
     return fit_array(*animated_bounds(scene, subject), profile)
 
 
-def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.types.Object],
-                rays: Rays | None = None) -> Array:
+def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.types.Object]) -> Array:
     """Return depths (n,) from the camera plane at which the middle of a ``placed`` array sees the subject."""
     array, matrix = placed
-    sight = _Sight(rays or Rays(scene), to_blender(matrix), clip_of(scene))
+    sight = _Sight(Rays(scene), to_blender(matrix), clip_of(scene))
     half = array.half_width / array.distance, array.half_height / array.distance
     return np.array(_depths(sight, half, subject))
 
