@@ -301,8 +301,7 @@ def test_the_caption_covers_neither_map_nor_image(opened, sizes):
     page = opened("mini", viewport=sizes[0], device_scale_factor=2, is_mobile=len(sizes) > 1, has_touch=True)
     for size in sizes:
         page.page.set_viewport_size(size)
-        page.page.wait_for_function("({width}) => innerWidth === width && (0, eval)('canvas').clientWidth === width",
-                                    arg=size)
+        page.page.wait_for_function("({width}) => (0, eval)('layout.x * 2 / layout.ratio') === width", arg=size)
         header, plan = (page.page.locator(name).bounding_box() for name in ("header", "#map"))
         assert header["x"] + header["width"] <= min(plan["x"], size["width"]) and header["x"] >= 0
         top = run(page, "() => (layout.y - display.panel_mm[1] / 2 * layout.scale) / layout.ratio")
