@@ -7,7 +7,8 @@ same slope m, are averaged, along one axis and then along the other: sheared rec
 Temporal Light Field Reconstruction for Rendering Distribution Effects (2011). Unless much of the scene is steep, it is
 done at two places per rendered view, and views between them are interpolated. Where depth is unknown, interpolation
 inside the elemental image stays, and so it does for the light of a lamp in a sample at the depth of the wall behind it:
-along the wall's slope it would be a halo. docs/results/pooling.md has the figures.
+along the wall's slope it would be a halo. What an elemental image shows of its own, as mirrors do, comes back where it
+is more than noise. docs/results/pooling.md has the figures.
 """
 
 from __future__ import annotations
@@ -27,7 +28,12 @@ from lfsr_core.reconstruct.upscaler import LowResEIA, Upscaler, decode, encode, 
 REACH = 3  # rendered views to each side of a place from which samples are taken, at most
 SIGMA, FALL = 1.5, -0.19  # rendered views: standard deviation of the weight by view at 1 sample; its power of samples
 COUNT = 4  # views from which samples are taken, in standard deviations of their weight
-NEAR = 0.8  # lenses: samples further from the line have no weight
+NEAR = 0.9  # lenses: samples further from the line have no weight
+# Lenses by which that is more for noisy samples on the display plane, whose lines meet the same few lenses; lenses per
+# rendered view from which it is not.
+WIDER, SCATTERED = 0.65, 0.25
+RIDGE = 0.02  # square lenses: samples nearer to the line on the mean tell little of how colour changes across it
+NOISE = 0.2  # of the power of what a denoiser removes, that may be left in its image
 ALIKE = 0.5  # lenses per rendered view: samples whose slopes differ by more are of two surfaces
 STEEP = 1.0  # lenses per rendered view from which an edge is known better from other lenses than inside its own
 STEEPEST = 8.0  # lenses per rendered view: steeper points skip too many lenses to be found again
@@ -40,9 +46,9 @@ KERNEL, SHARP_KERNEL = "linear", "halfway"
 SHARP_SAMPLES, SHARP_SCALE = 16, 3  # samples per pixel and scale from which noise allows the sharper kernel
 LENSES_IN_CACHE, SAMPLES_IN_CACHE = 24, 40_000
 LEAST_SAMPLES = 2  # per pixel from which detail is told from noise, and an edge from what is behind it
-# Rendered views up to which an edge is looked for; half a lens, which a sample sees to each side; lenses per rendered
+# Rendered views up to which an edge is looked for; lenses to each side that a sample sees of it; lenses per rendered
 # view by which an edge must be nearer than what is behind it.
-EDGE_REACH, HALF, APART = 3, 0.5, 0.1
+EDGE_REACH, HALF, APART = 3, 0.6, 0.1
 LEAST_STEEP = 0.1  # lenses per rendered view: below, no other lens is within reach
 LEAST_OTHERS = 0.3  # sum of the weights of other lenses' samples
 DETAIL_REACH, DETAIL_SIGMA = 3, 2.0  # rendered views: reach, and standard deviation of the weight, of residuals
@@ -59,6 +65,7 @@ class PooledEIA(LowResEIA):
     wide: Array  # (4, sx·W, padded sy, padded h), encoded colour and vertical slope; W: horizontal places of a lens
     rows: Array  # (sy,) places of the rows of lenses in it
     seen: Array  # (sy, sx) bool, lenses that see a point of known depth
+    own: Array  # (sy, sx, h, w, 3) encoded colour of the rendered views
     glare: Array | None  # (sy, sx, h, w, 3) encoded colour that is interpolated instead, None where there is none
 
 
@@ -105,7 +112,7 @@ class Pooling(Upscaler):
             wide[:, index * width:(index + 1) * width, rows, REACH:-REACH] = rays.reshape(4, width, sy, h)
 
         in_threads(column, range(sx))
-        return PooledEIA(**vars(low), density=(across, down), wide=wide, rows=rows, seen=known.any((2, 3)),
+        return PooledEIA(**vars(low), density=(across, down), wide=wide, rows=rows, seen=known.any((2, 3)), own=color,
                          glare=glare if glare.any() else None)
 
     def __call__(self, low: LowResEIA, lenses: Array) -> Array:
@@ -126,6 +133,8 @@ class Pooling(Upscaler):
                 lines = (column[:, None] * width + np.arange(width)) * low.wide.shape[2] + low.rows[row][:, None]
                 rays = down @ pooled(low.wide, lines.ravel() * (h + 2 * REACH) + REACH, line)[:3]
                 images = (rays.reshape(-1, width) @ across.T).reshape(3, -1, len(part), len(across))
+                if low.noisy is not None and low.samples >= LEAST_SAMPLES:
+                    images += _left_out(low, row, column, images)
                 if low.glare is not None:
                     images += interpolated(low.glare[row, column], kernel, low.factors).transpose(3, 1, 0, 2)
                 images = decode(images)
@@ -161,9 +170,7 @@ class Pooling(Upscaler):
         lost = np.empty((*slope.shape, 3), np.float32)
 
         def residual(row: int) -> None:
-            dark = np.maximum(low.color[row], DARK)
-            dark = 0.5 / np.where(dark < 1, np.sqrt(dark), dark)
-            lost[row] = np.clip((noisy[row] - low.color[row]) * dark, -LIMIT, LIMIT) * known[row, ..., None]
+            lost[row] = _noise(noisy[row], low.color[row]) * known[row, ..., None]
 
         in_threads(residual, range(sy))
         found = lost
@@ -198,10 +205,42 @@ class Pooling(Upscaler):
 
     def _places(self, count: int, steepest: float) -> tuple[Array, int]:
         """Places of ``count`` lenses in a padded row, and its length: what a line meets beyond a block is outside."""
-        guard, block = math.ceil(steepest * REACH) + 1, self._block or count
+        guard, block = math.ceil(steepest * REACH) + 2, self._block or count
         number = np.arange(count)
         places = number + (2 * (number // block) + 1) * guard
         return places, int(places[-1]) + guard + 1
+
+
+def _noise(noisy: Array, color: Array) -> Array:
+    """What a denoiser has removed, in encoded values."""
+    dark = np.maximum(color, DARK)
+    noise: Array = np.clip((noisy - color) * (0.5 / np.where(dark < 1, np.sqrt(dark), dark)), -LIMIT, LIMIT)
+    return noise
+
+
+def _left_out(low: PooledEIA, row: Array, column: Array, images: Array) -> Array:
+    """What pooled ``images`` (3, h·sy, n, w·sx) lack of the rendered views of their lenses, interpolated.
+
+    Pooling takes what each lens shows in its own way, such as a mirror, for noise. So the difference at the rendered
+    views comes back, weighted as in Wiener's filter by its power in the elemental image, and less at slopes at which
+    views are too far apart to be interpolated.
+    """
+    assert low.noisy is not None and low.slope is not None
+    across, down = (_middles(low.color.shape[3 - axis], low.factors[axis]) for axis in (0, 1))
+    lacking: Array = low.own[row, column] - (down @ images.transpose(2, 0, 1, 3) @ across.T).transpose(0, 2, 3, 1)
+    left, power = (np.square(part).mean((1, 2)) @ LUMINANCE for part in (
+        _noise(low.noisy[row, column], low.color[row, column]), lacking))
+    weight = np.clip(1 - NOISE * left / np.maximum(power, 1e-9), 0, 1)
+    slope = np.nan_to_num(np.abs(low.slope[row, column]), posinf=0.0)
+    lacking *= weight[:, None, None, None] * np.maximum(1 - slope / STEEP, 0)
+    found: Array = interpolated(lacking.astype(np.float32), KERNEL, low.factors).transpose(3, 1, 0, 2)
+    return found
+
+
+def _middles(views: int, factor: int) -> Array:
+    """Matrix (views, views·factor) that takes from finished views what rendered ones show."""
+    place = np.arange(views)[:, None] * factor + (factor - 1) / 2
+    return np.maximum(1 - np.abs(np.arange(views * factor) - place), 0).astype(np.float32)
 
 
 def _with_edges(slope: Array, slope_ratio: float) -> Array:
@@ -250,6 +289,7 @@ class Line:
     taps: tuple[tuple[Array, ...], ...]  # rendered view, its distance, and weight by it; (places, 1) each
     plain: Array  # (places, rendered views), weights of interpolation
     sharper: Array  # what the sharper kernel adds to linear interpolation
+    is_noisy: bool
 
     @classmethod
     def of(cls, low: LowResEIA, rendered: int, each: int) -> Line:
@@ -265,7 +305,8 @@ class Line:
                       np.exp(-0.5 * ((view - places) / sigma) ** 2).astype(np.float32)) for view in views)
         linear, plain = (kernel_matrix(kernel, rendered, each) for kernel in (KERNEL, _kernel(low)))
         corners = np.clip(first[:, 0], 0, rendered - 1), np.clip(first[:, 0] + 1, 0, rendered - 1)
-        return cls(corners, (places - first).astype(np.float32), taps, plain, plain - linear)
+        return cls(corners, (places - first).astype(np.float32), taps, plain, plain - linear,
+                   low.samples < LEAST_SAMPLES)
 
 
 def pooled(samples: Array, starts: Array, line: Line) -> Array:
@@ -290,7 +331,7 @@ def pooled(samples: Array, starts: Array, line: Line) -> Array:
     slopes = np.where(alike, before + line.share * (after - before), near)
     followed = alike | edge
     if followed.any():
-        total, sums = _sums(planes, stride, line.taps, starts, slopes, edge)
+        total, sums = _sums(planes, stride, line.taps, starts, slopes, edge, is_noisy=line.is_noisy)
         sums /= np.maximum(total, LEAST)
         sums += sharper
         np.copyto(result[:3], sums, where=followed & (total > LEAST))
@@ -301,7 +342,8 @@ def pooled(samples: Array, starts: Array, line: Line) -> Array:
         mixed = np.broadcast_to(sharper, result[:3].shape)[:, place, lens]
         for corner, share in zip(line.corners, (1 - line.share, line.share), strict=True):
             values = own[:, corner[place], lens]
-            total, sums = _sums(planes, stride, taps, starts[lens], values[3], np.zeros(len(lens), bool))
+            total, sums = _sums(planes, stride, taps, starts[lens], values[3], np.zeros(len(lens), bool),
+                                is_noisy=line.is_noisy)
             good = (values[3] < UNKNOWN) & (total > LEAST)
             mixed += share[place, 0] * np.where(good, sums / np.maximum(total, LEAST), values[:3])
         result[:3, place, lens] = mixed
@@ -334,26 +376,30 @@ def _residuals(values: Array, slopes: Array, places: Array, length: int, own: bo
 
 
 def _sums(planes: Array, stride: int, taps: Sequence[tuple[Any, ...]], starts: Array, slopes: Array, edge: Array,
-          own: bool = True) -> tuple[Array, Array]:
+          own: bool = True, is_noisy: bool | None = None) -> tuple[Array, Array]:
     """Sums (…) of the weights of samples along lines of ``slopes`` (…), and (C, …) of the samples times them.
 
     ``planes`` (C + 1, n): samples and their slopes. At an ``edge`` samples of all slopes count. ``own``: whether those
-    of the ray's own lens do.
+    of the ray's own lens do. ``is_noisy``: True for samples from more lenses, False for the value on the line of a
+    plane through the samples (moving least squares) instead of their mean; None for neither.
     """
     slopes = np.where(slopes < UNKNOWN, slopes, 0)
     total, same = np.zeros_like(slopes), np.empty_like(slopes)
     sums = np.zeros((len(planes) - 1, *slopes.shape), np.float32)
-    edges = edge if edge.any() else None
+    edges, fits = edge if edge.any() else None, is_noisy is False
+    first, second, changes = np.zeros_like(slopes), np.zeros_like(slopes), np.zeros_like(sums)
+    wider = WIDER * np.maximum(1 - np.abs(slopes) / SCATTERED, 0) if is_noisy else 0.0
+    near = np.asarray((NEAR + wider)**-2, np.float32)
     for view, away, by_view in taps:
         place = slopes * away
-        lens = np.floor(place)
+        lens = np.floor(place + 0.5) - 1 if is_noisy else np.floor(place)
         np.subtract(place, lens, out=place)
         index = lens.astype(int)
         index *= stride
         index += starts + view
         root = np.sqrt(by_view)
-        scaled = root * np.float32(1 / NEAR**2)
-        for step in range(2):  # the lenses to either side of the line
+        scaled = root * near
+        for step in range(3 if is_noisy else 2):  # the lenses to either side of the line
             weight = place * place  # then by_view · (1 − (place / NEAR)²)²
             weight *= scaled
             np.maximum(np.subtract(root, weight, out=weight), 0, out=weight)
@@ -367,10 +413,20 @@ def _sums(planes: Array, stride: int, taps: Sequence[tuple[Any, ...]], starts: A
                 np.copyto(same, there < OUTSIDE, where=edges)
             weight *= same
             total += weight
-            for color, plane in zip(sums, planes, strict=False):
+            if fits:
+                first += weight * place
+                second += weight * place * place
+            for color, change, plane in zip(sums, changes, planes, strict=False):
                 found = plane.take(index)
                 found *= weight
                 color += found
+                if fits:
+                    found *= place
+                    change += found
             np.subtract(place, 1, out=place)
             index += stride
+    if fits:
+        some = np.maximum(total, LEAST)
+        changes -= first / some * sums
+        sums -= changes * (first / (second + RIDGE * some) * (1 - edge))
     return total, sums

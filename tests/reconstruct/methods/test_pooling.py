@@ -43,14 +43,24 @@ def finished(low: LowResEIA, upscaler=None) -> np.ndarray:
 INNER = np.s_[4:-4, 5:-5]  # lenses whose lines end inside the display
 
 
-@pytest.mark.parametrize(("slope", "ratio"), [(0.6, 1.0), (-0.9, 1.2), (1.5, 0.8), (-1.6, 1.0)])
+@pytest.mark.parametrize(("slope", "ratio"), [(0.6, 1.0), (-0.9, 1.2), (1.0, 1.0), (1.5, 0.8), (-1.6, 1.0)])
 @pytest.mark.parametrize("samples", [1, 16, 64])
 def test_a_print_off_the_display_plane_is_nearer_the_truth_than_interpolated(slope, ratio, samples):
     low, truth = plane(slope, ratio, samples), views_of(slope, ratio, SCALE)
     error = {name: np.sqrt(np.mean((finished(low, upscaler)[INNER] - truth[INNER]) ** 2))
              for name, upscaler in (("pool", Pooling()), ("linear", Interpolation("linear")))}
     # With 1 sample more views are pooled, against noise, which this print does not have.
-    assert error["pool"] < (0.4 if abs(slope) > 1 else 1.1 if samples == 1 else 1) * error["linear"], error
+    assert error["pool"] < (0.4 if abs(slope) > 1 else 1.3 if samples == 1 else 0.9) * error["linear"], error
+
+
+def test_what_a_mirror_shows_at_its_own_depth_is_not_lost():
+    """Each lens of a mirror on the display plane shows what lies behind it."""
+    color, truth = views_of(0.4, 1.0, 1), views_of(0.4, 1.0, SCALE)
+    low = dataclasses.replace(plane(0.0, color=color), noisy=color)
+    noise = np.random.default_rng(1).normal(0, 0.4, color.shape).astype(np.float32)
+    error = [np.mean((finished(each, upscaler)[INNER] - truth[INNER]) ** 2) for each, upscaler in (
+        (low, Interpolation("linear")), (low, Pooling()), (dataclasses.replace(low, noisy=color + noise), Pooling()))]
+    assert error[1] < 1.05 * error[0] < 0.5 * error[2], error  # between as much noise it would be noise
 
 
 def test_with_one_sample_what_lies_beside_an_edge_moves_with_it():
@@ -61,7 +71,7 @@ def test_with_one_sample_what_lies_beside_an_edge_moves_with_it():
         return np.broadcast_to(shown[None, :, None, :, None], (*LENSES, VIEWS[0] * factor, VIEWS[1] * factor, 3))
     error = [np.mean((finished(plane(np.where(body(1)[..., :1] > 0.5, 0.2, 0.8), 1.0, samples, body(1).copy()))[INNER]
                       - body(SCALE)[INNER]) ** 2) for samples in (1, 2)]
-    assert error[0] < 0.3 * error[1], error
+    assert error[0] < 0.5 * error[1], error
 
 
 def test_a_wrong_slope_no_depth_and_the_mirrored_light_field():
