@@ -106,7 +106,8 @@ def startup_cube(scene: bpy.types.Scene) -> bpy.types.Object | None:
     others = any(item.type in GEOMETRY and item != cube for item in scene.objects)
     is_new = (cube is not None and others and cube.type == "MESH" and len(cube.data.vertices) == 8
               and not cube.hide_render and not cube.modifiers and _is_unaimed(scene)
-              and cube.matrix_world == mathutils.Matrix.Identity(4) and tuple(cube.dimensions) == (2.0, 2.0, 2.0))
+              and cube.matrix_world == mathutils.Matrix.Identity(4) and tuple(cube.dimensions) == (2.0, 2.0, 2.0)
+              and [slot.name for slot in cube.material_slots] in ([], ["Material"]))
     return cube if is_new else None
 
 
@@ -165,7 +166,8 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, mai
     if not seen:
         return f"The array sees nothing of {name}." if is_unaimed or hits.count(None) > len(hits) / 2 else ""
     if share < (SMALL if is_unaimed else TINY):
-        return f"{name} fills {share:.0%} of the picture." + (f" {UNAIMED}." if is_unaimed else "")
+        part = f"{share:.0%}" if share >= 0.01 else "less than 1%"
+        return f"{name} fills {part} of the picture." + (f" {UNAIMED}." if is_unaimed else "")
     if is_unaimed:
         toward = np.array(eye.inverted())
         local = points @ toward[:3, :3].T + toward[:3, 3]
@@ -235,7 +237,7 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, lamps: l
     """True if hardly any light of ``lamps`` and of the world comes back from the places that the array sees.
 
     What rays do not tell, light that is reflected or of a material, a proof of 64 pixels across does, without the lamp
-    ``startup``; of a scene that ``is_new``, in which nobody has placed lamps, only where a material shines.
+    ``startup``; of a scene that ``is_new``, only where it has lamps of its own or a material shines.
     """
     array, eye = placed[0], mathutils.Matrix(placed[1])
     half = array.half_width / array.distance, array.half_height / array.distance
@@ -257,7 +259,7 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, lamps: l
         seen.append(light * scattered + above * reflected)
         arriving.append((light + above) * min(reflected / LEAST_ALBEDO, 1.0))
     seems_dark = is_dim(np.array(arriving), np.array(seen), scene.view_settings.exposure)
-    if not seems_dark or (is_new and not has_emission(scene)):
+    if not seems_dark or (is_new and not lamps and not has_emission(scene)):
         return seems_dark
     from ..render.frame_folder import is_dark  # reads EXR files, which the panel starts without
 

@@ -6,6 +6,7 @@ import functools
 import json
 import math
 import mmap
+import os
 import re
 import struct
 import tempfile
@@ -82,7 +83,7 @@ def unreadable(scene: bpy.types.Scene, frame: int | None = None, seconds: float 
         is_elsewhere = item.id_type == "VOLUME" and item.is_sequence and number != scene.frame_current
         if path not in states and not is_elsewhere and time.monotonic() < end and _is_damaged_inside(item):
             files[path], states[path] = (item.id_type.lower(), item), "damaged"
-    return [Notice("file-unreadable", {"kind": files[path][0], "path": str(path), "state": states[path]})
+    return [Notice("file-unreadable", {"kind": files[path][0], "path": os.path.normpath(path), "state": states[path]})
             for path in sorted(states)]
 
 

@@ -27,6 +27,7 @@ SKY = 0.5  # radiance of a sky that is an image or a texture
 CERTAIN_SUN, CERTAIN_WORLD = 0.5, 0.1   # W/m² and radiance that show a white surface well above that
 # Lamps of even light: direction from which they shine, in degrees around Z from the front and above the ground, W/m².
 EVEN_LAMPS = ((-40, 50, 2.0), (80, 25, 1.0), (200, 35, 1.0), (0, -80, 0.5))
+SOFT = ("AgX", "Filmic", "Filmic Log", "Khronos PBR Neutral")  # view transforms that show more than white
 AUTO_LIGHT, OWN_LIGHT, FILE_LIGHT = "AUTO", "OWN", "FILE"
 SCENE_LIGHTS = (AUTO_LIGHT, OWN_LIGHT)  # in which the scene's own light counts
 # Menu entry, in Blender's capitals: name in a job.
@@ -137,6 +138,15 @@ def lit(scene: bpy.types.Scene, light: str) -> Iterator[None]:
                     bpy.data.images.remove(image)
 
 
+def _white_under(image: bpy.types.Image) -> float:
+    """Radiance of a white floor under a world image."""
+    (width, height), pixels = image.size, np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(pixels)
+    rows = pixels.reshape(height, width, -1)[..., :3].max(-1).mean(1)  # from the ground upwards
+    elevation = ((np.arange(height) + 0.5) / height - 0.5) * math.pi
+    return float(rows @ np.maximum(np.sin(2 * elevation), 0) * math.pi / height)
+
+
 def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.World:
     """Light the scene with a world image: a file's, or by name one of those that ship with Blender (CC0).
 
@@ -167,6 +177,8 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.W
     texture = nodes.new("ShaderNodeTexEnvironment")
     texture.image = image
     background = next(node for node in nodes if node.type == "BACKGROUND")
+    if scene.view_settings.view_transform not in SOFT and not is_light_file(light):
+        background.inputs["Strength"].default_value = 1 / max(1.0, _white_under(image))
     world.node_tree.links.new(texture.outputs["Color"], background.inputs["Color"])
     scene.world = world
     return world

@@ -149,9 +149,12 @@ def _new_plane(array: bpy.types.Object) -> bpy.types.Object:
 APART, ENCLOSING = 4.0, 20.0  # times the size of all others, from which an object lies far away, or is a dome
 FLAT, WIDE = 0.05, 4.0  # thickness of a floor as a fraction of its length; its area, as a multiple of what is on it
 MOST_SURROUNDINGS = 6
-# Degrees around Z from the front, and from above: what they show counts this much.
+# Degrees around Z from the front: what they show counts this much. Degrees from above: this much of what is as high as
+# wide, and of what is LOW or lower, as a fraction of its width: a landscape, or a plate, shows itself from above.
 TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.7, -90: 0.7, 180: 0.7}
-TILTS = {0: 1.0, 35: 0.7, 65: 0.5}
+TILTS = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}
+LOW = 0.6
+FEW_OBJECTS, MOST_POINTS = 100, 20_000  # objects that are fitted by their vertices, and about how many of each
 PROBED, FEWER = (24, 14), (16, 9)  # rays that tell it, across and down
 
 
@@ -189,7 +192,10 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     low, high = points.min(0), points.max(0)
     if (view := view_of_room(rays, chosen, low, high)) is not None:
         return placement.array_of_view(scene, profile, subject, view)
-    choices = list[tuple[float, Placement]]()
+    if len(chosen) <= FEW_OBJECTS:  # the boxes of others are small enough
+        points = np.concatenate([found[::len(found) // MOST_POINTS + 1] for _ in placement.sample_frames(scene)
+                                 for found in placement.world_points(set(chosen))] or [points])
+    choices, height = list[tuple[float, Placement]](), (high - low)[2] / max(1e-9, (high - low)[:2].min())
     probes = FEWER if rays.items else PROBED  # in a scene of many objects a ray takes long
     # What lies below a sea or a ground that cuts the subject may be hidden: it is fitted with and without it.
     grounds = [top for item, box in boxes.items() if item not in chosen and (top := box[:, 2].max()) < high[2]
@@ -200,7 +206,8 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
                 @ mathutils.Matrix.Rotation(math.radians(-tilt), 3, "X"))
         placed = fit_turned(np.maximum(points, (-math.inf, -math.inf, ground)), profile, turn)
         seen = [hit[2] for hit in through(rays, placed, *probes) if hit is not None and hit[2] in shown]
-        choices.append((above * wide * len(seen) * len(set(seen))**0.5, placed))
+        counts = np.interp(height, (LOW, 1), above[::-1]) * wide
+        choices.append((counts * len(seen) * len(set(seen))**0.5, placed))
     return max(choices, key=lambda each: each[0])[1]
 
 
@@ -269,6 +276,7 @@ def boxes_now(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
 
 
 GRID, HEIGHT, MARGIN = 5, 0.5, 0.15  # places across a room's bounding box, at half of its height, away from its sides
+EYE_HEIGHT = 1.6  # metres above the floor: places of halls and skies whose middle is higher, too
 YAWS, HALF_WIDTH = 12, 0.6  # views at each place; half their width at distance 1: about 62°
 VIEW_ACROSS, VIEW_DOWN = 7, 3  # rays of a view
 LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the hull of a small thing
@@ -331,8 +339,8 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
 
     Of a room, many faces or much of their area is seen from inside alone, shut off from the outside.
     """
-    size, reach = high - low, float(np.linalg.norm(high - low))
-    if size.min() * rays.scene.unit_settings.scale_length < LEAST_ROOM:
+    size, reach, metre = high - low, float(np.linalg.norm(high - low)), 1 / rays.scene.unit_settings.scale_length
+    if size.min() < LEAST_ROOM * metre:
         return None
 
     def is_shut_off(at: mathutils.Vector, side: mathutils.Vector) -> bool:
@@ -350,7 +358,8 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
             inner.append(shut)
     if not inner:
         return None
-    places = [mathutils.Vector((*(low[:2] + size[:2] * (x, y)), low[2] + HEIGHT * size[2]))
+    places = [mathutils.Vector((*(low[:2] + size[:2] * (x, y)), low[2] + height))
+              for height in {HEIGHT * size[2], min(HEIGHT * size[2], EYE_HEIGHT * metre)}
               for x, y in itertools.product(np.linspace(MARGIN, 1 - MARGIN, GRID), repeat=2)]
     free, best, most = list[mathutils.Vector](), None, 0.0
     for place, step in itertools.product(places, range(YAWS)):

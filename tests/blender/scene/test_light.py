@@ -37,6 +37,15 @@ def test_scene_without_light_gets_an_hdri_that_is_not_seen(tmp_path):
     assert scene.world is None and not any("city" in image.name for image in bpy.data.images)
 
 
+@pytest.mark.parametrize(("view", "least", "most"), [("Standard", 0.6, 0.9), ("AgX", 1.2, 2.5)])
+def test_a_world_image_lights_a_floor_as_its_view_transform_can_show(scene, tmp_path, view, least, most):
+    add_box(scene, (0, 0, 0), (2, 2, 0.01))
+    scene.view_settings.view_transform = view
+    frame_folder.render_job(scene, make_request(str(tmp_path), MINI, samples=16, light=light.DEFAULT_LIGHT))
+    color = image_files.read_layers(tmp_path / "lr_eia.exr")["color"]
+    assert least < np.median(color[color[..., 3] == 1][:, :3].max(1)) < most
+
+
 def test_own_black_world_is_put_back(scene, tmp_path):
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     black = add_world(scene, 0, 0)
