@@ -24,17 +24,7 @@ from lfsr_core.frames.folder import PLACES, digest, request_facts, scene_stamp
 from lfsr_core.frames.frame import Request, read_request
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.parts import remove_others
-from lfsr_core.process.child import (
-    ENDS_WITH_INPUT,
-    EXIT_BAD_INPUT,
-    EXIT_CANCELLED,
-    RENDERED_STAGE,
-    STAY,
-    emit,
-    emit_last,
-    emit_told,
-    repeated,
-)
+from lfsr_core.process import child as protocol
 
 from ..compat import literal_path, new_data, overridden, video_output
 from ..render.frame_folder import Opened, inputs_before_opening, render_job, settled_light
@@ -53,18 +43,18 @@ def main(arguments: Sequence[str]) -> int:
     Returns the exit code. ``stay``: request files come on standard input, one a line, until that ends.
     """
     asked = queue.SimpleQueue[str]()
-    if os.environ.get(ENDS_WITH_INPUT):
+    if os.environ.get(protocol.ENDS_WITH_INPUT):
         threading.Thread(target=_end_with_input, args=(asked,), daemon=True, name="lfsr-stop").start()
-    watch_memory(lambda sentence: _end("error", sentence, EXIT_BAD_INPUT))
+    watch_memory(lambda sentence: _end("error", sentence, protocol.EXIT_BAD_INPUT))
     try:
-        with system_errors(), repeated():
+        with system_errors(), protocol.repeated():
             match arguments:
                 case ["encode", frames, film, rate]:
                     result: dict[str, object] = {"folder": str(encode(frames, film, rate))}
                 case ["scale", path]:
                     request = read_request(path)
                     result = to_data(placement.scale_of(_chosen_scene(request), request))
-                case [word] if word == STAY:
+                case [word] if word == protocol.STAY:
                     result = {"folder": str(run_all(map(read_request, iter(asked.get, None))))}
                 case [] | ["encode" | "scale", *_]:
                     raise LfsrError("expected request files, stay, encode, two paths and a rate, or scale and a "
@@ -72,9 +62,9 @@ def main(arguments: Sequence[str]) -> int:
                 case _:
                     result = {"folder": str(run_all(map(read_request, arguments)))}
     except LfsrError as error:
-        emit(stage="error", message=str(error))
-        return EXIT_BAD_INPUT
-    emit(stage="done", **result)
+        protocol.emit(stage="error", message=str(error))
+        return protocol.EXIT_BAD_INPUT
+    protocol.emit(stage="done", **result)
     return 0
 
 
@@ -89,7 +79,7 @@ def _end_with_input(asked: queue.SimpleQueue[str]) -> None:
         *lines, rest = (rest + some).split(b"\n")
         for line in lines:
             asked.put(line.decode())
-    _end("cancelled", "stopped", EXIT_CANCELLED)
+    _end("cancelled", "stopped", protocol.EXIT_CANCELLED)
 
 
 def _end(stage: str, message: str, code: int) -> NoReturn:
@@ -99,7 +89,7 @@ def _end(stage: str, message: str, code: int) -> NoReturn:
             shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
     shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
     try:
-        emit_last(stage=stage, message=message)
+        protocol.emit_last(stage=stage, message=message)
     finally:  # also if writing fails because nobody listens any more
         os._exit(code)
 
@@ -119,7 +109,7 @@ def answered(scene: str) -> Iterator[None]:
             worked = worked if quiet else time.process_time()
             if quiet >= MOST_WAITING:
                 _end("error", f"scene {scene} waits for a file that does not answer, such as a library that is a pipe, "
-                     "or a drive: check what the scene links", EXIT_BAD_INPUT)
+                     "or a drive: check what the scene links", protocol.EXIT_BAD_INPUT)
 
     thread = threading.Thread(target=watch, daemon=True, name="lfsr-answered")
     thread.start()
@@ -148,9 +138,9 @@ def run_all(requests: Iterable[Request]) -> Path:
                 if question not in choices:
                     choices[question] = placement.scale_of(scene, request)
                 request = request.with_scale(choices[question])
-            folder = render_job(scene, request, opened, emit_told)
+            folder = render_job(scene, request, opened, protocol.emit_told)
             opened = dataclasses.replace(opened, seconds=0.0)
-            emit(stage=RENDERED_STAGE, folder=str(folder))
+            protocol.emit(stage=protocol.RENDERED_STAGE, folder=str(folder))
     return folder
 
 
@@ -161,14 +151,14 @@ def _opened(request: Request) -> tuple[bpy.types.Scene, Opened]:
     def say(told: Progress | Notice) -> None:
         if isinstance(told, Notice):
             notes.append(told)
-        emit_told(told)
+        protocol.emit_told(told)
 
     before = file_stamp(path)
     if request.parts and path.is_file():
         content = scene_stamp(path)
         if other := remove_others(Path(request.parts), inputs_before_opening(request, content)):
-            emit_told(Notice("parts-removed", {"input": other}))
-    emit_told(Progress("open", detail=request.scene or "the open scene"))
+            protocol.emit_told(Notice("parts-removed", {"input": other}))
+    protocol.emit_told(Progress("open", detail=request.scene or "the open scene"))
     scene = _chosen_scene(request, say)
     if file_stamp(path) != before:
         content = ""
@@ -181,7 +171,7 @@ def _opened(request: Request) -> tuple[bpy.types.Scene, Opened]:
     return scene, Opened(seconds, content, light, tuple(notes))
 
 
-def _chosen_scene(request: Request, say: Tell = emit_told) -> bpy.types.Scene:
+def _chosen_scene(request: Request, say: Tell = protocol.emit_told) -> bpy.types.Scene:
     """The request's scene, opened if it names a file, with its camera chosen."""
     with answered(request.scene):
         scene = open_scene(request.scene, say) if request.scene else bpy.context.scene
@@ -219,7 +209,7 @@ def encode(frames_folder: str, film_file: str, frames_a_second: str) -> Path:
     video.format, video.codec, video.constant_rate_factor, video.gopsize = "MPEG4", codec, "PERC_LOSSLESS", 30
     render.use_file_extension, render.filepath = False, literal_path(str(film))
     bpy.app.handlers.render_write.append(
-        lambda scene, *_: emit(stage="encode", fraction=scene.frame_current / len(frames), message="encoding"))
+        lambda scene, *_: protocol.emit(stage="encode", fraction=scene.frame_current / len(frames), message="encoding"))
     bpy.ops.render.render(animation=True, scene=scene.name)
     if not film.is_file() or not film.stat().st_size:
         raise LfsrError(f"{film} was not written: free some space or choose another folder")

@@ -53,17 +53,8 @@ from ..scene.contents import find_subject, has_background_meshes
 from ..scene.files import check_files, image_files
 from ..scene.light import DEFAULT_LIGHT, LEAST_ALBEDO, has_light, is_certain, is_dim, lit
 from ..scene.settings import color_settings
-from . import world
-from .cycles import (
-    FOREGROUND,
-    LEAST_PIXELS,
-    RenderSettings,
-    Shot,
-    cycles_settings,
-    pass_indices,
-    render_encoded,
-    temporary_camera,
-)
+from . import cycles, world
+from .cycles import RenderSettings
 from .output import one_of, render_to, unfinished
 from .view_by_view import render_views
 
@@ -140,7 +131,7 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
                 with unfinished(path) as temporary:
                     shutil.copyfile(request.world, temporary)
         rows = None if frame.rows is None else Part(*pixel_rows(frame.rows, frame.rays.views[1]))
-        shot = Shot(frame.subpixels or frame.rays, frame.matrix_world, frame.layout, frame.clip, rows)
+        shot = cycles.Shot(frame.subpixels or frame.rays, frame.matrix_world, frame.layout, frame.clip, rows)
         images, seconds["render"] = _images(scene, request, frame), seconds.get("world", 0.0)
         with world.white_to_camera(scene, opened.kept) if frame.world_apart else nullcontext():
             for number, (name, settings) in enumerate(images):
@@ -151,7 +142,7 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
                                    another_follows=number + 1 < len(images)) if inputs else None
                 seconds["render"] += (
                     render_views(scene, shot, settings, path, follow) if frame.layout == VIEW_BY_VIEW
-                    else render_encoded(scene, shot, settings, path, follow, parts))
+                    else cycles.render_encoded(scene, shot, settings, path, follow, parts))
     seconds = {name: round(value, 3) for name, value in seconds.items()}
     write_frame(request.output, dataclasses.replace(frame, content=opened.content, seconds=seconds, notes=tuple(notes)))
     return Path(request.output)
@@ -169,7 +160,7 @@ def prepared(scene: bpy.types.Scene, request: Request, say: Say = silent, is_lit
         if request.sampling.scales and request.kind != "reference":
             request = request.with_scale(placement.scale_of(scene, request))
         subject = find_subject(scene, request.subject)
-        with _resting(scene), pass_indices(subject), nullcontext() if is_lit else lit(scene, request.light):
+        with _resting(scene), cycles.pass_indices(subject), nullcontext() if is_lit else lit(scene, request.light):
             frame = _frame(scene, request, subject)
             placed = frame.array, frame.matrix_world
             for notice in (placement.focus_notice(scene, placed),
@@ -214,9 +205,9 @@ def is_dark(scene: bpy.types.Scene, request: Request, placed: Placement | None =
         subject = find_subject(scene, request.subject)
         placed = placed or placement.place_array(scene, request.display, subject)
         settings = RenderSettings(LIGHT_SAMPLES, layers=("albedo", "index"), device=compat.best_device(request.device))
-        with _resting(scene), pass_indices(subject):
+        with _resting(scene), cycles.pass_indices(subject):
             layers = _seen_from_middle(scene, placed, settings, LIGHT_WIDTH)
-        seen = (layers["color"][..., 3] > 0.5) & (layers["index"][..., 0] == FOREGROUND)
+        seen = (layers["color"][..., 3] > 0.5) & (layers["index"][..., 0] == cycles.FOREGROUND)
         color, albedo = layers["color"][seen][:, :3].max(-1), layers["albedo"][seen].max(-1)
         light = color / np.maximum(albedo, LEAST_ALBEDO)
         return is_dim(light, color, scene.view_settings.exposure)
@@ -226,12 +217,12 @@ def is_dark(scene: bpy.types.Scene, request: Request, placed: Placement | None =
 def _seen_from_middle(scene: bpy.types.Scene, placed: Placement, settings: RenderSettings, width: int) -> Layers:
     """Render what an eye in front of the middle of a ``placed`` array sees, ``width`` pixels across."""
     array, matrix_world = placed
-    size = width, max(round(width * array.half_height / array.half_width), LEAST_PIXELS)
+    size = width, max(round(width * array.half_height / array.half_width), cycles.LEAST_PIXELS)
     # In Blender's own temporary folder, which is removed even if Blender crashes.
     with tempfile.TemporaryDirectory(prefix="lfsr-middle-", dir=bpy.app.tempdir or None) as name:
         path = Path(name, "middle.exr")
-        with (temporary_camera(scene, matrix_world, array.distance) as camera,
-              cycles_settings(scene, settings, size)):
+        with (cycles.temporary_camera(scene, matrix_world, array.distance) as camera,
+              cycles.cycles_settings(scene, settings, size)):
             lens, clip = camera.data, placement.clip_of(scene)
             lens.sensor_fit, lens.lens = "HORIZONTAL", lens.sensor_width / 2 * array.distance / array.half_width
             lens.clip_start, lens.clip_end = clip or (lens.clip_start, lens.clip_end)

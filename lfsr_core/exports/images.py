@@ -23,19 +23,11 @@ import OpenImageIO as oiio
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice, Progress, did_you_mean
 from lfsr_core.exports.light_field import LightField, camera_places, on_screen, resized, screen_size, usual_width
-from lfsr_core.exports.options import (
-    H264_SIDE,
-    PRESETS,
-    QUILT_FILM,
-    ExportOptions,
-    Pair,
-    Preset,
-    chosen_type,
-    quilt_name,
-)
+from lfsr_core.exports.options import H264_SIDE, PRESETS, QUILT_FILM, ExportOptions, Preset, chosen_type, quilt_name
 from lfsr_core.frames.frame import EIA_LINEAR_FILE, LOW_RES_FILE, Frame
 from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.image_files import HALF_MAX, read_finite, write_png
+from lfsr_core.optics.display import Pair
 from lfsr_core.optics.rays import to_views
 from lfsr_core.reconstruct.second_stage import read_finished_linear
 from lfsr_core.reconstruct.upscaler import low_resolution

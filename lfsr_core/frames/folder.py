@@ -19,20 +19,7 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import to_data
 from lfsr_core.base.system import check_name, file_stamp, reading, replace_files, system_errors
 from lfsr_core.frames import frame as files
-from lfsr_core.frames.frame import (
-    AUTO,
-    LAYOUTS,
-    SUBPIXELS,
-    TIMES_RAYS,
-    Finish,
-    Frame,
-    Report,
-    Request,
-    read_frame,
-    read_part,
-    read_rendered,
-    read_report,
-)
+from lfsr_core.frames.frame import AUTO, LAYOUTS, SUBPIXELS, TIMES_RAYS, Finish, Frame, Report, Request
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import rows_text
 
@@ -69,17 +56,17 @@ class FrameFolder:
     @property
     def frame(self) -> Frame:
         """The rendered light field; LfsrError where there is none, or a part of one, or the panel's subpixels."""
-        return read_frame(self.path)
+        return files.read_frame(self.path)
 
     @property
     def rendered(self) -> Frame:
         """The rendered light field or panel image; LfsrError where there is none, or a part of one."""
-        return read_rendered(self.path)
+        return files.read_rendered(self.path)
 
     @property
     def part(self) -> Frame:
         """The rendered frame, or the part of one; LfsrError where there is none."""
-        return read_part(self.path)
+        return files.read_part(self.path)
 
     @property
     def readable(self) -> Frame | None:
@@ -91,7 +78,7 @@ class FrameFolder:
     @property
     def report(self) -> Report:
         """How it was finished; LfsrError where it was not."""
-        return read_report(self.path)
+        return files.read_report(self.path)
 
     @property
     def image(self) -> Path:

@@ -18,17 +18,9 @@ import numpy as np
 from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.base.messages import LfsrError, Notice, Tell, silent
 from lfsr_core.base.records import to_data
+from lfsr_core.frames import frame as files
 from lfsr_core.frames.folder import first_difference, phrases
-from lfsr_core.frames.frame import (
-    MASK_FILE,
-    REFERENCE_FILES,
-    Frame,
-    Request,
-    Sampling,
-    read_frame,
-    read_report,
-    write_report,
-)
+from lfsr_core.frames.frame import Frame, Request, Sampling, read_frame, read_report, write_report
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.image_files import read_finite, read_mask
 from lfsr_core.optics.rays import LensList, choose_lenses, to_elemental_images, to_views, views_per_lens
@@ -76,7 +68,7 @@ class Reference:
         """Read a reference; LfsrError where a file is missing or of another size, or both halves are the same."""
         folder = Path(folder)
         frame = read_frame(folder)
-        (half_a, hits_a), (half_b, hits_b) = (read_half(folder / name, frame) for name in REFERENCE_FILES)
+        (half_a, hits_a), (half_b, hits_b) = (read_half(folder / name, frame) for name in files.REFERENCE_FILES)
         if half_a.any() and np.array_equal(half_a, half_b):
             raise LfsrError(f"both halves in {folder} are the same image, so neither shows the other's noise: "
                             "render the reference again with this version")
@@ -320,7 +312,7 @@ def compare_with_reference(request: Request, folder: str | Path, output: str | P
     continues; ``lenses``: number of random lenses, most of them foreground, 0 or as many as there are for all;
     ``samples``: of the reference per pixel, in two halves.
     """
-    mask = read_mask(Path(folder) / MASK_FILE, request.display.lenses)
+    mask = read_mask(Path(folder) / files.MASK_FILE, request.display.lenses)
     chosen = choose_lenses(mask, lenses, request.seed) if 0 < lenses < mask.size else None
     make(dataclasses.replace(request, kind="reference", sampling=Sampling(1, samples), layers=(), clamp_indirect=0.0,
                              output=str(output), lens_list=chosen), blender=blender, tell=tell, overwrite=True)
@@ -340,7 +332,7 @@ def compare_folders(folder: str | Path, reference: str | Path) -> Metrics:
     image = read_finished_linear(folder)
     if image is None:
         image = finished_linear(folder, report.finish)
-    known, mask = Reference.read(reference), read_mask(folder / MASK_FILE, frame.display.lenses)
+    known, mask = Reference.read(reference), read_mask(folder / files.MASK_FILE, frame.display.lenses)
     metrics = compare(image, (known.half_a, known.half_b), frame.display.lenses,
                       known.hits if known.lens_list is None else mask, known.lens_list)
     metrics["recall"] = (recall(mask, known.hits) if known.lens_list is None

@@ -17,14 +17,7 @@ from pathlib import Path
 
 from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
 from lfsr_core.base.records import write_record
-from lfsr_core.base.system import (
-    atomic_path,
-    release,
-    remove,
-    remove_dead,
-    staging_folder,
-    system_errors,
-)
+from lfsr_core.base.system import atomic_path, release, remove, remove_dead, staging_folder, system_errors
 from lfsr_core.frames.folder import FrameFolder, numbered, scene_stamp
 from lfsr_core.frames.frame import LOG_FILE, Finish, Request, check_scene, spread
 from lfsr_core.optics.depth_scale import ScaleChoice

@@ -19,17 +19,9 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
 from lfsr_core.base.records import to_data
 from lfsr_core.base.system import LOCK_FILE, cache_folder, locks, read_json, write_json
+from lfsr_core.frames import frame as files
 from lfsr_core.frames.folder import PLACES, FrameFolder, digest, request_facts, scene_stamp
-from lfsr_core.frames.frame import (
-    LOW_RES_FILE,
-    REFERENCE_FILES,
-    SUBPIXELS,
-    WORLD_FILE,
-    Frame,
-    Request,
-    Sampling,
-    read_frame,
-)
+from lfsr_core.frames.frame import SUBPIXELS, Frame, Request, Sampling, read_frame
 from lfsr_core.images.color import extreme_tone, srgb_encode
 from lfsr_core.images.image_files import read_finite
 from lfsr_core.metrics.eia_metrics import listed_images, read_half, stacked_ssim
@@ -161,7 +153,7 @@ class SampleRenders:
 def scores(folder: Path, name: str, blocks: Array, quarters: Quarters) -> Array:
     """Accuracy (n,) of the method ``name`` on each sampled lens, from a render of them and their neighbours."""
     frame, (index, centres) = read_frame(folder), mosaic(blocks)
-    layers, _ = read_finite(folder / LOW_RES_FILE)
+    layers, _ = read_finite(folder / files.LOW_RES_FILE)
     low = low_resolution(layers, frame, read_world(folder, frame))
     low = low.each(lambda layer: layer.reshape(-1, *layer.shape[2:])[index])  # tiles are in reading order
     mask = foreground_mask(layers, frame.rays.tiles).reshape(-1)[index[tuple(centres.T)]]
@@ -233,8 +225,8 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
     renders = SampleRenders(folder, request, render, tell)
     scale = min(display.scales() or [1], key=lambda scale: abs(scale - 4))
     quick, first = renders.rendered("quick", "every lens", sampling=Sampling(scale, 4))
-    renders.world = str(quick / WORLD_FILE) if first.world_apart else None
-    layers, _ = read_finite(quick / LOW_RES_FILE)
+    renders.world = str(quick / files.WORLD_FILE) if first.world_apart else None
+    layers, _ = read_finite(quick / files.LOW_RES_FILE)
     mask, wide = (foreground_mask(layers, first.rays.tiles, grown) for grown in (0, 1))
     if not mask.any():
         raise LfsrError("no lens shows any foreground: check where the camera looks, and the subject")
@@ -253,7 +245,7 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
             f"reference-{part}", f"reference of {len(lenses)} lenses, part {part + 1} of {REFERENCE_PARTS}",
             kind="reference", layers=(), clamp_indirect=0.0, lens_list=tuple(lenses),
             sampling=Sampling(1, max(2, options.reference_samples // REFERENCE_PARTS)))
-        for name in REFERENCE_FILES:
+        for name in files.REFERENCE_FILES:
             image, hit = read_half(halves / name, reference)
             quarters.append(listed_images(image, reference)[:len(lenses)])
             hits.append(hit)
@@ -291,7 +283,7 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
         rendered, _ = renders.rendered(
             "s{}-spp{}".format(*group), "{} lenses at scale {}, {} samples".format(len(lenses), *group),
             sampling=Sampling(*group), lens_list=tuple(listed))
-        read_finite(rendered / LOW_RES_FILE)  # where it is damaged, no method is to blame
+        read_finite(rendered / files.LOW_RES_FILE)  # where it is damaged, no method is to blame
         started = time.perf_counter()
         for row in open_rows:
             try:

@@ -19,29 +19,13 @@ from typing import Any
 
 import numpy as np
 
+from lfsr_core.base import system
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
-from lfsr_core.base.system import (
-    MOST_THREADS,
-    in_threads,
-    peak_bytes,
-    replace_files,
-    staging_folder,
-    system_errors,
-    usable_cores,
-)
 from lfsr_core.frames import frame as files
 from lfsr_core.frames.frame import SUBPIXELS, Finish, Frame, Report, read_frame, read_rendered, write_report
+from lfsr_core.images import image_files
 from lfsr_core.images.color import ViewTransform, exposure_notices
-from lfsr_core.images.image_files import (
-    HALF_MAX,
-    read_finite,
-    read_layers,
-    replaced_notices,
-    write_layers,
-    write_mask,
-    write_png,
-)
 from lfsr_core.optics.panel.subpixel_rays import panel_image
 from lfsr_core.optics.panel.weave import cached_gather_map, weave
 from lfsr_core.optics.rays import flip_order, to_elemental_images
@@ -80,13 +64,13 @@ def finish_frame(folder: str | Path, finish: Finish | str, tell: Tell = silent,
     folder, finish = Path(folder), Finish.of(finish)
     rendered = read_rendered(folder)
     direct = rendered.subpixels is not None
-    with staging_folder(folder) as staging, system_errors(folder):
+    with system.staging_folder(folder) as staging, system.system_errors(folder):
         staged = staging / "finished"
         staged.mkdir()
         report = (_finish_subpixels(folder, staged, rendered, finish, tell) if direct
                   else _finish_eia(folder, staged, finish, tell, upscaler))
         write_report(staged, report)
-        replace_files(staged, folder, () if direct else FINISHED_FILES)
+        system.replace_files(staged, folder, () if direct else FINISHED_FILES)
     tell(Progress("write", 1.0, files.PANEL_FILE if direct else files.EIA_FILE))
     return report
 
@@ -103,17 +87,18 @@ def _finish_eia(folder: Path, staged: Path, finish: Finish, tell: Tell, upscaler
         with clock("weave"):
             panel = weave(pixels, mapped)
         with clock("write"):
-            write_png(staged / files.PANEL_FILE, panel)
+            image_files.write_png(staged / files.PANEL_FILE, panel)
     tell(Progress("write", 0.0, files.EIA_FILE))
     with clock("write"):
-        write_png(staged / files.EIA_FILE, pixels)
-        write_mask(staged / files.MASK_FILE, work.mask)
+        image_files.write_png(staged / files.EIA_FILE, pixels)
+        image_files.write_mask(staged / files.MASK_FILE, work.mask)
         if linear is not None:
-            write_layers(staged / files.EIA_LINEAR_FILE, {"color": linear}, half=True)
+            image_files.write_layers(staged / files.EIA_LINEAR_FILE, {"color": linear}, half=True)
     lenses = np.argwhere(work.mask | work.fill)
     rows, columns = lenses[::len(lenses) // MOST_JUDGED + 1].T
     judged = to_elemental_images(pixels, frame.rays.tiles)[rows, columns]
-    notes = (*filter(None, [frame.scale_reason]), *frame.notes, *replaced_notices(work.replaced, work.low.alpha.size),
+    notes = (*filter(None, [frame.scale_reason]), *frame.notes,
+             *image_files.replaced_notices(work.replaced, work.low.alpha.size),
              *(work.unseen or exposure_notices(judged, work.show.to_uint8(work.background[None])[0])),
              *work.low.notes, *(averaging_notices(work.neighbours) if work.neighbours else ()))
     return _report(frame, finish, clock, method=work.method.name.text, notes=notes, replaced_pixels=work.replaced,
@@ -160,7 +145,7 @@ def read_finished_linear(folder: str | Path) -> Array | None:
     path, frame = Path(folder) / files.EIA_LINEAR_FILE, read_frame(folder)
     if not path.exists():
         return None
-    pixels, tiles = read_layers(path)["color"][..., :3].astype(np.float32), frame.rays.tiles
+    pixels, tiles = image_files.read_layers(path)["color"][..., :3].astype(np.float32), frame.rays.tiles
     size = tuple(count * views for count, views in zip(tiles[::-1], frame.display.views[::-1], strict=True))
     if pixels.shape[:2] != size:
         raise LfsrError(f"{path} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but its frame {size[1]}×{size[0]}: "
@@ -189,7 +174,7 @@ class _Work:
             with self.clock("load"):
                 without = () if self.method.upscaler.follows_depth else ("position",)
                 # replaced: pixels that were not finite
-                layers, self.replaced = read_finite(folder / files.LOW_RES_FILE, without)
+                layers, self.replaced = image_files.read_finite(folder / files.LOW_RES_FILE, without)
                 low = low_resolution(layers, frame, read_world(folder, frame))
             if show is not None:
                 with self.clock("color"):
@@ -229,7 +214,7 @@ class _Work:
             with self.clock("assemble"):
                 place(pixels, grid, lenses, shown, flipped)
                 if linear is not None:
-                    place(linear, grid, lenses, np.minimum(images, HALF_MAX), flipped)
+                    place(linear, grid, lenses, np.minimum(images, image_files.HALF_MAX), flipped)
 
         self.upscale_all(put, tell)
         return pixels, linear
@@ -245,7 +230,7 @@ class _Work:
         for wanted, upscaler in ((self.mask, self.method.upscaler), (self.fill, self.filler)):
             size, lenses = STEP_IN_CACHE if upscaler.thread_safe else wanted.shape[1], np.argwhere(wanted)
             parts += [(upscaler, lenses[start:start + size]) for start in range(0, len(lenses), size)]
-        workers = max(1, min(usable_cores(), MOST_THREADS, len(parts)))
+        workers = max(1, min(system.usable_cores(), system.MOST_THREADS, len(parts)))
         one_at_a_time = threading.Lock()
 
         def work(part: tuple[Upscaler, Array]) -> None:
@@ -276,7 +261,7 @@ def _report(frame: Frame, finish: Finish, clock: StageClock, **found: Any) -> Re
     """Report of a frame, with what was ``found`` in the second stage."""
     return Report(finish=finish, display=frame.display.name, scale=frame.scale, samples=frame.samples,
                   seconds={stage: round(seconds, 4) for stage, seconds in clock.seconds.items()},
-                  peak_bytes=peak_bytes(), layout=frame.layout, device=frame.device, **found)
+                  peak_bytes=system.peak_bytes(), layout=frame.layout, device=frame.device, **found)
 
 
 def check_subpixels_finish(finish: Finish) -> None:
@@ -295,7 +280,7 @@ def _finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, 
     clock, said, method = StageClock(frame.seconds), list[Notice](), MethodName.parse(finish.method)
     tell(Progress("load", 0.0, files.LOW_RES_FILE))
     with clock("load"):
-        layers, replaced = read_finite(folder / files.LOW_RES_FILE)
+        layers, replaced = image_files.read_finite(folder / files.LOW_RES_FILE)
     tell(Progress("denoise", 0.0, method.text))
     with clock("upscale"):
         image = linear_panel_image(layers, frame, method, said.append)
@@ -308,18 +293,17 @@ def _finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, 
             rows = slice(start, start + ROWS_AT_ONCE)
             pixels[rows] = show.to_uint8(image[rows])
 
-        in_threads(work, range(0, len(image), ROWS_AT_ONCE))
+        system.in_threads(work, range(0, len(image), ROWS_AT_ONCE))
     with clock("write"):
-        write_png(staged / files.PANEL_FILE, pixels)
+        image_files.write_png(staged / files.PANEL_FILE, pixels)
     background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]
-    notes = (*frame.notes, *replaced_notices(replaced, layers["color"][..., 3].size), *said,
+    notes = (*frame.notes, *image_files.replaced_notices(replaced, layers["color"][..., 3].size), *said,
              *(unseen_notices(layers) or exposure_notices(pixels, background)))
     return _report(frame, finish, clock, method=method.text, notes=notes, replaced_pixels=replaced,
                    foreground_fraction=float(foreground_pixels(layers).mean()))
 
 
-def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: MethodName,
-                       note: Note = silent) -> Array:
+def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: MethodName, note: Note = silent) -> Array:
     """Panel image (H, W, 3), scene-linear, from the layers of a direct subpixel rendering; ``note`` hears notices."""
     assert frame.subpixels is not None, "a frame of direct subpixel rendering has them"
     shown = over_background(layers, frame)

@@ -39,18 +39,8 @@ from lfsr_core.pipeline.make import FAILED, open_blender
 from lfsr_core.pipeline.make import make as make_frames
 from lfsr_core.plan.options import Measured, PlanOptions, path_samples, render_seconds
 from lfsr_core.plan.planner import make_plan
-from lfsr_core.process.child import (
-    EXIT_BAD_INPUT,
-    EXIT_CANCELLED,
-    LAST_STAGES,
-    Child,
-    emit,
-    emit_last,
-    emit_told,
-    interrupt_main,
-    repeated,
-    told_of,
-)
+from lfsr_core.process import child as protocol
+from lfsr_core.process.child import Child
 from lfsr_core.reconstruct.second_stage import finish_frame
 
 SECONDS_TO_STOP = 1.0  # less than the add-on waits for the task itself
@@ -73,8 +63,8 @@ class RenderCommand:
         """Run another job of Blender's, such as the encoding of a film; return what it answers."""
         with Child([*self.words, *words]) as child:
             for record in child.records():
-                if record["stage"] not in LAST_STAGES and (told := told_of(record)) is not None:
-                    emit_told(told)
+                if record["stage"] not in protocol.LAST_STAGES and (told := protocol.told_of(record)) is not None:
+                    protocol.emit_told(told)
             if not child.is_done():
                 raise child.crash("Blender stopped with", "try again")
             return child.last
@@ -90,7 +80,7 @@ def make(request: dict[str, Any], finish: dict[str, Any], command: list[str], fr
     """
     made = make_frames(from_data(Request, request, "the request"), from_data(Finish, finish, "the finish"), frames,
                        blender=RenderCommand(tuple(command)), overwrite=overwrite or frames is None, lenient=True,
-                       tell=emit_told)
+                       tell=protocol.emit_told)
     if views and made[-1].state != FAILED and not FrameFolder(made[-1].folder).rendered.subpixels:
         decode(made[-1].folder, views)
     return {"made": [to_data(result) for result in made]}
@@ -102,7 +92,8 @@ def reference(request: dict[str, Any], output: str, lenses: int, samples: int, c
     Returns the "metrics" of the frame's report.
     """
     wanted = from_data(Request, request, "the request")
-    compare_with_reference(wanted, wanted.output, output, lenses, samples, RenderCommand(tuple(command)), emit_told)
+    compare_with_reference(wanted, wanted.output, output, lenses, samples, RenderCommand(tuple(command)),
+                           protocol.emit_told)
     return {"metrics": FrameFolder(wanted.output).report.metrics}
 
 
@@ -121,7 +112,7 @@ def estimate(request: dict[str, Any], command: list[str]) -> dict[str, Any]:
     def heard(told: Progress | Notice) -> None:
         if isinstance(told, Progress) and told.stage == "render":
             told = dataclasses.replace(told, stage="estimate")
-        emit_told(told)
+        protocol.emit_told(told)
 
     with tempfile.TemporaryDirectory() as folder:
         requests = [dataclasses.replace(asked, output=str(Path(folder, str(len(lenses)))), lens_list=tuple(lenses))
@@ -141,16 +132,15 @@ def plan(request: dict[str, Any], options: dict[str, Any], command: list[str]) -
     ``command``: words that start a render, before the request files.
     """
     wanted = from_data(PlanOptions, options, "options of the plan")
-    with (tempfile.TemporaryDirectory() as work,
-          open_blender(RenderCommand(tuple(command)), Path(work)) as render):
-        planned = make_plan(from_data(Request, request, "the request"), wanted, render, work, emit_told)
+    with tempfile.TemporaryDirectory() as work, open_blender(RenderCommand(tuple(command)), Path(work)) as render:
+        planned = make_plan(from_data(Request, request, "the request"), wanted, render, work, protocol.emit_told)
     found: dict[str, Any] = to_data(planned.choice)
     return found
 
 
 def finish(folder: str, finish: dict[str, Any], views: str | None = None) -> dict[str, Any]:
     """Finish a rendered frame folder, and ``decode`` it into the file ``views``; return the "method" that ran."""
-    report = finish_frame(folder, from_data(Finish, finish, "the finish"), emit_told)
+    report = finish_frame(folder, from_data(Finish, finish, "the finish"), protocol.emit_told)
     if views and not FrameFolder(folder).rendered.subpixels:
         decode(folder, views)
     return {"method": report.method}
@@ -161,7 +151,7 @@ def decode(folder: str, views: str) -> dict[str, Any]:
 
     Row 0 is the topmost camera. One view is contiguous: a reader that maps the file touches a few kB per view.
     """
-    emit_told(Progress("views", 0.0, "decoding views"))
+    protocol.emit_told(Progress("views", 0.0, "decoding views"))
     decoded = read_views(folder)
     with atomic_path(views) as temporary, temporary.open("wb") as file:
         np.save(file, decoded)
@@ -170,7 +160,7 @@ def decode(folder: str, views: str) -> dict[str, Any]:
 
 def view(folder: str) -> dict[str, Any]:
     """Write the viewer of a finished frame folder; return its "path"."""
-    return {"path": str(write_page([folder], tell=emit_told).path)}
+    return {"path": str(write_page([folder], tell=protocol.emit_told).path)}
 
 
 def export(folder: str, name: str, target: str, fps: float | None, command: list[str]) -> dict[str, Any]:
@@ -181,7 +171,7 @@ def export(folder: str, name: str, target: str, fps: float | None, command: list
     """
     is_film = name in (*FILMS, QUILT_FILM)
     with tempfile.TemporaryDirectory() as frames:
-        options = ExportOptions(type="png" if is_film else None, tell=emit_told)
+        options = ExportOptions(type="png" if is_film else None, tell=protocol.emit_told)
         files = export_frames(folder, name, frames if is_film else target, options)
         if not is_film:
             return {"first": str(files[0])}
@@ -202,7 +192,7 @@ def show(path: str, full_screen: bool, fps: float, command: list[str]) -> dict[s
     frames = frame_folders(Path(path), (EIA_FILE, PANEL_FILE))
     if len(frames) > 1 and not full_screen and find_display(frames[0]) is not None:
         path = export(path, QUILT_FILM, str(default_target(path, QUILT_FILM)), fps, command)["first"]
-    shown = show_path(path, SCREEN if full_screen else None, fps, emit_told)
+    shown = show_path(path, SCREEN if full_screen else None, fps, protocol.emit_told)
     return {"sentence": shown.sentence, "page": shown.page and str(shown.page.absolute())}
 
 
@@ -237,14 +227,14 @@ def main(arguments: list[str]) -> int:
         name = data.pop("task")
         _end_on_request(unwinds=name in STARTING)
         watch_memory(_fail)
-        with system_errors(), repeated():
+        with system_errors(), protocol.repeated():
             result = TASKS[name](**data)
     except LfsrError as error:
-        emit(stage="error", message=str(error))
-        return EXIT_BAD_INPUT
+        protocol.emit(stage="error", message=str(error))
+        return protocol.EXIT_BAD_INPUT
     except KeyboardInterrupt:
-        return EXIT_CANCELLED
-    emit(stage="done", **result)
+        return protocol.EXIT_CANCELLED
+    protocol.emit(stage="done", **result)
     return 0
 
 
@@ -258,7 +248,7 @@ def _end_on_request(unwinds: bool) -> None:
         while os.read(0, 1):
             pass
         if unwinds:
-            interrupt_main(signal.SIGTERM)
+            protocol.interrupt_main(signal.SIGTERM)
             Child.stop_all(SECONDS_TO_STOP)  # the main thread waits for what they write
         else:
             _leave()
@@ -268,14 +258,14 @@ def _end_on_request(unwinds: bool) -> None:
 
 
 def _fail(sentence: str) -> None:
-    emit_last(stage="error", message=sentence)
+    protocol.emit_last(stage="error", message=sentence)
     Child.stop_all(SECONDS_TO_STOP)
-    os._exit(EXIT_BAD_INPUT)
+    os._exit(protocol.EXIT_BAD_INPUT)
 
 
 def _leave(*_: object) -> None:
     # Temporary files lie in the add-on's staging folder, which is removed.
-    os._exit(EXIT_CANCELLED)
+    os._exit(protocol.EXIT_CANCELLED)
 
 
 if __name__ == "__main__":

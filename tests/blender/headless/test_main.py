@@ -72,9 +72,9 @@ def test_a_render_that_takes_the_memory_ends_in_a_sentence(blend, tmp_path):
     job = to_data(make_request(str(tmp_path / "out"), MINI, scene=str(blend), samples=400000))
     write_json(tmp_path / "job.json", job)
     program = ("from blender_addon.headless import main\nfrom lfsr_core.base import system\n"
-               "emit = main.emit_told\n"
+               "emit = main.protocol.emit_told\n"
                "def told(what):\n    emit(what)\n    system.MOST_MEMORY = 0 if 'Sample' in str(what) else 9\n"
-               "main.emit_told, system.MOST_MEMORY = told, 9\n"
+               "main.protocol.emit_told, system.MOST_MEMORY = told, 9\n"
                f"raise SystemExit(main.main([{str(tmp_path / 'job.json')!r}]))")
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=100)
     assert done.returncode == EXIT_BAD_INPUT
