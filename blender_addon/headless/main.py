@@ -9,7 +9,7 @@ import queue
 import shutil
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import NoReturn
@@ -94,15 +94,12 @@ def _end(stage: str, message: str, code: int) -> NoReturn:
         os._exit(code)
 
 
-@contextlib.contextmanager
-def answered(scene: str) -> Iterator[None]:
+def answered(scene: str) -> contextlib.AbstractContextManager[None]:
     """End the process where the block waits for a file without end.
 
     Blender opens the libraries of a scene before anyone can look at their names, and a drive may not answer.
     """
-    ended = threading.Event()
-
-    def watch() -> None:
+    def watch(ended: threading.Event) -> None:
         quiet, worked = 0, time.process_time()
         while not ended.wait(1):
             quiet = quiet + 1 if time.process_time() - worked < LEAST_WORK else 0
@@ -111,13 +108,7 @@ def answered(scene: str) -> Iterator[None]:
                 _end("error", f"scene {scene} waits for a file that does not answer, such as a library that is a pipe, "
                      "or a drive: check what the scene links", protocol.EXIT_BAD_INPUT)
 
-    thread = threading.Thread(target=watch, daemon=True, name="lfsr-answered")
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
+    return protocol.beside(watch, "lfsr-answered")
 
 
 def run_all(requests: Iterable[Request]) -> Path:

@@ -247,8 +247,7 @@ def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> tuple[
                                        dataclasses.replace(settings, seed=seed),
                                        min(FIRST_WIDTH, frame.display.lenses[0]))
             color = layers["color"]
-            behind = (layers["environment"] if frame.world_visible
-                      else (1 - color[..., 3:]) * frame.display.background)
+            behind = layers["environment"] if frame.world_visible else (1 - color[..., 3:]) * frame.display.background
             halves.append(np.maximum(color[..., :3] + behind, 0).astype(np.float32))
             seconds = time.perf_counter() - started
     transform = ViewTransform(frame.color)

@@ -93,7 +93,7 @@ def render_world(scene: bpy.types.Scene, image: WorldImage, matrix_world: Matrix
         alone.frame_current, alone.frame_subframe = scene.frame_current, scene.frame_subframe
         # Nothing is lit, so Cycles needs no importance map of the world.
         unlit = {"sampling_method": "NONE"} if scene.world.is_editable else {}
-        seen = {"film_transparent": False, "use_persistent_data": False} | pixel_aspect(image.aspect)
+        seen = {"film_transparent": False, "use_persistent_data": False} | pixel_aspect(image.step[1] / image.step[0])
         with (overridden(scene.world.cycles, unlit), temporary_camera(alone, matrix_world, 1.0) as camera,
               cycles_settings(alone, settings, image.size), overridden(alone.render, seen)):
             camera.name, lens = NAME, camera.data  # files name the camera

@@ -43,7 +43,6 @@ class LFSR_PT_image(LightFieldPanel, bpy.types.Panel):
     """Render the light-field image of this scene"""
 
     bl_label = "Light Field"
-    bl_order = 0
     bl_options = set[str]()
 
     def draw_header_preset(self, _context: bpy.types.Context) -> None:
@@ -160,7 +159,6 @@ class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
     """The camera array in the scene"""
 
     bl_label = "Camera Array"
-    bl_order = 1
 
     def draw(self, context: bpy.types.Context) -> None:
         scene, layout = context.scene, self.layout
@@ -196,7 +194,6 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
     """How much time an image takes"""
 
     bl_label = "Quality"
-    bl_order = 2
 
     def draw(self, context: bpy.types.Context) -> None:
         scene, lfsr = context.scene, context.scene.lfsr
@@ -218,7 +215,6 @@ class LFSR_PT_advanced(LightFieldPanel, bpy.types.Panel):
 
     bl_label = "Advanced"
     bl_parent_id = "LFSR_PT_quality"
-    bl_order = 1
 
     def draw(self, context: bpy.types.Context) -> None:
         scene, lfsr, has_lenses = context.scene, context.scene.lfsr, not scene_settings.renders_subpixels(context.scene)
@@ -247,7 +243,6 @@ class LFSR_PT_plan(LightFieldPanel, bpy.types.Panel):
 
     bl_label = "Find Cheapest Settings"
     bl_parent_id = "LFSR_PT_quality"
-    bl_order = 0
 
     def draw(self, context: bpy.types.Context) -> None:
         state = context.window_manager.lfsr
@@ -265,7 +260,6 @@ class LFSR_PT_animation(LightFieldPanel, bpy.types.Panel):
     """Images of the timeline's frames"""
 
     bl_label = "Animation"
-    bl_order = 3
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -281,7 +275,6 @@ class LFSR_PT_exports(LightFieldPanel, bpy.types.Panel):
     """The image on its display, and for those who have none"""
 
     bl_label = "View and Export"
-    bl_order = 4
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = row_if(session.current() is None, self.layout).column()
@@ -304,7 +297,6 @@ class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
     """The light field in a window of its own, as it renders"""
 
     bl_label = "Live"
-    bl_order = 5
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, lfsr = self.layout, context.scene.lfsr
@@ -360,7 +352,6 @@ class LFSR_PT_reference(LightFieldPanel, bpy.types.Panel):
     """How close the image is to its reference"""
 
     bl_label = "Reference"
-    bl_order = 6
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, lfsr = columns(self.layout), context.scene.lfsr

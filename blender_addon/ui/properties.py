@@ -138,14 +138,12 @@ class SceneSettings(bpy.types.PropertyGroup):
 
     distance: FloatProperty(
         name="Distance", description="Distance from the viewing position to the display plane, where objects have no "
-        "parallax",
-        subtype="DISTANCE", unit="LENGTH", min=1e-4, soft_min=0.01, soft_max=100.0,
+        "parallax", subtype="DISTANCE", unit="LENGTH", min=1e-4, soft_min=0.01, soft_max=100.0,
         get=_get_distance, set=_set_distance)
     spacing: FloatProperty(
         name="Array Spacing", description="Spacing of the cameras as a fraction of the one that fills the display's "
         "viewing angle. Less of it flattens the scene and makes more depth usable",
-        subtype="FACTOR", min=0.01, max=2.0, soft_max=1.0, precision=2,
-        get=_get_spacing, set=_set_spacing)
+        subtype="FACTOR", min=0.01, max=2.0, soft_max=1.0, precision=2, get=_get_spacing, set=_set_spacing)
     show_frustum: BoolProperty(
         name="Show Frustum", description="Draw the display rectangle, the frustum and the limits of usable depth "
         "in the 3D views", default=True, update=_draws)
@@ -155,8 +153,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         items=[("DRAFT", "Draft", "Fewest rays: for placing objects and light"),
                ("BALANCED", "Balanced", "Few rays, denoised: for most images"),
                ("FINAL", "Final", "Many rays, denoised: for final images"),
-               ("CUSTOM", "Custom", "Rays and method are set by hand")],
-        default="BALANCED", update=_apply_quality)
+               ("CUSTOM", "Custom", "Rays and method are set by hand")], default="BALANCED", update=_apply_quality)
     rays: FloatProperty(
         name="Rays per Pixel", description="Paths per pixel of the finished image, which decide noise and time: 1 is "
         "16 samples per rendered pixel at scale 4×, 4 at 2×", min=0.01, soft_max=64.0, precision=2, step=25,
@@ -183,11 +180,9 @@ class SceneSettings(bpy.types.PropertyGroup):
     temporal_averaging: IntProperty(
         name="Temporal Averaging", description="Number of frames before and after each frame of an animation that are "
         "averaged with it against noise, where nothing has changed; 0 for none, 2 is a good value. Frames are not "
-        "averaged while the camera array moves",
-        min=0, max=MOST_AVERAGED, default=0)
+        "averaged while the camera array moves", min=0, max=MOST_AVERAGED, default=0)
     linear_exr: BoolProperty(
-        name="Linear EXR", description="Also save the scene-linear image, before the view transform, as OpenEXR",
-        default=False)
+        name="Linear EXR", description="Also save the scene-linear image, before the view transform, as OpenEXR")
 
     plan_target: FloatProperty(
         name="Target", description="Accuracy to reach: SSIM over the foreground, 1 is perfect",
@@ -210,8 +205,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     live_scale: EnumProperty(
         name="Pixel Size", description="Scale of the live view: one of this many views in each direction is rendered",
         items=[(f"{s}", f"{s}×", f"Render 1 of {s}×{s} views" if s > 1 else "Render every view", s)
-               for s in LIVE_SCALES],
-        default="4")
+               for s in LIVE_SCALES], default="4")
     live_rays: FloatProperty(
         name="Rays per Pixel", description="Paths per pixel of the display after which the live view stops rendering; "
         "0 for no limit", min=0.0, soft_max=256.0, precision=2, step=100, default=16.0)
@@ -233,8 +227,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Distance", description="Distance of the eye as a fraction of the display's viewing distance",
         min=0.1, max=10.0, soft_min=0.5, soft_max=2.0, step=10, default=1.0)
 
-    applying: BoolProperty(
-        name="Applying", description="A preset is being applied", default=False, options={"HIDDEN", "SKIP_SAVE"})
+    applying: BoolProperty(name="Applying", description="A preset is being applied", options={"HIDDEN", "SKIP_SAVE"})
 
 
 def register() -> None:
@@ -254,12 +247,9 @@ def unregister() -> None:
 class SessionState(bpy.types.PropertyGroup):
     """State of the panel in this session."""
 
-    show_problems: BoolProperty(
-        name="Show Checks", description="Show what the last scene check found", default=False)
-    all_problems: BoolProperty(
-        name="Show All", description="Also show the problems after the first five", default=False)
-    show_names: BoolProperty(
-        name="Show Names", description="Show each thing that has a problem", default=False)
+    show_problems: BoolProperty(name="Show Checks", description="Show what the last scene check found")
+    all_problems: BoolProperty(name="Show All", description="Also show the problems after the first five")
+    show_names: BoolProperty(name="Show Names", description="Show each thing that has a problem")
     checked_scene: StringProperty(name="Checked Scene", description="Scene that was checked last")
     message: StringProperty(name="Message", description="Why the last render ended, or what it left out")
     message_is_error: BoolProperty(name="Message Is Error", description="The message says what went wrong")

@@ -135,11 +135,9 @@ def profile_from_calibration(calibration: Calibration, name: str) -> DisplayProf
     lenses, views = proposed_light_field(pixels, panel_mm, sheet)
     serial = f" {calibration.serial}" if calibration.serial else ""
     return DisplayProfile(
-        name, pixels, panel_mm, lenses, views, DISTANCE_BY_HEIGHT * panel_mm[1],
-        numbers["viewCone"] or CONE,
+        name, pixels, panel_mm, lenses, views, DISTANCE_BY_HEIGHT * panel_mm[1], numbers["viewCone"] or CONE,
         ei_order="direct", quilt=QUILTS.get((pixels, bool(calibration.cells))),
-        description=f"Lenticular display{serial}, from its calibration.", subpixels=subpixels,
-        lenticular=sheet)
+        description=f"Lenticular display{serial}, from its calibration.", subpixels=subpixels, lenticular=sheet)
 
 
 def profile_of_c1(slope: float, interval: float, x0: float, name: str = "cubevi-c1") -> DisplayProfile:

@@ -198,8 +198,7 @@ def _image(pixels: Array) -> ocio.PackedImageDesc:
     height = pixels.size // (width * channels)
     depth = ocio.BIT_DEPTH_UINT8 if pixels.dtype == np.uint8 else ocio.BIT_DEPTH_F32
     size = pixels.itemsize
-    return ocio.PackedImageDesc(pixels, width, height, channels, depth, size, size * channels,
-                                size * channels * width)
+    return ocio.PackedImageDesc(pixels, width, height, channels, depth, size, size * channels, size * channels * width)
 
 
 def is_accurate(steps: Array) -> bool:

@@ -22,7 +22,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.optics.display import DisplayProfile, Lenticular
+from lfsr_core.optics.display import DisplayProfile, Lenticular, Pair
 from lfsr_core.optics.panel.subpixel_rays import Geometry, subpixel_places, subpixel_rays
 from lfsr_core.optics.rays import LensCard, RayLayout, flip_order, lens_card
 
@@ -31,7 +31,6 @@ PIXEL_SIZES = (8, 4, 2, 1)  # of a viewport
 MIN_FILLED = 0.8  # fraction of the region, below which smaller pixels are used
 INSIDE = 1 - 1e-3  # of a cell, so that no rounding leads to the next view
 ROUNDING = 1e-6
-Pair = tuple[int, int]
 SAMPLES = 24  # rays per pixel of the result
 # Bases of the generalised golden ratio in four dimensions: points that fill the unit cube evenly.
 GOLDEN = np.array([0.8566748838545029, 0.733891856627126, 0.6287067210378087, 0.5385972572236101])

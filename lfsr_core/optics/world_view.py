@@ -48,11 +48,6 @@ class WorldImage:
         """Slope from pixel to pixel."""
         return 2 * self.reach[0] / self.size[0], 2 * self.reach[1] / self.size[1]
 
-    @property
-    def aspect(self) -> float:
-        """Height of a pixel divided by its width."""
-        return self.step[1] / self.step[0]
-
 
 @dataclasses.dataclass(frozen=True)
 class WorldView:

@@ -33,11 +33,6 @@ class Candidate:
         """Short name, as in "s4-spp16 denoise+bilinear"."""
         return f"s{self.scale}-spp{self.samples} {self.method}"
 
-    @property
-    def steps(self) -> int:
-        """Number of steps of the method: fewer are simpler."""
-        return MethodName.parse(self.method).steps
-
     def rays(self, display: DisplayProfile) -> float:
         """Rays per finished pixel."""
         return self.samples / display.finished_pixels(self.scale)
@@ -204,7 +199,7 @@ def choose(rated: Sequence[Rated], target: float, most_seconds: float = math.inf
     if passing:
         least = min(row.seconds for row in passing)
         near = [row for row in passing if row.seconds <= AS_GOOD * least]
-        return Choice(min(near, key=lambda row: (row.steps, row.seconds)), best)
+        return Choice(min(near, key=lambda row: (MethodName.parse(row.method).steps, row.seconds)), best)
     # What keeps the best candidate from the target.
     if any(row.low >= target and row.seconds > most_seconds for row in rated):
         return Choice(None, best, Notice("plan-limit-time", {"seconds": most_seconds}))

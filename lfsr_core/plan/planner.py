@@ -60,15 +60,6 @@ def reach(display: DisplayProfile, scale: int, methods: Iterable[str]) -> int:
     return 0 if width >= WIDE_ENOUGH else min(math.ceil(CONTEXT / width), MOST_REACH)
 
 
-def paths_per_lens(display: DisplayProfile, candidates: Iterable[Candidate]) -> dict[tuple[int, int], int]:
-    """Path samples for each sampled lens, with its neighbours, of the render of each scale and number of samples."""
-    methods: dict[tuple[int, int], list[str]] = {}
-    for each in candidates:
-        methods.setdefault((each.scale, each.samples), []).append(each.method)
-    return {(scale, samples): (2 * reach(display, scale, names) + 1)**2 * math.prod(display.low_views(scale)) * samples
-            for (scale, samples), names in methods.items()}
-
-
 def lens_count(display: DisplayProfile, options: PlanOptions) -> int:
     """Number of lenses to sample: as many as were asked for, else the usual number or what the budget allows."""
     if options.lenses is not None:
@@ -233,7 +224,12 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
     # A ring around the foreground is sampled too, where the quick look may have missed something thin.
     places = np.ones_like(mask) if options.metric == "ssim_lens" else wide
     lenses = sampled_lenses(places, lens_count(display, options), request.seed)
-    costs = {group: len(lenses) * paths for group, paths in paths_per_lens(display, wanted).items()}
+    # Path samples of the sampled lenses, with their neighbours, of the render of each scale and number of samples.
+    methods: dict[tuple[int, int], list[str]] = {}
+    for each in wanted:
+        methods.setdefault((each.scale, each.samples), []).append(each.method)
+    costs = {(scale, samples): len(lenses) * (2 * reach(display, scale, names) + 1)**2
+             * math.prod(display.low_views(scale)) * samples for (scale, samples), names in methods.items()}
     reference_paths = len(lenses) * math.prod(display.views) * options.reference_samples
     renders.whole = path_samples(first) + reference_paths + sum(costs.values())
     is_limited = options.lenses is None and len(lenses) > LEAST_LENSES

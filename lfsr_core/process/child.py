@@ -149,14 +149,24 @@ def told_of(record: dict[str, Any]) -> Progress | Notice | None:
 
 
 @contextmanager
-def repeated(silence: float = SECONDS_OF_SILENCE) -> Iterator[None]:
+def beside(work: Callable[[threading.Event], None], name: str) -> Iterator[None]:
+    """Run ``work`` in a thread called ``name`` beside the block; it returns once its event is set, after the block."""
+    ended = threading.Event()
+    thread = threading.Thread(target=work, args=(ended,), daemon=True, name=name)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+def repeated(silence: float = SECONDS_OF_SILENCE) -> contextlib.AbstractContextManager[None]:
     """Inside the block, write the last progress again after each ``silence`` seconds without another.
 
     Its message then ends with the seconds since it was new. Blender lets other threads run while it renders.
     """
-    ended = threading.Event()
-
-    def repeat() -> None:
+    def repeat(ended: threading.Event) -> None:
         while not ended.wait(silence):
             last = _last
             seconds = time.monotonic() - last[1] if last else 0.0
@@ -165,13 +175,7 @@ def repeated(silence: float = SECONDS_OF_SILENCE) -> Iterator[None]:
                 with _speaking:
                     _write(last[0] | {"message": message, "cpu": _cpu(), "repeated": True})
 
-    thread = threading.Thread(target=repeat, daemon=True, name="lfsr-progress")
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
+    return beside(repeat, "lfsr-progress")
 
 
 def parse_progress(line: str) -> dict[str, Any] | None:
@@ -378,6 +382,5 @@ def find_blender(executable: str | None = None) -> Blender:
     if version is None:
         raise LfsrError(f"{path} does not say that it is Blender: give the executable with --blender PATH")
     if (int(version[1]), int(version[2])) < OLDEST_BLENDER:
-        raise LfsrError(f"{path} is {version[0]}, but 4.5 or newer is needed: "
-                        "give another with --blender PATH")
+        raise LfsrError(f"{path} is {version[0]}, but 4.5 or newer is needed: give another with --blender PATH")
     return Blender(path)

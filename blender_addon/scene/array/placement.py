@@ -8,7 +8,7 @@ from __future__ import annotations
 import collections
 import dataclasses
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
 import bpy
@@ -109,12 +109,11 @@ class View:
     is_perspective: bool
 
 
-def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: Iterable[bpy.types.Object]) -> Placement:
+def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object]) -> Placement:
     """Return the scene's own array for ``profile``, else one at its camera, else one fitted to the subject."""
     own = rig.placement(scene, profile)
     if own is not None:
         return own
-    subject = set(subject)
     if scene.camera is not None and scene.camera.type == "CAMERA":
         return array_of_camera(scene, profile, subject)
     return fit_array(*animated_bounds(scene, subject), profile)
@@ -252,17 +251,16 @@ def _half(half_width: float, profile: DisplayProfile) -> tuple[float, float]:
     return half_width, half_width * profile.panel_mm[1] / profile.panel_mm[0]
 
 
-def bounds(subject: Iterable[bpy.types.Object]) -> tuple[Array, Array]:
+def bounds(subject: set[bpy.types.Object]) -> tuple[Array, Array]:
     """Return the lowest and highest world corner (3,) of the subject's render geometry, with instances."""
-    corners = [corner for points in world_points(set(subject)) for corner in (points.min(0), points.max(0))]
+    corners = [corner for points in world_points(subject) for corner in (points.min(0), points.max(0))]
     if not corners:
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
     return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
-def animated_bounds(scene: bpy.types.Scene, subject: Iterable[bpy.types.Object]) -> tuple[Array, Array]:
+def animated_bounds(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> tuple[Array, Array]:
     """Return ``bounds`` over the whole animation, so that every frame is seen from the same place."""
-    subject = set(subject)
     corners = [corner for _ in sample_frames(scene) for corner in bounds(subject)]
     return np.min(corners, axis=0), np.max(corners, axis=0)
 

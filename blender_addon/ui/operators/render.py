@@ -265,27 +265,22 @@ def check_questions(scene: bpy.types.Scene, frames: int = 1) -> list[Question]:
     accept = functools.partial(_accepted.update, [_key(scene, problem) for problem in new])
     mends = [problem for code in MENDS for problem in new if problem.code == code]
     rows = grouped(problem for problem in new if problem.code not in MENDS)
-    asked = [*(Question(problem.reason.rstrip("."), "Render", accept=accept, mend=MENDS[problem.code][0],
-                        title=problem.fix, mends=functools.partial(FIXES[problem.code], scene, problem.target,
-                                                         *filter(None, [problem.placed])))
-               for problem in mends),
-             *_long(scene, frames), *(
-                 Question((row.reason if row.count == 1 else f"{row.title}. {row.reason}").rstrip("."), "Render",
-                          accept=accept) for row in rows[:MOST_ROWS])]
-    if len(rows) > MOST_ROWS:
-        asked.append(Question(f"Scene Check lists {len(rows) - MOST_ROWS} more", "Render", accept=accept))
-    return asked
-
-
-def _long(scene: bpy.types.Scene, frames: int) -> list[Question]:
-    """Ask before images that will take long, again where they will take longer than was accepted."""
+    asked = [Question(problem.reason.rstrip("."), "Render", accept=accept, mend=MENDS[problem.code][0],
+                      title=problem.fix, mends=functools.partial(FIXES[problem.code], scene, problem.target,
+                                                                 *filter(None, [problem.placed])))
+             for problem in mends]
+    # Images that will take long, again where they will take longer than was accepted.
     seconds = frames * (folders.expected_seconds(scene) or 0.0)
     what = "The image" if frames == 1 else f"{frames} images"
     key = scene.name_full, "time", f"{max(seconds, 1.0):.0e}"
-    if seconds < LONG or key in _accepted:
-        return []
-    return [Question(f"{what} will take about {duration(seconds)}", "Render",
-                     accept=functools.partial(_accepted.add, key))]
+    if seconds >= LONG and key not in _accepted:
+        asked.append(Question(f"{what} will take about {duration(seconds)}", "Render",
+                              accept=functools.partial(_accepted.add, key)))
+    asked += [Question((row.reason if row.count == 1 else f"{row.title}. {row.reason}").rstrip("."), "Render",
+                       accept=accept) for row in rows[:MOST_ROWS]]
+    if len(rows) > MOST_ROWS:
+        asked.append(Question(f"Scene Check lists {len(rows) - MOST_ROWS} more", "Render", accept=accept))
+    return asked
 
 
 def _key(scene: bpy.types.Scene, problem: Problem) -> tuple[str, str, str]:
@@ -360,8 +355,7 @@ class LFSR_OT_submit(DescribedByItem, AsksForFile, bpy.types.Operator):
         name="Folder", description="Folder for the job's files; every machine must see it under the same path",
         subtype="DIR_PATH", options={"SKIP_SAVE", "PATH_SUPPORTS_BLEND_RELATIVE"})
     parts: bpy.props.IntProperty(
-        name="Parts", description="Number of parts, by rows of lenses, of each frame", min=1, soft_max=64,
-        default=1)
+        name="Parts", description="Number of parts, by rows of lenses, of each frame", min=1, soft_max=64, default=1)
     filter_folder: bpy.props.BoolProperty(
         name="Folders", description="Show folders only", default=True, options={"HIDDEN"})
 

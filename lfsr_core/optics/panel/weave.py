@@ -17,12 +17,11 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import cache_folder, in_threads, parse_json, replace
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.panel.subpixel_rays import subpixel_rays
+from lfsr_core.optics.panel.subpixel_rays import CHANNELS, subpixel_rays
 
 AT_ONCE = 1 << 17  # subpixels: their data fit into a core's cache
 ONE = 128  # a weight of 1; its product with a difference of bytes fits into 16 bits
 ROWS_AT_ONCE = 64
-CHANNELS = 3
 VERSION = 1  # of a map's content: maps of other versions are not read
 MIN_SUBPIXELS = 4_000_000  # a map of fewer is computed faster than it is worth caching
 MAX_MAPS = 3

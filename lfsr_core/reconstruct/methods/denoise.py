@@ -124,8 +124,7 @@ def denoise_eia(color: Array, guides: Array | None = None, *, weights: Weights |
         guides = np.zeros((*color.shape[:2], 6), np.float32) if guides is None else guides
         seen += [guides[..., :3], guides[..., 3:]]
     try:
-        denoised = denoise_image(*seen, device=device, note=note,
-                                 weights=None if weights is None else weights.content,
+        denoised = denoise_image(*seen, device=device, note=note, weights=None if weights is None else weights.content,
                                  input_scale=None if weights is None else 2.0 ** exposure)
     except ImportError as error:
         raise LfsrError(f"Open Image Denoise is not available ({error}): install the package pyoidn, or choose a "
@@ -273,8 +272,7 @@ def _load(path: Path, _written: int) -> Weights:
     if digest != known:
         raise LfsrError(f"{path} does not have the SHA-256 in {facts.name}: it was changed or damaged, get both again")
     if any(tensor.dtype != np.float16 for tensor in tensors.values()):
-        raise LfsrError(f"{path} holds single floats, but Open Image Denoise takes half floats: write "
-                        "them as such")
+        raise LfsrError(f"{path} holds single floats, but Open Image Denoise takes half floats: write them as such")
     return Weights(content, inputs == GUIDED_INPUTS)
 
 
