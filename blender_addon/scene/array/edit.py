@@ -277,7 +277,7 @@ def boxes_now(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
 
 GRID, HEIGHT, MARGIN = 5, 0.5, 0.15  # places across a room's bounding box, at half of its height, away from its sides
 EYE_HEIGHT = 1.6  # metres above the floor: places of halls and skies whose middle is higher, too
-YAWS, HALF_WIDTH = 12, 0.6  # views at each place; half their width at distance 1: about 62°
+YAWS, PITCHES, HALF_WIDTH = 12, (0, -15), 0.6  # views at each place; half their width at distance 1: about 62°
 VIEW_ACROSS, VIEW_DOWN = 7, 3  # rays of a view
 LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the hull of a small thing
 ENCLOSED = 0.95  # least fraction of the rays that hit, from what is closed on all sides
@@ -362,26 +362,26 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
               for height in {HEIGHT * size[2], min(HEIGHT * size[2], EYE_HEIGHT * metre)}
               for x, y in itertools.product(np.linspace(MARGIN, 1 - MARGIN, GRID), repeat=2)]
     free, best, most = list[mathutils.Vector](), None, 0.0
-    for place, step in itertools.product(places, range(YAWS)):
-        turn = mathutils.Euler((math.pi / 2, 0, math.tau * step / YAWS)).to_matrix()
+    for place, step, pitch in itertools.product(places, range(YAWS), PITCHES):
+        turn = mathutils.Euler((math.radians(90 + pitch), 0, math.tau * step / YAWS)).to_matrix()
         ways = [turn @ mathutils.Vector((x, y, -1)) for x in np.linspace(-HALF_WIDTH, HALF_WIDTH, VIEW_ACROSS)
                 for y in np.linspace(-HALF_WIDTH / 2, HALF_WIDTH / 2, VIEW_DOWN)]
         hits = [hit for hit in itertools.takewhile(bool, (rays.cast(place, way) for way in ways)) if hit]
         if len(hits) < len(ways):
             continue  # it looks out of a window or a hole
         nearest, middle = np.percentile([(at - place).length for at, _, _ in hits], (5, 50))
-        # A long view of things, not of a wall, nor of the backs of surfaces.
-        fronts = 1 + sum(hit[1].dot(way) < 0 for hit, way in zip(hits, ways, strict=True))
-        worth = fronts * middle * len({(item, tuple(map(round, 2 * normal))) for _, normal, item in hits})**0.5
-        if nearest <= NEAR * middle:
+        if nearest <= NEAR * middle or middle < LEAST_DEPTH * reach:
             continue
+        # A long view of many things, not of a wall, nor of the backs of surfaces.
+        fronts = 1 + sum(hit[1].dot(way) < 0 for hit, way in zip(hits, ways, strict=True))
+        worth = fronts * middle**0.5 * len({(item, tuple(map(round, 2 * normal))) for _, normal, item in hits})
         if place not in free:
             free.append(place)
         if worth > most:
             matrix = turn.to_4x4()
             matrix.translation = place
             best, most = View(matrix, HALF_WIDTH, float(middle), (0.0, MOST_REACH), True), float(worth)
-    if best is None or best.pivot < LEAST_DEPTH * reach:
+    if best is None:
         return None
 
     def is_seen(at: mathutils.Vector, normal: mathutils.Vector) -> bool:
