@@ -40,6 +40,6 @@ def bridge(monkeypatch):
     with contextlib.ExitStack() as stack:
         def start(*faults, devices=DEVICES):
             found = stack.enter_context(stand_in(devices, *faults))
-            monkeypatch.setenv(loopback.PORT_VARIABLE, str(found.port))
+            monkeypatch.setenv(loopback.PORT_VARIABLE, str(found.server_port))
             return found
         yield start

@@ -44,8 +44,7 @@ def test_a_scene_becomes_views_is_finished_compared_and_exported(frame, tmp_path
 def test_progress_goes_to_whoever_asks_for_it(frame, tmp_path):
     told = []
     lfsr_core.render(frame.folder.path.with_name("scene.glb"), tmp_path / "frame", display="mini", rays=1,
-                     method="none",
-                     scale=1, blender=str(frame.folder.path.with_name("blender")), progress=told.append)
+                     method="none", scale=1, blender=str(frame.folder.path.with_name("blender")), progress=told.append)
     assert told and told[-1].fraction == 1
 
 

@@ -47,8 +47,7 @@ POINTS = st.builds(Point, st.tuples(NUMBERS, NUMBERS), st.sampled_from(("win", "
 WHOLE = st.integers(-10**9, 10**9)
 SHEETS = st.builds(Sheet, st.text(), st.integers(0, 2**63 - 1), NUMBERS | WHOLE, st.booleans(),
                    st.lists(POINTS, max_size=3).map(tuple), st.dictionaries(st.text(), NUMBERS, max_size=3),
-                   st.none() | POINTS,
-                   st.none() | st.lists(st.tuples(WHOLE, WHOLE), max_size=3).map(tuple))
+                   st.none() | POINTS, st.none() | st.lists(st.tuples(WHOLE, WHOLE), max_size=3).map(tuple))
 GOOD: dict[str, Any] = {"name": "a", "count": 1, "share": 0.5, "flag": True,
                         "points": [{"place": [1, 2.5]}, {"place": [0.0, 0.0], "kind": "loss"}]}
 

@@ -288,8 +288,7 @@ def test_names_that_a_system_takes_for_the_same_lock_each_other_and_the_lock_goe
     assert seen[-2:] == [["in-use", "released"], ["released"]] and names(tmp_path) == []
 
 
-@pytest.mark.parametrize("left", [[], ["in-use"], ["in-use", "finished/eia.png"], ["released"],
-                                  ["finished/eia.png"]])
+@pytest.mark.parametrize("left", [[], ["in-use"], ["in-use", "finished/eia.png"], ["released"], ["finished/eia.png"]])
 def test_a_folder_goes_at_whatever_moment_its_process_was_killed(tmp_path, left):
     with staging_folder(tmp_path / "frame") as folder:
         name = folder.name

@@ -20,25 +20,9 @@ from lfsr_core.images.image_files import read_png
 from lfsr_core.optics.display import builtin_names
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from tests.support.finished import finished
-from tests.support.noisy_renders import LOG, UNSEEN
-from tests.support.played_blender import played_blender
+from tests.support.noisy_renders import UNSEEN
+from tests.support.played_blender import ROOT
 from tests.support.synthetic import fails, light_field, write_render
-
-ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture
-def scene(tmp_path):
-    path = tmp_path / "scene.glb"
-    path.touch()
-    return str(path)
-
-
-@pytest.fixture
-def blender(tmp_path, monkeypatch):
-    """Path of a played Blender; the jobs it got are lines of blender.jobs beside it."""
-    monkeypatch.setenv(LOG, str(tmp_path / "blender.jobs"))
-    return played_blender(tmp_path / "blender")
 
 
 def jobs(blender: str) -> list[dict]:

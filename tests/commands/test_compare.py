@@ -20,7 +20,7 @@ from lfsr_core.metrics.eia_metrics import METRIC_NAMES, SAMPLED_NAMES
 from lfsr_core.optics.display import load_display
 from lfsr_core.plan.options import PlanOptions
 from lfsr_core.plan.planner import work_folder
-from tests.support.played_blender import played_blender
+from tests.support.played_blender import ROOT
 from tests.support.requests import make_request
 from tests.support.synthetic import fails, write_reference, write_render
 
@@ -66,7 +66,6 @@ def test_compare_before_upscale_or_with_a_frame_instead_of_a_reference_is_refuse
         assert printed.startswith("p ") and "None" not in printed, "of very few lenses it tells what it can"
 
 
-ROOT = Path(__file__).parents[2]
 FEW = ["--display", "mini", "--scales", "2", "--spps", "4", "--methods", "nearest,bilinear", "--lenses", "24",
        "--reference-spp", "256"]
 
@@ -74,18 +73,6 @@ FEW = ["--display", "mini", "--scales", "2", "--spps", "4", "--methods", "neares
 def cache(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return tmp_path / "cache" / "lfsr" / "plans"
-
-
-@pytest.fixture
-def blender(tmp_path):
-    return played_blender(tmp_path / "blender")
-
-
-@pytest.fixture
-def scene(tmp_path):
-    path = tmp_path / "my scene.glb"
-    path.touch()
-    return str(path)
 
 
 def test_plan_ends_with_the_command_that_renders_the_choice(scene, blender, tmp_path, capsys):

@@ -124,7 +124,7 @@ def test_a_call_to_this_computer_returns_the_answers_data_also_by_the_other_prot
     assert answer["payload"]["value"] == TOKEN
     (request,) = stand_in.requests
     assert request["body"] == {"name": "default"} and request["headers"]["Content-Type"] == "application/json"
-    assert request["headers"]["Host"] == f"localhost:{stand_in.port}"
+    assert request["headers"]["Host"] == f"localhost:{stand_in.server_port}"
     assert loopback.put("no_such_endpoint", {}) is None
     assert loopback.ADDRESSES == ("127.0.0.1", "::1")
     try:
@@ -190,4 +190,4 @@ def test_no_other_address_is_ever_asked_for(bridge, monkeypatch, fault):
     done = subprocess.run([sys.executable, "-c", WATCHED, "displays", "--bridge"], capture_output=True, text=True)
     assert done.returncode == (2 if fault else 0), done.stderr
     places = done.stdout.strip().splitlines()[-1].split("|")[1:]
-    assert len(places) == 2 and set(places) == {repr(("127.0.0.1", stand_in.port))}
+    assert len(places) == 2 and set(places) == {repr(("127.0.0.1", stand_in.server_port))}

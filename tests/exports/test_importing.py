@@ -286,7 +286,6 @@ def test_woven_for_another_display_as_if_made_for_it(tmp_path, quilt, angle, see
     assert off.mean() < 3.0 and np.abs(woven - wanted)[:, inside].mean() < most_of_panel
     for turned in (views[:, ::-1], views[:, :, ::-1], views[:, :, :, ::-1]):  # inside out, upside down, mirrored
         assert np.abs(turned - wanted_views)[:, seen, :, lenses].mean() > 20
-    print(f"views {off.mean():.2f}, panel {np.abs(woven - wanted)[:, inside].mean():.2f}")
     assert (woven[:, :inside.start - 24] == 0).all(), "beside the picture the panel is black"
 
 

@@ -14,16 +14,14 @@ from lfsr_core.images.color import ColorSettings, srgb_encode
 from lfsr_core.metrics.eia_metrics import Reference, check_reference
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import CameraArray, to_elemental_images
-from tests.support.synthetic import MINI, frame_of, light_field, write_reference
+from tests.support.synthetic import IDENTITY, MINI, frame_of, light_field, write_reference
 from tests.support.told import refuses
 
-IDENTITY = tuple(tuple(float(row == column) for column in range(4)) for row in range(4))
 # No field has its default, so that one forgotten on the way shows.
 FRAME = Frame(
     display=MINI, scale=2, array=CameraArray.for_display(MINI, 2.0), matrix_world=IDENTITY, samples=7, seed=3, frame=5,
     convention="paper", view_aperture=0.5, lens_list=((1, 2), (3, 4)), rows=(2, 3), layout="view-by-view",
-    clip=(0.25, 30.0),
-    gpus=("0000:01:00",), layers=("albedo", "normal"), world_visible=True, world_apart=True,
+    clip=(0.25, 30.0), gpus=("0000:01:00",), layers=("albedo", "normal"), world_visible=True, world_apart=True,
     scale_reason=Notice("scale-unseen", {"scale": 2}),
     color=ColorSettings("Rec.2020", "AgX", "AgX - Punchy", 0.5, 1.1, "config.ocio"),
     scene="scene.blend", scene_name="Set", source="../shot.blend", subject="Things", camera="Left", content="abc",

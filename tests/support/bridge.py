@@ -120,10 +120,6 @@ class StandIn(ThreadingHTTPServer):
         self.shown: list[str] | None = None
 
     @property
-    def port(self) -> int:
-        return self.server_port
-
-    @property
     def endpoints(self) -> list[str]:
         return [request["endpoint"] for request in self.requests]
 

@@ -32,8 +32,7 @@ def noisy(image: np.ndarray, spp: int, seed: int) -> np.ndarray:
 def render(job: Request) -> None:
     """What Blender would write for ``job`` of that light field."""
     frame = frame_of(1 if job.kind == "reference" else job.sampling.scale, job.display, samples=job.sampling.samples,
-                     lens_list=job.lens_list,
-                     seed=job.seed, rows=job.rows, layout=job.layout,
+                     lens_list=job.lens_list, seed=job.seed, rows=job.rows, layout=job.layout,
                      **({} if job.frame is None else {"frame": job.frame}))
     folder, image = Path(job.output), traced_panel(job.display) if frame.subpixels else light_field(job.display)
     if job.lens_list is not None:

@@ -26,9 +26,8 @@ from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.tasks.runner import TASKS
 from tests.support import panel
 from tests.support.processes import children, lives
-from tests.support.scenes import snapshot
+from tests.support.scenes import ROOT, snapshot
 
-ROOT = Path(__file__).resolve().parents[3]
 LONG = 100_000  # samples per pixel, so that a render is under way when it is stopped
 
 
@@ -217,12 +216,6 @@ def edit():
     bpy.data.objects["Box"].location.z += 0.01
 
 
-def render_elsewhere(tmp_path):
-    with file_copy():
-        pass
-    bpy.context.scene.frame_set(bpy.context.scene.frame_current + 3)
-
-
 SAME = {"nothing": (), "saved twice": (save, save), "clicked": (click,), "clicked and saved": (click, save),
         "reopened": (reopen,), "reopened and clicked": (reopen, click), "saved and reopened": (save, reopen)}
 
@@ -237,7 +230,9 @@ def test_it_is_used_again_where_nothing_was_edited(scene, output, steps, unsaved
         pytest.skip("reopening loses the edit")
     for step in SAME[steps]:
         step()
-    render_elsewhere(output)
+    with file_copy():
+        pass
+    bpy.context.scene.frame_set(bpy.context.scene.frame_current + 3)
     assert cancelled(output) == first
 
 

@@ -69,13 +69,6 @@ def base():
     return scene
 
 
-def middle_view(scene, folder):
-    request = make_request(str(folder / "frame"), TINY, scale=3, samples=SAMPLES, view_aperture=0)
-    render_job(scene, request)
-    finish_frame(folder / "frame", "bilinear")
-    return read_views(folder / "frame")[1, 1].astype(float)
-
-
 def own_view(scene, folder):
     scene.render.filepath = str(folder / "own.png")
     bpy.ops.render.render(write_still=True)
@@ -88,8 +81,10 @@ def own_view(scene, folder):
 
 
 def difference(scene, folder):
-    seen = middle_view(scene, folder)
-    return np.abs(seen - own_view(scene, folder)).mean()
+    """Mean absolute difference of the view in the middle and Blender's own picture."""
+    render_job(scene, make_request(str(folder / "frame"), TINY, scale=3, samples=SAMPLES, view_aperture=0))
+    finish_frame(folder / "frame", "bilinear")
+    return np.abs(read_views(folder / "frame")[1, 1] - own_view(scene, folder)).mean()
 
 
 def glare(scene):

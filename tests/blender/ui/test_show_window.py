@@ -30,7 +30,7 @@ def bridges():
     with contextlib.ExitStack() as stack:
         def start(window, *faults):
             found = stack.enter_context(stand_in([UNIT], *faults))
-            window.run(f"import os; os.environ[{loopback.PORT_VARIABLE!r}] = '{found.port}'")
+            window.run(f"import os; os.environ[{loopback.PORT_VARIABLE!r}] = '{found.server_port}'")
             return found
         yield start
 

@@ -46,8 +46,7 @@ def by_library(path, color, guides):
     return denoise.denoise_image(color, *guides, weights=path.read_bytes(), input_scale=1.0)
 
 
-@pytest.mark.parametrize(("images", "size", "name"),
-                         [*itertools.product((render, noise), twin.SIZES, twin.NAMES)])
+@pytest.mark.parametrize(("images", "size", "name"), [*itertools.product((render, noise), twin.SIZES, twin.NAMES)])
 def test_twin_equals_library(tmp_path, name, size, images):
     guided = name.endswith("guided")
     stock = twin.stock_weights(name, size)

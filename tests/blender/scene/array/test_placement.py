@@ -1,5 +1,7 @@
 """Where the camera array stands: fitted to a subject, or at the scene's own camera."""
 
+import itertools
+
 import bpy
 import mathutils
 import numpy as np
@@ -30,18 +32,13 @@ def seen_from(matrix_world, points):
     return (np.array(mathutils.Matrix(matrix_world).inverted()) @ np.c_[points, np.ones(len(points))].T).T[:, :3]
 
 
-def corners(low, high):
-    return np.array([[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]]
-                     for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-
-
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("display", builtin_names())
 def test_subject_fills_the_display_and_straddles_its_plane(display, size):
     profile = load_display(display)
     low, high = (CENTRE - HALF) * size, (CENTRE + HALF) * size
     array, matrix_world = placement.fit_array(low, high, profile)
-    points = seen_from(matrix_world, corners(low, high))
+    points = seen_from(matrix_world, [*itertools.product(*zip(low, high, strict=True))])
     assert (points[:, 2].min() + points[:, 2].max()) / 2 == pytest.approx(array.distance, rel=1e-4)
     on_plane = np.abs(points[:, :2] / points[:, 2:] * array.distance).max(0) / (array.half_width, array.half_height)
     assert on_plane.max() <= placement.FILL + 1e-3, "nothing is cut off in the central view"

@@ -25,7 +25,7 @@ from lfsr_lab.experiments.engine.report import markdown_table
 from lfsr_lab.experiments.sweeps.records import SWEEPS
 from tests.support.browser import CHROMIUM
 from tests.support.chart_example import example
-from tests.support.processes import wait_for
+from tests.support.processes import ROOT, wait_for
 from tests.support.told import refuses
 
 TIMEOUT = 300  # seconds: a busy machine starts Python slowly
@@ -195,7 +195,6 @@ def test_records_of_units_are_joined_by_list_or_by_name(tmp_path, parts, whole):
     assert joined(study, files) == {"settings": "same", "found": whole}
 
 
-ROOT = Path(__file__).parents[4]
 RESULTS = ROOT / "docs" / "results"
 TABLE = read_table()
 
