@@ -139,7 +139,8 @@ def test_floors_and_what_lies_far_away_are_not_the_main_part():
 
 @pytest.mark.parametrize(("half", "place"), [
     ((0.5, 0.5, 0.5), lambda at: at.z <= 0.5), ((2, 1, 0.01), lambda at: at.z > 0.5),
-    ((0.2, 0.2, 2), lambda at: at.z <= 0.5), ((2, 2, 0.5), lambda at: at.z > 0.5), ((0.02, 2, 1), lambda at: abs(at.x) > 2)])
+    ((0.2, 0.2, 2), lambda at: at.z <= 0.5), ((2, 2, 0.5), lambda at: at.z > 0.5),
+    ((0.02, 2, 1), lambda at: abs(at.x) > 2)])
 def test_what_is_flat_is_looked_at_from_above_and_what_is_wide_from_a_side_from_there(scene, half, place):
     add_box(scene, (0, 0, 0), half)
     bpy.context.view_layer.update()
