@@ -276,7 +276,7 @@ def boxes_now(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
 
 
 GRID, HEIGHT, MARGIN = 5, 0.5, 0.15  # places across a room's bounding box, at half of its height, away from its sides
-EYE_HEIGHT = 1.6  # metres above the floor: places of halls and skies whose middle is higher, too
+EYE_HEIGHT = 1.6  # metres above the floor: places below those whose middle is higher, as in a hall or under a sky
 YAWS, PITCHES, HALF_WIDTH = 12, (0, -15), 0.6  # views at each place; half their width at distance 1: about 62°
 VIEW_ACROSS, VIEW_DOWN = 7, 3  # rays of a view
 LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the hull of a small thing
@@ -358,9 +358,12 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
             inner.append(shut)
     if not inner:
         return None
-    places = [mathutils.Vector((*(low[:2] + size[:2] * (x, y)), low[2] + height))
-              for height in {HEIGHT * size[2], min(HEIGHT * size[2], EYE_HEIGHT * metre)}
-              for x, y in itertools.product(np.linspace(MARGIN, 1 - MARGIN, GRID), repeat=2)]
+    places, down = list[mathutils.Vector](), mathutils.Vector((0, 0, -1))
+    for x, y in itertools.product(np.linspace(MARGIN, 1 - MARGIN, GRID), repeat=2):
+        places.append(mathutils.Vector(low + size * (x, y, HEIGHT)))
+        floor = rays.cast(places[-1], down)
+        if floor is not None and places[-1].z - floor[0].z > EYE_HEIGHT * metre:
+            places.append(floor[0] - EYE_HEIGHT * metre * down)
     free, best, most = list[mathutils.Vector](), None, 0.0
     for place, step, pitch in itertools.product(places, range(YAWS), PITCHES):
         turn = mathutils.Euler((math.radians(90 + pitch), 0, math.tau * step / YAWS)).to_matrix()
