@@ -109,19 +109,6 @@ def test_of_a_room_the_inside_is_seen(startup, lamp, glow):
     assert np.median(depths) > 2.5, "the longest view"
 
 
-def test_in_a_hall_the_array_stands_at_the_height_of_eyes(startup):
-    bpy.data.objects.remove(bpy.data.objects["Cube"])
-    make_room(startup, lamp=False)
-    for item in startup.objects:
-        if item.type == "MESH":
-            item.matrix_world = mathutils.Matrix.Scale(4, 4) @ item.matrix_world
-    for place in ((-4, 2, 0.5), (0, 9, 0.5), (4, -5, 0.5)):
-        add_box(place, (0.4, 0.4, 0.5))
-    assert "outside a room" in looked(startup)["frame"]
-    mend(startup)
-    assert rig.find(startup).matrix_world.translation.z == pytest.approx(edit.EYE_HEIGHT, abs=0.2)
-
-
 def is_room(scene, items) -> bool:
     points = np.concatenate(list(edit.boxes_now(set(items)).values()))
     return edit.view_of_room(Rays(scene), items, points.min(0), points.max(0)) is not None
