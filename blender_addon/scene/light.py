@@ -150,6 +150,7 @@ def _white_under(image: bpy.types.Image) -> float:
 def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.World:
     """Light the scene with a world image: a file's, or by name one of those that ship with Blender (CC0).
 
+    One of those is so bright that a white floor is at most white under a view transform that shows nothing brighter.
     LfsrError where it is not there, or a pixel cannot be read: Blender might crash.
     """
     unreadable = LfsrError(f"light {light} cannot be read as an image: choose another file")

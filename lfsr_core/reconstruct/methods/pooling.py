@@ -289,7 +289,7 @@ class Line:
     taps: tuple[tuple[Array, ...], ...]  # rendered view, its distance, and weight by it; (places, 1) each
     plain: Array  # (places, rendered views), weights of interpolation
     sharper: Array  # what the sharper kernel adds to linear interpolation
-    is_noisy: bool
+    is_noisy: bool  # too few samples to tell how colour changes across the line
 
     @classmethod
     def of(cls, low: LowResEIA, rendered: int, each: int) -> Line:

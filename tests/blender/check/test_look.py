@@ -109,9 +109,15 @@ def test_of_a_room_the_inside_is_seen(startup, lamp, glow):
     assert np.median(depths) > 2.5, "the longest view"
 
 
-def is_room(scene, items) -> bool:
+def room_view(scene, items):
     points = np.concatenate(list(edit.boxes_now(set(items)).values()))
-    return edit.view_of_room(Rays(scene), items, points.min(0), points.max(0)) is not None
+    return edit.view_of_room(Rays(scene), items, points.min(0), points.max(0))
+
+
+def test_in_a_hall_the_array_stands_at_the_height_of_eyes(startup):
+    poles = [add_box((x, y, 1.2), (0.2, 0.2, 1.2)) for x in range(-10, 11, 4) for y in range(-10, 11, 4)]
+    hall = add_box((0, 0, 6), (12, 12, 6))
+    assert room_view(startup, [hall, *poles]).matrix.translation.z == pytest.approx(edit.EYE_HEIGHT, abs=0.1)
 
 
 def test_a_solid_thing_and_a_dome_are_no_rooms(startup):
@@ -119,33 +125,30 @@ def test_a_solid_thing_and_a_dome_are_no_rooms(startup):
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     bpy.ops.mesh.primitive_uv_sphere_add(radius=2)
     ball = bpy.context.object
-    assert not is_room(startup, [ball])
+    assert not room_view(startup, [ball])
     bpy.ops.mesh.primitive_uv_sphere_add(radius=200)
-    assert not is_room(startup, [ball])
+    assert not room_view(startup, [ball])
     bpy.ops.object.delete()
     bpy.data.objects.remove(ball)
     parts = [add_box((0, 0, 1), (1, 0.5, 0.5))]
-    for x in (-0.7, 0.7):
-        for y in (-0.5, 0.5):
-            bpy.ops.mesh.primitive_cylinder_add(location=(x, y, 0.4), radius=0.35, depth=0.2,
-                                                rotation=(np.pi / 2, 0, 0))
-            parts.append(bpy.context.object)
-    assert not is_room(startup, parts)
-    for part in parts:
-        bpy.data.objects.remove(part)
+    for x, y in ((-0.7, -0.5), (-0.7, 0.5), (0.7, -0.5), (0.7, 0.5)):
+        bpy.ops.mesh.primitive_cylinder_add(location=(x, y, 0.4), radius=0.35, depth=0.2, rotation=(np.pi / 2, 0, 0))
+        parts.append(bpy.context.object)
+    assert not room_view(startup, parts)
+    bpy.data.batch_remove(parts)
     bpy.ops.mesh.primitive_monkey_add(location=(0, 1, -0.6))
     bpy.ops.mesh.primitive_cube_add(size=2, scale=(3, 4, 1.4))
     startup.objects["Suzanne"].select_set(True)
     bpy.ops.object.join()
-    assert is_room(startup, [bpy.context.object])
+    assert room_view(startup, [bpy.context.object])
     startup.unit_settings.scale_length = 0.1
-    assert not is_room(startup, [bpy.context.object]), "nobody stands in so small a box"
+    assert not room_view(startup, [bpy.context.object]), "nobody stands in so small a box"
     startup.unit_settings.scale_length = 1.0
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.mesh.select_all(action="SELECT")
     bpy.ops.mesh.flip_normals()
     bpy.ops.object.mode_set(mode="OBJECT")
-    assert is_room(startup, [bpy.context.object])
+    assert room_view(startup, [bpy.context.object])
 
 
 def test_a_selected_part_of_a_figure_is_not_all_of_the_picture(startup):

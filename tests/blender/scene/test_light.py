@@ -10,7 +10,6 @@ import OpenImageIO as oiio
 import pytest
 
 from blender_addon.render import frame_folder
-from blender_addon.render.frame_folder import render_job
 from blender_addon.render.output import heard, sample_fraction
 from blender_addon.scene import light
 from blender_addon.scene.files import open_scene
@@ -18,7 +17,6 @@ from blender_addon.scene.settings import color_settings
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames.frame import EVEN, OWN, read_frame
 from lfsr_core.images import image_files
-from lfsr_core.images.image_files import read_layers
 from tests.support.requests import make_request
 from tests.support.scenes import MINI, add_box, add_camera, add_lamp, add_mesh, add_world, emission, mixed, save_box
 from tests.support.told import Told, refuses
@@ -212,8 +210,8 @@ def coloured(scene):
 
 
 def color(scene, folder, **options):
-    render_job(scene, make_request(str(folder), MINI, **{"samples": 1, "scale": 4} | options))
-    return read_layers(folder / "lr_eia.exr")["color"]
+    frame_folder.render_job(scene, make_request(str(folder), MINI, **{"samples": 1, "scale": 4} | options))
+    return image_files.read_layers(folder / "lr_eia.exr")["color"]
 
 
 def refused(scene, folder, pattern, **options):
