@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 
 import bpy
 import mathutils
@@ -22,16 +22,16 @@ from ..compat import overridden
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
 from ..scene.array.placement import Rays
-from ..scene.contents import GEOMETRY, find_subject, with_instanced
+from ..scene.contents import GEOMETRY, find_subject, is_rendered, rendered_layer, with_instanced
 from ..scene.light import LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, world_radiance
 from ..scene.settings import length
 from ..scene.words import counted
 from .problems import Problem
 
 # Code of the problem: the operator's property that mends it, and its title.
-MENDS = {"cube": ("leave_out_cube", "Leave Out Cube"), "frame": ("fit_objects", "Fit to Objects"),
-         "plane": ("move_plane", "Move Display Plane"), "deep": ("flatten_depth", "Flatten Depth"),
-         "dark": ("add_light", "Add World Light")}
+MENDS = {"cube": ("leave_out_cube", "Leave Out Cube"), "helper": ("leave_out_helpers", "Leave Out Helpers"),
+         "frame": ("fit_objects", "Fit to Objects"), "plane": ("move_plane", "Move Display Plane"),
+         "deep": ("flatten_depth", "Flatten Depth"), "dark": ("add_light", "Add World Light")}
 STARTUP_LAMP = (4.07625, 1.00545, 5.90386)  # where a new file's lamp stands
 STARTUP_CAMERA = (7.35889, -6.92579, 4.95831)  # where a new file's camera stands: nobody has aimed it
 TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject of an aimed camera, and of that one, fills
@@ -53,10 +53,14 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
         placed = rig.placement(scene, display)
         if placed is None:
             return
-        main, cube = main_objects(scene, subject), startup_cube(scene)
+        main, cube, others = main_objects(scene, subject), startup_cube(scene), helpers(scene)
         if cube is not None:
             yield _problem("cube", cube.name, "The cube of Blender's new file stands in the picture.")
-        with _without(cube):
+        if others:
+            more = f" and {counted(len(others) - 1, 'other object')}" if others[1:] else ""
+            yield _problem("helper", others[0].name, f"{others[0].name}{more} without a material would be rendered "
+                           "solid: drawn as wires, a Boolean's tool or the shape of a bone.")
+        with _without(cube, *others):
             yield from _found(scene, placed, display, subject, main)
 
 
@@ -84,12 +88,11 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
 
 
 @contextmanager
-def _without(item: bpy.types.Object | None) -> Iterator[None]:
-    """Hide an object inside the block."""
-    if item is None:
-        yield
-        return
-    with overridden(item, {"hide_viewport": True, "hide_render": True}):
+def _without(*items: bpy.types.Object | None) -> Iterator[None]:
+    """Hide objects inside the block."""
+    with ExitStack() as hidden:
+        for item in filter(None, items):
+            hidden.enter_context(overridden(item, {"hide_viewport": True, "hide_render": True}))
         bpy.context.view_layer.update()
         yield
     bpy.context.view_layer.update()
@@ -111,6 +114,22 @@ def startup_cube(scene: bpy.types.Scene) -> bpy.types.Object | None:
     return cube if is_new else None
 
 
+def helpers(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Return what authors look through while they work: objects without a material that they would not have rendered.
+
+    Not where the scene shows nothing else.
+    """
+    tools = {modifier.object for item in scene.objects for modifier in item.modifiers if modifier.type == "BOOLEAN"}
+    tools |= {bone.custom_shape for item in scene.objects if item.pose is not None for bone in item.pose.bones}
+    shown = rendered_layer(scene).objects
+    found = {item for item in scene.objects if (item in tools or item.display_type in ("WIRE", "BOUNDS"))
+             and item.type in GEOMETRY and is_rendered(scene, item) and item.name in shown
+             and not any(slot.material for slot in item.material_slots)
+             and not any(modifier.type in ("FLUID", "PARTICLE_SYSTEM") for modifier in item.modifiers)}
+    others = (item for item in scene.objects if item.type in GEOMETRY and item not in found)
+    return sorted(found, key=lambda item: item.name) if any(is_rendered(scene, item) for item in others) else []
+
+
 def _is_unaimed(scene: bpy.types.Scene) -> bool:
     camera = scene.camera
     return (camera is not None and camera.type == "CAMERA" and not camera.animation_data
@@ -122,8 +141,8 @@ def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list
 
     A selected part of something larger, as of a figure that was just modelled, is not all that it is of.
     """
-    cube = startup_cube(scene)
-    boxes = {item: box for item, box in edit.boxes_now(subject).items() if item != cube}
+    others = {startup_cube(scene), *helpers(scene)}
+    boxes = {item: box for item, box in edit.boxes_now(subject).items() if item not in others}
     chosen = [item for item in boxes if item.select_get()] if _is_unaimed(scene) else []
     if chosen:
         points = np.concatenate([boxes[item] for item in chosen])

@@ -29,7 +29,9 @@ def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.typ
     LfsrError if there is no such collection or if none of its geometry would be rendered.
     """
     if not any(item.type in GEOMETRY or item.instance_type == "COLLECTION" for item in scene.objects):
-        raise LfsrError(f"scene {scene.name!r} is empty: add or import an object to render")
+        full = [repr(other.name) for other in bpy.data.scenes if any(item.type in GEOMETRY for item in other.objects)]
+        raise LfsrError(f"scene {scene.name!r} is empty: add or import an object to render"
+                        f"{f', or choose scene {full[0]}' if full else ''}")
     if name:
         collections = {c.name: c for c in (scene.collection, *scene.collection.children_recursive)}
         if name not in collections:
@@ -41,7 +43,7 @@ def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.typ
         backgrounds = (found for found in bpy.data.collections if found.name == BACKGROUND_COLLECTION)
         chosen = set(scene.objects) - {item for background in backgrounds for item in background.all_objects}
     subject = with_instanced(chosen)
-    if not any(item.type in GEOMETRY and _rendered(scene, item) for item in subject):
+    if not any(item.type in GEOMETRY and is_rendered(scene, item) for item in subject):
         raise LfsrError(f"nothing of the subject {name or scene.name!r} would be rendered: "
                         "make its objects visible in renders or choose another collection")
     return subject
@@ -49,7 +51,7 @@ def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.typ
 
 def has_background_meshes(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> bool:
     """Return True if geometry outside the subject would be rendered."""
-    return any(item.type in GEOMETRY and item not in subject and _rendered(scene, item) for item in scene.objects)
+    return any(item.type in GEOMETRY and item not in subject and is_rendered(scene, item) for item in scene.objects)
 
 
 def collections(root: bpy.types.LayerCollection) -> Iterator[bpy.types.LayerCollection]:
@@ -72,7 +74,8 @@ def _instanced(item: bpy.types.Object) -> set[bpy.types.Object]:
     return inside | {child for other in inside for child in _instanced(other)}
 
 
-def _rendered(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
+def is_rendered(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
+    """Return True if neither an object nor all its collections are switched off in renders."""
     owners = [c for c in (scene.collection, *scene.collection.children_recursive) if item.name in c.objects]
     return not item.hide_render and (not owners or any(not c.hide_render for c in owners))
 

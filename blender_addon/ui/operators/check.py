@@ -69,9 +69,9 @@ def _light_images(scene: bpy.types.Scene, _target: str) -> None:
     scene.lfsr.light = (EVEN if is_indoors else DEFAULT_LIGHT).upper()
 
 
-def _leave_out(_scene: bpy.types.Scene, target: str) -> None:
-    item = _existing(bpy.data.objects, target)
-    item.hide_render = item.hide_viewport = True
+def _leave_out(*items: bpy.types.Object) -> None:
+    for item in items:
+        item.hide_render = item.hide_viewport = True
     bpy.context.view_layer.update()
 
 
@@ -132,7 +132,8 @@ def _use_one_layer(scene: bpy.types.Scene, target: str) -> None:
 
 
 FIXES: dict[str, Fix] = {
-    "cube": _leave_out, "frame": _fit,
+    "cube": lambda _scene, target: _leave_out(_existing(bpy.data.objects, target)),
+    "helper": lambda scene, _target: _leave_out(*look.helpers(scene)), "frame": _fit,
     "plane": lambda scene, _target: look.move_plane(scene), "deep": lambda scene, _target: look.flatten(scene),
     "dark": _light_images,
     "array": _add_array, "rig": _add_array, "light": _add_light,

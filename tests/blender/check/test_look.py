@@ -79,6 +79,22 @@ def test_a_camera_that_nobody_aimed_is_fitted_to_what_was_imported(startup, cent
     assert "cube" not in looked(startup), "it is the artist's"
 
 
+def test_what_helps_while_modelling_is_left_out(startup):
+    """Volumes are drawn as wires too, and things that take long: they have a material, or a simulation."""
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    subject, tool, hull, cloud, smoke = (add_box((4 * place, 0, 0), (1, 1, 1)) for place in range(5))
+    assert "helper" not in looked(startup)
+    subject.modifiers.new("Cut", "BOOLEAN").object = tool
+    hull.display_type = cloud.display_type = smoke.display_type = "WIRE"
+    cloud.data.materials.append(bpy.data.materials.new("Cloud"))
+    smoke.modifiers.new("Fluid", "FLUID")
+    assert look.helpers(startup) == sorted([tool, hull], key=lambda item: item.name)
+    assert "and 1 other object" in looked(startup)["helper"]
+    assert not {tool, hull} & set(look.main_objects(startup, find_subject(startup)))
+    mend(startup)
+    assert [item.hide_render for item in (subject, tool, hull, cloud, smoke)] == [False, True, True, False, False]
+
+
 def make_room(scene, lamp: bool) -> None:
     """Walls around 5 × 7 × 2.7 m, with a table, beside the new file's camera."""
     items = [add_box(*place) for place in (
