@@ -14,6 +14,7 @@ import bpy
 import mathutils
 import numpy as np
 
+from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
@@ -23,7 +24,8 @@ from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
 from ..scene.array.placement import Rays
 from ..scene.contents import GEOMETRY, find_subject, is_rendered, rendered_layer, with_instanced
-from ..scene.light import LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, world_radiance
+from ..scene.light import (
+    DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance)
 from ..scene.settings import length
 from ..scene.words import counted
 from .problems import Problem
@@ -80,11 +82,17 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     own = [item for item in lamps if not is_imported
            or (item.matrix_world.translation - mathutils.Vector(STARTUP_LAMP)).length > 1e-3]
     startup = next((item for item in lamps if item not in own), None)
-    is_alone = startup is not None and not own
-    if (is_alone and not has_emission(scene)) or _is_dark(scene, rays, placed, own, startup, is_new):
-        yield _problem("dark", scene.name, "Only the lamp of Blender's new file lights it. Images only are lit."
+    is_alone = not own and world_radiance(scene.world) * 2.0**scene.view_settings.exposure < DIM
+    arriving, seen = _light(scene, rays, placed, own)
+    if (is_alone and not has_emission(scene)) or _is_dark(scene, placed, arriving, seen, own, startup, is_new):
+        source = "a dim world" if startup is None else "the lamp of Blender's new file"
+        yield _problem("dark", scene.name, f"Only {source} lights it. Images only are lit."
                        if is_alone else "Hardly any light comes from what the array sees: the image will be almost "
                        "black. Images only are lit; the scene keeps its own light.")
+    elif is_glaring(seen, scene):
+        yield Problem("bright", scene.name, "Much of what the array sees is lit far brighter than white, and the view "
+                      f"transform {scene.view_settings.view_transform} shows it as white: weaken the lamps, or lower "
+                      "the exposure in Color Management.", asks=True, title="Light")
 
 
 @contextmanager
@@ -251,12 +259,11 @@ def _seen(scene: bpy.types.Scene) -> tuple[CameraArray, float, float]:
     return placed[0], depths[0], depths[1]
 
 
-def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, lamps: list[bpy.types.Object],
-             startup: bpy.types.Object | None, is_new: bool) -> bool:
-    """True if hardly any light of ``lamps`` and of the world comes back from the places that the array sees.
+def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
+           lamps: list[bpy.types.Object]) -> tuple[Array, Array]:
+    """What white surfaces would send of the light of ``lamps`` and the world at places that the array sees; what comes.
 
-    What rays do not tell, light that is reflected or of a material, a proof of 64 pixels across does, without the lamp
-    ``startup``; of a scene that ``is_new``, only where it has lamps of its own or a material shines.
+    Where it sees a surface, not of light that is reflected or of a material.
     """
     array, eye = placed[0], mathutils.Matrix(placed[1])
     half = array.half_width / array.distance, array.half_height / array.distance
@@ -277,7 +284,17 @@ def _is_dark(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, lamps: l
         above = sky * sum(rays.cast(start, way if way.dot(normal) > 0 else -way) is None for way in ways) / SKY
         seen.append(light * scattered + above * reflected)
         arriving.append((light + above) * min(reflected / LEAST_ALBEDO, 1.0))
-    seems_dark = is_dim(np.array(arriving), np.array(seen), scene.view_settings.exposure)
+    return np.array(arriving), np.array(seen)
+
+
+def _is_dark(scene: bpy.types.Scene, placed: rig.Placement, arriving: Array, seen: Array,
+             lamps: list[bpy.types.Object], startup: bpy.types.Object | None, is_new: bool) -> bool:
+    """True if hardly any ``_light`` of ``lamps`` and of the world arrives, nor what that does not tell.
+
+    That a proof of 64 pixels across does, without the lamp ``startup``; of a scene that ``is_new``, only where it has
+    lamps of its own or a material shines.
+    """
+    seems_dark = is_dim(arriving, seen, scene.view_settings.exposure)
     if not seems_dark or (is_new and not lamps and not has_emission(scene)):
         return seems_dark
     from ..render.frame_folder import is_dark  # reads EXR files, which the panel starts without

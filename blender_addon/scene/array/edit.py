@@ -277,7 +277,7 @@ def boxes_now(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
 
 GRID, HEIGHT, MARGIN = 5, 0.5, 0.15  # places across a room's bounding box, at half of its height, away from its sides
 EYE_HEIGHT = 1.6  # metres above the floor: places below those whose middle is higher, as in a hall or under a sky
-YAWS, PITCHES, HALF_WIDTH = 12, (0, -15), 0.6  # views at each place; half their width at distance 1: about 62°
+YAWS, PITCHES, HALF_WIDTH = 12, (0, -15, -35), 0.6  # views at each place; half their width at distance 1: about 62°
 VIEW_ACROSS, VIEW_DOWN = 7, 3  # rays of a view
 LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the hull of a small thing
 ENCLOSED = 0.95  # least fraction of the rays that hit, from what is closed on all sides
@@ -375,9 +375,9 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
         nearest, middle = np.percentile([(at - place).length for at, _, _ in hits], (5, 50))
         if nearest <= NEAR * middle or middle < LEAST_DEPTH * reach:
             continue
-        # A long view of many things, not of a wall, nor of the backs of surfaces.
+        # A long view of many things, not of a wall, nor of the backs of surfaces, nor of one round thing close by.
         fronts = 1 + sum(hit[1].dot(way) < 0 for hit, way in zip(hits, ways, strict=True))
-        worth = fronts * middle**0.5 * len({(item, tuple(map(round, 2 * normal))) for _, normal, item in hits})
+        worth = fronts * (nearest * middle)**0.25 * len({(item, tuple(map(round, normal))) for _, normal, item in hits})
         if place not in free:
             free.append(place)
         if worth > most:

@@ -132,8 +132,20 @@ def room_view(scene, items):
 
 def test_in_a_hall_the_array_stands_at_the_height_of_eyes(startup):
     poles = [add_box((x, y, 1.2), (0.2, 0.2, 1.2)) for x in range(-10, 11, 4) for y in range(-10, 11, 4)]
-    hall = add_box((0, 0, 6), (12, 12, 6))
+    hall = add_box((0, 0, 3), (12, 12, 3))
     assert room_view(startup, [hall, *poles]).matrix.translation.z == pytest.approx(edit.EYE_HEIGHT, abs=0.1)
+
+
+def test_a_view_of_a_room_is_of_many_things_however_low_not_of_a_round_one_close_by(startup):
+    low = [add_box((x, y, 0.3), (0.4, 0.4, 0.3)) for x in range(-10, 11, 4) for y in range(-10, 11, 4)]
+    hall = add_box((0, 0, 8), (12, 12, 8))
+    assert room_view(startup, [hall, *low]).matrix.col[2].z > 0.5, "from above"
+    bpy.data.batch_remove([hall, *low])
+    things = [add_box((0, 0, 3.75), (7.5, 7.5, 3.75)), *(add_box((x, 4, 2), (0.5, 0.5, 2)) for x in (-4, -1, 2, 5))]
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    bpy.ops.mesh.primitive_uv_sphere_add(location=(0, 0, 3.75))
+    view = room_view(startup, [*things, bpy.context.object])
+    assert (view.matrix.translation - bpy.context.object.location).length > 5
 
 
 def test_a_solid_thing_and_a_dome_are_no_rooms(startup):
@@ -198,6 +210,19 @@ def aimed(scene, place=(0, -6, 1)):
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     scene.camera = add_camera(scene, place)
     scene.objects["Light"].location = (1, -5, 4)
+
+
+def test_a_dim_world_without_a_lamp_and_lamps_far_too_strong_are_said(startup):
+    aimed(startup)
+    add_box((0, 0, 1), (1, 0.5, 1))
+    startup.objects["Light"].hide_render = True
+    assert "Only a dim world" in looked(startup)["dark"]
+    startup.objects["Light"].hide_render, startup.objects["Light"].data.energy = False, 5e3
+    assert not looked(startup), "AgX shows more than white"
+    startup.view_settings.view_transform = "Standard"
+    assert "view transform Standard" in looked(startup)["bright"]
+    startup.view_settings.exposure = -4
+    assert not looked(startup)
 
 
 def test_too_much_depth_names_its_numbers_and_is_flattened(startup):
