@@ -1,7 +1,4 @@
-"""Damaged data from outside: every outcome is success or one sentence, in bounded memory.
-
-400 inputs of every kind; the 5000 of each marked ``long`` run with ``pytest -m long``.
-"""
+"""Damaged data from outside, 400 inputs of a kind, 5000 with ``-m long``: success or one sentence, little memory."""
 
 import math
 import resource

@@ -24,8 +24,7 @@ from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
 from ..scene.array.placement import Rays
 from ..scene.contents import GEOMETRY, find_subject, is_rendered, rendered_layer, with_instanced
-from ..scene.light import (
-    DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance)
+from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, SOFT, has_emission, has_light, is_dim, world_radiance
 from ..scene.settings import length
 from ..scene.words import counted
 from .problems import Problem
@@ -43,6 +42,7 @@ MUCH = 1.1  # disparity beyond which depth is worth a word
 LEAST_GAIN = 0.9  # of the disparity, that a move of the display plane must leave
 LEAST_SPACING = 0.05
 LIT, LAMPS, SKY = 24, 32, 6  # places, lamps and rays to the sky that tell how much light arrives
+GLARE, GLARING = 2.0, 0.15  # radiance at which even gray is white, and how much of a picture may be so bright
 CERTAIN = 1e6  # strength of a lamp that nodes decide
 SHADE = 0.15  # of a lamp's distance: what stands as near to it is its own shade
 UNAIMED = "The camera of the new file was not aimed at it"
@@ -82,17 +82,18 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     own = [item for item in lamps if not is_imported
            or (item.matrix_world.translation - mathutils.Vector(STARTUP_LAMP)).length > 1e-3]
     startup = next((item for item in lamps if item not in own), None)
-    is_alone = not own and world_radiance(scene.world) * 2.0**scene.view_settings.exposure < DIM
+    view, exposed = scene.view_settings, 2.0**scene.view_settings.exposure
+    is_alone = not own and world_radiance(scene.world) * exposed < DIM
     arriving, seen = _light(scene, rays, placed, own)
     if (is_alone and not has_emission(scene)) or _is_dark(scene, placed, arriving, seen, own, startup, is_new):
         source = "a dim world" if startup is None else "the lamp of Blender's new file"
         yield _problem("dark", scene.name, f"Only {source} lights it. Images only are lit."
                        if is_alone else "Hardly any light comes from what the array sees: the image will be almost "
                        "black. Images only are lit; the scene keeps its own light.")
-    elif is_glaring(seen, scene):
+    elif view.view_transform not in SOFT and np.count_nonzero(seen * exposed > GLARE) > GLARING * len(seen):
         yield Problem("bright", scene.name, "Much of what the array sees is lit far brighter than white, and the view "
-                      f"transform {scene.view_settings.view_transform} shows it as white: weaken the lamps, or lower "
-                      "the exposure in Color Management.", asks=True, title="Light")
+                      f"transform {view.view_transform} shows it as white: weaken the lamps, or lower the exposure in "
+                      "Color Management.", asks=True, title="Light")
 
 
 @contextmanager
@@ -130,12 +131,11 @@ def helpers(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     tools = {modifier.object for item in scene.objects for modifier in item.modifiers if modifier.type == "BOOLEAN"}
     tools |= {bone.custom_shape for item in scene.objects if item.pose is not None for bone in item.pose.bones}
     shown = rendered_layer(scene).objects
-    found = {item for item in scene.objects if (item in tools or item.display_type in ("WIRE", "BOUNDS"))
-             and item.type in GEOMETRY and is_rendered(scene, item) and item.name in shown
+    found = [item for item in shown if (item in tools or item.display_type in ("WIRE", "BOUNDS"))
+             and item.type in GEOMETRY and is_rendered(scene, item)
              and not any(slot.material for slot in item.material_slots)
-             and not any(modifier.type in ("FLUID", "PARTICLE_SYSTEM") for modifier in item.modifiers)}
-    others = (item for item in scene.objects if item.type in GEOMETRY and item not in found)
-    return sorted(found, key=lambda item: item.name) if any(is_rendered(scene, item) for item in others) else []
+             and not any(modifier.type in ("FLUID", "PARTICLE_SYSTEM") for modifier in item.modifiers)]
+    return found if any(item.type in GEOMETRY and is_rendered(scene, item) for item in {*shown} - {*found}) else []
 
 
 def _is_unaimed(scene: bpy.types.Scene) -> bool:

@@ -27,7 +27,6 @@ SKY = 0.5  # radiance of a sky that is an image or a texture
 CERTAIN_SUN, CERTAIN_WORLD = 0.5, 0.1   # W/m² and radiance that show a white surface well above that
 # Lamps of even light: direction from which they shine, in degrees around Z from the front and above the ground, W/m².
 EVEN_LAMPS = ((-40, 50, 2.0), (80, 25, 1.0), (200, 35, 1.0), (0, -80, 0.5))
-GLARE, MUCH = 2.0, 0.15  # radiance that even a gray surface shows as white, and how much of a picture is much of it
 SOFT = ("AgX", "Filmic", "Filmic Log", "Khronos PBR Neutral")  # view transforms that show more than white
 AUTO_LIGHT, OWN_LIGHT, FILE_LIGHT = "AUTO", "OWN", "FILE"
 SCENE_LIGHTS = (AUTO_LIGHT, OWN_LIGHT)  # in which the scene's own light counts
@@ -82,13 +81,6 @@ def is_dim(light: Array, radiance: Array, exposure: float) -> bool:
     """Return True if most of a picture is hardly lit, by what white surfaces would send and by what it sends."""
     return bool(light.size and np.median(light) * 2.0**exposure < DIM * (
         MORE if np.percentile(radiance, 95) * 2.0**exposure < BLACK else 1))
-
-
-def is_glaring(radiance: Array, scene: bpy.types.Scene) -> bool:
-    """Return True if a view transform without a soft shoulder shows much of a picture as white."""
-    view = scene.view_settings
-    return bool(radiance.size and view.view_transform not in SOFT
-                and (radiance * 2.0**view.exposure > GLARE).mean() > MUCH)
 
 
 def has_emission(scene: bpy.types.Scene) -> bool:

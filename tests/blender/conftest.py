@@ -1,7 +1,4 @@
-"""Tests that need Blender: kept apart from the user's settings, a fresh scene each.
-
-Without the bpy module they are left out, but on CI they fail.
-"""
+"""Tests that need Blender, apart from the user's settings, a fresh scene each; without bpy they fail on CI alone."""
 
 import importlib.util
 import os

@@ -70,10 +70,7 @@ def formula(numbers, channel, row, column, cells=None):
 
 
 def agree(profile, wanted, flipped=False):
-    """A place in the light field's views against the formula's; both ends of the cone are one border.
-
-    ``flipped``: whether the panel's rows show the light field upside down, as in the vendor's shader.
-    """
+    """A place in the views against the formula's, upside down as in the vendor's shader; the cone's ends are one."""
     for channel in range(3):
         random = np.random.default_rng(channel)
         row, column = (random.integers(0, size, 2000) for size in profile.panel_pixels[::-1])

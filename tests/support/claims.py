@@ -74,10 +74,7 @@ class Claim:
 
 @dataclasses.dataclass(frozen=True)
 class TableClaim:
-    """A table by the start of its header, and a function that says what the numbers of a row must be.
-
-    ``expected`` gets the row's cells and returns the numbers of all cells from ``first`` on.
-    """
+    """A table by the start of its header; ``expected`` gets a row's cells and returns the numbers from ``first`` on."""
 
     document: str
     words: str

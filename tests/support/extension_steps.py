@@ -1,7 +1,6 @@
 """What an artist does with the extension, in a Blender of its own: extension_steps.py STEP FOLDER [ZIP]
 
-tests/blender/test_extension.py runs it with a Python that has Blender and nothing
-else. What it finds goes to FOLDER/found.json.
+tests/blender/test_extension.py runs it with Blender's Python alone. What it finds goes to FOLDER/found.json.
 """
 
 import importlib

@@ -51,10 +51,7 @@ def render(job: Request) -> None:
 
 
 def play(arguments: Sequence[str]) -> int:
-    """What Blender does with its command line: say its version, or run job files.
-
-    ``LOG`` in the environment names a file that gets a line for each job.
-    """
+    """Do what Blender does: say its version, or run job files, with a line each in the environment's file ``LOG``."""
     if "--version" in arguments:
         print("Blender 5.0.1")
         return 0

@@ -1,7 +1,6 @@
 """A stand-in for UILayout that refuses what the real one would not draw.
 
-Every call is checked against UILayout's own RNA: function and argument names,
-icons, the properties and operators it names.
+Every call is checked against UILayout's own RNA: names of functions, arguments, icons, properties and operators.
 """
 
 from typing import Any

@@ -18,15 +18,10 @@ from lfsr_core.optics.rays import RayLayout, view_offset
 
 def rays(layout: RayLayout, raster_x: Array, raster_y: Array,
          random_x: Array | float = 0.5, random_y: Array | float = 0.5) -> tuple[Array, Array]:
-    """Rays of points of the image, in camera-array space.
+    """Rays of points of the image: origins and unit directions, (..., 3) each, in camera-array space.
 
-    Parameters
-    ----------
-    layout : which ray each pixel sends
-    raster_x, raster_y : in [0, 1), y up: the pixel; the place inside it chooses the point on the lens
-    random_x, random_y : in [0, 1), choose the point in the view's cell
-
-    Returns origins and unit directions, (..., 3) each.
+    ``raster_x``, ``raster_y``, in [0, 1) and y up, are the pixel; the place inside it chooses the point on the lens.
+    ``random_x`` and ``random_y``, in [0, 1), choose the point in the view's cell.
     """
     width, height = layout.size
     tile_x, view_x, place_x = _split(raster_x, width, layout.views[0])
@@ -93,10 +88,7 @@ def panel_rays(layout: PanelLayout, raster_x: Array, raster_y: Array, random_x: 
 
 
 def lens_points(display: DisplayProfile, first: Array, second: Array) -> tuple[Array, Array]:
-    """Millimetres (x, y) from the centre of a lens, or from a cylinder's axis, for two numbers in [0, 1).
-
-    Points cover evenly what lies nearer to that lens than to any other.
-    """
+    """Millimetres from a lens's centre or axis, even over what is nearest to it, for two numbers in [0, 1)."""
     sheet = display.sheet
     if isinstance(sheet, Lenticular):
         geometry = Geometry.of(display)
@@ -110,10 +102,7 @@ def lens_points(display: DisplayProfile, first: Array, second: Array) -> tuple[A
 
 
 def directed(origin: tuple[Array, Array], target: tuple[Array, Array], distance: float) -> tuple[Array, Array]:
-    """Origins and unit directions, (..., 3) each, of rays from the camera plane to a plane at ``distance``.
-
-    ``origin``, ``target``: (x, y) arrays that broadcast.
-    """
+    """Origins and unit directions, (..., 3), of rays from the camera plane to a plane; (x, y) arrays broadcast."""
     depth = np.full_like(target[0], distance)
     start = np.stack(np.broadcast_arrays(*origin, 0.0 * depth), axis=-1)
     direction = np.stack(np.broadcast_arrays(*target, depth), axis=-1) - start

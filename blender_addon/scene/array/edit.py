@@ -275,7 +275,9 @@ def boxes_now(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
     return {owner: np.concatenate(found) for owner, found in corners.items()}
 
 
-GRID, HEIGHT, MARGIN = 5, 0.5, 0.15  # places across a room's bounding box, at half of its height, away from its sides
+# Places across a room's bounding box, and among many objects, where a ray takes long; at half of its height, away from
+# its sides.
+GRID, FEWER_PLACES, HEIGHT, MARGIN = 5, 3, 0.5, 0.15
 EYE_HEIGHT = 1.6  # metres above the floor: places below those whose middle is higher, as in a hall or under a sky
 YAWS, PITCHES, HALF_WIDTH = 12, (0, -15, -35), 0.6  # views at each place; half their width at distance 1: about 62°
 VIEW_ACROSS, VIEW_DOWN = 7, 3  # rays of a view
@@ -359,7 +361,7 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
     if not inner:
         return None
     places, down = list[mathutils.Vector](), mathutils.Vector((0, 0, -1))
-    for x, y in itertools.product(np.linspace(MARGIN, 1 - MARGIN, GRID), repeat=2):
+    for x, y in itertools.product(np.linspace(MARGIN, 1 - MARGIN, FEWER_PLACES if rays.items else GRID), repeat=2):
         places.append(mathutils.Vector(low + size * (x, y, HEIGHT)))
         floor = rays.cast(places[-1], down)
         if floor is not None and places[-1].z - floor[0].z > EYE_HEIGHT * metre:

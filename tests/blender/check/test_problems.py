@@ -46,7 +46,7 @@ def test_no_light_and_colors_that_cannot_be_shown(scene):
 def test_the_world_of_a_new_file_alone(scene):
     scene.collection.objects.unlink(bpy.data.objects["Sun"])
     scene.world = bpy.data.worlds.new("World")
-    assert found(scene, "light") is None and "almost black" in found(scene, "dark").reason
+    assert found(scene, "light") is None and "a dim world" in found(scene, "dark").reason
     for name in ("EVEN", "OWN"):
         scene.lfsr.light = name
         assert (found(scene, "dark") is None) == (name == "EVEN")

@@ -52,7 +52,9 @@ def link(path: str, scene) -> bpy.types.Collection:
 
 @pytest.mark.parametrize(("spoil", "sentence"), [
     (lambda scene: bpy.data.objects.remove(bpy.data.objects["Display Plane"]), "has no display plane"),
-    (lambda scene: bpy.data.batch_remove(list(scene.objects)), "is empty: add or import an object"),
+    (lambda scene: bpy.data.batch_remove(list(scene.objects)), "is empty: add or import an object to render$"),
+    (lambda scene: (scene.copy(), [scene.collection.objects.unlink(item) for item in [*scene.objects]]),
+     r"or choose scene '.*001'"),
     (lambda scene: setattr(bpy.data.objects["Box"], "hide_render", True), "Nothing of the subject"),
     (lambda scene: setattr(scene.lfsr, "display", "FILE"), "No display profile is chosen"),
     (lambda scene: setattr(scene.lfsr, "scale", "5"), "Scale is 5, .* choose a scale that divides both"),

@@ -1,8 +1,6 @@
-"""The installed extension in a real window: what an artist does, with screenshots.
+"""The installed extension in a real window, as tests/support/window/desktop.py says: what an artist does.
 
     LFSR_WINDOW_BLENDER=DIR python -m pytest -m window
-
-DIR is the folder that scripts/window_blender.sh made. LFSR_SCREENSHOTS names a folder for the screenshots.
 """
 
 import shutil

@@ -2,8 +2,7 @@
 
     blender --python agent.py -- PORT
 
-Each line is JSON text of a Python source; the answer is one JSON line with
-"value" (of the variable ``value``, if set) or "error".
+Each line is JSON text of a Python source; the answer is one with "value" (of that variable, if set) or "error".
 """
 
 import importlib

@@ -1,7 +1,4 @@
-"""`lfsr stress` on a bench folder whose renders are there: cells, tables, page, and what is refused.
-
-No Blender: renders and references are synthetic, as other tests make them.
-"""
+"""`lfsr stress` on a bench folder of synthetic renders, without Blender: cells, tables, page, and what is refused."""
 
 import dataclasses
 import json
