@@ -118,11 +118,9 @@ def run_all(requests: Iterable[Request]) -> Path:
         for request in requests:
             if (request.scene, request.scene_name, request.light) != last:
                 stack.close()
-                scene, opened = _opened(request)
+                scene, opened = _opened(request, stack)
                 stack.enter_context(lit(scene, opened.light))
                 opened = dataclasses.replace(opened, kept=stack.enter_context(new_data()))
-                # Without it Cycles would build the scene again after the first view, and for each frame.
-                stack.enter_context(overridden(scene.render, {"use_persistent_data": True}))
             last = request.scene, request.scene_name, request.light
             if request.sampling.scales and request.sampling.frames:  # one scale for all frames that ask the same
                 question = digest(request_facts(request, (*PLACES, "frame", "seed")))
@@ -135,8 +133,8 @@ def run_all(requests: Iterable[Request]) -> Path:
     return folder
 
 
-def _opened(request: Request) -> tuple[bpy.types.Scene, Opened]:
-    """The request's scene, as of ``_chosen_scene``, and how it was opened."""
+def _opened(request: Request, stack: ExitStack) -> tuple[bpy.types.Scene, Opened]:
+    """The request's scene, as of ``_chosen_scene``, ready for Cycles until ``stack`` closes, and how it was opened."""
     started, path, content, notes = time.perf_counter(), Path(request.scene), "", list[Notice]()
 
     def say(told: Progress | Notice) -> None:
@@ -158,6 +156,8 @@ def _opened(request: Request) -> tuple[bpy.types.Scene, Opened]:
         check_files(scene, request.frame, request.allow_missing, say)
     for notice in (*left_out(scene), *camera_notices(scene, request.camera, is_imported)):
         say(notice)
+    # Without them Cycles would build the scene again for each render: a change of the engine forgets what was kept.
+    stack.enter_context(overridden(scene.render, {"use_persistent_data": True, "engine": "CYCLES"}))
     light = settled_light(scene, request, say)
     return scene, Opened(seconds, content, light, tuple(notes))
 

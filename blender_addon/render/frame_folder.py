@@ -64,7 +64,8 @@ HALF_SEED = 1 << 20
 SETTLED = ("scene", "device", "light", "sampling")
 SOURCES = ("compat.py", "render/**/*.*", "scene/**/*.*")  # of the add-on, which decide pixels
 LIGHT_WIDTH, LIGHT_SAMPLES = 64, 4  # pixels across, and samples per pixel, of the measurement of light
-FIRST_WIDTH, FIRST_SAMPLES, FIRST_MAP = 160, 24, 128  # of the first view
+FIRST_WIDTH, FIRST_SAMPLES = 160, 24  # of the first view
+SMALL_MAP = 128  # pixels across of the map that says where a world is bright
 MOST_SECONDS = 60.0  # that an image may take because more rays are taken than were asked for
 Say = Callable[[Notice], object]
 
@@ -218,10 +219,13 @@ def _seen_from_middle(scene: bpy.types.Scene, placed: Placement, settings: Rende
     """Render what an eye in front of the middle of a ``placed`` array sees, ``width`` pixels across."""
     array, matrix_world = placed
     size = width, max(round(width * array.half_height / array.half_width), cycles.LEAST_PIXELS)
+    # A world image is sampled by a small map, which is made at once.
+    small = {"sampling_method": "MANUAL", "sample_map_resolution": SMALL_MAP}
     # In Blender's own temporary folder, which is removed even if Blender crashes.
     with tempfile.TemporaryDirectory(prefix="lfsr-middle-", dir=bpy.app.tempdir or None) as name:
         path = Path(name, "middle.exr")
-        with (cycles.temporary_camera(scene, matrix_world, array.distance) as camera,
+        with (overridden(scene.world.cycles, small) if scene.world is not None else nullcontext(),
+              cycles.temporary_camera(scene, matrix_world, array.distance) as camera,
               cycles.cycles_settings(scene, settings, size)):
             lens, clip = camera.data, placement.clip_of(scene)
             lens.sensor_fit, lens.lens = "HORIZONTAL", lens.sensor_width / 2 * array.distance / array.half_width
@@ -237,19 +241,15 @@ def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> tuple[
     the seconds of a ray, of the second half: Cycles prepares the scene before the first.
     """
     settings = RenderSettings(FIRST_SAMPLES // 2, frame.seed, device=frame.device, world_visible=frame.world_visible)
-    # A world image is sampled by a small map, which is made at once.
-    small = {"sampling_method": "MANUAL", "sample_map_resolution": FIRST_MAP}
     halves = []
-    with overridden(scene.world.cycles, small) if scene.world is not None else nullcontext():
-        for seed in (frame.seed, (frame.seed + 1) % (MOST_SEED + 1)):
-            started = time.perf_counter()
-            layers = _seen_from_middle(scene, (frame.array, frame.matrix_world),
-                                       dataclasses.replace(settings, seed=seed),
-                                       min(FIRST_WIDTH, frame.display.lenses[0]))
-            color = layers["color"]
-            behind = layers["environment"] if frame.world_visible else (1 - color[..., 3:]) * frame.display.background
-            halves.append(np.maximum(color[..., :3] + behind, 0).astype(np.float32))
-            seconds = time.perf_counter() - started
+    for seed in (frame.seed, (frame.seed + 1) % (MOST_SEED + 1)):
+        started = time.perf_counter()
+        layers = _seen_from_middle(scene, (frame.array, frame.matrix_world), dataclasses.replace(settings, seed=seed),
+                                   min(FIRST_WIDTH, frame.display.lenses[0]))
+        color = layers["color"]
+        behind = layers["environment"] if frame.world_visible else (1 - color[..., 3:]) * frame.display.background
+        halves.append(np.maximum(color[..., :3] + behind, 0).astype(np.float32))
+        seconds = time.perf_counter() - started
     transform = ViewTransform(frame.color)
     with unfinished(path) as temporary, temporary.open("wb") as file:
         np.save(file, transform.to_uint8((halves[0] + halves[1]) / 2)[None, None])

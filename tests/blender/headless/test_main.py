@@ -101,12 +101,16 @@ def test_job_becomes_a_frame_folder(blend, tmp_path):
 
 def test_one_blender_stays_open_for_renders_that_are_asked_for_later(blend, tmp_path):
     told, work = [], tmp_path / "work"
+    bpy.context.scene.render.engine = "BLENDER_WORKBENCH"  # whatever engine the file was made for
+    bpy.ops.wm.save_mainfile()
     with open_blender(find_blender(), work) as render:
         for scale in (4, 2):
-            request = make_request(str(work / f"s{scale}"), MINI, scene=str(blend), scale=scale, samples=1)
+            request = make_request(str(work / f"s{scale}"), MINI, str(blend), scale=scale, samples=1, light="city")
             render(request, told.append)
             assert read_frame(work / f"s{scale}").scale == scale
-        assert [each.stage for each in told if isinstance(each, Progress)].count("open") == 1, "the scene is kept"
+        progress = [each for each in told if isinstance(each, Progress)]
+        assert [each.stage for each in progress].count("open") == 1, "the scene is kept"
+        assert sum("Loading city" in each.detail for each in progress) == 1, "and so is what Cycles made of it"
         wrong = dataclasses.replace(request, subject="Nowhere", output=str(work / "none"))
         refuses("'Nowhere'", render, wrong, told.append)
     assert sorted(path.name for path in work.iterdir()) == ["s2", "s4"], "nothing else stays"
