@@ -56,7 +56,7 @@ class PlanOptions:
     # most that the sample may cost, as a fraction of the path samples of the costliest candidate's frame
     budget: float = 0.02
     lenses: int | None = None  # number of lenses to sample, whatever the budget; None for the usual number
-    reference_samples: int = 256  # samples per pixel of the sampled lenses' reference
+    reference_samples: int = 128  # samples per pixel of the sampled lenses' reference
 
     def __post_init__(self) -> None:
         if not 0 < self.target < 1:

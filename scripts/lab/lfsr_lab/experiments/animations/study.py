@@ -23,6 +23,7 @@ from lfsr_core.metrics.eia_metrics import mean_of
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.reconstruct import averaging
 from lfsr_core.reconstruct.averaging import average_frames, near, read_low
+from lfsr_core.reconstruct.methods import DEFAULT_METHOD
 from lfsr_core.reconstruct.second_stage import finished_lenses
 from lfsr_core.reconstruct.upscaler import LowResEIA
 from lfsr_lab.experiments.engine import plots
@@ -68,7 +69,6 @@ def compare(x: Array, a: Array, b: Array) -> Motion:
     return Motion(mean_of(ssim), 100 * split_rms(*steps), 100 * split_rms(*means), lag, cpu_seconds=0.0)
 
 
-METHOD = "denoise+bilinear"
 DISPLAY_FILE = Path(__file__).parent / "animations.toml"
 NAMES = ("object", "light", "dance", "array")  # what moves, of lfsr_lab.scenes.animation_scenes
 FIXED, CHANGING, TURNING = "fixed", "changing", "turning"  # seeds of the frames; the last begin again after PERIOD
@@ -126,7 +126,7 @@ class Animation:
     def cells(self) -> Iterator[tuple[Way, int, Cell[Motion]]]:
         """Yield what is measured: ways and samples per pixel."""
         settings = self.settings
-        inputs = {"method": METHOD, **method_facts(METHOD), "averaging": averaging.VERSION}
+        inputs = {"method": DEFAULT_METHOD, **method_facts(DEFAULT_METHOD), "averaging": averaging.VERSION}
         for way, spp in [*itertools.product(WAYS, settings.samples), *((ALONE, spp) for spp in settings.more)]:
             name = f"{way.name} spp{spp}".replace(",", "").replace(" ", "-")
             jobs = self.low(way.seeds, spp)
@@ -158,7 +158,7 @@ class Animation:
         images = []
         for number, low in enumerate(lows):
             others = [lows[other] for other in near(number, range(len(lows)), way.reach)]
-            images.append(finished_lenses(average_frames(low, others)[0], everywhere, METHOD, lenses))
+            images.append(finished_lenses(average_frames(low, others)[0], everywhere, DEFAULT_METHOD, lenses))
         seconds = (cpu_seconds() - started) / len(lows)
         halves = zip(*(truth.reference.elemental_images() for truth in self.truths), strict=True)
         return dataclasses.replace(compare(srgb_encode(np.stack(images)), *map(np.stack, halves)),
