@@ -66,6 +66,7 @@ def test_paper_convention_shifts_low_against_high_by_half_s_minus_one(low_count,
     low = rays.view_offset(np.arange(low_count), low_count, float(scale), "paper")
     shift = high.reshape(low_count, scale).mean(axis=1) - low
     np.testing.assert_allclose(shift, (scale - 1) / 2, atol=1e-9)
+    assert rays.view_offset(low_count, 2 * low_count + 1, 1.0, "paper") == 0, "the middle of an odd number"
 
 
 def test_pixels_of_a_lens_meet_at_its_centre_or_their_place_on_it():
