@@ -27,13 +27,13 @@ from lfsr_core.base.system import atomic_path, reading
 PASS_LAYERS = {
     "combined": "color", "color": "color", "": "color",
     "denoising albedo": "albedo", "albedo": "albedo",
-    "denoising normal": "normal", "normal": "normal",
+    "denoising normal": "normal", "normal": "normal", "denoising depth": "path", "path": "path",
     "position": "position",
     "indexob": "index", "object index": "index", "index": "index",
     "env": "environment", "environment": "environment",
     "noisy image": "noisy",
 }
-LAYER_CHANNELS = {"color": "RGBA", "albedo": "RGB", "normal": "XYZ", "position": "XYZ", "index": "X",
+LAYER_CHANNELS = {"color": "RGBA", "albedo": "RGB", "normal": "XYZ", "position": "XYZ", "index": "X", "path": "Z",
                   "environment": "RGB", "noisy": "RGBA"}
 COLORS = ("color", "noisy")  # other layers' components may be called X, Y, Z or R, G, B
 FLOATS, LOSSLESS = ("half", "float"), ("none", "rle", "zips", "zip", "piz")
@@ -88,8 +88,8 @@ def read_layers(path: str | Path, without: Collection[str] = ()) -> Layers:
     """Read the layers of a multi-layer EXR as float32 (H, W, C), by name.
 
     Always "color" (RGBA, premultiplied, scene-linear; alpha 1 if the file has none). If the file has them: "albedo"
-    (3), "normal" (3, camera-array space, zero where nothing was hit), "position" (3, world space, scene units), "index"
-    (1) and "environment" (3). Reads Blender's files (4.5: one part, 5.x: one part per pass) and those of
+    (3), "normal" (3, camera-array space, zero where nothing was hit), "position" (3, world space, scene units), "path"
+    (1, length up to what mirrors and clear glass show), "index" (1) and "environment" (3). Reads Blender's files (4.5: one part, 5.x: one part per pass) and those of
     ``write_layers``; ignores other passes, and the layers ``without``. LfsrError if the file is missing, truncated, has
     no colour or lacks a channel of a layer.
     """

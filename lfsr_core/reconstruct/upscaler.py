@@ -20,12 +20,14 @@ from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.base.system import in_threads
 from lfsr_core.frames.frame import GUIDES, LOW_RES_FILE, WORLD_FILE, Frame
-from lfsr_core.optics.rays import RayLayout, to_elemental_images
+from lfsr_core.optics.rays import RayLayout, to_elemental_images, view_offset
 from lfsr_core.optics.world_view import WorldImage, WorldView
 
 ARRAYS = ("color", "alpha", "guides", "position", "slope", "noisy", "opacity", "places")
 ROWS_IN_CACHE = 16
 LEAST_ALPHA = 0.5  # coverage from which a pixel's position is that of a surface
+# Times the first hit's distance from which a ray's path is longer; coverage from which it is that of the whole pixel.
+LONGER, OPAQUE = 1.02, 0.99
 FOREGROUND_INDEX, BACKGROUND_INDEX = 1, 2
 MAX_EXPONENT = 80  # keeps overshoot beside the brightest floats finite
 EIS_IN_CACHE = 8  # per step
@@ -123,11 +125,17 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
     if "position" in layers and frame.convention == "centred":
         matrix, distance = np.asarray(frame.matrix_world), frame.array.distance
         images["slope"] = slopes = np.empty_like(images["alpha"])
+        right, up = (np.tile(view_offset(np.arange(count), count, sign * frame.rays.spacing), tiles)
+                     for count, tiles, sign in zip(frame.rays.views, frame.rays.tiles, (1, -1), strict=True))
 
         def slopes_of(start: int) -> None:
             rows = slice(start, start + ROWS_IN_CACHE)
-            depth = (layers["position"][rows] - matrix[:3, 3]) @ matrix[:3, 2]
-            depth = np.where((images["alpha"][rows, :, 0] >= LEAST_ALPHA) & (depth > 0), depth, np.nan)
+            seen, alpha = (layers["position"][rows] - matrix[:3, 3]) @ matrix[:3, :3], images["alpha"][rows, :, 0]
+            depth = np.where((alpha >= LEAST_ALPHA) & (seen[..., 2] > 0), seen[..., 2], np.nan)
+            if "path" in layers:  # from where rays start to where mirrors and clear glass let them end
+                first = np.sqrt((seen[..., 0] - right)**2 + (seen[..., 1] - up[rows, None])**2 + depth**2)
+                longer = layers["path"][rows, :, 0] / first + (frame.clip[0] if frame.clip else 0.0) / depth
+                depth *= np.where((longer > LONGER) & (alpha > OPAQUE), longer, 1)
             slopes[rows, :, 0] = (1 - distance / depth) * (frame.rays.spacing / _pitch(frame, 0))
 
         in_threads(slopes_of, range(0, len(slopes), ROWS_IN_CACHE))

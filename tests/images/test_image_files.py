@@ -66,14 +66,14 @@ def test_reads_the_names_of_blender_4_and_the_parts_of_5(tmp_path):
     pixels = RANDOM.normal(size=(4, 5, len(names))).astype(np.float32)
     write_exr(tmp_path / "a.exr", [([f"ViewLayer.{name}" for name in names], pixels)])
     layers = image_files.read_layers(tmp_path / "a.exr")
-    expected = {"color": slice(0, 4), "albedo": slice(4, 7), "normal": slice(8, 11), "environment": slice(11, 14),
-                "index": slice(14, 15), "position": slice(15, 18)}
+    expected = {"color": slice(0, 4), "albedo": slice(4, 7), "path": slice(7, 8), "normal": slice(8, 11),
+                "environment": slice(11, 14), "index": slice(14, 15), "position": slice(15, 18)}
     assert layers.keys() == expected.keys()
     for name, columns in expected.items():
         np.testing.assert_array_equal(layers[name], pixels[..., columns], err_msg=name)
     layers = some_layers()
     parts = [([f"ViewLayer.Combined.{c}" for c in "RGBA"], layers["color"]),
-             (["ViewLayer.Denoising Depth.Z"], layers["index"] + 9),
+             (["ViewLayer.Depth.Z"], layers["index"] + 9),
              (["ViewLayer.Object Index.X"], layers["index"]),
              ([f"ViewLayer.Denoising Normal.{c}" for c in "XYZ"], layers["normal"])]
     write_exr(tmp_path / "a.exr", parts)

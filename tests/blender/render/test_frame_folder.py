@@ -11,13 +11,14 @@ from blender_addon.render.frame_folder import Opened, render_job
 from lfsr_core.base.messages import Notice, silent
 from lfsr_core.exports.light_field import read_views
 from lfsr_core.frames.folder import is_same
-from lfsr_core.frames.frame import LAYERS, read_frame
+from lfsr_core.frames.frame import LAYERS, LAYOUTS, read_frame
 from lfsr_core.images import image_files
 from lfsr_core.pipeline.merge import merge
 from lfsr_core.pipeline.parts import Part
 from lfsr_core.reconstruct.second_stage import finish_frame
+from lfsr_core.reconstruct.upscaler import low_resolution
 from tests.support.requests import make_request
-from tests.support.scenes import MINI, add_box, add_camera, add_lamp, emission
+from tests.support.scenes import MINI, add_box, add_camera, add_lamp, emission, mixed
 from tests.support.told import Told
 
 
@@ -298,3 +299,18 @@ def test_rows_of_lenses_are_the_whole_image(lit, tmp_path, monkeypatch, options)
         assert image_files.size(tmp_path / "part0" / "lr_eia.exr") == (64, 12)
     merge([tmp_path / f"part{number}" for number in (2, 0, 1)], tmp_path / "merged")
     assert_same({path.stem: image_files.read_layers(path) for path in (tmp_path / "merged").glob("*.exr")}, whole)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS[:3])
+def test_depth_in_a_mirror_is_that_of_what_it_shows(scene, tmp_path, layout):
+    add_box(scene, (0, 1, 0), (9, 1, 9), mixed(("ShaderNodeBsdfGlossy", {"Roughness": 0.0, "Color": (1,) * 4})))
+    add_box(scene, (0, -10, 0), (99, 2, 99), emission((1, 1, 1)))  # behind the camera
+    add_box(scene, (0, -1.1, -9.1), (9, 0.1, 9), emission((1, 0, 0)))  # in the lower half
+    add_camera(scene, (0, -6, 0)).data.clip_start = 0.5
+    layers = images_of(scene, tmp_path, scale=2, layout=layout)["lr_eia"]
+    frame, shares = read_frame(tmp_path), []
+    for path in (layers["path"], np.zeros_like(layers["path"])):
+        slopes = low_resolution(layers | {"path": path}, frame).slope
+        depths = frame.array.distance / (1 - slopes * 2 * frame.array.half_width / MINI.lenses[0] / frame.rays.spacing)
+        shares.append([np.isclose(depths, depth, rtol=0.01).mean() for depth in (4.8, 6, 14)])
+    np.testing.assert_allclose(shares, [[0.5, 0, 0.4], [0.5, 0.5, 0]], atol=0.1, err_msg="box, mirror, wall")
