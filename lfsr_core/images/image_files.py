@@ -89,9 +89,9 @@ def read_layers(path: str | Path, without: Collection[str] = ()) -> Layers:
 
     Always "color" (RGBA, premultiplied, scene-linear; alpha 1 if the file has none). If the file has them: "albedo"
     (3), "normal" (3, camera-array space, zero where nothing was hit), "position" (3, world space, scene units), "path"
-    (1, length up to what mirrors and clear glass show), "index" (1) and "environment" (3). Reads Blender's files (4.5: one part, 5.x: one part per pass) and those of
-    ``write_layers``; ignores other passes, and the layers ``without``. LfsrError if the file is missing, truncated, has
-    no colour or lacks a channel of a layer.
+    (1, length up to what mirrors and clear glass show), "index" (1) and "environment" (3). Reads Blender's files (4.5:
+    one part, 5.x: one part per pass) and those of ``write_layers``; ignores other passes, and the layers ``without``.
+    LfsrError if the file is missing, truncated, has no colour or lacks a channel of a layer.
     """
     path = Path(path)
     with reading(path, "an EXR image") as file:

@@ -225,7 +225,7 @@ def assert_same(images, others):
 def test_parts_are_the_whole_image(lit, tmp_path, monkeypatch, options):
     options = LONG | {"layers": LAYERS, "world_visible": True} | options
     whole = images_of(lit, tmp_path / "whole", **options)
-    assert set(whole["lr_eia"]) == {"color", *LAYERS, "environment"}
+    assert set(whole["lr_eia"]) == {"color", *LAYERS, "path", "environment"}
     # So short that bands also run out of time and are given up.
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", "0.01")
     kept = tmp_path / "kept"
