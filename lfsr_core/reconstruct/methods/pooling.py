@@ -1,14 +1,15 @@
 """Pooling along depth ("pool"): missing views are made from the rendered views of every lens that sees the same point.
 
 From one rendered view to the next, a surface point at distance z from the camera plane moves by m = (1 − D/z)·spacing /
-pitch lenses (D: distance of the display plane, spacing: between rendered views). So the ray of lens i and place A among
-the rendered views meets the point that view v sees through lens i + m·(v − A). Samples near that line, of about the
-same slope m, are averaged, along one axis and then along the other: sheared reconstruction, as in Lehtinen et al.,
-Temporal Light Field Reconstruction for Rendering Distribution Effects (2011). Unless much of the scene is steep, it is
-done at two places per rendered view, and views between them are interpolated. Where depth is unknown, interpolation
-inside the elemental image stays, and so it does for the light of a lamp in a sample at the depth of the wall behind it:
-along the wall's slope it would be a halo. What an elemental image shows of its own, as mirrors do, comes back where it
-is more than noise. docs/results/pooling.md has the figures.
+pitch lenses (D: distance of the display plane, spacing: between rendered views; what mirrors and clear glass show is as
+deep as the ray's path is long). So the ray of lens i and place A among the rendered views meets the point that view v
+sees through lens i + m·(v − A). Samples near that line, of about the same slope m, are averaged, along one axis and
+then along the other: sheared reconstruction, as in Lehtinen et al., Temporal Light Field Reconstruction for Rendering
+Distribution Effects (2011). Unless much of the scene is steep, it is done at two places per rendered view, and views
+between them are interpolated. Where depth is unknown, interpolation inside the elemental image stays, and so it does
+for the light of a lamp in a sample at the depth of the wall behind it: along the wall's slope it would be a halo. What
+an elemental image shows of its own, as mirrors do, comes back where it is more than noise. docs/results/pooling.md has
+the figures.
 """
 
 from __future__ import annotations
