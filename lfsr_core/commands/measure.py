@@ -123,7 +123,7 @@ def plan_arguments(parser: argparse.ArgumentParser) -> None:
                         help="number of lenses to sample, whatever the budget; default: 48, or what the budget "
                         "allows, at least 24")
     parser.add_argument("--reference-spp", dest="reference_samples", type=int, metavar="N",
-                        help="of the sampled lenses, default: 256")
+                        help="of the sampled lenses, default: 128")
     parser.add_argument("--details", action="store_true", help="show every measured candidate, not at most ten lines")
     parser.add_argument("--work", type=Path, metavar="DIR", help="folder for the sample's renders, which a second plan "
                         "reuses; default: a cache that is removed when the plan is made")
