@@ -101,13 +101,10 @@ def grouped(problems: Iterable[Problem]) -> list[Problem]:
     return sorted(rows, key=lambda row: SEVERITIES.index(row.severity))
 
 
-def _renderer(scene: bpy.types.Scene) -> Iterator[Problem]:
+def _settings(scene: bpy.types.Scene) -> Iterator[Problem]:
     if not _has_cycles():
         yield Problem("cycles", "Cycles", "Light fields are rendered with Cycles, but the Cycles Render Engine add-on "
                       "is switched off: switch it on.", "Show Add-ons", ERROR)
-
-
-def _settings(scene: bpy.types.Scene) -> Iterator[Problem]:
     output = ("output", "Choose Folder…") if bpy.data.filepath else ("unsaved", "Save File…")
     for (code, fix), target, check in (
             (("display", "Use Defaults"), "Display", scene_settings.check),
@@ -241,5 +238,5 @@ def _shows_world(scene: bpy.types.Scene) -> bool:
 
 
 # What takes no longer in a scene of many objects than looking at each of them once; of these, what a render asks about.
-QUICK = (_renderer, _settings, _array, _light, _scripts, _images, disks, _ignored)
+QUICK = (_settings, _array, _light, _scripts, _images, disks, _ignored)
 ASKING = (_light, _scripts, _images, _ignored)

@@ -402,7 +402,8 @@ def sample_frames(scene: bpy.types.Scene) -> Iterator[int]:
 
 def visited(scene: bpy.types.Scene, numbers: Collection[int]) -> Iterator[int]:
     """As ``sample_frames``, but of these ``numbers``; the current frame only where there are none."""
-    if not numbers or not is_animated():
+    driven = any(item.animation_data and item.animation_data.drivers for item in bpy.data.objects)
+    if not numbers or not (driven or any(action.users for action in bpy.data.actions) or bpy.data.cache_files):
         yield scene.frame_current
         return
     with same_frame(scene):
@@ -420,12 +421,6 @@ def same_frame(scene: bpy.types.Scene) -> Iterator[None]:
     finally:
         if (scene.frame_current, scene.frame_subframe) != before:
             scene.frame_set(before[0], subframe=before[1])
-
-
-def is_animated() -> bool:
-    """Return True if keyframes, drivers or caches may move something."""
-    driven = any(item.animation_data and item.animation_data.drivers for item in bpy.data.objects)
-    return driven or any(action.users for action in bpy.data.actions) or bool(bpy.data.cache_files)
 
 
 def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:

@@ -58,10 +58,6 @@ def _switch_off(switch: str) -> Fix:
     return fix
 
 
-def _add_light(scene: bpy.types.Scene, _target: str) -> None:
-    add_light(scene).name = "Light Field World"
-
-
 def _light_images(scene: bpy.types.Scene, _target: str) -> None:
     """In a room no light of a world arrives."""
     array = rig.find(scene)
@@ -136,7 +132,8 @@ FIXES: dict[str, Fix] = {
     "helper": lambda scene, _target: _leave_out(*look.helpers(scene)), "frame": _fit,
     "plane": lambda scene, _target: look.move_plane(scene), "deep": lambda scene, _target: look.flatten(scene),
     "dark": _light_images,
-    "array": _add_array, "rig": _add_array, "light": _add_light,
+    "array": _add_array, "rig": _add_array,
+    "light": lambda scene, _target: setattr(add_light(scene), "name", "Light Field World"),
     "engine": _set("render", engine="CYCLES"), "script": _set("cycles", device="CPU", shading_system=True),
     "dirty": lambda _scene, target: _existing(bpy.data.images, target, "image").pack(), "background": _to_background,
     "denoise": lambda scene, _target: runtime.use_replacement(scene, scene_settings.resolve(scene)),
