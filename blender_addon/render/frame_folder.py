@@ -24,7 +24,6 @@ from lfsr_core.frames.frame import (
     EVEN,
     GUIDES,
     LOW_RES_FILE,
-    MOST_SEED,
     OWN,
     POSITION,
     REFERENCE_FILES,
@@ -63,10 +62,9 @@ HALF_SEED = 1 << 20
 # Fields of a request that the scene or this machine may settle. The panel renders a copy, whatever its path.
 SETTLED = ("scene", "device", "light", "sampling")
 SOURCES = ("compat.py", "render/**/*.*", "scene/**/*.*")  # of the add-on, which decide pixels
-LIGHT_WIDTH, LIGHT_SAMPLES = 64, 4  # pixels across, and samples per pixel, of the measurement of light
-FIRST_WIDTH, FIRST_SAMPLES = 160, 24  # of the first view
-SMALL_MAP = 128  # pixels across of the map that says where a world is bright
-MOST_SECONDS = 60.0  # that an image may take because more rays are taken than were asked for
+# Pixels across, and samples per pixel, of the measurement of light and of the first view.
+LIGHT_WIDTH, LIGHT_SAMPLES, FIRST_WIDTH, FIRST_SAMPLES = 64, 4, 160, 24
+MOST_SECONDS = 60.0  # of an image with more rays than were asked for
 Say = Callable[[Notice], object]
 
 
@@ -219,12 +217,10 @@ def _seen_from_middle(scene: bpy.types.Scene, placed: Placement, settings: Rende
     """Render what an eye in front of the middle of a ``placed`` array sees, ``width`` pixels across."""
     array, matrix_world = placed
     size = width, max(round(width * array.half_height / array.half_width), cycles.LEAST_PIXELS)
-    # A world image is sampled by a small map, which is made at once.
-    small = {"sampling_method": "MANUAL", "sample_map_resolution": SMALL_MAP}
     # In Blender's own temporary folder, which is removed even if Blender crashes.
     with tempfile.TemporaryDirectory(prefix="lfsr-middle-", dir=bpy.app.tempdir or None) as name:
         path = Path(name, "middle.exr")
-        with (overridden(scene.world.cycles, small) if scene.world is not None else nullcontext(),
+        with (_small_map(scene.world) if scene.world is not None else nullcontext(),
               cycles.temporary_camera(scene, matrix_world, array.distance) as camera,
               cycles.cycles_settings(scene, settings, size)):
             lens, clip = camera.data, placement.clip_of(scene)
@@ -232,6 +228,15 @@ def _seen_from_middle(scene: bpy.types.Scene, placed: Placement, settings: Rende
             lens.clip_start, lens.clip_end = clip or (lens.clip_start, lens.clip_end)
             render_to(scene, path)
         return clean(read_layers(path))[0]
+
+
+@contextmanager
+def _small_map(world: bpy.types.World) -> Iterator[None]:
+    """Let a small map, which is made at once, say where ``world`` is bright inside the block."""
+    with overridden(world.cycles, {"sampling_method": "MANUAL", "sample_map_resolution": 128}):
+        world.update_tag()  # Blender does not: a later render would have the small map
+        yield
+    world.update_tag()
 
 
 def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> tuple[float, float]:
@@ -242,7 +247,7 @@ def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> tuple[
     """
     settings = RenderSettings(FIRST_SAMPLES // 2, frame.seed, device=frame.device, world_visible=frame.world_visible)
     halves = []
-    for seed in (frame.seed, (frame.seed + 1) % (MOST_SEED + 1)):
+    for seed in (frame.seed, frame.seed ^ 1):
         started = time.perf_counter()
         layers = _seen_from_middle(scene, (frame.array, frame.matrix_world), dataclasses.replace(settings, seed=seed),
                                    min(FIRST_WIDTH, frame.display.lenses[0]))

@@ -232,8 +232,7 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
              * math.prod(display.low_views(scale)) * samples for (scale, samples), names in methods.items()}
     reference_paths = len(lenses) * math.prod(display.views) * options.reference_samples
     renders.whole = path_samples(first) + reference_paths + sum(costs.values())
-    is_limited = options.lenses is None and len(lenses) > LEAST_LENSES
-    allowed = options.most_paths(display) if is_limited else math.inf
+    allowed = math.inf if options.lenses or len(lenses) <= LEAST_LENSES else options.most_paths(display)
 
     quarters, hits = list[Array](), []
     for part in range(REFERENCE_PARTS):
@@ -293,8 +292,7 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
         choice = choose(list(rows.values()), options.target, options.limit)
 
     rated = tuple(sorted(rows.values(), key=lambda row: row.seconds))
-    costliest = rows[wanted[-1]]
-    spent = sum(frame.seconds["open"] + frame.seconds["render"] for frame in renders.frames)
+    costliest, spent = rows[wanted[-1]], sum(each.seconds["open"] + each.seconds["render"] for each in renders.frames)
     sample = SampleFacts(len(lenses), int(mask.sum()), costliest.name, costliest.seconds, spent, measuring,
                          renders.paths / costliest.paths(display))
     return Planned(request.scene, display.name, request.seed, options, sample, rated,
