@@ -70,7 +70,7 @@ def test_after_a_render(worn, tmp_path, options):
     layers = image_files.read_layers(next(tmp_path.glob("*.exr")))
     assert layers["color"].shape[:2] == ((96, 128) if options.get("kind") == "reference" else (24, 32))
     position = set() if options.get("kind") == "reference" else {"position"}
-    assert set(layers) == {"color", "albedo", "normal", "index"} | position
+    assert set(layers) == {"color", "albedo", "normal", "index", "path"} | position
     file, part, passes = oiio.ImageInput.open(str(next(tmp_path.glob("*.exr")))), 0, set()
     while file.seek_subimage(part, 0):
         passes, part = passes | {name.lower() for name in file.spec().channelnames}, part + 1

@@ -41,7 +41,9 @@ def start(blend, folder, verb, *options, seconds_per_part=SECONDS_PER_PART):
 
 
 def parts(folder):
-    return sorted(folder.with_name(f".{folder.name}-parts").glob("*-*-*-*.exr"))
+    with suppress(FileNotFoundError):  # the render may remove the folder at this moment
+        return sorted(folder.with_name(f".{folder.name}-parts").glob("*-*-*-*.exr"))
+    return []
 
 
 def written(folder):
