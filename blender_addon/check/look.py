@@ -124,9 +124,9 @@ def startup_cube(scene: bpy.types.Scene) -> bpy.types.Object | None:
 
 
 def helpers(scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """Return what authors look through while they work: objects without a material that they would not have rendered.
+    """Return objects without a material that are drawn as wires or bounds, are a Boolean's tool or a bone's shape.
 
-    Not where the scene shows nothing else.
+    They help while modelling and are not meant to be rendered. Empty where the scene shows nothing else.
     """
     tools = {modifier.object for item in scene.objects for modifier in item.modifiers if modifier.type == "BOOLEAN"}
     tools |= {bone.custom_shape for item in scene.objects if item.pose is not None for bone in item.pose.bones}
@@ -261,9 +261,9 @@ def _seen(scene: bpy.types.Scene) -> tuple[CameraArray, float, float]:
 
 def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
            lamps: list[bpy.types.Object]) -> tuple[Array, Array]:
-    """What white surfaces would send of the light of ``lamps`` and the world at places that the array sees; what comes.
+    """Radiance (n,) at places that the array sees: of white surfaces there, and of the surfaces themselves.
 
-    Where it sees a surface, not of light that is reflected or of a material.
+    Only light that comes straight from ``lamps`` and the world counts.
     """
     array, eye = placed[0], mathutils.Matrix(placed[1])
     half = array.half_width / array.distance, array.half_height / array.distance
@@ -289,10 +289,10 @@ def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
 
 def _is_dark(scene: bpy.types.Scene, placed: rig.Placement, arriving: Array, seen: Array,
              lamps: list[bpy.types.Object], startup: bpy.types.Object | None, is_new: bool) -> bool:
-    """True if hardly any ``_light`` of ``lamps`` and of the world arrives, nor what that does not tell.
+    """True if hardly any light arrives, by the radiance of ``_light`` and then by a render of 64 pixels across.
 
-    That a proof of 64 pixels across does, without the lamp ``startup``; of a scene that ``is_new``, only where it has
-    lamps of its own or a material shines.
+    The render adds reflected light and materials that shine; the lamp ``startup`` is off. A scene that ``is_new`` is
+    rendered only where it has ``lamps`` of its own or a material shines.
     """
     seems_dark = is_dim(arriving, seen, scene.view_settings.exposure)
     if not seems_dark or (is_new and not lamps and not has_emission(scene)):
