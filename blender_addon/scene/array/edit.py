@@ -95,8 +95,7 @@ def remove_planes(scene: bpy.types.Scene) -> None:
 def _moved(scene: bpy.types.Scene, placed: Placement) -> bpy.types.Object:
     """Array of the scene, added if there is none, at a placement."""
     rig.check_editable(scene)
-    array = rig.find(scene)
-    if array is not None:
+    if (array := rig.find(scene)) is not None:
         rig.check_editable(array)
     array = array or _new_array(scene)
     put(array, placed)
@@ -312,27 +311,28 @@ def is_inside(rays: Rays, place: mathutils.Vector) -> bool:
 
 def _faces(rays: Rays, items: Collection[bpy.types.Object]) -> list[list[Face]]:
     """Middle and normal, in the world, of FACES polygons of ``items``, spread evenly over their number, and area."""
-    shown, areas, faces = with_instanced(set(items)), list[Array](), dict[int, Face]()
+    shown, areas, own, faces = with_instanced(set(items)), list[Array](), dict[int, Array](), dict[int, Face]()
 
-    def meshes() -> Iterator[tuple[bpy.types.MeshPolygons, mathutils.Matrix]]:
+    def meshes() -> Iterator[tuple[bpy.types.Mesh, mathutils.Matrix]]:
         for instance in rays.depsgraph.object_instances:  # which holds no instance for longer than its turn
             if instance.object.type == "MESH" and instance.object.original in shown:
-                yield instance.object.data.polygons, instance.matrix_world
-    for polygons, matrix in meshes():
-        areas.append(np.empty(len(polygons), np.float32))
-        polygons.foreach_get("area", areas[-1])
-        areas[-1] *= abs(matrix.determinant())**(2 / 3)
+                yield instance.object.data, instance.matrix_world
+    for mesh, matrix in meshes():
+        if (key := mesh.as_pointer()) not in own:  # many objects may share a mesh
+            own[key] = np.empty(len(mesh.polygons), np.float32)
+            mesh.polygons.foreach_get("area", own[key])
+        areas.append(own[key] * abs(matrix.determinant())**(2 / 3))
     if not areas or not (every := np.concatenate(areas)).any():
         return []
     until = [np.cumsum(weights, dtype=float) for weights in (np.ones_like(every), every)]
     chosen = [np.searchsorted(sums, (np.arange(FACES) + 0.5) / FACES * sums[-1]) for sums in until]
     start, numbers = 0, np.unique(chosen)
-    for polygons, matrix in meshes():
-        turn = matrix.to_3x3().inverted_safe().transposed()
-        for number in numbers[slice(*np.searchsorted(numbers, (start, start + len(polygons))))]:
-            polygon = polygons[int(number) - start]
+    for mesh, matrix in meshes():
+        turn, end = matrix.to_3x3().inverted_safe().transposed(), start + len(mesh.polygons)
+        for number in numbers[slice(*np.searchsorted(numbers, (start, end)))]:
+            polygon = mesh.polygons[int(number) - start]
             faces[number] = matrix @ polygon.center, (turn @ polygon.normal).normalized()
-        start += len(polygons)
+        start = end
     return [[faces[number] for number in numbers] for numbers in chosen]
 
 
