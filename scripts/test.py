@@ -7,10 +7,10 @@ this platform alone.
 from __future__ import annotations
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 from setup import program, ready, run
 
-PLATFORMS = ("linux", "win32", "darwin")
 IN_TWO = ("--numprocesses=2", "--dist=worksteal")
 FAST = ("base", "commands", "docs", "exports", "frames", "images", "metrics", "optics", "pipeline", "plan", "process",
         "reconstruct")
@@ -25,9 +25,11 @@ def main(arguments: list[str]) -> None:
     python = program(folder, "python")
     run([program(folder, "ruff"), "check", "."])
     run([program(folder, "lint-imports")])
-    # Types on every platform: names that one of them lacks show here. One after the other is as fast as all at once.
-    for platform in [sys.platform] if is_fast or chosen else PLATFORMS:
-        run([python, "-m", "mypy", "--platform", platform, "--cache-dir", f".mypy_cache/{platform}"])
+    # Types on every platform, at once: names that one of them lacks show here.
+    types = ([python, "-m", "mypy", "--platform", name, "--cache-dir", f".mypy_cache/{name}"]
+             for name in ([sys.platform] if is_fast or chosen else ("linux", "win32", "darwin")))
+    with ThreadPoolExecutor() as threads:
+        list(threads.map(run, types))
     # All tests run in two processes, half of the files in each until one is done and takes from the other's rest; tests
     # chosen by arguments run in one.
     if is_fast:

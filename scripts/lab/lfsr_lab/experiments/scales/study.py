@@ -149,8 +149,7 @@ def _grid(groups: list[Group]) -> Iterator[tuple[Array, Array, Array]]:
     """Yield, for models of a grid, losses and squared errors (m, groups) and the models' numbers (m, 4)."""
     for lenses, power in itertools.product(LENSES, POWERS):
         lost, errors = np.empty((2, len(RATIOS), len(groups)))
-        products, squares = np.zeros((2, len(RATIOS)))
-        predictions = []
+        products, squares, predictions = *np.zeros((2, len(RATIOS))), list[tuple[Array, Array]]()
         for index, group in enumerate(groups):
             scales = sorted(group.ssims, reverse=True)
             enough = [scale for scale in scales if group.rays * scale**2 >= LEAST_SAMPLES] or scales[:1]
