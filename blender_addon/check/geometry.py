@@ -49,8 +49,7 @@ class Extents:
 
 def find(scene: bpy.types.Scene) -> Iterator[Problem]:
     """Problems of the visible objects of the subject, by name, or of the array that cannot be placed."""
-    array = rig.find(scene)
-    if array is None:
+    if (array := rig.find(scene)) is None:
         return
     try:
         placed, subject = rig.placement(scene, scene_settings.display_of(scene)), find_subject(scene)

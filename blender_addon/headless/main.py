@@ -178,8 +178,7 @@ def _chosen_scene(request: Request, say: Tell = protocol.emit_told) -> bpy.types
 def encode(frames_folder: str, film_file: str, frames_a_second: str) -> Path:
     """Encode the PNG images of a folder as MP4 and return the film; LfsrError if this Blender cannot."""
     folder, film, rate = Path(frames_folder), Path(film_file), float(frames_a_second)
-    frames = sorted(folder.glob("*.png"))
-    if not frames:
+    if not (frames := sorted(folder.glob("*.png"))):
         raise LfsrError(f"{folder} has no PNG frames to encode: export again")
     if not bpy.app.ffmpeg.supported:
         raise LfsrError("this Blender was built without FFmpeg and cannot write MP4: choose another format")

@@ -431,8 +431,7 @@ def parse_frames(text: str) -> tuple[int, ...]:
     frames: dict[int, None] = {}
     for word in text.split(","):
         word = word.strip()
-        found = RANGE.match(word)
-        if found is None:
+        if (found := RANGE.match(word)) is None:
             raise LfsrError(f"frames are {text[:50]!r}, but they must be like 1-48, 1-48x2 or 1,5,9")
         first, last, step = int(found[1]), int(found[2] or found[1]), int(found[3] or 1)
         if first > last or not step:

@@ -247,8 +247,7 @@ def parse_rows(text: str, count: int) -> Rows:
 
     ``count`` is the number of rows of the display. LfsrError if it does not have these rows.
     """
-    found = RANGE.match(text.strip())
-    if found is None:
+    if (found := RANGE.match(text.strip())) is None:
         raise LfsrError(f"rows are {text[:30]!r}, but they must be A-B, as in 1-{count}, or K/N, as in 1/4")
     first, last = int(found[1]), int(found[3] or found[1])
     if found[2] == "/":

@@ -193,8 +193,7 @@ def check_cube(folder):
     world = np.median(brightest[~mask])
     assert np.mean(np.abs(brightest[~mask] - world) < 8) > 0.8
     assert brightest[mask].max() > world + 50
-    report = json.loads((folder / "report.json").read_text())
-    assert report["method"] == "denoise+bilinear"
+    assert json.loads((folder / "report.json").read_text())["method"] == "denoise+bilinear"
 
 
 def test_the_panel_starts_without_openimageio():

@@ -107,8 +107,7 @@ def test_a_band_that_takes_too_long_is_followed_by_a_smaller_one(pace, size):
 
 
 def test_default_renders_stay_one_where_a_minute_will_do():
-    small = Pace(480, 270, 16, 60.0)
-    assert small.is_short
+    assert Pace(480, 270, 16, 60.0).is_short
     usual = Pace(1920, 1080, 16, 60.0)
     assert not usual.is_short
     assert usual.takes_one(dataclasses.replace(usual.trial, seconds=23 / 64))

@@ -75,8 +75,7 @@ def fit_to_view(scene: bpy.types.Scene, profile: DisplayProfile, view: View) -> 
 
 def remove(scene: bpy.types.Scene) -> None:
     """Remove the scene's camera array with its data, and display planes whose array was deleted by hand."""
-    array = rig.find(scene)
-    if array is None:
+    if (array := rig.find(scene)) is None:
         raise LfsrError(f"scene {scene.name!r} has no camera array to remove")
     rig.check_editable(array)
     camera = array.data

@@ -111,8 +111,7 @@ class View:
 
 def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object]) -> Placement:
     """Return the scene's own array for ``profile``, else one at its camera, else one fitted to the subject."""
-    own = rig.placement(scene, profile)
-    if own is not None:
+    if (own := rig.placement(scene, profile)) is not None:
         return own
     if scene.camera is not None and scene.camera.type == "CAMERA":
         return array_of_camera(scene, profile, subject)

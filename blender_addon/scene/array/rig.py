@@ -61,8 +61,7 @@ def distance_to(plane: bpy.types.Object | None) -> float:
 
 def set_distance(scene: bpy.types.Scene, distance: float) -> None:
     """Move the display plane to ``distance`` scene units from the viewing position."""
-    plane = plane_of(find(scene))
-    if plane is not None:
+    if (plane := plane_of(find(scene))) is not None:
         # World matrices change at an update only: first for the array's scale, then for the moved plane.
         bpy.context.view_layer.update()
         plane.location = (0.0, 0.0, -distance / (plane.parent.matrix_world.col[2].to_3d().length or 1.0))
@@ -76,8 +75,7 @@ def spacing_of(array: bpy.types.Object | None) -> float:
 
 def set_spacing(scene: bpy.types.Scene, fraction: float) -> None:
     """Set the camera spacing as a fraction of the display's own."""
-    array = find(scene)
-    if array is not None:
+    if (array := find(scene)) is not None:
         array[SPACING] = fraction
         array.update_tag()
 

@@ -83,8 +83,7 @@ class LFSR_OT_select_plane(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
-        plane = rig.plane_of(rig.find(context.scene))
-        if plane is None:
+        if (plane := rig.plane_of(rig.find(context.scene))) is None:
             raise LfsrError("there is no display plane to select: add a camera array")
         activate(context, plane)
         return {"FINISHED"}

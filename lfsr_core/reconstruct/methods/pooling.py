@@ -223,8 +223,8 @@ def _left_out(low: PooledEIA, row: Array, column: Array, images: Array) -> Array
     """What pooled ``images`` (3, h·sy, n, w·sx) lack of the rendered views of their lenses, interpolated.
 
     Pooling takes what each lens shows in its own way, such as a mirror, for noise. So the difference at the rendered
-    views comes back, weighted as in Wiener's filter by its power in the elemental image, and less at slopes at which
-    views are too far apart to be interpolated.
+    views comes back, weighted as in Wiener's filter by its power in the elemental image. At slopes at which views are
+    too far apart to be interpolated, only its mean over neighbouring views does: a halo that has spread from an edge.
     """
     assert low.noisy is not None and low.slope is not None
     across, down = (_middles(low.color.shape[3 - axis], low.factors[axis]) for axis in (0, 1))
@@ -233,9 +233,17 @@ def _left_out(low: PooledEIA, row: Array, column: Array, images: Array) -> Array
         _noise(low.noisy[row, column], low.color[row, column]), lacking))
     weight = np.clip(1 - NOISE * left / np.maximum(power, 1e-9), 0, 1)
     slope = np.nan_to_num(np.abs(low.slope[row, column]), posinf=0.0)
-    lacking *= weight[:, None, None, None] * np.maximum(1 - slope / STEEP, 0)
+    lacking *= weight[:, None, None, None]
+    mean = np.einsum("vy,nyxc,ux->nvuc", _means(slope.shape[1]), lacking, _means(slope.shape[2]), optimize=True)
+    lacking = mean + (lacking - mean) * np.maximum(1 - slope / STEEP, 0)
     found: Array = interpolated(lacking.astype(np.float32), KERNEL, low.factors).transpose(3, 1, 0, 2)
     return found
+
+
+def _means(views: int) -> Array:
+    """Matrix (views, views) of the mean over rendered views around each, by a Gaussian of a view's deviation."""
+    weights = np.exp(-0.5 * np.square(np.subtract.outer(np.arange(views), np.arange(views))))
+    return np.asarray(weights / weights.sum(1, keepdims=True), np.float32)
 
 
 def _middles(views: int, factor: int) -> Array:

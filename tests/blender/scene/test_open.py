@@ -163,8 +163,7 @@ def test_instanced_subject_is_marked_as_foreground(two, tmp_path):
     two.collection.objects.link(empty)
     add_camera(two, (0, -6, 0), 1.0)
     frame_folder.render_job(two, make_request(str(tmp_path), MINI, samples=1, layers=("index",)))
-    index = image_files.read_layers(tmp_path / "lr_eia.exr")["index"][..., 0]
-    assert set(np.unique(index)) == {0, 1, 2}
+    assert set(np.unique(image_files.read_layers(tmp_path / "lr_eia.exr")["index"][..., 0])) == {0, 1, 2}
 
 
 def test_background_meshes_are_marked_by_index(two, tmp_path):

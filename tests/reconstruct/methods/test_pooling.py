@@ -63,6 +63,14 @@ def test_what_a_mirror_shows_at_its_own_depth_is_not_lost():
     assert error[1] < 1.05 * error[0] < 0.5 * error[2], error  # between as much noise it would be noise
 
 
+def test_what_is_bright_in_some_lenses_leaves_others_black():
+    """Light that does not move as its depth says, before a black wall: linear light, so that a trace of it is seen."""
+    color = np.zeros((*LENSES, *VIEWS, 3), np.float32)
+    color[:, :7] = 0.5
+    low = dataclasses.replace(plane(0.8, color=color), noisy=color)
+    assert finished(low)[INNER][:, 2:].max() < 0.02
+
+
 def test_with_one_sample_what_lies_beside_an_edge_moves_with_it():
     """The soft edge of a body before a black wall, of which each sample has one of two depths."""
     def body(factor: int) -> np.ndarray:

@@ -43,8 +43,7 @@ def test_the_viewer_is_written_beside_the_image_and_every_format_is_in_the_menu(
     assert bpy.ops.lfsr.open_viewer() == {"FINISHED"}
     assert "two depths" not in (frame / "view.html").read_text(encoding="utf-8")
     assert "5\\u2033 for Trials" in (frame / "view.html").read_text(encoding="utf-8")
-    items = bpy.ops.lfsr.export.get_rna_type().properties["format"].enum_items
-    assert set(items.keys()) == set(FORMATS)
+    assert set(bpy.ops.lfsr.export.get_rna_type().properties["format"].enum_items.keys()) == set(FORMATS)
 
 
 @pytest.mark.parametrize(("name", "file"), [("quilt", "two_depths_qs*.png"), ("hci", "parameters.cfg"),

@@ -199,8 +199,7 @@ def test_without_times_there_are_only_rays_the_name_of_a_scene_is_no_formula_and
 def test_the_page_stands_alone_its_tables_are_whole_and_losses_named_as_wins_are(chart, page):
     assert not re.search(r"<script|<link|src=|url\((?!#)|@import", page)
     for table in re.findall(r"<table>.*?</table>", page):
-        rows = ElementTree.fromstring(table).iter("tr")
-        assert len({len(row) for row in rows}) == 1
+        assert len({len(row) for row in ElementTree.fromstring(table).iter("tr")}) == 1
     assert all(name in page for name in LOW_METHODS) and all(scene.scene in page for scene in chart.scenes)
     assert chart.skipped[0] in page and "Example processor" in page
     duels = [duel for scene in chart.scenes for duel in scene.duels]
