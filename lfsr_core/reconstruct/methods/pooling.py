@@ -234,7 +234,7 @@ def _left_out(low: PooledEIA, row: Array, column: Array, images: Array) -> Array
     weight = np.clip(1 - NOISE * left / np.maximum(power, 1e-9), 0, 1)
     slope = np.nan_to_num(np.abs(low.slope[row, column]), posinf=0.0)
     lacking *= weight[:, None, None, None]
-    mean = np.einsum("vy,nyxc,ux->nvuc", _means(slope.shape[1]), lacking, _means(slope.shape[2]), optimize=True)
+    mean = (_means(slope.shape[1]) @ lacking.transpose(0, 3, 1, 2) @ _means(slope.shape[2]).T).transpose(0, 2, 3, 1)
     lacking = mean + (lacking - mean) * np.maximum(1 - slope / STEEP, 0)
     found: Array = interpolated(lacking.astype(np.float32), KERNEL, low.factors).transpose(3, 1, 0, 2)
     return found
