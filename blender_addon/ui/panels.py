@@ -127,7 +127,7 @@ def _draw_problem(layout: bpy.types.UILayout, row: Problem, context: bpy.types.C
     title.alert = row.severity == "ERROR"
     title.label(text=row.title, icon=ICONS[row.severity])
     if row.is_object:
-        _select_button(head, row.code, row.target)
+        _button(head, "lfsr.check_select", row, text="", icon="RESTRICT_SELECT_OFF")
     sentence(box, row.reason, "NONE", context)
     if row.count > 1 and state.show_names:
         problems, column = last.problems(row.code), box.column(align=True)
@@ -135,7 +135,7 @@ def _draw_problem(layout: bpy.types.UILayout, row: Problem, context: bpy.types.C
             line = column.row(align=True)
             line.label(text=problem.target)
             if problem.is_object:
-                _select_button(line, row.code, problem.target)
+                _button(line, "lfsr.check_select", problem, text="", icon="RESTRICT_SELECT_OFF")
         if len(problems) > MOST_NAMES:
             column.label(text=f"and {len(problems) - MOST_NAMES:,} more")
     if row.fix and row.code in OPERATORS:
@@ -146,13 +146,12 @@ def _draw_problem(layout: bpy.types.UILayout, row: Problem, context: bpy.types.C
         for key, value in settings.items():
             setattr(button, key, value)
     elif row.fix:
-        button = box.operator("lfsr.check_fix", text=row.fix)
-        button.code, button.target = row.code, row.target
+        _button(box, "lfsr.check_fix", row, text=row.fix)
 
 
-def _select_button(layout: bpy.types.UILayout, code: str, target: str) -> None:
-    button = layout.operator("lfsr.check_select", text="", icon="RESTRICT_SELECT_OFF")
-    button.code, button.target = code, target
+def _button(layout: bpy.types.UILayout, name: str, problem: Problem, **looks: str) -> None:
+    button = layout.operator(name, **looks)
+    button.code, button.target = problem.code, problem.target
 
 
 class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):

@@ -33,10 +33,9 @@ def older(values: Values) -> str:
 
 
 def _array_blind(values: Values) -> str:
-    place = PLACES[values["place"]]
-    if not values["seen"]:
-        return f"the array sees nothing, and the subject {place}"
-    return f"the array sees {listed(values['seen'], MOST_NAMES)}, but nothing of the subject, which {place}"
+    seen = (f"{listed(values['seen'], MOST_NAMES)}, but nothing of the subject, which" if values["seen"] else
+            "nothing, and the subject")
+    return f"the array sees {seen} {PLACES[values['place']]}"
 
 
 def _camera_missing(values: Values) -> str:

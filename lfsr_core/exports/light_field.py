@@ -45,8 +45,7 @@ def views_to_eia(views: Array, display: DisplayProfile) -> Array:
     """Views (py, px, sy, sx, C) -> EIA (H, W, C) in panel order, as in eia.png; LfsrError for another shape."""
     expected = (*display.views[::-1], *display.lenses[::-1])
     if views.ndim != 5 or views.shape[:4] != expected:
-        raise LfsrError(f"views have shape {views.shape}, but display {display.name!r} needs {expected} and "
-                        "channels")
+        raise LfsrError(f"views have shape {views.shape}, but display {display.name!r} needs {expected} and channels")
     image = from_views(views)
     return flip_order(image, display.lenses) if display.ei_order == "flipped" else image
 

@@ -1,9 +1,8 @@
 """How close an EIA, or a frame folder, is to its reference: every metric of docs/reference/metrics.md.
 
-Images are compared as plain sRGB values clipped to [0, 1], whatever the scene's
-view transform. A reference is two renders a and b with equal samples. Errors against
-the two have no noise in common, so the mean of their product, as of "split" metrics,
-does not grow with the reference's noise.
+Images are compared as plain sRGB values clipped to [0, 1], whatever the scene's view transform. A reference is two
+renders a and b with equal samples. Errors against the two have no noise in common, so the mean of their product, as of
+"split" metrics, does not grow with the reference's noise.
 """
 
 from __future__ import annotations

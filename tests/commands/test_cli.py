@@ -229,8 +229,7 @@ def test_who_reads_a_part_of_the_output_has_enough(monkeypatch, capsys):
 def test_an_interrupt_is_not_lost(inside):
     code = ("import gc, signal, sys, time\nfrom lfsr_core import cli\n"
             "class Late:\n    def __del__(self):\n        signal.raise_signal(signal.SIGTERM)\n        time.sleep(0)\n"
-            f"def run(arguments):\n    {inside}\n"
-            "parser = cli.build_parser\n"
+            f"def run(arguments):\n    {inside}\nparser = cli.build_parser\n"
             "def build(given):\n    made = parser(given)\n    old = made.parse_args\n"
             "    def parse(words):\n        found = old(words)\n        found.run = run\n        return found\n"
             "    made.parse_args = parse\n    return made\n"

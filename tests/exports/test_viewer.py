@@ -81,8 +81,7 @@ def shown(page, width, **changes) -> np.ndarray:
 def canvas(page, **changes) -> np.ndarray:
     """Pixels (height, width, 3) of the page's canvas with this state."""
     return decoded(run(page, "changes => { Object.assign(state, changes); resize(); "
-                             "strip = {from: 0, rows: canvas.height}; draw(); "
-                             "return canvas.toDataURL(); }", changes))
+                             "strip = {from: 0, rows: canvas.height}; draw(); return canvas.toDataURL(); }", changes))
 
 
 def difference(first, second) -> float:

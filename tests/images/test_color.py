@@ -67,8 +67,7 @@ def test_float_and_byte_results_agree_and_any_leading_shape_is_kept():
                          for look in ("Punchy", "AgX - Punchy", "None"))
     np.testing.assert_array_equal(short, full)
     assert np.abs(full - none).max() > 0.01
-    code = ("import sys; from lfsr_core.images.color import ColorSettings; "
-            "from lfsr_core.images.color import ViewTransform; "
+    code = ("import sys; from lfsr_core.images.color import ColorSettings, ViewTransform; "
             "ViewTransform(ColorSettings()); print('bpy' in sys.modules)")
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"
 

@@ -45,7 +45,8 @@ class RecordingLayout:
         self.drawn.append((name, named))
         if name in CONTAINERS:
             return RecordingLayout(self.drawn)
-        return {"prop": _check_property, "operator": _operator, "popover": _check_panel}.get(name, _nothing)(named)
+        checks = {"prop": _check_property, "operator": _operator, "popover": _check_panel}
+        return checks[name](named) if name in checks else None
 
 
 class OperatorProperties:
@@ -75,7 +76,3 @@ def _operator(named: dict[str, Any]) -> OperatorProperties:
 
 def _check_panel(named: dict[str, Any]) -> None:
     assert hasattr(bpy.types, named["panel"]), f"there is no panel {named['panel']!r}"
-
-
-def _nothing(_named: dict[str, Any]) -> None:
-    return None

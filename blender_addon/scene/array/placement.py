@@ -34,6 +34,7 @@ PROBES = (32, 18)     # rays across and down that measure the visible depth of t
 SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 BOXED = {"VOLUME", "CURVES", "POINTCLOUD"}  # known by their bounding boxes only
 MOST_FRAMES = 24      # sampled from an animation
+PARALLEL, COVERED = 150.0, 0.9  # sizes of a frame from which its rays seem parallel; of its width, what a backdrop has
 ROOM = 1 + 1e-6  # spheres are larger than their boxes by rounding
 TINY = 1e-30  # in place of 0 where a ray is parallel to the sides of boxes
 FEW = 100  # objects up to which Blender's own search, which asks each of them, is the fastest
@@ -128,8 +129,7 @@ def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.type
 
 def focus_notice(scene: bpy.types.Scene, placed: Placement) -> Notice | None:
     """Return the notice that a ``placed`` array's display plane is nearer than its camera focuses, if it is."""
-    is_own = rig.find(scene) is not None or scene.camera is None or scene.camera.type != "CAMERA"
-    focus, distance = None if is_own else _focus(scene.camera), placed[0].distance
+    focus, distance = _focus(scene.camera) if clip_of(scene) else None, placed[0].distance
     if focus is None or distance > 0.999 * focus:
         return None
     return Notice("display-nearer", {"focus": focus, "distance": distance})
@@ -173,11 +173,12 @@ def _place(point: Array, sight: _Sight, half: tuple[float, float]) -> str:
 
 
 def clip_of(scene: bpy.types.Scene) -> Clip | None:
-    """Return the clipping depths of the scene's camera; None if the array does not stand at an ordinary camera."""
-    if rig.find(scene) is not None or scene.camera is None or scene.camera.type != "CAMERA":
+    """Return the clipping depths of the scene's camera; None if the array does not stand at a perspective one."""
+    camera = scene.camera
+    if rig.find(scene) is not None or camera is None or camera.type != "CAMERA" or camera.data.type != "PERSP":
         return None
     # The camera's scale does not apply to them.
-    return scene.camera.data.clip_start, scene.camera.data.clip_end
+    return camera.data.clip_start, camera.data.clip_end
 
 
 def fit_array(low: Array, high: Array, profile: DisplayProfile) -> Placement:
@@ -202,28 +203,42 @@ def fit_array(low: Array, high: Array, profile: DisplayProfile) -> Placement:
 
 
 def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object]) -> Placement:
-    """Return an array at the scene's camera, with its direction and horizontal field of view.
+    """Return an array that shows what the scene's camera sees, at its place and in its direction.
 
     The display plane is where the camera focuses, else where the visible subject's nearest and farthest points
-    have equal parallax. It is nearer, and the array smaller, where the array would reach through a wall.
+    have equal parallax. It is nearer, and the array smaller, where the array would reach through a wall. An
+    orthographic camera has no eye: the display shows as much, and viewers stand at their distance from it.
     """
     camera = scene.camera
-    if camera.data.type != "PERSP":
-        raise LfsrError(f"the scene's camera is of type {camera.data.type}, but a camera array needs a perspective "
-                        "one: change its type or remove it")
+    if camera.data.type not in ("PERSP", "ORTHO"):
+        raise LfsrError(f"the scene's camera is of type {camera.data.type}, but a camera array needs a perspective or "
+                        "an orthographic one: change its type or remove it")
     corners = camera.data.view_frame(scene=scene)
-    half_width = (max(c.x for c in corners) - min(c.x for c in corners)) / 2 / -corners[0].z  # at distance 1
-    # The camera's scale does not apply to its clipping depths.
-    clip = camera.data.clip_start, camera.data.clip_end
-    sight = _Sight(Rays(scene), upright(camera), clip)
-    distance, half = _focus(camera), _half(half_width, profile)
+    sizes = [max(c[axis] for c in corners) - min(c[axis] for c in corners) for axis in (0, 1)]
+    back = PARALLEL * max(sizes) if camera.data.type == "ORTHO" else 0.0
+    across, down = (size / 2 / (back or -corners[0].z) for size in sizes)  # half the frame at distance 1
+    clip = camera.data.clip_start + back, camera.data.clip_end + back  # to which the camera's scale does not apply
+    sight = _Sight(Rays(scene), upright(camera) @ mathutils.Matrix.Translation((0, 0, back)), clip)
+    # Of a tall frame the display shows what does not reach from side to side, as a backdrop does.
+    seen, toward = collections.defaultdict[bpy.types.Object, list[tuple[float, float]]](list), sight.matrix.inverted()
+    for place, item in _hits(sight, (across, down)):
+        x, y, z = toward @ place
+        seen[item].append((x / z / across, y / z / down))
+    inner = [points for points in map(np.array, seen.values()) if np.ptp(points[:, 0]) < 2 * COVERED]
+    tall = max((np.abs(points[:, 1]).max() + 2 / PROBES[1] for points in inner), default=1.0)
+    aspect = profile.panel_mm[0] / profile.panel_mm[1]
+    half_width = max(across, min(tall, 1.0) * down * aspect)
+    distance, half = None if back else _focus(camera), (half_width, half_width / aspect)
     if not distance:
         depths = _depths(sight, half, subject)
         if not depths:
             names = ", ".join(_seen_names(sight, half))
             raise LfsrError(f"the scene's camera does not see the subject{f' but {names}' if names else ''}: turn the "
                             f"camera, choose another camera (or {FIT!r}), or choose another subject")
-        distance = _middle(depths)
+        distance = float(np.percentile(depths, 2)) if back else _middle(depths)  # in parallel, nothing grows before it
+    if back:
+        array = CameraArray.for_display(profile, 2 * half_width * back)
+        return array, from_blender(sight.matrix @ mathutils.Matrix.Translation((0, 0, array.distance - distance)))
     return _array_at(sight, profile, half_width, distance)
 
 
@@ -234,7 +249,8 @@ def array_of_view(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[
     The display plane is as of ``array_of_camera``; where the view sees nothing of the subject, at the view's centre.
     """
     sight = _Sight(Rays(scene), mathutils.Matrix(view.matrix), view.clip)
-    depths = _depths(sight, _half(view.half_width, profile), subject)
+    half = view.half_width, view.half_width * profile.panel_mm[1] / profile.panel_mm[0]
+    depths = _depths(sight, half, subject)
     return _array_at(sight, profile, view.half_width, _middle(depths) if depths else view.pivot)
 
 
@@ -243,11 +259,6 @@ def _array_at(sight: _Sight, profile: DisplayProfile, half_width: float, distanc
     array = CameraArray.for_display(profile, 2 * half_width * distance, distance)
     distance *= _free_fraction(sight, profile, array)
     return CameraArray.for_display(profile, 2 * half_width * distance, distance), from_blender(sight.matrix)
-
-
-def _half(half_width: float, profile: DisplayProfile) -> tuple[float, float]:
-    """Half the display's width and height, at the depth where it is ``2 * half_width`` wide."""
-    return half_width, half_width * profile.panel_mm[1] / profile.panel_mm[0]
 
 
 def bounds(subject: set[bpy.types.Object]) -> tuple[Array, Array]:

@@ -95,8 +95,7 @@ def test_the_only_subject_is_not_background_and_an_empty_collection_no_problem(s
     assert found(scene, SWITCHES[0])
     bpy.data.objects.remove(bpy.data.objects["Chair"])
     assert found(scene, SWITCHES[0]) is None
-    box = bpy.data.objects["Box"]
-    box.scale = 60, 60, 60
+    bpy.data.objects["Box"].scale = 60, 60, 60
     bpy.context.view_layer.update()
     assert found(scene, "background") is None
     add_box(scene, (0, 0, 0), (0.1, 0.1, 0.1))

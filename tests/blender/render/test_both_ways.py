@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 
 import bpy
 import numpy as np
@@ -152,10 +151,6 @@ def world_volume(scene):
     tree.links.new(volume.outputs[0], tree.nodes["World Output"].inputs["Volume"])
 
 
-def grease_pencil(scene):
-    bpy.ops.object.grease_pencil_add(type="MONKEY", location=(0.8, -1, 0), rotation=(math.pi / 2, 0, 0))
-
-
 def marker(scene):
     other = scene.camera.copy()
     other.location.x = 2
@@ -181,7 +176,9 @@ FEATURES = {
     # Objects
     "shadow catcher": both(put(lambda scene: scene.objects["floor"], is_shadow_catcher=True),
                            put(render__film_transparent=True)),
-    "holdout": put(shown, is_holdout=True), "unseen": put(shown, visible_camera=False), "grease pencil": grease_pencil,
+    "holdout": put(shown, is_holdout=True), "unseen": put(shown, visible_camera=False),
+    "grease pencil": lambda _: bpy.ops.object.grease_pencil_add(type="MONKEY", location=(0.8, -1, 0),
+                                                                rotation=(1.57, 0, 0)),
     # The camera
     "vertical fit": put(camera__data__sensor_fit="VERTICAL"),
     "clip": put(camera__data__clip_end=6.5), "clip start": put(camera__data__clip_start=5.8),

@@ -304,16 +304,13 @@ def test_another_file_and_a_disabled_extension_end_it(window):
     start(window)
     window.run("bpy.ops.wm.read_homefile(use_factory_startup=True)")
     window.settle()
-    assert window.get("not live.is_on() and live_scene.marked() == []")
-    assert window.get("len(bpy.context.window_manager.windows)") == 1
+    assert window.get("not live.is_on() and live_scene.marked() == [] and len(bpy.context.window_manager.windows) == 1")
     fresh_file(window)
     start(window)
     window.run("bpy.ops.preferences.addon_disable(module='bl_ext.user_default.lfsr')")
     window.settle()
-    assert window.get("not live.is_on() and live_scene.marked() == []")
-    assert window.get("len(bpy.context.window_manager.windows)") == 1
-    window.run("bpy.ops.preferences.addon_enable(module='bl_ext.user_default.lfsr')")
-    window.run(IMPORTS)
+    assert window.get("not live.is_on() and live_scene.marked() == [] and len(bpy.context.window_manager.windows) == 1")
+    window.run("bpy.ops.preferences.addon_enable(module='bl_ext.user_default.lfsr')\n" + IMPORTS)
 
 
 def test_edits_are_followed(window):

@@ -61,8 +61,7 @@ def test_light_is_chosen_from_its_menu(window):
     window.screenshot("light-file")
     with pytest.raises(AssertionError, match="No light file is chosen: give a .hdr or .exr file"):
         window.run("bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True)")
-    window.run("bpy.context.scene.lfsr.light = 'EVEN'")
-    window.run("bpy.utils.unregister_class(bpy.types.LFSR_PT_quality_open)")
+    window.run("bpy.context.scene.lfsr.light = 'EVEN'; bpy.utils.unregister_class(bpy.types.LFSR_PT_quality_open)")
     window.run("if 'Display Plane' in bpy.data.objects: bpy.ops.lfsr.array_remove('INVOKE_DEFAULT', True)")
 
 
@@ -91,7 +90,8 @@ def test_array_is_added_and_drawn(window):
     drawn = read_png(window.screenshot("4-array"))
     window.run("bpy.context.scene.lfsr.show_frustum = False")
     hidden = read_png(window.screenshot("5-hidden"))
-    blue = [_blue(picture) for picture in (before, drawn, hidden)]
+    # Pixels in the colour of the display rectangle.
+    blue = [(np.abs(picture.astype(int) - DISPLAY_COLOR).max(-1) < 40).sum() for picture in (before, drawn, hidden)]
     assert blue[1] > 100 and blue[0] < blue[1] / 5 and blue[2] < blue[1] / 5
     window.run("bpy.context.scene.lfsr.show_frustum = True")
 
@@ -189,8 +189,3 @@ def leave():
 bpy.app.timers.register(leave, first_interval=0.5)
 """)
     assert window.process.wait(SECONDS_TO_ANSWER) == 0
-
-
-def _blue(picture: np.ndarray) -> int:
-    """Pixels in the colour of the display rectangle."""
-    return int((np.abs(picture.astype(int) - DISPLAY_COLOR).max(axis=-1) < 40).sum())

@@ -69,8 +69,7 @@ def test_what_cannot_be_added_or_fitted_is_said_and_remove_leaves_nothing(artist
 
 
 def test_fit_to_the_camera_is_where_a_new_array_would_stand(artist):
-    camera = add_camera(artist, (0.2, -4, 0.1))
-    camera.data.clip_start = 0.01
+    add_camera(artist, (0.2, -4, 0.1)).data.clip_start = 0.01
     assert bpy.ops.lfsr.array_fit(to="CAMERA") == {"FINISHED"}
     fitted = place(artist)
     edit.remove(artist)
@@ -115,8 +114,7 @@ def box_at(low, high):
 
 def chosen(*boxes):
     """Which of the boxes are the main part."""
-    names = [f"{index}" for index in range(len(boxes))]
-    return edit.main_part(names, np.array(boxes))
+    return edit.main_part([f"{index}" for index in range(len(boxes))], np.array(boxes))
 
 
 THING, NEIGHBOUR = box_at((-1, -1, 0), (1, 1, 2)), box_at((2, -1, 0), (3, 1, 2))
@@ -167,21 +165,14 @@ def seen_box(scene, item):
     return np.abs(points[:, :2] / points[:, 2:] / half).max(), len(placement.seen_depths(scene, array, {item}))
 
 
-def turned_away(scene):
-    add_camera(scene, (0, -4, 0)).rotation_euler = (np.pi / 2, 0, np.pi)
-
-
-def parallel(scene):
-    add_camera(scene, (0, -4, 0)).data.type = "ORTHO"
-
-
-@pytest.mark.parametrize("camera", [None, turned_away, parallel])
+@pytest.mark.parametrize("camera", [None, "PERSP", "PANO"])
 def test_without_a_camera_that_sees_it_the_subject_fills_the_display(scene, camera):
     box = add_box(scene, (3.0, 2.0, 1.0), (0.5, 0.5, 0.5))
-    if camera is not turned_away:  # the camera would see the floor
+    if camera != "PERSP":  # the camera, which is turned away, would see the floor
         add_box(scene, (0, 0, -0.2), (60, 60, 0.1))
     if camera is not None:
-        camera(scene)
+        own = add_camera(scene, (0, -4, 0))
+        own.data.type, own.rotation_euler = camera, (np.pi / 2, 0, np.pi)
     bpy.context.view_layer.update()
     edit.add(scene, MINI)
     widest, rays = seen_box(scene, box)
@@ -190,8 +181,7 @@ def test_without_a_camera_that_sees_it_the_subject_fills_the_display(scene, came
 
 def test_the_array_turns_where_a_wall_hides_the_subject(scene):
     box = add_box(scene, (0.0, 0.0, 0.0), (0.5, 0.5, 0.5))
-    wall = add_box(scene, (0.0, -0.8, 0.0), (0.1, 30.0, 30.0))
-    wall.rotation_euler = (0, 0, np.pi / 2)
+    add_box(scene, (0.0, -0.8, 0.0), (0.1, 30.0, 30.0)).rotation_euler = (0, 0, np.pi / 2)
     bpy.context.view_layer.update()
     edit.add(scene, MINI)
     assert seen_box(scene, box)[1] > 50

@@ -54,8 +54,7 @@ def test_a_deep_subject_is_made_smaller_but_not_tiny_and_array_space_is_taken_to
     flat, _ = placement.fit_array(np.array((-0.2, -0.01, -0.1)), np.array((0.2, 0.01, 0.1)), profile)
     assert deep.half_width > 1.2 * flat.half_width
     medium, _ = placement.fit_array(np.array((-0.2, -0.12, -0.1)), np.array((0.2, 0.12, 0.1)), profile)
-    usable = min(profile.depth_range_mm()) / profile.panel_mm[0] * 2 * medium.half_width
-    assert usable >= 0.12 * 0.999
+    assert min(profile.depth_range_mm()) / profile.panel_mm[0] * 2 * medium.half_width >= 0.12 * 0.999
     _, matrix_world = placement.fit_array(CENTRE - HALF, CENTRE + HALF, SMALL)
     matrix = np.array(matrix_world)
     assert matrix[:3, :3] @ (1, 0, 0) == pytest.approx((1, 0, 0), abs=1e-6)
@@ -80,6 +79,22 @@ def test_own_camera_keeps_place_direction_and_angle_and_the_display_where_it_foc
     assert placement.place_array(scene, SMALL, {box})[0].distance == pytest.approx(4.0)
 
 
+@pytest.mark.parametrize(("kind", "size"), [("PERSP", (900, 1600)), ("PERSP", (1600, 1200)), ("ORTHO", (900, 1600))])
+def test_all_that_a_camera_sees_is_on_the_display(scene, kind, size):
+    box, camera = add_box(scene, tuple(CENTRE), (0.5, HALF[1], 5)), add_camera(scene)
+    camera.data.type, (scene.render.resolution_x, scene.render.resolution_y) = kind, size
+    array, matrix = placement.place_array(scene, SMALL, {box})
+    corner = camera.data.view_frame(scene=scene)[0]
+    assert array.half_height == pytest.approx(corner.y * (array.distance / -corner.z if kind == "PERSP" else 1))
+    turned = np.array(matrix)[:3]
+    assert turned[:, :3] == pytest.approx(np.array(rig.from_blender(camera.matrix_world))[:3, :3], abs=1e-6)
+    assert turned @ (0, 0, array.distance, 1) == pytest.approx(CENTRE - (0, HALF[1], 0), abs=0.05)
+    box.hide_viewport, wall = True, add_box(scene, (1, 9, 3), (20, 0.1, 20))
+    add_box(scene, tuple(CENTRE), tuple(HALF))
+    cut = placement.place_array(scene, SMALL, {wall})[0]
+    assert cut.half_width == pytest.approx(corner.x * (cut.distance / -corner.z if kind == "PERSP" else 1)), "backdrop"
+
+
 def test_near_and_far_have_equal_parallax_from_the_own_camera(scene):
     near, far = add_box(scene, (0.4, -2, 3), (0.5, 0.01, 3)), add_box(scene, (1, 5, 3), (9, 0.01, 9))
     add_camera(scene)
@@ -99,8 +114,8 @@ def test_array_does_not_reach_through_a_wall(scene):
 def test_camera_that_cannot_become_an_array_is_refused(scene):
     box = add_box(scene, tuple(CENTRE), tuple(HALF))
     camera = add_camera(scene)
-    camera.data.type = "ORTHO"
-    refuses("type ORTHO, but a camera array needs a perspective one", placement.place_array, scene, SMALL, {box})
+    camera.data.type = "PANO"
+    refuses("type PANO, but a camera array needs a perspective or", placement.place_array, scene, SMALL, {box})
     camera.data.type = "PERSP"
     camera.rotation_euler = (-np.pi / 2, 0, 0)
     bpy.context.view_layer.update()
