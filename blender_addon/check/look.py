@@ -1,6 +1,6 @@
 """Look at the scene from its camera array before a render: is the subject in the frame, lit, and not too deep?
 
-Rays through the viewport's geometry tell that in a fraction of a second. What is wrong has a mend, which the dialog of
+Rays through what is rendered tell that in a fraction of a second. What is wrong has a mend, which the dialog of
 a render offers ticked, in the order of MENDS: each is looked for as if those before it were done.
 """
 
@@ -24,7 +24,7 @@ from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
 from ..scene.array.placement import Rays
 from ..scene.contents import GEOMETRY, find_subject, is_rendered, rendered_layer, with_instanced
-from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, SOFT, has_emission, has_light, is_dim, world_radiance
+from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance
 from ..scene.settings import length
 from ..scene.words import counted
 from .problems import Problem
@@ -42,7 +42,6 @@ MUCH = 1.1  # disparity beyond which depth is worth a word
 LEAST_GAIN = 0.9  # of the disparity, that a move of the display plane must leave
 LEAST_SPACING = 0.05
 LIT, LAMPS, SKY = 24, 32, 6  # places, lamps and rays to the sky that tell how much light arrives
-GLARE, GLARING = 2.0, 0.15  # radiance at which even gray is white, and how much of a picture may be so bright
 CERTAIN = 1e6  # strength of a lamp that nodes decide
 SHADE = 0.15  # of a lamp's distance: what stands as near to it is its own shade
 UNAIMED = "The camera of the new file was not aimed at it"
@@ -55,7 +54,7 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
         placed = rig.placement(scene, display)
         if placed is None:
             return
-        main, cube, others = main_objects(scene, subject), startup_cube(scene), helpers(scene)
+        cube, others = startup_cube(scene), helpers(scene)
         if cube is not None:
             yield _problem("cube", cube.name, "The cube of Blender's new file stands in the picture.")
         if others:
@@ -63,7 +62,7 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
             yield _problem("helper", others[0].name, f"{others[0].name}{more} without a material would be rendered "
                            "solid: drawn as wires, a Boolean's tool or the shape of a bone.")
         with _without(cube, *others):
-            yield from _found(scene, placed, display, subject, main)
+            yield from _found(scene, placed, display, subject, main_objects(scene, subject))
 
 
 def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, subject: set[bpy.types.Object],
@@ -82,34 +81,42 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     own = [item for item in lamps if not is_imported
            or (item.matrix_world.translation - mathutils.Vector(STARTUP_LAMP)).length > 1e-3]
     startup = next((item for item in lamps if item not in own), None)
-    view, exposed = scene.view_settings, 2.0**scene.view_settings.exposure
+    exposed, is_plain = 2.0**scene.view_settings.exposure, not own and not has_emission(scene)
     is_alone = not own and world_radiance(scene.world) * exposed < DIM
-    arriving, seen = _light(scene, rays, placed, own)
-    if (is_alone and not has_emission(scene)) or _is_dark(scene, placed, arriving, seen, own, startup, is_new):
+    light = [radiance * exposed for radiance in _light(scene, rays, placed, own)]
+    if not (is_plain and is_alone) and (is_glaring(scene, light[1]) or (is_dim(*light) and not (is_plain and is_new))):
+        light[:] = _rendered(scene, placed, startup)
+    if (is_plain and is_alone) or is_dim(*light):
         source = "a dim world" if startup is None else "the lamp of Blender's new file"
         yield _problem("dark", scene.name, f"Only {source} lights it. Images only are lit."
                        if is_alone else "Hardly any light comes from what the array sees: the image will be almost "
                        "black. Images only are lit; the scene keeps its own light.")
-    elif view.view_transform not in SOFT and np.count_nonzero(seen * exposed > GLARE) > GLARING * len(seen):
-        yield Problem("bright", scene.name, "Much of what the array sees is lit far brighter than white, and the view "
-                      f"transform {view.view_transform} shows it as white: weaken the lamps, or lower the exposure in "
-                      "Color Management.", asks=True, title="Light")
+    elif is_glaring(scene, light[1]):
+        yield _problem("bright", scene.name, "Much of what the array sees is lit far brighter than white, and the view "
+                       f"transform {scene.view_settings.view_transform} shows it as white: weaken the lamps, or lower "
+                       "the exposure in Color Management.")
 
 
 @contextmanager
 def _without(*items: bpy.types.Object | None) -> Iterator[None]:
-    """Hide objects inside the block."""
-    with ExitStack() as hidden:
+    """Leave objects out of renders inside the block; rays meet what is rendered, also what the viewport hides."""
+    with ExitStack() as changes:
         for item in filter(None, items):
-            hidden.enter_context(overridden(item, {"hide_viewport": True, "hide_render": True}))
+            changes.enter_context(overridden(item, {"hide_render": True}))
+        for item in bpy.context.view_layer.objects:
+            if item.type in GEOMETRY and item.visible_get() == item.hide_render:
+                changes.callback(item.select_set, item.select_get())  # which Blender does not keep of what is hidden
+                changes.enter_context(overridden(item, {"hide_viewport": item.hide_render}))
+                changes.callback(item.hide_set, item.hide_get())
+                item.hide_set(item.hide_render)
         bpy.context.view_layer.update()
         yield
     bpy.context.view_layer.update()
 
 
 def _problem(code: str, target: str, reason: str, placed: rig.Placement | None = None) -> Problem:
-    title = {"plane": "Depth", "deep": "Depth", "dark": "Light"}.get(code, "")
-    return Problem(code, target, reason, MENDS[code][1], asks=True, title=title, placed=placed)
+    title = {"plane": "Depth", "deep": "Depth", "dark": "Light", "bright": "Light"}.get(code, "")
+    return Problem(code, target, reason, MENDS.get(code, ("", ""))[1], asks=True, title=title, placed=placed)
 
 
 def startup_cube(scene: bpy.types.Scene) -> bpy.types.Object | None:
@@ -287,23 +294,15 @@ def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
     return np.array(arriving), np.array(seen)
 
 
-def _is_dark(scene: bpy.types.Scene, placed: rig.Placement, arriving: Array, seen: Array,
-             lamps: list[bpy.types.Object], startup: bpy.types.Object | None, is_new: bool) -> bool:
-    """True if hardly any light arrives, by the radiance of ``_light`` and then by a render of 64 pixels across.
-
-    The render adds reflected light and materials that shine; the lamp ``startup`` is off. A scene that ``is_new`` is
-    rendered only where it has ``lamps`` of its own or a material shines.
-    """
-    seems_dark = is_dim(arriving, seen, scene.view_settings.exposure)
-    if not seems_dark or (is_new and not lamps and not has_emission(scene)):
-        return seems_dark
-    from ..render.frame_folder import is_dark  # reads EXR files, which the panel starts without
+def _rendered(scene: bpy.types.Scene, placed: rig.Placement, startup: bpy.types.Object | None) -> tuple[Array, Array]:
+    """What ``_light`` returns, exposed, by a tiny render without ``startup``: with textures, reflections and glow."""
+    from ..render.frame_folder import light_seen  # reads EXR files, which the panel starts without
 
     result = bpy.data.images.get("Render Result")
     slots = result.render_slots if result is not None else ()
     # In the last slot of Blender's own result, so that the artist's stays.
     with _without(startup), overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
-        return is_dark(scene, scene_settings.resolve(scene).request, placed)
+        return light_seen(scene, scene_settings.resolve(scene).request, placed)
 
 
 def _reflected(item: bpy.types.Object) -> tuple[float, float]:

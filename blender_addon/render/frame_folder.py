@@ -15,6 +15,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
 from lfsr_core.base.records import to_data
 from lfsr_core.base.system import file_digest, file_stamp
@@ -178,27 +179,26 @@ def settled_light(scene: bpy.types.Scene, request: Request, say: Say) -> str:
     """Return the light of ``scene``: the one asked for, or for AUTO the one that the scene needs now.
 
     A .blend keeps its own light if it has any, with a warning where that is too little; ``say`` tells of any other.
+    What shines does not count by its brightness but by its size: half of the subject decides.
     """
     if request.light != AUTO:
         return request.light
     has_own = has_light(scene)
-    if has_own and (is_certain(scene) or not is_dark(scene, request)):
+    if has_own and (is_certain(scene) or not is_dim(*light_seen(scene, request))):
         return OWN
     if has_own and Path(request.scene).suffix.lower() in ("", ".blend"):
         say(Notice("light-weak"))
         return OWN
     with lit(scene, DEFAULT_LIGHT):
-        light = EVEN if is_dark(scene, request) else DEFAULT_LIGHT
+        light = EVEN if is_dim(*light_seen(scene, request)) else DEFAULT_LIGHT
     say(Notice("light-replaced", {"reason": "dark" if has_own else "none", "light": light}))
     return light
 
 
-def is_dark(scene: bpy.types.Scene, request: Request, placed: Placement | None = None) -> bool:
-    """Measure with a tiny render if most of what the middle of a ``placed`` array, else of the scene's, sees is dark.
+def light_seen(scene: bpy.types.Scene, request: Request, placed: Placement | None = None) -> tuple[Array, Array]:
+    """Return the exposed radiance (n,) that the middle of a ``placed`` array, else of the scene's, sees of the subject.
 
-    Compared is the brightness, at the scene's exposure, that a white surface would have in its place. What shines does
-    not count by its brightness but by its size: half of the subject decides. False also where that is not in
-    sight; the render says that.
+    First that of white surfaces in its place, then its own, in a tiny render; both empty where it is not in sight.
     """
     with suppress(LfsrError):
         subject = find_subject(scene, request.subject)
@@ -208,9 +208,9 @@ def is_dark(scene: bpy.types.Scene, request: Request, placed: Placement | None =
             layers = _seen_from_middle(scene, placed, settings, LIGHT_WIDTH)
         seen = (layers["color"][..., 3] > 0.5) & (layers["index"][..., 0] == cycles.FOREGROUND)
         color, albedo = layers["color"][seen][:, :3].max(-1), layers["albedo"][seen].max(-1)
-        light = color / np.maximum(albedo, LEAST_ALBEDO)
-        return is_dim(light, color, scene.view_settings.exposure)
-    return False
+        color *= 2.0**scene.view_settings.exposure
+        return color / np.maximum(albedo, LEAST_ALBEDO), color
+    return np.empty(0), np.empty(0)
 
 
 def _seen_from_middle(scene: bpy.types.Scene, placed: Placement, settings: RenderSettings, width: int) -> Layers:

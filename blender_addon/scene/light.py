@@ -22,6 +22,7 @@ DEFAULT_LIGHT = "city"  # neutral, from all sides: suits glass as well as skin
 # Brightness below which a white surface is almost in the dark. The world of a new file, 0.05, lights less.
 DIM = 0.08
 BLACK, MORE = 0.05, 2.0  # radiance of a picture's brightest below which it needs so many times the light
+GLARE, GLARING = 2.0, 0.15  # radiance at which even gray is white, and how much of a picture may be so bright
 LEAST_ALBEDO = 0.1  # darker surfaces count as if they reflected this much: what is black needs more light to be seen
 SKY = 0.5  # radiance of a sky that is an image or a texture
 CERTAIN_SUN, CERTAIN_WORLD = 0.5, 0.1   # W/m² and radiance that show a white surface well above that
@@ -48,9 +49,8 @@ def light_items() -> list[tuple[str, str, str, int]]:
 
 def has_light(scene: bpy.types.Scene) -> bool:
     """Return True if anything in the scene emits light: a lamp, a world, or a material in use."""
-    world = scene.world is not None and _shines(scene.world.node_tree, scene.world.color)
     lamps = any(item.type == "LIGHT" and not item.hide_render and item.data.energy for item in scene.objects)
-    return world or lamps or has_emission(scene)
+    return world_radiance(scene.world) > 0 or lamps or has_emission(scene)
 
 
 def _shines(tree: bpy.types.NodeTree | None, plain: tuple[float, ...]) -> bool:
@@ -77,10 +77,14 @@ def is_certain(scene: bpy.types.Scene) -> bool:
     return max(suns, default=0.0) * factor >= CERTAIN_SUN or _plain_world(scene.world) * factor >= CERTAIN_WORLD
 
 
-def is_dim(light: Array, radiance: Array, exposure: float) -> bool:
+def is_dim(light: Array, radiance: Array) -> bool:
     """Return True if most of a picture is hardly lit, by what white surfaces would send and by what it sends."""
-    return bool(light.size and np.median(light) * 2.0**exposure < DIM * (
-        MORE if np.percentile(radiance, 95) * 2.0**exposure < BLACK else 1))
+    return bool(light.size and np.median(light) < DIM * (MORE if np.percentile(radiance, 95) < BLACK else 1))
+
+
+def is_glaring(scene: bpy.types.Scene, radiance: Array) -> bool:
+    """Return True if much of a picture is far brighter than white and shown as white."""
+    return scene.view_settings.view_transform not in SOFT and bool((radiance > GLARE).sum() > GLARING * radiance.size)
 
 
 def has_emission(scene: bpy.types.Scene) -> bool:

@@ -44,10 +44,12 @@ def _camera(name: str) -> bpy.types.Camera:
 
 def _set(group: str, **values: object) -> Fix:
     """Fix that sets properties of ``scene.group``."""
-    def fix(scene: bpy.types.Scene, _target: str) -> None:
-        for name, value in values.items():
-            setattr(getattr(scene, group), name, value)
-    return fix
+    return lambda scene, _target: _put(getattr(scene, group), **values)
+
+
+def _put(owner: bpy.types.bpy_struct, **values: object) -> None:
+    for name, value in values.items():
+        setattr(owner, name, value)
 
 
 def _switch_off(switch: str) -> Fix:
@@ -60,8 +62,7 @@ def _switch_off(switch: str) -> Fix:
 
 def _light_images(scene: bpy.types.Scene, _target: str) -> None:
     """In a room no light of a world arrives."""
-    array = rig.find(scene)
-    is_indoors = array is not None and is_inside(Rays(scene), array.matrix_world.translation)
+    is_indoors = (array := rig.find(scene)) is not None and is_inside(Rays(scene), array.matrix_world.translation)
     scene.lfsr.light = (EVEN if is_indoors else DEFAULT_LIGHT).upper()
 
 
@@ -72,10 +73,9 @@ def _leave_out(*items: bpy.types.Object) -> None:
 
 
 def _fit(scene: bpy.types.Scene, _target: str, placed: Placement | None = None) -> None:
-    display = scene_settings.display_of(scene)
+    display, subject = scene_settings.display_of(scene), find_subject(scene)
     array = rig.find(scene) or add(scene, display)
     check_editable(array)
-    subject = find_subject(scene)
     put(array, placed or in_front(scene, display, set(look.main_objects(scene, subject)) or subject))
 
 
@@ -116,11 +116,6 @@ def _add_array(scene: bpy.types.Scene, _target: str) -> None:
     add(scene, scene_settings.display_of(scene))
 
 
-def _reset_shift(_scene: bpy.types.Scene, target: str) -> None:
-    camera = _camera(target)
-    camera.shift_x = camera.shift_y = 0.0
-
-
 def _use_one_layer(scene: bpy.types.Scene, target: str) -> None:
     used = _existing(scene.view_layers, target, "view layer")
     for layer in scene.view_layers:
@@ -131,24 +126,22 @@ FIXES: dict[str, Fix] = {
     "cube": lambda _scene, target: _leave_out(_existing(bpy.data.objects, target)),
     "helper": lambda scene, _target: _leave_out(*look.helpers(scene)), "frame": _fit,
     "plane": lambda scene, _target: look.move_plane(scene), "deep": lambda scene, _target: look.flatten(scene),
-    "dark": _light_images,
-    "array": _add_array, "rig": _add_array,
+    "dark": _light_images, "array": _add_array, "rig": _add_array,
     "light": lambda scene, _target: setattr(add_light(scene), "name", "Light Field World"),
     "engine": _set("render", engine="CYCLES"), "script": _set("cycles", device="CPU", shading_system=True),
     "dirty": lambda _scene, target: _existing(bpy.data.images, target, "image").pack(), "background": _to_background,
     "denoise": lambda scene, _target: runtime.use_replacement(scene, scene_settings.resolve(scene)),
     "display": _use_defaults, "subject": _show_subject, "filter": _set("cycles", pixel_filter_type="BOX"),
     "border": _set("render", use_border=False), "aspect": _set("render", pixel_aspect_x=1, pixel_aspect_y=1),
-    "clamp": _set("cycles", sample_clamp_direct=0, sample_clamp_indirect=10), "world": lambda scene, target: setattr(
-        _existing(scene.view_layers, target, "view layer"), "world_override", None),
-    "motion": _set("render", use_motion_blur=False),
-    "focus": lambda _scene, target: setattr(_camera(target).dof, "use_dof", False), "shift": _reset_shift,
-    "override": lambda scene, target: setattr(_existing(scene.view_layers, target, "view layer"), "material_override",
-                                              None),
+    "clamp": _set("cycles", sample_clamp_direct=0, sample_clamp_indirect=10),
+    "focus": lambda _scene, target: _put(_camera(target).dof, use_dof=False),
+    "shift": lambda _scene, target: _put(_camera(target), shift_x=0.0, shift_y=0.0),
+    "world": lambda scene, target: _put(_existing(scene.view_layers, target, "view layer"), world_override=None),
+    "override": lambda scene, target: _put(_existing(scene.view_layers, target, "view layer"), material_override=None),
     "layers": _use_one_layer, **{switch: _switch_off(switch) for switch in SWITCHES},
     "compositor": _set("render", use_compositing=False), "sequencer": _set("render", use_sequencer=False),
     "view": _set("view_settings", use_curve_mapping=False, use_white_balance=False),
-    "catcher": _set("render", film_transparent=True)}
+    "catcher": _set("render", film_transparent=True), "motion": _set("render", use_motion_blur=False)}
 OUTSIDE_SCENE = ("dirty", "focus", "shift")  # fixes that change more than the scene
 # Fixes that Blender's own operators do, some after asking for a file.
 OPERATORS: dict[str, tuple[str, dict[str, object]]] = {

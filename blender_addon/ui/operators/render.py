@@ -264,8 +264,9 @@ def to_ask(scene: bpy.types.Scene, frames: int = 1) -> list[Problem]:
 
 def check_questions(scene: bpy.types.Scene, frames: int = 1) -> list[Question]:
     """Return what an artist is asked before ``frames`` images of ``scene``, once for each thing in a file."""
-    new = [problem for problem in to_ask(scene, frames) if _key(scene, problem) not in _accepted]
-    accept = functools.partial(_accepted.update, [_key(scene, problem) for problem in new])
+    found = [((scene.name_full, problem.code, problem.target), problem) for problem in to_ask(scene, frames)]
+    new = [problem for key, problem in found if key not in _accepted]
+    accept = functools.partial(_accepted.update, [key for key, _ in found])
     mends = [problem for code in MENDS for problem in new if problem.code == code]
     rows = grouped(problem for problem in new if problem.code not in MENDS)
     asked = [Question(problem.reason.rstrip("."), "Render", accept=accept, mend=MENDS[problem.code][0],
@@ -284,10 +285,6 @@ def check_questions(scene: bpy.types.Scene, frames: int = 1) -> list[Question]:
     if len(rows) > MOST_ROWS:
         asked.append(Question(f"Scene Check lists {len(rows) - MOST_ROWS} more", "Render", accept=accept))
     return asked
-
-
-def _key(scene: bpy.types.Scene, problem: Problem) -> tuple[str, str, str]:
-    return scene.name_full, problem.code, problem.target
 
 
 def _denoising(scene: bpy.types.Scene) -> list[Question]:

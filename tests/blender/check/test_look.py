@@ -94,6 +94,18 @@ def test_what_helps_while_modelling_is_left_out(startup):
     assert [item.hide_render for item in items] == [False, True, True, False, False, True]
 
 
+def test_what_is_rendered_is_looked_at_whatever_the_viewport_hides(startup):
+    aimed(startup)
+    add_box((0, 0, 1), (1, 0.5, 1))
+    blocker = add_box((0, -6, 1), (0.1, 0.1, 0.1))
+    for is_hidden in (True, False):
+        blocker.hide_set(is_hidden)
+        blocker.hide_render = not is_hidden
+        blocker.select_set(not is_hidden)
+        assert ("stands inside" in looked(startup).get("frame", "")) == is_hidden == blocker.hide_get()
+        assert blocker.select_get() != is_hidden
+
+
 def make_room(scene, lamp: bool) -> None:
     """Walls around 5 × 7 × 2.7 m, with a table, beside the new file's camera."""
     items = [add_box(*place) for place in (
@@ -115,8 +127,7 @@ def test_of_a_room_the_inside_is_seen(startup, lamp, glow):
     found = looked(startup)
     assert "outside a room" in found["frame"] and ("dark" in found) != lamp
     mend(startup)
-    array = rig.find(startup)
-    x, y, z = array.matrix_world.translation
+    x, y, z = rig.find(startup).matrix_world.translation
     assert abs(x) < 2.5 and abs(y) < 3.5 and 0 < z < 2.7
     assert startup.lfsr.light == ("AUTO" if lamp else "EVEN"), "the light of a world does not reach a room"
     depths = placement.seen_depths(startup, rig.placement(startup, scene_settings.display_of(startup)),
@@ -248,6 +259,11 @@ def test_hardly_any_light_and_far_too_much_are_noticed(startup, energy, world, e
     assert set(looked(startup)) == {code} - {"", "bright"}, "AgX shows more than white"
     startup.view_settings.view_transform = "Standard"
     assert set(looked(startup)) == {code} - {""}
+    if code == "bright":
+        bpy.context.object.active_material = paint = bpy.data.materials.new("Paint")
+        paint.node_tree.links.new(paint.node_tree.nodes.new("ShaderNodeValue").outputs[0],  # black
+                                  paint.node_tree.nodes["Principled BSDF"].inputs["Base Color"])
+        assert not looked(startup), "a render knows the colour of a texture"
     if code == "dark":
         mend(startup)
         assert startup.lfsr.light == "CITY"
@@ -257,8 +273,7 @@ def test_hardly_any_light_and_far_too_much_are_noticed(startup, energy, world, e
 def test_black_things_need_more_light_to_be_seen(startup, gray):
     aimed(startup)
     box, paint = add_box((0, 0, 1), (1, 0.5, 1)), bpy.data.materials.new("Lacquer")
-    node = paint.node_tree.nodes["Principled BSDF"]
-    node.inputs["Base Color"].default_value = (gray, gray, gray, 1)
+    paint.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (gray, gray, gray, 1)
     box.data.materials.append(paint)
     startup.objects["Light"].data.energy = 100
     assert ("dark" in looked(startup)) == (gray < 0.1)
@@ -277,7 +292,7 @@ def test_glass_on_velvet_under_lamps_alone_is_black(startup, glass, linked, monk
         if linked:
             none = paint.node_tree.nodes.new("ShaderNodeValue").outputs[0]  # 0
             paint.node_tree.links.new(none, node.inputs["Transmission Weight"])
-            monkeypatch.setattr(frame_folder, "is_dark", lambda *_: True)  # which is not asked
+            monkeypatch.setattr(frame_folder, "light_seen", None)  # which is not asked
         box.data.materials.append(paint)
     startup.objects["Light"].data.energy = 150
     assert ("dark" in looked(startup)) == (glass and not linked)

@@ -24,7 +24,7 @@ from tests.support.told import refuses
 def lit_box(scene, monkeypatch):
     """A box in front of a world of stripes that differ by direction, seen by a turned camera."""
     # Saves a tiny render for each frame: the world lights the box.
-    monkeypatch.setattr(frame_folder, "is_dark", lambda *_: False)
+    monkeypatch.setattr(frame_folder, "light_seen", lambda *_: (np.empty(0), np.empty(0)))
     add_box(scene, (1, 0, 3), (0.5, 0.5, 0.5))
     camera = add_camera(scene, angle=0.9)
     camera.rotation_euler = (1.4, 0.1, 0.2)

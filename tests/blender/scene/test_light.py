@@ -125,9 +125,9 @@ def test_black_things_in_good_light_are_not_dark(scene, tmp_path):
     black = mixed(("ShaderNodeBsdfDiffuse", {"Color": (0.02, 0.02, 0.02, 1)}))
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), black)
     add_world(scene, 1.0)
-    assert not frame_folder.is_dark(scene, make_request(str(tmp_path), MINI))
+    assert not light.is_dim(*frame_folder.light_seen(scene, make_request(str(tmp_path), MINI)))
     add_world(scene, 0.05)
-    assert frame_folder.is_dark(scene, make_request(str(tmp_path), MINI))
+    assert light.is_dim(*frame_folder.light_seen(scene, make_request(str(tmp_path), MINI)))
 
 
 def test_what_an_image_cannot_light_is_lit_evenly(scene, tmp_path):
@@ -196,7 +196,7 @@ def test_keys_of_samples_do_not_make_the_proof_of_light_long(scene, tmp_path):
     scene.cycles.keyframe_insert("samples", frame=scene.frame_current)
     said = []
     with heard(lambda text, *_: said.append(sample_fraction(text) is not None and text)):
-        assert frame_folder.is_dark(scene, make_request(str(tmp_path), MINI))
+        assert light.is_dim(*frame_folder.light_seen(scene, make_request(str(tmp_path), MINI)))
     counts = {match[1] for text in said if text and (match := re.search(r"Sample \d+/(\d+)", text))}
     assert counts == {str(frame_folder.LIGHT_SAMPLES)} and scene.cycles.samples == 999
 
