@@ -103,10 +103,8 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
     clamps = {name: getattr(cycles, f"sample_clamp_{name}") for name in ("direct", "indirect")} if cycles else {}
     if any(value != _default(cycles, f"sample_clamp_{name}") for name, value in clamps.items()):
         found.append(Notice("clamp-ignored", clamps))
-    if render.use_motion_blur:
-        found.append(Notice("motion-ignored"))
-    if render.use_border:
-        found.append(Notice("border-ignored"))
+    found += [Notice("motion-ignored")] if render.use_motion_blur else []
+    found += [Notice("border-ignored")] if render.use_border else []
     if render.pixel_aspect_x != render.pixel_aspect_y:
         found.append(Notice("aspect-ignored", {"x": render.pixel_aspect_x, "y": render.pixel_aspect_y}))
     lines = [item.name for item in scene.objects if item.type in STROKES and not item.hide_render]
@@ -120,13 +118,12 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
             and node.inputs["Strength"].default_value < 0 for node in nodes_of(scene.world.node_tree)):
         found.append(Notice("world-negative", {"world": scene.world.name}))
     camera = scene.camera if scene.camera is not None and scene.camera.type == "CAMERA" else None
-    if camera is not None and camera.data.dof.use_dof:
-        found.append(Notice("focus-ignored", {"camera": camera.name}))
-    if camera is not None and is_sheared(camera):
-        found.append(Notice("camera-sheared", {"camera": camera.name}))
-    if camera is not None and (camera.data.shift_x or camera.data.shift_y):
-        found.append(Notice("shift-ignored", {"camera": camera.name, "x": camera.data.shift_x,
-                                              "y": camera.data.shift_y}))
+    if camera is not None:
+        named, shift = {"camera": camera.name}, {"x": camera.data.shift_x, "y": camera.data.shift_y}
+        found += [Notice("focus-ignored", named)] if camera.data.dof.use_dof else []
+        found += [Notice("camera-sheared", named)] if is_sheared(camera) else []
+        found += [Notice("camera-parallel", named)] if camera.data.type == "ORTHO" else []
+        found += [Notice("shift-ignored", named | shift)] if any(shift.values()) else []
     layer = rendered_layer(scene)
     if layer.material_override is not None:
         found.append(Notice("override-ignored", {"layer": layer.name, "material": layer.material_override.name}))

@@ -131,6 +131,7 @@ SENTENCES: dict[str, Wording] = {
     "focus-ignored": "the depth of field of camera {camera!r} is ignored, since the viewer's eye focuses",
     "camera-sheared": "camera {camera!r} is sheared by the scale of a parent, but a camera array cannot be. Clear that "
                       "scale",
+    "camera-parallel": "camera {camera!r} is orthographic, but eyes are at a place: they see it in perspective",
     "world-override-ignored": "the world override {world!r} of view layer {layer!r} is ignored. The scene's world is "
                               "shown",
     "shift-ignored": "the camera's shift ({x:g}, {y:g}) is ignored. The array looks along the camera's axis",

@@ -35,6 +35,7 @@ EXAMPLES = {
     "cameras-cut": ({"side": 4, "across": 8, "down": 4}, "4×4 cameras in the middle of 8×4"),
     "aspect-ignored": ({"x": 2.0, "y": 1.0}, "aspect 2:1"),
     "border-ignored": ({}, "render region"),
+    "camera-parallel": ({"camera": "Front"}, "orthographic"),
     "camera-sheared": ({"camera": "Front"}, "'Front' is sheared"),
     "clamp-ignored": ({"direct": 1.0, "indirect": 10.0}, "direct 1, indirect 10"),
     "coordinates-differ": ({"names": ["Sky"]}, "(Sky)"),

@@ -198,7 +198,8 @@ FEATURES = {
 
 
 # What is named here; other notices are tested in check/test_problems.py.
-NAMED = {"negative world", "world Window", "material Window", "grease pencil", "sheared camera", "freestyle"}
+NAMED = {"negative world", "world Window", "material Window", "grease pencil", "sheared camera", "freestyle",
+         "orthographic"}
 
 
 @pytest.mark.parametrize("name", FEATURES)
