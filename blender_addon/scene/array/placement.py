@@ -225,7 +225,7 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
         x, y, z = toward @ place
         seen[item].append((x / z / across, y / z / down))
     inner = [points for points in map(np.array, seen.values()) if np.ptp(points[:, 0]) < 2 * COVERED]
-    tall = max((np.abs(points[:, 1]).max() + 2 / PROBES[1] for points in inner), default=1.0)
+    tall = max((np.abs(points[:, 1]).max() + 2 / PROBES[1] for points in inner), default=0.0)
     aspect = profile.panel_mm[0] / profile.panel_mm[1]
     half_width = max(across, min(tall, 1.0) * down * aspect)
     distance, half = None if back else _focus(camera), (half_width, half_width / aspect)
