@@ -224,7 +224,7 @@ def _left_out(low: PooledEIA, row: Array, column: Array, images: Array) -> Array
 
     Pooling takes what each lens shows in its own way, such as a mirror, for noise. So the difference at the rendered
     views comes back, weighted as in Wiener's filter by its power in the elemental image. At slopes at which views are
-    too far apart to be interpolated, only its mean over neighbouring views does: a halo that has spread from an edge.
+    too far apart to be interpolated, its mean over neighbouring views does: light that has spread from an edge.
     """
     assert low.noisy is not None and low.slope is not None
     across, down = (_middles(low.color.shape[3 - axis], low.factors[axis]) for axis in (0, 1))
@@ -235,7 +235,7 @@ def _left_out(low: PooledEIA, row: Array, column: Array, images: Array) -> Array
     slope = np.nan_to_num(np.abs(low.slope[row, column]), posinf=0.0)
     lacking *= weight[:, None, None, None]
     mean = (_means(slope.shape[1]) @ lacking.transpose(0, 3, 1, 2) @ _means(slope.shape[2]).T).transpose(0, 2, 3, 1)
-    lacking = mean + (lacking - mean) * np.maximum(1 - slope / STEEP, 0)
+    lacking = mean * np.clip(2 - slope / STEEP, 0, 1) + (lacking - mean) * np.maximum(1 - slope / STEEP, 0)
     found: Array = interpolated(lacking.astype(np.float32), KERNEL, low.factors).transpose(3, 1, 0, 2)
     return found
 
