@@ -87,8 +87,7 @@ def test_portable_tests_pass(tmp_path):
 
 
 def test_a_job_ends_with_its_child():
-    said = run("-c", STOPPED, "stop").split()
-    assert said == ["True", "True", "False", "False"]
+    assert run("-c", STOPPED, "stop").split() == ["True", "True", "False", "False"]
     assert not run("-c", "import lfsr_core.tasks.runner; from lfsr_core.reconstruct.methods import denoise; "
                          "print(denoise.why_missing())").strip()
 

@@ -262,8 +262,7 @@ def test_says_what_the_display_is_and_asks_nothing_of_the_network(mini):
     assert MINI.title in text and f"{size} mm" in text and f"from {MINI.viewing_distance_mm:.0f} mm" in text
     assert all(re.match(r"(file|data|blob):", url) for url in mini.requests)
     assert mini.complaints == []
-    circle = mini.page.get_attribute("#map circle", "cy")
-    assert math.isfinite(float(circle))
+    assert math.isfinite(float(mini.page.get_attribute("#map circle", "cy")))
 
 
 def test_the_canvas_shows_the_display_where_the_layout_says(opened, folders):
@@ -277,8 +276,7 @@ def test_the_canvas_shows_the_display_where_the_layout_says(opened, folders):
     y = place["y"] + ((rows + 0.5) / 12 - 0.5) * MINI.panel_mm[1] * place["scale"]
     inside = (y > 60) & (y < place["bar"]) & (x > 0) & (x < 800) & ~((x > 620) & (y < 180))
     assert inside.mean() > 0.6
-    drawn = pixels[y[inside].astype(int), x[inside].astype(int)]
-    assert difference(drawn, seen[inside]) <= 2
+    assert difference(pixels[y[inside].astype(int), x[inside].astype(int)], seen[inside]) <= 2
 
 
 def test_what_the_address_says_wrongly_is_ignored_with_a_note(opened):
@@ -390,8 +388,7 @@ def test_a_still_image_is_there_until_the_large_one_is(browser, folders):
                          "window.createImageBitmap = (...all) => gate.then(() => real(...all));")
     page.goto(path.resolve().as_uri())
     page.wait_for_function("document.getElementById('size').textContent")
-    first = drawn_at_display(page)
-    assert difference(first, read_light_field(folders["mini"]).views[3, 3]) < 15
+    assert difference(drawn_at_display(page), read_light_field(folders["mini"]).views[3, 3]) < 15
     place = page.locator("#still").bounding_box()
     page.evaluate("window.go()")
     page.wait_for_selector("html[data-ready=true]")

@@ -137,8 +137,7 @@ def test_what_lies_outside_the_table_is_exact():
     values[0, 1] = [-0.5, 0.2, 0.2]
     outside = (values < 0).any(-1) | (values > 8).any(-1)
     np.testing.assert_array_equal(baked.to_uint8(values)[outside], exact.to_uint8(values)[outside])
-    false_color = ColorSettings(view_transform="False Color")
-    assert not ViewTransform(false_color, MANY).table
+    assert not ViewTransform(ColorSettings(view_transform="False Color"), MANY).table
     assert not ViewTransform(ColorSettings(view_transform="AgX", look="Punchy"), 10_000).table
     assert not ViewTransform(ColorSettings(), MANY).table, "the plain view costs less than a table"
     tried = viewing.random_colors()[0]
@@ -149,8 +148,7 @@ def test_what_lies_outside_the_table_is_exact():
     ([90_000, 9_950, 50, 0, 0], True), ([90_000, 9_900, 100, 0, 0], True), ([90_000, 9_890, 110, 0, 0], False),
     ([99_950, 0, 45, 5, 0], True), ([99_900, 0, 0, 100, 0], False), ([99_999, 0, 0, 0, 1], False)])
 def test_a_table_is_accurate_where_steps_are_small_and_large_ones_rarer_still(counts, near):
-    steps = np.repeat(np.arange(len(counts)), counts)
-    assert viewing.is_accurate(steps) == near
+    assert viewing.is_accurate(np.repeat(np.arange(len(counts)), counts)) == near
 
 
 def test_almost_black_and_almost_white_images_but_for_sparks_and_background():

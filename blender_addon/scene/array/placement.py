@@ -22,7 +22,7 @@ from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..contents import GEOMETRY, find_subject
+from ..contents import find_subject
 from . import rig
 from .rig import Placement, from_blender, to_blender, upright
 
@@ -31,7 +31,6 @@ LEAST_FILL = 0.5      # a deep subject is made smaller to fit the usable depth, 
 WALL_MARGIN = 0.9     # fraction of the free space around the camera that the array may use
 MOST_NAMES = 3
 PROBES = (32, 18)     # rays across and down that measure the visible depth of the subject
-SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 BOXED = {"VOLUME", "CURVES", "POINTCLOUD"}  # known by their bounding boxes only
 MOST_FRAMES = 24      # sampled from an animation
 PARALLEL, COVERED = 150.0, 0.9  # sizes of a frame from which its rays seem parallel; of its width, what a backdrop has
@@ -279,7 +278,7 @@ def world_points(subject: set[bpy.types.Object]) -> Iterator[Array]:
     """World vertices (n, 3) of each object and instance of the subject that would be rendered."""
     for item, _, matrix in instances(subject):
         points = np.array(item.bound_box if item.type in BOXED else (), np.float32)
-        if item.type in SOLID:
+        if item.type == "MESH":
             mesh = item.to_mesh()
             points = np.empty(3 * len(mesh.vertices), np.float32)
             mesh.vertices.foreach_get("co", points)
@@ -293,7 +292,7 @@ def boxes(subject: set[bpy.types.Object]) -> tuple[list[bpy.types.Object], Array
     shapes = dict[int, Array]()  # by the geometry, which is an object's own where modifiers change it
     owners, corners, places = [], [], []
     for item, owner, place in instances(subject):
-        if item.type in GEOMETRY and not owner.hide_render:
+        if item.type in BOXED | {"MESH"} and not owner.hide_render:
             geometry = item.data.as_pointer()
             if geometry not in shapes:
                 shapes[geometry] = np.array(item.bound_box)
@@ -306,7 +305,10 @@ def boxes(subject: set[bpy.types.Object]) -> tuple[list[bpy.types.Object], Array
 
 
 def instances(subject: set[bpy.types.Object]) -> Iterator[tuple[bpy.types.Object, bpy.types.Object, Array]]:
-    """Evaluated object, original owner and world matrix (4, 4) of each object and instance of the subject."""
+    """Evaluated object, original owner and world matrix (4, 4) of each object and instance of the subject.
+
+    Curves, surfaces, texts and metaballs come with an instance of their mesh, unless they are bare, such as a path.
+    """
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         item = instance.object
         owner = (instance.parent if instance.is_instance else item).original

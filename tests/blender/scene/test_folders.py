@@ -59,8 +59,7 @@ def test_two_files_in_one_folder_have_their_own_results(project):
     panel.refused("There is no image in .*other/Scene/0001 to preview: render the EIA first", bpy.ops.lfsr.preview_view)
     bpy.context.scene.frame_end = 1
     assert bpy.ops.lfsr.render_animation() == {"FINISHED"}
-    other = project / "lightfield" / "other" / "Scene" / "0001"
-    assert (read_png(other / "eia.png") != first).any()
+    assert (read_png(project / "lightfield" / "other" / "Scene" / "0001" / "eia.png") != first).any()
     assert (read_png(project / "lightfield" / "shot" / "Scene" / "0001" / "eia.png") == first).all()
 
 

@@ -167,8 +167,7 @@ def test_lamps_borders_specks_and_the_eyes_board_are_those_of_the_sweep(built):
     assert list(mapping.inputs["Scale"].default_value) == [1, 1, 1]
     assert list(mapping.inputs["Location"].default_value) == [0, 0.5, 0], "an even number of lenses"
     assert board.location.y == 0
-    board = meshes(built("eye", 2), "print")[0]
-    assert SPACE.slope(board.location.y) == pytest.approx(2, rel=1e-4)
+    assert SPACE.slope(meshes(built("eye", 2), "print")[0].location.y) == pytest.approx(2, rel=1e-4)
     for speck in meshes(built("recall", 1 / 4), "speck"):
         radius = np.linalg.norm(points(speck) - np.array(speck.location), axis=1).max()
         assert 2 * radius == pytest.approx(SPACE.footprint(speck.location.y) / 4, rel=1e-2)
@@ -207,8 +206,7 @@ def test_the_card_steps_by_whole_lenses_and_its_print_goes_with_it(built):
         places.append(np.array(card.location))
     steps = np.diff(places, axis=0) / SPACE.magnified(y)
     assert steps[:, 1] == pytest.approx(np.zeros(FRAMES - 1), abs=1e-5)
-    expected = np.diff(path, axis=0) * [1, -1]
-    assert steps[:, [0, 2]] == pytest.approx(expected, abs=1e-4)
+    assert steps[:, [0, 2]] == pytest.approx(np.diff(path, axis=0) * [1, -1], abs=1e-4)
     assert np.abs(points(card) - places[-1]).max(0)[[0, 2]] == pytest.approx(half, rel=1e-5)
     assert scene.frame_end == FRAMES
     assert all(item.location.y > y + 1 for item in meshes(scene, "body")), "nothing before the card"

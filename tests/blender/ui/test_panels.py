@@ -96,8 +96,7 @@ def test_with_an_array(scene):
 
 def test_few_controls_are_open_at_first_and_words_of_the_laboratory_are_advanced(scene):
     closed = [cls for cls in panels.CLASSES if "DEFAULT_CLOSED" in getattr(cls, "bl_options", ())]
-    opened = [cls for cls in PANELS if cls not in closed]
-    assert opened == [panels.LFSR_PT_image]
+    assert [cls for cls in PANELS if cls not in closed] == [panels.LFSR_PT_image]
     headers = [cls for cls in PANELS if not hasattr(cls, "bl_parent_id")]
     assert [cls.bl_label for cls in headers] == [  # Blender draws them in the order in which they are registered
         "Light Field", "Camera Array", "Quality", "Animation", "View and Export", "Live", "Reference"]

@@ -152,7 +152,6 @@ def test_slopes_follow_from_the_rendered_positions():
         slope, (sx, sy) = low.slope[3, 3, 0, 0, 0], layout.tiles
         for axis, (lenses, ratio) in enumerate([(sx, 1.0), (sy, low.slope_ratio)]):
             pitch = 2 * frame.array.half_size[axis] / lenses
-            moved = layout.spacing * (1 - 1 / depth) / pitch
-            assert slope * ratio == pytest.approx(moved, abs=1e-5)
+            assert slope * ratio == pytest.approx(layout.spacing * (1 - 1 / depth) / pitch, abs=1e-5)
         covered = dict(layers, color=np.zeros((height, width, 4), np.float32))
         assert np.isnan(low_resolution(covered, frame).slope).all()

@@ -165,6 +165,18 @@ def seen_box(scene, item):
     return np.abs(points[:, :2] / points[:, 2:] / half).max(), len(placement.seen_depths(scene, array, {item}))
 
 
+def test_a_bare_path_is_not_fitted_and_a_curve_that_shows_is(scene):
+    box, path = add_box(scene, (0, 0, 0), (1, 1, 1)), bpy.data.objects.new("Path", bpy.data.curves.new("Path", "CURVE"))
+    path.data.splines.new("POLY").points.add(1)
+    path.data.splines[0].points[1].co = (99, 0, 0, 1)
+    scene.collection.objects.link(path)
+    for depth, shown in ((0.0, {box}), (0.1, {box, path})):
+        path.data.bevel_depth = depth
+        bpy.context.view_layer.update()
+        assert edit.boxes_now({*scene.objects}).keys() == shown
+        assert (np.concatenate([*placement.world_points({*scene.objects})]).max() > 50) == (path in shown)
+
+
 @pytest.mark.parametrize("camera", [None, "PERSP", "PANO"])
 def test_without_a_camera_that_sees_it_the_subject_fills_the_display(scene, camera):
     box = add_box(scene, (3.0, 2.0, 1.0), (0.5, 0.5, 0.5))
