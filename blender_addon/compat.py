@@ -147,8 +147,7 @@ def gpu_addresses(device: str) -> tuple[str, ...]:
 
 def cycles_preferences() -> bpy.types.AddonPreferences:
     """Return the preferences of Cycles; LfsrError if its add-on is switched off."""
-    addon = bpy.context.preferences.addons.get("cycles")
-    if addon is None:
+    if (addon := bpy.context.preferences.addons.get("cycles")) is None:
         raise LfsrError("Cycles is switched off in Blender's preferences: switch the Cycles Render Engine add-on on")
     return addon.preferences
 

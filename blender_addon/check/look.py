@@ -51,8 +51,7 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
     """Problems of what the scene's array sees that a mend can remove; none without an array."""
     with suppress(LfsrError):  # what is broken is found by other checks
         display, subject = scene_settings.display_of(scene), find_subject(scene)
-        placed = rig.placement(scene, display)
-        if placed is None:
+        if (placed := rig.placement(scene, display)) is None:
             return
         cube, others = startup_cube(scene), helpers(scene)
         if cube is not None:
@@ -179,8 +178,7 @@ def depths_of(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.type
 
 def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, main: list[bpy.types.Object]) -> str:
     """Why the picture does not show the main objects as it should, "" if it does."""
-    boxes = edit.boxes_now(set(main))
-    if not boxes:
+    if not (boxes := edit.boxes_now(set(main))):
         return ""
     array, eye = placed[0], mathutils.Matrix(placed[1])
     hits, shown = edit.through(rays, placed), with_instanced(set(main))

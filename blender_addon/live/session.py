@@ -103,8 +103,7 @@ def keep_up(kind: str = PANEL) -> None:
         return
     region = region_of(window)
     view, smooth = live_scene.view_of(scene, (region.width, region.height), kind), scene.lfsr.live_smooth
-    shown = live(kind)
-    if shown is None:
+    if (shown := live(kind)) is None:
         shown = live_scene.make(scene, view)
     elif (view, smooth) != (state.view, state.smooth) or shown.background_set != scene:
         shown.background_set = scene
@@ -218,8 +217,7 @@ def open_window() -> None:
 
 def close_window(kind: str = PANEL) -> None:
     """Close the live window of one kind, if it is open, and remove its screens, which Blender would keep."""
-    window = find_window(kind)
-    if window is not None:
+    if (window := find_window(kind)) is not None:
         if window.screen.show_fullscreen:
             with bpy.context.temp_override(window=window, area=window.screen.areas[0]):
                 bpy.ops.screen.back_to_previous()

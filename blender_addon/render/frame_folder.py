@@ -168,8 +168,7 @@ def prepared(scene: bpy.types.Scene, request: Request, say: Say = silent, is_lit
                 if notice is not None:
                     say(notice)
             if frame.world_visible and request.kind == "render" and frame.scale > 1:
-                reason = world.reason_against(scene)
-                if reason:
+                if reason := world.reason_against(scene):
                     say(Notice("world-inside", {"reason": reason}))
                 frame = dataclasses.replace(frame, world_apart=not reason)
             yield frame
@@ -288,8 +287,7 @@ def _frame(scene: bpy.types.Scene, request: Request, subject: set[bpy.types.Obje
     if request.world_visible and scene.world is None:
         raise LfsrError(f"scene {scene.name!r} has no world to show behind the subject: add a world, or render "
                         "without one")
-    world_visible = request.world_visible
-    if world_visible is None:
+    if (world_visible := request.world_visible) is None:
         world_visible = request.light in (OWN, EVEN) and scene.world is not None and not scene.render.film_transparent
     # The lens card renders where the OSL camera cannot.
     layout = compat.way_of(request.device) if request.layout == "one-pass" else request.layout
@@ -338,8 +336,7 @@ def _resting(scene: bpy.types.Scene) -> Iterator[None]:
 
 def _curves(owner: bpy.types.ID) -> Iterator[bpy.types.FCurve]:
     """Curves of drivers, of the action, and of the strips of the nonlinear animation of ``owner``."""
-    animation = owner.animation_data
-    if animation is None:
+    if (animation := owner.animation_data) is None:
         return
     yield from animation.drivers
     for holder in (animation, *(strip for track in animation.nla_tracks for strip in track.strips)):

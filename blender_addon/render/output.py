@@ -80,8 +80,7 @@ def heard(listener: Callable[..., None]) -> Iterator[None]:
 
 def sample_fraction(statistics: str) -> float | None:
     """Return the fraction of the image that is done from Cycles' statistics line, None if the line has none."""
-    numbers = _SAMPLES.search(statistics)
-    if numbers is None:
+    if (numbers := _SAMPLES.search(statistics)) is None:
         return None
     tile, tiles = int(numbers[1] or 0), int(numbers[2] or 1)
     return min(1.0, (tile + int(numbers[3]) / max(1, int(numbers[4]))) / tiles)
@@ -131,8 +130,7 @@ def render_in_bands(scene: bpy.types.Scene, rows: Part, path: Path, follow: Foll
 
         def listen(statistics: str, *_: object) -> None:
             nonlocal began, is_whole
-            fraction = sample_fraction(statistics)
-            if fraction is not None:
+            if (fraction := sample_fraction(statistics)) is not None:
                 began, is_whole = began or time.perf_counter(), is_whole or fraction >= 1
 
         followed = part_of(follow, sum(part.size for part, _ in cached), size, pace.rows)

@@ -92,8 +92,7 @@ def _watch() -> float | None:
     """Timer: a view that was turned away, or looks through another camera, gets its own settings back."""
     spaces = {area.spaces.active.as_pointer(): area.spaces.active for area in images.areas("VIEW_3D")}
     for key in list(_before):
-        space = spaces.get(key)
-        if space is None:
+        if (space := spaces.get(key)) is None:
             del _before[key]
         elif space.region_3d.view_perspective != "CAMERA" or not rig.is_array(space.camera):
             _give_back(space, _before.pop(key))
@@ -155,8 +154,7 @@ def view_of(area: bpy.types.Area, profile: DisplayProfile) -> View:
 def frame_corners(scene: bpy.types.Scene, region: bpy.types.Region,
                   view: bpy.types.RegionView3D) -> list[mathutils.Vector]:
     """Return the display's corners in pixels of ``region``, from bottom left, in order; none without an array."""
-    placed = rig.placed(*rig.drawn(scene), scene_settings.display_of(scene))
-    if placed is None:
+    if (placed := rig.placed(*rig.drawn(scene), scene_settings.display_of(scene))) is None:
         return []
     array, matrix = placed
     x, y, to_world = array.half_width, array.half_height, mathutils.Matrix(matrix)

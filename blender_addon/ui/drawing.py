@@ -143,8 +143,7 @@ def _most_paths(display: DisplayProfile, target: float) -> float:
 def depth_facts(scene: bpy.types.Scene) -> Facts:
     """Width and usable depth of the scene's array; empty where it has none, LfsrError if it is broken."""
     display = scene_settings.display_of(scene)
-    placed = rig.placed(*rig.drawn(scene), display)
-    if placed is None:
+    if (placed := rig.placed(*rig.drawn(scene), display)) is None:
         return []
     array, (near, far) = placed[0], rig.usable_depth(placed[0], display)
     return [("Width", length(scene, 2 * array.half_width)),

@@ -229,8 +229,7 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
     half_width = max(across, min(tall, 1.0) * down * aspect)
     distance, half = None if back else _focus(camera), (half_width, half_width / aspect)
     if not distance:
-        depths = _depths(sight, half, subject)
-        if not depths:
+        if not (depths := _depths(sight, half, subject)):
             names = ", ".join(_seen_names(sight, half))
             raise LfsrError(f"the scene's camera does not see the subject{f' but {names}' if names else ''}: turn the "
                             f"camera, choose another camera (or {FIT!r}), or choose another subject")
@@ -381,8 +380,7 @@ def _free_fraction(sight: _Sight, profile: DisplayProfile, array: CameraArray) -
     fraction, start = 1.0, (0, 0, -sight.clip[0] if sight.clip else 0.0)
     for axis, direction in ((0, (-1, 0, 0)), (0, (1, 0, 0)), (1, (0, -1, 0)), (1, (0, 1, 0))):
         reach = profile.views[axis] * array.spacing / 2
-        hit = sight.cast(direction, reach / WALL_MARGIN, start)
-        if hit is not None:
+        if (hit := sight.cast(direction, reach / WALL_MARGIN, start)) is not None:
             free = (hit[0] - sight.matrix @ mathutils.Vector(start)).length
             fraction = min(fraction, free * WALL_MARGIN / reach)
     return fraction

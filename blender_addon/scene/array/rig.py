@@ -117,8 +117,7 @@ def usable_depth(array: CameraArray, profile: DisplayProfile, scale: int = 1) ->
 
 def check_editable(data: bpy.types.ID) -> None:
     """Raise LfsrError if ``data`` cannot be changed in this file."""
-    reason = why_not_editable(data)
-    if reason:
+    if reason := why_not_editable(data):
         raise LfsrError(reason)
 
 

@@ -28,8 +28,7 @@ Fix = Callable[[bpy.types.Scene, str], None]
 
 def _existing(items: bpy.types.bpy_prop_collection, name: str, kind: str = "object") -> Any:
     """Return the one of ``items`` that is called ``name``; LfsrError if it is gone."""
-    item = items.get(name)
-    if item is None:
+    if (item := items.get(name)) is None:
         raise LfsrError(f"{kind} {name!r} is not there any more: check the scene again")
     return item
 

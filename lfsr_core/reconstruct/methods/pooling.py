@@ -50,6 +50,7 @@ LEAST_SAMPLES = 2  # per pixel from which detail is told from noise, and an edge
 # Rendered views up to which an edge is looked for; lenses to each side that a sample sees of it; lenses per rendered
 # view by which an edge must be nearer than what is behind it.
 EDGE_REACH, HALF, APART = 3, 0.6, 0.1
+VOID_REACH, LEVEL = 6, 0.15  # rendered views beside what is seen; lenses per rendered view up to which it is pooled too
 LEAST_STEEP = 0.1  # lenses per rendered view: below, no other lens is within reach
 LEAST_OTHERS = 0.3  # sum of the weights of other lenses' samples
 DETAIL_REACH, DETAIL_SIGMA = 3, 2.0  # rendered views: reach, and standard deviation of the weight, of residuals
@@ -91,6 +92,9 @@ class Pooling(Upscaler):
         if not known.any():
             return low
         slope = np.where(known, low.slope[..., 0], np.float32(UNKNOWN))
+        beyond = _beyond_edges(slope)
+        if low.samples < SHARP_SAMPLES:
+            slope = np.where(np.abs(beyond) < LEVEL, beyond, slope)
         slope = _with_edges(slope, low.slope_ratio) if low.samples < LEAST_SAMPLES else slope
         is_steep = (np.abs(slope[known]) > STEEP).mean() > MOST_STEEP
         across, down = (factor if is_steep else min(factor, PLACES) for factor in low.factors)
@@ -100,7 +104,7 @@ class Pooling(Upscaler):
         rows, height = self._places(sy, steepest * low.slope_ratio)
         source = padded((sy, h, length, w + 2 * REACH))
         glare = self._glare(low.color, low.slope[..., 0])
-        color = self._restored(low, np.where(glare.any(-1), np.float32(UNKNOWN), slope), steepest) - glare
+        color = self._restored(low, np.where(glare.any(-1), np.float32(UNKNOWN), beyond), steepest) - glare
         source[:3, :, :, columns, REACH:-REACH] = color.transpose(4, 0, 2, 1, 3)
         source[3:, :, :, columns, REACH:-REACH] = slope.transpose(0, 2, 1, 3)
         wide = padded((sx * width, height, h + 2 * REACH))
@@ -250,6 +254,19 @@ def _middles(views: int, factor: int) -> Array:
     """Matrix (views, views·factor) that takes from finished views what rendered ones show."""
     place = np.arange(views)[:, None] * factor + (factor - 1) / 2
     return np.maximum(1 - np.abs(np.arange(views * factor) - place), 0).astype(np.float32)
+
+
+def _beyond_edges(slope: Array) -> Array:
+    """Slopes (sy, sx, h, w) with the largest of what is seen VOID_REACH views away or nearer, where nothing is seen.
+
+    What a silhouette leaves free moves with it.
+    """
+    for _ in range(VOID_REACH):
+        seen = np.pad(np.where(slope < UNKNOWN, slope, np.float32(-UNKNOWN)), ((0, 0), (0, 0), (1, 1), (1, 1)), "edge")
+        beside = np.maximum(np.maximum(seen[:, :, 1:-1, :-2], seen[:, :, 1:-1, 2:]),
+                            np.maximum(seen[:, :, :-2, 1:-1], seen[:, :, 2:, 1:-1]))
+        slope = np.where((slope >= UNKNOWN) & (beside > -UNKNOWN), beside, slope)
+    return slope
 
 
 def _with_edges(slope: Array, slope_ratio: float) -> Array:
