@@ -96,8 +96,7 @@ def test_a_turned_or_mirrored_photograph_is_recognised(turns, mirrored):
 
 
 def test_a_lens_that_distorts_is_corrected_and_the_prediction_resembles_its_own_sheets_photograph():
-    photo = taken(bend=(0.06, 0.01))
-    found = fit_profile(CYLINDERS, [photo])
+    found = fit_profile(CYLINDERS, [taken(bend=(0.06, 0.01))])
     assert found.seen[0].view.bent == pytest.approx(-0.06, abs=0.02)
     assert found.profile.lenticular.pitch_mm == pytest.approx(1.6, rel=1e-5)
     found = fit_profile(CYLINDERS, [taken()])

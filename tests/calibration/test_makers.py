@@ -202,6 +202,5 @@ def test_the_built_in_profiles_have_typical_numbers_and_the_views_of_a_hologram_
         refuses("must be between", profile_of_c1, *numbers)
     # Behind each hogel are the 23 views, each in the middle of four, the leftmost at its right end.
     profile = load_display("litiholo")
-    columns = np.arange(46)
-    rays = subpixel_rays(profile, 0, np.full(46, 100), columns)
+    rays = subpixel_rays(profile, 0, np.full(46, 100), np.arange(46))
     np.testing.assert_allclose(rays.view_x, [4 * view + 1.5 for view in range(22, -1, -1)] * 2, atol=1e-6)

@@ -109,8 +109,7 @@ def shot_rows() -> Any:
     def row(of: list[str]) -> Values:
         nonlocal name
         title, _, way = of[0].replace("*", "").rpartition(": ")
-        name = MOVING.get(title, name)
-        found = shot(name, way, int(of[1]))
+        found = shot(MOVING.get(title, name), way, int(of[1]))
         return [found["ssim"], found["flicker"], found["lag"]]
 
     return row

@@ -50,8 +50,7 @@ def test_quilts_as_a_player_reads_them_of_any_number_of_views_across_the_cone(fo
     np.testing.assert_array_equal(tiles, field.views[3])
     # View 0 is the leftmost camera's, which sees what is near further to the right.
     assert column_of_square(tiles[0]) > column_of_square(tiles[7]) + 1
-    options = ExportOptions(views=(6, 1), grid=(3, 2), width=64)
-    (path,) = export(folder, "quilt", tmp_path, options)
+    (path,) = export(folder, "quilt", tmp_path, ExportOptions(views=(6, 1), grid=(3, 2), width=64))
     quilt = picture(path)
     assert path.name == "two_depths_qs3x2a1.333.png" and quilt.shape == (96, 192, 3)
     angle = math.radians(MINI.viewing_angle_deg) * (0.5 / 6 - 0.5)

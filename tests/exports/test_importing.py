@@ -146,8 +146,7 @@ def camera(source, number):
 def jpeg_cut_short(source):
     path = source / "input_Cam002.png"
     Image.open(path).save(path.with_suffix(".jpg"))
-    data = path.with_suffix(".jpg").read_bytes()
-    path.with_suffix(".jpg").write_bytes(data[:-60])
+    path.with_suffix(".jpg").write_bytes(path.with_suffix(".jpg").read_bytes()[:-60])
     path.unlink()
 
 
@@ -352,8 +351,7 @@ def test_the_command(quilt_film, tmp_path, capsys):
     assert main(["import", str(quilt_film), "-o", str(tmp_path / "film"), "--display", "mini"]) == 0
     said = capsys.readouterr()
     assert "8×8 views of 16×12 pixels" in said.out and "--angle-deg 40" in said.err
-    path = coordinates(tmp_path)
-    plain = shutil.copy(path, tmp_path / "plain.png")
+    plain = shutil.copy(coordinates(tmp_path), tmp_path / "plain.png")
     write_profile(tmp_path / "own.toml", small(lenticular()))
     assert main(["import", str(plain), "-o", str(tmp_path / "one"), "--quilt", "2x4a0.75", "--display",
                  str(tmp_path / "own.toml")]) == 0

@@ -254,7 +254,6 @@ def test_masks_flat_images_and_the_checksum_of_a_png(tmp_path):
     refuses("has 96×54 pixels, but the display has 54×96 lenses", image_files.read_mask, tmp_path / "m.png", (54, 96))
     size = sum(len(part) for part in image_files.encode_png(np.full((1000, 1000, 3), 77, np.uint8)))
     assert size < 60_000
-    pixels = RANDOM.integers(0, 256, (300, 21, 3), dtype=np.uint8)
-    parts = image_files.encode_png(pixels)
+    parts = image_files.encode_png(RANDOM.integers(0, 256, (300, 21, 3), dtype=np.uint8))
     stream = b"".join(part[8:-4] for part in parts if part[4:8] == b"IDAT")
     assert len(zlib.decompress(stream)) == 300 * (21 * 3 + 1)  # raises where the checksum is wrong

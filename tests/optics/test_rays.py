@@ -172,8 +172,7 @@ def test_pixels_lie_where_an_orthographic_camera_sees_them(layout):
 
 
 def test_a_cell_is_filled_from_edge_to_edge():
-    layout = RayLayout((2, 2), (4, 4), CARD_ARRAY, 2 * CARD_ARRAY.spacing, view_aperture=0.5)
-    card = rays.lens_card(layout)
+    card = rays.lens_card(RayLayout((2, 2), (4, 4), CARD_ARRAY, 2 * CARD_ARRAY.spacing, view_aperture=0.5))
     corner = np.zeros((1, 2))
     starts = [lens_card_rays(card, corner, corner, CARD_ARRAY.distance, value)[0][0, :2] for value in (0.0, 1.0)]
     assert np.abs(starts[1] - starts[0]) == pytest.approx([CARD_ARRAY.spacing / 2] * 2)

@@ -77,8 +77,7 @@ def test_noise_goes_from_what_was_traced_and_the_background_shows_where_nothing_
         assert (report.method, report.layout) == (method, "subpixels") and 0 < report.foreground_fraction < 1
         found[method] = psnr(read_png(folder / PANEL_FILE), clean)
     assert found["oidn"] > found["none"] + 1
-    display = hexagonal(background=[0.2, 0.5, 1.0])
-    finish_frame(write_traced(tmp_path, display), "oidn")
+    finish_frame(write_traced(tmp_path, hexagonal(background=[0.2, 0.5, 1.0])), "oidn")
     panel = read_png(tmp_path / PANEL_FILE)
     assert (panel[0, 0] == panel[-1, -1]).all() and panel[0, 0].tolist() == [124, 188, 255]
     assert not (tmp_path / EIA_FILE).exists()

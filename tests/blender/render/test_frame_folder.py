@@ -173,8 +173,7 @@ def keyed_in_a_strip(scene):
 
 
 def animated_index(scene):
-    box = bpy.data.objects["box"]
-    key(box, "pass_index", 2)
+    key(bpy.data.objects["box"], "pass_index", 2)
     bpy.data.objects["item"].driver_add("pass_index").driver.expression = "1"
 
 

@@ -169,8 +169,7 @@ def test_instanced_subject_is_marked_as_foreground(two, tmp_path):
 def test_background_meshes_are_marked_by_index(two, tmp_path):
     add_camera(two, (0, -6, 0), 1.0)
     frame_folder.render_job(two, make_request(str(tmp_path), MINI, samples=16))
-    frame = read_frame(tmp_path)
-    assert "index" in frame.layers, "the mask needs it as soon as there is a background mesh"
+    assert "index" in read_frame(tmp_path).layers, "the mask needs it as soon as there is a background mesh"
     layers = image_files.read_layers(tmp_path / "lr_eia.exr")
     alpha, index = layers["color"][..., 3], layers["index"][..., 0]
     assert set(np.unique(index)) == {0, 1, 2}

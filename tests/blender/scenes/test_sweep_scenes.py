@@ -136,8 +136,7 @@ def test_the_mirror_shows_its_board_and_flakes_are_as_many_as_the_sweep_says(bui
     assert np.abs(image[:, [0, 2]]).max(0) == pytest.approx(1.15 * np.array(SPACE.window(y)), rel=1e-4)
     assert not shown.visible_camera and shown.visible_glossy
     for per_lens in (1, 16):
-        flakes = meshes(built("glitter", per_lens), "flakes")[0]
-        corners = points(flakes).reshape(-1, 4, 3)
+        corners = points(meshes(built("glitter", per_lens), "flakes")[0]).reshape(-1, 4, 3)
         y = corners.mean(1)[:, 1]
         assert SPACE.depth(-0.3) <= y.min() and y.max() <= SPACE.depth(0.3)
         size = np.array([SPACE.magnified(each) for each in y])

@@ -49,8 +49,7 @@ def by_library(path, color, guides):
 @pytest.mark.parametrize(("images", "size", "name"), [*itertools.product((render, noise), twin.SIZES, twin.NAMES)])
 def test_twin_equals_library(tmp_path, name, size, images):
     guided = name.endswith("guided")
-    stock = twin.stock_weights(name, size)
-    network = twin.Denoiser.from_tensors(stock, inputs=9 if guided else 3)
+    network = twin.Denoiser.from_tensors(twin.stock_weights(name, size), inputs=9 if guided else 3)
     write_tza(tmp_path / "some.tza", network.tensors())
     color, *guides = images((45, 70))
     guides = guides if guided else []

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from lfsr_core.reconstruct.methods import pooling
 from lfsr_core.reconstruct.methods.pooling import Pooling
 from lfsr_core.reconstruct.upscaler import Interpolation, LowResEIA, low_resolution
 from tests.support.reference_rays import rays
@@ -80,6 +81,24 @@ def test_with_one_sample_what_lies_beside_an_edge_moves_with_it():
     error = [np.mean((finished(plane(np.where(body(1)[..., :1] > 0.5, 0.2, 0.8), 1.0, samples, body(1).copy()))[INNER]
                       - body(SCALE)[INNER]) ** 2) for samples in (1, 2)]
     assert error[0] < 0.5 * error[1], error
+
+
+def test_what_a_silhouette_leaves_free_moves_with_it(monkeypatch):
+    """Gaps that a denoiser has filled come back, and with few samples they lose noise as what is seen does."""
+    def bars(factor: int) -> np.ndarray:
+        x = (np.arange(VIEWS[1] * factor) + 0.5) / factor - 0.5
+        shown = 0.5 * (np.sin(2.1 * (np.arange(LENSES[1])[:, None] - 0.9 * x)) > 0.3).astype(np.float32)
+        return np.broadcast_to(shown[:, None, :, None], (*LENSES, VIEWS[0] * factor, len(x), 3))
+    body = np.broadcast_to(np.arange(VIEWS[1])[:, None] < 2, (*LENSES, *VIEWS, 1))
+    noise = np.random.default_rng(2).normal(0.2, 0.05, (*LENSES, *VIEWS, 3)).astype(np.float32)
+    gaps = plane(np.where(bars(1)[..., :1] > 0, 0.9, np.nan), color=0.2 * bars(1) + 0.2)
+    few = plane(np.where(body, 0.1, np.nan), samples=4, color=noise + np.float32(0.4) * body)
+    left, spread = [], []
+    for reach in (0, pooling.VOID_REACH):
+        monkeypatch.setattr(pooling, "VOID_REACH", reach)
+        left.append(finished(dataclasses.replace(gaps, noisy=bars(1)))[INNER][bars(SCALE)[INNER] == 0].mean())
+        spread.append(finished(few)[INNER][..., 4 * SCALE:, :].std())
+    assert left[1] < 0.6 * left[0] and spread[1] < 0.7 * spread[0], (left, spread)
 
 
 def test_a_wrong_slope_no_depth_and_the_mirrored_light_field():

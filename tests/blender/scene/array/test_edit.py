@@ -91,8 +91,7 @@ def test_fit_to_a_perspective_view_shows_what_it_shows(artist, aimed):
     turn = mathutils.Euler((math.radians(75), 0, math.radians(0 if aimed else 180))).to_matrix().to_4x4()
     eye = mathutils.Matrix.Translation((0, -4, 1)) @ turn
     edit.fit_to_view(artist, MINI, View(eye, 0.3, 5.0, (0.01, 100), True))
-    corner = eye @ mathutils.Vector((0.3, 0.3 * 96 / 128, -1))
-    beside, depths = seen_at(artist, [tuple(corner)])
+    beside, depths = seen_at(artist, [tuple(eye @ mathutils.Vector((0.3, 0.3 * 96 / 128, -1)))])
     assert np.allclose(beside, 1, atol=1e-4) and depths == pytest.approx(1, rel=1e-4)
     distance = place(artist)[0].distance
     # The plane stands in the box, or at the view's centre where the view shows nothing.

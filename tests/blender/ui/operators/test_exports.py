@@ -131,8 +131,7 @@ def test_a_lens_array_is_shown_full_screen_and_an_image_for_another_display_is_n
 
 
 def test_a_lenticular_animation_is_shown_as_a_film_of_quilts(lenticular_frame, bridge):
-    display = small(lenticular())
-    finished(lenticular_frame.with_name("0002"), display, frame=2)
+    finished(lenticular_frame.with_name("0002"), small(lenticular()), frame=2)
     panel.refused("is not running", bpy.ops.lfsr.show, animation=True)
     assert not (lenticular_frame.parent / "export").exists(), "Bridge is asked first"
     stand_in = bridge(devices=[device(1, "LKG-S3", "small", OLD | {"screenW": 240, "screenH": 160})])
