@@ -109,7 +109,8 @@ def shot_rows() -> Any:
     def row(of: list[str]) -> Values:
         nonlocal name
         title, _, way = of[0].replace("*", "").rpartition(": ")
-        found = shot(MOVING.get(title, name), way, int(of[1]))
+        name = MOVING.get(title, name)
+        found = shot(name, way, int(of[1]))
         return [found["ssim"], found["flicker"], found["lag"]]
 
     return row

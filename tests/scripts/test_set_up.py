@@ -107,8 +107,7 @@ def test_demo_takes_every_step(played, tmp_path):
     assert [call.split()[1] for call in played.calls() if call.startswith("lfsr")] == [
         "render", "views", "view", "reference", "compare"]
     assert played.calls()[0].endswith(f"demo_scene.py {output / 'scene.blend'}")
-    folder = played("lfsr views")
-    done = run("demo.py", str(tmp_path / "demo"), LFSR_VENV=str(folder))
+    done = run("demo.py", str(tmp_path / "demo"), LFSR_VENV=str(played("lfsr views")))
     assert done.returncode == 1 and "Done" not in done.stdout
     assert played.calls()[-1].startswith("lfsr views")
 
