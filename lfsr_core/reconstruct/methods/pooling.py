@@ -93,7 +93,7 @@ class Pooling(Upscaler):
             return low
         slope = np.where(known, low.slope[..., 0], np.float32(UNKNOWN))
         beyond = _beyond_edges(slope)
-        if low.samples < SHARP_SAMPLES:
+        if LEAST_SAMPLES <= low.samples < SHARP_SAMPLES:
             slope = np.where(np.abs(beyond) < LEVEL, beyond, slope)
         slope = _with_edges(slope, low.slope_ratio) if low.samples < LEAST_SAMPLES else slope
         is_steep = (np.abs(slope[known]) > STEEP).mean() > MOST_STEEP
