@@ -195,9 +195,10 @@ def settled_light(scene: bpy.types.Scene, request: Request, say: Say) -> str:
 
 
 def light_seen(scene: bpy.types.Scene, request: Request, placed: Placement | None = None) -> tuple[Array, Array]:
-    """Return the exposed radiance (n,) that the middle of a ``placed`` array, else of the scene's, sees of the subject.
+    """Measure with a tiny render the light of what the middle of a ``placed`` array, else of the scene's, sees.
 
-    First that of white surfaces in its place, then its own, in a tiny render; both empty where it is not in sight.
+    Returns radiances (n,) at the scene's exposure: of white surfaces in the subject's place, and of the subject itself;
+    empty where it is not in sight.
     """
     with suppress(LfsrError):
         subject = find_subject(scene, request.subject)

@@ -6,10 +6,10 @@ deep as the ray's path is long). So the ray of lens i and place A among the rend
 sees through lens i + m·(v − A). Samples near that line, of about the same slope m, are averaged, along one axis and
 then along the other: sheared reconstruction, as in Lehtinen et al., Temporal Light Field Reconstruction for Rendering
 Distribution Effects (2011). Unless much of the scene is steep, it is done at two places per rendered view, and views
-between them are interpolated. Where depth is unknown, interpolation inside the elemental image stays, and so it does
-for the light of a lamp in a sample at the depth of the wall behind it: along the wall's slope it would be a halo. What
-an elemental image shows of its own, as mirrors do, comes back where it is more than noise. docs/results/pooling.md has
-the figures.
+between them are interpolated. Gaps beside what is seen move with it. Where depth is unknown, interpolation inside the
+elemental image stays, and so it does for the light of a lamp in a sample at the depth of the wall behind it: along the
+wall's slope it would be a halo. What an elemental image shows of its own, as mirrors do, comes back where it is more
+than noise. docs/results/pooling.md has the figures.
 """
 
 from __future__ import annotations
@@ -245,7 +245,7 @@ def _left_out(low: PooledEIA, row: Array, column: Array, images: Array) -> Array
 
 
 def _means(views: int) -> Array:
-    """Matrix (views, views) of the mean over rendered views around each, by a Gaussian of a view's deviation."""
+    """Matrix (views, views) of Gaussian means over neighbouring rendered views; standard deviation: one view."""
     weights = np.exp(-0.5 * np.square(np.subtract.outer(np.arange(views), np.arange(views))))
     return np.asarray(weights / weights.sum(1, keepdims=True), np.float32)
 
@@ -257,9 +257,8 @@ def _middles(views: int, factor: int) -> Array:
 
 
 def _beyond_edges(slope: Array) -> Array:
-    """Slopes (sy, sx, h, w) with the largest of what is seen VOID_REACH views away or nearer, where nothing is seen.
-
-    What a silhouette leaves free moves with it.
+    """Slopes (sy, sx, h, w); where nothing is seen, that of the nearest sample that sees something, VOID_REACH views
+    away at most, and of several the largest: a gap moves with the edge beside it.
     """
     for _ in range(VOID_REACH):
         seen = np.pad(np.where(slope < UNKNOWN, slope, np.float32(-UNKNOWN)), ((0, 0), (0, 0), (1, 1), (1, 1)), "edge")

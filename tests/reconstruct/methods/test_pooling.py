@@ -65,7 +65,7 @@ def test_what_a_mirror_shows_at_its_own_depth_is_not_lost():
 
 
 def test_what_is_bright_in_some_lenses_leaves_others_black():
-    """Light that does not move as its depth says, before a black wall: linear light, so that a trace of it is seen."""
+    """Pooled along the slope of a black wall, light that does not have that slope would spread over it."""
     color = np.zeros((*LENSES, *VIEWS, 3), np.float32)
     color[:, :7] = 0.5
     low = dataclasses.replace(plane(0.8, color=color), noisy=color)
