@@ -92,7 +92,7 @@ class Pooling(Upscaler):
         if not known.any():
             return low
         slope = np.where(known, low.slope[..., 0], np.float32(UNKNOWN))
-        beyond = _beyond_edges(slope)
+        beyond = _beyond_edges(slope) if low.samples >= LEAST_SAMPLES else slope
         if LEAST_SAMPLES <= low.samples < SHARP_SAMPLES:
             slope = np.where(np.abs(beyond) < LEVEL, beyond, slope)
         slope = _with_edges(slope, low.slope_ratio) if low.samples < LEAST_SAMPLES else slope
