@@ -88,10 +88,12 @@ class Pooling(Upscaler):
         """Pool along each row; ``low`` itself where no depth is known or every view is rendered."""
         if low.slope is None or low.factors == (1, 1):
             return low
-        known = np.isfinite(low.slope[..., 0]) & (np.abs(low.slope[..., 0]) < STEEPEST)
+        followed = self._followed(low, low.slope)
+        low = dataclasses.replace(low, slope=followed[..., None])
+        known = np.isfinite(followed) & (np.abs(followed) < STEEPEST)
         if not known.any():
             return low
-        slope = np.where(known, low.slope[..., 0], np.float32(UNKNOWN))
+        slope = np.where(known, followed, np.float32(UNKNOWN))
         beyond = _beyond_edges(slope) if low.samples >= LEAST_SAMPLES else slope
         if LEAST_SAMPLES <= low.samples < SHARP_SAMPLES:
             slope = np.where(np.abs(beyond) < LEVEL, beyond, slope)
@@ -103,7 +105,7 @@ class Pooling(Upscaler):
         columns, length = self._places(sx, steepest)
         rows, height = self._places(sy, steepest * low.slope_ratio)
         source = padded((sy, h, length, w + 2 * REACH))
-        glare = self._glare(low.color, low.slope[..., 0])
+        glare = self._glare(low.color, followed)
         color = self._restored(low, np.where(glare.any(-1), np.float32(UNKNOWN), beyond), steepest) - glare
         source[:3, :, :, columns, REACH:-REACH] = color.transpose(4, 0, 2, 1, 3)
         source[3:, :, :, columns, REACH:-REACH] = slope.transpose(0, 2, 1, 3)
@@ -145,6 +147,42 @@ class Pooling(Upscaler):
                 images = decode(images)
                 for channel, image in enumerate(images):
                     result[part, ..., channel] = image.transpose(1, 0, 2)
+        return result
+
+    def _followed(self, low: LowResEIA, slope: Array) -> Array:
+        """Slopes (sy, sx, h, w) of the first hit, or of where the ray's path ends.
+
+        Mirrors and plane glass show the end of the path, curved glass does not. So each 3 × 3 lenses take the slope
+        along which the views beside explain more of the render's variance: squared covariance over power.
+        """
+        grid, first, path = slope.shape[:2], slope[..., 0], slope[..., -1]
+        here = np.nonzero(np.isfinite(path) & (first != path))
+        if not len(here[0]):
+            return first
+        color = encode(low.rendered) @ LUMINANCE
+        mean, number = color.mean((2, 3))[here[:2]], np.ravel_multi_index(here[:2], grid)
+        own, moves, sums = color[here] - mean, slope[here].T, np.zeros((4, 2, 2, math.prod(grid)))
+
+        def beside(side: int) -> None:
+            axis, step = divmod(side, 2)
+            view, block = here[axis + 2] + 2 * step - 1, self._block or grid[axis]
+            places = here[axis] + moves * (2 * step - 1) * (1.0 if axis else low.slope_ratio)
+            lenses = np.floor(places).astype(int)
+            inside = ((lenses // block == here[axis] // block) & ((lenses + 1) // block == here[axis] // block)).all(0)
+            chosen = np.flatnonzero(inside & (view >= 0) & (view < color.shape[axis + 2]))
+            index = [each[chosen] for each in here]
+            index[axis + 2] = view[chosen]
+            for sums_, place, lens in zip(sums[side], places[:, chosen], lenses[:, chosen], strict=True):
+                index[axis] = lens
+                left = color[tuple(index)]
+                index[axis] = lens + 1
+                seen = left + (place - lens) * (color[tuple(index)] - left) - mean[chosen]
+                sums_[:] = [np.bincount(number[chosen], seen * other, math.prod(grid)) for other in (own[chosen], seen)]
+
+        in_threads(beside, range(4))
+        (shared, power), (of_path, of_all) = (map(_pooled_lenses, part.reshape(2, *grid)) for part in sums.sum(0))
+        better = np.maximum(of_path, 0)**2 * power >= np.maximum(shared, 0)**2 * of_all
+        result: Array = np.where(better[..., None, None], path, first)
         return result
 
     def _glare(self, color: Array, slope: Array) -> Array:
