@@ -130,8 +130,7 @@ LAYOUTS = {
 def anaglyph(left: Array, right: Array) -> Array:
     """Image (H, W, 3) uint8 for red-cyan glasses, of two images of that shape."""
     eyes = np.stack([srgb_decode(image.astype(np.float32) / 255) for image in (left, right)])
-    mixed = np.einsum("eoc,ehwc->hwo", DUBOIS, eyes)
-    return np.asarray(np.rint(srgb_encode(np.clip(mixed, 0, 1)) * 255), np.uint8)
+    return np.asarray(np.rint(srgb_encode(np.clip(np.einsum("eoc,ehwc->hwo", DUBOIS, eyes), 0, 1)) * 255), np.uint8)
 
 
 def write_stereo(layout: Layout, field: LightField, folder: Path, options: ExportOptions) -> None:
@@ -405,8 +404,7 @@ def central_disparity(field: LightField) -> Array | None:
     # One step of a fixed-point iteration, enough for the fractions of a pixel between the centre and the nearest view.
     rows, columns = np.indices(seen.shape)
     column = np.clip(np.rint(columns - right * seen), 0, seen.shape[1] - 1).astype(int)
-    row = np.clip(np.rint(rows - down * seen), 0, seen.shape[0] - 1).astype(int)
-    return np.asarray(seen[row, column])
+    return np.asarray(seen[np.clip(np.rint(rows - down * seen), 0, seen.shape[0] - 1).astype(int), column])
 
 
 def rendered_disparity(field: LightField) -> tuple[Array, tuple[float, float]] | None:
@@ -435,5 +433,4 @@ def rendered_disparity(field: LightField) -> tuple[Array, tuple[float, float]] |
 
 def infinite_disparity(frame: Frame) -> float:
     """Disparity at infinity, in pixels (lenses) per finished view."""
-    pixel = 2 * frame.array.half_width / frame.display.lenses[0]
-    return float(np.float32(-frame.array.spacing / pixel))
+    return float(np.float32(-frame.array.spacing / (2 * frame.array.half_width / frame.display.lenses[0])))

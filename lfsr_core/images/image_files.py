@@ -80,8 +80,7 @@ def why_unreadable(path: str | Path) -> str:
     with opened(path) as source:
         if source is None:
             return oiio.geterror() or "no file"
-        pixels = source.read_image(oiio.UNKNOWN)
-        return source.geterror() or ("no pixels" if pixels is None else "")
+        return source.geterror() or ("no pixels" if source.read_image(oiio.UNKNOWN) is None else "")
 
 
 def read_layers(path: str | Path, without: Collection[str] = ()) -> Layers:

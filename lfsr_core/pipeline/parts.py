@@ -165,8 +165,7 @@ class Pace:
 
     def after(self, done: Part) -> int:
         """Rows of the part after ``done``, whose seconds are those of its samples alone."""
-        wanted = int(done.size * self.seconds / max(done.seconds, 1e-3))
-        return max(1, min(wanted, GROWTH * done.size, self.most))
+        return max(1, min(int(done.size * self.seconds / max(done.seconds, 1e-3)), GROWTH * done.size, self.most))
 
     def after_timeout(self, given_up: Part) -> int:
         """Rows of the part after one that took too long."""
