@@ -51,6 +51,7 @@ LEAST_SAMPLES = 2  # per pixel from which detail is told from noise, and an edge
 # view by which an edge must be nearer than what is behind it.
 EDGE_REACH, HALF, APART = 3, 0.6, 0.1
 VOID_REACH, LEVEL = 6, 0.15  # rendered views beside what is seen; lenses per rendered view up to which it is pooled too
+FEW = 0.3  # of what 3 × 3 lenses see
 LEAST_STEEP = 0.1  # lenses per rendered view: below, no other lens is within reach
 LEAST_OTHERS = 0.3  # sum of the weights of other lenses' samples
 DETAIL_REACH, DETAIL_SIGMA = 3, 2.0  # rendered views: reach, and standard deviation of the weight, of residuals
@@ -153,11 +154,12 @@ class Pooling(Upscaler):
         """Slopes (sy, sx, h, w) of the first hit, or of where the ray's path ends.
 
         Mirrors and plane glass show the end of the path, curved glass does not. So each 3 × 3 lenses take the slope
-        along which the views beside explain more of the render's variance: squared covariance over power.
+        along which the views beside explain more of the render's variance: squared covariance over power. Where FEW
+        samples go on, they are those of edges, whose path is a mean of both surfaces.
         """
         grid, first, path = slope.shape[:2], slope[..., 0], slope[..., -1]
-        here = np.nonzero(np.isfinite(path) & (first != path))
-        if not len(here[0]):
+        goes_on = (seen := np.isfinite(path)) & (first != path)
+        if not len((here := np.nonzero(goes_on))[0]):
             return first
         color = encode(low.rendered) @ LUMINANCE
         mean, number = color.mean((2, 3))[here[:2]], np.ravel_multi_index(here[:2], grid)
@@ -176,12 +178,14 @@ class Pooling(Upscaler):
                 index[axis] = lens
                 left = color[tuple(index)]
                 index[axis] = lens + 1
-                seen = left + (place - lens) * (color[tuple(index)] - left) - mean[chosen]
-                sums_[:] = [np.bincount(number[chosen], seen * other, math.prod(grid)) for other in (own[chosen], seen)]
+                there = left + (place - lens) * (color[tuple(index)] - left) - mean[chosen]
+                sums_[:] = [np.bincount(number[chosen], there * other, math.prod(grid))
+                            for other in (own[chosen], there)]
 
         in_threads(beside, range(4))
         (shared, power), (of_path, of_all) = (map(_pooled_lenses, part.reshape(2, *grid)) for part in sums.sum(0))
-        better = np.maximum(of_path, 0)**2 * power >= np.maximum(shared, 0)**2 * of_all
+        few = _pooled_lenses(goes_on.sum((2, 3)) - FEW * seen.sum((2, 3))) < 0
+        better = few | (np.maximum(of_path, 0)**2 * power >= np.maximum(shared, 0)**2 * of_all)
         result: Array = np.where(better[..., None, None], path, first)
         return result
 

@@ -72,6 +72,8 @@ def test_the_render_decides_whether_the_end_of_a_ray_s_path_is_seen(shown):
     one = dataclasses.replace(plane(shown), noisy=noisy)
     both = dataclasses.replace(one, slope=np.concatenate([plane(0.3).slope, plane(1.2).slope], -1))
     np.testing.assert_array_equal(finished(both)[INNER], finished(one)[INNER])
+    both.slope[:, :, :, 1:, 1] = 0.3  # in few views: those beside an edge
+    np.testing.assert_array_equal(finished(both), finished(dataclasses.replace(one, slope=both.slope[..., 1:])))
 
 
 def test_what_is_bright_in_some_lenses_leaves_others_black():
