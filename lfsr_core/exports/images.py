@@ -157,8 +157,7 @@ def write_rgbd(field: LightField, folder: Path, options: ExportOptions) -> None:
 
     Depth is linear in disparity; tells where on it the display's plane is.
     """
-    rendered = rendered_disparity(field)
-    if rendered is None:
+    if (rendered := rendered_disparity(field)) is None:
         raise LfsrError(f"{field.folder} has no position layer, from which depth comes: render it with the "
                         "layer position")
     (disparity, camera), infinite = rendered, infinite_disparity(field.frame)
@@ -242,8 +241,7 @@ def write_hci(field: LightField, folder: Path, options: ExportOptions) -> None:
                         "across and down: choose numbers in the same proportion")
     for row, column, view in each_view(field, options):
         write_png(folder / f"input_Cam{row * across + column:03d}.png", view)
-    disparity = central_disparity(field)
-    if disparity is not None:
+    if (disparity := central_disparity(field)) is not None:
         disparity = disparity * np.float32(x / across)  # between the exported views
         # PFM starts with the bottom row; -1 says little-endian.
         header = f"Pf\n{disparity.shape[1]} {disparity.shape[0]}\n-1\n".encode()
@@ -395,8 +393,7 @@ def central_disparity(field: LightField) -> Array | None:
     In pixels (lenses) per finished view, positive in front of the display plane: a camera one step to the right sees
     a point that many pixels further left, one step up that many further down. Empty pixels have that of infinity.
     """
-    rendered = rendered_disparity(field)
-    if rendered is None:
+    if (rendered := rendered_disparity(field)) is None:
         return None
     (seen, camera), array, (sx, sy) = rendered, field.frame.array, field.display.lenses
     right, down = (place - (count - 1) / 2 for place, count in zip(camera, field.count, strict=True))

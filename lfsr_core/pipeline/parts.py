@@ -104,8 +104,7 @@ def remove_others(folder: Path, inputs: Mapping[str, str]) -> str:
         stored = read_json(folder / INPUTS_FILE, "the inputs of a render's parts")
     except LfsrError:
         stored = None
-    name = first_difference(stored if isinstance(stored, dict) else {}, inputs)
-    if not name:
+    if not (name := first_difference(stored if isinstance(stored, dict) else {}, inputs)):
         return ""
     removed = has_parts(folder)
     for path in [*folder.glob("*.exr"), folder / INPUTS_FILE]:

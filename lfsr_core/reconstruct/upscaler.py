@@ -202,8 +202,7 @@ def foreground_pixels(layers: Mapping[str, Array]) -> Mask:
     many costs time, a lens too few costs quality.
     """
     covered: Mask = layers["color"][..., 3] > 0
-    index = layers.get("index")
-    if index is None:
+    if (index := layers.get("index")) is None:
         return covered
     found: Mask = (index[..., 0] == FOREGROUND_INDEX) | (covered & (index[..., 0] != BACKGROUND_INDEX))
     return found
