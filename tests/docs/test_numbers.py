@@ -335,6 +335,9 @@ CLAIMS: list[Claim | TableClaim] = [
         for name in ("object", "light") for samples in (4, 16)))
       for words, way in (("flickers {} to {} times as much as fixed seeds", "one seed"),
                          ("fixed seeds, {} to {} times as much as changing seeds", "a seed per frame"))),
+    *(Claim(SHOTS, words, lambda way=way: span(shot(name, way, 16)["change"] for name in (*MOVING.values(), "turn")))
+      for words, way in (("between frames {} (an object that turns) to {} times as much", "one seed"),
+                         ("with changing seeds {} to {}.", "a seed per frame"))),
     TableClaim(SHOTS, "| | samples | split SSIM | flicker | lag |", shot_rows(), first=2),
     TableClaim(DISPLAYS, "| method | integral | lenticular | hexagonal |", display_row),
     Claim(DISPLAYS, "lies within {} of every view with 16 on both", lambda: [
