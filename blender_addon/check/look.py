@@ -31,6 +31,7 @@ from .problems import Problem
 
 # Code of the problem: the operator's property that mends it, and its title.
 MENDS = {"cube": ("leave_out_cube", "Leave Out Cube"), "helper": ("leave_out_helpers", "Leave Out Helpers"),
+         "sky": ("leave_out_sky", "Leave Out Sky"),
          "frame": ("fit_objects", "Fit to Objects"), "plane": ("move_plane", "Move Display Plane"),
          "deep": ("flatten_depth", "Flatten Depth"), "dark": ("add_light", "Add World Light")}
 STARTUP_LAMP = (4.07625, 1.00545, 5.90386)  # where a new file's lamp stands
@@ -60,7 +61,15 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
             more = f" and {counted(len(others) - 1, 'other object')}" if others[1:] else ""
             yield _problem("helper", others[0].name, f"{others[0].name}{more} without a material would be rendered "
                            "solid: drawn as wires, a Boolean's tool or the shape of a bone.")
-        with _without(cube, *others):
+        boxes, eye = edit.boxes_now(subject), np.array(placed[1])[:3, 3]
+        sky = edit.sky_around(scene, boxes)
+        if sky is not None and not _is_unaimed(scene) and (boxes[sky].min(0) < eye).all() and (
+                boxes[sky].max(0) > eye).all():
+            sky = None  # it is seen from inside
+        if sky is not None:
+            yield _problem("sky", sky.name, f"{sky.name} surrounds all other objects, like a sky, and would hide them "
+                           "from outside.")
+        with _without(cube, sky, *others):
             yield from _found(scene, placed, display, subject, main_objects(scene, subject))
 
 
@@ -165,8 +174,8 @@ def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list
         if any((box.min(0) < high).all() and (box.max(0) > low).all()
                for item, box in boxes.items() if item not in chosen):
             chosen = []
-    chosen = chosen or list(boxes)
-    chosen = edit.main_part(chosen, np.array([(boxes[item].min(0), boxes[item].max(0)) for item in chosen]))
+    sky = edit.sky_around(scene, boxes)
+    chosen = edit.main_part({item: boxes[item] for item in chosen or boxes if item != sky})
     return sorted(chosen, key=lambda item: -float(np.linalg.norm(np.ptp(boxes[item], axis=0))))
 
 

@@ -45,16 +45,16 @@ Hit = tuple[mathutils.Vector, mathutils.Vector, bpy.types.Object]  # place, norm
 class Rays:
     """The scene as it is now: an edit calls for new ones."""
 
-    def __init__(self, scene: bpy.types.Scene) -> None:
-        """Note the bounding boxes of all meshes where there are more than FEW objects."""
+    def __init__(self, scene: bpy.types.Scene, sky: bpy.types.Object | None = None) -> None:
+        """Note the bounding boxes of all meshes where there are more than FEW objects; ``sky`` lets all rays pass."""
         self.scene, self.depsgraph = scene, bpy.context.evaluated_depsgraph_get()
         self.items: list[tuple[bpy.types.Object, mathutils.Matrix]] = []
-        if len(scene.objects) <= FEW:
+        if len(scene.objects) <= FEW and sky is None:
             return
         boxes, shapes = [], dict[int, list[tuple[float, ...]]]()
         for instance in self.depsgraph.object_instances:
             item = instance.object
-            if item.type == "MESH":
+            if item.type == "MESH" and item.original != sky:
                 key = item.data.as_pointer()  # which an object has alone where modifiers change it
                 if key not in shapes:
                     shapes[key] = [tuple(corner) for corner in item.bound_box]
