@@ -353,8 +353,7 @@ def balanced(near: float, far: float) -> float:
 
 def _depths(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Object]) -> list[float]:
     """Depths at which a grid of PROBES rays meets the subject; ``half``: half the frame at depth 1."""
-    toward = sight.matrix.inverted()
-    return [-(toward @ place).z for place, item in _hits(sight, half) if item.original in subject]
+    return [-(sight.matrix.inverted() @ place).z for place, item in _hits(sight, half) if item.original in subject]
 
 
 def _hits(sight: _Sight, half: tuple[float, float], eye: Sequence[float] | Array = (0.0, 0.0),
