@@ -35,7 +35,8 @@ MENDS = {"cube": ("leave_out_cube", "Leave Out Cube"), "helper": ("leave_out_hel
          "frame": ("fit_objects", "Fit to Objects"), "plane": ("move_plane", "Move Display Plane"),
          "deep": ("flatten_depth", "Flatten Depth"), "dark": ("add_light", "Add World Light")}
 STARTUP_LAMP = (4.07625, 1.00545, 5.90386)  # where a new file's lamp stands
-STARTUP_CAMERA = (7.35889, -6.92579, 4.95831)  # where a new file's camera stands: nobody has aimed it
+# Where a new file's camera stands, and stood until Blender 2.79: nobody has aimed it.
+STARTUP_CAMERAS = (7.35889, -6.92579, 4.95831), (7.48113, -6.50764, 5.34367)
 TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject of an aimed camera, and of that one, fills
 CLOSE = 0.02  # of the subject's size: what lies nearer than that on the wrong side of a surface surrounds the array
 TOUCHING = 0.02  # of the size of what is selected: what is as near belongs to it
@@ -61,16 +62,17 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
             more = f" and {counted(len(others) - 1, 'other object')}" if others[1:] else ""
             yield _problem("helper", others[0].name, f"{others[0].name}{more} without a material would be rendered "
                            "solid: drawn as wires, a Boolean's tool or the shape of a bone.")
-        boxes, eye = edit.boxes_now(subject), np.array(placed[1])[:3, 3]
-        sky = edit.sky_around(scene, boxes)
-        if sky is not None and not _is_unaimed(scene) and (boxes[sky].min(0) < eye).all() and (
-                boxes[sky].max(0) > eye).all():
-            sky = None  # it is seen from inside
-        if sky is not None:
-            yield _problem("sky", sky.name, f"{sky.name} surrounds all other objects, like a sky, and would hide them "
-                           "from outside.")
-        with _without(cube, sky, *others):
-            yield from _found(scene, placed, display, subject, main_objects(scene, subject))
+        with _without(cube, *others):
+            boxes, eye = edit.boxes_now(subject), np.array(placed[1])[:3, 3]
+            sky = edit.sky_around(scene, boxes)
+            if sky is not None and not _is_unaimed(scene) and (boxes[sky].min(0) < eye).all() and (
+                    boxes[sky].max(0) > eye).all():
+                sky = None  # it is seen from inside
+            if sky is not None:
+                yield _problem("sky", sky.name, f"{sky.name} surrounds all other objects, like a sky, and would hide "
+                               "them from outside.")
+            with nullcontext() if sky is None else _without(sky):
+                yield from _found(scene, placed, display, subject, main_objects(scene, subject))
 
 
 def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, subject: set[bpy.types.Object],
@@ -155,8 +157,8 @@ def helpers(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 
 def _is_unaimed(scene: bpy.types.Scene) -> bool:
     camera = scene.camera
-    return (camera is not None and camera.type == "CAMERA" and not camera.animation_data
-            and (camera.matrix_world.translation - mathutils.Vector(STARTUP_CAMERA)).length < 1e-3)
+    return camera is not None and camera.type == "CAMERA" and not camera.animation_data and any(
+        (camera.matrix_world.translation - mathutils.Vector(place)).length < 1e-3 for place in STARTUP_CAMERAS)
 
 
 def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list[bpy.types.Object]:

@@ -237,7 +237,8 @@ def fit_turned(points: Array, profile: DisplayProfile, turn: mathutils.Matrix) -
 
 def main_part(corners: dict[bpy.types.Object, Array]) -> list[bpy.types.Object]:
     """Return the objects, of which world corners (n, 3) are given, without floors, backdrops and what lies far away."""
-    items, boxes = list(corners), np.array([(box.min(0), box.max(0)) for box in corners.values()])
+    items = list(corners)
+    boxes = np.array([(box.min(0), box.max(0)) for box in corners.values()]).reshape(-1, 2, 3)
     while left_out := _surroundings(boxes) or _far_away(boxes):
         kept = [index for index in range(len(items)) if index not in left_out]
         items, boxes = [items[index] for index in kept], boxes[kept]
@@ -254,9 +255,8 @@ def sky_around(scene: bpy.types.Scene, boxes: dict[bpy.types.Object, Array]) -> 
     if (sky.type != "MESH" or size.min() * scene.unit_settings.scale_length < LEAST_SKY or inner[:, 2].min() < ALOFT
             or inner.min() < -BESIDE or inner.max() > 1 + BESIDE):
         return None
-    corners = np.array(sky.bound_box)
-    middle, half = corners.mean(0), np.ptp(corners, axis=0) / 2
     shape = sky.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    middle, half = np.mean(shape.bound_box, axis=0), np.ptp(shape.bound_box, axis=0) / 2
     # It reaches to the sides of its bounding box, unlike a figure, whose eyes it surrounds, too.
     hits = (shape.ray_cast(middle, way) for way in np.concatenate([np.eye(3), -np.eye(3)]))
     return sky if all(hit[0] and np.abs((np.array(hit[1]) - middle) / half).max() > FILLED for hit in hits) else None

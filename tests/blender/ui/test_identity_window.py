@@ -80,8 +80,7 @@ except RuntimeError as error:
 def test_what_the_method_needs_is_asked_before_the_render(window):
     window.run(f"{LFSR}.output = '//lightfield/'; {LFSR}.method = {DEFAULT_METHOD!r}")
     window.run("bpy.ops.lfsr.check_scene('INVOKE_DEFAULT', True)")
-    found = window.get("[(p.code, p.fix) for p in addon.check.last.rows()]")
-    assert found[0] == ["denoise", "Use Pool"]
+    assert window.get("[(p.code, p.fix) for p in addon.check.last.rows()]")[0] == ["denoise", "Use Pool"]
     window.screenshot("ident-2-check")
     assert press_render(window) == ["RUNNING_MODAL"]
     window.screenshot("ident-3-asked")
