@@ -7,6 +7,7 @@ a render offers ticked, in the order of MENDS: each is looked for as if those be
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 
@@ -23,7 +24,7 @@ from ..compat import overridden
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
 from ..scene.array.placement import Rays
-from ..scene.contents import GEOMETRY, find_subject, is_rendered, rendered_layer, with_instanced
+from ..scene.contents import GEOMETRY, find_subject, is_rendered, nodes_of, rendered_layer, with_instanced
 from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance
 from ..scene.settings import length
 from ..scene.words import counted
@@ -35,8 +36,8 @@ MENDS = {"cube": ("leave_out_cube", "Leave Out Cube"), "helper": ("leave_out_hel
          "frame": ("fit_objects", "Fit to Objects"), "plane": ("move_plane", "Move Display Plane"),
          "deep": ("flatten_depth", "Flatten Depth"), "dark": ("add_light", "Add World Light")}
 STARTUP_LAMP = (4.07625, 1.00545, 5.90386)  # where a new file's lamp stands
-# Where a new file's camera stands, and stood until Blender 2.79: nobody has aimed it.
-STARTUP_CAMERAS = (7.35889, -6.92579, 4.95831), (7.48113, -6.50764, 5.34367)
+# How a new file's camera is turned: nobody has aimed it, even if it was moved. It was rolled until Blender 2.79.
+STARTUP_TURN, ROLL = mathutils.Euler((1.10932, 0.0, 0.81493)).to_quaternion(), 0.02
 TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject of an aimed camera, and of that one, fills
 CLOSE = 0.02  # of the subject's size: what lies nearer than that on the wrong side of a surface surrounds the array
 TOUCHING = 0.02  # of the size of what is selected: what is as near belongs to it
@@ -86,6 +87,13 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
         yield from _deep(scene, placed, display, *depths)
     if scene.lfsr.light not in SCENE_LIGHTS or not has_light(scene):
         return
+    for node in nodes_of(scene.world.node_tree if scene.world else None):
+        image = node.image if node.type == "TEX_ENVIRONMENT" else None
+        if image is not None and image.source == "FILE" and not image.packed_file and not os.path.isfile(
+                bpy.path.abspath(image.filepath, library=image.library)):
+            yield _problem("dark", scene.name, f"The world's image {image.name} is missing: what it lights would be "
+                           "pink. Images only are lit.")
+            return
     lamps = [item for item in scene.objects if item.type == "LIGHT" and not item.hide_render]
     is_imported = bool(reason) or startup_cube(scene) is not None  # which the lamp of the new file was not to light
     own = [item for item in lamps if not is_imported
@@ -157,8 +165,8 @@ def helpers(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 
 def _is_unaimed(scene: bpy.types.Scene) -> bool:
     camera = scene.camera
-    return camera is not None and camera.type == "CAMERA" and not camera.animation_data and any(
-        (camera.matrix_world.translation - mathutils.Vector(place)).length < 1e-3 for place in STARTUP_CAMERAS)
+    return (camera is not None and camera.type == "CAMERA" and not camera.animation_data
+            and camera.matrix_world.to_quaternion().rotation_difference(STARTUP_TURN).angle < ROLL)
 
 
 def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list[bpy.types.Object]:

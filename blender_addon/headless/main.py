@@ -158,8 +158,7 @@ def _opened(request: Request, stack: ExitStack) -> tuple[bpy.types.Scene, Opened
         say(notice)
     # Without them Cycles would build the scene again for each render: a change of the engine forgets what was kept.
     stack.enter_context(overridden(scene.render, {"use_persistent_data": True, "engine": "CYCLES"}))
-    light = settled_light(scene, request, say)
-    return scene, Opened(seconds, content, light, tuple(notes))
+    return scene, Opened(seconds, content, settled_light(scene, request, say), tuple(notes))
 
 
 def _chosen_scene(request: Request, say: Tell = protocol.emit_told) -> bpy.types.Scene:

@@ -122,8 +122,7 @@ def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.type
     """Return depths (n,) from the camera plane at which the middle of a ``placed`` array sees the subject."""
     array, matrix = placed
     sight = _Sight(Rays(scene), to_blender(matrix), clip_of(scene))
-    half = array.half_width / array.distance, array.half_height / array.distance
-    return np.array(_depths(sight, half, subject))
+    return np.array(_depths(sight, (array.half_width / array.distance, array.half_height / array.distance), subject))
 
 
 def focus_notice(scene: bpy.types.Scene, placed: Placement) -> Notice | None:
