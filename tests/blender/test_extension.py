@@ -318,8 +318,7 @@ def test_review_sees_what_breaks_a_rule(files, check, name, change):
     licences = {path: files[path] for path, _ in reviewer.LICENCES.values()}
     new = change(text) if callable(change) else f"{text}\n{change}\n"
     changed = licences | {manifest: files[manifest], name: new.encode()}
-    found = {function.__name__ for function in reviewer.CHECKS if list(function(changed))}
-    assert check in found
+    assert check in {function.__name__ for function in reviewer.CHECKS if list(function(changed))}
 
 
 def test_the_changelog_and_the_guide_have_this_version_and_every_check_which_can_fail():

@@ -313,6 +313,16 @@ def test_hardly_any_light_and_far_too_much_are_noticed(startup, energy, world, e
         assert startup.lfsr.light == "CITY"
 
 
+def test_a_world_whose_image_is_missing_is_offered_another_light(startup):
+    aimed(startup)
+    add_box((0, 0, 1), (1, 0.5, 1))
+    node = startup.world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+    node.image = bpy.data.images.new("sky.exr", 1, 1)
+    assert "dark" not in looked(startup), "it is generated"
+    node.image.source, node.image.filepath = "FILE", "/sky.exr"
+    assert "sky.exr is missing" in looked(startup)["dark"]
+
+
 @pytest.mark.parametrize("gray", [0.004, 0.4])
 def test_black_things_need_more_light_to_be_seen(startup, gray):
     aimed(startup)

@@ -92,8 +92,7 @@ def test_scenes_whose_names_are_cleaned_to_one_are_told_apart_and_a_renamed_file
     assert not is_mine()  # whether it is the same file cannot be known
     scene = bpy.context.scene
     scene.name = "Set A"
-    folder = render()
-    assert folder.parent.name == "Set_A" and is_mine()
+    assert render().parent.name == "Set_A" and is_mine()
     scene.name = "Set_A"
     assert not is_mine()
 

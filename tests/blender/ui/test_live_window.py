@@ -125,8 +125,7 @@ def test_it_is_the_offline_image(window, scene, name, scale, size):
     start(window, size)
     display = load_display(name)
     live = part(resting(window, f"live-{scene}-{name}-{scale}"), window, display).astype(float)
-    exact = size == display.panel_pixels
-    assert (window.get("live.message()") == "") == exact
+    assert (window.get("live.message()") == "") == (size == display.panel_pixels)
     difference = np.abs(live - offline)
     tiles = to_elemental_images(difference, display.lenses)
     edge = np.concatenate([tiles[:, :, 0], tiles[:, :, -1], tiles[..., 0, :], tiles[..., -1, :]], axis=2)
@@ -322,8 +321,7 @@ def test_edits_are_followed(window):
     painted = resting(window, "edit-2")[:96, :128].astype(int)
     assert (painted - first)[..., 2].max() > 60 and (painted - first)[..., 0].min() < -60
     window.run("next(item for item in bpy.data.objects if 'lfsr_spacing' in item).rotation_euler.z += 1")
-    turned = resting(window, "edit-3")[:96, :128].astype(int)
-    assert np.abs(turned - painted).mean() > 5
+    assert np.abs(resting(window, "edit-3")[:96, :128].astype(int) - painted).mean() > 5
     window.run("bpy.context.scene.lfsr.live_scale = '4'")
     window.until(f"{LIVE}.render.preview_pixel_size == '4'", 10)
 
