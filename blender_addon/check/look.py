@@ -292,7 +292,7 @@ def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
     array, eye = placed[0], mathutils.Matrix(placed[1])
     half = array.half_width / array.distance, array.half_height / array.distance
     lamps = sorted(lamps, key=lambda item: -item.data.energy)[:LAMPS]
-    sky, arriving, seen = world_radiance(scene.world), list[float](), list[float]()
+    sky, arriving, seen = world_radiance(scene.world, DIM / 2), list[float](), list[float]()  # a render tells of images
     generator = np.random.default_rng(0)
     for x, y in generator.uniform(-0.9, 0.9, (4 * LIT, 2)):
         way = eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))

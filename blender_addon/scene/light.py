@@ -91,9 +91,9 @@ def has_emission(scene: bpy.types.Scene) -> bool:
     return any(_shines(material.node_tree, (0, 0, 0)) for material in materials(scene))
 
 
-def world_radiance(world: bpy.types.World | None) -> float:
-    """Return about how bright the sky of a world is: SKY for an image or a texture."""
-    return _plain_world(world) or (SKY if world is not None and _shines(world.node_tree, world.color) else 0.0)
+def world_radiance(world: bpy.types.World | None, unknown: float = SKY) -> float:
+    """Return about how bright the sky of a world is: ``unknown`` for an image or a texture."""
+    return _plain_world(world) or (unknown if world is not None and _shines(world.node_tree, world.color) else 0.0)
 
 
 def _plain_world(world: bpy.types.World | None) -> float:

@@ -147,11 +147,10 @@ def _new_plane(array: bpy.types.Object) -> bpy.types.Object:
 APART, ENCLOSING = 4.0, 20.0  # times the size of all others, from which an object lies far away, or is a dome
 FLAT, WIDE = 0.05, 4.0  # thickness of a floor as a fraction of its length; its area, as a multiple of what is on it
 MOST_SURROUNDINGS = 6
-# A sky: metres across, at least; parts of its size by which all else lies above its floor, and may lie outside; part
-# of its bounding box that it fills.
+# Of a sky: least metres across; parts of its size by which the rest hangs and may stick out; part of its box it fills.
 LEAST_SKY, ALOFT, BESIDE, FILLED = 20.0, 0.2, 0.02, 0.9
-# Fraction of the picture below which thin tails are left out; quartiles beyond the middle ones where they begin.
-LEAST_SEEN, WHISKERS = 0.05, 1.5
+# Fractions of the picture below which the subject is narrow, or has thin tails; where these begin, as in a box plot.
+NARROW, LEAST_SEEN, WHISKERS = 0.05, 0.015, 1.5
 TRAVELS = 2.0  # times its size in this frame, over which it moves in an animation
 # Degrees around Z from the front: what they show counts this much. Degrees from above: this much of what is as high as
 # wide, and of what is LOW or lower, as a fraction of its width: a landscape, or a plate, shows itself from above.
@@ -159,7 +158,8 @@ TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.75, -90: 0.75, 180: 0.7}
 TILTS = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}
 LOW = 0.6
 FEW_OBJECTS, MOST_POINTS = 100, 20_000  # objects that are fitted by their vertices, and about how many of each
-PROBED, FEWER = (24, 14), (16, 9)  # rays that tell it, across and down
+# Rays that tell it, across and down; and of what is narrow, as a standing figure.
+PROBED, FEWER, FINER = (24, 14), (16, 9), (96, 56)
 
 
 def first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placement:
@@ -205,14 +205,14 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         frames = placement.sample_frames(scene) if boxes is moved else (scene.frame_current,)
         points = np.concatenate([found[::len(found) // MOST_POINTS + 1] for _ in frames
                                  for found in placement.world_points(set(chosen))] or [points])
-    probes = FEWER if rays.items else PROBED  # in a scene of many objects a ray takes long
+    usual = FEWER if rays.items else PROBED  # in a scene of many objects a ray takes long
     # What lies below a sea or a ground that cuts the subject may be hidden: it is fitted with and without it.
     grounds = [top for item, box in boxes.items() if item not in chosen and (top := box[:, 2].max()) < high[2]
                and top > low[2] + FLAT * (high - low)[2] and np.ptp(box[:, 2]) < FLAT * np.ptp(box, axis=0).max()]
     lowest = {-math.inf, max(grounds, default=-math.inf)}
     low, high = np.percentile(points, (25, 75), axis=0)
     without_tails = np.clip(points, low - WHISKERS * (high - low), high + WHISKERS * (high - low))
-    for fitted in (points, without_tails):
+    for fitted, probes, least in ((points, usual, NARROW), (points, FINER, LEAST_SEEN), (without_tails, usual, 0)):
         choices, size = list[tuple[float, int, Placement]](), np.ptp(fitted, axis=0)
         for ground, (tilt, above), (degrees, wide) in itertools.product(lowest, TILTS.items(), TURNS.items()):
             turn = (mathutils.Matrix.Rotation(math.radians(degrees), 3, "Z")
@@ -222,7 +222,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide
             choices.append((counts * len(seen) * len(set(seen))**0.5, len(seen), placed))
         _, count, best = max(choices, key=lambda each: each[0])
-        if count > LEAST_SEEN * math.prod(probes):
+        if count > least * math.prod(probes):
             break
     return best
 
