@@ -150,7 +150,7 @@ MOST_SURROUNDINGS = 6
 # Of a sky: least metres across; parts of its size by which the rest hangs and may stick out; part of its box it fills.
 LEAST_SKY, ALOFT, BESIDE, FILLED = 20.0, 0.2, 0.02, 0.9
 # Fractions of the picture below which the subject is narrow, or has thin tails; where these begin, as in a box plot.
-NARROW, LEAST_SEEN, WHISKERS = 0.05, 0.015, 1.5
+NARROW, LEAST_SEEN, WHISKERS = 0.1, 0.015, 1.5
 TRAVELS = 2.0  # times its size in this frame, over which it moves in an animation
 # Degrees around Z from the front: what they show counts this much. Degrees from above: this much of what is as high as
 # wide, and of what is LOW or lower, as a fraction of its width: a landscape, or a plate, shows itself from above.
@@ -205,14 +205,14 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         frames = placement.sample_frames(scene) if boxes is moved else (scene.frame_current,)
         points = np.concatenate([found[::len(found) // MOST_POINTS + 1] for _ in frames
                                  for found in placement.world_points(set(chosen))] or [points])
-    usual = FEWER if rays.items else PROBED  # in a scene of many objects a ray takes long
+    usual, fine = (FEWER, FEWER) if rays.items else (PROBED, FINER)  # in a scene of many objects a ray takes long
     # What lies below a sea or a ground that cuts the subject may be hidden: it is fitted with and without it.
     grounds = [top for item, box in boxes.items() if item not in chosen and (top := box[:, 2].max()) < high[2]
                and top > low[2] + FLAT * (high - low)[2] and np.ptp(box[:, 2]) < FLAT * np.ptp(box, axis=0).max()]
     lowest = {-math.inf, max(grounds, default=-math.inf)}
     low, high = np.percentile(points, (25, 75), axis=0)
     without_tails = np.clip(points, low - WHISKERS * (high - low), high + WHISKERS * (high - low))
-    for fitted, probes, least in ((points, usual, NARROW), (points, FINER, LEAST_SEEN), (without_tails, usual, 0)):
+    for fitted, probes, least in ((points, usual, NARROW), (points, fine, LEAST_SEEN), (without_tails, usual, 0)):
         choices, size = list[tuple[float, int, Placement]](), np.ptp(fitted, axis=0)
         for ground, (tilt, above), (degrees, wide) in itertools.product(lowest, TILTS.items(), TURNS.items()):
             turn = (mathutils.Matrix.Rotation(math.radians(degrees), 3, "Z")

@@ -234,6 +234,13 @@ def test_what_travels_far_is_fitted_where_it_is(startup):
     assert share_of(startup, ship) > 0.2
 
 
+def test_a_narrow_figure_is_seen_from_its_broad_side(startup):
+    add_box((90, 0, 0.9), (0.05, 0.16, 0.9))
+    assert "frame" in looked(startup)
+    mend(startup)
+    assert abs(rig.find(startup).matrix_world.col[2].x) > 0.99
+
+
 def test_a_selected_part_of_a_figure_is_not_all_of_the_picture(startup):
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     base, body = add_box((0, 0, -0.2), (1, 1, 0.2)), add_box((0, 0, 0.9), (0.4, 0.4, 0.9))

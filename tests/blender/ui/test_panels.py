@@ -306,8 +306,7 @@ def test_the_drawn_frustum_is_the_array(scene):
     near, far = rig.usable_depth(array, MINI)
     drawn = array_view.lines(array, MINI, scale=2)
     depths = {round(float(z), 4) for *_, points in drawn for z in points[:, 2]}
-    sparse = rig.usable_depth(array, MINI, 2)
-    assert {round(z, 4) for z in (0.0, near, array.distance, far, *sparse)} == depths
+    assert {round(z, 4) for z in (0.0, near, array.distance, far, *rig.usable_depth(array, MINI, 2))} == depths
     rectangle = array_view.rectangle(array, array.distance)
     assert np.allclose(np.abs(rectangle), [(array.half_width, array.half_height, array.distance)] * 4)
     zone = array_view.viewing_zone(array, MINI)

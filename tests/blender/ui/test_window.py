@@ -104,8 +104,7 @@ def test_display_plane_is_one_handle(window):
     window.xdotool("mousemove", 500, 500)
     for key in ("g", "z", "z", "1", "Return"):   # grab along the local Z axis by 1
         window.xdotool("key", key)
-    moved = scene_value(window, "lfsr.distance")
-    assert moved == pytest.approx(distance - 1, abs=1e-3)
+    assert scene_value(window, "lfsr.distance") == pytest.approx(distance - 1, abs=1e-3)
     assert scene_value(window, "list(bpy.data.objects['Display Plane'].location)[:2]") == [0, 0]
     window.xdotool("key", "ctrl+z")
     assert scene_value(window, "lfsr.distance") == pytest.approx(distance, abs=1e-3)

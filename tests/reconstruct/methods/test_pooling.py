@@ -68,8 +68,7 @@ def test_what_is_bright_in_some_lenses_leaves_others_black():
     """Pooled along the slope of a black wall, light that does not have that slope would spread over it."""
     color = np.zeros((*LENSES, *VIEWS, 3), np.float32)
     color[:, :7] = 0.5
-    low = dataclasses.replace(plane(0.8, color=color), noisy=color)
-    assert finished(low)[INNER][:, 2:].max() < 0.02
+    assert finished(dataclasses.replace(plane(0.8, color=color), noisy=color))[INNER][:, 2:].max() < 0.02
 
 
 def test_with_one_sample_what_lies_beside_an_edge_moves_with_it():
