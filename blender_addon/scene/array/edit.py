@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 
 import bpy
 import mathutils
@@ -154,12 +154,11 @@ NARROW, LEAST_SEEN, WHISKERS = 0.1, 0.015, 1.5
 TRAVELS = 2.0  # times its size in this frame, over which it moves in an animation
 # Degrees around Z from the front: what they show counts this much. Degrees from above: this much of what is as high as
 # wide, and of what is LOW or lower, as a fraction of its width: a landscape, or a plate, shows itself from above.
-TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.75, -90: 0.75, 180: 0.7}
+TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.75, -90: 0.74, 180: 0.7}  # +X is the front in some programs
 TILTS = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}
 LOW = 0.6
 FEW_OBJECTS, MOST_POINTS = 100, 20_000  # objects that are fitted by their vertices, and about how many of each
-# Rays that tell it, across and down; and of what is narrow, as a standing figure.
-PROBED, FEWER, FINER = (24, 14), (16, 9), (96, 56)
+PROBED, FEWER = (24, 14), (16, 9)  # rays that tell it, across and down
 
 
 def first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placement:
@@ -205,24 +204,30 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         frames = placement.sample_frames(scene) if boxes is moved else (scene.frame_current,)
         points = np.concatenate([found[::len(found) // MOST_POINTS + 1] for _ in frames
                                  for found in placement.world_points(set(chosen))] or [points])
-    usual, fine = (FEWER, FEWER) if rays.items else (PROBED, FINER)  # in a scene of many objects a ray takes long
+    probes = FEWER if rays.items else PROBED  # in a scene of many objects a ray takes long
     # What lies below a sea or a ground that cuts the subject may be hidden: it is fitted with and without it.
     grounds = [top for item, box in boxes.items() if item not in chosen and (top := box[:, 2].max()) < high[2]
                and top > low[2] + FLAT * (high - low)[2] and np.ptp(box[:, 2]) < FLAT * np.ptp(box, axis=0).max()]
     lowest = {-math.inf, max(grounds, default=-math.inf)}
     low, high = np.percentile(points, (25, 75), axis=0)
     without_tails = np.clip(points, low - WHISKERS * (high - low), high + WHISKERS * (high - low))
-    for fitted, probes, least in ((points, usual, NARROW), (points, fine, LEAST_SEEN), (without_tails, usual, 0)):
-        choices, size = list[tuple[float, int, Placement]](), np.ptp(fitted, axis=0)
+    # Of what is narrow, as a standing figure, too few rays tell, unless all go its way.
+    for fitted, all_meet, least in ((points, False, NARROW), (points, True, LEAST_SEEN), (without_tails, False, 0)):
+        choices, size = list[tuple[float, float, Placement]](), np.ptp(fitted, axis=0)
         for ground, (tilt, above), (degrees, wide) in itertools.product(lowest, TILTS.items(), TURNS.items()):
             turn = (mathutils.Matrix.Rotation(math.radians(degrees), 3, "Z")
                     @ mathutils.Matrix.Rotation(math.radians(-tilt), 3, "X"))
-            placed = fit_turned(np.maximum(fitted, (-math.inf, -math.inf, ground)), profile, turn)
-            seen = [hit[2] for hit in through(rays, placed, *probes) if hit is not None and hit[2] in shown]
+            placed, part = fit_turned(np.maximum(fitted, (-math.inf, -math.inf, ground)), profile, turn), np.ones(2)
+            if all_meet:
+                toward, half = np.linalg.inv(placed[1]), (placed[0].half_width, placed[0].half_height)
+                local = fitted @ toward[:3, :3].T + toward[:3, 3]
+                part = np.minimum(np.abs(local[:, :2] / local[:, 2:]).max(0) * placed[0].distance / half, 1)
+            seen = [hit[2] for hit in through(rays, placed, *probes, part) if hit is not None and hit[2] in shown]
             counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide
-            choices.append((counts * len(seen) * len(set(seen))**0.5, len(seen), placed))
-        _, count, best = max(choices, key=lambda each: each[0])
-        if count > least * math.prod(probes):
+            share = len(seen) / math.prod(probes) * part.prod()
+            choices.append((counts * share * len(set(seen))**0.5, share, placed))
+        _, share, best = max(choices, key=lambda each: each[0])
+        if share > least:
             break
     return best
 
@@ -333,12 +338,13 @@ Face = tuple[mathutils.Vector, mathutils.Vector]  # place and normal
 Hit = tuple[mathutils.Vector, bool, bpy.types.Object]  # place, whether the front of a surface is hit, what is hit
 
 
-def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = PROBES[1]) -> list[Hit | None]:
-    """Return what rays from the middle of a ``placed`` array, spread over its display, meet first."""
+def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = PROBES[1],
+            part: Sequence[float] | Array = (1.0, 1.0)) -> list[Hit | None]:
+    """Return what rays from the middle of a ``placed`` array, spread over this ``part`` of its display, meet first."""
     array, eye = placed[0], mathutils.Matrix(placed[1])
     half = array.half_width / array.distance, array.half_height / array.distance
     ways = [eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))
-            for x in np.linspace(-1, 1, across) for y in np.linspace(-1, 1, down)]
+            for x in np.linspace(-part[0], part[0], across) for y in np.linspace(-part[1], part[1], down)]
     hits = (rays.cast(eye.translation, way) for way in ways)
     return [(hit[0], hit[1].dot(way) < 0, hit[2]) if hit else None for hit, way in zip(hits, ways, strict=True)]
 

@@ -246,8 +246,7 @@ def array_of_view(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[
     The display plane is as of ``array_of_camera``; where the view sees nothing of the subject, at the view's centre.
     """
     sight = _Sight(Rays(scene), mathutils.Matrix(view.matrix), view.clip)
-    half = view.half_width, view.half_width * profile.panel_mm[1] / profile.panel_mm[0]
-    depths = _depths(sight, half, subject)
+    depths = _depths(sight, (view.half_width, view.half_width * profile.panel_mm[1] / profile.panel_mm[0]), subject)
     return _array_at(sight, profile, view.half_width, _middle(depths) if depths else view.pivot)
 
 
