@@ -154,7 +154,7 @@ NARROW, LEAST_SEEN, WHISKERS = 0.1, 0.015, 1.5
 TRAVELS = 2.0  # times its size in this frame, over which it moves in an animation
 # Degrees around Z from the front: what they show counts this much. Degrees from above: this much of what is as high as
 # wide, and of what is LOW or lower, as a fraction of its width: a landscape, or a plate, shows itself from above.
-TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.75, -90: 0.74, 180: 0.7}  # +X is the front in some programs
+TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.75, -90: 0.7, 180: 0.7}  # +X is the front in some programs
 TILTS = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}
 LOW = 0.6
 FEW_OBJECTS, MOST_POINTS = 100, 20_000  # objects that are fitted by their vertices, and about how many of each
