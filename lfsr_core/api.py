@@ -19,20 +19,9 @@ from lfsr_core.commands.common import ProgressBar, method_of
 from lfsr_core.exports.formats import export
 from lfsr_core.exports.light_field import read_views
 from lfsr_core.exports.options import ExportOptions
+from lfsr_core.frames import frame as files
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.frame import (
-    AUTO,
-    LOW_RES_FILE,
-    PANEL_FILE,
-    SUBPIXELS,
-    Finish,
-    Report,
-    Request,
-    Sampling,
-    check_light,
-    check_scene,
-    scales_up_to,
-)
+from lfsr_core.frames.frame import Finish, Report, Request, Sampling, check_light, check_scene, scales_up_to
 from lfsr_core.images.image_files import encode_png, read_layers, read_png
 from lfsr_core.metrics.eia_metrics import Metrics, compare_folders
 from lfsr_core.optics.display import DisplayProfile, load_display
@@ -77,7 +66,7 @@ class RenderedFrame:
         """Depth (h, w) of the first hit behind each rendered pixel, in view order and scene units from the camera
         plane; NaN where nothing is covered. LfsrError where the frame has no position layer.
         """
-        layers, frame = read_layers(self.folder.path / LOW_RES_FILE), self.folder.frame
+        layers, frame = read_layers(self.folder.path / files.LOW_RES_FILE), self.folder.frame
         if "position" not in layers:
             raise LfsrError(f"{self.folder.path} has no position layer: render it with layers=('position',)")
         matrix = np.asarray(frame.matrix_world)
@@ -97,7 +86,7 @@ class RenderedFrame:
         for the viewing distance. LfsrError where there is no finished image.
         """
         display = self.display
-        image = read_png(self.folder.path / PANEL_FILE if display.is_woven else self.folder.image)
+        image = read_png(self.folder.path / files.PANEL_FILE if display.is_woven else self.folder.image)
         place = (x, y, display.viewing_distance_mm if z is None else z)
         return np.asarray(eye_view(image, display, place), np.uint8)
 
@@ -141,9 +130,10 @@ def render(scene: str | Path, output: str | Path | None = None, *, display: str 
     LfsrError for bad input, or with Blender's own sentence.
     """
     profile = display if isinstance(display, DisplayProfile) else load_display(str(display))
-    subpixels = request.get("layout") == SUBPIXELS
+    subpixels = request.get("layout") == files.SUBPIXELS
     scales = (scale,) if scale is not None else (1,) if subpixels else scales_up_to(profile)
-    given = {"device": AUTO, "layers": ("position",)} | request | {"light": check_light(request.get("light", AUTO))}
+    given = {"device": files.AUTO, "layers": ("position",), "light": files.AUTO} | request
+    given["light"] = check_light(given["light"])
     asked = Request(str(output or Path(scene).stem), profile, check_scene(scene),
                     sampling=Sampling.of(profile, scales, rays, samples, direct=subpixels), **given)
     if progress is None:

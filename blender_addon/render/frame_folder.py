@@ -19,24 +19,9 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
 from lfsr_core.base.records import to_data
 from lfsr_core.base.system import file_digest, file_stamp
+from lfsr_core.frames import frame as files
 from lfsr_core.frames.folder import PLACES, digest, request_facts
-from lfsr_core.frames.frame import (
-    AUTO,
-    EVEN,
-    GUIDES,
-    LOW_RES_FILE,
-    OWN,
-    POSITION,
-    REFERENCE_FILES,
-    SUBPIXELS,
-    TIMES_RAYS,
-    VIEW_BY_VIEW,
-    WORLD_FILE,
-    Frame,
-    Request,
-    more_rays,
-    write_frame,
-)
+from lfsr_core.frames.frame import Frame, Request, more_rays, write_frame
 from lfsr_core.images.color import ViewTransform
 from lfsr_core.images.image_files import Layers, clean, read_layers
 from lfsr_core.optics.rays import pixel_rows
@@ -75,7 +60,7 @@ class Opened:
 
     seconds: float = 0.0  # it took
     content: str = ""  # stamp of its file; empty if it is not known
-    light: str = AUTO  # in which it is rendered, AUTO where that is not settled
+    light: str = files.AUTO  # in which it is rendered, AUTO where that is not settled
     notes: tuple[Notice, ...] = ()  # what the user was told of it
     # New data for all its requests, None if each lights it: Cycles keeps what it makes of a world that stays.
     kept: list[bpy.types.ID] | None = None
@@ -89,7 +74,7 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
     """
     opened = opened or Opened()
     request = dataclasses.replace(request, device=compat.best_device(request.device),
-                                  light=opened.light if request.light == AUTO else request.light)
+                                  light=opened.light if request.light == files.AUTO else request.light)
     notes = list(opened.notes)
 
     def say(notice: Notice) -> None:
@@ -104,7 +89,8 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
             rays, usual = request.sampling.rays, per_ray * math.prod(frame.rays.size) * frame.samples
             tell(Notice("first-view", {"path": request.first_view}))
             if rays is not None and (wanted := more_rays(request.display, rays, noise)) > 1:
-                times = max(times for times in TIMES_RAYS if times == 1 or times <= min(wanted, MOST_SECONDS / usual))
+                most = max(1, min(wanted, MOST_SECONDS / usual))
+                times = max(times for times in files.TIMES_RAYS if times <= most)
                 frame = dataclasses.replace(frame, samples=frame.samples * times)
                 say(Notice("noisy", {"times": times}) if times == wanted else
                     Notice("noisy-long", {"times": wanted, "seconds": wanted * usual, "taken": times}))
@@ -113,16 +99,16 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
             resolved = to_data(dataclasses.replace(frame, seconds={}, gpus=()))
             resolved |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail,
                          "light": request.light}
-            files = {*map(Path, bpy.utils.blend_paths(absolute=True, packed=False, local=False)), *image_files()}
+            found = {*map(Path, bpy.utils.blend_paths(absolute=True, packed=False, local=False)), *image_files()}
             inputs = inputs_before_opening(request, opened.content) | {
                 "samples or scale": digest([frame.scale, frame.samples]),
                 "device, light or camera": digest(resolved),
-                "images or linked files": digest([[str(path), file_stamp(path)] for path in sorted(files)])}
+                "images or linked files": digest([[str(path), file_stamp(path)] for path in sorted(found)])}
             if other := remove_others(Path(request.parts), inputs):
                 tell(Notice("parts-removed", {"input": other}))
         seconds = {"open": opened.seconds}
         if frame.world_apart:
-            seconds["world"], path = 0.0, Path(request.output, WORLD_FILE)
+            seconds["world"], path = 0.0, Path(request.output, files.WORLD_FILE)
             if request.world is None:
                 settings = RenderSettings(world.SAMPLES, frame.seed, device=request.device)
                 seconds["world"] = world.render_world(scene, WorldImage.of(finished_layout(frame)), frame.matrix_world,
@@ -141,7 +127,7 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
                 parts = ImageParts(Path(request.parts or ""), path.stem, inputs,
                                    another_follows=number + 1 < len(images)) if inputs else None
                 seconds["render"] += (
-                    render_views(scene, shot, settings, path, follow) if frame.layout == VIEW_BY_VIEW
+                    render_views(scene, shot, settings, path, follow) if frame.layout == files.VIEW_BY_VIEW
                     else cycles.render_encoded(scene, shot, settings, path, follow, parts))
     seconds = {name: round(value, 3) for name, value in seconds.items()}
     write_frame(request.output, dataclasses.replace(frame, content=opened.content, seconds=seconds, notes=tuple(notes)))
@@ -180,16 +166,16 @@ def settled_light(scene: bpy.types.Scene, request: Request, say: Say) -> str:
     A .blend keeps its own light if it has any, with a warning where that is too little; ``say`` tells of any other.
     What shines does not count by its brightness but by its size: half of the subject decides.
     """
-    if request.light != AUTO:
+    if request.light != files.AUTO:
         return request.light
     has_own = has_light(scene)
     if has_own and (is_certain(scene) or not is_dim(*light_seen(scene, request))):
-        return OWN
+        return files.OWN
     if has_own and Path(request.scene).suffix.lower() in ("", ".blend"):
         say(Notice("light-weak"))
-        return OWN
+        return files.OWN
     with lit(scene, DEFAULT_LIGHT):
-        light = EVEN if is_dim(*light_seen(scene, request)) else DEFAULT_LIGHT
+        light = files.EVEN if is_dim(*light_seen(scene, request)) else DEFAULT_LIGHT
     say(Notice("light-replaced", {"reason": "dark" if has_own else "none", "light": light}))
     return light
 
@@ -280,15 +266,16 @@ def _frame(scene: bpy.types.Scene, request: Request, subject: set[bpy.types.Obje
     """The frame that is asked for; LfsrError if the array cannot be placed or colours cannot be reproduced."""
     array, matrix_world = placement.place_array(scene, request.display, subject)
     # The second stage is given more than colours; every view at scale 1 would take as much memory again.
-    guided = request.kind == "render" and request.sampling.scale > 1 and request.layout != SUBPIXELS
-    layers = tuple(dict.fromkeys((*request.layers, *((*GUIDES, POSITION) if guided else ()))))
+    guided = request.kind == "render" and request.sampling.scale > 1 and request.layout != files.SUBPIXELS
+    layers = tuple(dict.fromkeys((*request.layers, *((*files.GUIDES, files.POSITION) if guided else ()))))
     if "index" not in layers and has_background_meshes(scene, subject):
         layers = (*layers, "index")
     if request.world_visible and scene.world is None:
         raise LfsrError(f"scene {scene.name!r} has no world to show behind the subject: add a world, or render "
                         "without one")
     if (world_visible := request.world_visible) is None:
-        world_visible = request.light in (OWN, EVEN) and scene.world is not None and not scene.render.film_transparent
+        world_visible = (request.light in (files.OWN, files.EVEN) and scene.world is not None
+                         and not scene.render.film_transparent)
     # The lens card renders where the OSL camera cannot.
     layout = compat.way_of(request.device) if request.layout == "one-pass" else request.layout
     return Frame(
@@ -309,13 +296,13 @@ def _images(scene: bpy.types.Scene, request: Request, frame: Frame) -> list[tupl
     settings = RenderSettings(frame.samples, request.seed, frame.layers, request.device, request.clamp_indirect,
                               frame.world_visible, see_through)
     if request.kind != "reference":
-        return [(LOW_RES_FILE, settings)]
+        return [(files.LOW_RES_FILE, settings)]
     # Unclamped unless the request clamps: clamping would bias a reference.
     settings = dataclasses.replace(settings, clamp_indirect=request.clamp_indirect or 0.0,
                                    half="position" not in frame.layers)
     return [(name, dataclasses.replace(settings, samples=(request.sampling.samples + 1 - half) // 2,
                                        seed=(request.seed + HALF_SEED * (half + 1)) % 2**31))
-            for half, name in enumerate(REFERENCE_FILES)]
+            for half, name in enumerate(files.REFERENCE_FILES)]
 
 
 @contextmanager

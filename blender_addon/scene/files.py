@@ -211,7 +211,7 @@ def _is_damaged_inside(item: bpy.types.ID) -> bool:
                 return True
         finally:
             Path(file.name).unlink()
-    return not (item.packed_file or Path(item.filepath).suffix.lower()[1:] in _read_suffixes() or item.size[0])
+    return not (item.packed_file or Path(item.filepath).suffix.lower()[1:] in _read_suffixes()) and not item.size[0]
 
 
 def _read_suffixes() -> frozenset[str]:

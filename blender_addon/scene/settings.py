@@ -13,19 +13,8 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.frame import (
-    AUTO,
-    LIGHTS,
-    SUBPIXELS,
-    Finish,
-    Request,
-    Sampling,
-    check_light,
-    is_light_file,
-    samples_at,
-    scales_up_to,
-    usual_rays,
-)
+from lfsr_core.frames import frame as files
+from lfsr_core.frames.frame import Finish, Request, Sampling, check_light, is_light_file, scales_up_to
 from lfsr_core.images.color import ColorSettings
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.reconstruct.methods import AS_RENDERED, DEFAULT_METHOD, MENU, MORE, SUBPIXEL_METHODS, MethodName
@@ -79,7 +68,7 @@ class Resolved:
     @property
     def subpixels(self) -> bool:
         """True if the panel's subpixels are rendered, without a light field."""
-        return self.request.layout == SUBPIXELS
+        return self.request.layout == files.SUBPIXELS
 
     @property
     def method(self) -> MethodName:
@@ -108,11 +97,11 @@ def resolve(scene: bpy.types.Scene) -> Resolved:
             scales = tuple(scale for scale in scales if scale > 1) or scales
         scale = scales[0] if scales else int(settings.scale)
         finish = Finish(method.text, linear_exr=settings.linear_exr, temporal_averaging=settings.temporal_averaging)
-    sampling = Sampling(scale, settings.samples or samples_at(display, scale, settings.rays), scales,
+    sampling = Sampling(scale, settings.samples or files.samples_at(display, scale, settings.rays), scales,
                         rays if scales else None)
-    request = Request("", display, sampling=sampling, layout=SUBPIXELS if subpixels else compat.way_of(device),
+    request = Request("", display, sampling=sampling, layout=files.SUBPIXELS if subpixels else compat.way_of(device),
                       scene_name=scene.name_full, seed=settings.seed, frame=scene.frame_current, device=device,
-                      light=light if light in LIGHTS or is_light_file(light) else AUTO)
+                      light=light if light in files.LIGHTS or is_light_file(light) else files.AUTO)
     return Resolved(request, finish, rays)
 
 
@@ -243,7 +232,7 @@ def qualities(scene: bpy.types.Scene) -> dict[str, tuple[float, int, str]]:
     """Rays per pixel, fixed samples (none) and method of each quality preset, on the scene's display."""
     display = readable_display(scene) or load_display(DEFAULT_DISPLAY)
     subpixels = scene.lfsr.subpixels and display.is_woven
-    return {name: (float(samples) if subpixels else usual_rays(display, samples), 0, DEFAULT_METHOD)
+    return {name: (float(samples) if subpixels else files.usual_rays(display, samples), 0, DEFAULT_METHOD)
             for name, samples in QUALITY_SAMPLES.items()}
 
 
@@ -270,7 +259,7 @@ def live_samples(scene: bpy.types.Scene, is_eye: bool) -> int:
     if lfsr.live_samples or not lfsr.live_rays:
         return int(lfsr.live_samples)
     display = readable_display(scene)  # the live view says what is wrong with it
-    return samples_at(display, live_scale(scene, display, is_eye), lfsr.live_rays) if display else 0
+    return files.samples_at(display, live_scale(scene, display, is_eye), lfsr.live_rays) if display else 0
 
 
 def title(method: str) -> str:

@@ -77,7 +77,6 @@ def cleaned(value: Any, most: int = MOST_LETTERS) -> Any:
 
 def duration(seconds: float) -> str:
     """Return a time in the two largest of hours, minutes and seconds."""
-    whole = round(seconds)
-    if whole >= 3600:
+    if (whole := round(seconds)) >= 3600:
         return f"{whole // 3600} h {whole % 3600 // 60} min"
     return f"{whole // 60} min {whole % 60} s" if whole >= 60 else f"{whole} s"

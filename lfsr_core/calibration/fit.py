@@ -281,8 +281,7 @@ def _mean(found: list[Fringes], view: View, profile: DisplayProfile) -> Fringes:
     inside = np.einsum("n,nij->ij", weights ** 2, [one.errors for one in found])
     apart = np.sqrt(weights @ (values - mean) ** 2)
     inside *= max(1.0, float((apart ** 2 / (np.diag(inside) + place * np.ptp(lengths) ** 2)).max()))
-    errors = inside + np.diag(place) * (weights @ lengths) ** 2
-    return Fringes(mean[:2], float(mean[2]), errors)
+    return Fringes(mean[:2], float(mean[2]), inside + np.diag(place) * (weights @ lengths) ** 2)
 
 
 def _with_sheet(profile: DisplayProfile, before: DisplayProfile, waves: Array, phases: Array) -> DisplayProfile:

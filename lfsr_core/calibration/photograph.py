@@ -72,8 +72,7 @@ def read_photograph(path: str | Path) -> Array:
     if orientation in (5, 6, 7, 8):
         image = image.swapaxes(0, 1)
     image = image[::-1 if orientation in (3, 4, 7, 8) else 1, ::-1 if orientation in (2, 3, 6, 7) else 1]
-    times = -(-max(image.shape) // LONGER_SIDE)
-    if times == 1:
+    if (times := -(-max(image.shape) // LONGER_SIDE)) == 1:
         return np.ascontiguousarray(image, np.float32) / np.float32(WHITE[kind])
     # Means of times × times pixels.
     rows, columns = (count // times * times for count in image.shape[:2])
@@ -177,8 +176,7 @@ def find_panel(image: Array, profile: DisplayProfile) -> View:
     corners, halves = _outline(image), np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2
     whole, marks, size = Raster.of(image), dots(profile), np.array(profile.panel_mm)
     shown = whole.at(project(fit_homography(halves, corners), grid(np.ones(2), COARSE)))
-    clipped = float((shown >= CLIPPED).mean((0, 1)).max())
-    if clipped > MOST_CLIPPED:
+    if (clipped := float((shown >= CLIPPED).mean((0, 1)).max())) > MOST_CLIPPED:
         raise LfsrError(f"the photograph is overexposed ({clipped:.0%} of the panel is white in a channel): touch the "
                         "panel on the telephone's screen, pull the brightness down and take it again")
     if np.percentile(shown.max(-1), 95) < LEAST_LIGHT:
@@ -291,12 +289,10 @@ def _outline(image: Array) -> Array:
         ways = angle + np.arange(4) * math.pi / 2
         ends = points[(points @ np.stack([np.cos(ways), np.sin(ways)])).argmax(0)]
         x, y = ends.T
-        area = float(abs((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()))
-        if area > best:
+        if (area := float(abs((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()))) > best:
             best, found = area, ends
     corners = np.asarray((found - [(width - 1) / 2, (height - 1) / 2]) / (math.hypot(height, width) / 2))
-    side = float(_sides(corners).min()) * math.hypot(height, width) / 2
-    if side < MIN_SIDE:
+    if (side := float(_sides(corners).min()) * math.hypot(height, width) / 2) < MIN_SIDE:
         raise LfsrError(f"the panel's shortest side is {side:.0f} pixels in the photograph, but at least {MIN_SIDE} "
                         "are needed: come nearer, or use a longer lens from the same place")
     return corners

@@ -12,19 +12,8 @@ from typing import Any, TextIO
 
 from lfsr_core.base.messages import Notice, Progress, cleaned, duration
 from lfsr_core.commands.sentences import sentence
-from lfsr_core.frames.frame import (
-    AUTO,
-    DEVICES,
-    EVEN,
-    LAYOUTS,
-    OWN,
-    VIEW_BY_VIEW,
-    WORLD_IMAGES,
-    Finish,
-    Request,
-    check_light,
-    check_scene,
-)
+from lfsr_core.frames import frame as files
+from lfsr_core.frames.frame import Finish, Request, check_light, check_scene
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import parse_rows
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, METHODS, PLAIN_METHOD, SUBPIXEL_METHODS, MethodName
@@ -55,8 +44,8 @@ def add_scene_arguments(parser: argparse.ArgumentParser, when: str = "") -> None
 def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
     """Display, views, subject, and the Blender that renders them."""
     parser.add_argument("--display", default="bupt-32in-8k", metavar="NAME|FILE.toml", help="default: %(default)s")
-    offered = [layout for layout in LAYOUTS if layout != VIEW_BY_VIEW]
-    parser.add_argument("--layout", choices=offered, default=LAYOUTS[0],
+    offered = [layout for layout in files.LAYOUTS if layout != files.VIEW_BY_VIEW]
+    parser.add_argument("--layout", choices=offered, default=files.LAYOUTS[0],
                         help="how rays are sent, default: %(default)s; subpixels: direct subpixel rendering with "
                              "`lfsr render`, for displays with a lens sheet: the panel's image, no light field")
     parser.add_argument("--view-aperture", type=float, default=1.0, metavar="N",
@@ -71,13 +60,13 @@ def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
                         help="the foreground; default: everything but the world and a collection called Background")
     parser.add_argument("--world-visible", action=argparse.BooleanOptionalAction,
                         help="show the world behind the subject; default: as set in the scene")
-    parser.add_argument("--light", default=AUTO, metavar="|".join((AUTO, OWN, "NAME", "FILE.hdr", "FILE.exr")),
+    parser.add_argument("--light", default=files.AUTO, metavar="auto|own|NAME|FILE.hdr|FILE.exr",
                         help="auto, the default: the scene's own light, or another for an almost dark file that is "
-                             f"not a .blend; own; {EVEN}: from all sides, without shadows; one of Blender's world "
-                             f"images ({', '.join(WORLD_IMAGES)}), or one of yours")
-    parser.add_argument("--device", type=lambda text: text if text == AUTO else text.upper(), default=AUTO,
+                             f"not a .blend; own; {files.EVEN}: from all sides, without shadows; one of Blender's "
+                             f"world images ({', '.join(files.WORLD_IMAGES)}), or one of yours")
+    parser.add_argument("--device", type=lambda text: text if text == files.AUTO else text.upper(), default=files.AUTO,
                         metavar="auto|NAME",
-                        help=f"Cycles device, {', '.join(DEVICES)}; default: the best of this machine")
+                        help=f"Cycles device, {', '.join(files.DEVICES)}; default: the best of this machine")
     parser.add_argument("--allow-missing", action="store_true",
                         help="render although files of the scene, such as images, are missing or damaged")
     parser.add_argument("--blender", metavar="PATH", help="Blender 4.5 or newer; default: the bpy package, then PATH")

@@ -198,8 +198,7 @@ def render_command(arguments: argparse.Namespace, chosen: Candidate, display: Di
     usual = argparse.ArgumentParser(add_help=False)
     add_geometry_arguments(usual)
     for action in usual._actions:
-        value = getattr(arguments, action.dest)
-        if value == action.default:
+        if (value := getattr(arguments, action.dest)) == action.default:
             continue
         if isinstance(action, argparse.BooleanOptionalAction):
             words.append(action.option_strings[0 if value else 1])

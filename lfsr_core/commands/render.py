@@ -15,17 +15,9 @@ from lfsr_core.commands import common
 from lfsr_core.commands.common import ProgressBar, progress
 from lfsr_core.commands.measure import metrics_table
 from lfsr_core.commands.sentences import sentence
+from lfsr_core.frames import frame as files
 from lfsr_core.frames.folder import FrameFolder
-from lfsr_core.frames.frame import (
-    LAYERS,
-    SUBPIXELS,
-    USUAL_SAMPLES,
-    USUAL_SCALE,
-    Sampling,
-    parse_frames,
-    scales_up_to,
-    spread,
-)
+from lfsr_core.frames.frame import Sampling, parse_frames, scales_up_to, spread
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import check_count, rows_text
 from lfsr_core.pipeline.farms import NEXT, TEMPLATES, write_template
@@ -38,8 +30,8 @@ def render_arguments(parser: argparse.ArgumentParser) -> None:
     common.add_scene_arguments(parser, "with --frames, ")
     parser.add_argument("--rays", type=float, metavar="R",
                         help="rays per finished pixel, which decide noise and time: 1 is 16 samples per rendered pixel "
-                             f"at scale 4 and 4 at scale 2; default: as many as {USUAL_SAMPLES} samples at scale "
-                             f"{USUAL_SCALE}; with --layout {SUBPIXELS}: {USUAL_SAMPLES}")
+                             f"at scale 4 and 4 at scale 2; default: as many as {files.USUAL_SAMPLES} samples at scale "
+                             f"{files.USUAL_SCALE}; with --layout {files.SUBPIXELS}: {files.USUAL_SAMPLES}")
     parser.add_argument("--spp", type=int, metavar="N",
                         help="samples per rendered pixel whatever the scale, instead of --rays")
     parser.add_argument("--scale", type=_scale, default=AUTO_SCALE, metavar="auto|1|2|3|4|5|8",
@@ -49,7 +41,7 @@ def render_arguments(parser: argparse.ArgumentParser) -> None:
                         help="with --scale auto, frames whose depth decides one scale for all of them; default: those "
                              "of --frames, else the frame that is rendered")
     parser.add_argument("--layers", type=lambda text: common.names("" if text == "none" else text), default=(),
-                        metavar="NAME,NAME", help=f"auxiliary layers from the same render, of {', '.join(LAYERS)}")
+                        metavar="NAME,NAME", help=f"auxiliary layers of the same render, of {', '.join(files.LAYERS)}")
     parser.add_argument("--frames", metavar="A-B|A-BxN|A,B,C",
                         help="an animation: frames A to B, every Nth, or a list, each in a folder of DIR such as 0001; "
                              "finished frames are not rendered again")
@@ -84,16 +76,16 @@ def run_render(arguments: argparse.Namespace) -> Any:
         for name, value in {"--frames": arguments.frames, "--rows": arguments.rows}.items():
             if value is not None:
                 raise LfsrError(f"--check {arguments.check} and {name} {value} were both given: leave out one of them")
-        if arguments.layout == SUBPIXELS:
-            raise LfsrError(f"--check needs a light field, but the layout {SUBPIXELS} renders none: choose another "
-                            "layout")
+        if arguments.layout == files.SUBPIXELS:
+            raise LfsrError(f"--check needs a light field, but the layout {files.SUBPIXELS} renders none: choose "
+                            "another layout")
         check_count(arguments.check, math.prod(load_display(arguments.display).lenses))
     if arguments.rays is not None and arguments.spp is not None:
         raise LfsrError(f"--rays {arguments.rays:g} and --spp {arguments.spp} were both given: leave out one of them")
 
     # Scale and samples, or scales and rays from which both follow.
     frames = None if arguments.frames is None else parse_frames(arguments.frames)
-    display, subpixels = load_display(arguments.display), arguments.layout == SUBPIXELS
+    display, subpixels = load_display(arguments.display), arguments.layout == files.SUBPIXELS
     if arguments.scale != AUTO_SCALE:
         scales: tuple[int, ...] = (int(arguments.scale),)
     elif subpixels:

@@ -130,8 +130,7 @@ LAYOUTS = {
 def anaglyph(left: Array, right: Array) -> Array:
     """Image (H, W, 3) uint8 for red-cyan glasses, of two images of that shape."""
     eyes = np.stack([srgb_decode(image.astype(np.float32) / 255) for image in (left, right)])
-    mixed = np.einsum("eoc,ehwc->hwo", DUBOIS, eyes)
-    return np.asarray(np.rint(srgb_encode(np.clip(mixed, 0, 1)) * 255), np.uint8)
+    return np.asarray(np.rint(srgb_encode(np.clip(np.einsum("eoc,ehwc->hwo", DUBOIS, eyes), 0, 1)) * 255), np.uint8)
 
 
 def write_stereo(layout: Layout, field: LightField, folder: Path, options: ExportOptions) -> None:
@@ -158,8 +157,7 @@ def write_rgbd(field: LightField, folder: Path, options: ExportOptions) -> None:
 
     Depth is linear in disparity; tells where on it the display's plane is.
     """
-    rendered = rendered_disparity(field)
-    if rendered is None:
+    if (rendered := rendered_disparity(field)) is None:
         raise LfsrError(f"{field.folder} has no position layer, from which depth comes: render it with the "
                         "layer position")
     (disparity, camera), infinite = rendered, infinite_disparity(field.frame)
@@ -243,8 +241,7 @@ def write_hci(field: LightField, folder: Path, options: ExportOptions) -> None:
                         "across and down: choose numbers in the same proportion")
     for row, column, view in each_view(field, options):
         write_png(folder / f"input_Cam{row * across + column:03d}.png", view)
-    disparity = central_disparity(field)
-    if disparity is not None:
+    if (disparity := central_disparity(field)) is not None:
         disparity = disparity * np.float32(x / across)  # between the exported views
         # PFM starts with the bottom row; -1 says little-endian.
         header = f"Pf\n{disparity.shape[1]} {disparity.shape[0]}\n-1\n".encode()
@@ -396,8 +393,7 @@ def central_disparity(field: LightField) -> Array | None:
     In pixels (lenses) per finished view, positive in front of the display plane: a camera one step to the right sees
     a point that many pixels further left, one step up that many further down. Empty pixels have that of infinity.
     """
-    rendered = rendered_disparity(field)
-    if rendered is None:
+    if (rendered := rendered_disparity(field)) is None:
         return None
     (seen, camera), array, (sx, sy) = rendered, field.frame.array, field.display.lenses
     right, down = (place - (count - 1) / 2 for place, count in zip(camera, field.count, strict=True))
@@ -405,8 +401,7 @@ def central_disparity(field: LightField) -> Array | None:
     # One step of a fixed-point iteration, enough for the fractions of a pixel between the centre and the nearest view.
     rows, columns = np.indices(seen.shape)
     column = np.clip(np.rint(columns - right * seen), 0, seen.shape[1] - 1).astype(int)
-    row = np.clip(np.rint(rows - down * seen), 0, seen.shape[0] - 1).astype(int)
-    return np.asarray(seen[row, column])
+    return np.asarray(seen[np.clip(np.rint(rows - down * seen), 0, seen.shape[0] - 1).astype(int), column])
 
 
 def rendered_disparity(field: LightField) -> tuple[Array, tuple[float, float]] | None:
@@ -435,5 +430,4 @@ def rendered_disparity(field: LightField) -> tuple[Array, tuple[float, float]] |
 
 def infinite_disparity(frame: Frame) -> float:
     """Disparity at infinity, in pixels (lenses) per finished view."""
-    pixel = 2 * frame.array.half_width / frame.display.lenses[0]
-    return float(np.float32(-frame.array.spacing / pixel))
+    return float(np.float32(-frame.array.spacing / (2 * frame.array.half_width / frame.display.lenses[0])))

@@ -52,8 +52,7 @@ def find_views(folder: Path, columns: int | None = None) -> list[list[Path]]:
     if not folder.is_dir():
         raise LfsrError(f"{folder} is no folder, expected one of views: check the path")
     names = sorted(path.name for path in folder.iterdir())
-    places = _places(names, columns)
-    if not places:
+    if not (places := _places(names, columns)):
         raise LfsrError(f"{folder} has no views with known names, such as input_Cam000.png (HCI), "
                         "out_00_00_-1.5_2.5_.png (Stanford), 000_000.ppm (JPEG Pleno) or view_000_000.png (a title, "
                         "row and column): rename them")

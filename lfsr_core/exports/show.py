@@ -107,8 +107,7 @@ class Bridge:
     def _put(self, endpoint: str, **body: Any) -> Any:
         """Answer to a call of this session; LfsrError unless it says that it is done."""
         answer = self._call(endpoint, self._session | body)
-        status = _within(answer, "status")
-        if status is None:
+        if (status := _within(answer, "status")) is None:
             raise LfsrError(f"{PROGRAM} answers {endpoint} with nothing: update it to version 2.2 or newer")
         if status not in DONE:
             message = _within(answer, "payload", "message")
@@ -182,8 +181,7 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: 
     path, images, seconds, options = Path(path), list[Path](), 1.0, ExportOptions(fps=fps, tell=tell)
     if path.is_dir():
         frames, page = frame_folders(path, (EIA_FILE, PANEL_FILE)), path / PAGE
-        found = find_display(frames[0], display)
-        if found is None:
+        if (found := find_display(frames[0], display)) is None:
             images = [one / (PANEL_FILE if read_rendered(one).display.is_woven else EIA_FILE) for one in frames]
             for image in images:
                 if not image.is_file():

@@ -446,8 +446,7 @@ def parse_frames(text: str) -> tuple[int, ...]:
 
 def spread(frames: Sequence[int], most: int = 5) -> tuple[int, ...]:
     """Return at most ``most`` of ``frames``, evenly spread over them, with the first and the last."""
-    places = np.linspace(0, len(frames) - 1, min(len(frames), most))
-    return tuple(frames[round(place)] for place in places)
+    return tuple(frames[round(place)] for place in np.linspace(0, len(frames) - 1, min(len(frames), most)))
 
 
 def check_scene(scene: str | Path) -> str:

@@ -80,8 +80,7 @@ def why_unreadable(path: str | Path) -> str:
     with opened(path) as source:
         if source is None:
             return oiio.geterror() or "no file"
-        pixels = source.read_image(oiio.UNKNOWN)
-        return source.geterror() or ("no pixels" if pixels is None else "")
+        return source.geterror() or ("no pixels" if source.read_image(oiio.UNKNOWN) is None else "")
 
 
 def read_layers(path: str | Path, without: Collection[str] = ()) -> Layers:
@@ -103,8 +102,7 @@ def read_layers(path: str | Path, without: Collection[str] = ()) -> Layers:
             for layer, found in columns_of.items():
                 wanted = LAYER_CHANNELS[layer]
                 orders = (wanted, wanted[:3], *(() if layer in COLORS else ("RGB", "XYZ")))
-                order = next((each for each in orders if set(found) == set(each)), None)
-                if order is None:
+                if (order := next((each for each in orders if set(found) == set(each)), None)) is None:
                     raise _unreadable(path, f"its layer {layer} has the channels {', '.join(sorted(found))} instead of "
                                             f"{', '.join(wanted[:3])}")
                 columns = [found[component] for component in order]
@@ -288,8 +286,7 @@ def _layer_columns(names: Sequence[str]) -> dict[str, dict[str, int]]:
     found: dict[str, dict[str, int]] = {}
     for column, name in enumerate(names):
         *parents, component = name.split(".")
-        layer = PASS_LAYERS.get(parents[-1].lower() if parents else "")
-        if layer:
+        if layer := PASS_LAYERS.get(parents[-1].lower() if parents else ""):
             # A second view layer's pass of the same name does not replace the first one's.
             found.setdefault(layer, {}).setdefault(component, column)
     return found

@@ -328,8 +328,7 @@ def compare_folders(folder: str | Path, reference: str | Path) -> Metrics:
     folder, frame = Path(folder), read_frame(folder)
     check_reference(frame, read_frame(reference))
     report = read_report(folder)
-    image = read_finished_linear(folder)
-    if image is None:
+    if (image := read_finished_linear(folder)) is None:
         image = finished_linear(folder, report.finish)
     known, mask = Reference.read(reference), read_mask(folder / files.MASK_FILE, frame.display.lenses)
     metrics = compare(image, (known.half_a, known.half_b), frame.display.lenses,

@@ -247,8 +247,7 @@ class DisplayProfile:
                 fail(field, value, "it must be two whole numbers of at least 1; Blender renders no more than "
                                    f"{MAX_PIXELS} pixels a side")
         for axis, name in enumerate(("width", "height")):
-            product = self.eia_pixels[axis]
-            if product > MAX_PIXELS:
+            if (product := self.eia_pixels[axis]) > MAX_PIXELS:
                 fail("views", list(self.views), f"lenses × views are {product} pixels of {name}, and Blender renders "
                                                 f"no more than {MAX_PIXELS}")
             if not self.is_woven and self.panel_pixels[axis] != product:

@@ -117,8 +117,7 @@ def results_of(tasks: Callable[[int], Iterator[Task]], address: str, output: Pat
             output.mkdir(parents=True, exist_ok=True)
             place.touch()
         stack.callback(place.unlink, missing_ok=True)
-        workers = client.scheduler_info(n_workers=-1)["workers"]
-        if not workers:
+        if not (workers := client.scheduler_info(n_workers=-1)["workers"]):
             raise LfsrError("the scheduler has no workers: start some by `dask worker ADDRESS`")
         uses = all(RESOURCE in worker.get("resources", {}) for worker in workers.values())
         submitted = [client.submit(_work, function, str(place), scene, retries=RETRIES, pure=False,

@@ -104,8 +104,7 @@ def remove_others(folder: Path, inputs: Mapping[str, str]) -> str:
         stored = read_json(folder / INPUTS_FILE, "the inputs of a render's parts")
     except LfsrError:
         stored = None
-    name = first_difference(stored if isinstance(stored, dict) else {}, inputs)
-    if not name:
+    if not (name := first_difference(stored if isinstance(stored, dict) else {}, inputs)):
         return ""
     removed = has_parts(folder)
     for path in [*folder.glob("*.exr"), folder / INPUTS_FILE]:
@@ -165,8 +164,7 @@ class Pace:
 
     def after(self, done: Part) -> int:
         """Rows of the part after ``done``, whose seconds are those of its samples alone."""
-        wanted = int(done.size * self.seconds / max(done.seconds, 1e-3))
-        return max(1, min(wanted, GROWTH * done.size, self.most))
+        return max(1, min(int(done.size * self.seconds / max(done.seconds, 1e-3)), GROWTH * done.size, self.most))
 
     def after_timeout(self, given_up: Part) -> int:
         """Rows of the part after one that took too long."""

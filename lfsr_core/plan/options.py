@@ -195,8 +195,7 @@ def choose(rated: Sequence[Rated], target: float, most_seconds: float = math.inf
     """
     measured = [row for row in rated if row.estimate is not None and row.seconds <= most_seconds]
     best = max(measured, key=lambda row: row.low, default=None)
-    passing = [row for row in measured if row.low >= target]
-    if passing:
+    if passing := [row for row in measured if row.low >= target]:
         least = min(row.seconds for row in passing)
         near = [row for row in passing if row.seconds <= AS_GOOD * least]
         return Choice(min(near, key=lambda row: (MethodName.parse(row.method).steps, row.seconds)), best)

@@ -183,8 +183,7 @@ def parse_progress(line: str) -> dict[str, Any] | None:
 
     A record may follow other text on its line: Blender cuts its own long messages, and the line end with them.
     """
-    start = line.find(PROGRESS_PREFIX + "{")
-    if start < 0:
+    if (start := line.find(PROGRESS_PREFIX + "{")) < 0:
         return None
     try:
         record, _ = json.JSONDecoder().raw_decode(line, start + len(PROGRESS_PREFIX))
@@ -253,8 +252,7 @@ class Child:
         assert self._process.stdout is not None
         for line in self._process.stdout:
             self._log(line)
-            record = parse_progress(line)
-            if record is not None:
+            if (record := parse_progress(line)) is not None:
                 self.last = record
                 yield record
                 if record["stage"] in LAST_STAGES:  # a process that it has started may hold its output open
@@ -378,8 +376,7 @@ def find_blender(executable: str | None = None) -> Blender:
         _, answer = output_of([path, "--version"], seconds=SECONDS_TO_ANSWER)
     except OSError as error:
         raise LfsrError(f"{path} cannot be started ({error}): give another with --blender PATH") from None
-    version = re.search(r"Blender (\d+)\.(\d+)", answer)
-    if version is None:
+    if (version := re.search(r"Blender (\d+)\.(\d+)", answer)) is None:
         raise LfsrError(f"{path} does not say that it is Blender: give the executable with --blender PATH")
     if (int(version[1]), int(version[2])) < OLDEST_BLENDER:
         raise LfsrError(f"{path} is {version[0]}, but 4.5 or newer is needed: give another with --blender PATH")

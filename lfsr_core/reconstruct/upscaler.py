@@ -46,8 +46,9 @@ class LowResEIA:
     scale: int  # s, high-resolution views per low-resolution view along each axis with parallax
     guides: Array | None = None  # albedo in [0, 1] and normal in [-1, 1], C = 6, where rendered
     position: Array | None = None  # where rendered
-    # Lenses that the point seen in a pixel moves by from one rendered view to the next, rightwards (C = 1); NaN where
-    # nothing is hit. None where positions were not rendered.
+    # Lenses that the point seen in a pixel moves by from one rendered view to the next, rightwards: the first that is
+    # hit, and where paths were rendered (C = 2) the end of the path on which mirrors and clear glass send the ray. NaN
+    # where nothing is hit. None where positions were not rendered.
     slope: Array | None = None
     slope_ratio: float = 1.0  # by which it moves more lenses downwards: the ratio of lens pitches, width to height
     noisy: Array | None = None  # colour as rendered, where a denoiser has changed ``color``
@@ -124,7 +125,7 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
         images["position"] = layers["position"]
     if "position" in layers and frame.convention == "centred":
         matrix, distance = np.asarray(frame.matrix_world), frame.array.distance
-        images["slope"] = slopes = np.empty_like(images["alpha"])
+        images["slope"] = slopes = np.empty((*images["alpha"].shape[:2], 1 + ("path" in layers)), np.float32)
         right, up = (np.tile(view_offset(np.arange(count), count, sign * frame.rays.spacing), tiles)
                      for count, tiles, sign in zip(frame.rays.views, frame.rays.tiles, (1, -1), strict=True))
 
@@ -132,11 +133,12 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
             rows = slice(start, start + ROWS_IN_CACHE)
             seen, alpha = (layers["position"][rows] - matrix[:3, 3]) @ matrix[:3, :3], images["alpha"][rows, :, 0]
             depth = np.where((alpha >= LEAST_ALPHA) & (seen[..., 2] > 0), seen[..., 2], np.nan)
-            if "path" in layers:  # from where rays start to where mirrors and clear glass let them end
+            slopes[rows] = (1 - distance / depth[..., None]) * (frame.rays.spacing / _pitch(frame, 0))
+            if "path" in layers:
                 first = np.sqrt((seen[..., 0] - right)**2 + (seen[..., 1] - up[rows, None])**2 + depth**2)
                 longer = layers["path"][rows, :, 0] / first + (frame.clip[0] if frame.clip else 0.0) / depth
                 depth *= np.where((longer > LONGER) & (alpha > OPAQUE), longer, 1)
-            slopes[rows, :, 0] = (1 - distance / depth) * (frame.rays.spacing / _pitch(frame, 0))
+                slopes[rows, :, 1] = (1 - distance / depth) * (frame.rays.spacing / _pitch(frame, 0))
 
         in_threads(slopes_of, range(0, len(slopes), ROWS_IN_CACHE))
     if frame.world_apart:
@@ -200,8 +202,7 @@ def foreground_pixels(layers: Mapping[str, Array]) -> Mask:
     many costs time, a lens too few costs quality.
     """
     covered: Mask = layers["color"][..., 3] > 0
-    index = layers.get("index")
-    if index is None:
+    if (index := layers.get("index")) is None:
         return covered
     found: Mask = (index[..., 0] == FOREGROUND_INDEX) | (covered & (index[..., 0] != BACKGROUND_INDEX))
     return found

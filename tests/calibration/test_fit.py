@@ -61,8 +61,7 @@ def test_cylinders_are_found(pitch, slant, center):
     def middle(sheet):  # phase at the panel's middle, where errors of pitch and slant weigh least
         return sheet.lenses_across(240.0) / 2 * (1 + sheet.slant * 135 / 240) - sheet.center
 
-    shift = (middle(found) - middle(real.lenticular) + 0.5) % 1 - 0.5
-    assert shift * pitch / PIXEL == pytest.approx(0, abs=0.03)
+    assert ((middle(found) - middle(real.lenticular) + 0.5) % 1 - 0.5) * pitch / PIXEL == pytest.approx(0, abs=0.03)
 
 
 def test_small_lenses_are_found_by_two_photographs():

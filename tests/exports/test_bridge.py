@@ -120,8 +120,7 @@ def test_a_display_of_which_little_is_known(bridge, entry):
 
 def test_a_call_to_this_computer_returns_the_answers_data_also_by_the_other_protocol(bridge, monkeypatch):
     stand_in = bridge()
-    answer = loopback.put("enter_orchestration", {"name": "default"})
-    assert answer["payload"]["value"] == TOKEN
+    assert loopback.put("enter_orchestration", {"name": "default"})["payload"]["value"] == TOKEN
     (request,) = stand_in.requests
     assert request["body"] == {"name": "default"} and request["headers"]["Content-Type"] == "application/json"
     assert request["headers"]["Host"] == f"localhost:{stand_in.server_port}"

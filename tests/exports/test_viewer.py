@@ -58,8 +58,7 @@ def mini(browser, folders):
 
 def decoded(url) -> np.ndarray:
     """Pixels (H, W, 3) of a PNG in a data URL."""
-    encoded = np.frombuffer(base64.b64decode(url.split(",")[1]), np.uint8)
-    return cv2.imdecode(encoded, cv2.IMREAD_COLOR)[..., ::-1]
+    return cv2.imdecode(np.frombuffer(base64.b64decode(url.split(",")[1]), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
 
 
 def run(page, script, argument=None):

@@ -113,8 +113,7 @@ def test_background_meshes_are_no_foreground_and_recall():
     mask = foreground_mask(layers(alpha=image((0, 0), (6, 6), value=0.06), index=image((6, 6))), LENSES)
     assert marked(mask) == {(0, 0), (3, 2)}
     index = image((0, 0), value=2.0)
-    alpha = image((0, 0), (2, 3), value=0.5)
-    assert marked(foreground_mask(layers(alpha=alpha, index=index), LENSES)) == {(1, 1)}
+    assert marked(foreground_mask(layers(alpha=image((0, 0), (2, 3), value=0.5), index=index), LENSES)) == {(1, 1)}
     reference = np.array([[True, True, False, True]])
     assert recall(np.array([[True, False, False, True]]), reference) == pytest.approx(2 / 3)
     assert recall(np.array([[True, True, True, True]]), reference) == 1

@@ -169,8 +169,7 @@ def test_clean_counts_pixels_not_values_and_keeps_the_rest():
     assert all(np.isfinite(pixels).all() for pixels in cleaned.values())
     np.testing.assert_array_equal(cleaned["color"][0, 0], [0, 0, 1, 1])
     assert np.isnan(layers["color"][0, 0, 0]), "the input stays as it was"
-    color = np.array([[[np.inf, -np.inf, 0, 1]]], np.float32)
-    assert image_files.clean({"color": color})[1] == 1
+    assert image_files.clean({"color": np.array([[[np.inf, -np.inf, 0, 1]]], np.float32)})[1] == 1
 
 
 def test_png_whose_size_lies_a_pipe_and_black_images_that_compress_strongly(tmp_path):
@@ -252,8 +251,7 @@ def test_masks_flat_images_and_the_checksum_of_a_png(tmp_path):
     image_files.write_mask(tmp_path / "m.png", mask)
     np.testing.assert_array_equal(image_files.read_mask(tmp_path / "m.png", (96, 54)), mask)
     refuses("has 96×54 pixels, but the display has 54×96 lenses", image_files.read_mask, tmp_path / "m.png", (54, 96))
-    size = sum(len(part) for part in image_files.encode_png(np.full((1000, 1000, 3), 77, np.uint8)))
-    assert size < 60_000
+    assert sum(len(part) for part in image_files.encode_png(np.full((1000, 1000, 3), 77, np.uint8))) < 60_000
     parts = image_files.encode_png(RANDOM.integers(0, 256, (300, 21, 3), dtype=np.uint8))
     stream = b"".join(part[8:-4] for part in parts if part[4:8] == b"IDAT")
     assert len(zlib.decompress(stream)) == 300 * (21 * 3 + 1)  # raises where the checksum is wrong

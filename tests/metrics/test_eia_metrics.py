@@ -89,8 +89,7 @@ def test_foreground_metrics_ignore_the_background_and_values_above_display_white
     bright = [values.copy() for values in (x, a, b)]
     for values, level in zip(bright, (3, 5, 7), strict=True):
         values[40:60, 60:80] = level
-    clipped = [np.clip(values, 0, 1) for values in bright]
-    assert compared(*bright, LENSES, MASK) == compared(*clipped, LENSES, MASK)
+    assert compared(*bright, LENSES, MASK) == compared(*[np.clip(values, 0, 1) for values in bright], LENSES, MASK)
 
 
 def sampled(chosen, x, a, b, mask=MASK):
@@ -135,8 +134,7 @@ def test_strata_weigh_by_their_share_and_shapes_that_do_not_fit_are_errors():
     background = np.repeat(np.repeat(~MASK, 8, 0), 8, 1)
     x[background] = a[background]  # perfect there
     found = sampled([*np.argwhere(MASK)[::7], (0, 0), (11, 15)], x, a, b)
-    expected = found["p"] * found["ssim_lens_fg"] + (1 - found["p"])
-    assert found["ssim_lens"] == pytest.approx(expected, abs=1e-6)
+    assert found["ssim_lens"] == pytest.approx((found["p"] * found["ssim_lens_fg"] + (1 - found["p"])), abs=1e-6)
     x, a, b = eia_case()
     refuses(r"reference has shape \(96, 120, 3\)", compared, x, a[:, :120], b, LENSES, MASK)
     refuses("foreground mask has shape", compared, x, a, b, LENSES, MASK[:, :8])

@@ -229,8 +229,7 @@ def world_image(layout):
     times = 4 if np.prod(image.size) < 10**6 else 1  # a large one has small pixels
     right, down = (((np.arange(times * count) + 0.5) / (times * count) * 2 - 1) * reach
                    for count, reach in zip(image.size, image.reach, strict=True))
-    fine = look(*np.meshgrid(right, down))
-    return fine.reshape(image.size[1], times, image.size[0], times, 3).mean((1, 3))
+    return look(*np.meshgrid(right, down)).reshape(image.size[1], times, image.size[0], times, 3).mean((1, 3))
 
 
 @pytest.mark.parametrize("display", [HALF, FLAT], ids=["half", "flat"])

@@ -30,8 +30,7 @@ FRAMES = range(1, 4)
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     folder, told = tmp_path_factory.mktemp("finished"), []
-    made = film(folder, FRAMES, blender=played_blender(folder / "blender"), chunk=2, tell=told.append)
-    return folder, made, told
+    return folder, film(folder, FRAMES, blender=played_blender(folder / "blender"), chunk=2, tell=told.append), told
 
 
 @pytest.fixture

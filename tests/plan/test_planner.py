@@ -152,8 +152,7 @@ def test_a_flat_scene_gets_the_simplest_method_and_the_fewest_samples(tmp_path, 
     monkeypatch.setattr(noisy_renders, "light_field", lambda display: flat)
     options = dataclasses.replace(OPTIONS, target=0.95, scales=(4,), samples=(4, 16),
                                   methods=("oidn+bilinear", "bilinear"))
-    chosen = plan(JOB, options, render, tmp_path / "sample").choice.chosen
-    assert chosen.candidate == Candidate(4, 4, "bilinear")
+    assert plan(JOB, options, render, tmp_path / "sample").choice.chosen.candidate == Candidate(4, 4, "bilinear")
 
 
 def test_a_visible_world_is_rendered_once_and_reused(tmp_path):

@@ -24,8 +24,7 @@ pytestmark = needs_bpy  # for Blender's colour configuration
 
 def small(display: DisplayProfile) -> DisplayProfile:
     """Its light field with fewer lenses and views, the artist's choice."""
-    views = (8, 8) if display.lenslet else (8, 1)
-    return dataclasses.replace(display, lenses=(20, 16), views=views)
+    return dataclasses.replace(display, lenses=(20, 16), views=((8, 8) if display.lenslet else (8, 1)))
 
 
 @pytest.mark.parametrize("display", [small(lenticular()), small(hexagonal())], ids=["lenticular", "hexagonal"])

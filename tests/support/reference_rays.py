@@ -52,8 +52,7 @@ def _axis(layout: RayLayout, axis: int, lens: Array, view: Array, place: Array,
     if layout.convention == "paper":
         # Eq. (8): the target is the pixel's own place on the panel.
         return origin, ((lens * views + view + place) / (lenses * views) * 2 - 1) * half
-    jitter = (np.asarray(random) - 0.5) * layout.cell[axis]
-    return origin + jitter, ((lens + place) / lenses * 2 - 1) * half
+    return origin + ((np.asarray(random) - 0.5) * layout.cell[axis]), ((lens + place) / lenses * 2 - 1) * half
 
 
 def panel_rays(layout: PanelLayout, raster_x: Array, raster_y: Array, random_x: Array | float = 0.5,

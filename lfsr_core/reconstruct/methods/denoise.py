@@ -462,7 +462,6 @@ def _physical(library: Any, wanted: Wanted) -> int | None:
 def check(library: Any, device: int | None) -> None:
     """RuntimeError with the library's reason where its last call failed on this thread."""
     message = ctypes.c_char_p()
-    code = library.oidnGetDeviceError(device, ctypes.byref(message))
-    if code:
+    if code := library.oidnGetDeviceError(device, ctypes.byref(message)):
         reason = (message.value or b"no reason given").decode(errors="replace")
         raise RuntimeError(f"error {code}: {reason}")

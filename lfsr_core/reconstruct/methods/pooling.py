@@ -51,6 +51,7 @@ LEAST_SAMPLES = 2  # per pixel from which detail is told from noise, and an edge
 # view by which an edge must be nearer than what is behind it.
 EDGE_REACH, HALF, APART = 3, 0.6, 0.1
 VOID_REACH, LEVEL = 6, 0.15  # rendered views beside what is seen; lenses per rendered view up to which it is pooled too
+FEW = 0.3  # of what 3 × 3 lenses see
 LEAST_STEEP = 0.1  # lenses per rendered view: below, no other lens is within reach
 LEAST_OTHERS = 0.3  # sum of the weights of other lenses' samples
 DETAIL_REACH, DETAIL_SIGMA = 3, 2.0  # rendered views: reach, and standard deviation of the weight, of residuals
@@ -88,11 +89,13 @@ class Pooling(Upscaler):
         """Pool along each row; ``low`` itself where no depth is known or every view is rendered."""
         if low.slope is None or low.factors == (1, 1):
             return low
-        known = np.isfinite(low.slope[..., 0]) & (np.abs(low.slope[..., 0]) < STEEPEST)
+        followed = self._followed(low, low.slope)
+        low = dataclasses.replace(low, slope=followed[..., None])
+        known = np.isfinite(followed) & (np.abs(followed) < STEEPEST)
         if not known.any():
             return low
-        slope = np.where(known, low.slope[..., 0], np.float32(UNKNOWN))
-        beyond = _beyond_edges(slope)
+        slope = np.where(known, followed, np.float32(UNKNOWN))
+        beyond = _beyond_edges(slope) if low.samples >= LEAST_SAMPLES else slope
         if LEAST_SAMPLES <= low.samples < SHARP_SAMPLES:
             slope = np.where(np.abs(beyond) < LEVEL, beyond, slope)
         slope = _with_edges(slope, low.slope_ratio) if low.samples < LEAST_SAMPLES else slope
@@ -103,7 +106,7 @@ class Pooling(Upscaler):
         columns, length = self._places(sx, steepest)
         rows, height = self._places(sy, steepest * low.slope_ratio)
         source = padded((sy, h, length, w + 2 * REACH))
-        glare = self._glare(low.color, low.slope[..., 0])
+        glare = self._glare(low.color, followed)
         color = self._restored(low, np.where(glare.any(-1), np.float32(UNKNOWN), beyond), steepest) - glare
         source[:3, :, :, columns, REACH:-REACH] = color.transpose(4, 0, 2, 1, 3)
         source[3:, :, :, columns, REACH:-REACH] = slope.transpose(0, 2, 1, 3)
@@ -145,6 +148,45 @@ class Pooling(Upscaler):
                 images = decode(images)
                 for channel, image in enumerate(images):
                     result[part, ..., channel] = image.transpose(1, 0, 2)
+        return result
+
+    def _followed(self, low: LowResEIA, slope: Array) -> Array:
+        """Slopes (sy, sx, h, w) of the first hit, or of where the ray's path ends.
+
+        Mirrors and plane glass show the end of the path, curved glass does not. So each 3 × 3 lenses take the slope
+        along which the views beside explain more of the render's variance: squared covariance over power. Where FEW
+        samples go on, they are those of edges, whose path is a mean of both surfaces.
+        """
+        grid, first, path = slope.shape[:2], slope[..., 0], slope[..., -1]
+        goes_on = (seen := np.isfinite(path)) & (first != path)
+        if not len((here := np.nonzero(goes_on))[0]):
+            return first
+        color = encode(low.rendered) @ LUMINANCE
+        mean, number = color.mean((2, 3))[here[:2]], np.ravel_multi_index(here[:2], grid)
+        own, moves, sums = color[here] - mean, slope[here].T, np.zeros((4, 2, 2, math.prod(grid)))
+
+        def beside(side: int) -> None:
+            axis, step = divmod(side, 2)
+            view, block = here[axis + 2] + 2 * step - 1, self._block or grid[axis]
+            places = here[axis] + moves * (2 * step - 1) * (1.0 if axis else low.slope_ratio)
+            lenses = np.floor(places).astype(int)
+            inside = ((lenses // block == here[axis] // block) & ((lenses + 1) // block == here[axis] // block)).all(0)
+            chosen = np.flatnonzero(inside & (view >= 0) & (view < color.shape[axis + 2]))
+            index = [each[chosen] for each in here]
+            index[axis + 2] = view[chosen]
+            for sums_, place, lens in zip(sums[side], places[:, chosen], lenses[:, chosen], strict=True):
+                index[axis] = lens
+                left = color[tuple(index)]
+                index[axis] = lens + 1
+                there = left + (place - lens) * (color[tuple(index)] - left) - mean[chosen]
+                sums_[:] = [np.bincount(number[chosen], there * other, math.prod(grid))
+                            for other in (own[chosen], there)]
+
+        in_threads(beside, range(4))
+        (shared, power), (of_path, of_all) = (map(_pooled_lenses, part.reshape(2, *grid)) for part in sums.sum(0))
+        few = _pooled_lenses(goes_on.sum((2, 3)) - FEW * seen.sum((2, 3))) < 0
+        better = few | (np.maximum(of_path, 0)**2 * power >= np.maximum(shared, 0)**2 * of_all)
+        result: Array = np.where(better[..., None, None], path, first)
         return result
 
     def _glare(self, color: Array, slope: Array) -> Array:

@@ -119,8 +119,7 @@ def test_one_eye_beside_the_panel(scene, shown):
 
 
 def cell_of(live):
-    mesh = next(item for item in live.objects if item.type == "MESH").data
-    return tuple(mesh.attributes[CELL].data[0].vector)
+    return tuple(next(item for item in live.objects if item.type == "MESH").data.attributes[CELL].data[0].vector)
 
 
 @pytest.mark.parametrize("make", [cells, hexagonal])

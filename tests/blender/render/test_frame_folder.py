@@ -308,7 +308,7 @@ def test_depth_in_a_mirror_is_that_of_what_it_shows(scene, tmp_path, layout):
     layers = images_of(scene, tmp_path, scale=2, layout=layout)["lr_eia"]
     frame, shares = read_frame(tmp_path), []
     for changes in ({}, {"path": 0 * layers["path"]}, {"color": 0.9 * layers["color"]}):  # the last: partly covered
-        slopes = low_resolution(layers | changes, frame).slope
+        slopes = low_resolution(layers | changes, frame).slope[..., -1:]
         depths = frame.array.distance / (1 - slopes * 2 * frame.array.half_width / MINI.lenses[0] / frame.rays.spacing)
         shares.append([np.isclose(depths, depth, rtol=0.01).mean() for depth in (4.8, 6, 14)])
     np.testing.assert_allclose(shares, [[0.5, 0, 0.4], *[[0.5, 0.5, 0]] * 2], atol=0.1, err_msg="box, mirror, wall")

@@ -116,8 +116,7 @@ def test_a_scene_without_an_active_camera_is_said(tmp_path):
 
 def test_camera_by_name_comes_before_an_array(scene):
     camera = add_camera(scene)
-    array = edit.add(scene, MINI)
-    assert rig.find(scene) == array
+    assert edit.add(scene, MINI) == rig.find(scene)
     choose_camera(scene, camera.name)
     assert rig.find(scene) is None and scene.camera == camera
 

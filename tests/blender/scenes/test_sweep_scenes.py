@@ -185,8 +185,7 @@ def test_the_foregrounds_fraction_is_that_of_the_hole(built, tmp_path, fraction)
 
 def test_the_ground_is_as_bright_as_the_sweep_says_and_no_foreground(built, tmp_path):
     scene = built("background", 1)
-    ground = meshes(scene, "ground")[0]
-    assert [each.name for each in ground.users_collection] == [contents.BACKGROUND_COLLECTION]
+    assert [each.name for each in meshes(scene, "ground")[0].users_collection] == [contents.BACKGROUND_COLLECTION]
     ratio = [shader(meshes(built("background", brightness), "ground")[0]).inputs["Emission Strength"].default_value
              for brightness in (1 / 4, 1)]
     assert ratio[1] / ratio[0] == pytest.approx(4)

@@ -100,8 +100,7 @@ def test_few_controls_are_open_at_first_and_words_of_the_laboratory_are_advanced
     headers = [cls for cls in PANELS if not hasattr(cls, "bl_parent_id")]
     assert [cls.bl_label for cls in headers] == [  # Blender draws them in the order in which they are registered
         "Light Field", "Camera Array", "Quality", "Animation", "View and Export", "Live", "Reference"]
-    controls = [name for name, _ in draw(panels.LFSR_PT_image) if name in CONTROLS]
-    assert len(controls) + len(headers) <= MOST_CONTROLS
+    assert len([name for name, _ in draw(panels.LFSR_PT_image) if name in CONTROLS]) + len(headers) <= MOST_CONTROLS
     plain = [draw(cls) for cls in PANELS if cls.bl_label != "Advanced"]
     assert not {"samples", "seed", "scale", "live_samples", "device"} & set().union(*map(properties, plain))
     assert "Renders On" not in " ".join(map(labels, plain))

@@ -64,6 +64,18 @@ def test_what_a_mirror_shows_at_its_own_depth_is_not_lost():
     assert error[1] < 1.05 * error[0] < 0.5 * error[2], error  # between as much noise it would be noise
 
 
+@pytest.mark.parametrize("shown", [0.3, 1.2])
+def test_the_render_decides_whether_the_end_of_a_ray_s_path_is_seen(shown):
+    """It is in mirrors, and is not in curved glass."""
+    color = views_of(shown, 1.0, 1)
+    noisy = color + np.random.default_rng(2).normal(0, 0.2, color.shape).astype(np.float32).clip(-color)
+    one = dataclasses.replace(plane(shown), noisy=noisy)
+    both = dataclasses.replace(one, slope=np.concatenate([plane(0.3).slope, plane(1.2).slope], -1))
+    np.testing.assert_array_equal(finished(both)[INNER], finished(one)[INNER])
+    both.slope[:, :, :, 1:, 1] = 0.3  # in few views: those beside an edge
+    np.testing.assert_array_equal(finished(both), finished(dataclasses.replace(one, slope=both.slope[..., 1:])))
+
+
 def test_what_is_bright_in_some_lenses_leaves_others_black():
     """Pooled along the slope of a black wall, light that does not have that slope would spread over it."""
     color = np.zeros((*LENSES, *VIEWS, 3), np.float32)

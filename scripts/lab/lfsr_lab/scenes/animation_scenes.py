@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import sys
 from pathlib import Path
@@ -25,7 +26,7 @@ from lfsr_lab.scenes.sweeps.stage import Stage, board, turned, write_scenes
 FILL, LAMP_POWER, LAMP_SIZE = 0.12, 9.0, 8.0  # lamp: watts per squared pitch of its distance, pitches
 BODY_SIZE = 1.6  # of the bodies, times that of the sweeps
 BEAT = 16  # frames, of the dance
-BALL_STEP, LAMP_STEP, ARRAY_STEP = 0.9, math.radians(8), 0.4  # of a frame: pitches, radians, pitches
+BALL_STEP, BALL_TURN, LAMP_STEP, ARRAY_STEP = 0.9, 0.1, math.radians(8), 0.4  # of a frame: pitches, radians, pitches
 
 
 def room(stage: Stage) -> bpy.types.Object:
@@ -48,14 +49,14 @@ def lamp_place(stage: Stage, angle: float) -> tuple[float, float, float]:
     return away * math.sin(angle), -away * math.cos(angle), 0.6 * away
 
 
-def moving_object(stage: Stage, _value: float) -> None:
-    """A printed ball crosses before the others."""
+def moving_object(stage: Stage, _value: float, step: float = BALL_STEP) -> None:
+    """A printed ball crosses before the others; with a ``step`` of 0 a large one turns, as on a turntable."""
     room(stage)
-    material = printed("ball", 1.5, Roughness=0.3, Specular_IOR_Level=0.5)
-    ball = put(surfaces.sphere(), material, (0, 0, 0), 1.7, name="ball")
+    print_ = printed("ball", 1.5, Roughness=0.3, Specular_IOR_Level=0.5)
+    ball = put(surfaces.sphere(), print_, (0, 0, 0), 1.7 if step else 5.0)
     for frame in frames_of(stage):
-        ball.location = ((frame - (stage.frames + 1) / 2) * BALL_STEP, stage.space.depth(-0.4), -0.8)
-        ball.rotation_euler = (0.0, frame * BALL_STEP / 1.7, 0.0)
+        ball.location = ((frame - (stage.frames + 1) / 2) * step, stage.space.depth(-0.4), -0.8)
+        ball.rotation_euler = (0.0, frame * step / 1.7, 0.0 if step else frame * BALL_TURN)
         keyframe(ball, frame)
 
 
@@ -108,8 +109,7 @@ def limb(parent: bpy.types.Object, material: bpy.types.Material, at: tuple[float
          radius: float) -> bpy.types.Object:
     """Part of a figure, two pitches long, that hangs from ``at``."""
     path = np.stack([np.zeros(12), np.zeros(12), np.linspace(0, -2, 12)], -1)
-    thing = put(surfaces.tube(path, radius, 16), material, at)
-    thing.parent = parent
+    (thing := put(surfaces.tube(path, radius, 16), material, at)).parent = parent
     return thing
 
 
@@ -125,7 +125,8 @@ def keyframe(thing: bpy.types.Object, frame: int) -> None:
     thing.keyframe_insert("rotation_euler", frame=frame)
 
 
-BUILDERS = {"object": moving_object, "light": moving_light, "dance": dancing_figure, "array": moving_array}
+BUILDERS = {"object": moving_object, "turn": functools.partial(moving_object, step=0.0), "light": moving_light,
+            "dance": dancing_figure, "array": moving_array}
 
 
 if __name__ == "__main__":

@@ -37,7 +37,8 @@ def late(fraction):
 
 @pytest.mark.parametrize(("image", "expected"), [
     (lambda: clean(), {"ssim": (1, 0.03), "flicker": (0, 0.7), "offset": (0, 0.15), "lag": (0, 0.03)}),
-    (lambda: clean() + noise(0.1), {"flicker": (100 * 0.1 * 2**0.5, 0.7)}),  # of its own in every frame
+    (lambda: clean(), {"change": (1, 0.05)}),
+    (lambda: clean() + noise(0.1), {"flicker": (100 * 0.1 * 2**0.5, 0.7), "change": (4.82, 0.1)}),  # its own in each
     (lambda: clean() + noise(0.1)[:1], {"flicker": (0, 0.7)}),  # that stands
     (lambda: clean() + 0.04, {"offset": (4, 0.12), "flicker": (0, 0.7)}),  # a low-frequency error
     (lambda: late(1), {"lag": (1, 0.05)}), (lambda: late(0.5), {"lag": (0.5, 0.05)})])
@@ -59,9 +60,9 @@ def test_renders_differ_by_their_seeds_references_share_none_and_the_cost_is_sai
 
 
 def test_tables_and_chart_show_every_figure_of_a_report():
-    found = tuple(study.Found("object", way.name, spp, study.Motion(0.9, 1.0, 0.5, 0.25, 0.1))
+    found = tuple(study.Found("object", way.name, spp, study.Motion(0.9, 1.0, 0.5, 0.25, 0.1, 1.1))
                   for way in (study.FIXED_ALONE, study.ALONE, study.AVERAGED) for spp in (4, 16))
-    assert f"| {study.ALONE.name} | 4 | 0.9000 | 1.00 | 0.50 | 0.25 |" in study.markdown(found).splitlines()
+    assert f"| {study.ALONE.name} | 4 | 0.9000 | 1.00 | 0.50 | 0.25 | 1.10 |" in study.markdown(found).splitlines()
     published = Path(__file__).parents[4] / "docs" / "results" / "measured" / "shots.json"
     kept = read_record(published, study.Report, "a report").found
     assert {"a figure dances", "the light moves"} <= set(re.findall(r"[a-z ]+(?=: split)", svg(study.chart(kept))))

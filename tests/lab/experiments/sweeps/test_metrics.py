@@ -73,8 +73,7 @@ def layout_of(display):
 def meet(layout, raster_x, random_x, y):
     """Where rays meet the depth ``y``, rightwards."""
     origin, direction = rays(layout, raster_x, np.full_like(raster_x, 0.5), random_x)
-    depth = layout.array.distance + y
-    return origin[:, 0] + direction[:, 0] / direction[:, 2] * depth
+    return origin[:, 0] + direction[:, 0] / direction[:, 2] * (layout.array.distance + y)
 
 
 def test_holes_gratings_and_what_no_display_shows():

@@ -41,8 +41,7 @@ def test_what_breaks_is_broken_and_nothing_before_it_is(values, bicubic):
         return values[index] - rival + 1e-9 <= 0 or values[index] - values[0] + (0.05 - 1e-9) <= 0
 
     found = records.breaking_point(range(len(values)), once(values), once(bicubic))
-    first = next((index for index in range(len(values)) if broken(index)), None)
-    assert (found.value if found else None) == first
+    assert (found.value if found else None) == next((index for index in range(len(values)) if broken(index)), None)
     assert found is None or found.earliest is found.latest is None, "one seed tells nothing of the noise"
 
 

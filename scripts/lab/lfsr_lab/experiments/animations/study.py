@@ -53,7 +53,7 @@ class Motion:
     offset: float  # the same of the errors of elemental images' means, percent
     lag: float  # frames by which elemental images' means are late; a wrong brightness counts too where light changes
     cpu_seconds: float  # of the second stage, per frame, of a few lenses finished and all denoised
-    unseen: float | None = None  # split SSIM of lenses that a fitted network did not learn from, in older reports
+    change: float  # of a pixel from frame to frame, times that of the reference (root mean squares)
 
 
 def compare(x: Array, a: Array, b: Array) -> Motion:
@@ -66,11 +66,12 @@ def compare(x: Array, a: Array, b: Array) -> Motion:
     late = np.mean((x - a)[1:] * back_b + (x - b)[1:] * back_a, dtype=np.float64) / 2
     change = np.mean(back_a * back_b, dtype=np.float64)
     lag = float(late / change) if change > 0 else 0.0  # of the way back to the frame before
-    return Motion(mean_of(ssim), 100 * split_rms(*steps), 100 * split_rms(*means), lag, cpu_seconds=0.0)
+    of_pixels = float(np.sqrt(np.mean(np.square(steps[0])) / np.mean(steps[1] * steps[2], dtype=np.float64)))
+    return Motion(mean_of(ssim), 100 * split_rms(*steps), 100 * split_rms(*means), lag, 0.0, of_pixels)
 
 
 DISPLAY_FILE = Path(__file__).parent / "animations.toml"
-NAMES = ("object", "light", "dance", "array")  # what moves, of lfsr_lab.scenes.animation_scenes
+NAMES = ("object", "turn", "light", "dance", "array")  # what moves, of lfsr_lab.scenes.animation_scenes
 FIXED, CHANGING, TURNING = "fixed", "changing", "turning"  # seeds of the frames; the last begin again after PERIOD
 PERIOD = 5
 SCENE_SCALE = 4  # at which what the scenes show is within the usable depth
@@ -154,8 +155,7 @@ class Animation:
     def _measure(self, way: Way, jobs: Sequence[Request]) -> Motion:
         """Finish every frame, averaged with the nearest ones, and compare all with the references."""
         lows, lenses = [read_low(Path(job.output)) for job in jobs], self.truths[0].reference.lenses
-        started, everywhere = cpu_seconds(), np.ones(len(lenses), bool)
-        images = []
+        started, everywhere, images = cpu_seconds(), np.ones(len(lenses), bool), []
         for number, low in enumerate(lows):
             others = [lows[other] for other in near(number, range(len(lows)), way.reach)]
             images.append(finished_lenses(average_frames(low, others)[0], everywhere, DEFAULT_METHOD, lenses))
@@ -185,8 +185,7 @@ def run(arguments: argparse.Namespace) -> None:
                                 COST_SCALE) for _ in range(2))
         started = cpu_seconds()  # files do not count
         average_frames(low, [other])
-        seconds = cpu_seconds() - started
-        print(f"{arguments.cost}, scale {COST_SCALE}: {seconds:.2f} CPU seconds per neighbouring frame")
+        print(f"{arguments.cost}, scale {COST_SCALE}: {cpu_seconds() - started:.2f} CPU seconds per neighbouring frame")
         return
     settings = Settings(seed=arguments.seed)
     store = Store(arguments.output or Path("animations"), arguments.blender)
@@ -209,9 +208,9 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 STEM = "shots"  # of the files
-TITLES = {"object": "an object moves", "light": "the light moves", "dance": "a figure dances",
-          "array": "the camera array moves"}
-HEADER = ("", "samples", "split SSIM", "flicker", "low-frequency error", "lag, frames")
+TITLES = {"object": "an object moves", "turn": "an object turns", "light": "the light moves",
+          "dance": "a figure dances", "array": "the camera array moves"}
+HEADER = ("", "samples", "split SSIM", "flicker", "low-frequency error", "lag, frames", "change")
 SHOWN = {"ssim": "split SSIM", "flicker": "flicker, %"}
 DRAWN = {FIXED_ALONE.name: "fixed seeds", ALONE.name: "changing seeds", AVERAGED.name: "averaged, 5 frames"}
 
@@ -238,7 +237,8 @@ def markdown(found: Sequence[Found]) -> str:
     lines: list[str] = []
     for name in dict.fromkeys(each.animation for each in found):
         rows = [(each.way, each.samples, f"{each.figures.ssim:.4f}", f"{each.figures.flicker:.2f}",
-                 f"{each.figures.offset:.2f}", f"{each.figures.lag:.2f}") for each in found if each.animation == name]
+                 f"{each.figures.offset:.2f}", f"{each.figures.lag:.2f}", f"{each.figures.change:.2f}")
+                for each in found if each.animation == name]
         lines += [f"**{TITLES[name]}**", "", *markdown_table(HEADER, rows, "lr"), ""]
     return "\n".join(lines)
 

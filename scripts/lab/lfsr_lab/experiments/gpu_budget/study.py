@@ -178,8 +178,7 @@ def measure(store: Store, scene: Path, display: DisplayProfile, scale: int, spp:
     pixels = math.prod(low.color.shape[:4])
     rate = pixels * 3 * spp / max(many - few, 1e-3)
     device = best_device()
-    milliseconds = {TRACE: 1e3 * pixels * spp / rate,
-                    DENOISE: median_ms(lambda: denoise_low_resolution(low))}
+    milliseconds = {TRACE: 1e3 * pixels * spp / rate, DENOISE: median_ms(lambda: denoise_low_resolution(low))}
     notes = tuple(map(sentence, denoise_low_resolution(low).notes))
     with torch.inference_mode():
         milliseconds |= tensor_steps(np.asarray(low.color, np.float32), low.factors, display, device)
