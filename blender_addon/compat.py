@@ -141,8 +141,7 @@ def gpu_addresses(device: str) -> tuple[str, ...]:
 
     Cycles writes them into the ids of its devices, but for Metal.
     """
-    found = (ADDRESS.search(item.id) for item in _devices(device))
-    return tuple(dict.fromkeys(match[0] for match in found if match))
+    return tuple(dict.fromkeys(match[0] for item in _devices(device) if (match := ADDRESS.search(item.id))))
 
 
 def cycles_preferences() -> bpy.types.AddonPreferences:

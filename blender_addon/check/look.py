@@ -7,6 +7,7 @@ a render offers ticked, in the order of MENDS: each is looked for as if those be
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 
@@ -23,7 +24,7 @@ from ..compat import overridden
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
 from ..scene.array.placement import Rays
-from ..scene.contents import GEOMETRY, find_subject, is_rendered, rendered_layer, with_instanced
+from ..scene.contents import GEOMETRY, find_subject, is_rendered, nodes_of, rendered_layer, with_instanced
 from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance
 from ..scene.settings import length
 from ..scene.words import counted
@@ -31,10 +32,12 @@ from .problems import Problem
 
 # Code of the problem: the operator's property that mends it, and its title.
 MENDS = {"cube": ("leave_out_cube", "Leave Out Cube"), "helper": ("leave_out_helpers", "Leave Out Helpers"),
+         "sky": ("leave_out_sky", "Leave Out Sky"),
          "frame": ("fit_objects", "Fit to Objects"), "plane": ("move_plane", "Move Display Plane"),
          "deep": ("flatten_depth", "Flatten Depth"), "dark": ("add_light", "Add World Light")}
 STARTUP_LAMP = (4.07625, 1.00545, 5.90386)  # where a new file's lamp stands
-STARTUP_CAMERA = (7.35889, -6.92579, 4.95831)  # where a new file's camera stands: nobody has aimed it
+# How a new file's camera is turned: nobody has aimed it, even if it was moved. It was rolled until Blender 2.79.
+STARTUP_TURN, ROLL = mathutils.Euler((1.10932, 0.0, 0.81493)).to_quaternion(), 0.02
 TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject of an aimed camera, and of that one, fills
 CLOSE = 0.02  # of the subject's size: what lies nearer than that on the wrong side of a surface surrounds the array
 TOUCHING = 0.02  # of the size of what is selected: what is as near belongs to it
@@ -61,7 +64,16 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
             yield _problem("helper", others[0].name, f"{others[0].name}{more} without a material would be rendered "
                            "solid: drawn as wires, a Boolean's tool or the shape of a bone.")
         with _without(cube, *others):
-            yield from _found(scene, placed, display, subject, main_objects(scene, subject))
+            boxes, eye = edit.boxes_now(subject), np.array(placed[1])[:3, 3]
+            sky = edit.sky_around(scene, boxes)
+            if sky is not None and not _is_unaimed(scene) and (boxes[sky].min(0) < eye).all() and (
+                    boxes[sky].max(0) > eye).all():
+                sky = None  # it is seen from inside
+            if sky is not None:
+                yield _problem("sky", sky.name, f"{sky.name} surrounds all other objects, like a sky, and would hide "
+                               "them from outside.")
+            with nullcontext() if sky is None else _without(sky):
+                yield from _found(scene, placed, display, subject, main_objects(scene, subject))
 
 
 def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, subject: set[bpy.types.Object],
@@ -75,6 +87,13 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
         yield from _deep(scene, placed, display, *depths)
     if scene.lfsr.light not in SCENE_LIGHTS or not has_light(scene):
         return
+    for node in nodes_of(scene.world.node_tree if scene.world else None):
+        image = node.image if node.type == "TEX_ENVIRONMENT" else None
+        if image is not None and image.source == "FILE" and not image.packed_file and not os.path.isfile(
+                bpy.path.abspath(image.filepath, library=image.library)):
+            yield _problem("dark", scene.name, f"The world's image {image.name} is missing: what it lights would be "
+                           "pink. Images only are lit.")
+            return
     lamps = [item for item in scene.objects if item.type == "LIGHT" and not item.hide_render]
     is_imported = bool(reason) or startup_cube(scene) is not None  # which the lamp of the new file was not to light
     own = [item for item in lamps if not is_imported
@@ -147,7 +166,7 @@ def helpers(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 def _is_unaimed(scene: bpy.types.Scene) -> bool:
     camera = scene.camera
     return (camera is not None and camera.type == "CAMERA" and not camera.animation_data
-            and (camera.matrix_world.translation - mathutils.Vector(STARTUP_CAMERA)).length < 1e-3)
+            and camera.matrix_world.to_quaternion().rotation_difference(STARTUP_TURN).angle < ROLL)
 
 
 def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list[bpy.types.Object]:
@@ -165,8 +184,8 @@ def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list
         if any((box.min(0) < high).all() and (box.max(0) > low).all()
                for item, box in boxes.items() if item not in chosen):
             chosen = []
-    chosen = chosen or list(boxes)
-    chosen = edit.main_part(chosen, np.array([(boxes[item].min(0), boxes[item].max(0)) for item in chosen]))
+    sky = edit.sky_around(scene, boxes)
+    chosen = edit.main_part({item: boxes[item] for item in chosen or boxes if item != sky})
     return sorted(chosen, key=lambda item: -float(np.linalg.norm(np.ptp(boxes[item], axis=0))))
 
 
@@ -273,7 +292,7 @@ def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
     array, eye = placed[0], mathutils.Matrix(placed[1])
     half = array.half_width / array.distance, array.half_height / array.distance
     lamps = sorted(lamps, key=lambda item: -item.data.energy)[:LAMPS]
-    sky, arriving, seen = world_radiance(scene.world), list[float](), list[float]()
+    sky, arriving, seen = world_radiance(scene.world, DIM / 2), list[float](), list[float]()  # a render tells of images
     generator = np.random.default_rng(0)
     for x, y in generator.uniform(-0.9, 0.9, (4 * LIT, 2)):
         way = eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))

@@ -110,8 +110,7 @@ def new_screen(made: list[bpy.types.ID], name: str,
     compat.use_nodes(material)
     material.node_tree.nodes.clear()
     wiring = Wiring(material.node_tree)
-    portal = wiring.node("ShaderNodeBsdfRayPortal", **ray(wiring))
-    wiring.node("ShaderNodeOutputMaterial", Surface=portal.outputs[0])
+    wiring.node("ShaderNodeOutputMaterial", Surface=wiring.node("ShaderNodeBsdfRayPortal", **ray(wiring)).outputs[0])
     mesh.materials.append(material)
     return screen
 
@@ -247,10 +246,8 @@ def ray_group(place_in_pixel: bool) -> bpy.types.NodeTree:
     place = wiring.vector("FRACTION", cells) if place_in_pixel else cells
     centre = wiring.vector("MULTIPLY_ADD", view, constants["View Step"], constants["First View"])
     start = wiring.vector("MULTIPLY_ADD", random_pair(wiring), constants["Aperture"], centre)
-    end = wiring.vector("MULTIPLY_ADD", place, constants["Lens Step"], lens)
-    way = wiring.vector("SUBTRACT", end, start)
-    begin = wiring.vector("MULTIPLY_ADD", way, constants["Start"], start)
-    wiring.node("NodeGroupOutput", **sent(wiring, begin, way))
+    way = wiring.vector("SUBTRACT", wiring.vector("MULTIPLY_ADD", place, constants["Lens Step"], lens), start)
+    wiring.node("NodeGroupOutput", **sent(wiring, wiring.vector("MULTIPLY_ADD", way, constants["Start"], start), way))
     return tree
 
 

@@ -245,8 +245,7 @@ def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> tuple[
     with unfinished(path) as temporary, temporary.open("wb") as file:
         np.save(file, transform.to_uint8((halves[0] + halves[1]) / 2)[None, None])
     first, second = (transform.to_uint8(half).astype(np.float32) / 255 for half in halves)
-    noise = float(np.sqrt(np.square(first - second).mean()))
-    return noise, seconds / (math.prod(color.shape[:2]) * settings.samples)
+    return float(np.sqrt(np.square(first - second).mean())), seconds / (math.prod(color.shape[:2]) * settings.samples)
 
 
 def inputs_before_opening(request: Request, content: str) -> dict[str, str]:

@@ -65,8 +65,7 @@ def _emits(node: bpy.types.Node) -> bool:
     if color is None or not any(output.is_linked for output in node.outputs):
         return False
     color, strength = node.inputs[color], node.inputs[strength]
-    lit = color.is_linked or any(color.default_value[:3])
-    return lit and (strength.is_linked or strength.default_value > 0)
+    return (color.is_linked or any(color.default_value[:3])) and (strength.is_linked or strength.default_value > 0)
 
 
 def is_certain(scene: bpy.types.Scene) -> bool:
@@ -92,10 +91,9 @@ def has_emission(scene: bpy.types.Scene) -> bool:
     return any(_shines(material.node_tree, (0, 0, 0)) for material in materials(scene))
 
 
-def world_radiance(world: bpy.types.World | None) -> float:
-    """Return about how bright the sky of a world is: SKY for an image or a texture."""
-    shines = world is not None and _shines(world.node_tree, world.color)
-    return _plain_world(world) or (SKY if shines else 0.0)
+def world_radiance(world: bpy.types.World | None, unknown: float = SKY) -> float:
+    """Return about how bright the sky of a world is: ``unknown`` for an image or a texture."""
+    return _plain_world(world) or (unknown if world is not None and _shines(world.node_tree, world.color) else 0.0)
 
 
 def _plain_world(world: bpy.types.World | None) -> float:

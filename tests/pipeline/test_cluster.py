@@ -139,8 +139,7 @@ def test_the_end_of_all_workers_or_of_the_scheduler_is_told(processes, alone, tm
     def kill() -> None:
         of_first(blender)
         ended.kill()
-    thread = threading.Thread(target=kill, daemon=True)
-    thread.start()
+    threading.Thread(target=kill, daemon=True).start()
     started = time.monotonic()
     refuses(sentence, film_on, address, tmp_path, blender)
     assert time.monotonic() - started < 30

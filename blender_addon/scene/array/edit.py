@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 
 import bpy
 import mathutils
@@ -147,9 +147,14 @@ def _new_plane(array: bpy.types.Object) -> bpy.types.Object:
 APART, ENCLOSING = 4.0, 20.0  # times the size of all others, from which an object lies far away, or is a dome
 FLAT, WIDE = 0.05, 4.0  # thickness of a floor as a fraction of its length; its area, as a multiple of what is on it
 MOST_SURROUNDINGS = 6
+# Of a sky: least metres across; parts of its size by which the rest hangs and may stick out; part of its box it fills.
+LEAST_SKY, ALOFT, BESIDE, FILLED = 20.0, 0.2, 0.02, 0.9
+# Fractions of the picture below which the subject is narrow, or has thin tails; where these begin, as in a box plot.
+NARROW, LEAST_SEEN, WHISKERS = 0.1, 0.015, 1.5
+TRAVELS = 2.0  # times its size in this frame, over which it moves in an animation
 # Degrees around Z from the front: what they show counts this much. Degrees from above: this much of what is as high as
 # wide, and of what is LOW or lower, as a fraction of its width: a landscape, or a plate, shows itself from above.
-TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.7, -90: 0.7, 180: 0.7}
+TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.75, -90: 0.7, 180: 0.7}  # +X is the front in some programs
 TILTS = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}
 LOW = 0.6
 FEW_OBJECTS, MOST_POINTS = 100, 20_000  # objects that are fitted by their vertices, and about how many of each
@@ -177,36 +182,54 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
 
     In a room it stands inside. Else it looks along +Y with Z up, unless much more is seen from a side or from above.
     """
-    corners = dict[bpy.types.Object, list[Array]]()
-    for _ in placement.sample_frames(scene):  # it stays in sight over an animation
+    sky = sky_around(scene, boxes_now(subject))
+    subject, corners = subject - {sky}, dict[bpy.types.Object, list[Array]]()
+    for _ in placement.sample_frames(scene):
         for owner, found in boxes_now(subject).items():
             corners.setdefault(owner, []).append(found)
-    boxes = {owner: np.concatenate(found) for owner, found in corners.items()}
-    chosen = main_part(list(boxes), np.array([(box.min(0), box.max(0)) for box in boxes.values()]))
-    points = np.concatenate([boxes[item] for item in chosen] or [np.empty((0, 3))])
+    moved, present = {owner: np.concatenate(found) for owner, found in corners.items()}, boxes_now(subject)
+    for boxes in (moved, present):  # it stays in sight over an animation, unless it travels far
+        chosen = main_part(boxes)
+        points, now = (np.concatenate([each[item] for item in chosen if item in each] or [np.empty((0, 3))])
+                       for each in (boxes, present))
+        if not len(now) or _size(points) <= TRAVELS * _size(now):
+            break
     if not len(points):
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
-    rays, shown = Rays(scene), with_instanced(set(chosen))
+    rays, shown = Rays(scene, sky), with_instanced(set(chosen))
     low, high = points.min(0), points.max(0)
     if (view := view_of_room(rays, chosen, low, high)) is not None:
         return placement.array_of_view(scene, profile, subject, view)
     if len(chosen) <= FEW_OBJECTS:  # the boxes of others are small enough
-        points = np.concatenate([found[::len(found) // MOST_POINTS + 1] for _ in placement.sample_frames(scene)
+        frames = placement.sample_frames(scene) if boxes is moved else (scene.frame_current,)
+        points = np.concatenate([found[::len(found) // MOST_POINTS + 1] for _ in frames
                                  for found in placement.world_points(set(chosen))] or [points])
-    choices, height = list[tuple[float, Placement]](), (high - low)[2] / max(1e-9, (high - low)[:2].min())
     probes = FEWER if rays.items else PROBED  # in a scene of many objects a ray takes long
     # What lies below a sea or a ground that cuts the subject may be hidden: it is fitted with and without it.
     grounds = [top for item, box in boxes.items() if item not in chosen and (top := box[:, 2].max()) < high[2]
                and top > low[2] + FLAT * (high - low)[2] and np.ptp(box[:, 2]) < FLAT * np.ptp(box, axis=0).max()]
     lowest = {-math.inf, max(grounds, default=-math.inf)}
-    for ground, (tilt, above), (degrees, wide) in itertools.product(lowest, TILTS.items(), TURNS.items()):
-        turn = (mathutils.Matrix.Rotation(math.radians(degrees), 3, "Z")
-                @ mathutils.Matrix.Rotation(math.radians(-tilt), 3, "X"))
-        placed = fit_turned(np.maximum(points, (-math.inf, -math.inf, ground)), profile, turn)
-        seen = [hit[2] for hit in through(rays, placed, *probes) if hit is not None and hit[2] in shown]
-        counts = np.interp(height, (LOW, 1), above[::-1]) * wide
-        choices.append((counts * len(seen) * len(set(seen))**0.5, placed))
-    return max(choices, key=lambda each: each[0])[1]
+    low, high = np.percentile(points, (25, 75), axis=0)
+    without_tails = np.clip(points, low - WHISKERS * (high - low), high + WHISKERS * (high - low))
+    # Of what is narrow, as a standing figure, too few rays tell, unless all go its way.
+    for fitted, all_meet, least in ((points, False, NARROW), (points, True, LEAST_SEEN), (without_tails, False, 0)):
+        choices, size = list[tuple[float, float, Placement]](), np.ptp(fitted, axis=0)
+        for ground, (tilt, above), (degrees, wide) in itertools.product(lowest, TILTS.items(), TURNS.items()):
+            turn = (mathutils.Matrix.Rotation(math.radians(degrees), 3, "Z")
+                    @ mathutils.Matrix.Rotation(math.radians(-tilt), 3, "X"))
+            placed, part = fit_turned(np.maximum(fitted, (-math.inf, -math.inf, ground)), profile, turn), np.ones(2)
+            if all_meet:
+                toward, half = np.linalg.inv(placed[1]), (placed[0].half_width, placed[0].half_height)
+                local = fitted @ toward[:3, :3].T + toward[:3, 3]
+                part = np.minimum(np.abs(local[:, :2] / local[:, 2:]).max(0) * placed[0].distance / half, 1)
+            seen = [hit[2] for hit in through(rays, placed, *probes, part) if hit is not None and hit[2] in shown]
+            counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide
+            share = len(seen) / math.prod(probes) * part.prod()
+            choices.append((counts * share * len(set(seen))**0.5, share, placed))
+        _, share, best = max(choices, key=lambda each: each[0])
+        if share > least:
+            break
+    return best
 
 
 def fit_turned(points: Array, profile: DisplayProfile, turn: mathutils.Matrix) -> Placement:
@@ -217,15 +240,31 @@ def fit_turned(points: Array, profile: DisplayProfile, turn: mathutils.Matrix) -
     return layout, tuple(tuple(row) for row in world)
 
 
-def main_part(items: list[bpy.types.Object], boxes: Array) -> list[bpy.types.Object]:
-    """Return the objects without floors, backdrops and what lies far away.
-
-    ``boxes`` (n, 2, 3): lowest and highest corner of each.
-    """
+def main_part(corners: dict[bpy.types.Object, Array]) -> list[bpy.types.Object]:
+    """Return the objects, of which world corners (n, 3) are given, without floors, backdrops and what lies far away."""
+    items = list(corners)
+    boxes = np.array([(box.min(0), box.max(0)) for box in corners.values()]).reshape(-1, 2, 3)
     while left_out := _surroundings(boxes) or _far_away(boxes):
         kept = [index for index in range(len(items)) if index not in left_out]
         items, boxes = [items[index] for index in kept], boxes[kept]
     return items
+
+
+def sky_around(scene: bpy.types.Scene, boxes: dict[bpy.types.Object, Array]) -> bpy.types.Object | None:
+    """Return the closed box or ball, if there is one, that surrounds all others high above its floor: a game's sky."""
+    if len(boxes) < 2:
+        return None
+    sky = max(boxes, key=lambda item: _size(boxes[item]))
+    low, size = boxes[sky].min(0), np.ptp(boxes[sky], axis=0)
+    inner = (np.concatenate([box for item, box in boxes.items() if item != sky]) - low) / np.maximum(size, 1e-9)
+    if (sky.type != "MESH" or size.min() * scene.unit_settings.scale_length < LEAST_SKY or inner[:, 2].min() < ALOFT
+            or inner.min() < -BESIDE or inner.max() > 1 + BESIDE):
+        return None
+    shape = sky.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    middle, half = np.mean(shape.bound_box, axis=0), np.ptp(shape.bound_box, axis=0) / 2
+    # It reaches to the sides of its bounding box, unlike a figure, whose eyes it surrounds, too.
+    hits = (shape.ray_cast(middle, way) for way in np.concatenate([np.eye(3), -np.eye(3)]))
+    return sky if all(hit[0] and np.abs((np.array(hit[1]) - middle) / half).max() > FILLED for hit in hits) else None
 
 
 def _far_away(boxes: Array) -> list[int]:
@@ -259,6 +298,10 @@ def _surroundings(boxes: Array) -> list[int]:
     return []
 
 
+def _size(points: Array) -> float:
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
 def _diagonal(low: Array, high: Array) -> Array:
     size: Array = np.linalg.norm(high - low, axis=-1)
     return size
@@ -280,6 +323,8 @@ EYE_HEIGHT = 1.6  # metres above the floor: places below those whose middle is h
 YAWS, PITCHES, HALF_WIDTH = 12, (0, -15, -35), 0.6  # views at each place; half their width at distance 1: about 62°
 VIEW_ACROSS, VIEW_DOWN = 7, 3  # rays of a view
 LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the hull of a small thing
+# Metres across, below which what is round is a globe and no room; rays to its axis, and least cosine to its walls.
+LEAST_ROUND, AROUND_AXIS, ROUND = 8.0, 24, 0.97
 ENCLOSED = 0.95  # least fraction of the rays that hit, from what is closed on all sides
 FACES, BLOCKED = 200, 0.85  # faces that tell a room; the fraction of the rays from a face in it that must hit
 ROOM = 0.5  # faces seen from inside alone, at least, to each face that is open to the outside
@@ -293,12 +338,13 @@ Face = tuple[mathutils.Vector, mathutils.Vector]  # place and normal
 Hit = tuple[mathutils.Vector, bool, bpy.types.Object]  # place, whether the front of a surface is hit, what is hit
 
 
-def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = PROBES[1]) -> list[Hit | None]:
-    """Return what rays from the middle of a ``placed`` array, spread over its display, meet first."""
+def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = PROBES[1],
+            part: Sequence[float] | Array = (1.0, 1.0)) -> list[Hit | None]:
+    """Return what rays from the middle of a ``placed`` array, spread over this ``part`` of its display, meet first."""
     array, eye = placed[0], mathutils.Matrix(placed[1])
     half = array.half_width / array.distance, array.half_height / array.distance
     ways = [eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))
-            for x in np.linspace(-1, 1, across) for y in np.linspace(-1, 1, down)]
+            for x in np.linspace(-part[0], part[0], across) for y in np.linspace(-part[1], part[1], down)]
     hits = (rays.cast(eye.translation, way) for way in ways)
     return [(hit[0], hit[1].dot(way) < 0, hit[2]) if hit else None for hit, way in zip(hits, ways, strict=True)]
 
@@ -335,13 +381,22 @@ def _faces(rays: Rays, items: Collection[bpy.types.Object]) -> list[list[Face]]:
     return [[faces[number] for number in numbers] for numbers in chosen]
 
 
+def _is_round(rays: Rays, low: Array, high: Array) -> bool:
+    """Return True if what a box of world corners ``low``, ``high`` (3,) holds is a globe, a dome or a bottle."""
+    middle, outside = mathutils.Vector((low + high) / 2), float(np.linalg.norm(high - low))
+    ways = [mathutils.Vector((math.cos(turn), math.sin(turn), 0)) for turn in np.linspace(0, math.tau, AROUND_AXIS)]
+    hits = [rays.cast(middle - way * outside, way) for way in ways]
+    return sum(hit is not None and abs(hit[1].xy.normalized().dot(way.xy)) > ROUND
+               for hit, way in zip(hits, ways, strict=True)) > ENCLOSED * AROUND_AXIS
+
+
 def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, high: Array) -> View | None:
     """Return the longest free view inside ``items`` in a box of world corners ``low``, ``high`` (3,); None if no room.
 
     Of a room, many faces or much of their area is seen from inside alone, shut off from the outside.
     """
     size, reach, metre = high - low, float(np.linalg.norm(high - low)), 1 / rays.scene.unit_settings.scale_length
-    if size.min() < LEAST_ROOM * metre:
+    if size.min() < LEAST_ROOM * metre or (size[:2].min() < LEAST_ROUND * metre and _is_round(rays, low, high)):
         return None
 
     def is_shut_off(at: mathutils.Vector, side: mathutils.Vector) -> bool:

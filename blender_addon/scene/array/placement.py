@@ -45,16 +45,16 @@ Hit = tuple[mathutils.Vector, mathutils.Vector, bpy.types.Object]  # place, norm
 class Rays:
     """The scene as it is now: an edit calls for new ones."""
 
-    def __init__(self, scene: bpy.types.Scene) -> None:
-        """Note the bounding boxes of all meshes where there are more than FEW objects."""
+    def __init__(self, scene: bpy.types.Scene, sky: bpy.types.Object | None = None) -> None:
+        """Note the bounding boxes of all meshes where there are more than FEW objects; ``sky`` lets all rays pass."""
         self.scene, self.depsgraph = scene, bpy.context.evaluated_depsgraph_get()
         self.items: list[tuple[bpy.types.Object, mathutils.Matrix]] = []
-        if len(scene.objects) <= FEW:
+        if len(scene.objects) <= FEW and sky is None:
             return
         boxes, shapes = [], dict[int, list[tuple[float, ...]]]()
         for instance in self.depsgraph.object_instances:
             item = instance.object
-            if item.type == "MESH":
+            if item.type == "MESH" and item.original != sky:
                 key = item.data.as_pointer()  # which an object has alone where modifiers change it
                 if key not in shapes:
                     shapes[key] = [tuple(corner) for corner in item.bound_box]
@@ -122,8 +122,7 @@ def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.type
     """Return depths (n,) from the camera plane at which the middle of a ``placed`` array sees the subject."""
     array, matrix = placed
     sight = _Sight(Rays(scene), to_blender(matrix), clip_of(scene))
-    half = array.half_width / array.distance, array.half_height / array.distance
-    return np.array(_depths(sight, half, subject))
+    return np.array(_depths(sight, (array.half_width / array.distance, array.half_height / array.distance), subject))
 
 
 def focus_notice(scene: bpy.types.Scene, placed: Placement) -> Notice | None:
@@ -247,8 +246,7 @@ def array_of_view(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[
     The display plane is as of ``array_of_camera``; where the view sees nothing of the subject, at the view's centre.
     """
     sight = _Sight(Rays(scene), mathutils.Matrix(view.matrix), view.clip)
-    half = view.half_width, view.half_width * profile.panel_mm[1] / profile.panel_mm[0]
-    depths = _depths(sight, half, subject)
+    depths = _depths(sight, (view.half_width, view.half_width * profile.panel_mm[1] / profile.panel_mm[0]), subject)
     return _array_at(sight, profile, view.half_width, _middle(depths) if depths else view.pivot)
 
 
@@ -353,8 +351,7 @@ def balanced(near: float, far: float) -> float:
 
 def _depths(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Object]) -> list[float]:
     """Depths at which a grid of PROBES rays meets the subject; ``half``: half the frame at depth 1."""
-    toward = sight.matrix.inverted()
-    return [-(toward @ place).z for place, item in _hits(sight, half) if item.original in subject]
+    return [-(sight.matrix.inverted() @ place).z for place, item in _hits(sight, half) if item.original in subject]
 
 
 def _hits(sight: _Sight, half: tuple[float, float], eye: Sequence[float] | Array = (0.0, 0.0),

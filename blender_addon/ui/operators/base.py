@@ -151,8 +151,7 @@ class DescribedByItem:
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         """Return the tooltip of a button."""
-        items = properties.bl_rna.properties[cls.item].enum_items
-        return str(items[getattr(properties, cls.item)].description)
+        return str(properties.bl_rna.properties[cls.item].enum_items[getattr(properties, cls.item)].description)
 
 
 class AsksForFile:

@@ -122,7 +122,7 @@ def _use_one_layer(scene: bpy.types.Scene, target: str) -> None:
 
 
 FIXES: dict[str, Fix] = {
-    "cube": lambda _scene, target: _leave_out(_existing(bpy.data.objects, target)),
+    **dict.fromkeys(("cube", "sky"), lambda _scene, target: _leave_out(_existing(bpy.data.objects, target))),
     "helper": lambda scene, _target: _leave_out(*look.helpers(scene)), "frame": _fit,
     "plane": lambda scene, _target: look.move_plane(scene), "deep": lambda scene, _target: look.flatten(scene),
     "dark": _light_images, "array": _add_array, "rig": _add_array,

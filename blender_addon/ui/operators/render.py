@@ -51,6 +51,8 @@ class Mends:
     leave_out_helpers: bpy.props.BoolProperty(
         name="Leave Out Helpers", description="Hide what helps while modelling: what is drawn as wires, tools of "
         "Booleans and shapes of bones, without a material", options={"SKIP_SAVE"})
+    leave_out_sky: bpy.props.BoolProperty(
+        name="Leave Out Sky", description="Hide the box or ball around all objects in renders", options={"SKIP_SAVE"})
     fit_objects: bpy.props.BoolProperty(
         name="Fit to Objects", description="Move the camera array in front of the objects, or into the room",
         options={"SKIP_SAVE"})

@@ -82,8 +82,7 @@ class LFSR_OT_show(TaskOperator, bpy.types.Operator):
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        switches = (name for name in ("animation", "full_screen") if getattr(properties, name))
-        name = next(switches, None)
+        name = next((name for name in ("animation", "full_screen") if getattr(properties, name)), None)
         return properties.bl_rna.properties[name].description if name else ""
 
     def prepare(self, context: bpy.types.Context) -> Job:

@@ -75,6 +75,9 @@ def test_a_camera_that_nobody_aimed_is_fitted_to_what_was_imported(startup, cent
     mend(startup)
     assert bpy.data.objects["Cube"].hide_render and share_of(startup, box) > 0.2
     bpy.data.objects["Cube"].hide_render = False
+    startup.camera.location.z, startup.camera.rotation_euler.y = 8, 0.0108
+    bpy.context.view_layer.update()
+    assert "cube" in looked(startup), "moved, and as old files turned it"
     bpy.data.objects["Cube"].active_material.name = "Brick"
     assert "cube" not in looked(startup), "it is the artist's"
 
@@ -190,6 +193,54 @@ def test_a_solid_thing_and_a_dome_are_no_rooms(startup):
     assert room_view(startup, [bpy.context.object])
 
 
+@pytest.mark.parametrize("camera", ["none", "new", "aimed"])
+def test_a_box_around_all_is_a_sky_that_is_left_out_unless_a_camera_was_aimed_in_it(startup, camera):
+    houses = {add_box((x, y, 3), (6, 6, 3)) for x in range(-40, 41, 20) for y in range(-40, 41, 20)}
+    sky = add_box((0, 0, 0), (45, 45, 45))
+    if camera == "none":
+        bpy.data.batch_remove([startup.camera, bpy.data.objects["Cube"]])
+    elif camera == "aimed":
+        aimed(startup, (0, -44, 8))
+    assert ("sky" in looked(startup)) != (camera == "aimed")
+    mend(startup)
+    assert sky.hide_render != (camera == "aimed") and set(look.main_objects(startup, find_subject(startup))) == houses
+    placed = rig.placement(startup, scene_settings.display_of(startup))
+    assert len(placement.seen_depths(startup, placed, houses)) > 0.15 * np.prod(placement.PROBES)
+    sky.location.z = 44
+    bpy.context.view_layer.update()
+    assert edit.sky_around(startup, edit.boxes_now({sky, *houses})) is None, "they stand on its floor"
+
+
+def test_a_globe_is_no_room_and_a_thin_tail_does_not_make_a_ring_small(startup):
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=1.2)
+    bpy.context.object.modifiers.new("Glass", "SOLIDIFY").thickness = 0.1
+    assert not room_view(startup, [bpy.context.object, add_box((0, 0, -0.5), (0.5, 0.5, 0.2))])
+    bpy.ops.mesh.primitive_torus_add(location=(400, 0, 0))
+    ring, tail = bpy.context.object, add_box((400, 0, -90), (0.01, 0.01, 90))
+    ring.select_set(True)
+    assert "frame" in looked(startup)
+    mend(startup)
+    assert share_of(startup, ring) > 0.05 and share_of(startup, tail) < 0.05
+
+
+def test_what_travels_far_is_fitted_where_it_is(startup):
+    ship = add_box((0, 0, 0), (1, 1, 1))
+    for frame, ship.location.x in ((1, 0), (20, 400)):
+        ship.keyframe_insert("location", frame=frame)
+    startup.frame_set(20)
+    assert "frame" in looked(startup)
+    mend(startup)
+    assert share_of(startup, ship) > 0.2
+
+
+def test_a_narrow_figure_is_seen_from_its_broad_side(startup):
+    add_box((90, 0, 0.9), (0.05, 0.16, 0.9))
+    assert "frame" in looked(startup)
+    mend(startup)
+    assert abs(rig.find(startup).matrix_world.col[2].x) > 0.99
+
+
 def test_a_selected_part_of_a_figure_is_not_all_of_the_picture(startup):
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     base, body = add_box((0, 0, -0.2), (1, 1, 0.2)), add_box((0, 0, 0.9), (0.4, 0.4, 0.9))
@@ -267,6 +318,16 @@ def test_hardly_any_light_and_far_too_much_are_noticed(startup, energy, world, e
     if code == "dark":
         mend(startup)
         assert startup.lfsr.light == "CITY"
+
+
+def test_a_world_whose_image_is_missing_is_offered_another_light(startup):
+    aimed(startup)
+    add_box((0, 0, 1), (1, 0.5, 1))
+    node = startup.world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+    node.image = bpy.data.images.new("sky.exr", 1, 1)
+    assert "dark" not in looked(startup), "it is generated"
+    node.image.source, node.image.filepath = "FILE", "/sky.exr"
+    assert "sky.exr is missing" in looked(startup)["dark"]
 
 
 @pytest.mark.parametrize("gray", [0.004, 0.4])

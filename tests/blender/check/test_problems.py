@@ -201,8 +201,7 @@ def at_depth(scene, depth: float, half: float, lift: float = 0.0) -> bpy.types.O
 def test_outside_the_usable_depth(scene, side):
     placed, _ = rig.placement(scene, MINI)
     near, far = rig.usable_depth(placed, MINI)
-    item = at_depth(scene, near * 0.8 if side == "near" else far * 1.3, placed.half_width * 0.15)
-    item.name = "Stray"
+    at_depth(scene, near * 0.8 if side == "near" else far * 1.3, placed.half_width * 0.15).name = "Stray"
     bpy.context.view_layer.update()
     problem = found(scene, "depth")
     assert problem.target == "Stray" and problem.is_object and " m" in problem.reason

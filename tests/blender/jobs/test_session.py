@@ -93,8 +93,7 @@ def test_a_render_that_worked_is_one_quiet_line(scene, monkeypatch):
     monkeypatch.setattr(session, "tell", lambda *said: popups.append(said))
     state = bpy.context.window_manager.lfsr
     state.message = "of the last render"
-    task = session.start("Render EIA", render.image_job(scene))
-    task.notices += [Notice("sequencer-ignored")]
+    session.start("Render EIA", render.image_job(scene)).notices += [Notice("sequencer-ignored")]
     panel.wait_for(lambda: session.current() is None)
     assert re.fullmatch(r"Done in \d:\d\d", state.outcome) and popups == []
     assert state.outcome_folder == str(folders.frame_folder(scene))

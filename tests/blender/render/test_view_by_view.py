@@ -188,8 +188,7 @@ def test_distance_to_volume_and_nothing_left_of_a_card_that_cannot_be_made(scene
     assert distance_to_volume(scene, mathutils.Vector()) == np.inf
     add_box(scene, (0, 0, 0), (0.1, 0.1, 0.1))
     assert distance_to_volume(scene, mathutils.Vector()) == np.inf, "no volume"
-    fog = scenes.mixed(("ShaderNodeVolumeScatter", {}), output="Volume")
-    item = add_box(scene, (0, 0, 0), (2, 3, 4), fog)
+    item = add_box(scene, (0, 0, 0), (2, 3, 4), scenes.mixed(("ShaderNodeVolumeScatter", {}), output="Volume"))
     bpy.context.view_layer.update()
     assert distance_to_volume(scene, mathutils.Vector()) == pytest.approx(2)
     assert distance_to_volume(scene, mathutils.Vector((5, 0, 0))) == pytest.approx(3)

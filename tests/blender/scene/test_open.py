@@ -123,8 +123,7 @@ def test_camera_by_name_comes_before_an_array(scene):
 
 @pytest.mark.parametrize("far", [3e38, float("nan"), float("inf")])
 def test_vertices_beyond_numbers_are_refused(tmp_path, far):
-    mesh = add_box(fresh_scene(), tuple(CENTRE), tuple(HALF)).data
-    mesh.vertices[0].co.x = far
+    add_box(fresh_scene(), tuple(CENTRE), tuple(HALF)).data.vertices[0].co.x = far
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "far.blend"))
     refuses("vertices are not finite", open_scene, tmp_path / "far.blend")
 

@@ -174,8 +174,7 @@ def test_lamps_borders_specks_and_the_eyes_board_are_those_of_the_sweep(built):
 
 @pytest.mark.parametrize("fraction", [1, 0.02])
 def test_the_foregrounds_fraction_is_that_of_the_hole(built, tmp_path, fraction):
-    scene = built("share", fraction)
-    render_job(scene, make_request(str(tmp_path), DISPLAY, scale=SCALE, samples=4))
+    render_job(built("share", fraction), make_request(str(tmp_path), DISPLAY, scale=SCALE, samples=4))
     frame, layers = read_frame(tmp_path), read_layers(tmp_path / "lr_eia.exr")
     columns, rows = hole(DISPLAY.lenses, fraction)
     mask = foreground_mask(layers, DISPLAY.lenses)

@@ -254,8 +254,7 @@ def test_panel_and_eye_together_and_one_after_the_other(window):
     window.run("bpy.ops.lfsr.live()")
     window.settle()
     assert window.get(scenes) == ["eye"] and window.get("live.is_on('eye') and not live.is_on()")
-    path = str(window.folder / "eye.blend")
-    window.run(f"bpy.ops.wm.save_as_mainfile(filepath={path!r}, copy=True)")
+    window.run(f"bpy.ops.wm.save_as_mainfile(filepath={str(window.folder / 'eye.blend')!r}, copy=True)")
     window.settle()
     assert window.get(f"{scenes}") == ["eye"]
     window.run("bpy.ops.lfsr.live(kind='eye')")

@@ -113,7 +113,7 @@ def box_at(low, high):
 
 def chosen(*boxes):
     """Which of the boxes are the main part."""
-    return edit.main_part([f"{index}" for index in range(len(boxes))], np.array(boxes))
+    return edit.main_part({f"{index}": np.array(box) for index, box in enumerate(boxes)})
 
 
 THING, NEIGHBOUR = box_at((-1, -1, 0), (1, 1, 2)), box_at((2, -1, 0), (3, 1, 2))

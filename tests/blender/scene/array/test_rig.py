@@ -46,8 +46,7 @@ def test_mirror_of_an_array_is_undone(scene, whose):
     array, parent = rig.find(scene), bpy.data.objects.new("parent", None)
     scene.collection.objects.link(parent)
     array.parent, before = parent, place(scene)
-    item = {"array": array, "parent": parent}[whose]
-    item.scale.x *= -1
+    {"array": array, "parent": parent}[whose].scale.x *= -1
     bpy.context.view_layer.update()
     after, matrix = place(scene)
     assert after.distance == pytest.approx(before[0].distance)
