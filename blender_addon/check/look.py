@@ -245,8 +245,7 @@ def disparity(array: CameraArray, lenses: tuple[int, int], near: float, far: flo
 def _deep(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, near: float,
           far: float) -> Iterator[Problem]:
     array = placed[0]
-    now = disparity(array, display.lenses, near, far)
-    if now <= MUCH:
+    if (now := disparity(array, display.lenses, near, far)) <= MUCH:
         return
     usable = rig.usable_depth(array, display)
     behind = "any depth" if math.isinf(usable[1]) else length(scene, usable[1] - array.distance)

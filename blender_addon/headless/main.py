@@ -123,8 +123,7 @@ def run_all(requests: Iterable[Request]) -> Path:
                 opened = dataclasses.replace(opened, kept=stack.enter_context(new_data()))
             last = request.scene, request.scene_name, request.light
             if request.sampling.scales and request.sampling.frames:  # one scale for all frames that ask the same
-                question = digest(request_facts(request, (*PLACES, "frame", "seed")))
-                if question not in choices:
+                if (question := digest(request_facts(request, (*PLACES, "frame", "seed")))) not in choices:
                     choices[question] = placement.scale_of(scene, request)
                 request = request.with_scale(choices[question])
             folder = render_job(scene, request, opened, protocol.emit_told)

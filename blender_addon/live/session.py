@@ -314,8 +314,7 @@ def _after_save(*_: object) -> None:
 @bpy.app.handlers.persistent
 def _tidy(*_: object) -> None:
     """Remove what an undo, or a file from a crash, has brought back of live views that are off."""
-    off = {PANEL, EYE} - set(_on)
-    if off:
+    if off := {PANEL, EYE} - set(_on):
         stop(*off)
 
 

@@ -398,8 +398,7 @@ def clip_plane(scene: bpy.types.Scene, layout: RayLayout | PanelLayout, matrix_w
         if instance.object.type not in {"EMPTY", "CAMERA", "LIGHT"}:
             matrix = toward @ instance.matrix_world
             depths += [-(matrix @ mathutils.Vector(corner)).z for corner in instance.object.bound_box]
-    farthest = max(depths)
-    if farthest <= depth:
+    if (farthest := max(depths)) <= depth:
         yield False
         return
 

@@ -51,8 +51,7 @@ def white_to_camera(scene: bpy.types.Scene, kept: list[bpy.types.ID] | None = No
     It is 1 in the image, to which Cycles applies the film's exposure. ``kept``: the caller's new data, in which this
     world stays for the next render of the same frame.
     """
-    same_frame = [item for item in kept or () if item.get(NAME) == scene.frame_current]
-    if same_frame:
+    if same_frame := [item for item in kept or () if item.get(NAME) == scene.frame_current]:
         with overridden(scene, {"world": same_frame[0]}):
             yield
         return

@@ -138,8 +138,7 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
     tree, passed = compat.compositor(scene), set[bpy.types.Node]()
     waiting = [node for node in tree.nodes if node.bl_idname in COMPOSITOR_OUTPUTS] if tree is not None else []
     while waiting:
-        node = waiting.pop()
-        if node not in passed:
+        if (node := waiting.pop()) not in passed:
             passed.add(node)
             waiting += [link.from_node for socket in node.inputs for link in socket.links]
     if nodes := sorted(node.label or node.name for node in passed

@@ -144,8 +144,7 @@ def color_settings(scene: bpy.types.Scene, world_visible: bool = False) -> Color
         if getattr(view, switch):
             raise LfsrError(f"the scene's view uses {name}, which light-field images cannot show: switch off {name} "
                             "in Render Properties, Color Management, or apply it to the finished image")
-    space = compat.working_space()
-    if space != WORKING_SPACE:
+    if (space := compat.working_space()) != WORKING_SPACE:
         raise LfsrError(f"the file's working space is {space}, but renders must be in {WORKING_SPACE}: choose "
                         f"{WORKING_SPACE} in Render Properties, Color Management")
     if world_visible:

@@ -55,8 +55,7 @@ def is_looking(space: bpy.types.SpaceView3D | None, scene: bpy.types.Scene) -> b
 def enter(area: bpy.types.Area, scene: bpy.types.Scene) -> None:
     """Make a 3D view look through the array, with the display's frame in its middle; LfsrError without an array."""
     display = scene_settings.display_of(scene)
-    array = rig.find(scene)
-    if array is None or rig.placement(scene, display) is None:
+    if (array := rig.find(scene)) is None or rig.placement(scene, display) is None:
         raise LfsrError("there is no camera array to look through: add one")
     space = area.spaces.active
     region = space.region_3d

@@ -98,8 +98,7 @@ def _draw_checks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     if state.checked_scene != context.scene.name_full:
         row.operator("lfsr.check_scene", text="Check Scene", icon="VIEWZOOM")
         return
-    problems = last.rows()
-    if problems:
+    if problems := last.rows():
         serious = [problem for problem in problems if problem.severity != INFO]
         text = counted(len(serious), "Problem") if serious else counted(len(problems), "Note")
         row.prop(state, "show_problems", text=text, emboss=False,

@@ -286,8 +286,7 @@ def _mean(found: list[Fringes], view: View, profile: DisplayProfile) -> Fringes:
 
 def _with_sheet(profile: DisplayProfile, before: DisplayProfile, waves: Array, phases: Array) -> DisplayProfile:
     """``profile`` with lenses of these waves and phases; the gap is that of ``before``."""
-    sheet = profile.sheet
-    if isinstance(sheet, Lenticular):
+    if isinstance(sheet := profile.sheet, Lenticular):
         geometry, (width, height) = Geometry.of(before), before.panel_mm
         wave = waves[0] / (1 + geometry.gap / geometry.distance)  # of elemental images, further apart than lenses
         slant = float(wave[1] / wave[0])

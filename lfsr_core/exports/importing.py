@@ -347,8 +347,7 @@ def _views(taken: Array, geometry: ImportGeometry, aspect: float, angle_deg: flo
     which the outermost view repeats; ``equal_angles``: neighbouring cameras differ by one angle, else by one distance.
     """
     views = taken[::-1 if "y" in geometry.mirror else 1, ::-1 if "x" in geometry.mirror else 1]
-    display = geometry.display
-    if display is None:
+    if (display := geometry.display) is None:
         return views
     wider = aspect / (display.panel_mm[0] / display.panel_mm[1])
     across = max(1.0, wider) if geometry.fill else min(1.0, wider)

@@ -341,8 +341,7 @@ def read_frame(folder: str | Path) -> Frame:
 
     LfsrError where it is missing, incomplete, of another format, of a part of a frame, or of direct subpixel rendering.
     """
-    frame = read_rendered(folder)
-    if frame.subpixels:
+    if (frame := read_rendered(folder)).subpixels:
         raise LfsrError(f"{folder} holds the panel image alone, rendered with the layout {SUBPIXELS}: elemental "
                         "images, views and what is made of them need a render with another layout")
     return frame
@@ -350,8 +349,7 @@ def read_frame(folder: str | Path) -> Frame:
 
 def read_rendered(folder: str | Path) -> Frame:
     """Read the ``frame.json`` of a light field or of direct subpixel rendering; errors as of ``read_frame``."""
-    frame = read_part(folder)
-    if frame.rows is not None:
+    if (frame := read_part(folder)).rows is not None:
         raise LfsrError(f"{folder} holds rows {rows_text(frame.rows)} of {frame.display.lenses[1]} alone: join it with "
                         "the other parts by `lfsr merge`")
     return frame

@@ -80,7 +80,8 @@ def why_unreadable(path: str | Path) -> str:
     with opened(path) as source:
         if source is None:
             return oiio.geterror() or "no file"
-        return source.geterror() or ("no pixels" if source.read_image(oiio.UNKNOWN) is None else "")
+        pixels = source.read_image(oiio.UNKNOWN)  # which sets the error
+        return source.geterror() or ("no pixels" if pixels is None else "")
 
 
 def read_layers(path: str | Path, without: Collection[str] = ()) -> Layers:

@@ -171,8 +171,7 @@ def trace(profile: DisplayProfile, eye_mm: Point, x: Array, y: Array,
     column = across - 1 - column if profile.flip[0] else column
     row = down - 1 - row if profile.flip[1] else row
     row, column = np.clip(row, 0, down - 1), np.clip(column, 0, across - 1)
-    subpixels = profile.pixel_layout
-    if subpixels.count == 1:
+    if (subpixels := profile.pixel_layout).count == 1:
         return SeenSubpixels(row, column, np.full(row.shape, -1), on_panel)
     if subpixels.cells:
         # Of the subpixels of the pixels around, the nearest.

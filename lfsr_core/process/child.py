@@ -269,8 +269,7 @@ class Child:
 
     def wait(self) -> int:
         """Wait for the end and return the exit code; LfsrError with the child's own sentence after bad input."""
-        code = self._process.wait()
-        if code == EXIT_BAD_INPUT and self.last.get("stage") == "error":
+        if (code := self._process.wait()) == EXIT_BAD_INPUT and self.last.get("stage") == "error":
             raise LfsrError(str(self.last.get("message")))
         return code
 

@@ -84,8 +84,7 @@ def test_small_lenses_are_found_by_two_photographs():
                                                      (0, False), (3, False), (0, True), (1, True), (2, True)))])
 def test_a_turned_or_mirrored_photograph_is_recognised(turns, mirrored):
     image = taken().image
-    stored = np.ascontiguousarray(np.rot90(image[:, ::-1] if mirrored else image, -turns))
-    view = find_panel(stored, CYLINDERS)
+    view = find_panel(np.ascontiguousarray(np.rot90(image[:, ::-1] if mirrored else image, -turns)), CYLINDERS)
     assert (view.mirrored, view.turn_deg) == (mirrored, turns * 90)
     # The pattern's corners are where they were, wherever the photograph has them now.
     corners = np.array([[-120, 67.5], [120, 67.5], [120, -67.5]])

@@ -277,8 +277,7 @@ def test_views_writes_its_images_once_finished_and_a_truncated_render_keeps_the_
     folder = write_render(tmp_path / "frame")
     main(["upscale", str(folder), "--method", "nearest"])
     capsys.readouterr()
-    picture = (folder / "eia.png").read_bytes()
-    whole = (folder / "lr_eia.exr").read_bytes()
+    picture, whole = (folder / "eia.png").read_bytes(), (folder / "lr_eia.exr").read_bytes()
     (folder / "lr_eia.exr").write_bytes(whole[:len(whole) // 2])
     assert main(["upscale", str(folder), "--method", "bicubic"]) == 2
     assert "lr_eia.exr cannot be read" in capsys.readouterr().err

@@ -80,8 +80,7 @@ def test_plan_ends_with_the_command_that_renders_the_choice(scene, blender, tmp_
                  "--json", "--work", str(tmp_path / "work")]) == 0
     said = capsys.readouterr()
     words, data = shlex.split(said.err.splitlines()[-1]), json.loads(said.out)
-    chosen = data["choice"]["chosen"]
-    arguments = build_parser().parse_args(words[1:])
+    chosen, arguments = data["choice"]["chosen"], build_parser().parse_args(words[1:])
     assert words[0] == "lfsr" and str(arguments.scene) == scene
     samples = samples_at(load_display("mini"), arguments.scale, arguments.rays)
     assert (arguments.scale, samples, arguments.method) == (chosen["scale"], chosen["samples"], chosen["method"])

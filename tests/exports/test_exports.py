@@ -173,8 +173,7 @@ def test_anaglyph(folder, field, tmp_path):
         picture(path), anaglyph(*(on_screen(field.seen_from(x), MINI, 160) for x in (-20, 20))))
     grey = np.full((2, 2, 3), 128, np.uint8)
     assert np.abs(anaglyph(grey, grey).astype(int) - 128).max() <= 4, "the same for both eyes keeps its grey"
-    black = np.zeros((2, 2, 3), np.uint8)
-    bright = np.full((2, 2, 3), 255, np.uint8)
+    black, bright = np.zeros((2, 2, 3), np.uint8), np.full((2, 2, 3), 255, np.uint8)
     assert anaglyph(bright, black)[0, 0].tolist() == [255, 0, 0]  # the left eye's filter is red
     assert (anaglyph(black, bright)[0, 0] == [0, 255, 255]).all()
 
@@ -371,8 +370,7 @@ def test_hci_disparity_warps_views_onto_each_other(fine_hci, row, column):
 
 def test_hci_without_a_position_layer_says_so_and_lenses_may_not_be_square(tmp_path):
     folder = finished(tmp_path / "frame")
-    frame = read_frame(folder)
-    write_frame(folder, dataclasses.replace(frame, layers=()))
+    write_frame(folder, dataclasses.replace(read_frame(folder), layers=()))
     told = Told()
     files = export(folder, "hci", tmp_path / "out", ExportOptions(views=(2, 2), tell=told))
     assert [path.name for path in files] == [f"input_Cam00{i}.png" for i in range(4)] + ["parameters.cfg"]

@@ -218,8 +218,7 @@ def coordinates(folder):
 
 
 def test_tiles_become_views_from_the_left(tmp_path):
-    path = coordinates(tmp_path)
-    told = Told()
+    path, told = coordinates(tmp_path), Told()
     display = import_views(path, tmp_path / "frame", quilt=quilt_of(path), tell=told)
     finish_frame(tmp_path / "frame", "none")
     views = read_light_field(tmp_path / "frame").views
@@ -363,8 +362,7 @@ def test_the_command(quilt_film, tmp_path, capsys):
 
 def test_a_film_without_a_word_on_its_colours(tmp_path):
     """Players take such films of high definition for BT.709; FFmpeg alone would take it for another."""
-    path = tmp_path / "q_qs2x2a1.mp4"
-    pixels = np.full((1280, 1280, 3), (200, 60, 30), np.uint8)
+    path, pixels = tmp_path / "q_qs2x2a1.mp4", np.full((1280, 1280, 3), (200, 60, 30), np.uint8)
     with av.open(str(path), "w") as made:
         stream = made.add_stream("libx264", rate=10, options={"crf": "1"})
         stream.width = stream.height = 1280

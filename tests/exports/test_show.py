@@ -82,8 +82,7 @@ def test_a_lenticular_frame_goes_through_bridge_as_a_quilt_and_an_animation_as_a
                                               ({"tileX": 4, "tileY": 0, "quiltX": 400, "quiltY": 200}, None),
                                               ({"tileX": "4", "tileY": 2}, None)])
 def test_a_device_that_states_its_quilt_gets_that(bridge, tmp_path, stated, grid):
-    own = device(3, "LKG-S3", "small", OLD | {"screenW": 240, "screenH": 160}, stated)
-    stand_in = bridge(devices=[own])
+    stand_in = bridge(devices=[device(3, "LKG-S3", "small", OLD | {"screenW": 240, "screenH": 160}, stated)])
     assert main(["show", str(frame(tmp_path / "frame"))]) == 0
     entry = next(request["body"] for request in stand_in.requests if request["endpoint"] == "insert_playlist_entry")
     assert (entry["cols"], entry["rows"]) == grid if grid else entry["view_count"] == DISPLAY.views[0]

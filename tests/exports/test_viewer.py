@@ -92,8 +92,7 @@ def test_each_lens_shows_what_the_simulated_eye_sees(opened, folders, name):
     profile, panel = read_frame(folders[name]).display, read_png(folders[name] / "eia.png")
     page = opened(name)
     for eye in NINE:
-        seen = eye_view(panel, profile, eye, width=128)
-        pixels = shown(page, 128, eye=eye)
+        seen, pixels = eye_view(panel, profile, eye, width=128), shown(page, 128, eye=eye)
         across, down = profile.lenses
         centres = np.ix_(((np.arange(down) + 0.5) * len(pixels) / down).astype(int),
                          ((np.arange(across) + 0.5) * 128 / across).astype(int))
@@ -104,8 +103,7 @@ def test_each_lens_shows_what_the_simulated_eye_sees(opened, folders, name):
 
 
 def test_without_loss_the_pixels_are_the_images_and_smooth_is_the_view_where_a_camera_stood(opened, folders):
-    page = opened("mini", quality=100)
-    panel = read_png(folders["mini"] / "eia.png")
+    page, panel = opened("mini", quality=100), read_png(folders["mini"] / "eia.png")
     for eye in NINE:
         np.testing.assert_array_equal(shown(page, 128, eye=eye), eye_view(panel, MINI, eye, width=128))
     field = read_light_field(folders["mini"])
@@ -256,8 +254,7 @@ def test_frames_of_an_animation(opened, folders, tmp_path):
 
 
 def test_says_what_the_display_is_and_asks_nothing_of_the_network(mini):
-    text = mini.page.inner_text("header")
-    size = " × ".join(f"{mm:.0f}" for mm in MINI.panel_mm)
+    text, size = mini.page.inner_text("header"), " × ".join(f"{mm:.0f}" for mm in MINI.panel_mm)
     assert MINI.title in text and f"{size} mm" in text and f"from {MINI.viewing_distance_mm:.0f} mm" in text
     assert all(re.match(r"(file|data|blob):", url) for url in mini.requests)
     assert mini.complaints == []
@@ -307,8 +304,7 @@ def test_the_caption_covers_neither_map_nor_image(opened, sizes):
 
 def test_an_aperture_is_drawn_with_fewer_samples_while_it_changes(opened):
     """48 samples of each pixel take as many times as long; at rest they are all drawn."""
-    page = opened("mini")
-    work = "() => canvas.width * canvas.height * pupilSamples()"
+    page, work = opened("mini"), "() => canvas.width * canvas.height * pupilSamples()"
     sharp, size = run(page, work), run(page, "() => canvas.width")
     # Until a frame comes soon enough after a change, which a busy machine may delay.
     run(page, """() => new Promise(done => {

@@ -15,8 +15,7 @@ BUFFER = {"uri": "data.bin", "byteLength": 8}
 
 def written(folder, content, name="scene.gltf"):
     (folder / "data.bin").write_bytes(bytes(8))
-    text = json.dumps(content).encode()
-    path = folder / name
+    text, path = json.dumps(content).encode(), folder / name
     if path.suffix == ".glb":
         text = struct.pack("<IIIII", 0x46546C67, 2, 20 + len(text), len(text), 0x4E4F534A) + text
     path.write_bytes(text)

@@ -57,8 +57,7 @@ def test_whole_comparison_reports_every_metric_from_its_own_pixels():
     found = compared(x, a, b, LENSES, MASK)
     assert tuple(found) == eia_metrics.METRIC_NAMES
     X, A, B = (srgb_encode(values) for values in (x, a, b))
-    inside = np.repeat(np.repeat(MASK, 8, 0), 8, 1)
-    local = split_ssim_map(X, A, B)
+    inside, local = np.repeat(np.repeat(MASK, 8, 0), 8, 1), split_ssim_map(X, A, B)
     assert found["p"] == pytest.approx(54 / 192)
     assert found["ssim_eia"] == pytest.approx(split_ssim(X, A, B), abs=1e-9)
     assert found["ssim_eia_fg"] == pytest.approx(local[inside].mean(), abs=1e-9)  # the mask is away from the border
@@ -78,8 +77,7 @@ def test_whole_comparison_reports_every_metric_from_its_own_pixels():
 
 def test_foreground_metrics_ignore_the_background_and_values_above_display_white_do_not_count():
     x, a, b = eia_case()
-    before = compared(x, a, b, LENSES, MASK)
-    worse = x.copy()
+    before, worse = compared(x, a, b, LENSES, MASK), x.copy()
     worse[:8] = 1.0  # a row of background lenses, further than a window from the foreground
     after = compared(worse, a, b, LENSES, MASK)
     for name in ("ssim_eia_fg", "ssim_lens_fg", "psnr_fg"):
@@ -145,8 +143,7 @@ def test_strata_weigh_by_their_share_and_shapes_that_do_not_fit_are_errors():
 def test_a_lens_lost_by_the_mask_lowers_recall_and_still_counts_as_foreground(tmp_path):
     folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
     finish_frame(folder, "bicubic")
-    whole = compare_folders(folder, reference)
-    mask = read_mask(folder / MASK_FILE)
+    whole, mask = compare_folders(folder, reference), read_mask(folder / MASK_FILE)
     lost = np.argwhere(mask)[: mask.sum() // 3]
     mask[tuple(lost.T)] = False
     write_mask(folder / MASK_FILE, mask)

@@ -43,8 +43,7 @@ def looking(image, x=0.0, y=0.0, z=None):
 
 def test_an_eye_where_a_camera_stood_sees_its_view_and_beyond_the_zone_it_repeats_one_lens_on():
     image = np.random.default_rng(0).random((96, 128, 3)).astype(np.float32)
-    views = to_views(image, MINI.lenses)
-    offset = view_offset(np.arange(8), 8, ARRAY.spacing)
+    views, offset = to_views(image, MINI.lenses), view_offset(np.arange(8), 8, ARRAY.spacing)
     for row, column in ((0, 0), (2, 5), (7, 7), (3, 0)):
         np.testing.assert_array_equal(looking(image, offset[column], -offset[row]), views[row, column])
     zone = 8 * ARRAY.spacing

@@ -112,8 +112,7 @@ def test_random_numbers_of_every_render_are_its_own(tmp_path, rendered):
 
 
 def test_an_unreachable_target_names_the_best_and_what_takes_too_long_is_not_chosen(tmp_path):
-    options = dataclasses.replace(OPTIONS, target=0.9999, scales=(4,))
-    planned = plan(JOB, options, render, tmp_path / "sample")
+    planned = plan(JOB, dataclasses.replace(OPTIONS, target=0.9999, scales=(4,)), render, tmp_path / "sample")
     assert planned.choice.chosen is None
     assert planned.choice.best.method == "bilinear" and planned.choice.best.samples >= 16
     assert planned.choice.limit.code in ("plan-limit-upscaling", "plan-limit-noise")

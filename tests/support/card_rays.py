@@ -24,8 +24,7 @@ def lens_card_rays(card: LensCard, cells: Array, targets: Array, distance: float
     """
     views = np.floor(cells)
     place = cells - views if card.place_in_pixel else cells
-    jitter = np.multiply(card.aperture, np.asarray(random) - 0.5)
-    start = card.first_view + views * card.view_step + jitter
+    start = card.first_view + views * card.view_step + np.multiply(card.aperture, np.asarray(random) - 0.5)
     end = targets + place * card.lens_step
     depth = np.full((*start.shape[:-1], 1), float(distance))
     direction = np.concatenate([end - start, depth], axis=-1)

@@ -111,8 +111,7 @@ def _answer(link: socket.socket, calls: dict) -> None:
     code = 1
     try:
         size, streams, _, _ = socket.recv_fds(link, 8, 3)
-        request = link.makefile("rb").read(int.from_bytes(size, "big"))
-        kind, sys.argv, environment, folder = json.loads(request)
+        kind, sys.argv, environment, folder = json.loads(link.makefile("rb").read(int.from_bytes(size, "big")))
         for number, stream in enumerate(streams):
             os.dup2(stream, number)
         os.environ.clear()

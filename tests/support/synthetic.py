@@ -69,8 +69,7 @@ def write_apart(folder: Path, world: float | None = None,
     """A render whose world lies beside it: a gradient, or of one colour; ``paint`` changes what it shows."""
     write_render(folder, world_visible=True, world_apart=True)
     color = paint(read_layers(folder / LOW_RES_FILE)["color"])
-    shown = np.repeat(1 - color[..., 3:], 3, -1)
-    write_layers(folder / LOW_RES_FILE, {"color": color, "environment": shown})
+    write_layers(folder / LOW_RES_FILE, {"color": color, "environment": np.repeat(1 - color[..., 3:], 3, -1)})
     width, height = WorldImage.of(finished_layout(frame_of(2))).size
     right, down = np.meshgrid(np.linspace(0.1, 0.9, width), np.linspace(0.2, 0.6, height))
     picture = np.stack([right, down, right * down], -1) if world is None else np.full((height, width, 3), world)

@@ -290,8 +290,7 @@ def boxes(subject: set[bpy.types.Object]) -> tuple[list[bpy.types.Object], Array
     owners, corners, places = [], [], []
     for item, owner, place in instances(subject):
         if item.type in BOXED | {"MESH"} and not owner.hide_render:
-            geometry = item.data.as_pointer()
-            if geometry not in shapes:
+            if (geometry := item.data.as_pointer()) not in shapes:
                 shapes[geometry] = np.array(item.bound_box)
             owners.append(owner)
             corners.append(shapes[geometry])
@@ -351,7 +350,8 @@ def balanced(near: float, far: float) -> float:
 
 def _depths(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Object]) -> list[float]:
     """Depths at which a grid of PROBES rays meets the subject; ``half``: half the frame at depth 1."""
-    return [-(sight.matrix.inverted() @ place).z for place, item in _hits(sight, half) if item.original in subject]
+    toward = sight.matrix.inverted()
+    return [-(toward @ place).z for place, item in _hits(sight, half) if item.original in subject]
 
 
 def _hits(sight: _Sight, half: tuple[float, float], eye: Sequence[float] | Array = (0.0, 0.0),

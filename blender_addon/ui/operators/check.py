@@ -101,8 +101,7 @@ def _use_defaults(scene: bpy.types.Scene, _target: str) -> None:
 
 
 def _show_subject(scene: bpy.types.Scene, _target: str) -> None:
-    items = [item for item in scene.objects if item.type in GEOMETRY]
-    if not items:
+    if not (items := [item for item in scene.objects if item.type in GEOMETRY]):
         raise LfsrError("the scene has nothing to render: add an object")
     for item in (*items, *scene.collection.children_recursive):
         if item.library is None:
@@ -160,8 +159,7 @@ class LFSR_OT_check_scene(bpy.types.Operator):
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
         problems = last.check(context.scene)
-        serious = [problem for problem in problems if problem.severity != INFO]
-        if serious:
+        if serious := [problem for problem in problems if problem.severity != INFO]:
             self.report({"WARNING"}, f"{counted(len(serious), 'problem')} found, first {serious[0].target}: "
                         f"{for_panel(serious[0].reason)}")
         else:
@@ -183,8 +181,7 @@ class LFSR_OT_check_select(bpy.types.Operator):
     @reports_errors
     def execute(self, context: bpy.types.Context) -> Result:
         names = [self.target] if self.target else [problem.target for problem in last.problems(self.code)]
-        items = [_existing(bpy.data.objects, name) for name in names]
-        if not items:
+        if not (items := [_existing(bpy.data.objects, name) for name in names]):
             raise LfsrError("no object has this problem any more: check the scene again")
         activate(context, items[0])
         for item in items:

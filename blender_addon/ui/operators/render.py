@@ -199,8 +199,7 @@ class LFSR_OT_cancel(bpy.types.Operator):
     bl_label = "Cancel Light Field Render"
 
     def execute(self, _context: bpy.types.Context) -> Result:
-        task = session.cancel()
-        if task is None:
+        if (task := session.cancel()) is None:
             self.report({"WARNING"}, "No light-field render is running")
             return {"CANCELLED"}
         session.say(". ".join(filter(None, ("Cancelled", task.job.kept()))))
@@ -339,8 +338,7 @@ def _end_animation(scene_name: str, result: dict[str, Any]) -> None:
 
 
 def _show_view(scene_name: str, views: Path) -> None:
-    scene = _scene(scene_name)
-    if scene is not None:
+    if (scene := _scene(scene_name)) is not None:
         images.load(scene, views)
         images.in_editor(images.show(scene, (scene.lfsr.eye_right, scene.lfsr.eye_up)))
 

@@ -48,8 +48,7 @@ class Geometry:
         distance, half = profile.viewing_distance_mm, math.tan(math.radians(profile.viewing_angle_deg) / 2)
         # Unless the gap is stated, an elemental image fills the viewing angle:
         # elemental image = lens pitch · (1 + gap / distance) = 2 · gap · tan(angle / 2).
-        sheet = profile.sheet
-        if isinstance(sheet, Lenticular):
+        if isinstance(sheet := profile.sheet, Lenticular):
             # Calibrations state the pitch of a lenticular's elemental images; here along a row of pixels.
             gap = sheet.pitch_mm / math.cos(math.atan(sheet.slant)) / 2 / half
         elif sheet.gap_mm is not None:
@@ -177,8 +176,7 @@ def lattice_coordinates(profile: DisplayProfile, x: Array, y: Array) -> Pair:
 
 def elemental_waves(profile: DisplayProfile) -> Pair:
     """(2, 2) elemental images per millimetre (x, y) along each step of their lattice, and (2,) phases at the centre."""
-    sheet = profile.sheet
-    if isinstance(sheet, Lenticular):
+    if isinstance(sheet := profile.sheet, Lenticular):
         width, height = profile.panel_mm
         across = sheet.lenses_across(width)
         wave = np.array([1.0, sheet.slant]) * across / width

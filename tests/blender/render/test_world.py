@@ -58,8 +58,7 @@ def test_its_image_holds_what_every_ray_sees(lit_box, tmp_path):
     assert [item.name for item in bpy.data.scenes] == [lit_box.name]
     frame = read_frame(job.output)
     assert frame.world_apart and 0 < frame.seconds["world"] < frame.seconds["render"]
-    whole = make_request(str(tmp_path / "whole"), MINI, scale=1, samples=64)
-    render_job(lit_box, whole)
+    render_job(lit_box, make_request(str(tmp_path / "whole"), MINI, scale=1, samples=64))
     layers = image_files.read_layers(tmp_path / "whole" / "lr_eia.exr")
     free = elemental(layers["color"][..., 3:]).max((2, 3, 4)) == 0
     assert 0.2 < free.mean() < 0.99

@@ -80,8 +80,7 @@ def test_a_blender_preset_is_saved_loaded_and_removed(scene):
     scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method = "small", "5", 21, "bicubic"
     scene.lfsr.rays = 2.5
     assert bpy.ops.lfsr.preset_add(name="My Wall") == {"FINISHED"}
-    folder = Path(bpy.utils.user_resource("SCRIPTS", path=f"presets/{panels.SUBFOLDER}"))
-    file = folder / "My_Wall.py"
+    file = Path(bpy.utils.user_resource("SCRIPTS", path=f"presets/{panels.SUBFOLDER}")) / "My_Wall.py"
     assert file.is_file()
     scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method = "mini", "2", 1, "bicubic"
     scene.lfsr.rays = 1

@@ -156,8 +156,7 @@ def test_a_resumed_training_ends_as_an_uninterrupted_one(folder, scenes, tmp_pat
 
     whole = task()
     run(whole, Schedule(2, 1, 1), tmp_path / "whole")
-    stop = Stop()
-    first = task()
+    stop, first = Stop(), task()
     step = first.step
 
     def stopping(index):

@@ -34,8 +34,7 @@ def folder(tmp_path):
 
 
 def test_a_folder_is_read_pixel_by_pixel_reduction_keeps_the_mean_and_the_digest_sees_all(folder):
-    images = some_photographs().images
-    read = comparator.load_photographs(folder).images
+    images, read = some_photographs().images, comparator.load_photographs(folder).images
     assert [image.tolist() for image in read] == [image.tolist() for image in images]
     reduced = comparator.load_photographs(folder, long_side=26).images
     assert [max(image.shape) for image in reduced] == [26, 26, 26]
@@ -145,8 +144,7 @@ def test_seeds_decide_the_weights_that_a_command_trains_and_an_adversary_meets(f
                                for name, seed in (("a", 1), ("b", 1), ("c", 2)))
     assert sha256(generator) == sha256(again) != sha256(other)
     judged = small(folder, network="paper-gan", crop=32, adversarial=1e-3, start=str(generator.weights))
-    task = task_of(judged)
-    learned = load("paper", 2, generator.weights).state_dict()
+    task, learned = task_of(judged), load("paper", 2, generator.weights).state_dict()
     assert all(torch.equal(value, learned[name]) for name, value in task.network.state_dict().items())
     assert task.identity() != task_of(dataclasses.replace(judged, start=str(other.weights))).identity()
     refuses(r"'Paper.*expected 'E", task_of, dataclasses.replace(judged, network="espcn"))

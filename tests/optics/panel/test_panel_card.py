@@ -65,8 +65,7 @@ def test_rays_are_those_of_the_layout(name):
 def test_a_ray_of_a_whole_pixel_is_that_of_the_subpixel_at_its_place(name):
     layout, place = layout_of(DISPLAYS[name]), np.array((0.8, 0.3))
     card, panel = panel_card(layout, of_subpixels=False), np.array(layout.display.panel_pixels)
-    pixel = some(panel)
-    mirrored = np.where(layout.display.flip, 1 - place, place)
+    pixel, mirrored = some(panel), np.where(layout.display.flip, 1 - place, place)
     for part in range(PARTS):
         inside = (part + place[0]) / PARTS, place[1]
         found = panel_card_rays(card, *np.moveaxis((pixel + inside) / panel, -1, 0), layout.array.distance)

@@ -123,8 +123,7 @@ def test_camera_that_cannot_become_an_array_is_refused(scene):
 
 
 def test_bounds_see_modifiers_and_instances(scene):
-    box = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
-    array = box.modifiers.new("array", "ARRAY")
+    array = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5)).modifiers.new("array", "ARRAY")
     array.count, array.relative_offset_displace = 3, (1, 0, 0)
     inside = bpy.data.collections.new("inside")
     inside.objects.link(add_box(scene, (0, 0, 0), (0.1, 0.1, 0.1)))

@@ -64,8 +64,7 @@ def test_less_error_never_costs_less(errors, target, part):
 
 def points(method, scale, factor, random=None, role=analysis.LOW, samples=SAMPLES, lenses=20, seeds=10):
     """A method whose error is factor / √rays, on lenses that are hard or easy for all alike."""
-    hard = np.exp(np.random.default_rng(5).normal(0, 0.5, lenses))
-    found = []
+    hard, found = np.exp(np.random.default_rng(5).normal(0, 0.5, lenses)), []
     for count in samples:
         noise = random.normal(1, 0.1, (seeds, lenses)) if random else np.ones((seeds, lenses))
         rows = tuple(map(tuple, (factor * (count / scale**2)**-0.5 * hard * noise).tolist()))
@@ -223,7 +222,6 @@ def test_a_tie_at_less_error_is_no_loss_and_headline_and_tables_are_whole(chart)
     words = findings.headline(chart)
     assert findings.percent(found[0].seconds.value) in words and "of the time" in words
     assert f"{findings.percent(min(ratios))} to {findings.percent(max(ratios))}" in words
-    table = findings.markdown(chart)
-    rows = [line for line in table.splitlines() if line.startswith("| espcn | 16 | 4 | 1 |")]
+    rows = [line for line in findings.markdown(chart).splitlines() if line.startswith("| espcn | 16 | 4 | 1 |")]
     assert len(rows) == 4, "one per scene and one of the mean"
     assert all(row.count("–") == row.count("(") == 6 and row.count("±") == 4 for row in rows), rows

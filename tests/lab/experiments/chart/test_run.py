@@ -57,8 +57,7 @@ def test_every_cell_is_measured_once_on_all_seeds_and_renders_stay(tmp_path, fin
     folder = experiment_folder(tmp_path)
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     assert main(arguments(folder)) == 0
-    chart = measured(folder)
-    scene, = chart["scenes"]
+    scene, = measured(folder)["scenes"]
     cells = scene["cells"]
     assert [(cell["role"], cell["method"], cell["samples"]) for cell in cells] == [
         ("low", "bicubic", 1), ("low", "nearest", 1), ("low", "bicubic", 4), ("low", "nearest", 4),
@@ -90,8 +89,7 @@ def test_every_cell_is_measured_once_on_all_seeds_and_renders_stay(tmp_path, fin
 def test_times_are_a_pass_of_their_own_that_continues(tmp_path, timed, monkeypatch, undrawn):
     folder = experiment_folder(tmp_path)
     assert main(arguments(folder)) == 0 and timed == []
-    before = measured(folder)["scenes"][0]["cells"]
-    real = chart_cells.second_stage_times
+    before, real = measured(folder)["scenes"][0]["cells"], chart_cells.second_stage_times
 
     def stop_at_oidn(copy, name, repeats, warm):
         if name == "oidn":

@@ -214,8 +214,7 @@ def relative(squares, truth):
 
 @pytest.mark.parametrize(("seeds", "bias", "sigma"), [(2, 0.05, 0.1), (4, 0.0, 0.1), (4, 0.05, 0.0), (4, 0.05, 0.1)])
 def test_bias_and_variance_are_those_that_were_put_in_whatever_the_noise_of_the_reference(truth, seeds, bias, sigma):
-    images = np.array([noisy(truth + bias, sigma, seed) for seed in range(seeds)])
-    found = errors(images, *halves(truth, 0.02))
+    found = errors(np.array([noisy(truth + bias, sigma, seed) for seed in range(seeds)]), *halves(truth, 0.02))
     one = relative(np.full(truth.shape, 1.0), truth)
     assert found[BIAS].mean() == pytest.approx(one * bias**2, abs=0.03 * one * (bias**2 + sigma**2))
     assert found[VARIANCE].mean() == pytest.approx(one * sigma**2, abs=0.03 * one * (bias**2 + sigma**2))
