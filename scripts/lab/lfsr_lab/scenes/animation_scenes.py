@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import math
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 # Where lfsr_lab and lfsr_core are: installed side by side, or in a clone, scripts/lab and the root.
@@ -125,8 +126,9 @@ def keyframe(thing: bpy.types.Object, frame: int) -> None:
     thing.keyframe_insert("rotation_euler", frame=frame)
 
 
-BUILDERS = {"object": moving_object, "turn": functools.partial(moving_object, step=0.0), "light": moving_light,
-            "dance": dancing_figure, "array": moving_array}
+BUILDERS: dict[str, Callable[[Stage, float], None]] = {
+    "object": moving_object, "turn": functools.partial(moving_object, step=0.0), "light": moving_light,
+    "dance": dancing_figure, "array": moving_array}
 
 
 if __name__ == "__main__":

@@ -261,8 +261,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("-m", "--method", action="append", default=[], metavar="METHOD[=WEIGHTS]", help="to judge, any number of times")
     add("--only", nargs="+", metavar="NAME", help="scenes or groups; default: all")
     add("--only-measure", action="store_true", help="render nothing")
-    add("--settings", type=Path, default=SETTINGS, metavar="FILE.toml",
-        help="default: denoiser.toml of the laboratory")
+    add("--settings", type=Path, default=SETTINGS, metavar="FILE.toml", help="default: denoiser.toml of the laboratory")
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -110,8 +110,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Measure, draw and write figure by figure; figures of earlier runs with the same settings stay."""
     figures = chosen(arguments.only)
     if arguments.weights is not None and not arguments.weights.is_dir():
-        raise LfsrError(f"--weights {arguments.weights} is not a folder: give one with NAME-x{SCALE}"
-                        ".safetensors files")
+        raise LfsrError(f"--weights {arguments.weights} is not a folder: give one with NAME-x{SCALE}.safetensors files")
     scenes = tuple(arguments.scenes) or (measuring.demo_scene(arguments.output, arguments.blender),)
     settings = measuring.make_settings(**Settings.given(arguments) | {"scenes": scenes})
     machine = environment()
