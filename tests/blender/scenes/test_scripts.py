@@ -20,7 +20,7 @@ from tests.support.processes import run_script
 from tests.support.scenes import MINI, ROOT, TINY, add_box, add_camera, emission
 
 SCRIPTS = ROOT / "scripts" / "lab" / "lfsr_lab" / "scenes"
-MOVING = {"object": "ball", "light": "lamp", "dance": "dancer"}  # the camera in the others
+MOVING = {"object": "ball", "turn": "ball", "light": "lamp", "dance": "dancer"}  # the camera in the others
 UNSEEN = ("glitter", "cloth", "room", "city", "deep", "world")
 MODELS = ("FlightHelmet.gltf", "GlassVaseFlowers.gltf", "head.glb", "japaneseMaple.obj")
 

@@ -54,7 +54,7 @@ def moving_object(stage: Stage, _value: float, step: float = BALL_STEP) -> None:
     """A printed ball crosses before the others; with a ``step`` of 0 a large one turns, as on a turntable."""
     room(stage)
     print_ = printed("ball", 1.5, Roughness=0.3, Specular_IOR_Level=0.5)
-    ball = put(surfaces.sphere(), print_, (0, 0, 0), 1.7 if step else 5.0)
+    ball = put(surfaces.sphere(), print_, (0, 0, 0), 1.7 if step else 5.0, name="ball")
     for frame in frames_of(stage):
         ball.location = ((frame - (stage.frames + 1) / 2) * step, stage.space.depth(-0.4), -0.8)
         ball.rotation_euler = (0.0, frame * step / 1.7, 0.0 if step else frame * BALL_TURN)
