@@ -7,9 +7,9 @@ a render offers ticked, in the order of MENDS: each is looked for as if those be
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from pathlib import Path
 
 import bpy
 import mathutils
@@ -25,6 +25,7 @@ from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
 from ..scene.array.placement import Rays
 from ..scene.contents import GEOMETRY, find_subject, is_rendered, nodes_of, rendered_layer, with_instanced
+from ..scene.files import image_paths
 from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance
 from ..scene.settings import length
 from ..scene.words import counted
@@ -88,11 +89,9 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     if scene.lfsr.light not in SCENE_LIGHTS or not has_light(scene):
         return
     for node in nodes_of(scene.world.node_tree if scene.world else None):
-        image = node.image if node.type == "TEX_ENVIRONMENT" else None
-        if image is not None and image.source == "FILE" and not image.packed_file and not os.path.isfile(
-                bpy.path.abspath(image.filepath, library=image.library)):
-            yield _problem("dark", scene.name, f"The world's image {image.name} is missing: what it lights would be "
-                           "pink. Images only are lit.")
+        if node.type == "TEX_ENVIRONMENT" and node.image and not all(map(Path.is_file, image_paths(node.image))):
+            yield _problem("dark", scene.name, f"The world's image {node.image.name} is missing: what it lights would "
+                           "be pink. Images only are lit.")
             return
     lamps = [item for item in scene.objects if item.type == "LIGHT" and not item.hide_render]
     is_imported = bool(reason) or startup_cube(scene) is not None  # which the lamp of the new file was not to light

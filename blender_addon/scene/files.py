@@ -106,7 +106,7 @@ def check_opened(scene: str, tell: Tell) -> None:
 
 def image_files() -> set[Path]:
     """Return the files that images are read from, with each tile of a UDIM image."""
-    return {path for image in bpy.data.images for path in _image_paths(image)}
+    return {path for image in bpy.data.images for path in image_paths(image)}
 
 
 def _reached(scene: bpy.types.Scene) -> set[bpy.types.ID]:
@@ -132,7 +132,7 @@ def _files(item: bpy.types.ID, frame: int) -> Iterator[tuple[str, str | Path]]:
         return bpy.path.abspath(path, library=item.library)
 
     if item.id_type == "IMAGE":
-        yield from (("image", path) for path in _image_paths(item))
+        yield from (("image", path) for path in image_paths(item))
         if item.source == "MOVIE":
             yield "film", place(item.filepath)
     elif item.id_type == "VOLUME":
@@ -177,7 +177,8 @@ def _bakes(modifier: bpy.types.NodesModifier, place: Callable[[str], str]) -> It
                 yield Path(place(named))
 
 
-def _image_paths(image: bpy.types.Image) -> Iterator[Path]:
+def image_paths(image: bpy.types.Image) -> Iterator[Path]:
+    """Yield the files that an image is read from, each tile of a UDIM image; none of what is packed, or ours."""
     if not image.filepath or image.packed_file or "lfsr_image" in image:
         return
     named = bpy.path.abspath(image.filepath, library=image.library)

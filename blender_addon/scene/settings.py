@@ -224,7 +224,8 @@ def profile_items() -> list[tuple[str, str, str, str, int]]:
 def offered_scales(scene: bpy.types.Scene) -> list[str]:
     """Names of the scales that divide the views of the scene's display; only Auto where it cannot be read."""
     display = readable_display(scene)
-    return [AUTO_SCALE, *(f"{scale}" for scale in SCALES if display and scale in {1, *display.scales()})]
+    possible = {1, *display.scales()} if display else set()
+    return [AUTO_SCALE, *(f"{scale}" for scale in SCALES if scale in possible)]
 
 
 def qualities(scene: bpy.types.Scene) -> dict[str, tuple[float, int, str]]:

@@ -398,8 +398,7 @@ def builtin_names() -> list[str]:
 
 def load_display(name_or_file: str | Path) -> DisplayProfile:
     """Return a built-in profile by its name, or the profile in a TOML file; LfsrError if there is neither."""
-    path = Path(name_or_file)
-    if path.suffix != ".toml":
+    if (path := Path(name_or_file)).suffix != ".toml":
         names = builtin_names()
         if str(name_or_file) not in names:
             raise LfsrError(f"unknown display {str(name_or_file)!r}: {did_you_mean(str(name_or_file), names)}"
@@ -444,8 +443,7 @@ def _up(value: float, multiple: int = 1) -> int:
 
 def write_profile(path: str | Path, profile: DisplayProfile) -> None:
     """Write ``profile`` as TOML, completely or not at all; LfsrError if ``load_display`` would not read it back."""
-    path = Path(path)
-    if path.suffix != ".toml":
+    if (path := Path(path)).suffix != ".toml":
         raise LfsrError(f"{path} cannot be a display profile, because its name does not end in .toml: add the ending")
     with atomic_path(path) as temporary:
         data = profile.to_dict()

@@ -182,12 +182,13 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
 
     In a room it stands inside. Else it looks along +Y with Z up, unless much more is seen from a side or from above.
     """
-    sky = sky_around(scene, boxes_now(subject))
-    subject, corners = subject - {sky}, dict[bpy.types.Object, list[Array]]()
+    corners, present = dict[bpy.types.Object, list[Array]](), boxes_now(subject)
+    sky = sky_around(scene, present)
+    subject, present = subject - {sky}, {item: box for item, box in present.items() if item != sky}
     for _ in placement.sample_frames(scene):
         for owner, found in boxes_now(subject).items():
             corners.setdefault(owner, []).append(found)
-    moved, present = {owner: np.concatenate(found) for owner, found in corners.items()}, boxes_now(subject)
+    moved = {owner: np.concatenate(found) for owner, found in corners.items()}
     for boxes in (moved, present):  # it stays in sight over an animation, unless it travels far
         chosen = main_part(boxes)
         points, now = (np.concatenate([each[item] for item in chosen if item in each] or [np.empty((0, 3))])

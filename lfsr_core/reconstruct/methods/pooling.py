@@ -1,7 +1,7 @@
 """Pooling along depth ("pool"): missing views are made from the rendered views of every lens that sees the same point.
 
 From one rendered view to the next, a surface point at distance z from the camera plane moves by m = (1 − D/z)·spacing /
-pitch lenses (D: distance of the display plane, spacing: between rendered views; what mirrors and clear glass show is as
+pitch lenses (D: distance of the display plane, spacing: between rendered views; what mirrors and plane glass show is as
 deep as the ray's path is long). So the ray of lens i and place A among the rendered views meets the point that view v
 sees through lens i + m·(v − A). Samples near that line, of about the same slope m, are averaged, along one axis and
 then along the other: sheared reconstruction, as in Lehtinen et al., Temporal Light Field Reconstruction for Rendering

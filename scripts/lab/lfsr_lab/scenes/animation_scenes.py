@@ -27,7 +27,7 @@ from lfsr_lab.scenes.sweeps.stage import Stage, board, turned, write_scenes
 FILL, LAMP_POWER, LAMP_SIZE = 0.12, 9.0, 8.0  # lamp: watts per squared pitch of its distance, pitches
 BODY_SIZE = 1.6  # of the bodies, times that of the sweeps
 BEAT = 16  # frames, of the dance
-BALL_STEP, BALL_TURN, LAMP_STEP, ARRAY_STEP = 0.9, 0.1, math.radians(8), 0.4  # of a frame: pitches, radians, pitches
+BALL_STEP, ARRAY_STEP, BALL_TURN, LAMP_STEP = 0.9, 0.4, 0.1, math.radians(8)  # of a frame: pitches; radians
 
 
 def room(stage: Stage) -> bpy.types.Object:
