@@ -146,9 +146,10 @@ def scores(folder: Path, name: str, blocks: Array, quarters: Quarters) -> Array:
     frame, (index, centres) = read_frame(folder), mosaic(blocks)
     layers, _ = read_finite(folder / files.LOW_RES_FILE)
     low = low_resolution(layers, frame, read_world(folder, frame))
-    low = low.each(lambda layer: layer.reshape(-1, *layer.shape[2:])[index])  # tiles are in reading order
+    low = dataclasses.replace(low.each(lambda layer: layer.reshape(-1, *layer.shape[2:])[index]),  # in reading order
+                              block=blocks.shape[1])
     mask = foreground_mask(layers, frame.rays.tiles).reshape(-1)[index[tuple(centres.T)]]
-    return split_scores(srgb_encode(finished_lenses(low, mask, name, centres, block=blocks.shape[1])), quarters)
+    return split_scores(srgb_encode(finished_lenses(low, mask, name, centres)), quarters)
 
 
 def split_scores(images: Array, quarters: Quarters) -> Array:

@@ -122,13 +122,12 @@ def finished_linear(folder: str | Path, finish: Finish | str, tell: Tell = silen
 
 
 def finished_lenses(low: LowResEIA, mask: Array, finish: Finish | str, lenses: Array, *,
-                    upscaler: Upscaler | None = None, block: int | None = None) -> Array:
+                    upscaler: Upscaler | None = None) -> Array:
     """Finished EIs (n, py, px, 3) float32, scene-linear, of a few ``lenses`` (n, 2), as in a whole frame.
 
     ``low``: as rendered, before any prefilter. ``mask`` (n,) bool: lenses in the foreground; the others are filled in.
-    ``block``: see ``pooling.Pooling``.
     """
-    method, filler = _loaded(Finish.of(finish), low.scale, upscaler, block)
+    method, filler = _loaded(Finish.of(finish), low.scale, upscaler)
     ready = method.prepare(low)
     images = np.empty((len(lenses), *low.finished_views, low.color.shape[-1]), np.float32)
     for wanted, chosen in ((mask, method.upscaler), (~mask, filler)):
@@ -247,14 +246,14 @@ class _Work:
         self.clock.threads = 1
 
 
-def _loaded(finish: Finish, scale: int, upscaler: Upscaler | None, block: int | None = None) -> tuple[Method, Upscaler]:
+def _loaded(finish: Finish, scale: int, upscaler: Upscaler | None) -> tuple[Method, Upscaler]:
     """The method that finishes a render at ``scale``, and the upscaler of the lenses beside the foreground."""
     name = MethodName.parse(finish.method)
     if upscaler is None:
         name.check_scale(scale)
         name = name.at_scale(scale)
-    method = load_method(name, finish.weights, upscaler=upscaler, block=block)
-    return method, method.upscaler if scale == 1 else METHODS[PLAIN_METHOD].make(None)
+    method = load_method(name, finish.weights, upscaler=upscaler)
+    return method, method.upscaler if scale == 1 else METHODS[PLAIN_METHOD].make()
 
 
 def _report(frame: Frame, finish: Finish, clock: StageClock, **found: Any) -> Report:

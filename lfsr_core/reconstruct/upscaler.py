@@ -51,6 +51,7 @@ class LowResEIA:
     # where nothing is hit. None where positions were not rendered.
     slope: Array | None = None
     slope_ratio: float = 1.0  # by which it moves more lenses downwards: the ratio of lens pitches, width to height
+    block: int | None = None  # side of square blocks of lenses that are neighbours on the display, None where all are
     noisy: Array | None = None  # colour as rendered, where a denoiser has changed ``color``
     parallax: tuple[bool, bool] = (True, True)  # axes, (horizontal, vertical), along which the display's views differ
     exposure: float = 0.0  # of the view transform, in stops

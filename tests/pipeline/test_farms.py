@@ -67,8 +67,7 @@ def test_settings_are_of_kinds_that_flamenco_has_and_a_frame_that_shares_waits_f
     names, frames = [task["name"] for task in tasks], (*range(1, 8), 9)
     for task in tasks:
         assert {names.index(name) for name in task["dependencies"]} <= set(range(names.index(task["name"])))
-        number = task["name"].removeprefix("finish-")
-        if number != task["name"]:
+        if (number := task["name"].removeprefix("finish-")) != task["name"]:
             merged = {int(name.removeprefix("merge-")) for name in task["dependencies"]}
             assert merged >= {int(number), *near(int(number), frames, 1)}
             assert len(merged) <= 5, "no more wait than have to"

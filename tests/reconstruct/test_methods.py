@@ -30,7 +30,7 @@ def test_a_name_has_parts(text, prefilters, upscaler):
 def test_every_row_makes_what_it_says_and_what_follows_from_a_name():
     for name, part in methods.METHODS.items():
         assert part.text and part.kind in (methods.PREFILTER, methods.UPSCALER)
-        made = part.make(None)
+        made = part.make(*[None] * (part.kind == methods.PREFILTER))
         assert callable(made) and isinstance(made, Upscaler) == (part.kind != methods.PREFILTER), name
     for text in (DEFAULT_METHOD, *SUBPIXEL_METHODS, *methods.MENU, *methods.MORE):
         assert MethodName.parse(text).text == text

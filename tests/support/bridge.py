@@ -127,8 +127,7 @@ class StandIn(ThreadingHTTPServer):
         """Answer to a PUT, None for an unknown endpoint."""
         if endpoint == "enter_orchestration":
             return {"name": endpoint, "payload": wrapped(TOKEN), "status": wrapped("Completion")}
-        found = getattr(self, f"_{endpoint}", None)
-        if found is None:
+        if (found := getattr(self, f"_{endpoint}", None)) is None:
             return None
         if body.get("orchestration") != TOKEN:
             return {"name": endpoint, "status": wrapped("UnknownOrchestration")}
@@ -152,8 +151,7 @@ class StandIn(ThreadingHTTPServer):
         return {"status": wrapped("Completion")}
 
     def _play_playlist(self, body: dict) -> dict:
-        entries = self.playlists.get(body["name"])
-        if not entries:
+        if not (entries := self.playlists.get(body["name"])):
             return {"payload": wrapped({"message": wrapped("no such playlist")}), "status": wrapped("Failure")}
         if self.playing != body["name"]:
             self.playing, self.shown = body["name"], [entry["uri"] for entry in entries]

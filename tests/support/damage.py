@@ -99,8 +99,7 @@ def _json(data: bytes, dice: random.Random) -> bytes:
     content = json.loads(data)
     for _ in range(dice.randint(1, 3)):
         container, key = dice.choice(places(content) or [([0], 0)])
-        change = dice.choice(["replace", "replace", "token", "remove", "add", "swap"])
-        if change == "remove":
+        if (change := dice.choice(["replace", "replace", "token", "remove", "add", "swap"])) == "remove":
             container.pop(key)
         elif change == "add" and isinstance(container, dict):
             container[dice.choice(["", "x", "__class__", "\ud800"])] = dice.choice(VALUES)
@@ -136,8 +135,7 @@ def _bytes(data: bytes, dice: random.Random) -> bytes:
     for _ in range(dice.choice((1, 1, 1, 2, 4))):
         at = dice.randrange(min(len(found), 700) + 1 if dice.random() < 0.6 else len(found) + 1)
         piece = dice.choice([dice.randbytes(dice.randint(1, 8)), b"\xff" * 4, b"\0" * 4, b"\x7f\xff\xff\xff"])
-        change = dice.choice(["set", "set", "flip", "flip", "cut", "double", "end"])
-        if change == "set":
+        if (change := dice.choice(["set", "set", "flip", "flip", "cut", "double", "end"])) == "set":
             found[at:at + len(piece)] = piece
         elif change == "flip":
             found[at:at + 1] = bytes(byte ^ 1 << dice.randrange(8) for byte in found[at:at + 1])

@@ -29,8 +29,7 @@ class Part:
 
     kind: str  # PREFILTER changes the low-resolution EIA, UPSCALER makes EIs of it
     text: str  # one line for menus
-    # A PREFILTER as function of a weights file or None; an UPSCALER of the side of blocks, see ``pooling.Pooling``.
-    make: Callable[..., Any]
+    make: Callable[..., Any]  # a PREFILTER as function of a weights file or None; an UPSCALER
     needs_denoiser: bool = False  # Open Image Denoise
     takes_weights: bool = False
     sees_neighbours: bool = False  # whether an elemental image depends on those beside it
@@ -41,12 +40,12 @@ class Part:
 
 
 METHODS: dict[str, Part] = {
-    "nearest": Part(UPSCALER, "each view repeated", lambda _: Interpolation("nearest")),
-    "bilinear": Part(UPSCALER, "linear inside each elemental image", lambda _: Interpolation("linear")),
-    "bicubic": Part(UPSCALER, "cubic inside each elemental image", lambda _: Interpolation("cubic")),
+    "nearest": Part(UPSCALER, "each view repeated", lambda: Interpolation("nearest")),
+    "bilinear": Part(UPSCALER, "linear inside each elemental image", lambda: Interpolation("linear")),
+    "bicubic": Part(UPSCALER, "cubic inside each elemental image", lambda: Interpolation("cubic")),
     "pool": Part(UPSCALER, "linear along the depth of what is seen, from every lens that sees it", Pooling,
                  sees_neighbours=True, versions={"pool": 9}, per_finished=0.05),
-    "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda _: Interpolation("nearest")),
+    "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda: Interpolation("nearest")),
     "denoise": Part(PREFILTER, "Open Image Denoise with weights trained on elemental images",
                     lambda weights: functools.partial(denoise_low_resolution, weights=weights or WEIGHTS),
                     needs_denoiser=True, takes_weights=True, sees_neighbours=True, versions={"denoiser": 11},
@@ -192,18 +191,17 @@ class Method:
         return dataclasses.replace(ready, opacity=denoised_opacity(low, low.opacity))
 
 
-def load_method(name: str | MethodName, weights: str | None = None, *, upscaler: Upscaler | None = None,
-                block: int | None = None) -> Method:
+def load_method(name: str | MethodName, weights: str | None = None, *, upscaler: Upscaler | None = None) -> Method:
     """Load the method of a name such as "denoise+bicubic", see ``MethodName.parse``.
 
     ``weights``: file for its denoiser instead of the shipped one. ``upscaler``: instead of the one in the name.
-    ``block``: see ``pooling.Pooling``. LfsrError for a wrong name, or weights without a denoiser that takes them.
+    LfsrError for a wrong name, or weights without a denoiser that takes them.
     """
     name = MethodName.parse(name)
     if weights and not any(part.takes_weights for part in name.parts):
         raise LfsrError(f"weights {weights} were given, but method {name.text!r} has none: choose one with "
                         "'denoise', or leave the weights out")
-    upscaler = upscaler or METHODS[name.upscaler].make(block)
+    upscaler = upscaler or METHODS[name.upscaler].make()
     assert upscaler is not None, "the table makes one"
     return Method(name, tuple(METHODS[part].make(weights) for part in name.prefilters), upscaler)
 

@@ -73,23 +73,16 @@ class PooledEIA(LowResEIA):
 
 
 class Pooling(Upscaler):
-    """Interpolation along the slopes of what is seen.
-
-    ``block``: side of the square blocks of lenses that are not neighbours on the display, as the samples of a plan;
-    None where all lenses are.
-    """
+    """Interpolation along the slopes of what is seen."""
 
     thread_safe = True
     follows_depth = True
-
-    def __init__(self, block: int | None = None) -> None:
-        self._block = block
 
     def prepare(self, low: LowResEIA) -> LowResEIA:
         """Pool along each row; ``low`` itself where no depth is known or every view is rendered."""
         if low.slope is None or low.factors == (1, 1):
             return low
-        followed = self._followed(low, low.slope)
+        followed = _followed(low, low.slope)
         low = dataclasses.replace(low, slope=followed[..., None])
         known = np.isfinite(followed) & (np.abs(followed) < STEEPEST)
         if not known.any():
@@ -103,11 +96,11 @@ class Pooling(Upscaler):
         across, down = (factor if is_steep else min(factor, PLACES) for factor in low.factors)
         (sy, sx, h, w), width = known.shape, known.shape[3] * across
         steepest = float(np.abs(slope[known]).max())
-        columns, length = self._places(sx, steepest)
-        rows, height = self._places(sy, steepest * low.slope_ratio)
+        columns, length = _places(sx, steepest, low.block)
+        rows, height = _places(sy, steepest * low.slope_ratio, low.block)
         source = padded((sy, h, length, w + 2 * REACH))
-        glare = self._glare(low.color, followed)
-        color = self._restored(low, np.where(glare.any(-1), np.float32(UNKNOWN), beyond), steepest) - glare
+        glare = _glare(low.color, followed, low.block)
+        color = _restored(low, np.where(glare.any(-1), np.float32(UNKNOWN), beyond), steepest) - glare
         source[:3, :, :, columns, REACH:-REACH] = color.transpose(4, 0, 2, 1, 3)
         source[3:, :, :, columns, REACH:-REACH] = slope.transpose(0, 2, 1, 3)
         wide = padded((sx * width, height, h + 2 * REACH))
@@ -150,112 +143,116 @@ class Pooling(Upscaler):
                     result[part, ..., channel] = image.transpose(1, 0, 2)
         return result
 
-    def _followed(self, low: LowResEIA, slope: Array) -> Array:
-        """Slopes (sy, sx, h, w) of the first hit, or of where the ray's path ends.
 
-        Mirrors and plane glass show the end of the path, curved glass does not. So each 3 × 3 lenses take the slope
-        along which the views beside explain more of the render's variance: squared covariance over power. Where FEW
-        samples go on, they are those of edges, whose path is a mean of both surfaces.
-        """
-        grid, first, path = slope.shape[:2], slope[..., 0], slope[..., -1]
-        goes_on = (seen := np.isfinite(path)) & (first != path)
-        if not len((here := np.nonzero(goes_on))[0]):
-            return first
-        color = encode(low.rendered) @ LUMINANCE
-        mean, number = color.mean((2, 3))[here[:2]], np.ravel_multi_index(here[:2], grid)
-        own, moves, sums = color[here] - mean, slope[here].T, np.zeros((4, 2, 2, math.prod(grid)))
+def _followed(low: LowResEIA, slope: Array) -> Array:
+    """Slopes (sy, sx, h, w) of the first hit, or of where the ray's path ends.
 
-        def beside(side: int) -> None:
-            axis, step = divmod(side, 2)
-            view, block = here[axis + 2] + 2 * step - 1, self._block or grid[axis]
-            places = here[axis] + moves * (2 * step - 1) * (1.0 if axis else low.slope_ratio)
-            lenses = np.floor(places).astype(int)
-            inside = ((lenses // block == here[axis] // block) & ((lenses + 1) // block == here[axis] // block)).all(0)
-            chosen = np.flatnonzero(inside & (view >= 0) & (view < color.shape[axis + 2]))
-            index = [each[chosen] for each in here]
-            index[axis + 2] = view[chosen]
-            for sums_, place, lens in zip(sums[side], places[:, chosen], lenses[:, chosen], strict=True):
-                index[axis] = lens
-                left = color[tuple(index)]
-                index[axis] = lens + 1
-                there = left + (place - lens) * (color[tuple(index)] - left) - mean[chosen]
-                sums_[:] = [np.bincount(number[chosen], there * other, math.prod(grid))
-                            for other in (own[chosen], there)]
+    Mirrors and plane glass show the end of the path, curved glass does not. So each 3 × 3 lenses take the slope
+    along which the views beside explain more of the render's variance: squared covariance over power. Where FEW
+    samples go on, they are those of edges, whose path is a mean of both surfaces.
+    """
+    grid, first, path = slope.shape[:2], slope[..., 0], slope[..., -1]
+    goes_on = (seen := np.isfinite(path)) & (first != path)
+    if not len((here := np.nonzero(goes_on))[0]):
+        return first
+    color = encode(low.rendered) @ LUMINANCE
+    mean, number = color.mean((2, 3))[here[:2]], np.ravel_multi_index(here[:2], grid)
+    own, moves, sums = color[here] - mean, slope[here].T, np.zeros((4, 2, 2, math.prod(grid)))
 
-        in_threads(beside, range(4))
-        (shared, power), (of_path, of_all) = (map(_pooled_lenses, part.reshape(2, *grid)) for part in sums.sum(0))
-        few = _pooled_lenses(goes_on.sum((2, 3)) - FEW * seen.sum((2, 3))) < 0
-        better = few | (np.maximum(of_path, 0)**2 * power >= np.maximum(shared, 0)**2 * of_all)
-        result: Array = np.where(better[..., None, None], path, first)
-        return result
+    def beside(side: int) -> None:
+        axis, step = divmod(side, 2)
+        view, block = here[axis + 2] + 2 * step - 1, low.block or grid[axis]
+        places = here[axis] + moves * (2 * step - 1) * (1.0 if axis else low.slope_ratio)
+        lenses = np.floor(places).astype(int)
+        inside = ((lenses // block == here[axis] // block) & ((lenses + 1) // block == here[axis] // block)).all(0)
+        chosen = np.flatnonzero(inside & (view >= 0) & (view < color.shape[axis + 2]))
+        index = [each[chosen] for each in here]
+        index[axis + 2] = view[chosen]
+        for sums_, place, lens in zip(sums[side], places[:, chosen], lenses[:, chosen], strict=True):
+            index[axis] = lens
+            left = color[tuple(index)]
+            index[axis] = lens + 1
+            there = left + (place - lens) * (color[tuple(index)] - left) - mean[chosen]
+            sums_[:] = [np.bincount(number[chosen], there * other, math.prod(grid))
+                        for other in (own[chosen], there)]
 
-    def _glare(self, color: Array, slope: Array) -> Array:
-        """By how much samples (sy, sx, h, w, 3) outshine a neighbour of their surface, encoded; 0 of most."""
-        brightest, glare = color.max(-1), np.zeros_like(color)
-        here = np.nonzero(brightest > GLARE)
-        for axis, step in ((0, -1), (0, 1), (1, -1), (1, 1)):
-            beside, block = list(here), self._block or color.shape[axis]
-            beside[axis] = np.clip(here[axis] + step, 0, color.shape[axis] - 1)
-            there = tuple(beside)
-            darker = ((np.abs(slope[there] - slope[here]) < ALIKE) & (brightest[there] * CONTRAST < brightest[here])
-                      & (there[axis] // block == here[axis] // block))
-            own, other = (tuple(index[darker] for index in place) for place in (here, there))
-            glare[own] = np.maximum(glare[own], encode(color[own]) - encode(color[other]))
-        return glare
+    in_threads(beside, range(4))
+    (shared, power), (of_path, of_all) = (map(_pooled_lenses, part.reshape(2, *grid)) for part in sums.sum(0))
+    few = _pooled_lenses(goes_on.sum((2, 3)) - FEW * seen.sum((2, 3))) < 0
+    better = few | (np.maximum(of_path, 0)**2 * power >= np.maximum(shared, 0)**2 * of_all)
+    result: Array = np.where(better[..., None, None], path, first)
+    return result
 
-    def _restored(self, low: LowResEIA, slope: Array, steepest: float) -> Array:
-        """Encoded colours (sy, sx, h, w, 3), with the detail that a denoiser took for noise.
 
-        The residual, the render minus its denoised image, should be noise, which no two samples have in common. What
-        samples of other lenses along the line have in common with it is lost detail, of which their mean has little
-        noise; so it is added, weighted as Wiener's filter does by the covariance in NEIGHBOURS lenses around.
-        """
-        color, noisy = encode(low.color), low.noisy
-        if noisy is None or low.samples < LEAST_SAMPLES or steepest < LEAST_STEEP:
-            return color
-        (sy, sx, h, w), known = slope.shape, slope < UNKNOWN
-        lost = np.empty((*slope.shape, 3), np.float32)
+def _glare(color: Array, slope: Array, limit: int | None) -> Array:
+    """By how much samples (sy, sx, h, w, 3) outshine a neighbour of their surface, encoded; 0 of most."""
+    brightest, glare = color.max(-1), np.zeros_like(color)
+    here = np.nonzero(brightest > GLARE)
+    for axis, step in ((0, -1), (0, 1), (1, -1), (1, 1)):
+        beside, block = list(here), limit or color.shape[axis]
+        beside[axis] = np.clip(here[axis] + step, 0, color.shape[axis] - 1)
+        there = tuple(beside)
+        darker = ((np.abs(slope[there] - slope[here]) < ALIKE) & (brightest[there] * CONTRAST < brightest[here])
+                  & (there[axis] // block == here[axis] // block))
+        own, other = (tuple(index[darker] for index in place) for place in (here, there))
+        glare[own] = np.maximum(glare[own], encode(color[own]) - encode(color[other]))
+    return glare
 
-        def residual(row: int) -> None:
-            lost[row] = _noise(noisy[row], low.color[row]) * known[row, ..., None]
 
-        in_threads(residual, range(sy))
-        found = lost
-        for axis, ratio in ((1, 1.0), (0, low.slope_ratio)):
-            # Lenses and views of one axis last, those of the other axis first.
-            order = (0, 2, 1, 3) if axis else (1, 3, 0, 2)
-            count, views = (sx, w) if axis else (sy, h)
-            slopes = np.where(known, slope * np.float32(ratio), slope).transpose(order).reshape(-1, count, views)
-            sums = _residuals(found.transpose(4, *order).reshape(-1, *slopes.shape), slopes,
-                              *self._places(count, steepest * ratio), own=not axis)
-            found = sums.reshape(-1, *(slope.shape[each] for each in order)).transpose(*(1 + np.argsort(order)), 0)
-        mean, shared, power = np.empty_like(color), np.empty((sy, sx)), np.empty((sy, sx))
+def _restored(low: LowResEIA, slope: Array, steepest: float) -> Array:
+    """Encoded colours (sy, sx, h, w, 3), with the detail that a denoiser took for noise.
 
-        def covariance(row: int) -> None:
-            others, count, own = found[row, ..., :3], found[row, ..., 3:], lost[row]
-            seen = (count > LEAST_OTHERS) & known[row, ..., None]
-            mean[row] = (others + own) / (count + 1) * seen
-            others = others / np.maximum(count, LEAST_OTHERS) * seen
-            shared[row] = np.einsum("xvuc,xvuc->xc", own, others) @ LUMINANCE
-            power[row] = np.einsum("xvuc,xvuc->xc", mean[row], mean[row]) @ LUMINANCE
-
-        in_threads(covariance, range(sy))
-        shared, power = _pooled_lenses(shared), _pooled_lenses(power)
-        weight = np.clip(np.divide(shared, power, out=np.zeros_like(power), where=power > 0), 0, 1).astype(np.float32)
-
-        def restore(row: int) -> None:
-            mean[row] *= weight[row, :, None, None, None]
-            color[row] += mean[row]
-
-        in_threads(restore, range(sy))
+    The residual, the render minus its denoised image, should be noise, which no two samples have in common. What
+    samples of other lenses along the line have in common with it is lost detail, of which their mean has little
+    noise; so it is added, weighted as Wiener's filter does by the covariance in NEIGHBOURS lenses around.
+    """
+    color, noisy = encode(low.color), low.noisy
+    if noisy is None or low.samples < LEAST_SAMPLES or steepest < LEAST_STEEP:
         return color
+    (sy, sx, h, w), known = slope.shape, slope < UNKNOWN
+    lost = np.empty((*slope.shape, 3), np.float32)
 
-    def _places(self, count: int, steepest: float) -> tuple[Array, int]:
-        """Places of ``count`` lenses in a padded row, and its length: what a line meets beyond a block is outside."""
-        guard, block = math.ceil(steepest * REACH) + 2, self._block or count
-        number = np.arange(count)
-        places = number + (2 * (number // block) + 1) * guard
-        return places, int(places[-1]) + guard + 1
+    def residual(row: int) -> None:
+        lost[row] = _noise(noisy[row], low.color[row]) * known[row, ..., None]
+
+    in_threads(residual, range(sy))
+    found = lost
+    for axis, ratio in ((1, 1.0), (0, low.slope_ratio)):
+        # Lenses and views of one axis last, those of the other axis first.
+        order = (0, 2, 1, 3) if axis else (1, 3, 0, 2)
+        count, views = (sx, w) if axis else (sy, h)
+        slopes = np.where(known, slope * np.float32(ratio), slope).transpose(order).reshape(-1, count, views)
+        sums = _residuals(found.transpose(4, *order).reshape(-1, *slopes.shape), slopes,
+                          *_places(count, steepest * ratio, low.block), own=not axis)
+        found = sums.reshape(-1, *(slope.shape[each] for each in order)).transpose(*(1 + np.argsort(order)), 0)
+    mean, shared, power = np.empty_like(color), np.empty((sy, sx)), np.empty((sy, sx))
+
+    def covariance(row: int) -> None:
+        others, count, own = found[row, ..., :3], found[row, ..., 3:], lost[row]
+        seen = (count > LEAST_OTHERS) & known[row, ..., None]
+        mean[row] = (others + own) / (count + 1) * seen
+        others = others / np.maximum(count, LEAST_OTHERS) * seen
+        shared[row] = np.einsum("xvuc,xvuc->xc", own, others) @ LUMINANCE
+        power[row] = np.einsum("xvuc,xvuc->xc", mean[row], mean[row]) @ LUMINANCE
+
+    in_threads(covariance, range(sy))
+    shared, power = _pooled_lenses(shared), _pooled_lenses(power)
+    weight = np.clip(np.divide(shared, power, out=np.zeros_like(power), where=power > 0), 0, 1).astype(np.float32)
+
+    def restore(row: int) -> None:
+        mean[row] *= weight[row, :, None, None, None]
+        color[row] += mean[row]
+
+    in_threads(restore, range(sy))
+    return color
+
+
+def _places(count: int, steepest: float, block: int | None) -> tuple[Array, int]:
+    """Places of ``count`` lenses in a padded row, and its length: what a line meets beyond a block is outside."""
+    guard, block = math.ceil(steepest * REACH) + 2, block or count
+    number = np.arange(count)
+    places = number + (2 * (number // block) + 1) * guard
+    return places, int(places[-1]) + guard + 1
 
 
 def _noise(noisy: Array, color: Array) -> Array:

@@ -29,8 +29,7 @@ def window(tmp_path_factory):
 
 def press_render(window) -> list[str]:
     window.xdotool("mousemove", 500, 450)
-    pressed = window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))")
-    if pressed != ["FINISHED"]:
+    if (pressed := window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))")) != ["FINISHED"]:
         window.screenshot("ident-asked")
     return pressed
 

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.rays import from_elemental_images, to_elemental_images
 from lfsr_core.reconstruct.methods import denoise
-from lfsr_lab.networks.denoiser import hdr_encode
+from lfsr_lab.networks.denoiser import hdr_decode, hdr_encode
 from lfsr_lab.train.config import DenoiserConfig
-from lfsr_lab.train.denoiser.data import crop, load_scene, load_scenes, mirrored, noisy, textured
+from lfsr_lab.train.denoiser.data import RENDERS, crops, load_scene, load_scenes, mirrored, print_textures, printed
 from lfsr_lab.train.denoiser.task import DenoiserTask, losses, rate, window
 from lfsr_lab.train.loop import RunOptions, Schedule, Stop, run
 from lfsr_lab.train.session import train
@@ -31,11 +31,11 @@ def write_scene(folder, index, ei=EI, **changes):
     clean = np.ones((height, width, 4), np.float32)
     clean[..., :3] = np.linspace(0.1, 0.9, width)[:, None] * rng.uniform(0.2, 1, 3)
     layers = {"color_target": clean}
-    for samples, count in ((1, 4), (4, 3), (16, 2)):
-        for k in range(count):
-            noise = rng.gamma(samples, 1 / samples, clean.shape[:2])[..., None] ** (1, 1, 1, 0)
-            layers[f"color_{samples}_{k}"] = clean * noise
-            layers[f"guides_{samples}_{k}"] = np.concatenate([clean[..., :3], clean[..., :3] * 2 - 1], -1)
+    for name in RENDERS:
+        samples = int(name[:-2])
+        noise = rng.gamma(samples, 1 / samples, clean.shape[:2])[..., None] ** (1, 1, 1, 0)
+        layers |= {f"color_{name}": clean * noise,
+                   f"guides_{name}": np.concatenate([clean[..., :3], clean[..., :3] * 2 - 1], -1)}
     meta = {"views": [ei[1] * 4, ei[0] * 4 if ei[0] > 1 else 1], "scale": 4, "is_direct": False,
             "validates": index % 10 == 9} | changes
     layers = {name: layer.astype(np.float16) for name, layer in layers.items()}
@@ -62,12 +62,12 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def scenes(folder):
-    return load_scenes(folder, guides=True)
+    return load_scenes(folder)
 
 
 def config(folder, **changes):
     return DenoiserConfig("denoiser", str(folder), **{
-        "size": "small", "start": "", "side": 24, "epochs": 2, "steps_per_epoch": 2, "validate_every": 1,
+        "size": "small", "start": "", "side": 24, "batch": 2, "epochs": 2, "steps_per_epoch": 2, "validate_every": 1,
         "checkpoint_every": 1} | changes)
 
 
@@ -78,13 +78,18 @@ def test_training_mirrors_as_the_product_does(sy, sx, h, w):
     np.testing.assert_array_equal(mirrored(image, (h, w)), expected)
 
 
+def parts(scenes, samples, seed=0, side=30, **more):
+    """Crops of each scene alone: together they need elemental images of one size."""
+    return [crops([scene], [samples], np.random.default_rng(seed), side, torch.device("cpu"), **more)
+            for scene in scenes]
+
+
 def test_more_samples_are_less_noise_and_the_target_itself_has_the_least_loss(scenes):
-    clean = scenes[0].layers["color_target"][..., :3].astype(np.float32)
     for samples in (1, 2, 4, 8, 16, 32, 64, 256):
-        noise = noisy(scenes[0], samples, np.random.default_rng(0)) / clean - 1
+        part = parts(scenes[:1], samples, side=100, augment=False)[0]
+        noise = hdr_decode(part.inputs[:, :3][(..., *part.inside)]) / part.target - 1
         assert noise.std() == pytest.approx(samples ** -0.5, rel=0.15), samples
-    for scene in scenes:
-        part = crop(scene, 1, np.random.default_rng(0), 30, mirror=True)
+    for part in parts(scenes, 1):
         perfect = hdr_encode(torch.zeros(1, 3, *part.inputs.shape[2:]))
         perfect[(..., *part.inside)] = hdr_encode(part.target)
         found, noise = losses(perfect, part), losses(part.inputs[:, :3], part)
@@ -92,26 +97,29 @@ def test_more_samples_are_less_noise_and_the_target_itself_has_the_least_loss(sc
         assert noise[0] > 10 * found[0] and noise[1] > 2 * found[1]
 
 
-@given(st.integers(0, 10_000), st.sampled_from((8, 24, 100)), st.booleans())
-def test_crops_hold_whole_elemental_images_of_the_scene(scenes, seed, side, mirror):
-    for scene in scenes:
-        part = crop(scene, 4, np.random.default_rng(seed), side, mirror=mirror)
+def test_each_crop_of_a_batch_has_the_loss_that_it_has_alone(scenes):
+    together = crops(scenes[:2], [1, 16], np.random.default_rng(3), 24, torch.device("cpu"))
+    both = losses(together.inputs[:, :3], together)
+    for index in range(2):
+        tensors = {name: getattr(together, name)[index:index + 1] for name in ("inputs", "target", "shown")}
+        alone = dataclasses.replace(together, **tensors, scales=together.scales[index:index + 1])
+        torch.testing.assert_close(torch.cat(losses(alone.inputs[:, :3], alone)), torch.stack(both)[:, index])
+
+
+@given(st.integers(0, 10_000), st.sampled_from((8, 24, 100)))
+def test_crops_hold_whole_elemental_images_of_the_scene(scenes, seed, side):
+    for part in parts(scenes, 4, seed, side):
         height, width = part.target.shape[2:]
-        assert height % part.ei[0] == width % part.ei[1] == 0
+        assert height % part.ei[0] == width % part.ei[1] == 0 and part.shown.min() == 1
         assert part.inputs[(..., *part.inside)].shape == (1, 9, *part.target.shape[2:])
-        assert part.shown.min() == 1
         # One of its colours at least is the noisy target: what the network sees there is near it.
         seen, target = part.inputs[:, :3][(..., *part.inside)], hdr_encode(part.target)
         assert (seen - target).abs().mean() < 0.15
 
 
-def test_guides_are_six_more_channels_and_the_rate_rises_and_falls(folder, scenes):
-    assert crop(load_scenes(folder)[0], 16, np.random.default_rng(0), 24, mirror=True).inputs.shape[1] == 3
-    inputs = [crop(scenes[0], 16, np.random.default_rng(seed), 24, mirror=True).inputs for seed in range(100)]
-    assert {part.shape[1] for part in inputs} == {9}
-    without = [torch.equal(part[:, 3:6], torch.zeros_like(part[:, 3:6])) for part in inputs]
-    assert 2 <= sum(without) <= 35, "some crops have no guides, as imported light fields"
-    assert all((part[:, 6:] == 0.5).all() for part, empty in zip(inputs, without, strict=True) if empty)
+def test_some_crops_have_no_guides_and_the_rate_rises_and_falls(scenes):
+    found = [parts(scenes[:1], 16, seed, 24)[0].inputs for seed in range(100)]
+    assert 2 <= sum(bool((each[:, 3:6] == 0).all() and (each[:, 6:] == 0.5).all()) for each in found) <= 35
     settings = dataclasses.replace(config("x"), epochs=10, steps_per_epoch=100)
     course = [rate(settings, step) for step in range(1000)]
     assert max(course) == pytest.approx(settings.rate, rel=0.05) and course[0] < settings.rate / 50
@@ -119,15 +127,16 @@ def test_guides_are_six_more_channels_and_the_rate_rises_and_falls(folder, scene
 
 
 @given(st.integers(0, 500), st.sampled_from([(1, 1), (5, 5), (1, 8)]))
-def test_a_printed_texture_is_in_colour_target_and_albedo_alike(seed, ei):
-    white = [np.ones((20, 40, channels), np.float32) for channels in (3, 3, 1, 6)]
-    rendered, target, alpha, guides = textured(white, 10**8, ei, 4, np.random.default_rng(seed))
-    assert 0 <= target.min() < target.max() <= 1 + 1e-6 and (alpha == 1).all() and (guides[..., 3:] == 1).all()
-    np.testing.assert_allclose(rendered, target, atol=1e-3)
-    np.testing.assert_allclose(guides[..., :3], target, atol=1e-3)
-    few = textured(white, 1, ei, 4, np.random.default_rng(seed))
-    np.testing.assert_array_equal(few[0], few[3][..., :3])  # the same samples make both
-    assert few[0].min() >= 0 and few[0].max() <= 1 + 1e-6
+def test_a_printed_texture_is_the_same_in_every_crop_and_in_all_that_a_crop_holds(scenes, seed, ei):
+    whole, part = (printed(axes, ei, 4, np.random.default_rng(seed), torch.device("cpu"))
+                   for axes in ([(0, 20), (0, 40)], [(5, 5), (16, 10)]))
+    assert 0 <= whole[0].min() < whole[0].max() <= 1 + 1e-6 and whole[1].min() >= 0 and whole[1].max() <= 0.5 + 1e-6
+    torch.testing.assert_close(part[0], whole[0][5:10, 16:26])
+    rendered, target, guides = images = [torch.ones(20, channels, 30, 48) for channels in (3, 3, 6)]
+    print_textures(images, [10**8] * 20, [[0] * 20] * 2, [(0, 0)] * 2, scenes[:1] * 20, np.random.default_rng(seed))
+    torch.testing.assert_close(rendered, target, atol=1e-3, rtol=0)
+    torch.testing.assert_close(guides, torch.cat([rendered, torch.ones_like(target)], 1))
+    assert 1 <= (target.std((1, 2, 3)) > 0).sum() <= 15
 
 
 @given(st.integers(1, 30), st.floats(0.2, 3))
@@ -143,7 +152,7 @@ def test_training_lowers_the_loss_and_writes_weights_that_the_library_runs(folde
     facts = json.loads(outcome.weights.with_suffix(".json").read_text())
     assert facts["data"]["scenes"] == 3 and facts["data"]["validating"] == 1
     assert 0 < facts["validation"]["validation.ssim_4"] < 1
-    task = DenoiserTask(config(folder, epochs=1, steps_per_epoch=25, rate=2e-3), scenes)
+    task = DenoiserTask(config(folder, epochs=1, steps_per_epoch=25, rate=2e-3), scenes, torch.device("cpu"))
     before = task.validate()
     run(task, Schedule(1, 1, 1), tmp_path)
     after = task.validate()
@@ -152,7 +161,7 @@ def test_training_lowers_the_loss_and_writes_weights_that_the_library_runs(folde
 
 def test_a_resumed_training_ends_as_an_uninterrupted_one(folder, scenes, tmp_path):
     def task():
-        return DenoiserTask(config(folder, half_precision=False), scenes)
+        return DenoiserTask(config(folder), scenes, torch.device("cpu"))
 
     whole = task()
     run(whole, Schedule(2, 1, 1), tmp_path / "whole")
@@ -186,7 +195,7 @@ def test_damaged_and_missing_scenes_are_one_sentence(tmp_path, write, message):
     {"meta": np.array([{}], object)}, {"color_target": None}, {"color_4": None},
     {"color_1_0": np.zeros((30, 48, 3), np.float16)}, {"color_1_0": np.zeros((30, 47, 4), np.float16)},
     {"color_1_0": np.array(3.0)}, {"color_target": np.zeros((30, 48, 4), "U3")},
-    {"color_16_1": np.full((30, 48, 4), np.nan, np.float16)}, {"guides_1_0": np.zeros((30, 48, 4), np.float16)}])
+    {"color_16_0": np.full((30, 48, 4), np.nan, np.float16)}, {"guides_1_0": np.zeros((30, 48, 4), np.float16)}])
 def test_a_scene_of_other_content_is_one_sentence(tmp_path, change):
     path, of_meta = tmp_path / "scene_000000.npz", ("scale", "views", "is_direct", "validates")
     write_scene(tmp_path, 0, **{name: value for name, value in change.items() if name in of_meta})
@@ -196,5 +205,5 @@ def test_a_scene_of_other_content_is_one_sentence(tmp_path, change):
     np.savez(path, **content | {name: value for name, value in change.items()
                                 if value is not None and name not in of_meta})
     with pytest.raises(LfsrError, match=r"000.npz cannot be read as a scene .*: make it again") as told:
-        load_scene(path, guides=True)
+        load_scene(path)
     assert "pickle" not in str(told.value)

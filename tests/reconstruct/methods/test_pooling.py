@@ -151,8 +151,8 @@ def test_blocks_do_not_see_each_other_and_a_flat_display_pools_along_its_one_axi
     low = plane(0.9)
     changed = low.each(lambda array: np.concatenate([array[:, :7], array[:, 7:][:, ::-1]], 1))
     lenses = np.argwhere(np.ones(LENSES, bool)[:, :7])
-    images = [upscaler(upscaler.prepare(each), lenses)
-              for each in (low, changed) for upscaler in (Pooling(7), Pooling())]
+    images = [Pooling()(Pooling().prepare(dataclasses.replace(each, block=block)), lenses)
+              for each in (low, changed) for block in (7, None)]
     np.testing.assert_array_equal(images[0], images[2])
     assert np.abs(images[1] - images[3]).max() > 1e-3
     low = plane(0.8)

@@ -54,8 +54,7 @@ def _work() -> float:
 def _place() -> dict:
     """The first window's 3D view, where the sidebar's buttons are."""
     window = bpy.context.window_manager.windows[0]
-    area = next((area for area in window.screen.areas if area.type == "VIEW_3D"), None)
-    if area is None:
+    if (area := next((area for area in window.screen.areas if area.type == "VIEW_3D"), None)) is None:
         return {"window": window}
     region = next(region for region in area.regions if region.type == "WINDOW")
     return {"window": window, "area": area, "region": region}

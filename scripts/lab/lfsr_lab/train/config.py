@@ -12,7 +12,6 @@ from typing import get_type_hints
 
 from lfsr_core.base.messages import LfsrError, did_you_mean
 from lfsr_core.base.system import read_bytes, without_advice
-from lfsr_core.reconstruct.methods.denoise import COLOR_INPUTS, GUIDED_INPUTS
 
 CONFIG_FOLDER = Path(__file__).parent / "configs"
 DENOISER = "denoiser"
@@ -64,15 +63,13 @@ class DenoiserConfig:
     count: int = 0  # of scenes to train on, 0 for all
     size: str = "base"  # or "small"
     start: str = "stock"  # the library's own weights, a TZA file, or "" for random ones
-    guides: bool = True  # whether it sees albedo and normal as rendered
-    mirror: bool = True  # every other elemental image, as the product does
     error_weight: float = 2.0  # of the absolute error beside 1 - SSIM
     side: int = 192  # of a crop in pixels
+    batch: int = 4  # crops of a step
     seed: int = 1
     epochs: int = 150
     steps_per_epoch: int = 100
     rate: float = 2e-4  # Adam's
-    half_precision: bool = True  # bfloat16 in training: 1.6 times as fast on CPUs that know it
     validate_every: int = 5  # epochs
     checkpoint_every: int = 5  # epochs
 
@@ -80,11 +77,6 @@ class DenoiserConfig:
         if self.size not in ("base", "small"):
             raise LfsrError(f"training: size {self.size!r} is unknown: choose base or small")
         _check_numbers(self)
-
-    @property
-    def inputs(self) -> int:
-        """Channels that the network sees."""
-        return GUIDED_INPUTS if self.guides else COLOR_INPUTS
 
 
 def _check_numbers(config: TrainConfig | DenoiserConfig) -> None:

@@ -33,12 +33,12 @@ def train(config: TrainConfig | DenoiserConfig, output: str | Path, device: str 
           options: RunOptions | None = None) -> Outcome:
     """Train the network of ``config``; write weights, log, curves and checkpoint to the folder ``output``.
 
-    ``device``: "cpu", "cuda" or "auto"; the denoiser trains on the CPU alone. LfsrError if data, device or a
+    ``device``: "cpu", "cuda" or "auto". LfsrError if data, device or a
     checkpoint do not fit.
     """
     schedule = Schedule(config.epochs, config.validate_every, config.checkpoint_every)
     if isinstance(config, DenoiserConfig):
-        denoiser = DenoiserTask(config, load_scenes(config.scenes, config.count, guides=config.guides))
+        denoiser = DenoiserTask(config, load_scenes(config.scenes, config.count), choose_device(device))
         outcome = run(denoiser, schedule, output, options)
         if outcome.stopped:
             return outcome
@@ -46,7 +46,7 @@ def train(config: TrainConfig | DenoiserConfig, output: str | Path, device: str 
         write_tza(path, denoiser.finished.tensors())
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
         write_json(path.with_suffix(".json"),
-                   {"sha256": digest} | _provenance(denoiser, outcome, {}, torch.device("cpu")))
+                   {"sha256": digest} | _provenance(denoiser, outcome, {}, denoiser.device))
         return dataclasses.replace(outcome, weights=path)
     photographs = load_photographs(config.photographs, LONG_SIDE)
     validation = load_photographs(config.validation) if config.validation else None

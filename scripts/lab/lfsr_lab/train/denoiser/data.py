@@ -1,4 +1,4 @@
-"""Training scenes of ``training_scenes.py`` and random crops of them."""
+"""Training scenes of ``training_scenes.py``, and batches of random crops of them on the device that trains."""
 
 from __future__ import annotations
 
@@ -19,22 +19,41 @@ from lfsr_core.base.records import from_data
 from lfsr_lab.networks.denoiser import hdr_encode, normal_encode
 from lfsr_lab.train.loop import open_data
 
-SAMPLES = (1, 4, 16)  # of the renders in a file
-CLEANEST = 32  # samples of the cleanest render; more are simulated
+# Samples, and number among the renders with as many.
+RENDERS = ("1_0", "1_1", "1_2", "1_3", "4_0", "4_1", "4_2", "16_0", "16_1")
+COUNTS = tuple(int(name.partition("_")[0]) for name in RENDERS)
+GUIDED = tuple(dict.fromkeys(COUNTS))  # samples of the guides in a file
+KINDS = {"color": 4, "guides": 6}  # layers and their channels
 TEXTURED = 0.25  # of the crops get a texture: the scenes' own are seldom as fine as pixels
 FINEST, COARSEST, MOST_SHIFT = 1.8, 8.0, 3.0  # period and movement from one elemental image to the next, in pixels
 WITHOUT_GUIDES = 0.15  # of the crops
-AROUND = 12  # pixels that the network may see around a crop
+AROUND, AT_BORDER = 12, 0.3  # pixels that the network may see around a crop; how often it lies at the image's border
 EXPOSURE, MOST_EXPOSURE = 1.2, 3.0  # stops, standard deviation and limit
 SHOWN_AROUND = 5  # pixels whose neighbours count as shown
 
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    layers: dict[str, Array]  # as training/produce.py names them, (H, W, 4) and (H, W, 6) float16
+    layers: Tensor  # (C, H, W) float16: target and its opacity, colours of RENDERS, guides of GUIDED
     ei: tuple[int, int]  # (h, w) of an elemental image in pixels, (1, 1) where there are none
     scale: int
     validates: bool
+
+    @property
+    def lenses(self) -> tuple[int, int]:
+        return self.layers.shape[1] // self.ei[0], self.layers.shape[2] // self.ei[1]
+
+
+@dataclasses.dataclass(frozen=True)
+class Crops:
+    """Parts of scenes with elemental images of one size, aligned with these; tensors (B, C, H, W)."""
+
+    inputs: Tensor  # what the network sees, with pixels around
+    target: Tensor  # scene-linear >= 0
+    shown: Tensor  # 1 where anything shows
+    inside: tuple[slice, slice]  # of the inputs, where the target lies
+    ei: tuple[int, int]
+    scales: tuple[int, ...]  # (B,)
 
     @property
     def is_tiled(self) -> bool:
@@ -42,22 +61,9 @@ class Scene:
         return min(self.ei) > 1
 
 
-@dataclasses.dataclass(frozen=True)
-class Crop:
-    """A part of a scene, aligned with its elemental images; tensors (1, C, H, W)."""
-
-    inputs: Tensor  # what the network sees, with pixels around
-    target: Tensor  # scene-linear >= 0
-    shown: Tensor  # 1 where anything shows
-    inside: tuple[slice, slice]  # of the inputs, where the target lies
-    ei: tuple[int, int]
-    scale: int
-    is_tiled: bool
-
-
-def load_scenes(folder: str | Path, count: int = 0, *, guides: bool = False) -> list[Scene]:
+def load_scenes(folder: str | Path, count: int = 0) -> list[Scene]:
     """Read every scene of a folder, or the first ``count`` and all that validate; LfsrError where there is none."""
-    scenes = [load_scene(path, guides=guides) for path in sorted(Path(folder).glob("scene_*.npz"))]
+    scenes = [load_scene(path) for path in sorted(Path(folder).glob("scene_*.npz"))]
     training = [scene for scene in scenes if not scene.validates]
     if not training or len(training) == len(scenes):
         raise LfsrError(f"{folder} holds {len(training)} training scenes and {len(scenes) - len(training)} that "
@@ -65,24 +71,25 @@ def load_scenes(folder: str | Path, count: int = 0, *, guides: bool = False) -> 
     return training[:count or None] + [scene for scene in scenes if scene.validates]
 
 
-def load_scene(path: Path, *, guides: bool = False) -> Scene:
+def load_scene(path: Path) -> Scene:
     """Read one scene; LfsrError where the file is damaged or of another format."""
     with open_data(path, "a scene of training_scenes.py", "make it again") as content, np.load(content) as file:
         known = json.loads(str(file["meta"])).items()
         meta = from_data(_Meta, {name: value for name, value in known if name in _Meta.__dataclass_fields__}, "meta")
-        kinds = {"color": 4} | ({"guides": 6} if guides else {})
-        layers = {name: file[name] for name in file.files if name.partition("_")[0] in kinds}
-        for name, layer in layers.items():
-            if (layer.ndim != 3 or layer.shape[2] != kinds[name.partition("_")[0]] or layer.dtype.kind != "f"
+        names = [*(f"color_{name}" for name in ("target", *RENDERS)), *(f"guides_{count}_0" for count in GUIDED)]
+        layers = [file[name] for name in names]
+        for name, layer in zip(names, layers, strict=True):
+            if (layer.ndim != 3 or layer.shape[2] != KINDS[name.partition("_")[0]] or layer.dtype.kind != "f"
                     or not np.isfinite(layer).all()):
                 raise ValueError(f"a layer of shape {layer.shape} and type {layer.dtype}")
         across, down = (1 if meta.is_direct or count == 1 else count // meta.scale for count in meta.views)
-        present = {name.rpartition("_")[0] for name in layers} | set(layers)
-        [(height, width)] = {layer.shape[:2] for layer in layers.values()}
-        wanted = {"color_target", *(f"color_{samples}" for samples in SAMPLES)}
-        if not present >= wanted or height % down or width % across:
-            raise ValueError(f"layers {', '.join(layers)} of {width}×{height} pixels")
-        return Scene(layers, (down, across), meta.scale, meta.validates)
+        [(height, width)] = {layer.shape[:2] for layer in layers}
+        if height % down or width % across:
+            raise ValueError(f"layers of {width}×{height} pixels")
+        colors, guides = layers[1:len(RENDERS) + 1], layers[len(RENDERS) + 1:]
+        stack = np.concatenate([layers[0], *(layer[..., :3] for layer in colors), *guides], -1).astype(np.float16)
+        stack = np.ascontiguousarray(mirrored(stack, (down, across)).transpose(2, 0, 1))
+        return Scene(torch.from_numpy(stack), (down, across), meta.scale, meta.validates)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,95 +106,6 @@ class _Meta:
             raise LfsrError(f"the scale is {self.scale} and views are {self.views}")
 
 
-def noisy(scene: Scene, samples: int, rng: np.random.Generator) -> Array:
-    """Colour (H, W, 3) float32 of a random render with ``samples``: 1, 2, 4, 8, 16, 32, or more from the target."""
-    each = max(count for count in SAMPLES if count <= samples)
-    names = [name for name in scene.layers if name.startswith(f"color_{each}_")]
-    chosen = rng.permutation(names)[:min(samples, CLEANEST) // each]
-    mean = np.mean([scene.layers[name][..., :3].astype(np.float32) for name in chosen], 0)
-    if samples > CLEANEST:
-        clean = scene.layers["color_target"][..., :3].astype(np.float32)
-        mean = clean + math.sqrt(CLEANEST / samples) * (mean - clean)
-    return np.asarray(mean)
-
-
-def crop(scene: Scene, samples: int, rng: np.random.Generator, side: int, *, mirror: bool,
-         augment: bool = True) -> Crop:
-    """Return about ``side``² pixels of a scene; with ``augment`` anywhere, in any light, colour and orientation.
-
-    ``mirror``: mirror every other elemental image, as the product does.
-    """
-    clean = scene.layers["color_target"].astype(np.float32)
-    images = [noisy(scene, samples, rng), clean[..., :3], clean[..., 3:]]
-    if guides := [name for name in scene.layers if name.startswith("guides") and name != "guides_target"]:
-        near = min(guides, key=lambda name: abs(int(name.split("_")[1]) - samples))
-        # Imported light fields have none, and the same weights are to denoise them.
-        kept = not augment or rng.random() >= WITHOUT_GUIDES
-        images.append(scene.layers[near].astype(np.float32) * np.float32(kept))
-    if augment and rng.random() < TEXTURED:
-        images = textured(images, samples, scene.ei, scene.scale, rng)
-    if mirror:
-        images = [mirrored(image, scene.ei) for image in images]
-    images, margins = _cut(images, scene.ei, side, rng if augment else None)
-    ei = scene.ei
-    if augment:
-        images, margins, ei = _augmented(images, margins, ei, rng)
-    rendered, target, alpha, *rest = (torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None]
-                                      for image in images)
-    height, width = target.shape[2:]
-    inside = (slice(margins[0], height - margins[1]), slice(margins[2], width - margins[3]))
-    seen = [hdr_encode(rendered)]
-    if rest:
-        seen += [rest[0][:, :3].clamp(0, 1), normal_encode(rest[0][:, 3:])]
-    shown = functional.max_pool2d((alpha > 0).float(), SHOWN_AROUND, 1, SHOWN_AROUND // 2)
-    cut = (..., *inside)
-    return Crop(torch.cat(seen, 1), target.clamp(min=0)[cut], shown[cut], inside, ei, scene.scale, scene.is_tiled)
-
-
-def textured(images: Sequence[Array], samples: int, ei: tuple[int, int], scale: int,
-             rng: np.random.Generator) -> list[Array]:
-    """Print a fine periodic texture on everything: noisy colour, target, alpha, and the guides where there are some.
-
-    It lies at a random depth, so that it moves from one elemental image to the next, and is as noisy as ``samples``
-    random points in each pixel make it.
-    """
-    rendered, target, alpha, *rest = images
-    clean, spread = _printed((target.shape[0], target.shape[1]), ei, scale, rng)
-    drawn = np.clip(clean + spread * rng.normal(size=spread.shape) / math.sqrt(samples), 0, 1).astype(np.float32)
-    darkest = rng.uniform(0.05, 0.7, 3).astype(np.float32)
-
-    def shade(texture: Array) -> Array:
-        return darkest + (1 - darkest) * texture[..., None]
-
-    guides = [np.concatenate([image[..., :3] * shade(drawn), image[..., 3:]], -1) for image in rest]
-    return [rendered * shade(drawn), target * shade(clean), alpha, *guides]
-
-
-def _printed(size: tuple[int, int], ei: tuple[int, int], scale: int,
-             rng: np.random.Generator) -> tuple[Array, Array]:
-    """Mean and standard deviation (H, W) float32 within each pixel of a chequered or woven texture in [0, 1].
-
-    The rays of a pixel cover the cell of one finished view at least; a lens widens it where depth is small.
-    """
-    period = np.exp(rng.uniform(math.log(FINEST), math.log(COARSEST)))
-    turn, shift, sharp = rng.uniform(0, math.pi), rng.uniform(-MOST_SHIFT, MOST_SHIFT), rng.uniform(1, 8)
-    within = ((np.arange(3) + 0.5) / 3 - 0.5) * rng.uniform(1 / scale, 1)
-    places = []
-    for length, pixels in zip(size, ei, strict=True):
-        index = np.arange(length)
-        moved = index % pixels - (index // pixels) * shift if pixels > 1 else index
-        places.append((moved[:, None] + within).ravel())
-    y, x = np.meshgrid(*places, indexing="ij", sparse=True)
-    along, across = x * math.cos(turn) + y * math.sin(turn), y * math.cos(turn) - x * math.sin(turn)
-    phase, wave = rng.uniform(0, 2 * math.pi), 2 * math.pi / period
-    value = np.sin(along * wave + phase)
-    if rng.random() < 0.7:
-        value = value * np.sin(across * wave)
-    value = (np.tanh(sharp * value) / math.tanh(sharp) + 1) / 2
-    cells = value.reshape(size[0], 3, size[1], 3)
-    return cells.mean((1, 3)).astype(np.float32), cells.std((1, 3)).astype(np.float32)
-
-
 def mirrored(image: Array, ei: tuple[int, int]) -> Array:
     """Mirror every other elemental image of (H, W, C), as ``lfsr_core``'s denoiser does; its own inverse."""
     (h, w), (height, width, channels) = ei, image.shape
@@ -197,39 +115,117 @@ def mirrored(image: Array, ei: tuple[int, int]) -> Array:
     return result.reshape(image.shape)
 
 
-def _cut(images: Sequence[Array], ei: tuple[int, int], side: int,
-         rng: np.random.Generator | None) -> tuple[list[Array], list[int]]:
-    """Cut whole elemental images, and margins (above, below, left, right) around them."""
-    cuts, margins = [], list[int]()
-    size = images[0].shape[:2]
-    for length, other, pixels in zip(size, size[::-1], ei, strict=True):
-        wanted = min(length, max(side, side * side // other) if other < side else side)
-        count = max(wanted // pixels, 1)
-        free = length // pixels - count
-        start = pixels * (free // 2 if rng is None else int(rng.integers(free + 1)))
-        stop = start + count * pixels
-        before, after = (int(rng.integers(AROUND + 1)) if rng is not None else 0 for _ in range(2))
-        before, after = min(before, start), min(after, length - stop)
-        cuts.append(slice(start - before, stop + after))
-        margins += [before, after]
-    return [image[cuts[0], cuts[1]] for image in images], margins
+def crops(scenes: Sequence[Scene], samples: Sequence[int], rng: np.random.Generator, side: int, device: torch.device, *,
+          augment: bool = True) -> Crops:
+    """Cut about ``side``² pixels from each of ``scenes``, whose elemental images have one size.
+
+    ``samples``: per pixel, of each. With ``augment`` anywhere, in any light, colour and orientation.
+    """
+    ei = scenes[0].ei
+    spans, margins = [], list[tuple[int, int]]()
+    for axis, pixels in enumerate(ei):
+        lenses = min(scene.lenses[axis] for scene in scenes)
+        before, after = (int(rng.integers(AROUND + 1)) if augment else 0 for _ in range(2))
+        if rng.random() < AT_BORDER or lenses <= 2 + 2 * -(-AROUND // pixels):
+            before = after = 0
+        first, last = -(-before // pixels), -(-after // pixels)
+        count = max(min(side // pixels, lenses - first - last), 1)
+        starts = []
+        for scene in scenes:
+            free = scene.lenses[axis] - last - count
+            start = pixels * (int(rng.integers(first, free + 1)) if augment else (first + free) // 2)
+            starts.append((start, slice(start - before, start + count * pixels + after)))
+        spans.append(starts)
+        margins.append((before, after))
+    parts = torch.stack([scene.layers[:, down, across].to(device, torch.float32)
+                         for scene, (_, down), (_, across) in zip(scenes, *spans, strict=True)])
+    clean, alpha, renders, guides = parts.split((3, 1, 3 * len(RENDERS), KINDS["guides"] * len(GUIDED)), 1)
+    mixed, shrink = zip(*(_mix(count, rng) for count in samples), strict=True)
+    noisy = torch.einsum("brchw,br->bchw", renders.unflatten(1, (len(RENDERS), 3)),
+                         torch.tensor(np.array(mixed), dtype=torch.float32, device=device))
+    less = torch.tensor(shrink, dtype=torch.float32, device=device)[:, None, None, None]
+    rendered = (clean + less * (noisy - clean)).clamp(min=0)
+    nearest = [min(range(len(GUIDED)), key=lambda place, count=count: abs(GUIDED[place] - count))  # type: ignore[misc]
+               for count in samples]
+    guides = guides.unflatten(1, (len(GUIDED), KINDS["guides"]))[torch.arange(len(scenes)), nearest]
+    if augment:
+        places = [[start for start, _ in axis] for axis in spans]
+        print_textures((rendered, clean, guides), samples, places, margins, scenes, rng)
+        # Imported light fields have none, and the same weights are to denoise them.
+        guides = guides * torch.tensor(rng.random(len(scenes)) >= WITHOUT_GUIDES, device=device)[:, None, None, None]
+        stops = np.clip(rng.normal(0, EXPOSURE, len(scenes)), -MOST_EXPOSURE, MOST_EXPOSURE)
+        gain = torch.tensor(2 ** stops, dtype=torch.float32, device=device)[:, None, None, None]
+        order = torch.tensor(np.array([rng.permutation(3) for _ in scenes]), device=device)[:, :, None, None]
+        rendered, clean = (gain * each.gather(1, order.expand_as(each)) for each in (rendered, clean))
+        guides = torch.cat([guides[:, :3].gather(1, order.expand_as(clean)), guides[:, 3:]], 1)
+    shown = functional.max_pool2d((alpha > 0).float(), SHOWN_AROUND, 1, SHOWN_AROUND // 2)
+    images = torch.cat([hdr_encode(rendered), guides[:, :3].clamp(0, 1), normal_encode(guides[:, 3:]),
+                        clean.clamp(min=0), shown], 1)
+    if augment:
+        for axis in (0, 1):
+            if rng.random() < 0.5:
+                images, margins[axis] = images.flip(2 + axis), margins[axis][::-1]
+        if rng.random() < 0.5:
+            images, margins, ei = images.transpose(2, 3), margins[::-1], ei[::-1]
+    down, across = (slice(before, length - after) for (before, after), length in
+                    zip(margins, images.shape[2:], strict=True))
+    return Crops(images[:, :9], images[:, 9:12, down, across], images[:, 12:, down, across], (down, across), ei,
+                 tuple(scene.scale for scene in scenes))
 
 
-def _augmented(images: Sequence[Array], margins: list[int], ei: tuple[int, int],
-               rng: np.random.Generator) -> tuple[list[Array], list[int], tuple[int, int]]:
-    """Change exposure, order of colours and orientation; the last image may be albedo and normal."""
-    gain = np.float32(2 ** np.clip(rng.normal(0, EXPOSURE), -MOST_EXPOSURE, MOST_EXPOSURE))
-    order = rng.permutation(3)
-    rendered, target, alpha, *rest = images
-    result = [rendered[..., order] * gain, target[..., order] * gain, alpha,
-              *(np.concatenate([image[..., :3][..., order], image[..., 3:]], -1) for image in rest)]
-    above, below, left, right = margins
-    if rng.random() < 0.5:
-        result, above, below = [image[::-1] for image in result], below, above
-    if rng.random() < 0.5:
-        result, left, right = [image[:, ::-1] for image in result], right, left
-    if rng.random() < 0.5:
-        result, ei = [image.swapaxes(0, 1) for image in result], (ei[1], ei[0])
-        above, below, left, right = left, right, above, below
-    return result, [above, below, left, right], ei
+def _mix(samples: int, rng: np.random.Generator) -> tuple[Array, float]:
+    """Weights of RENDERS whose mean has at most ``samples``, and by how much noise is less with all of them."""
+    each = max(count for count in COUNTS if count <= samples)
+    chosen = rng.permutation([place for place, count in enumerate(COUNTS) if count == each])[:samples // each]
+    weights = np.zeros(len(RENDERS))
+    weights[chosen] = 1 / len(chosen)
+    return weights, math.sqrt(each * len(chosen) / samples)
 
+
+def print_textures(images: Sequence[Tensor], samples: Sequence[int], places: Sequence[Sequence[int]],
+                   margins: Sequence[tuple[int, int]], scenes: Sequence[Scene], rng: np.random.Generator) -> None:
+    """Print a fine periodic texture on everything in TEXTURED of the crops: noisy colour, target and albedo.
+
+    It lies at a random depth, so that it moves from one elemental image to the next, and is as noisy as ``samples``
+    random points in each pixel make it.
+    """
+    rendered, clean, guides = images
+    noise = torch.Generator(rendered.device).manual_seed(int(rng.integers(2**31)))
+    for index in np.flatnonzero(rng.random(len(scenes)) < TEXTURED):
+        scene = scenes[index]
+        axes = [(start[index] - before, image) for start, (before, _), image in
+                zip(places, margins, rendered.shape[2:], strict=True)]
+        clear, spread = printed(axes, scene.ei, scene.scale, rng, rendered.device)
+        chance = torch.randn(spread.shape, generator=noise, device=spread.device)
+        drawn = (clear + spread / math.sqrt(samples[index]) * chance).clamp(0, 1)
+        darkest = torch.tensor(rng.uniform(0.05, 0.7, 3), dtype=torch.float32, device=clear.device)[:, None, None]
+        for image, texture in ((rendered, drawn), (clean, clear), (guides[:, :3], drawn)):
+            image[index] *= darkest + (1 - darkest) * texture
+
+
+def printed(axes: Sequence[tuple[int, int]], ei: tuple[int, int], scale: int, rng: np.random.Generator,
+            device: torch.device) -> tuple[Tensor, Tensor]:
+    """Mean and standard deviation (H, W) within each pixel of a chequered or woven texture in [0, 1].
+
+    ``axes``: first pixel and their number, down and across, in an image with every other elemental image mirrored. The
+    rays of a pixel cover the cell of one finished view at least; a lens widens it where depth is small.
+    """
+    period = np.exp(rng.uniform(math.log(FINEST), math.log(COARSEST)))
+    turn, shift, sharp = rng.uniform(0, math.pi), rng.uniform(-MOST_SHIFT, MOST_SHIFT), rng.uniform(1, 8)
+    within = ((np.arange(3) + 0.5) / 3 - 0.5) * rng.uniform(1 / scale, 1)
+    lines = []
+    for (first, length), pixels in zip(axes, ei, strict=True):
+        index = first + np.arange(length)
+        lens, view = np.divmod(index, pixels)
+        view = np.where(lens % 2 == 1, pixels - 1 - view, view)
+        moved = view - lens * shift if pixels > 1 else index
+        lines.append(torch.tensor((moved[:, None] + within).ravel(), dtype=torch.float32, device=device))
+    y, x = lines[0][:, None], lines[1][None]
+    along, across = x * math.cos(turn) + y * math.sin(turn), y * math.cos(turn) - x * math.sin(turn)
+    phase, wave = rng.uniform(0, 2 * math.pi), 2 * math.pi / period
+    value = torch.sin(along * wave + phase)
+    if rng.random() < 0.7:
+        value = value * torch.sin(across * wave)
+    cells = ((torch.tanh(sharp * value) / math.tanh(sharp) + 1) / 2).reshape(axes[0][1], 3, axes[1][1], 3)
+    cells = cells.transpose(1, 2).flatten(2)
+    return cells.mean(2), cells.std(2, correction=0)

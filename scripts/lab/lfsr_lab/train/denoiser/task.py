@@ -14,10 +14,12 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from lfsr_core.metrics.eia_metrics import SSIM_C1, SSIM_C2, SSIM_SIGMA
+from lfsr_core.reconstruct.methods.denoise import GUIDED_INPUTS
+from lfsr_core.reconstruct.upscaler import kernel_matrix
 from lfsr_lab.networks.denoiser import Denoiser, hdr_decode, hdr_encode, stock_weights
 from lfsr_lab.networks.tza import BASE, SMALL, read_tza
 from lfsr_lab.train.config import DenoiserConfig
-from lfsr_lab.train.denoiser.data import Crop, Scene, crop
+from lfsr_lab.train.denoiser.data import Crops, Scene, crops
 
 SLOPE = 1.055 / 2.4  # of the sRGB curve at 1, where the logarithm goes on
 ENCODED_WEIGHT = 0.5  # of the error that the network sees
@@ -27,20 +29,20 @@ NEAR_SIGMA = 0.7  # pixels, where elemental images cannot be enlarged
 TRUNCATED = 3  # standard deviations of a window
 
 
-def losses(output: Tensor, crop: Crop) -> tuple[Tensor, Tensor]:
-    """Return the mean absolute error and 1 - SSIM of display values where anything shows.
+def losses(output: Tensor, part: Crops) -> tuple[Tensor, Tensor]:
+    """Return the mean absolute error and 1 - SSIM (B,) of display values where anything shows, of each crop.
 
-    ``output``: what the network makes of ``crop.inputs``, (1, 3, H, W).
+    ``output``: what the network makes of ``part.inputs``, (B, 3, H, W).
     """
-    made = output[(..., *crop.inside)]
-    image, target = displayed(hdr_decode(made)), displayed(crop.target)
-    weight = crop.shown / crop.shown.mean().clamp(min=LEAST_SHOWN)
-    error = ((image - target).abs() * weight).mean()
-    error = error + ENCODED_WEIGHT * ((made - hdr_encode(crop.target)).abs() * weight).mean()
-    if crop.is_tiled:
-        return error, _structure_of_eis(image, target, crop)
-    row, column = (window(length, NEAR_SIGMA) for length in image.shape[2:])
-    return error, ((1 - _ssim(image.clamp(0, 1), target.clamp(0, 1), row, column)) * weight).mean()
+    made = output[(..., *part.inside)]
+    image, target = displayed(hdr_decode(made)), displayed(part.target)
+    weight = part.shown / part.shown.mean((1, 2, 3), keepdim=True).clamp(min=LEAST_SHOWN)
+    differs = (image - target).abs() + ENCODED_WEIGHT * (made - hdr_encode(part.target)).abs()
+    error = (differs * weight).mean((1, 2, 3))
+    if part.is_tiled:
+        return error, _structure_of_eis(image, target, part)
+    row, column = (window(length, NEAR_SIGMA).to(image) for length in image.shape[2:])
+    return error, ((1 - _ssim(image.clamp(0, 1), target.clamp(0, 1), row, column)) * weight).mean((1, 2, 3))
 
 
 def displayed(linear: Tensor) -> Tensor:
@@ -50,28 +52,23 @@ def displayed(linear: Tensor) -> Tensor:
     return curve + SLOPE * torch.log(linear.clamp(min=1))
 
 
-def _structure_of_eis(image: Tensor, target: Tensor, crop: Crop) -> Tensor:
+def _structure_of_eis(image: Tensor, target: Tensor, part: Crops) -> Tensor:
     """1 - SSIM of enlarged elemental images, each on its own, with a window as large as that of a finished EIA."""
-    shown = _elemental_images(crop.shown, crop.ei).amax((1, 2, 3)) > 0
-    if not shown.any():
-        return image.sum() * 0
-    images = _enlarged(_elemental_images(image, crop.ei)[shown], "bilinear").clamp(0, 1)
-    with torch.no_grad():
-        targets = _enlarged(_elemental_images(target, crop.ei)[shown], "bicubic").clamp(0, 1)
-    sigma = ENLARGED * SSIM_SIGMA / crop.scale
-    row, column = (window(length * ENLARGED, sigma) for length in crop.ei)
-    return (1 - _ssim(images, targets, row, column)).mean()
+    shown = (_elemental_images(part.shown, part.ei).amax((2, 3, 4)) > 0).float()
+    down, across = (torch.from_numpy(kernel_matrix("cubic", length, ENLARGED)).to(image) for length in part.ei)
+    images, targets = ((down @ _elemental_images(values, part.ei).flatten(0, 1) @ across.T).clamp(0, 1)
+                       for values in (image, target))
+    row, column = (torch.stack([window(length * ENLARGED, ENLARGED * SSIM_SIGMA / scale) for scale in part.scales])
+                   .to(image).repeat_interleave(shown.shape[1], 0)[:, None] for length in part.ei)
+    found = (1 - _ssim(images, targets, row, column)).mean((1, 2, 3)).unflatten(0, shown.shape)
+    return (found * shown).sum(1) / shown.sum(1).clamp(min=1)
 
 
 def _elemental_images(image: Tensor, ei: tuple[int, int]) -> Tensor:
-    """(1, C, H, W) -> (N, C, h, w)."""
-    (h, w), (_, channels, height, width) = ei, image.shape
-    tiles = image.reshape(channels, height // h, h, width // w, w)
-    return tiles.permute(1, 3, 0, 2, 4).reshape(-1, channels, h, w)
-
-
-def _enlarged(images: Tensor, mode: str) -> Tensor:
-    return functional.interpolate(images, scale_factor=ENLARGED, mode=mode, align_corners=False)
+    """(B, C, H, W) -> (B, N, C, h, w)."""
+    (h, w), (count, channels, height, width) = ei, image.shape
+    tiles = image.reshape(count, channels, height // h, h, width // w, w)
+    return tiles.permute(0, 2, 4, 1, 3, 5).reshape(count, -1, channels, h, w)
 
 
 @functools.lru_cache(maxsize=256)
@@ -90,7 +87,7 @@ def window(length: int, sigma: float) -> Tensor:
 def _ssim(x: Tensor, y: Tensor, row: Tensor, column: Tensor) -> Tensor:
     """Local SSIM of (N, C, H, W); ``row``, ``column``: ``window`` of H and of W."""
     maps = torch.cat([x, y, x * x, y * y, x * y], 1)
-    mean_x, mean_y, xx, yy, xy = (row.T @ maps @ column).chunk(5, 1)
+    mean_x, mean_y, xx, yy, xy = (row.mT @ maps @ column).chunk(5, 1)
     variances = (xx - mean_x * mean_x).clamp(min=0) + (yy - mean_y * mean_y).clamp(min=0)
     light = (2 * mean_x * mean_y + SSIM_C1) / (mean_x * mean_x + mean_y * mean_y + SSIM_C1)
     return light * (2 * (xy - mean_x * mean_y) + SSIM_C2) / (variances + SSIM_C2)
@@ -110,25 +107,28 @@ LARGEST_GRADIENT = 1.0
 class DenoiserTask:
     """Training of one denoiser; ``scenes``: those of ``load_scenes``."""
 
-    def __init__(self, config: DenoiserConfig, scenes: list[Scene]) -> None:
+    def __init__(self, config: DenoiserConfig, scenes: list[Scene], device: torch.device) -> None:
         torch.manual_seed(config.seed)
-        self.config = config
-        self.scenes = [scene for scene in scenes if not scene.validates]
-        self.validating = [scene for scene in scenes if scene.validates][:MOST_VALIDATING]
-        self.network = begin(config).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.config, self.device = config, device
+        # Read from the device's memory, which holds all of them.
+        held = [dataclasses.replace(scene, layers=scene.layers.to(device)) for scene in scenes]
+        self.scenes = [scene for scene in held if not scene.validates]
+        self.validating = [scene for scene in held if scene.validates][:MOST_VALIDATING]
+        self.alike = {each.ei: [scene for scene in self.scenes if scene.ei == each.ei] for each in self.scenes}
+        self.network = begin(config).to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.average = {name: value.clone() for name, value in self.network.state_dict().items()}
         self.optimiser = torch.optim.Adam(self.network.parameters(), config.rate)
-        self.levels: dict[int, float] = {}  # running mean of the loss by samples
+        self.levels = torch.zeros(len(SAMPLES), device=device)  # running mean of the loss by samples
         self.epoch = self.taken = 0  # the epoch, and steps since the start
 
     def identity(self) -> dict[str, Any]:
         return {"config": dataclasses.asdict(self.config), "data": self.data()}
 
     def data(self) -> dict[str, Any]:
-        """Number of scenes and the digest of their targets."""
+        """Number of scenes and the digest of their layers."""
         digest = hashlib.sha256()
         for scene in (*self.scenes, *self.validating):
-            digest.update(scene.layers["color_target"].tobytes())
+            digest.update(scene.layers.cpu().numpy().tobytes())
         return {"scenes": len(self.scenes), "validating": len(self.validating), "sha256": digest.hexdigest()}
 
     def begin(self, epoch: int) -> int:
@@ -137,21 +137,26 @@ class DenoiserTask:
         return self.config.steps_per_epoch
 
     def step(self, index: int) -> dict[str, Tensor]:
-        """Train on one crop of one scene."""
+        """Train on a batch of crops of scenes with elemental images of one size."""
         rng = np.random.default_rng([self.config.seed, self.epoch, index])
-        scene = self.scenes[rng.integers(len(self.scenes))]
-        samples = int(rng.choice(list(SAMPLES), p=list(SAMPLES.values())))
-        part = crop(scene, samples, rng, self.config.side, mirror=self.config.mirror)
-        with torch.autocast("cpu", torch.bfloat16, enabled=self.config.half_precision):
-            output = self.network(part.inputs)
+        alike = self.alike[self.scenes[rng.integers(len(self.scenes))].ei]
+        scenes = [alike[place] for place in rng.integers(len(alike), size=self.config.batch)]
+        levels = rng.choice(len(SAMPLES), len(scenes), p=list(SAMPLES.values()))
+        part = crops(scenes, [list(SAMPLES)[level] for level in levels], rng, self.config.side, self.device)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.device.type != "cpu"):
+            output = self.network(part.inputs.contiguous(memory_format=torch.channels_last))
         error, structure = losses(output.float(), part)
         loss = self.config.error_weight * error + structure
         # Weighed so that all counts of samples matter nearly alike.
-        before = self.levels.get(samples, loss.item())
-        self.levels[samples] = REMEMBERED * before + (1 - REMEMBERED) * loss.item()
-        loss = loss * (float(np.mean(list(self.levels.values()))) / self.levels[samples]) ** BALANCE
+        with torch.no_grad():
+            chosen = functional.one_hot(torch.as_tensor(levels, device=self.device), len(SAMPLES)).float()
+            present = chosen.sum(0)
+            found = loss @ chosen / present.clamp(min=1)
+            before = torch.where(self.levels > 0, self.levels, found)
+            self.levels = torch.where(present > 0, REMEMBERED * before + (1 - REMEMBERED) * found, before)
+            weights = chosen @ (self.levels.sum() / (self.levels > 0).sum() / self.levels.clamp(min=1e-6)) ** BALANCE
         self.optimiser.zero_grad()
-        loss.backward()
+        (loss * weights).mean().backward()
         nn.utils.clip_grad_norm_(self.network.parameters(), LARGEST_GRADIENT)
         for group in self.optimiser.param_groups:
             group["lr"] = rate(self.config, self.taken)
@@ -159,14 +164,13 @@ class DenoiserTask:
         self.taken += 1
         keep = min(AVERAGED, self.taken / (self.taken + 19))
         with torch.no_grad():
-            for name, value in self.network.state_dict().items():
-                self.average[name].lerp_(value, 1 - keep)
-        return {"error": error.detach(), "structure": structure.detach()}
+            torch._foreach_lerp_(list(self.average.values()), list(self.network.state_dict().values()), 1 - keep)
+        return {"error": error.detach().mean(), "structure": structure.detach().mean()}
 
     @property
     def finished(self) -> Denoiser:
         """The network with the running mean of its weights."""
-        network = Denoiser(self.network.widths, self.network.inputs)
+        network = Denoiser(self.network.widths, self.network.inputs).to(self.device)
         network.load_state_dict(self.average)
         return network
 
@@ -175,8 +179,8 @@ class DenoiserTask:
         """Mean SSIM of fixed crops of scenes that nothing is trained on, by samples."""
         network, result = self.finished, {}
         for samples in VALIDATED:
-            parts = [crop(scene, samples, np.random.default_rng(1), VALIDATED_SIDE, mirror=self.config.mirror,
-                          augment=False) for scene in self.validating]
+            parts = [crops([scene], [samples], np.random.default_rng(1), VALIDATED_SIDE, self.device, augment=False)
+                     for scene in self.validating]
             structure = [losses(network(part.inputs), part)[1].item() for part in parts]
             result[f"validation.ssim_{samples}"] = 1 - float(np.mean(structure))
         return result
@@ -188,17 +192,16 @@ class DenoiserTask:
     def restore(self, state: dict[str, Any]) -> None:
         self.network.load_state_dict(state["network"])
         self.optimiser.load_state_dict(state["optimiser"])
-        self.average, self.levels, self.taken = state["average"], state["levels"], state["taken"]
+        self.average = {name: value.to(self.device) for name, value in state["average"].items()}
+        self.levels, self.taken = state["levels"].to(self.device), state["taken"]
 
 
 def begin(config: DenoiserConfig) -> Denoiser:
     """Return the network to start from."""
-    if config.start == "stock":
-        tensors = stock_weights("hdr-guided" if config.guides else "hdr", config.size)
-        return Denoiser.from_tensors(tensors, config.inputs)
     if config.start:
-        return Denoiser.from_tensors(read_tza(config.start), config.inputs)
-    return Denoiser(WIDTHS[config.size], config.inputs)
+        tensors = stock_weights("hdr-guided", config.size) if config.start == "stock" else read_tza(config.start)
+        return Denoiser.from_tensors(tensors, GUIDED_INPUTS)
+    return Denoiser(WIDTHS[config.size], GUIDED_INPUTS)
 
 
 def rate(config: DenoiserConfig, step: int) -> float:
