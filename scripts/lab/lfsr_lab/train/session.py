@@ -33,8 +33,7 @@ def train(config: TrainConfig | DenoiserConfig, output: str | Path, device: str 
           options: RunOptions | None = None) -> Outcome:
     """Train the network of ``config``; write weights, log, curves and checkpoint to the folder ``output``.
 
-    ``device``: "cpu", "cuda" or "auto". LfsrError if data, device or a
-    checkpoint do not fit.
+    ``device``: "cpu", "cuda" or "auto". LfsrError if data, device or a checkpoint do not fit.
     """
     schedule = Schedule(config.epochs, config.validate_every, config.checkpoint_every)
     if isinstance(config, DenoiserConfig):
