@@ -24,6 +24,12 @@ def installed_paths() -> dict[str, str]:
             if path.startswith(folder + "/")}
 
 
+def test_the_top_level_holds_what_was_agreed():
+    assert {PurePosixPath(path).parts[0] for path in project_files() if path[0] != "."} == {
+        "LICENSE", "README.md", "blender_addon", "blender_manifest.toml", "docs", "lfsr_core", "pyproject.toml",
+        "scripts", "tests"}
+
+
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory):
     """A fresh environment that sees this one's libraries, with the package installed from a copy of the repository."""

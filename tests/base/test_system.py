@@ -276,8 +276,7 @@ def test_names_that_a_system_takes_for_the_same_lock_each_other_and_the_lock_goe
         with staging_folder(tmp_path / name), pytest.raises(LfsrError, match="another process is writing"), \
                 staging_folder(tmp_path / name):
             pass
-    seen = []
-    real = Path.unlink
+    seen, real = [], Path.unlink
     monkeypatch.setattr(Path, "unlink", lambda path, **options: (seen.append(sorted(os.listdir(path.parent))),
                                                                  real(path, **options)))
     with staging_folder(tmp_path / "frame") as folder:

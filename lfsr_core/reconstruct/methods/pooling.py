@@ -184,16 +184,16 @@ def _followed(low: LowResEIA, slope: Array) -> Array:
     return result
 
 
-def _glare(color: Array, slope: Array, limit: int | None) -> Array:
+def _glare(color: Array, slope: Array, block: int | None) -> Array:
     """By how much samples (sy, sx, h, w, 3) outshine a neighbour of their surface, encoded; 0 of most."""
     brightest, glare = color.max(-1), np.zeros_like(color)
     here = np.nonzero(brightest > GLARE)
     for axis, step in ((0, -1), (0, 1), (1, -1), (1, 1)):
-        beside, block = list(here), limit or color.shape[axis]
+        beside, size = list(here), block or color.shape[axis]
         beside[axis] = np.clip(here[axis] + step, 0, color.shape[axis] - 1)
         there = tuple(beside)
         darker = ((np.abs(slope[there] - slope[here]) < ALIKE) & (brightest[there] * CONTRAST < brightest[here])
-                  & (there[axis] // block == here[axis] // block))
+                  & (there[axis] // size == here[axis] // size))
         own, other = (tuple(index[darker] for index in place) for place in (here, there))
         glare[own] = np.maximum(glare[own], encode(color[own]) - encode(color[other]))
     return glare

@@ -68,8 +68,7 @@ def test_a_new_file_as_it_is_and_a_camera_that_was_aimed_stay(startup):
     ((90, 40, 0), (2, 2, 2), "sees nothing"), ((0, 0, 0), (80, 80, 80), "stands inside"),
     ((5, -4.5, 3), (0.8, 0.8, 0.8), "outside the frame")])
 def test_a_camera_that_nobody_aimed_is_fitted_to_what_was_imported(startup, centre, half, reason):
-    box = add_box(centre, half)
-    found = looked(startup)
+    box, found = add_box(centre, half), looked(startup)
     assert {"cube", "frame"} <= set(found), found
     assert re.search(reason, found["frame"]), found["frame"]
     mend(startup)
@@ -371,8 +370,7 @@ def test_the_dialog_offers_each_mend_ticked_and_asks_once(startup):
 
 
 def test_a_script_mends_what_it_asks_for_alone(startup, tmp_path):
-    box = add_box((90, 40, 0), (2, 2, 2))
-    lfsr = startup.lfsr
+    box, lfsr = add_box((90, 40, 0), (2, 2, 2)), startup.lfsr
     lfsr.output, lfsr.display, lfsr.scale, lfsr.samples, lfsr.method = str(tmp_path), "mini", "2", 1, "bilinear"
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
     assert share_of(startup, box) == 0 and not bpy.data.objects["Cube"].hide_render

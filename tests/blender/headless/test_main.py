@@ -206,8 +206,7 @@ def test_frames_of_one_blender_are_those_of_several(animated, tmp_path, layout):
     def job(name, frame):
         return make_request(str(tmp_path / name), MINI, str(animated), scale=2, samples=4, frame=frame, layout=layout,
                    layers=("albedo", "position"))
-    rendered = []
-    jobs = [job(f"{frame:04d}", frame) for frame in (1, 5, 9)]
+    rendered, jobs = [], [job(f"{frame:04d}", frame) for frame in (1, 5, 9)]
     render_all(jobs, find_blender(), rendered=rendered.append)
     assert rendered == jobs
     opened = [read_frame(done.output).seconds["open"] for done in jobs]

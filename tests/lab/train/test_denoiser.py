@@ -26,14 +26,12 @@ LENSES, EI = (8, 6), (5, 6)  # (sx, sy), (h, w)
 
 def write_scene(folder, index, ei=EI, **changes):
     """A scene of smooth elemental images with noise, in the format of training_scenes.py."""
-    rng = np.random.default_rng(index)
-    height, width = LENSES[1] * ei[0], LENSES[0] * ei[1]
+    rng, (height, width) = np.random.default_rng(index), (LENSES[1] * ei[0], LENSES[0] * ei[1])
     clean = np.ones((height, width, 4), np.float32)
     clean[..., :3] = np.linspace(0.1, 0.9, width)[:, None] * rng.uniform(0.2, 1, 3)
     layers = {"color_target": clean}
     for name in RENDERS:
-        samples = int(name[:-2])
-        noise = rng.gamma(samples, 1 / samples, clean.shape[:2])[..., None] ** (1, 1, 1, 0)
+        noise = rng.gamma(samples := int(name[:-2]), 1 / samples, clean.shape[:2])[..., None] ** (1, 1, 1, 0)
         layers |= {f"color_{name}": clean * noise,
                    f"guides_{name}": np.concatenate([clean[..., :3], clean[..., :3] * 2 - 1], -1)}
     meta = {"views": [ei[1] * 4, ei[0] * 4 if ei[0] > 1 else 1], "scale": 4, "is_direct": False,
@@ -132,11 +130,11 @@ def test_a_printed_texture_is_the_same_in_every_crop_and_in_all_that_a_crop_hold
                    for axes in ([(0, 20), (0, 40)], [(5, 5), (16, 10)]))
     assert 0 <= whole[0].min() < whole[0].max() <= 1 + 1e-6 and whole[1].min() >= 0 and whole[1].max() <= 0.5 + 1e-6
     torch.testing.assert_close(part[0], whole[0][5:10, 16:26])
-    rendered, target, guides = images = [torch.ones(20, channels, 30, 48) for channels in (3, 3, 6)]
-    print_textures(images, [10**8] * 20, [[0] * 20] * 2, [(0, 0)] * 2, scenes[:1] * 20, np.random.default_rng(seed))
+    rendered, target, guides = images = [torch.ones(40, channels, 30, 48) for channels in (3, 3, 6)]
+    print_textures(images, [10**8] * 40, [[0] * 40] * 2, [(0, 0)] * 2, scenes[:1] * 40, np.random.default_rng(seed))
     torch.testing.assert_close(rendered, target, atol=1e-3, rtol=0)
     torch.testing.assert_close(guides, torch.cat([rendered, torch.ones_like(target)], 1))
-    assert 1 <= (target.std((1, 2, 3)) > 0).sum() <= 15
+    assert 1 <= (target.std((1, 2, 3)) > 0).sum() <= 25
 
 
 @given(st.integers(1, 30), st.floats(0.2, 3))

@@ -65,7 +65,7 @@ class DenoiserConfig:
     start: str = "stock"  # the library's own weights, a TZA file, or "" for random ones
     error_weight: float = 2.0  # of the absolute error beside 1 - SSIM
     side: int = 192  # of a crop in pixels
-    batch: int = 4  # crops of a step
+    batch: int = 1  # crops of a step; 32 keep a GPU busy
     seed: int = 1
     epochs: int = 150
     steps_per_epoch: int = 100

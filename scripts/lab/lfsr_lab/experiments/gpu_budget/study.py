@@ -292,8 +292,8 @@ def markdown(gpus: Sequence[GPU], measured: Sequence[Measured]) -> str:
                  for work in steps)] for found in measured]
     lines = [
         "# What 30 frames per second at 8K ask of a GPU", "",
-        f"`{COMMAND}` counts and writes this page. Milliseconds are the least that "
-        "published rates allow, every step alone on the GPU, nothing copied to main memory. The method is `fast` "
+        f"`{COMMAND}` counts and writes this page. Milliseconds are the least that published rates allow, "
+        "every step alone on the GPU, nothing copied to main memory. The method is `fast` "
         f"(denoiser and linear interpolation); every lens is foreground. One frame has {FRAME_MS:.1f} ms.", "",
         "## Counts", "",
         f"`{DISPLAY}`, one frame. Samples are paths from the camera, in millions.", "",
