@@ -95,8 +95,9 @@ SENTENCES: dict[str, Wording] = {
     "parts-removed": "the parts of an earlier render were made with other {input}: they are removed, and the render "
                      "starts from the beginning",
     # Plans
+    "candidate-beaten": "not measured: scale {scale} is better with as many rays",
     "candidate-failed": "{error}",
-    "candidate-not-needed": "not needed: costs more than s{scale}-spp{samples} {method}",
+    "candidate-not-needed": "not needed: hardly cheaper than s{scale}-spp{samples} {method}, or dearer",
     "candidate-over-budget": "not measured: beyond the budget of the sample (--budget)",
     "candidate-too-slow": "takes too long",
     "plan-kept": "the renders of this plan stay for a day in {folder}: run the same plan again to continue",

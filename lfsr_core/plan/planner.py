@@ -28,7 +28,7 @@ from lfsr_core.metrics.eia_metrics import listed_images, read_half, stacked_ssim
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import systematic_sample
-from lfsr_core.plan.options import Candidate, Choice, PlanOptions, Rated, choose, estimate, path_samples, render_seconds
+from lfsr_core.plan.options import AS_GOOD, Candidate, Choice, PlanOptions, Rated, choose, estimate, path_samples, render_seconds
 from lfsr_core.reconstruct.methods import MethodName
 from lfsr_core.reconstruct.methods import seconds as finish_seconds
 from lfsr_core.reconstruct.second_stage import finished_lenses
@@ -263,12 +263,18 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
         groups.setdefault((each.scale, each.samples), []).append(rows[each])
 
     measuring, choice = 0.0, Choice(None, None)
+    means: dict[tuple[int, int], float] = {}  # accuracy of the best method of each group
+    # Scales that are less accurate than a smaller one with as many rays. They stay so: more samples take noise away,
+    # and of what is left a smaller scale has less.
+    beaten: dict[int, int] = {}
     for group, open_rows in sorted(groups.items(), key=lambda pair: min(row.seconds for row in pair[1])):
         why, least = None, min(row.seconds for row in open_rows)
         if least > options.limit:
             why = Notice("candidate-too-slow", {"seconds": options.limit})
-        elif choice.chosen is not None and least > choice.chosen.seconds:
+        elif choice.chosen is not None and AS_GOOD * least > choice.chosen.seconds:
             why = Notice("candidate-not-needed", to_data(choice.chosen.candidate))
+        elif group[0] in beaten:
+            why = Notice("candidate-beaten", {"scale": beaten[group[0]]})
         elif renders.paths + costs[group] > allowed:
             why = Notice("candidate-over-budget", {"budget": options.budget})
         if why is not None:
@@ -286,10 +292,14 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
                 values = scores(rendered, row.method, blocks, quarters)
                 found = estimate(values, counts, int(places.sum()))
                 rows[row.candidate] = dataclasses.replace(row, estimate=found)
+                means[group] = max(found.mean, means.get(group, 0.0))
             except LfsrError as error:
                 failed = Notice("candidate-failed", {"error": str(error)})
                 rows[row.candidate] = dataclasses.replace(row, unmeasured=failed)
         measuring += time.perf_counter() - started
+        rays = {each: each[1] / display.finished_pixels(each[0]) for each in means}
+        beaten |= {large[0]: small[0] for large in means for small in means
+                   if small[0] < large[0] and rays[small] <= rays[large] and means[small] >= means[large]}
         choice = choose(list(rows.values()), options.target, options.limit)
 
     rated = tuple(sorted(rows.values(), key=lambda row: row.seconds))

@@ -21,6 +21,7 @@ EXAMPLES = {
     "camera-chosen": ({"camera": "Front", "others": ["Side"]}, "'Front' is used. Choose another with --camera: Side"),
     "camera-mirrored": ({"camera": "Front"}, "'Front' is mirrored"),
     "camera-missing": ({"others": ["Side"]}, "--camera (Side)"),
+    "candidate-beaten": ({"scale": 2}, "scale 2 is better"),
     "candidate-failed": ({"error": "no light"}, "no light"),
     "candidate-not-needed": ({"scale": 4, "samples": 16, "method": "bilinear"}, "s4-spp16 bilinear"),
     "candidate-over-budget": ({"budget": 0.05}, "--budget"),

@@ -141,7 +141,12 @@ def test_a_small_budget_leaves_costly_candidates_out(tmp_path, monkeypatch):
                                   methods=("nearest", "pool"))  # which sees neighbours, so a lens costs nine
     planned = plan(JOB, options, render, tmp_path / "sample")
     left_out = [row for row in planned.candidates if row.unmeasured]
-    assert left_out and {row.unmeasured.code for row in left_out} == {"candidate-over-budget"}
+    assert {row.unmeasured.code for row in left_out} == {"candidate-over-budget", "candidate-beaten"}
+    measured = [row for row in planned.candidates if row.estimate]
+    assert all(any(better.scale == row.unmeasured.values["scale"] < row.scale == worse.scale
+                   and better.rays(MINI) <= worse.rays(MINI) and better.estimate.mean >= worse.estimate.mean
+                   for better in measured for worse in measured)
+               for row in left_out if row.unmeasured.code == "candidate-beaten")
     assert planned.sample.fraction <= 0.5 * 1.01 + 0.02
 
 
