@@ -185,7 +185,8 @@ def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list
             chosen = []
     sky = edit.sky_around(scene, boxes)
     chosen = edit.main_part({item: boxes[item] for item in chosen or boxes if item != sky})
-    return sorted(chosen, key=lambda item: -float(np.linalg.norm(np.ptp(boxes[item], axis=0))))
+    sizes = np.linalg.norm(np.ptp(edit.bounds([boxes[item] for item in chosen]), axis=1), axis=-1)
+    return [chosen[number] for number in np.argsort(-sizes, kind="stable")]
 
 
 def depths_of(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.types.Object]) -> tuple[float, ...]:

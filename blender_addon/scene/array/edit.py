@@ -243,8 +243,7 @@ def fit_turned(points: Array, profile: DisplayProfile, turn: mathutils.Matrix) -
 
 def main_part(corners: dict[bpy.types.Object, Array]) -> list[bpy.types.Object]:
     """Return the objects, of which world corners (n, 3) are given, without floors, backdrops and what lies far away."""
-    items = list(corners)
-    boxes = np.array([(box.min(0), box.max(0)) for box in corners.values()]).reshape(-1, 2, 3)
+    items, boxes = list(corners), bounds(corners.values())
     while left_out := _surroundings(boxes) or _far_away(boxes):
         kept = [index for index in range(len(items)) if index not in left_out]
         items, boxes = [items[index] for index in kept], boxes[kept]
@@ -255,7 +254,8 @@ def sky_around(scene: bpy.types.Scene, boxes: dict[bpy.types.Object, Array]) -> 
     """Return the closed box or ball, if there is one, that surrounds all others high above its floor: a game's sky."""
     if len(boxes) < 2:
         return None
-    sky = max(boxes, key=lambda item: _size(boxes[item]))
+    ends = bounds(boxes.values())
+    sky = list(boxes)[int(_diagonal(ends[:, 0], ends[:, 1]).argmax())]
     low, size = boxes[sky].min(0), np.ptp(boxes[sky], axis=0)
     inner = (np.concatenate([box for item, box in boxes.items() if item != sky]) - low) / np.maximum(size, 1e-9)
     if (sky.type != "MESH" or size.min() * scene.unit_settings.scale_length < LEAST_SKY or inner[:, 2].min() < ALOFT
@@ -308,11 +308,20 @@ def _diagonal(low: Array, high: Array) -> Array:
     return size
 
 
+def bounds(corners: Collection[Array]) -> Array:
+    """Return the lowest and the highest coordinates (n, 2, 3) of each of n sets of points (m, 3)."""
+    if not corners:
+        return np.empty((0, 2, 3))
+    points, starts = np.concatenate([*corners]), np.cumsum([0, *map(len, corners)])[:-1]
+    return np.stack([each.reduceat(points, starts) for each in (np.minimum, np.maximum)], 1)
+
+
 def boxes_now(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
     """Return world corners (n, 3) of the bounding boxes of what each object of the subject shows in this frame."""
     corners: dict[bpy.types.Object, list[Array]] = {}
-    for owner, box in zip(*placement.boxes(subject), strict=True):
-        if np.ptp(box, axis=0).any():
+    owners, boxes = placement.boxes(subject)
+    for owner, box, has_size in zip(owners, boxes, np.ptp(boxes, axis=1).any(-1), strict=True):
+        if has_size:
             corners.setdefault(owner, []).append(box)
     return {owner: np.concatenate(found) for owner, found in corners.items()}
 
@@ -370,8 +379,8 @@ def _faces(rays: Rays, items: Collection[bpy.types.Object]) -> list[list[Face]]:
         areas.append(own[key] * abs(matrix.determinant())**(2 / 3))
     if not areas or not (every := np.concatenate(areas)).any():
         return []
-    until = [np.cumsum(weights, dtype=float) for weights in (np.ones_like(every), every)]
-    chosen = [np.searchsorted(sums, (np.arange(FACES) + 0.5) / FACES * sums[-1]) for sums in until]
+    sums, parts = np.cumsum(every, dtype=float), (np.arange(FACES) + 0.5) / FACES
+    chosen = [np.ceil(parts * len(every)).astype(int) - 1, np.searchsorted(sums, parts * sums[-1])]
     start, numbers = 0, np.unique(chosen)
     for mesh, matrix in meshes():
         turn, end = matrix.to_3x3().inverted_safe().transposed(), start + len(mesh.polygons)

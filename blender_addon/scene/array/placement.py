@@ -64,8 +64,8 @@ class Rays:
             matrices = np.array([matrix for _, matrix in self.items])
             points = np.einsum("nij,nkj->ink", matrices[:, :3, :3], np.array(boxes)) + matrices[:, :3, 3].T[..., None]
             self.low, self.high = points.min(-1), points.max(-1)
-            self.middles = (self.low + self.high).T / 2
-            self.radii = np.linalg.norm(self.high - self.low, axis=0) * ROOM / 2
+            self.middles = (self.low + self.high) / 2
+            self.squared_radii = ((self.high - self.low)**2).sum(0) * ROOM**2 / 4
 
     def cast(self, start: mathutils.Vector, way: mathutils.Vector, reach: float = MOST_REACH) -> Hit | None:
         """Return what a ray meets first within ``reach``; hair and volumes let it pass."""
@@ -74,11 +74,9 @@ class Rays:
             return (place, normal, item.original) if found else None
         way = way.normalized()
         # First the spheres around all boxes, then the few boxes that are left.
-        apart = self.middles - np.array(start)
-        along = apart @ np.array(way)
-        near = np.flatnonzero((np.einsum("ij,ij->i", apart, apart) - along**2 <= self.radii**2)
-                              & (along >= -self.radii) & (along - self.radii <= reach))
         place, slopes = np.array(start)[:, None], np.array([[part or TINY] for part in way])
+        apart = self.middles - place
+        near = np.flatnonzero(np.einsum("ij,ij->j", apart, apart) - (np.array(way) @ apart)**2 <= self.squared_radii)
         first, second = (self.low[:, near] - place) / slopes, (self.high[:, near] - place) / slopes
         enters, leaves = np.minimum(first, second).max(0), np.maximum(first, second).min(0)
         met = np.flatnonzero((leaves >= np.maximum(enters, 0)) & (enters <= reach))
