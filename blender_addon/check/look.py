@@ -46,6 +46,7 @@ MUCH = 1.1  # disparity beyond which depth is worth a word
 LEAST_GAIN = 0.9  # of the disparity, that a move of the display plane must leave
 LEAST_SPACING = 0.05
 LIT, LAMPS, SKY = 24, 32, 6  # places, lamps and rays to the sky that tell how much light arrives
+UNSURE = 2.0  # times what is dim, below which a render tells: lamps may be hidden from surfaces, or shine through holes
 CERTAIN = 1e6  # strength of a lamp that nodes decide
 SHADE = 0.15  # of a lamp's distance: what stands as near to it is its own shade
 UNAIMED = "The camera of the new file was not aimed at it"
@@ -101,7 +102,8 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     exposed, is_plain = 2.0**scene.view_settings.exposure, not own and not has_emission(scene)
     is_alone = not own and world_radiance(scene.world) * exposed < DIM
     light = [radiance * exposed for radiance in _light(scene, rays, placed, own)]
-    if not (is_plain and is_alone) and (is_glaring(scene, light[1]) or (is_dim(*light) and not (is_plain and is_new))):
+    if not (is_plain and is_alone) and (is_glaring(scene, light[1]) or (
+            is_dim(light[0] / UNSURE, light[1]) and not (is_plain and is_new))):
         light[:] = _rendered(scene, placed, startup)
     if (is_plain and is_alone) or is_dim(*light):
         source = "a dim world" if startup is None else "the lamp of Blender's new file"
