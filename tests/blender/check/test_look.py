@@ -9,7 +9,6 @@ import pytest
 
 from blender_addon.check import look
 from blender_addon.jobs import session
-from blender_addon.render import frame_folder
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import edit, placement, rig
 from blender_addon.scene.array.placement import Rays
@@ -341,7 +340,7 @@ def test_black_things_need_more_light_to_be_seen(startup, gray):
 
 
 @pytest.mark.parametrize(("glass", "linked"), [(False, False), (True, False), (True, True)])
-def test_glass_on_velvet_under_lamps_alone_is_black(startup, glass, linked, monkeypatch):
+def test_glass_on_velvet_under_lamps_alone_is_black(startup, glass, linked):
     """Nothing is around it that it could show, and velvet in the same light stays dark; linked nodes say otherwise."""
     aimed(startup)
     for box, color, part in ((add_box((0, 0, 1), (1, 0.5, 1)), 0.9, float(glass)),
@@ -353,7 +352,6 @@ def test_glass_on_velvet_under_lamps_alone_is_black(startup, glass, linked, monk
         if linked:
             none = paint.node_tree.nodes.new("ShaderNodeValue").outputs[0]  # 0
             paint.node_tree.links.new(none, node.inputs["Transmission Weight"])
-            monkeypatch.setattr(frame_folder, "light_seen", None)  # which is not asked
         box.data.materials.append(paint)
     startup.objects["Light"].data.energy = 150
     assert ("dark" in looked(startup)) == (glass and not linked)
