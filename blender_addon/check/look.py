@@ -31,11 +31,18 @@ from ..scene.settings import length
 from ..scene.words import counted
 from .problems import Problem
 
-# Code of the problem: the operator's property that mends it, and its title.
-MENDS = {"cube": ("leave_out_cube", "Leave Out Cube"), "helper": ("leave_out_helpers", "Leave Out Helpers"),
-         "sky": ("leave_out_sky", "Leave Out Sky"),
-         "frame": ("fit_objects", "Fit to Objects"), "plane": ("move_plane", "Move Display Plane"),
-         "deep": ("flatten_depth", "Flatten Depth"), "dark": ("add_light", "Add World Light")}
+# Code of the problem: the operator's property that mends it, its title and description.
+MENDS = {
+    "cube": ("leave_out_cube", "Leave Out Cube", "Hide the cube of Blender's new file in renders"),
+    "helper": ("leave_out_helpers", "Leave Out Helpers", "Hide what helps while modelling: what is drawn as wires, "
+               "tools of Booleans and shapes of bones, without a material"),
+    "sky": ("leave_out_sky", "Leave Out Sky", "Hide the box or ball around all objects in renders"),
+    "frame": ("fit_objects", "Fit to Objects", "Move the camera array in front of the objects, or into the room"),
+    "plane": ("move_plane", "Move Display Plane", "Move the display plane to the middle of the depth that is seen"),
+    "deep": ("flatten_depth", "Flatten Depth", "Bring the views together, so that the display shows all of the depth; "
+             "objects stay as they are"),
+    "dark": ("add_light", "Add World Light", "Light the images with one of Blender's world images, or a room with even "
+             "light; the scene keeps its own light")}
 STARTUP_LAMP = (4.07625, 1.00545, 5.90386)  # where a new file's lamp stands
 # How a new file's camera is turned: nobody has aimed it, even if it was moved. It was rolled until Blender 2.79.
 STARTUP_TURN, ROLL = mathutils.Euler((1.10932, 0.0, 0.81493)).to_quaternion(), 0.02
@@ -135,7 +142,7 @@ def _without(*items: bpy.types.Object | None) -> Iterator[None]:
 
 def _problem(code: str, target: str, reason: str, placed: rig.Placement | None = None) -> Problem:
     title = {"plane": "Depth", "deep": "Depth", "dark": "Light", "bright": "Light"}.get(code, "")
-    return Problem(code, target, reason, MENDS.get(code, ("", ""))[1], asks=True, title=title, placed=placed)
+    return Problem(code, target, reason, MENDS.get(code, ("", "", ""))[1], asks=True, title=title, placed=placed)
 
 
 def startup_cube(scene: bpy.types.Scene) -> bpy.types.Object | None:

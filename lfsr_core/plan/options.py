@@ -162,6 +162,10 @@ class Rated(Candidate):
         """Lower bound of the accuracy, -inf where it was not measured."""
         return -math.inf if self.estimate is None else self.estimate.low
 
+    def is_as_cheap(self, seconds: float) -> bool:
+        """Return True if it is about as cheap as what takes ``seconds``, or cheaper."""
+        return self.seconds <= AS_GOOD * seconds
+
 
 @dataclasses.dataclass(frozen=True)
 class Choice:
@@ -197,7 +201,7 @@ def choose(rated: Sequence[Rated], target: float, most_seconds: float = math.inf
     best = max(measured, key=lambda row: row.low, default=None)
     if passing := [row for row in measured if row.low >= target]:
         least = min(row.seconds for row in passing)
-        near = [row for row in passing if row.seconds <= AS_GOOD * least]
+        near = [row for row in passing if row.is_as_cheap(least)]
         return Choice(min(near, key=lambda row: (MethodName.parse(row.method).steps, row.seconds)), best)
     # What keeps the best candidate from the target.
     if any(row.low >= target and row.seconds > most_seconds for row in rated):

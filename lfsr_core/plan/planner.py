@@ -28,7 +28,7 @@ from lfsr_core.metrics.eia_metrics import listed_images, read_half, stacked_ssim
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import systematic_sample
-from lfsr_core.plan.options import AS_GOOD, Candidate, Choice, PlanOptions, Rated, choose, estimate, path_samples, render_seconds
+from lfsr_core.plan.options import Candidate, Choice, PlanOptions, Rated, choose, estimate, path_samples, render_seconds
 from lfsr_core.reconstruct.methods import MethodName
 from lfsr_core.reconstruct.methods import seconds as finish_seconds
 from lfsr_core.reconstruct.second_stage import finished_lenses
@@ -271,7 +271,7 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
         why, least = None, min(row.seconds for row in open_rows)
         if least > options.limit:
             why = Notice("candidate-too-slow", {"seconds": options.limit})
-        elif choice.chosen is not None and AS_GOOD * least > choice.chosen.seconds:
+        elif choice.chosen is not None and choice.chosen.is_as_cheap(least):
             why = Notice("candidate-not-needed", to_data(choice.chosen.candidate))
         elif group[0] in beaten:
             why = Notice("candidate-beaten", {"scale": beaten[group[0]]})

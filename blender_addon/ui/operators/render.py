@@ -46,25 +46,8 @@ _accepted: set[tuple[str, str, str]] = set()  # what the artist was asked in thi
 class Mends:
     """What a render may change before it starts; its dialog ticks what the scene needs."""
 
-    leave_out_cube: bpy.props.BoolProperty(
-        name="Leave Out Cube", description="Hide the cube of Blender's new file in renders", options={"SKIP_SAVE"})
-    leave_out_helpers: bpy.props.BoolProperty(
-        name="Leave Out Helpers", description="Hide what helps while modelling: what is drawn as wires, tools of "
-        "Booleans and shapes of bones, without a material", options={"SKIP_SAVE"})
-    leave_out_sky: bpy.props.BoolProperty(
-        name="Leave Out Sky", description="Hide the box or ball around all objects in renders", options={"SKIP_SAVE"})
-    fit_objects: bpy.props.BoolProperty(
-        name="Fit to Objects", description="Move the camera array in front of the objects, or into the room",
-        options={"SKIP_SAVE"})
-    move_plane: bpy.props.BoolProperty(
-        name="Move Display Plane", description="Move the display plane to the middle of the depth that is seen",
-        options={"SKIP_SAVE"})
-    flatten_depth: bpy.props.BoolProperty(
-        name="Flatten Depth", description="Bring the views together, so that the display shows all of the depth; "
-        "objects stay as they are", options={"SKIP_SAVE"})
-    add_light: bpy.props.BoolProperty(
-        name="Add World Light", description="Light the images with one of Blender's world images, or a room with even "
-        "light; the scene keeps its own light", options={"SKIP_SAVE"})
+    __annotations__ = {name: bpy.props.BoolProperty(name=title, description=text, options={"SKIP_SAVE"})
+                       for name, title, text in MENDS.values()}
 
 
 class LFSR_OT_render_eia(Mends, TaskOperator, bpy.types.Operator):
