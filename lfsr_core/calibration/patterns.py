@@ -47,8 +47,7 @@ def pattern(profile: DisplayProfile, kind: str) -> Array:
     if kind not in PATTERNS:
         raise LfsrError(f"pattern is {kind!r}, but it must be one of {', '.join(PATTERNS)}")
     columns, rows = profile.panel_pixels
-    image = np.empty((rows, columns, 3), np.uint8)
-    across = np.arange(columns)
+    image, across = np.empty((rows, columns, 3), np.uint8), np.arange(columns)
     for start in range(0, rows, 128):
         part = np.arange(start, min(start + 128, rows))
         for channel in range(3):

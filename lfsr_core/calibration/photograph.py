@@ -329,8 +329,7 @@ def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wid
         view = moved
         if not step < 1e3 or step < STILL:
             break
-    rest = seen - known @ solved[:known.shape[1]]
-    flat = np.concatenate([under, others], -1)
+    rest, flat = seen - known @ solved[:known.shape[1]], np.concatenate([under, others], -1)
     plain: Array = seen - flat @ _solved(flat, seen)
     alike = math.sqrt(max(0.0, 1 - float((rest ** 2).sum() / max((plain ** 2).sum(), 1e-12))))
     gain = columns[:, under.shape[1]:-1] @ solved[under.shape[1]:columns.shape[1] - 1]

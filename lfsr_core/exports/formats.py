@@ -60,8 +60,7 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
     """
     if name not in FORMATS:
         raise LfsrError(f"unknown format {name!r}: {did_you_mean(name, FORMATS)}Choose from {', '.join(FORMATS)}")
-    chosen = WRITERS[name]
-    has = FORMATS[name].options
+    chosen, has = WRITERS[name], FORMATS[name].options
     for option, value in vars(options).items():
         if value is not None and option not in (*has, "tell", "shape"):
             raise LfsrError(f"format {name!r} has no option {option!r}, only {', '.join(has)}: leave it out")

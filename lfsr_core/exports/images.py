@@ -135,8 +135,7 @@ def anaglyph(left: Array, right: Array) -> Array:
 
 def write_stereo(layout: Layout, field: LightField, folder: Path, options: ExportOptions) -> None:
     """Write one image, the left eye's half on the left or on top."""
-    between = eye_distance(field, options)
-    width = options.width or usual_width(field.display)
+    between, width = eye_distance(field, options), options.width or usual_width(field.display)
     pair = [on_screen(field.seen_from(x), field.display, width, layout.size) for x in (-between / 2, between / 2)]
     joined = anaglyph(*pair) if layout.axis is None else np.concatenate(pair, layout.axis)
     write_png(folder / f"{field.name}_{layout.suffix}_{between:g}mm.png", joined)
@@ -144,8 +143,7 @@ def write_stereo(layout: Layout, field: LightField, folder: Path, options: Expor
 
 def eye_distance(field: LightField, options: ExportOptions) -> float:
     """Millimetres between the eyes; LfsrError where they do not both see the display's views."""
-    between = options.eyes_mm or 63.0
-    zone = field.display.camera_spacing_mm * field.count[0]
+    between, zone = options.eyes_mm or 63.0, field.display.camera_spacing_mm * field.count[0]
     if between > zone:
         raise LfsrError(f"eyes {between:g} mm apart are outside the viewing zone of display {field.display.name!r}, "
                         f"which is {zone:.0f} mm wide at the viewing distance: choose a smaller distance")
@@ -176,8 +174,7 @@ def write_rgbd(field: LightField, folder: Path, options: ExportOptions) -> None:
 
 def write_stanford(field: LightField, folder: Path, options: ExportOptions) -> None:
     """Write ``out_ROW_COLUMN_Y_X_.png``, y downwards and x rightwards in millimetres on the display."""
-    spacing = field.frame.array.spacing * field.mm_per_unit
-    count = options.views or field.count
+    spacing, count = field.frame.array.spacing * field.mm_per_unit, options.views or field.count
     x, y = ((camera_places(n, wanted) - (n - 1) / 2) * spacing for n, wanted in zip(field.count, count, strict=True))
     for row, column, view in each_view(field, options):
         write_png(folder / f"out_{row:02d}_{column:02d}_{y[row]:.6f}_{x[column]:.6f}_.png", view)
@@ -207,8 +204,7 @@ def write_views(field: LightField, folder: Path, options: ExportOptions) -> None
     if len(columns) * len(rows) > MOST_PARTS:
         raise LfsrError(f"{len(columns)}x{len(rows)} views are more parts than the {MOST_PARTS} that programs read: "
                         "choose fewer, such as 9 or 9x9")
-    parts = [(row, column) for row in rows for column in columns]
-    specs = []
+    parts, specs = [(row, column) for row in rows for column in columns], []
     for row, column in parts:
         specs.append(spec := oiio.ImageSpec(linear.shape[3], linear.shape[2], 3, "half"))
         name = f"v{row:03d}_{column:03d}"
@@ -250,8 +246,7 @@ def write_hci(field: LightField, folder: Path, options: ExportOptions) -> None:
     focus, baseline = array.distance * mm, array.spacing * mm * field.count[0] / across
     # The sensor is as wide as the longer side of an image, as the benchmark's programs expect.
     side = 2 * mm * max(array.half_width, array.half_height)
-    focal = focus * SENSOR_MM / side
-    matrix = np.asarray(field.frame.matrix_world, float)
+    focal, matrix = focus * SENSOR_MM / side, np.asarray(field.frame.matrix_world, float)
     axes = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
     place = (*matrix[:3, 3] * mm / 1000,  # of the central camera in the world: metres, and angles (XYZ)
              math.atan2(axes[2, 1], axes[2, 2]), math.asin(float(np.clip(-axes[2, 0], -1, 1))),

@@ -97,8 +97,7 @@ def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = 
     if eye_mm is not None and (frame := read_rendered(folder)).subpixels:
         write_png(folder / EYE_FILE, eye_view(read_png(folder / PANEL_FILE), frame.display, eye_mm))
         return [folder / EYE_FILE]
-    display = read_frame(folder).display
-    panel = read_png(folder / EIA_FILE)
+    display, panel = read_frame(folder).display, read_png(folder / EIA_FILE)
     image = view_order(panel, display)
     images = dict(zip((HORIZONTAL_EPI_FILE, VERTICAL_EPI_FILE), epi_pair(image, display.lenses), strict=True))
     images[SHEET_FILE] = contact_sheet(image, display.lenses)

@@ -77,8 +77,7 @@ class Bridge:
 
     def devices(self) -> list[Device]:
         """Displays with lenses, by index; LfsrError if there is none."""
-        found = _within(self._put("available_output_devices"), "payload")
-        devices = []
+        found, devices = _within(self._put("available_output_devices"), "payload"), []
         for entry in found.values() if isinstance(found, dict) else ():
             index, corner, quilt = (_within(entry, name) for name in ("index", "windowCoords", "defaultQuilt"))
             corner, quilt = corner if isinstance(corner, dict) else {}, _parsed(quilt)

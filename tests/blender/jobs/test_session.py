@@ -43,8 +43,7 @@ def message() -> tuple[str, bool]:
 
 def test_cancel_while_rendering_is_quick_and_leaves_nothing(scene):
     scene.lfsr.samples = LONG
-    before = snapshot()
-    task = start(scene, lambda _: pytest.fail("it finished"))
+    before, task = snapshot(), start(scene, lambda _: pytest.fail("it finished"))
     panel.wait_for(lambda: task.progress.stage == "render")
     pid, started = task.child.pid, time.perf_counter()
     assert bpy.ops.lfsr.cancel() == {"FINISHED"} and time.perf_counter() - started < 2 and not lives(pid)

@@ -50,8 +50,7 @@ def test_nothing_is_left_nor_changed_also_after_a_failure(scene, monkeypatch):
 def test_it_renders_the_low_resolution_eia_in_panel_order(scene, shown, tmp_path):
     """The viewport's Cycles cannot run here; the same scene, rendered at the low resolution, is the array's EIA."""
     view = live_scene.view_of(scene, SIZE)
-    placed = rig.placement(scene, view.region.profile)
-    layout = view.layout
+    placed, layout = rig.placement(scene, view.region.profile), view.layout
     direct = encoded(scene, layout, tmp_path, placed[1], "lens-card", samples=32)["color"]
     live = rendered(shown, layout.size, 32, tmp_path)
     difference = np.abs(live - flip_order(direct, layout.lenses)).mean()
@@ -63,8 +62,7 @@ def test_it_renders_the_low_resolution_eia_in_panel_order(scene, shown, tmp_path
 
 def rendered(shown, size, samples, folder):
     """``shown`` with one pixel per view."""
-    path = folder / "live.exr"
-    settings = cycles.RenderSettings(samples)
+    path, settings = folder / "live.exr", cycles.RenderSettings(samples)
     with cycles.cycles_settings(shown, settings, size):
         output.render_to(shown, path)
     return image_files.read_layers(path)["color"]
@@ -128,8 +126,7 @@ def test_a_panel_with_a_lens_sheet_shows_its_subpixels(scene, tmp_path, make):
     display = dataclasses.replace(small(make()), panel_pixels=(72, 48), panel_mm=(36.0, 24.0))
     write_profile(tmp_path / "own.toml", display)
     scene.lfsr.display, scene.lfsr.profile_file, scene.lfsr.live_scale = "FILE", str(tmp_path / "own.toml"), "4"
-    before = snapshot()
-    view = live_scene.view_of(scene, display.panel_pixels)
+    before, view = snapshot(), live_scene.view_of(scene, display.panel_pixels)
     shown = live_scene.make(scene, view)
     assert shown.render.preview_pixel_size == "1" and view.region.sentence() is None
     assert "dirty" not in {problem.code for problem in check_scene(scene)}
