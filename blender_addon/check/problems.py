@@ -59,12 +59,12 @@ LEFT_OUT = {"scripts-off": ("autoexec", "Scripts", "Reload Trusted"),
             "camera-sheared": ("sheared", "Sheared Camera", ""),
             "camera-parallel": ("parallel", "Orthographic Camera", ""),
             "world-override-ignored": ("world", "World Override", "Clear Override"),
-            "shift-ignored": ("shift", "Camera Shift", "Reset Shift"),
+            "shift-followed": ("shift", "Camera Shift", "Reset Shift"),
             "override-ignored": ("override", "Material Override", "Clear Override"),
             "layers-left-out": ("layers", "View Layers", "Switch Off Others"),
             "compositor-ignored": ("compositor", "Compositor", "Switch Off"),
             "sequencer-ignored": ("sequencer", "Sequencer", "Switch Off")}
-HARMLESS = ("engine", "filter", "clamp")  # of which nobody is asked
+HARMLESS = ("engine", "filter", "clamp", "shift")  # of which nobody is asked
 # Title and button of what a view layer does with collections.
 SWITCHED = {"exclude": ("Excluded Collections", "Include"), "holdout": ("Holdouts", "Switch Off"),
             "indirect_only": ("Indirect-Only Collections", "Switch Off")}

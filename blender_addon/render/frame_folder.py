@@ -208,7 +208,7 @@ def _seen_from_middle(scene: bpy.types.Scene, placed: Placement, settings: Rende
         path = Path(name, "middle.exr")
         with (_small_map(scene.world) if scene.world is not None else nullcontext(),
               cycles.temporary_camera(scene, matrix_world, array.distance) as camera,
-              cycles.cycles_settings(scene, settings, size)):
+              cycles.cycles_settings(scene, settings, size), overridden(scene.cycles, compat.quick_volumes())):
             lens, clip = camera.data, placement.clip_of(scene)
             lens.sensor_fit, lens.lens = "HORIZONTAL", lens.sensor_width / 2 * array.distance / array.half_width
             lens.clip_start, lens.clip_end = clip or (lens.clip_start, lens.clip_end)

@@ -123,7 +123,8 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
         found += [Notice("focus-ignored", named)] if camera.data.dof.use_dof else []
         found += [Notice("camera-sheared", named)] if is_sheared(camera) else []
         found += [Notice("camera-parallel", named)] if camera.data.type == "ORTHO" else []
-        found += [Notice("shift-ignored", named | shift)] if any(shift.values()) else []
+        is_turned = camera.data.type == "PERSP" and any(shift.values())
+        found += [Notice("shift-followed", named | shift)] if is_turned else []
     layer = rendered_layer(scene)
     if layer.material_override is not None:
         found.append(Notice("override-ignored", {"layer": layer.name, "material": layer.material_override.name}))

@@ -135,7 +135,7 @@ SENTENCES: dict[str, Wording] = {
     "camera-parallel": "camera {camera!r} is orthographic, but eyes are at a place: they see it in perspective",
     "world-override-ignored": "the world override {world!r} of view layer {layer!r} is ignored. The scene's world is "
                               "shown",
-    "shift-ignored": "the camera's shift ({x:g}, {y:g}) is ignored. The array looks along the camera's axis",
+    "shift-followed": "the camera's shift ({x:g}, {y:g}) becomes a turn. The array looks at the middle of its picture",
     "override-ignored": "the material override {material!r} of view layer {layer!r} is ignored. Objects keep their own "
                         "materials",
     "collections-switched": lambda values: f"view layer {values['layer']!r} {SWITCHES[values['switch']]} "

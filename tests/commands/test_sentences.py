@@ -81,7 +81,7 @@ EXAMPLES = {
     "scale-unseen": ({"scale": 4}, "scale 4"),
     "scripts-off": ({"reason": "driver"}, "(driver)"),
     "sequencer-ignored": ({}, "strips are not rendered"),
-    "shift-ignored": ({"camera": "Front", "x": 0.0, "y": 0.25}, "(0, 0.25)"),
+    "shift-followed": ({"camera": "Front", "x": 0.0, "y": 0.25}, "(0, 0.25)"),
     "subject-unseen": ({"background": 0.5}, "background objects fill 50% of the image"),
     "views-nearest": ({}, "not interpolated"),
     "world-inside": ({"reason": "volume"}, "the world has a volume"),

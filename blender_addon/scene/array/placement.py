@@ -199,7 +199,7 @@ def fit_array(low: Array, high: Array, profile: DisplayProfile) -> Placement:
 
 
 def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object]) -> Placement:
-    """Return an array that shows what the scene's camera sees, at its place and in its direction.
+    """Return an array that shows what the scene's camera sees, at its place, towards the middle of its picture.
 
     The display plane is where the camera focuses, else where the visible subject's nearest and farthest points
     have equal parallax. It is nearer, and the array smaller, where the array would reach through a wall. An
@@ -214,7 +214,10 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
     back = PARALLEL * max(sizes) if camera.data.type == "ORTHO" else 0.0
     across, down = (size / 2 / (back or -corners[0].z) for size in sizes)  # half the frame at distance 1
     clip = camera.data.clip_start + back, camera.data.clip_end + back  # to which the camera's scale does not apply
-    sight = _Sight(Rays(scene), upright(camera) @ mathutils.Matrix.Translation((0, 0, back)), clip)
+    x, y, depth = np.mean(corners, 0)  # of the middle of a shifted picture
+    start = mathutils.Matrix.Translation((x, y, back)) if back else mathutils.Vector((0, 0, -1)).rotation_difference(
+        (x, y, depth)).to_matrix().to_4x4()
+    sight = _Sight(Rays(scene), upright(camera) @ start, clip)
     # Of a tall frame the display shows what does not reach from side to side, as a backdrop does.
     seen, toward = collections.defaultdict[bpy.types.Object, list[tuple[float, float]]](list), sight.matrix.inverted()
     for place, item in _hits(sight, (across, down)):

@@ -210,10 +210,13 @@ def test_a_box_around_all_is_a_sky_that_is_left_out_unless_a_camera_was_aimed_in
 
 
 def test_a_globe_is_no_room_and_a_thin_tail_does_not_make_a_ring_small(startup):
-    bpy.data.objects.remove(bpy.data.objects["Cube"])
-    bpy.ops.mesh.primitive_uv_sphere_add(radius=1.2)
-    bpy.context.object.modifiers.new("Glass", "SOLIDIFY").thickness = 0.1
-    assert not room_view(startup, [bpy.context.object, add_box((0, 0, -0.5), (0.5, 0.5, 0.2))])
+    things = [bpy.data.objects["Cube"]]
+    for metres in (100, 1):
+        bpy.data.batch_remove(things)
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=1.2 * metres)
+        bpy.context.object.modifiers.new("Glass", "SOLIDIFY").thickness = 0.1 * metres
+        things = [bpy.context.object, add_box((0, 0, -0.5 * metres), (0.5 * metres, 0.5 * metres, 0.2 * metres))]
+        assert not room_view(startup, things)
     bpy.ops.mesh.primitive_torus_add(location=(400, 0, 0))
     ring, tail = bpy.context.object, add_box((400, 0, -90), (0.01, 0.01, 90))
     ring.select_set(True)

@@ -6,6 +6,7 @@ import bpy
 import mathutils
 import numpy as np
 import pytest
+from bpy_extras.object_utils import world_to_camera_view
 
 from blender_addon.jobs import folders, session
 from blender_addon.render import frame_folder
@@ -93,6 +94,16 @@ def test_all_that_a_camera_sees_is_on_the_display(scene, kind, size):
     add_box(scene, tuple(CENTRE), tuple(HALF))
     cut = placement.place_array(scene, SMALL, {wall})[0]
     assert cut.half_width == pytest.approx(corner.x * (cut.distance / -corner.z if kind == "PERSP" else 1)), "backdrop"
+
+
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+def test_the_middle_of_a_shifted_picture_is_the_middle_of_the_display(scene, kind):
+    box, camera = add_box(scene, tuple(CENTRE), tuple(HALF)), add_camera(scene)
+    camera.data.type, camera.data.ortho_scale, camera.data.shift_x, camera.data.shift_y = kind, 4, 0.1, -0.25
+    array, matrix = placement.place_array(scene, SMALL, {box})
+    seen = world_to_camera_view(scene, camera, mathutils.Vector(np.array(matrix)[:3] @ (0, 0, array.distance, 1)))
+    assert tuple(seen)[:2] == pytest.approx((0.5, 0.5), abs=1e-5)
+    assert np.array(matrix)[2, 0] == pytest.approx(0, abs=0.01), "hardly rolled"
 
 
 def test_near_and_far_have_equal_parallax_from_the_own_camera(scene):
