@@ -209,7 +209,7 @@ def whole_sample_range() -> dict[str, Any]:
 
 
 def quick_volumes() -> dict[str, Any]:
-    """Return Cycles settings that march through volumes; since 5.0 the default first maps their density, for seconds."""
+    """Return Cycles settings that march through volumes: 5.0's default maps their density first, for seconds."""
     return {"volume_biased": True} if hasattr(bpy.context.scene.cycles, "volume_biased") else {}
 
 

@@ -31,7 +31,7 @@ from ..render.frame_folder import Opened, inputs_before_opening, render_job, set
 from ..render.output import UNFINISHED
 from ..scene.array import placement
 from ..scene.contents import left_out
-from ..scene.files import camera_notices, check_files, choose_camera, choose_scene, open_scene, shown
+from ..scene.files import camera_notices, check_files, choose_camera, choose_scene, open_scene, paint_missing, shown
 from ..scene.light import lit
 
 MOST_WAITING, LEAST_WORK = 60, 0.05  # seconds without CPU seconds, after which a file does not answer
@@ -153,6 +153,8 @@ def _opened(request: Request, stack: ExitStack) -> tuple[bpy.types.Scene, Opened
     seconds, is_imported = time.perf_counter() - started, bool(request.scene) and not request.scene.endswith(".blend")
     with answered(request.scene):
         check_files(scene, request.frame, request.allow_missing, say)
+    if request.allow_missing:
+        paint_missing()
     for notice in (*left_out(scene), *camera_notices(scene, request.camera, is_imported)):
         say(notice)
     # Without them Cycles would build the scene again for each render: a change of the engine forgets what was kept.

@@ -26,6 +26,7 @@ from lfsr_core.frames.frame import FIT, check_scene
 from lfsr_core.frames.scene_files import check_named_files, check_regular
 
 from .array import rig
+from .contents import nodes_of
 
 SECONDS_IN_PANEL = 1.0  # of looking for damage before a button's question
 MOST_SAID = 20  # files of which each has its sentence
@@ -58,6 +59,15 @@ def check_files(scene: bpy.types.Scene, frame: int | None, allow: bool, say: Cal
     if found and not (allow and all(notice.values["state"] != NO_FILE for notice in found)):
         raise LfsrError(f"{len(found)} of the scene's files cannot be read, such as {found[0].values['path']}: find or "
                         "replace what is missing or damaged, or allow missing files")
+
+
+def paint_missing() -> None:
+    """Make images whose files are missing gray, and flat where a normal map reads them: Blender shows them pink."""
+    flat = {link.from_node.image for material in bpy.data.materials for node in nodes_of(material.node_tree)
+            if node.type == "NORMAL_MAP" for link in node.inputs["Color"].links if link.from_node.type == "TEX_IMAGE"}
+    for image in bpy.data.images:
+        if (paths := [*image_paths(image)]) and not any(map(Path.is_file, paths)):
+            image.source, image.generated_color = "GENERATED", (0.5, 0.5, 1.0 if image in flat else 0.5, 1.0)
 
 
 def unreadable(scene: bpy.types.Scene, frame: int | None = None, seconds: float = math.inf) -> list[Notice]:

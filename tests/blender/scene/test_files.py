@@ -11,7 +11,7 @@ import OpenImageIO as oiio
 import pytest
 
 from blender_addon import compat
-from blender_addon.scene.files import check_files, open_scene, unreadable
+from blender_addon.scene.files import check_files, open_scene, paint_missing, unreadable
 from lfsr_core.base.messages import LfsrError, Notice
 from tests.support.scenes import add_box, add_camera
 from tests.support.told import refuses
@@ -278,3 +278,16 @@ def test_they_are_refused_unless_allowed(scene, item, tmp_path):
                                                "state": "missing"})]
     check_files(scene, None, True, said.append)
     assert len(said) == 2
+
+
+def test_missing_images_are_gray_or_flat_and_not_pink(scene, item, tmp_path):
+    there, lost, bumps = (bpy.data.images.load(str(picture(tmp_path / f"{name}.png"))) for name in "abc")
+    bumps.colorspace_settings.name = "Non-Color"
+    texture, reader = node(item, "ShaderNodeTexImage"), node(item, "ShaderNodeNormalMap")
+    texture.image, _ = bumps, item.active_material.node_tree.links.new(texture.outputs["Color"], reader.inputs["Color"])
+    for name in "bc":
+        (tmp_path / f"{name}.png").unlink()
+    paint_missing()
+    assert unreadable(scene) == [] and there.source == "FILE"
+    assert lost.pixels[0] == lost.pixels[1] == lost.pixels[2] and 0.2 < lost.pixels[0] < 0.9
+    assert bumps.pixels[:3] == pytest.approx((0.5, 0.5, 1), abs=0.01), "no bumps"
