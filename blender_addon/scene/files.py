@@ -67,7 +67,8 @@ def paint_missing() -> None:
             if node.type == "NORMAL_MAP" for link in node.inputs["Color"].links if link.from_node.type == "TEX_IMAGE"}
     for image in bpy.data.images:
         if (paths := [*image_paths(image)]) and not any(map(Path.is_file, paths)):
-            image.source, image.generated_color = "GENERATED", (0.5, 0.5, 1.0 if image in flat else 0.5, 1.0)
+            image.source, image.generated_type = "GENERATED", "BLANK"
+            image.generated_color = 0.5, 0.5, 1.0 if image in flat else 0.5, 1.0
 
 
 def unreadable(scene: bpy.types.Scene, frame: int | None = None, seconds: float = math.inf) -> list[Notice]:
