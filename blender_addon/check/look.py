@@ -89,8 +89,7 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
            main: list[bpy.types.Object]) -> Iterator[Problem]:
     is_new, rays = _is_unaimed(scene), Rays(scene)  # where nobody has aimed the camera, nobody has placed lamps
     if reason := _out_of_frame(scene, rays, placed, main):
-        is_new = True
-        placed = edit.in_front(scene, display, set(main))
+        is_new, placed = True, edit.in_front(scene, display, set(main))
         yield _problem("frame", main[0].name if main else scene.name, reason, placed)
     if depths := depths_of(scene, placed, main):
         yield from _deep(scene, placed, display, *depths)

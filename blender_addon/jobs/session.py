@@ -208,8 +208,7 @@ def start(title: str, job: Job) -> Task:
     """Follow ``job`` from a timer and call its ``finish`` with the result."""
     global _current
     check_idle()
-    _current = Task(title, job)
-    state = bpy.context.window_manager.lfsr
+    _current, state = Task(title, job), bpy.context.window_manager.lfsr
     state.message = state.outcome = state.outcome_folder = ""
     # Persistent: opening another file must not orphan the process.
     bpy.app.timers.register(_look, first_interval=SECONDS_BETWEEN_LOOKS, persistent=True)

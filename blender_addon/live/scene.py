@@ -75,8 +75,7 @@ def view_of(scene: bpy.types.Scene, size: tuple[int, int], kind: str = PANEL) ->
     if kind == EYE:
         region = eye_region(profile, size)
         eye = eye_place(profile, lfsr.live_eye_right, lfsr.live_eye_up, lfsr.live_eye_near)
-    place = found.matrix_world.translation
-    direct = kind == PANEL and profile.is_woven
+    place, direct = found.matrix_world.translation, kind == PANEL and profile.is_woven
     layout = PanelLayout(profile, placed[0]) if direct else RayLayout.for_display(profile, placed[0], scale)
     return View(region, layout, profile, found.name, _above(place.length),
                 _above(distance_to_volume(scene, place)) / 2, eye)

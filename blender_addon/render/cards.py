@@ -102,8 +102,7 @@ def new_screen(made: list[bpy.types.ID], name: str,
     Only the camera sees it. It is in no scene; all new data is added to ``made``.
     """
     mesh = bpy.data.meshes.new(name)
-    screen = bpy.data.objects.new(name, mesh)
-    material = bpy.data.materials.new(name)
+    screen, material = bpy.data.objects.new(name, mesh), bpy.data.materials.new(name)
     made += [mesh, screen, material]
     for kind in HIDDEN_FROM:
         setattr(screen, f"visible_{kind}", False)
@@ -182,8 +181,7 @@ def distance_to_volume(scene: bpy.types.Scene, point: mathutils.Vector) -> float
 
     Volumes are meshes with a volume shader, and volume objects (their bounding boxes). Instances are ignored.
     """
-    graph = bpy.context.evaluated_depsgraph_get()
-    distances = [math.inf]
+    graph, distances = bpy.context.evaluated_depsgraph_get(), [math.inf]
     for item in scene.objects:
         trees = (slot.material.node_tree for slot in item.material_slots if slot.material is not None)
         outputs = (node for tree in trees if tree for node in tree.nodes

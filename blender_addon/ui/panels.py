@@ -93,8 +93,7 @@ def _draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
 
 def _draw_checks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """One line on what was found, which opens the rows."""
-    state = context.window_manager.lfsr
-    row = layout.row(align=True)
+    state, row = context.window_manager.lfsr, layout.row(align=True)
     if state.checked_scene != context.scene.name_full:
         row.operator("lfsr.check_scene", text="Check Scene", icon="VIEWZOOM")
         return
@@ -160,8 +159,7 @@ class LFSR_PT_array(LightFieldPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         scene, layout = context.scene, self.layout
-        array = rig.drawn(scene)[0]
-        row = layout.row(align=True)
+        array, row = rig.drawn(scene)[0], layout.row(align=True)
         if array is None:
             row.operator("lfsr.array_add", text="Add", icon="OUTLINER_OB_CAMERA")
         else:
@@ -298,8 +296,7 @@ class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, lfsr = self.layout, context.scene.lfsr
-        row = layout.row(align=True)
-        is_on = live_session.is_on()
+        row, is_on = layout.row(align=True), live_session.is_on()
         row.operator("lfsr.live", text="Stop Live" if is_on else "Start Live",
                      icon="PAUSE" if is_on else "PLAY").kind = PANEL
         if is_on:
