@@ -119,12 +119,11 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
         found.append(Notice("world-negative", {"world": scene.world.name}))
     camera = scene.camera if scene.camera is not None and scene.camera.type == "CAMERA" else None
     if camera is not None:
-        named, shift = {"camera": camera.name}, {"x": camera.data.shift_x, "y": camera.data.shift_y}
+        named, move = {"camera": camera.name}, {"x": camera.data.shift_x, "y": camera.data.shift_y}
         found += [Notice("focus-ignored", named)] if camera.data.dof.use_dof else []
         found += [Notice("camera-sheared", named)] if is_sheared(camera) else []
         found += [Notice("camera-parallel", named)] if camera.data.type == "ORTHO" else []
-        is_turned = camera.data.type == "PERSP" and any(shift.values())
-        found += [Notice("shift-followed", named | shift)] if is_turned else []
+        found += [Notice("shift-followed", named | move)] if camera.data.type == "PERSP" and any(move.values()) else []
     layer = rendered_layer(scene)
     if layer.material_override is not None:
         found.append(Notice("override-ignored", {"layer": layer.name, "material": layer.material_override.name}))

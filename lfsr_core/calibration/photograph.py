@@ -325,8 +325,7 @@ def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wid
         slopes = np.stack(changes, -1)
         solved = _solved(np.concatenate([known, -slopes], -1), seen)
         moved = _moved(view, solved[known.shape[1]:], size, bend)
-        step = np.abs(moved.places(points) - places).max() * image.half
-        view = moved
+        step, view = np.abs(moved.places(points) - places).max() * image.half, moved
         if not step < 1e3 or step < STILL:
             break
     rest, flat = seen - known @ solved[:known.shape[1]], np.concatenate([under, others], -1)
@@ -366,5 +365,4 @@ def _solved(known: Array, values: Array) -> Array:
     scale = np.sqrt((known ** 2).sum(0)) + 1e-12
     scaled = known / scale
     square = scaled.T @ scaled + 1e-10 * np.eye(len(scale))
-    factors = np.linalg.solve(square, scaled.T @ values)
-    return np.asarray((factors.T / scale).T)
+    return np.asarray((np.linalg.solve(square, scaled.T @ values).T / scale).T)

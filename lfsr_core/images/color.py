@@ -214,8 +214,7 @@ def random_colors() -> Array:
     """
     random = np.random.default_rng(0)
     stops = random.uniform(STOPS[0] - 4, STOPS[1], (1, TRIED, 1)) + random.normal(0, 1.2, (1, TRIED, 3))
-    colors = np.minimum(2**stops, BRIGHTEST).astype(np.float32)
-    half = np.arange(0, TRIED, 2)
+    colors, half = np.minimum(2**stops, BRIGHTEST).astype(np.float32), np.arange(0, TRIED, 2)
     colors[0, half, random.integers(0, 3, half.size)] = 0
     return colors
 

@@ -204,8 +204,7 @@ def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], 
     shown, of_a, of_b = (values[foreground] for values in (x, a, b))
     # Windows cross from lens to lens in ``local``, but not in ``alone``.
     local, inside = inside_border(split_ssim_map(x, a, b)), inside_border(foreground)
-    alone = lens_ssim(x, a, b, (sx, sy))
-    views_ssim = None
+    alone, views_ssim = lens_ssim(x, a, b, (sx, sy)), None
     if any_foreground:  # views are small, so their borders count
         views = [to_views(values, (sx, sy)).reshape(-1, sy, sx, x.shape[2]) for values in (x, a, b)]
         views_ssim = mean_of(stacked_ssim(*views)[:, mask])
@@ -349,8 +348,7 @@ def sampled_recall(mask: Mask, hits: Mask, lens_list: LensList) -> float | None:
     group is sampled by fewer than MIN_SAMPLES lenses, because one stray hit outside would stand for hundreds.
     """
     rows, columns = np.asarray(lens_list).T
-    found = mask[rows, columns]
-    counts = []
+    found, counts = mask[rows, columns], []
     for chosen, population in ((found, int(mask.sum())), (~found, int((~mask).sum()))):
         if population and chosen.sum() < min(MIN_SAMPLES, population):
             return None

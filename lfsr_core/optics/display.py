@@ -310,8 +310,7 @@ class DisplayProfile:
 
         The views fill the viewing angle: px · CamDis = 2 · D · tan(angle / 2).
         """
-        span = 2 * self.viewing_distance_mm * math.tan(math.radians(self.viewing_angle_deg) / 2)
-        return span / self.views[0]
+        return 2 * self.viewing_distance_mm * math.tan(math.radians(self.viewing_angle_deg) / 2) / self.views[0]
 
     def depth_range_mm(self, scale: int = 1) -> tuple[float, float]:
         """Usable depth (in front of, behind) the display plane in millimetres.

@@ -142,8 +142,7 @@ def trace(profile: DisplayProfile, eye_mm: Point, x: Array, y: Array,
         # The panel's lower left corner lies ``center`` pitches beyond a border of two elemental images; their centres
         # are half a pitch further, and from the viewing distance the axes are seen in front of these.
         start = (-width / 2 * normal[0] - height / 2 * normal[1]) + (sheet.center + 0.5) * sheet.pitch_mm
-        pitch = sheet.pitch_mm * nearer
-        off = x * normal[0] + y * normal[1]
+        pitch, off = sheet.pitch_mm * nearer, x * normal[0] + y * normal[1]
         axis = start * nearer + np.round((off - start * nearer) / pitch) * pitch
         length = x * along[0] + y * along[1]
         focus = axis + (axis - eye_mm[0] * normal[0] - eye_mm[1] * normal[1]) * behind

@@ -295,8 +295,7 @@ def open_blender(blender: Starts, folder: Path) -> Iterator[Callable[[Request, T
                     tempfile.TemporaryDirectory(dir=folder.resolve(), ignore_cleanup_errors=True))
                 environment = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), temporary)
                 opened.append(stack.enter_context(Child(blender.command(STAY), environment)))
-            child = opened[0]
-            target = FrameFolder(request.output)
+            child, target = opened[0], FrameFolder(request.output)
             target.check_free(request.kind)
             with staging_folder(target.path) as staging, system_errors():
                 frame = staging / "frame"

@@ -89,8 +89,7 @@ class PlanOptions:
         for name in self.methods or ():
             load_method(name)
         scales = self.scales or [scale for scale in SCALES if scale in (1, *display.scales())]
-        methods = self.methods or default_methods()
-        found = set[Candidate]()
+        methods, found = self.methods or default_methods(), set[Candidate]()
         for scale in scales:
             display.low_views(scale)
             counts = self.samples if self.rays is None else [samples_at(display, scale, each) for each in self.rays]

@@ -80,8 +80,7 @@ def with_neighbours(lenses: Sequence[Lens], reach_: int, grid: tuple[int, int]) 
 
     ``grid`` (sx, sy). Beyond the display's edge a block repeats the lens at the edge.
     """
-    offsets = np.arange(-reach_, reach_ + 1)
-    places = np.asarray(lenses)
+    offsets, places = np.arange(-reach_, reach_ + 1), np.asarray(lenses)
     rows = np.clip(places[:, 0, None] + offsets, 0, grid[1] - 1)[:, :, None]
     columns = np.clip(places[:, 1, None] + offsets, 0, grid[0] - 1)[:, None, :]
     flat = np.broadcast_to(rows * grid[0] + columns, (len(places), len(offsets), len(offsets)))

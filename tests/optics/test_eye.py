@@ -46,8 +46,7 @@ def test_an_eye_where_a_camera_stood_sees_its_view_and_beyond_the_zone_it_repeat
     views, offset = to_views(image, MINI.lenses), view_offset(np.arange(8), 8, ARRAY.spacing)
     for row, column in ((0, 0), (2, 5), (7, 7), (3, 0)):
         np.testing.assert_array_equal(looking(image, offset[column], -offset[row]), views[row, column])
-    zone = 8 * ARRAY.spacing
-    offset = view_offset(np.arange(8), 8, ARRAY.spacing)[2]
+    zone, offset = 8 * ARRAY.spacing, view_offset(np.arange(8), 8, ARRAY.spacing)[2]
     inside, outside = looking(image, offset), looking(image, offset + zone)
     np.testing.assert_array_equal(outside[:, 1:], inside[:, :-1])
     assert (outside[:, 0] == 0).all(), "left of the panel there is nothing"

@@ -103,8 +103,7 @@ def test_references_of_other_seeds_become_one_of_all_samples(tmp_path):
 def test_references_that_cannot_be_averaged_and_what_was_made_of_an_older_merge_goes(tmp_path, capsys):
     options = {"kind": "reference", "scale": 1}
     first, same = made(tmp_path / "a", seed=1, **options), made(tmp_path / "b", seed=1, **options)
-    whole = made(tmp_path / "c")
-    target = ["-o", str(tmp_path / "merged")]
+    whole, target = made(tmp_path / "c"), ["-o", str(tmp_path / "merged")]
     assert "have the same seed 1" in fails(["merge", str(first), str(same), *target], capsys)
     assert "c is a whole render, not a part" in fails(["merge", str(first), str(whole), *target], capsys)
     assert "does not exist" in fails(["merge", str(tmp_path / "none"), *target], capsys)

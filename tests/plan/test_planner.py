@@ -389,8 +389,7 @@ def test_plans_of_the_recorded_scenes_meet_their_target_at_little_more_than_the_
         for seed in range(5):
             random = np.random.default_rng([seed, count])
             shared = 0.9 * spread * random.gamma(1.0, 1.0, count)
-            chosen = random.permutation(count)[:LEAST_LENSES]
-            rows = []
+            chosen, rows = random.permutation(count)[:LEAST_LENSES], []
             for each, accuracy in found.items():
                 off = 0.44 * spread * random.normal(size=count) - shared
                 values = (accuracy + off - off.mean())[chosen]

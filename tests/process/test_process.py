@@ -53,8 +53,7 @@ def test_a_child_ends_with_its_input_and_with_a_parent_that_dies():
 
 def test_a_deaf_child_is_killed_with_its_own_and_one_of_low_priority_nicer():
     with Child(["/bin/sh", "-c", DEAF]) as child:
-        pid = next(child.records())["pid"]
-        started = time.monotonic()
+        pid, started = next(child.records())["pid"], time.monotonic()
         child.stop(0.2)
         assert time.monotonic() - started < 5 and child._process.poll() is not None
     wait_until_gone(pid)

@@ -74,8 +74,7 @@ def test_a_figure_that_moved_far_leaves_no_trace(noise):
 
 
 def test_what_moved_in_opacity_alone_or_in_a_reflection_is_detected():
-    clean = waves(0)
-    flat = np.full(SHAPE, 0.5, np.float32)
+    clean, flat = waves(0), np.full(SHAPE, 0.5, np.float32)
     other = flat.copy()
     other[BLOCK] = 0.9
     weight = similarity(frame(clean, 0, opacity=flat), frame(clean, 1, opacity=other))

@@ -95,8 +95,7 @@ def test_a_file_is_read_again_when_it_has_changed_and_refused_if_changed_since_i
 def test_colour_is_denoised_as_one_image(weights, parallax):
     low = low_resolution(parallax, (6, 8, 5, 5, 3) if all(parallax) else (12, 8, 1, 5, 3))
     rows, columns = low.color.shape[0] * low.color.shape[2], low.color.shape[1] * 5
-    image = mirrored(low.color).swapaxes(1, 2).reshape(rows, columns, 3)
-    found = {}
+    image, found = mirrored(low.color).swapaxes(1, 2).reshape(rows, columns, 3), {}
     for chosen in (None, weights):
         found[chosen] = denoise_low_resolution(low, chosen)
         expected = denoise_eia(image, weights=chosen and denoise.load(chosen))

@@ -199,8 +199,7 @@ def test_a_full_disk_leaves_all_files_of_the_finish_before(tmp_path):
 
 
 def test_only_one_process_finishes_a_folder_at_a_time(tmp_path):
-    folder = write_render(tmp_path / "frame")
-    messages = []
+    folder, messages = write_render(tmp_path / "frame"), []
 
     def again(*_state):
         if not messages:
@@ -278,8 +277,7 @@ def test_background_meshes_are_filled_cheaply_and_objects_by_the_method(tmp_path
 
 def test_mask_and_dilation_are_written_and_edges_of_background_meshes_no_foreground(tmp_path):
     write_render(tmp_path)
-    report = finish_frame(tmp_path, "bicubic")
-    plain = read_mask(tmp_path / "mask.png")
+    report, plain = finish_frame(tmp_path, "bicubic"), read_mask(tmp_path / "mask.png")
     alpha = to_elemental_images(read_layers(tmp_path / LOW_RES_FILE)["color"][..., 3:], MINI.lenses)
     np.testing.assert_array_equal(plain, alpha.any((2, 3, 4)))
     assert report.foreground_fraction == pytest.approx(plain.mean())
@@ -331,8 +329,7 @@ def test_a_subject_of_the_worlds_colour_is_not_seen(tmp_path, name):
 
 def test_guides_do_not_show_the_world(tmp_path):
     """Cycles adds to the albedo what shows of a world that is rendered apart; opacity is denoised without guides."""
-    frame = read_frame(write_apart(tmp_path))
-    layers = read_layers(tmp_path / LOW_RES_FILE)
+    frame, layers = read_frame(write_apart(tmp_path)), read_layers(tmp_path / LOW_RES_FILE)
     world = layers["environment"]
     guided = layers | {"albedo": 0.5 * (1 - world) + world, "normal": np.zeros_like(world)}
     low = low_resolution(guided, frame, read_world(tmp_path, frame))

@@ -58,8 +58,7 @@ def nearest(counts: Array, rows: Rows) -> Array:
         return np.stack([_wrapped(across), _wrapped(up)], -1)
     shift, square = across.dtype.type(rows.shift), across.dtype.type(rows.square)
     below = np.floor(up)
-    inside = up - below
-    first = _wrapped(across - shift * below)
+    inside, first = up - below, _wrapped(across - shift * below)
     second = _wrapped(first - shift)
     above = (second * second - first * first < square * (2 * inside - 1)).astype(across.dtype)
     return np.stack([first + above * (second - first), inside - above], -1)

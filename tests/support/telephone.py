@@ -66,8 +66,7 @@ def stored(picture: Image.Image, orientation: int) -> Image.Image:
 
 def photograph(panel: Array, real: DisplayProfile, shot: Shot) -> Array:
     """(H, W, 3) from 0 to 1, upright, as the camera encodes it."""
-    random = np.random.default_rng(0)
-    side = 2 * max(1, math.ceil(3 * shot.blur)) + 1
+    random, side = np.random.default_rng(0), 2 * max(1, math.ceil(3 * shot.blur)) + 1
     light = cv2.GaussianBlur(exposed(panel, real, shot, random), (side, side), shot.blur,
                              borderType=cv2.BORDER_REPLICATE)
     noise = random.normal(size=light.shape) * shot.noise * np.sqrt((0.5 + np.clip(light, 0, None)) / 1.5)
@@ -79,8 +78,7 @@ def photograph(panel: Array, real: DisplayProfile, shot: Shot) -> Array:
 def exposed(panel: Array, real: DisplayProfile, shot: Shot, random: np.random.Generator) -> Array:
     """(H, W, 3) linear light on the sensor, without blur and noise."""
     columns, rows = shot.size
-    linear = (panel / 255) ** PANEL_GAMMA
-    light = np.empty((rows, columns, 3))
+    linear, light = (panel / 255) ** PANEL_GAMMA, np.empty((rows, columns, 3))
     focus, count = random.random((4, rows, columns)), shot.rays ** 2
     for start in range(0, rows, ROWS_AT_ONCE):
         part = slice(start, start + ROWS_AT_ONCE)

@@ -11,8 +11,7 @@ from lfsr_lab.train.photographs.task import Photographs
 
 def some_photographs(count=3, height=40, width=52, seed=0):
     """Smooth random some_photographs, a little different in size."""
-    random = np.random.default_rng(seed)
-    images = []
+    random, images = np.random.default_rng(seed), []
     for index in range(count):
         coarse = random.random((6, 7, 3), dtype=np.float32)
         image = cv2.resize(coarse, (width + 4 * index, height), interpolation=cv2.INTER_CUBIC)

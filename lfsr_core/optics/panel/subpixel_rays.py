@@ -124,8 +124,7 @@ def lattice_point(lattice: Lattice, packing: str, first: Array, second: Array) -
 
 def nearest_point(lattice: Lattice, packing: str, x: Array, y: Array) -> Pair:
     """Numbers (first, second) of the lattice point nearest to (x, y)."""
-    plain = packing == "square" and not lattice.shear
-    steps = lattice.matrix(packing)
+    plain, steps = packing == "square" and not lattice.shear, lattice.matrix(packing)
     short = np.eye(2) if plain else short_steps(steps)
     matrix = steps @ short
     inverse = np.linalg.inv(matrix)

@@ -55,8 +55,7 @@ def gather_map(profile: DisplayProfile, sampling: str) -> GatherMap:
         raise LfsrError(f"the EIA has {columns}×{rows} pixels, but the weave takes fewer than 2³¹ bytes: "
                         "give the profile fewer lenses or views")
     size = (profile.panel_pixels[1], profile.panel_pixels[0], CHANNELS)
-    first = np.empty(size, np.int32)
-    strides = [stride for stride, _, smooth in every if smooth]
+    first, strides = np.empty(size, np.int32), [stride for stride, _, smooth in every if smooth]
     weights = [np.empty(size, np.uint8) for _ in strides]
 
     def work(start: int) -> None:

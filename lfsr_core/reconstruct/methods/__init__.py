@@ -209,7 +209,6 @@ def load_method(name: str | MethodName, weights: str | None = None, *, upscaler:
 def seconds(display: DisplayProfile, scale: int, method: str, layout: str = "one-pass") -> float:
     """Estimate the seconds of the second stage of a frame on two cores."""
     finished = math.prod(rendered_size(display) if layout == SUBPIXELS else display.eia_pixels) / 1e6
-    rendered = finished / display.finished_pixels(scale)
-    parts = MethodName.parse(method).parts
+    rendered, parts = finished / display.finished_pixels(scale), MethodName.parse(method).parts
     return (START + (PER_FINISHED + sum(part.per_finished for part in parts)) * finished
             + (PER_RENDERED + sum(part.per_rendered for part in parts)) * rendered)

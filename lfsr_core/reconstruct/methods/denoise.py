@@ -143,8 +143,7 @@ def denoise_low_resolution(low: LowResEIA, weights: str | Path | None = WEIGHTS)
     damaged.
     """
     loaded, part = None if weights is None else load(weights), shown_part(low.color)
-    notes = list(low.notes)
-    images = mirrored(low.color)
+    notes, images = list(low.notes), mirrored(low.color)
     rows, columns = images[part].shape[:2]
     if rows * columns:
         guides = None

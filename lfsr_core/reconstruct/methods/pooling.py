@@ -103,8 +103,7 @@ class Pooling(Upscaler):
         color = _restored(low, np.where(glare.any(-1), np.float32(UNKNOWN), beyond), steepest) - glare
         source[:3, :, :, columns, REACH:-REACH] = color.transpose(4, 0, 2, 1, 3)
         source[3:, :, :, columns, REACH:-REACH] = slope.transpose(0, 2, 1, 3)
-        wide = padded((sx * width, height, h + 2 * REACH))
-        line = Line.of(low, w, across)
+        wide, line = padded((sx * width, height, h + 2 * REACH)), Line.of(low, w, across)
         starts = np.arange(sy * h) * length * (w + 2 * REACH) + REACH
 
         def column(index: int) -> None:

@@ -290,8 +290,7 @@ def test_rows_of_lenses_are_the_whole_image(lit, tmp_path, monkeypatch, options)
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", short := options.get("short", "60"))
     shown = {} if options.get("kind") else {"layers": LAYERS, "world_visible": True}
     options = LONG | shown | {name: value for name, value in options.items() if name != "short"}
-    whole = images_of(lit, tmp_path / "whole", **options)
-    rows = [(1, 3), (4, 4), (5, 12)]
+    whole, rows = images_of(lit, tmp_path / "whole", **options), [(1, 3), (4, 4), (5, 12)]
     for number, part in enumerate(rows):
         # One part at once, the others in bands: Blender's file beside ours.
         monkeypatch.setenv("LFSR_SECONDS_PER_PART", "60" if number == 1 else short)

@@ -131,8 +131,7 @@ def test_listed_lenses_are_the_same_lenses_of_the_whole(scene, tmp_path, lenses,
 @pytest.mark.parametrize(("scale", "aperture"), [(2, 1.0), (4, 2.0), (4, 0.0)])
 def test_samples_fill_the_lens_and_the_cell_of_views(tmp_path, scale, aperture, way):
     """Second moments of the hit points at twice the distance: 2·target − origin, both uniform in their boxes."""
-    layout = layout_of(scale, view_aperture=aperture)
-    moments = []
+    layout, moments = layout_of(scale, view_aperture=aperture), []
     for square in (False, True):
         scene = scenes.fresh_scene()
         # In array space itself, so that x and y are not mixed by the turn.

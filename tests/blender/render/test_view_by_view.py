@@ -215,8 +215,7 @@ def rendered(scene, folder, way, clip):
 
 @pytest.mark.parametrize("way", [*WAYS, "view-by-view"])
 def test_things_before_and_behind_the_clipped_depths_are_not_seen(scene, tmp_path, way):
-    upright = mathutils.Matrix.Rotation(np.pi / 2, 4, "X")
-    near = 0.3 * ARRAY.distance
+    upright, near = mathutils.Matrix.Rotation(np.pi / 2, 4, "X"), 0.3 * ARRAY.distance
     # Cycles clips by the ray through a lens's centre, and the apertures of this display are wide.
     start = near * (1.5 if way == "view-by-view" else 1.01)
     add_plane(scene, mathutils.Matrix.Translation((0, near - ARRAY.distance, 0)) @ upright, emission((1, 0, 0)))

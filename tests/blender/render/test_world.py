@@ -51,8 +51,7 @@ def elemental(image):
 
 
 def test_its_image_holds_what_every_ray_sees(lit_box, tmp_path):
-    before = lit_box.world
-    job = make_request(str(tmp_path / "low"), MINI, scale=4, samples=1)
+    before, job = lit_box.world, make_request(str(tmp_path / "low"), MINI, scale=4, samples=1)
     render_job(lit_box, job)
     assert lit_box.world == before and not [item for item in bpy.data.worlds if item != before]
     assert [item.name for item in bpy.data.scenes] == [lit_box.name]

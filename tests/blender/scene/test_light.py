@@ -234,8 +234,7 @@ def test_another_working_space_is_refused(coloured, tmp_path):
 
 
 def test_a_colour_managed_file_setting_does_not_change_the_values(coloured, tmp_path):
-    expected = color(coloured, tmp_path / "plain")
-    settings = coloured.render.image_settings
+    expected, settings = color(coloured, tmp_path / "plain"), coloured.render.image_settings
     settings.media_type = "MULTI_LAYER_IMAGE" if hasattr(settings, "media_type") else None
     settings.file_format = "OPEN_EXR_MULTILAYER"
     settings.color_management = "OVERRIDE"

@@ -90,8 +90,7 @@ def test_bodies_stand_at_the_sweeps_depth_and_fill_what_the_views_see(built, usa
     first, second = ([item.data.materials[0].name.split(".")[0]
                       for item in meshes(built("depth-behind", depth), "body")] for depth in (0, 1))
     assert set(first) == set(second) and len(second) >= len(first), "a body only changes its depth along the sweep"
-    items = meshes(built("depth-behind", usable), "body")
-    y = SPACE.depth(usable)
+    items, y = meshes(built("depth-behind", usable), "body"), SPACE.depth(usable)
     assert {round(item.location.y, 4) for item in items} == {round(y, 4)}
     sizes = {round(item.scale.x / SPACE.magnified(y), 5) for item in items}
     assert len(sizes) == 1, "alike, seen from the viewing position"
@@ -130,8 +129,7 @@ def test_the_mirror_shows_its_board_and_flakes_are_as_many_as_the_sweep_says(bui
     normal = np.array(mirror.matrix_world.to_3x3() @ mirror.data.polygons[0].normal)
     assert points(mirror).mean(0) == pytest.approx([0, 0, 0], abs=1e-5)
     at = points(shown)
-    image = at - 2 * np.outer(at @ normal, normal)
-    y = SPACE.depth(1.5)
+    image, y = at - 2 * np.outer(at @ normal, normal), SPACE.depth(1.5)
     assert image[:, 1] == pytest.approx(np.full(len(at), y), rel=1e-4), "the mirror image faces the viewer"
     assert np.abs(image[:, [0, 2]]).max(0) == pytest.approx(1.15 * np.array(SPACE.window(y)), rel=1e-4)
     assert not shown.visible_camera and shown.visible_glossy

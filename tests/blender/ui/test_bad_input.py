@@ -32,8 +32,7 @@ def refuse(scene, sentence: str, operator=None) -> None:
 def library(tmp_path):
     """A file with a collection "Prop" that holds a camera array and a box, linked by the tests."""
     with panel.registered():
-        scene = panel.artist_scene(None)
-        prop = bpy.data.collections.new("Prop")
+        scene, prop = panel.artist_scene(None), bpy.data.collections.new("Prop")
         scene.collection.children.link(prop)
         for name in ("Box", "Light Field Array", "Display Plane"):
             prop.objects.link(bpy.data.objects[name])

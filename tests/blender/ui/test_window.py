@@ -43,8 +43,7 @@ bpy.utils.register_class(type("LFSR_PT_quality_open", panel.__bases__, {
 def test_light_is_chosen_from_its_menu(window):
     window.run(OPEN)  # a panel keeps whether it is open, so another with the same contents is added
     x, top, width, height = window.open_tab()
-    sidebar = np.s_[top:top + height, x:x + width]
-    pictures = []
+    sidebar, pictures = np.s_[top:top + height, x:x + width], []
     for light in ("AUTO", "NIGHT"):
         window.run(f"bpy.context.scene.lfsr.light = {light!r}; bpy.context.area.tag_redraw()")
         window.xdotool("mousemove", x - 200, 600)
@@ -111,8 +110,7 @@ def test_display_plane_is_one_handle(window):
 
 
 def test_render_keeps_the_window_alive_and_the_scene_as_it_was(window):
-    before = scene_value(window, UNTOUCHED)
-    started = time.monotonic()
+    before, started = scene_value(window, UNTOUCHED), time.monotonic()
     assert window.get("list(bpy.ops.lfsr.render_eia('INVOKE_DEFAULT', True))") == ["FINISHED"]
     returned = time.monotonic() - started
     task, message = "addon.jobs.session.current()", "bpy.context.window_manager.lfsr.message"

@@ -35,8 +35,7 @@ def plane(slope: float | np.ndarray, ratio: float = 1.0, samples: int = 16,
 
 
 def finished(low: LowResEIA, upscaler=None) -> np.ndarray:
-    upscaler = upscaler or Pooling()
-    lenses = np.argwhere(np.ones(LENSES, bool))
+    upscaler, lenses = upscaler or Pooling(), np.argwhere(np.ones(LENSES, bool))
     images = upscaler(upscaler.prepare(low), lenses)
     return images.reshape(*LENSES, *images.shape[1:])
 

@@ -40,8 +40,7 @@ def test_fit_keeps_the_direction_and_frames_the_selection(artist):
     array = rig.find(artist)
     array.rotation_euler = (math.radians(70), 0, math.radians(50))
     bpy.context.view_layer.update()
-    turn = array.matrix_world.to_3x3()
-    box = add_box(artist, (7.0, 3.0, -2.0), (0.2, 0.9, 0.3))
+    turn, box = array.matrix_world.to_3x3(), add_box(artist, (7.0, 3.0, -2.0), (0.2, 0.9, 0.3))
     box.select_set(True)
     assert bpy.ops.lfsr.array_fit() == {"FINISHED"}
     assert np.allclose(array.matrix_world.to_3x3().normalized(), turn, atol=1e-5)

@@ -64,8 +64,7 @@ def test_a_deep_subject_is_made_smaller_but_not_tiny_and_array_space_is_taken_to
 
 
 def test_own_camera_keeps_place_direction_and_angle_and_the_display_where_it_focuses(scene):
-    box = add_box(scene, tuple(CENTRE), tuple(HALF))
-    camera = add_camera(scene)
+    box, camera = add_box(scene, tuple(CENTRE), tuple(HALF)), add_camera(scene)
     scene.render.resolution_x, scene.render.resolution_y = 1600, 900
     array, matrix_world = placement.place_array(scene, SMALL, {box})
     assert matrix_world == rig.from_blender(camera.matrix_world)
@@ -123,8 +122,7 @@ def test_array_does_not_reach_through_a_wall(scene):
 
 
 def test_camera_that_cannot_become_an_array_is_refused(scene):
-    box = add_box(scene, tuple(CENTRE), tuple(HALF))
-    camera = add_camera(scene)
+    box, camera = add_box(scene, tuple(CENTRE), tuple(HALF)), add_camera(scene)
     camera.data.type = "PANO"
     refuses("type PANO, but a camera array needs a perspective or", placement.place_array, scene, SMALL, {box})
     camera.data.type = "PERSP"
