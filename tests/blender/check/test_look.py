@@ -304,9 +304,9 @@ def test_a_display_plane_in_the_wrong_place_is_moved(startup):
 def test_hardly_any_light_and_far_too_much_are_noticed(startup, energy, world, exposure, code):
     aimed(startup)
     add_box((0, 0, 1), (1, 0.5, 1))
-    startup.objects["Light"].data.energy, startup.view_settings.exposure = abs(energy), exposure
-    startup.objects["Light"].visible_diffuse = energy >= 0  # rays cannot tell, and expect half more than what is dim
-    startup.objects["Light"].location = (1, -5, 4)
+    lamp, startup.view_settings.exposure = startup.objects["Light"], exposure
+    # Rays cannot tell which lamps are hidden, and expect half more than what is dim.
+    lamp.data.energy, lamp.visible_diffuse, lamp.location = abs(energy), energy >= 0, (1, -5, 4)
     nodes = startup.world.node_tree.nodes
     nodes["Background"].inputs["Color"].default_value, _ = (world, world, world, 1), nodes.new("NodeFrame")
     assert set(looked(startup)) == {code} - {"", "bright"}, "AgX shows more than white"

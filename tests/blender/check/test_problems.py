@@ -264,12 +264,11 @@ def test_many_objects_that_are_thinner_than_a_view_shows_are_one_row_that_opens(
 
 def spoil(scene) -> None:
     """Problems of eight kinds."""
-    scene.render.use_motion_blur = scene.camera.data.dof.use_dof = True
+    scene.render.use_motion_blur = scene.camera.data.dof.use_dof = scene.render.use_border = True
     scene.camera.data.shift_x, scene.cycles.pixel_filter_type = 0.2, "GAUSSIAN"
     scene.view_layers.new("Second")
     compositing(scene, "CompositorNodeExposure")
     scene.view_layers[0].material_override = bpy.data.materials.new("Clay")
-    scene.render.use_border = True
 
 
 def test_at_most_five_rows_are_shown_at_first_and_each_has_a_button(scene):
