@@ -140,7 +140,7 @@ def test_a_small_budget_leaves_costly_candidates_out(tmp_path, monkeypatch):
     options = dataclasses.replace(OPTIONS, target=0.999, lenses=None, reference_samples=16, budget=0.5,
                                   methods=("nearest", "pool"))  # which sees neighbours, so a lens costs nine
     planned = plan(JOB, options, render, tmp_path / "sample")
-    left_out, measured = ([row for row in planned.candidates if getattr(row, key)] for key in ("unmeasured", "estimate"))
+    left_out, measured = ([row for row in planned.candidates if getattr(row, at)] for at in ("unmeasured", "estimate"))
     assert {row.unmeasured.code for row in left_out} == {"candidate-over-budget", "candidate-beaten"}
     assert all(any(better.scale == row.unmeasured.values["scale"] < row.scale == worse.scale
                    and better.rays(MINI) <= worse.rays(MINI) and better.estimate.mean >= worse.estimate.mean
