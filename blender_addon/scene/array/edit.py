@@ -333,9 +333,7 @@ EYE_HEIGHT = 1.6  # metres above the floor: places below those whose middle is h
 YAWS, PITCHES, HALF_WIDTH = 12, (0, -15, -35), 0.6  # views at each place; half their width at distance 1: about 62°
 VIEW_ACROSS, VIEW_DOWN = 7, 3  # rays of a view
 LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the hull of a small thing
-# Metres across of round rooms: what is smaller is a globe, what is larger a cup in other units; rays to its axis, and
-# least cosine to its walls.
-ROUND_ROOMS, AROUND_AXIS, ROUND = (8.0, 60.0), 24, 0.97
+AROUND_AXIS, ROUND = 24, 0.97  # rays to the axis of what is round, and their least cosine to its walls
 ENCLOSED = 0.95  # least fraction of the rays that hit, from what is closed on all sides
 FACES, BLOCKED = 200, 0.85  # faces that tell a room; the fraction of the rays from a face in it that must hit
 ROOM = 0.5  # faces seen from inside alone, at least, to each face that is open to the outside
@@ -407,8 +405,7 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
     Of a room, many faces or much of their area is seen from inside alone, shut off from the outside.
     """
     size, reach, metre = high - low, float(np.linalg.norm(high - low)), 1 / rays.scene.unit_settings.scale_length
-    least, most = (metre * each for each in ROUND_ROOMS)
-    if size.min() < LEAST_ROOM * metre or (not least <= size[:2].min() <= most and _is_round(rays, low, high)):
+    if size.min() < LEAST_ROOM * metre or _is_round(rays, low, high):
         return None
 
     def is_shut_off(at: mathutils.Vector, side: mathutils.Vector) -> bool:
@@ -418,7 +415,10 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
         return len(list(itertools.islice(escaping, most + 1))) <= most
     inner = list[list[Face]]()
     for faces in _faces(rays, items):
-        if sum(is_shut_off(*face) for face in faces[::10]) < LEAST_SHUT * FACES / 10:
+        fronts, backs = ([is_shut_off(at, side * normal) for at, normal in faces[::10]] for side in (1, -1))
+        if sum(map(max, fronts, backs)) < LEAST_SHUT * FACES / 10:
+            return None  # most of it is open on both sides
+        if sum(fronts) < LEAST_SHUT * FACES / 10:
             continue  # most things are open
         shut = [face for face in faces if is_shut_off(*face)]
         is_inside_out = sum(not is_shut_off(at, -normal) for at, normal in shut) > INSIDE_OUT * FACES

@@ -163,13 +163,10 @@ def test_a_view_of_a_room_is_of_many_things_however_low_not_of_a_round_one_close
 def test_a_solid_thing_and_a_dome_are_no_rooms(startup):
     """Nor is a cart, whose wheels reach into it. A house of one mesh is one, whichever way its walls face."""
     bpy.data.objects.remove(bpy.data.objects["Cube"])
-    bpy.ops.mesh.primitive_uv_sphere_add(radius=2)
-    ball = bpy.context.object
-    assert not room_view(startup, [ball])
-    bpy.ops.mesh.primitive_uv_sphere_add(radius=200)
-    assert not room_view(startup, [ball])
-    bpy.ops.object.delete()
-    bpy.data.objects.remove(ball)
+    for radius in (2, 200):
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=radius)
+        assert not room_view(startup, [bpy.context.object])
+        bpy.ops.object.delete()
     parts = [add_box((0, 0, 1), (1, 0.5, 0.5))]
     for x, y in ((-0.7, -0.5), (-0.7, 0.5), (0.7, -0.5), (0.7, 0.5)):
         bpy.ops.mesh.primitive_cylinder_add(location=(x, y, 0.4), radius=0.35, depth=0.2, rotation=(np.pi / 2, 0, 0))
@@ -211,7 +208,7 @@ def test_a_box_around_all_is_a_sky_that_is_left_out_unless_a_camera_was_aimed_in
 
 def test_a_globe_is_no_room_and_a_thin_tail_does_not_make_a_ring_small(startup):
     things = [bpy.data.objects["Cube"]]
-    for metres in (100, 1):
+    for metres in (100, 10, 1):
         bpy.data.batch_remove(things)
         bpy.ops.mesh.primitive_uv_sphere_add(radius=1.2 * metres)
         bpy.context.object.modifiers.new("Glass", "SOLIDIFY").thickness = 0.1 * metres
