@@ -97,8 +97,8 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
         return
     for node in nodes_of(scene.world.node_tree if scene.world else None):
         if node.type == "TEX_ENVIRONMENT" and node.image and not all(map(Path.is_file, image_paths(node.image))):
-            yield _problem("dark", scene.name, f"The world's image {node.image.name} is missing: what it lights would "
-                           "be pink. Images only are lit.")
+            yield _problem("dark", scene.name, f"The world's image {node.image.name} is missing: gray light would come "
+                           "from all sides. Images only are lit.")
             return
     lamps = [item for item in scene.objects if item.type == "LIGHT" and not item.hide_render]
     is_imported = bool(reason) or startup_cube(scene) is not None  # which the lamp of the new file was not to light

@@ -415,10 +415,7 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
         return len(list(itertools.islice(escaping, most + 1))) <= most
     inner = list[list[Face]]()
     for faces in _faces(rays, items):
-        fronts, backs = ([is_shut_off(at, side * normal) for at, normal in faces[::10]] for side in (1, -1))
-        if sum(map(max, fronts, backs)) < LEAST_SHUT * FACES / 10:
-            return None  # most of it is open on both sides
-        if sum(fronts) < LEAST_SHUT * FACES / 10:
+        if sum(is_shut_off(*face) for face in faces[::10]) < LEAST_SHUT * FACES / 10:
             continue  # most things are open
         shut = [face for face in faces if is_shut_off(*face)]
         is_inside_out = sum(not is_shut_off(at, -normal) for at, normal in shut) > INSIDE_OUT * FACES
