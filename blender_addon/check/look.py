@@ -88,8 +88,9 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
 def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, subject: set[bpy.types.Object],
            main: list[bpy.types.Object]) -> Iterator[Problem]:
     is_new, rays = _is_unaimed(scene), Rays(scene)  # where nobody has aimed the camera, nobody has placed lamps
-    if reason := _out_of_frame(scene, rays, placed, main):
-        is_new, placed = True, edit.in_front(scene, display, set(main))
+    reason, best = _out_of_frame(scene, rays, placed, display, main)
+    if reason:
+        is_new, placed = True, best or edit.in_front(scene, display, set(main))
         yield _problem("frame", main[0].name if main else scene.name, reason, placed)
     if depths := depths_of(scene, placed, main):
         yield from _deep(scene, placed, display, *depths)
@@ -203,10 +204,12 @@ def depths_of(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.type
     return tuple(map(float, np.percentile(depths, (2, 98)))) if len(depths) else ()
 
 
-def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, main: list[bpy.types.Object]) -> str:
-    """Why the picture does not show the main objects as it should, "" if it does."""
+def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, display: DisplayProfile,
+                  main: list[bpy.types.Object]) -> tuple[str, rig.Placement | None]:
+    """Why the picture does not show the main objects as it should, "" if it does; and a better place if one is known.
+    """
     if not (boxes := edit.boxes_now(set(main))):
-        return ""
+        return "", None
     array, eye = placed[0], mathutils.Matrix(placed[1])
     hits, shown = edit.through(rays, placed), with_instanced(set(main))
     seen = [hit for hit in hits if hit is not None and hit[2] in shown]
@@ -216,27 +219,32 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, mai
     low, high = points.min(0), points.max(0)
     size = float(np.linalg.norm(high - low))
     name = main[0].name if len(main) == 1 else f"{main[0].name} with {counted(len(main) - 1, 'other object')}"
+
+    def is_in_box(place: rig.Placement) -> bool:
+        at = np.array(place[1])[:3, 3]
+        return bool((at > low).all() and (at < high).all())
     inner = [hit for hit in hits if hit is not None and not hit[1]]
-    is_in_box = bool((np.array(eye.translation) > low).all() and (np.array(eye.translation) < high).all())
-    if len(inner) > len(hits) / 2 and is_in_box and np.median(
-            [(hit[0] - eye.translation).length for hit in inner]) < (0.5 if is_unaimed else CLOSE) * size and not (
-            edit.view_of_room(rays, main, low, high)):
-        return f"The array stands inside {inner[0][2].name}."
+    if len(inner) > len(hits) / 2 and is_in_box(placed) and np.median(
+            [(hit[0] - eye.translation).length for hit in inner]) < (0.5 if is_unaimed else CLOSE) * size:
+        best = edit.in_front(scene, display, set(main))
+        if not is_in_box(best):
+            return f"The array stands inside {inner[0][2].name}.", best
     if not seen:
-        return f"The array sees nothing of {name}." if is_unaimed or hits.count(None) > len(hits) / 2 else ""
+        return f"The array sees nothing of {name}." if is_unaimed or hits.count(None) > len(hits) / 2 else "", None
     if share < (SMALL if is_unaimed else TINY):
         part = f"{share:.0%}" if share >= 0.01 else "less than 1%"
-        return f"{name} fills {part} of the picture." + (f" {UNAIMED}." if is_unaimed else "")
+        return f"{name} fills {part} of the picture." + (f" {UNAIMED}." if is_unaimed else ""), None
     if is_unaimed:
         toward = np.array(eye.inverted())
         local = points @ toward[:3, :3].T + toward[:3, 3]
         half = np.array([array.half_width, array.half_height]) / array.distance
         inside = (local[:, 2] > 0) & (np.abs(local[:, :2]) < half * local[:, 2:]).all(1)
-        if not is_in_box and edit.view_of_room(rays, main, low, high) is not None:
-            return f"The array stands outside a room. {UNAIMED}."
+        best = edit.in_front(scene, display, set(main))
+        if not is_in_box(placed) and is_in_box(best):
+            return f"The array stands outside a room. {UNAIMED}.", best
         if not inside.all():
-            return f"{1 - inside.mean():.0%} of {name} lies outside the frame. {UNAIMED}."
-    return ""
+            return f"{1 - inside.mean():.0%} of {name} lies outside the frame. {UNAIMED}.", best
+    return "", None
 
 
 def disparity(array: CameraArray, lenses: tuple[int, int], near: float, far: float,
@@ -306,7 +314,7 @@ def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
         hit = rays.cast(eye.translation, way) if len(arriving) < LIT else None
         if hit is None:
             continue
-        place, normal, item = hit
+        place, normal, item, _ = hit
         normal = -normal if normal.dot(way) > 0 else normal
         start = place + normal * 1e-3 * (place - eye.translation).length
         scattered, reflected = _reflected(item)

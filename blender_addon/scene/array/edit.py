@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 
 import bpy
 import mathutils
@@ -145,6 +145,7 @@ def _new_plane(array: bpy.types.Object) -> bpy.types.Object:
 
 
 APART, ENCLOSING = 4.0, 20.0  # times the size of all others, from which an object lies far away, or is a dome
+FREE, FLOOR = 1.0, 0.02  # times that size, away from which walls are a stage's; of their height, at which they stand
 FLAT, WIDE = 0.05, 4.0  # thickness of a floor as a fraction of its length; its area, as a multiple of what is on it
 MOST_SURROUNDINGS = 6
 # Of a sky: least metres across; parts of its size by which the rest hangs and may stick out; part of its box it fills.
@@ -199,8 +200,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
     rays, shown = Rays(scene, sky), with_instanced(set(chosen))
     low, high = points.min(0), points.max(0)
-    if (view := view_of_room(rays, chosen, low, high)) is not None:
-        return placement.array_of_view(scene, profile, subject, view)
+    most, eyes, view = 0, list[mathutils.Vector](), view_inside(rays, low, high)
     if len(chosen) <= FEW_OBJECTS:  # the boxes of others are small enough
         frames = placement.sample_frames(scene) if boxes is moved else (scene.frame_current,)
         points = np.concatenate([found[::len(found) // MOST_POINTS + 1] for _ in frames
@@ -223,13 +223,23 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
                 toward, half = np.linalg.inv(placed[1]), (placed[0].half_width, placed[0].half_height)
                 local = fitted @ toward[:3, :3].T + toward[:3, 3]
                 part = np.minimum(np.abs(local[:, :2] / local[:, 2:]).max(0) * placed[0].distance / half, 1)
-            seen = [hit[2] for hit in through(rays, placed, *probes, part) if hit is not None and hit[2] in shown]
+            hits = [hit for hit in through(rays, placed, *probes, part) if hit is not None]
+            most = max(most, len({hit[3] for hit in hits}))
+            eyes.append(mathutils.Vector(row[3] for row in placed[1][:3]))
+            seen = [hit[2] for hit in hits if hit[2] in shown]
             counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide
             share = len(seen) / math.prod(probes) * part.prod()
             choices.append((counts * share * len(set(seen))**0.5, share, placed))
         _, share, best = max(choices, key=lambda each: each[0])
         if share > least:
             break
+    if view is not None:
+        inside = placement.array_of_view(scene, profile, subject, view)
+        fronts = [hit for hit in through(rays, inside, *probes) if hit and hit[1]]
+        # A room that lacks a wall is looked into.
+        if len({hit[3] for hit in fronts}) >= ROOM * most and sum(is_hidden(rays, hit[0], eyes) for hit in fronts) > (
+                HIDDEN * len(fronts)):
+            return inside
     return best
 
 
@@ -294,7 +304,11 @@ def _surroundings(boxes: Array) -> list[int]:
         is_ceiling = is_thin[:, 2] & (around[:, 0, 2] >= high[2])  # a room is looked at from inside
         is_floor = (sides.min(1) < FLAT * sides.max(1)) & (area > WIDE * covered) & ~is_ceiling
         gaps = np.maximum(np.maximum(around[:, 0] - high, low - around[:, 1]), 0)
-        if ((is_floor | (size > ENCLOSING * _diagonal(low, high))) & (np.linalg.norm(gaps, axis=-1) < size)).all():
+        free = np.minimum(low - around[:, 0], around[:, 1] - high)
+        is_stage = (free[:, :2].min(1) > FREE * _diagonal(low, high)) & (around[:, 1, 2] > high[2]) & (
+            np.abs(low - around[:, 0])[:, 2] < FLOOR * sides[:, 2])
+        is_around = is_floor | is_stage | (size > ENCLOSING * _diagonal(low, high))
+        if (is_around & (np.linalg.norm(gaps, axis=-1) < size)).all():
             return largest[:count]
     return []
 
@@ -335,16 +349,15 @@ VIEW_ACROSS, VIEW_DOWN = 7, 3  # rays of a view
 LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the hull of a small thing
 AROUND_AXIS, ROUND = 24, 0.97  # rays to the axis of what is round, and their least cosine to its walls
 ENCLOSED = 0.95  # least fraction of the rays that hit, from what is closed on all sides
-FACES, BLOCKED = 200, 0.85  # faces that tell a room; the fraction of the rays from a face in it that must hit
-ROOM = 0.5  # faces seen from inside alone, at least, to each face that is open to the outside
-LEAST_SHUT = 0.2  # of every tenth face, below which the others are not looked at
-INSIDE_OUT = 0.5  # least fraction of the faces whose backs alone are open, of a solid thing whose faces point inwards
+SURROUNDED = 0.7  # least fraction of them in a room, which may lack a wall
+# Times as many things are seen inside a room as from anywhere outside; fraction of its picture that is not seen there.
+ROOM, HIDDEN = 1.25, 0.5
 LEAST_DEPTH = 0.1  # of a view inside a room, as a fraction of its diagonal
 NEAR = 0.15  # of the median depth of a view, at which nothing may stand in its way
 AROUND = [mathutils.Vector(way).normalized() for way in itertools.product((-1, 0, 1), repeat=3) if any(way)]
 
-Face = tuple[mathutils.Vector, mathutils.Vector]  # place and normal
-Hit = tuple[mathutils.Vector, bool, bpy.types.Object]  # place, whether the front of a surface is hit, what is hit
+Thing = tuple[bpy.types.Object, int]  # object, number of its material (``Rays.thing``)
+Hit = tuple[mathutils.Vector, bool, bpy.types.Object, Thing]  # place, whether the front of a surface is hit, of what
 
 
 def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = PROBES[1],
@@ -355,39 +368,19 @@ def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = 
     ways = [eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))
             for x in np.linspace(-part[0], part[0], across) for y in np.linspace(-part[1], part[1], down)]
     hits = (rays.cast(eye.translation, way) for way in ways)
-    return [(hit[0], hit[1].dot(way) < 0, hit[2]) if hit else None for hit, way in zip(hits, ways, strict=True)]
+    return [(hit[0], hit[1].dot(way) < 0, hit[2], rays.thing(hit)) if hit else None
+            for hit, way in zip(hits, ways, strict=True)]
+
+
+def is_hidden(rays: Rays, place: mathutils.Vector, eyes: Collection[mathutils.Vector]) -> bool:
+    """Return True if a ``place`` on a surface is seen from none of the ``eyes``."""
+    first = ((rays.cast(eye, place - eye), 1e-3 * (place - eye).length) for eye in eyes)
+    return not any(hit is not None and (hit[0] - place).length < near for hit, near in first)
 
 
 def is_inside(rays: Rays, place: mathutils.Vector) -> bool:
     """Return True if ``place`` is closed on all sides: no light of a world arrives there."""
     return sum(rays.cast(place, way) is not None for way in AROUND) >= ENCLOSED * len(AROUND)
-
-
-def _faces(rays: Rays, items: Collection[bpy.types.Object]) -> list[list[Face]]:
-    """Middle and normal, in the world, of FACES polygons of ``items``, spread evenly over their number, and area."""
-    shown, areas, own, faces = with_instanced(set(items)), list[Array](), dict[int, Array](), dict[int, Face]()
-
-    def meshes() -> Iterator[tuple[bpy.types.Mesh, mathutils.Matrix]]:
-        for instance in rays.depsgraph.object_instances:  # which holds no instance for longer than its turn
-            if instance.object.type == "MESH" and instance.object.original in shown:
-                yield instance.object.data, instance.matrix_world
-    for mesh, matrix in meshes():
-        if (key := mesh.as_pointer()) not in own:  # many objects may share a mesh
-            own[key] = np.empty(len(mesh.polygons), np.float32)
-            mesh.polygons.foreach_get("area", own[key])
-        areas.append(own[key] * abs(matrix.determinant())**(2 / 3))
-    if not areas or not (every := np.concatenate(areas)).any():
-        return []
-    sums, parts = np.cumsum(every, dtype=float), (np.arange(FACES) + 0.5) / FACES
-    chosen = [np.ceil(parts * len(every)).astype(int) - 1, np.searchsorted(sums, parts * sums[-1])]
-    start, numbers = 0, np.unique(chosen)
-    for mesh, matrix in meshes():
-        turn, end = matrix.to_3x3().inverted_safe().transposed(), start + len(mesh.polygons)
-        for number in numbers[slice(*np.searchsorted(numbers, (start, end)))]:
-            polygon = mesh.polygons[int(number) - start]
-            faces[number] = matrix @ polygon.center, (turn @ polygon.normal).normalized()
-        start = end
-    return [[faces[number] for number in numbers] for numbers in chosen]
 
 
 def _is_round(rays: Rays, low: Array, high: Array) -> bool:
@@ -399,29 +392,13 @@ def _is_round(rays: Rays, low: Array, high: Array) -> bool:
                for hit, way in zip(hits, ways, strict=True)) > ENCLOSED * AROUND_AXIS
 
 
-def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, high: Array) -> View | None:
-    """Return the longest free view inside ``items`` in a box of world corners ``low``, ``high`` (3,); None if no room.
+def view_inside(rays: Rays, low: Array, high: Array) -> View | None:
+    """Return the view of most things from a place in a box of world corners (3,) that is closed on most sides, if any.
 
-    Of a room, many faces or much of their area is seen from inside alone, shut off from the outside.
+    In what is smaller than a cupboard, or round, there is none.
     """
     size, reach, metre = high - low, float(np.linalg.norm(high - low)), 1 / rays.scene.unit_settings.scale_length
     if size.min() < LEAST_ROOM * metre or _is_round(rays, low, high):
-        return None
-
-    def is_shut_off(at: mathutils.Vector, side: mathutils.Vector) -> bool:
-        ways = [way for way in AROUND if way.dot(side) > 0.2]
-        escaping = (way for way in ways if rays.cast(at + side * 1e-4 * reach, way, reach) is None)
-        most = int((1 - BLOCKED) * len(ways))
-        return len(list(itertools.islice(escaping, most + 1))) <= most
-    inner = list[list[Face]]()
-    for faces in _faces(rays, items):
-        if sum(is_shut_off(*face) for face in faces[::10]) < LEAST_SHUT * FACES / 10:
-            continue  # most things are open
-        shut = [face for face in faces if is_shut_off(*face)]
-        is_inside_out = sum(not is_shut_off(at, -normal) for at, normal in shut) > INSIDE_OUT * FACES
-        if len(shut) > ROOM * (FACES - len(shut)) and not is_inside_out:
-            inner.append(shut)
-    if not inner:
         return None
     places, down = list[mathutils.Vector](), mathutils.Vector((0, 0, -1))
     for x, y in itertools.product(np.linspace(MARGIN, 1 - MARGIN, FEWER_PLACES if rays.items else GRID), repeat=2):
@@ -429,7 +406,9 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
         floor = rays.cast(places[-1], down)
         if floor is not None and places[-1].z - floor[0].z > EYE_HEIGHT * metre:
             places.append(floor[0] - EYE_HEIGHT * metre * down)
-    free, best, most = list[mathutils.Vector](), None, 0.0
+    places = [place for place in places if sum(map(bool, (rays.cast(place, way) for way in AROUND)))
+              >= SURROUNDED * len(AROUND)]
+    best, most = None, 0.0
     for place, step, pitch in itertools.product(places, range(YAWS), PITCHES):
         turn = mathutils.Euler((math.radians(90 + pitch), 0, math.tau * step / YAWS)).to_matrix()
         ways = [turn @ mathutils.Vector((x, y, -1)) for x in np.linspace(-HALF_WIDTH, HALF_WIDTH, VIEW_ACROSS)
@@ -437,24 +416,14 @@ def view_of_room(rays: Rays, items: Collection[bpy.types.Object], low: Array, hi
         hits = [hit for hit in itertools.takewhile(bool, (rays.cast(place, way) for way in ways)) if hit]
         if len(hits) < len(ways):
             continue  # it looks out of a window or a hole
-        nearest, middle = np.percentile([(at - place).length for at, _, _ in hits], (5, 50))
+        nearest, middle = np.percentile([(hit[0] - place).length for hit in hits], (5, 50))
         if nearest <= NEAR * middle or middle < LEAST_DEPTH * reach:
             continue
-        # A long view of many things, not of a wall, nor of the backs of surfaces, nor of one round thing close by.
+        # A long view of many things, not of a wall, nor of the backs of surfaces.
         fronts = 1 + sum(hit[1].dot(way) < 0 for hit, way in zip(hits, ways, strict=True))
-        worth = fronts * (nearest * middle)**0.25 * len({(item, tuple(map(round, normal))) for _, normal, item in hits})
-        if place not in free:
-            free.append(place)
+        worth = fronts * (nearest * middle)**0.25 * len(set(map(rays.thing, hits)))
         if worth > most:
             matrix = turn.to_4x4()
             matrix.translation = place
             best, most = View(matrix, HALF_WIDTH, float(middle), (0.0, MOST_REACH), True), float(worth)
-    if best is None:
-        return None
-
-    def is_seen(at: mathutils.Vector, normal: mathutils.Vector) -> bool:
-        before = at + normal * 1e-4 * reach
-        return any(normal.dot(before - place) < 0 and rays.cast(before, place - before, (place - before).length) is None
-                   for place in free)
-    is_room = any(sum(is_seen(*face) for face in faces) > ROOM * (FACES - len(faces)) for faces in inner)
-    return best if is_room else None
+    return best

@@ -39,7 +39,7 @@ TINY = 1e-30  # in place of 0 where a ray is parallel to the sides of boxes
 FEW = 100  # objects up to which Blender's own search, which asks each of them, is the fastest
 MOST_REACH = 1e30  # far enough; of the longest rays that Blender knows some meet scaled objects that they miss
 
-Hit = tuple[mathutils.Vector, mathutils.Vector, bpy.types.Object]  # place, normal of the surface, what is hit
+Hit = tuple[mathutils.Vector, mathutils.Vector, bpy.types.Object, int]  # place, normal of the surface, object, face
 
 
 class Rays:
@@ -70,8 +70,8 @@ class Rays:
     def cast(self, start: mathutils.Vector, way: mathutils.Vector, reach: float = MOST_REACH) -> Hit | None:
         """Return what a ray meets first within ``reach``; hair and volumes let it pass."""
         if not self.items:
-            found, place, normal, _, item, _ = self.scene.ray_cast(self.depsgraph, start, way, distance=reach)
-            return (place, normal, item.original) if found else None
+            found, place, normal, face, item, _ = self.scene.ray_cast(self.depsgraph, start, way, distance=reach)
+            return (place, normal, item.original, face) if found else None
         way = way.normalized()
         # First the spheres around all boxes, then the few boxes that are left.
         place, slopes = np.array(start)[:, None], np.array([[part or TINY] for part in way])
@@ -87,13 +87,19 @@ class Rays:
             item, matrix = self.items[near[index]]
             with suppress(RuntimeError, ValueError):  # it has no mesh of its own, or no size
                 inverse = matrix.inverted()
-                found, at, normal, _ = item.evaluated_get(self.depsgraph).ray_cast(
+                found, at, normal, face = item.evaluated_get(self.depsgraph).ray_cast(
                     inverse @ start, inverse.to_3x3() @ way)
                 at = matrix @ at
                 if found and (at - start).length <= nearest:
                     nearest = (at - start).length
-                    best = at, (inverse.to_3x3().transposed() @ normal).normalized(), item
+                    best = at, (inverse.to_3x3().transposed() @ normal).normalized(), item, face
         return best
+
+    def thing(self, hit: Hit) -> tuple[bpy.types.Object, int]:
+        """Return the object that is hit and the number of its material there: one mesh may hold a whole house."""
+        mesh = hit[2].evaluated_get(self.depsgraph).data
+        is_known = isinstance(mesh, bpy.types.Mesh) and 0 <= hit[3] < len(mesh.polygons)
+        return hit[2], mesh.polygons[hit[3]].material_index if is_known else 0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 import re
 
+import bmesh
 import bpy
 import mathutils
 import numpy as np
@@ -108,11 +109,11 @@ def test_what_is_rendered_is_looked_at_whatever_the_viewport_hides(startup):
 
 
 def make_room(scene, lamp: bool) -> None:
-    """Walls around 5 × 7 × 2.7 m, with a table, beside the new file's camera."""
+    """Walls around 5 × 7 × 2.7 m, with a table and a bench, beside the new file's camera."""
     items = [add_box(*place) for place in (
         ((0, 0, -0.1), (2.5, 3.5, 0.1)), ((0, 0, 2.8), (2.5, 3.5, 0.1)), ((-2.6, 0, 1.35), (0.1, 3.5, 1.6)),
         ((2.6, 0, 1.35), (0.1, 3.5, 1.6)), ((0, -3.6, 1.35), (2.7, 0.1, 1.6)), ((0, 3.6, 1.35), (2.7, 0.1, 1.6)),
-        ((0, 1, 0.7), (0.7, 0.4, 0.03)))]
+        ((0, 1, 0.7), (0.7, 0.4, 0.03)), ((1.5, 1, 0.2), (0.3, 1.5, 0.2)))]
     for item in items:
         item.select_set(True)
     if lamp:
@@ -136,56 +137,85 @@ def test_of_a_room_the_inside_is_seen(startup, lamp, glow):
     assert np.median(depths) > 2.5, "the longest view"
 
 
-def room_view(scene, items):
+def place_in_room(scene, items):
+    """World matrix of a new array for ``items``, if it stands in their box."""
+    bpy.context.view_layer.update()
     points = np.concatenate(list(edit.boxes_now(set(items)).values()))
-    return edit.view_of_room(Rays(scene), items, points.min(0), points.max(0))
+    matrix = np.array(edit.in_front(scene, scene_settings.display_of(scene), set(items))[1])
+    is_in_box = (matrix[:3, 3] > points.min(0)).all() and (matrix[:3, 3] < points.max(0)).all()
+    return matrix if is_in_box else None
 
 
 def test_in_a_hall_the_array_stands_at_the_height_of_eyes(startup):
     poles = [add_box((x, y, 1.2), (0.2, 0.2, 1.2)) for x in range(-10, 11, 4) for y in range(-10, 11, 4)]
     hall = add_box((0, 0, 3), (12, 12, 3))
-    assert room_view(startup, [hall, *poles]).matrix.translation.z == pytest.approx(edit.EYE_HEIGHT, abs=0.1)
+    assert place_in_room(startup, [hall, *poles])[2, 3] == pytest.approx(edit.EYE_HEIGHT, abs=0.1)
 
 
 def test_a_view_of_a_room_is_of_many_things_however_low_not_of_a_round_one_close_by(startup):
     hall = [add_box((x, y, 0.3), (0.4, 0.4, 0.3)) for x in range(-10, 11, 2) for y in range(-10, 11, 2)]
     hall.append(add_box((0, 0, 8), (12, 12, 8)))
-    view = room_view(startup, hall)
-    assert view.matrix.col[2].z > 0.5 and abs(view.matrix.translation.x) in (0, pytest.approx(8.4)), "few places"
+    matrix = place_in_room(startup, hall)
+    assert matrix[2, 2] < -0.5 and abs(matrix[0, 3]) in (0, pytest.approx(8.4)), "few places"
     bpy.data.batch_remove(hall)
     things = [add_box((0, 0, 3.75), (7.5, 7.5, 3.75)), *(add_box((x, 4, 2), (0.5, 0.5, 2)) for x in (-4, -1, 2, 5))]
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     bpy.ops.mesh.primitive_uv_sphere_add(location=(0, 0, 3.75))
-    view = room_view(startup, [*things, bpy.context.object])
-    assert (view.matrix.translation - bpy.context.object.location).length > 5
+    ball = bpy.context.object
+    assert np.linalg.norm(place_in_room(startup, [*things, ball])[:3, 3] - ball.location) > 5
 
 
 def test_a_solid_thing_and_a_dome_are_no_rooms(startup):
-    """Nor is a cart, whose wheels reach into it. A house of one mesh is one, whichever way its walls face."""
+    """Nor is a cart, whose wheels reach into it."""
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     for radius in (2, 200):
         bpy.ops.mesh.primitive_uv_sphere_add(radius=radius)
-        assert not room_view(startup, [bpy.context.object])
+        assert place_in_room(startup, [bpy.context.object]) is None
         bpy.ops.object.delete()
     parts = [add_box((0, 0, 1), (1, 0.5, 0.5))]
     for x, y in ((-0.7, -0.5), (-0.7, 0.5), (0.7, -0.5), (0.7, 0.5)):
         bpy.ops.mesh.primitive_cylinder_add(location=(x, y, 0.4), radius=0.35, depth=0.2, rotation=(np.pi / 2, 0, 0))
         parts.append(bpy.context.object)
-    assert not room_view(startup, parts)
-    bpy.data.batch_remove(parts)
-    bpy.ops.mesh.primitive_monkey_add(location=(0, 1, -0.6))
-    bpy.ops.mesh.primitive_cube_add(size=2, scale=(3, 4, 1.4))
-    startup.objects["Suzanne"].select_set(True)
-    bpy.ops.object.join()
-    assert room_view(startup, [bpy.context.object])
+    assert place_in_room(startup, parts) is None
+
+
+@pytest.mark.parametrize("is_one_mesh", [False, True])
+def test_a_room_shows_more_inside_than_outside_unless_a_wall_is_missing(startup, is_one_mesh):
+    """However its walls face, and if it is one mesh of several materials; nobody stands in a small box."""
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    walls = add_box((0, 0, 1.4), (3, 4, 1.4))
+    items = [walls, *(add_box(*box) for box in (((0, 3, 0.5), (1, 0.5, 0.5)), ((-2, 0, 0.4), (0.5, 0.5, 0.4)),
+                                                ((2, 2, 0.7), (0.5, 0.5, 0.7))))]
+    for item in items:
+        item.data.materials.append(bpy.data.materials.new(item.name))
+    if is_one_mesh:
+        with bpy.context.temp_override(active_object=walls, selected_editable_objects=items):
+            bpy.ops.object.join()
+        items = [walls]
+    assert place_in_room(startup, items) is not None
+    if not is_one_mesh:
+        walls.data.flip_normals()
+        assert place_in_room(startup, items) is not None
     startup.unit_settings.scale_length = 0.1
-    assert not room_view(startup, [bpy.context.object]), "nobody stands in so small a box"
+    assert place_in_room(startup, items) is None
     startup.unit_settings.scale_length = 1.0
-    bpy.ops.object.mode_set(mode="EDIT")
-    bpy.ops.mesh.select_all(action="SELECT")
-    bpy.ops.mesh.flip_normals()
-    bpy.ops.object.mode_set(mode="OBJECT")
-    assert room_view(startup, [bpy.context.object])
+    shape = bmesh.new()
+    shape.from_mesh(walls.data)
+    shape.faces.ensure_lookup_table()
+    bmesh.ops.delete(shape, geom=[face for face in shape.faces if face.calc_center_median().y < -0.99],
+                     context="FACES_ONLY")
+    shape.to_mesh(walls.data)
+    assert place_in_room(startup, items) is None, "it is looked into"
+
+
+def test_a_stage_does_not_hide_what_stands_on_it(startup):
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    car = add_box((0, 0, 0.5), (2, 1, 0.5))
+    bpy.ops.mesh.primitive_cylinder_add(radius=12, depth=8, location=(0, 0, 4), end_fill_type="NOTHING")
+    wall = bpy.context.object
+    edit.put(edit.add(startup, scene_settings.display_of(startup)), edit.in_front(
+        startup, scene_settings.display_of(startup), {car, wall}))
+    assert share_of(startup, car) > 0.1
 
 
 @pytest.mark.parametrize("camera", ["none", "new", "aimed"])
@@ -213,7 +243,7 @@ def test_a_globe_is_no_room_and_a_thin_tail_does_not_make_a_ring_small(startup):
         bpy.ops.mesh.primitive_uv_sphere_add(radius=1.2 * metres)
         bpy.context.object.modifiers.new("Glass", "SOLIDIFY").thickness = 0.1 * metres
         things = [bpy.context.object, add_box((0, 0, -0.5 * metres), (0.5 * metres, 0.5 * metres, 0.2 * metres))]
-        assert not room_view(startup, things)
+        assert place_in_room(startup, things) is None
     bpy.ops.mesh.primitive_torus_add(location=(400, 0, 0))
     ring, tail = bpy.context.object, add_box((400, 0, -90), (0.01, 0.01, 90))
     ring.select_set(True)

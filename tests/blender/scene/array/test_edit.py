@@ -127,6 +127,7 @@ def test_floors_and_what_lies_far_away_are_not_the_main_part():
     assert chosen(FLOOR, THING, BACKDROP, NEIGHBOUR) == ["1", "3"]
     assert chosen(BUILDING, STRAY) == ["0"]
     assert chosen(BUILDING, box_at((0, 0, 1), (1, 1, 2))) == ["0", "1"], "a part of it"
+    assert chosen(BUILDING, box_at((0, 0, 0), (1, 1, 2))) == ["1"], "walls around a stage"
     assert chosen(STRAY, THING, FLOOR, NEIGHBOUR) == ["1", "3"]
     near, behind = box_at((-4, -4, -0.1), (4, 4, 0)), box_at((-4, 3, 0), (4, 3.2, 4))
     assert chosen(THING, near, behind) == ["0"], "a stage"
