@@ -226,7 +226,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             hits = [hit for hit in through(rays, placed, *probes, part) if hit is not None]
             most = max(most, len({hit[3] for hit in hits}))
             eyes.append(mathutils.Vector(row[3] for row in placed[1][:3]))
-            seen = [hit[2] for hit in hits if hit[2] in shown]
+            seen = [hit[3] for hit in hits if hit[2] in shown]
             counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide
             share = len(seen) / math.prod(probes) * part.prod()
             choices.append((counts * share * len(set(seen))**0.5, share, placed))
