@@ -236,9 +236,8 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     if view is not None:
         inside = placement.array_of_view(scene, profile, subject, view)
         fronts = [hit for hit in through(rays, inside, *probes) if hit and hit[1]]
-        # A room that lacks a wall is looked into.
-        if len({hit[3] for hit in fronts}) >= ROOM * most and sum(is_hidden(rays, hit[0], eyes) for hit in fronts) > (
-                HIDDEN * len(fronts)):
+        if fronts and len({hit[3] for hit in fronts}) >= ROOM * most and all(
+                _seen_from(rays, eye, [hit[0] for hit in fronts]) < OPEN for eye in eyes):
             return inside
     return best
 
@@ -350,8 +349,7 @@ LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the
 AROUND_AXIS, ROUND = 24, 0.97  # rays to the axis of what is round, and their least cosine to its walls
 ENCLOSED = 0.95  # least fraction of the rays that hit, from what is closed on all sides
 SURROUNDED = 0.7  # least fraction of them in a room, which may lack a wall
-# Times as many things are seen inside a room as from anywhere outside; fraction of its picture that is not seen there.
-ROOM, HIDDEN = 1.25, 0.5
+ROOM, OPEN = 1.25, 0.5  # times as many things as from outside are seen in a room; of them, what lacks a wall shows
 LEAST_DEPTH = 0.1  # of a view inside a room, as a fraction of its diagonal
 NEAR = 0.15  # of the median depth of a view, at which nothing may stand in its way
 AROUND = [mathutils.Vector(way).normalized() for way in itertools.product((-1, 0, 1), repeat=3) if any(way)]
@@ -372,10 +370,11 @@ def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = 
             for hit, way in zip(hits, ways, strict=True)]
 
 
-def is_hidden(rays: Rays, place: mathutils.Vector, eyes: Collection[mathutils.Vector]) -> bool:
-    """Return True if a ``place`` on a surface is seen from none of the ``eyes``."""
-    first = ((rays.cast(eye, place - eye), 1e-3 * (place - eye).length) for eye in eyes)
-    return not any(hit is not None and (hit[0] - place).length < near for hit, near in first)
+def _seen_from(rays: Rays, eye: mathutils.Vector, places: Sequence[mathutils.Vector]) -> float:
+    """Fraction of ``places`` on surfaces that are seen from ``eye``."""
+    hits = (rays.cast(eye, place - eye) for place in places)
+    return sum(hit is not None and (hit[0] - place).length < 1e-3 * (place - eye).length
+               for hit, place in zip(hits, places, strict=True)) / len(places)
 
 
 def is_inside(rays: Rays, place: mathutils.Vector) -> bool:
