@@ -87,6 +87,9 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, subject: set[bpy.types.Object],
            main: list[bpy.types.Object]) -> Iterator[Problem]:
+    if not edit.boxes_now(subject):
+        yield _problem("nothing", scene.name, f"Nothing is there in frame {scene.frame_current}: choose another frame.")
+        return
     is_new, rays = _is_unaimed(scene), Rays(scene)  # where nobody has aimed the camera, nobody has placed lamps
     reason, best = _out_of_frame(scene, rays, placed, display, main)
     if reason:

@@ -81,6 +81,15 @@ def test_materials_that_do_not_show_are_named(scene):
     fix(scene, "script")
 
 
+def test_a_simulation_without_a_cache_is_named(scene, tmp_path):
+    (fluid := bpy.data.objects["Box"].modifiers.new("Fluid", "FLUID")).fluid_type = "DOMAIN"
+    fluid.domain_settings.cache_directory = str(tmp_path)
+    assert found(scene, "simulation") in to_ask(scene)
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "fluid_data_0001.vdb").touch()
+    assert found(scene, "simulation") is None
+
+
 def switch_on(switch):
     def spoil(scene):
         collection = bpy.data.collections.new("Set")
@@ -219,8 +228,7 @@ def test_objects_out_of_sight_are_no_problem_and_walls_become_background_by_one_
     bpy.context.view_layer.update()
     last.check(scene)
     assert rows()["background"].count == 2
-    assert bpy.ops.lfsr.check_fix(code="background", target="") == {"FINISHED"}
-    assert "background" not in rows()
+    assert bpy.ops.lfsr.check_fix(code="background", target="") == {"FINISHED"} and "background" not in rows()
     assert sorted(item.name for item in bpy.data.collections["Background"].objects) == ["Floor", "Wall"]
 
 

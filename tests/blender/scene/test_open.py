@@ -31,8 +31,7 @@ BAD_ACCESSOR = """{"asset": {"version": "2.0"}, "meshes": [{"primitives": [{"att
 def test_every_format_puts_the_box_where_it_was(tmp_path, suffix):
     scene = open_scene(save_box(tmp_path / f"scene{suffix}", tuple(CENTRE), tuple(HALF)))
     low, high = placement.bounds(find_subject(scene))
-    assert low == pytest.approx(CENTRE - HALF, abs=1e-5)
-    assert high == pytest.approx(CENTRE + HALF, abs=1e-5)
+    assert low == pytest.approx(CENTRE - HALF, abs=1e-5) and high == pytest.approx(CENTRE + HALF, abs=1e-5)
 
 
 @pytest.mark.parametrize("suffix", [".blend", ".glb", ".gltf", ".obj"])
@@ -68,8 +67,7 @@ def test_draco_is_read_where_blender_has_its_library(tmp_path, monkeypatch, libr
     add_box(fresh_scene(), (0, 0, 0), (0.5, 0.5, 0.5))
     path = tmp_path / "scene.glb"
     bpy.ops.export_scene.gltf(filepath=str(path), export_draco_mesh_compression_enable=True)
-    assert b"KHR_draco_mesh_compression" in path.read_bytes()
-    assert find_subject(open_scene(path))
+    assert b"KHR_draco_mesh_compression" in path.read_bytes() and find_subject(open_scene(path))
     decoder = importlib.import_module("io_scene_gltf2.blender.imp.draco_compression_extension")
     monkeypatch.setattr(decoder, "dll_path", lambda: tmp_path / library)
     refuses("compressed with Draco, .*gltf-transform copy scene.glb", open_scene, path)

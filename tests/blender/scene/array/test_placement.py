@@ -314,8 +314,7 @@ def test_a_scale_that_was_asked_for_stays_samples_follow_from_the_rays_and_fixed
     assert [(frame.scale, frame.scale_reason) for frame in (frame_of(scene, scales=()),
             frame_of(scene, kind="reference"))] == [(4, None), (1, None)]
     deep = [(frame.scale, frame.samples) for frame in (frame_of(scene, rays=4.0), frame_of(scene, samples=64))]
-    assert deep == [(1, 4), (1, 64)]
-    assert frame_of(scene, samples=64).scale_reason.values["rays"] == 4
+    assert deep == [(1, 4), (1, 64)] and frame_of(scene, samples=64).scale_reason.values["rays"] == 4
 
 
 def test_a_few_frames_of_an_animation_decide_together(scene):
@@ -326,8 +325,7 @@ def test_a_few_frames_of_an_animation_decide_together(scene):
         moved.keyframe_insert("scale", frame=number)
     scene.frame_set(1)
     alone, together = frame_of(scene, rays=4.0), frame_of(scene, rays=4.0, frames=(1, 9))
-    assert together.scale < alone.scale
-    assert (scene.frame_current, together.frame) == (1, 1)
+    assert together.scale < alone.scale and (scene.frame_current, together.frame) == (1, 1)
     assert frame_of(scene, rays=4.0, frame=9, frames=(1, 9)).scale == together.scale
 
 
