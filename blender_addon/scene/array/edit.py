@@ -229,7 +229,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             seen = [hit[3] for hit in hits if hit[2] in shown]
             counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide
             share = len(seen) / math.prod(probes) * part.prod()
-            choices.append((counts * share * len(set(seen))**0.5, share, placed))
+            choices.append((counts * share * len(set(seen)), share, placed))
         _, share, best = max(choices, key=lambda each: each[0])
         if share > least:
             break
