@@ -1,4 +1,4 @@
-"""Add, fit and remove the camera array of a scene; in a room it stands where it has the longest view."""
+"""Add, fit and remove the camera array of a scene; in a closed room it stands where it sees most."""
 
 from __future__ import annotations
 
@@ -181,7 +181,7 @@ def first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placemen
 def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object]) -> Placement:
     """Return an array before the subject without its floors, from where it shows most; LfsrError if it has no size.
 
-    In a room it stands inside. Else it looks along +Y with Z up, unless much more is seen from a side or from above.
+    It looks along +Y with Z up, unless much more is seen from a side or from above, or from inside a closed room.
     """
     corners, present = dict[bpy.types.Object, list[Array]](), boxes_now(subject)
     sky = sky_around(scene, present)
@@ -218,7 +218,8 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         for ground, (tilt, above), (degrees, wide) in itertools.product(lowest, TILTS.items(), TURNS.items()):
             turn = (mathutils.Matrix.Rotation(math.radians(degrees), 3, "Z")
                     @ mathutils.Matrix.Rotation(math.radians(-tilt), 3, "X"))
-            placed, part = fit_turned(np.maximum(fitted, (-math.inf, -math.inf, ground)), profile, turn), np.ones(2)
+            above_ground = fitted if math.isinf(ground) else np.maximum(fitted, (-math.inf, -math.inf, ground))
+            placed, part = fit_turned(above_ground, profile, turn), np.ones(2)
             if all_meet:
                 toward, half = np.linalg.inv(placed[1]), (placed[0].half_width, placed[0].half_height)
                 local = fitted @ toward[:3, :3].T + toward[:3, 3]
@@ -244,8 +245,8 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
 
 def fit_turned(points: Array, profile: DisplayProfile, turn: mathutils.Matrix) -> Placement:
     """Return ``fit_array`` for world points (n, 3), turned by a rotation (3, 3)."""
-    turned = points @ np.array(turn)
-    layout, matrix = placement.fit_array(turned.min(0), turned.max(0), profile)
+    turned = np.array(turn).T @ points.T  # (3, n), of whose rows the ends are found fast
+    layout, matrix = placement.fit_array(turned.min(1), turned.max(1), profile)
     world = turn.to_4x4() @ mathutils.Matrix(matrix)
     return layout, tuple(tuple(row) for row in world)
 
@@ -377,9 +378,9 @@ def _seen_from(rays: Rays, eye: mathutils.Vector, places: Sequence[mathutils.Vec
                for hit, place in zip(hits, places, strict=True)) / len(places)
 
 
-def is_inside(rays: Rays, place: mathutils.Vector) -> bool:
-    """Return True if ``place`` is closed on all sides: no light of a world arrives there."""
-    return sum(rays.cast(place, way) is not None for way in AROUND) >= ENCLOSED * len(AROUND)
+def is_inside(rays: Rays, place: mathutils.Vector, least: float = ENCLOSED) -> bool:
+    """Return True if ``place`` is closed on all sides, where no light of a world arrives, or on this part of them."""
+    return sum(rays.cast(place, way) is not None for way in AROUND) >= least * len(AROUND)
 
 
 def _is_round(rays: Rays, low: Array, high: Array) -> bool:
@@ -405,8 +406,7 @@ def view_inside(rays: Rays, low: Array, high: Array) -> View | None:
         floor = rays.cast(places[-1], down)
         if floor is not None and places[-1].z - floor[0].z > EYE_HEIGHT * metre:
             places.append(floor[0] - EYE_HEIGHT * metre * down)
-    places = [place for place in places if sum(map(bool, (rays.cast(place, way) for way in AROUND)))
-              >= SURROUNDED * len(AROUND)]
+    places = [place for place in places if is_inside(rays, place, SURROUNDED)]
     best, most = None, 0.0
     for place, step, pitch in itertools.product(places, range(YAWS), PITCHES):
         turn = mathutils.Euler((math.radians(90 + pitch), 0, math.tau * step / YAWS)).to_matrix()

@@ -36,7 +36,7 @@ MOST_FRAMES = 24      # sampled from an animation
 PARALLEL, COVERED = 150.0, 0.9  # sizes of a frame from which its rays seem parallel; of its width, what a backdrop has
 ROOM = 1 + 1e-6  # spheres are larger than their boxes by rounding
 TINY = 1e-30  # in place of 0 where a ray is parallel to the sides of boxes
-FEW = 100  # objects up to which Blender's own search, which asks each of them, is the fastest
+FEW = 100  # objects and instances up to which Blender's own search, which asks each of them, is the fastest
 MOST_REACH = 1e30  # far enough; of the longest rays that Blender knows some meet scaled objects that they miss
 
 Hit = tuple[mathutils.Vector, mathutils.Vector, bpy.types.Object, int]  # place, normal of the surface, object, face
@@ -49,7 +49,7 @@ class Rays:
         """Note the bounding boxes of all meshes where there are more than FEW objects; ``sky`` lets all rays pass."""
         self.scene, self.depsgraph = scene, bpy.context.evaluated_depsgraph_get()
         self.items: list[tuple[bpy.types.Object, mathutils.Matrix]] = []
-        if len(scene.objects) <= FEW and sky is None:
+        if len(self.depsgraph.object_instances) <= FEW and sky is None:
             return
         boxes, shapes = [], dict[int, list[tuple[float, ...]]]()
         for instance in self.depsgraph.object_instances:
