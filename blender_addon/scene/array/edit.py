@@ -200,7 +200,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
     rays, shown = Rays(scene, sky), with_instanced(set(chosen))
     low, high = points.min(0), points.max(0)
-    most, eyes, view = 0, list[mathutils.Vector](), view_inside(rays, low, high)
+    most, view = 0, view_inside(rays, low, high)
     if len(chosen) <= FEW_OBJECTS:  # the boxes of others are small enough
         frames = placement.sample_frames(scene) if boxes is moved else (scene.frame_current,)
         points = np.concatenate([found[::len(found) // MOST_POINTS + 1] for _ in frames
@@ -226,7 +226,6 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
                 part = np.minimum(np.abs(local[:, :2] / local[:, 2:]).max(0) * placed[0].distance / half, 1)
             hits = [hit for hit in through(rays, placed, *probes, part) if hit is not None]
             most = max(most, len({hit[3] for hit in hits}))
-            eyes.append(mathutils.Vector(row[3] for row in placed[1][:3]))
             seen = [hit[3] for hit in hits if hit[2] in shown]
             counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide
             share = len(seen) / math.prod(probes) * part.prod()
@@ -236,10 +235,14 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             break
     if view is not None:
         inside = placement.array_of_view(scene, profile, subject, view)
-        fronts = [hit for hit in through(rays, inside, *probes) if hit and hit[1]]
-        if fronts and len({hit[3] for hit in fronts}) >= ROOM * most and all(
-                _seen_from(rays, eye, [hit[0] for hit in fronts]) < OPEN for eye in eyes):
-            return inside
+        inner = [hit for hit in through(rays, inside, *probes) if hit is not None]
+        fronts, things = [hit[0] for hit in inner if hit[1]], len({hit[3] for hit in inner})
+        if things > 1 and fronts and things * len(fronts) >= ROOM * most * len(inner):
+            into = [choice for choice in choices if _seen_from(rays, choice[2], fronts) >= OPEN]
+            if not into:
+                return inside
+            if 3 * len(into) <= len(choices):
+                _, _, best = max(into, key=lambda each: each[0])  # where a wall is missing
     return best
 
 
@@ -350,7 +353,8 @@ LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the
 AROUND_AXIS, ROUND = 24, 0.97  # rays to the axis of what is round, and their least cosine to its walls
 ENCLOSED = 0.95  # least fraction of the rays that hit, from what is closed on all sides
 SURROUNDED = 0.7  # least fraction of them in a room, which may lack a wall
-ROOM, OPEN = 1.25, 0.5  # times as many things as from outside are seen in a room; of them, what lacks a wall shows
+# Least things seen in a room, of those outside; fraction of their places that is seen where a wall is missing.
+ROOM, OPEN = 0.85, 0.5
 LEAST_DEPTH = 0.1  # of a view inside a room, as a fraction of its diagonal
 NEAR = 0.15  # of the median depth of a view, at which nothing may stand in its way
 AROUND = [mathutils.Vector(way).normalized() for way in itertools.product((-1, 0, 1), repeat=3) if any(way)]
@@ -371,10 +375,11 @@ def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = 
             for hit, way in zip(hits, ways, strict=True)]
 
 
-def _seen_from(rays: Rays, eye: mathutils.Vector, places: Sequence[mathutils.Vector]) -> float:
-    """Fraction of ``places`` on surfaces that are seen from ``eye``."""
+def _seen_from(rays: Rays, placed: Placement, places: Sequence[mathutils.Vector]) -> float:
+    """Fraction of ``places`` on surfaces of which the middle of a ``placed`` array sees the front."""
+    eye = mathutils.Matrix(placed[1]).translation
     hits = (rays.cast(eye, place - eye) for place in places)
-    return sum(hit is not None and (hit[0] - place).length < 1e-3 * (place - eye).length
+    return sum(hit is not None and (hit[0] - place).length < 1e-3 * (place - eye).length and hit[1].dot(place - eye) < 0
                for hit, place in zip(hits, places, strict=True)) / len(places)
 
 
