@@ -188,8 +188,12 @@ def test_a_room_shows_more_inside_than_outside_unless_a_wall_is_missing(startup,
     assert place_in_room(startup, items) is None, "nobody stands in so small a box"
     startup.unit_settings.scale_length = 1.0
     if not is_one_mesh:
-        bpy.data.objects.remove(items.pop(4))
-        assert place_in_room(startup, items) is None, "it is looked into"
+        windows = [add_box((x, -3.75, z), (0.2, 0.05, 0.2)) for x in range(-2, 3) for z in (0.5, 1, 1.5)]
+        assert place_in_room(startup, items + windows) is None, "it is a house"
+        bpy.data.batch_remove([*windows, items.pop(4)])
+        assert place_in_room(startup, items) is None
+        matrix = edit.in_front(startup, scene_settings.display_of(startup), set(items))[1]
+        assert matrix[1][3] < -3.6, "it is looked into"
 
 
 def test_a_stage_does_not_hide_what_stands_on_it(startup):

@@ -148,8 +148,7 @@ def test_bad_input_is_one_sentence_and_that_parts_cannot_be_used_said_before_the
     emitted = records(start(tmp_path, scene=str(blend), parts=str(parts)).communicate()[0].splitlines())
     said = [number for number, record in enumerate(emitted) if record.get("notice") == "parts-removed"]
     assert len(said) == 1 and said[0] < [record["stage"] for record in emitted].index("open")
-    assert emitted[said[0]]["values"] == {"input": "settings"}
-    assert not parts.exists()
+    assert emitted[said[0]]["values"] == {"input": "settings"} and not parts.exists()
 
 
 def sampling(tmp_path, blend, **options):
@@ -165,16 +164,14 @@ def sampling(tmp_path, blend, **options):
 def test_the_end_of_its_input_stops_it_at_once_and_leaves_no_file(blend, tmp_path, layout):
     child = sampling(tmp_path, blend, layout=layout)
     rest, _ = child.communicate(timeout=20)
-    assert child.returncode == 130
-    assert records(rest.splitlines())[-1]["stage"] == "cancelled"
+    assert child.returncode == 130 and records(rest.splitlines())[-1]["stage"] == "cancelled"
     assert list((tmp_path / "out").iterdir()) == []
 
 
 def test_what_a_signal_leaves_goes_with_the_next_render(blend, tmp_path):
     child = sampling(tmp_path, blend)
     child.send_signal(signal.SIGTERM)
-    assert child.wait(20) == -signal.SIGTERM
-    assert start(tmp_path, scene=str(blend)).wait(60) == 0
+    assert child.wait(20) == -signal.SIGTERM and start(tmp_path, scene=str(blend)).wait(60) == 0
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["frame.json", "lr_eia.exr"]
 
 
