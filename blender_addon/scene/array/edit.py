@@ -239,7 +239,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         fronts, things = [hit[0] for hit in inner if hit[1]], len({hit[3] for hit in inner})
         if things > 1 and fronts and things * len(fronts) >= ROOM * most * len(inner):
             into = [choice for choice in choices if _seen_from(rays, choice[2], fronts) >= OPEN]
-            if not into:
+            if not into or is_inside(rays, view.matrix.translation):
                 return inside
             if 3 * len(into) <= len(choices):
                 _, _, best = max(into, key=lambda each: each[0])  # where a wall is missing
