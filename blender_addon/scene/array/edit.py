@@ -237,6 +237,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         inside = placement.array_of_view(scene, profile, subject, view)
         inner = [hit for hit in through(rays, inside, *probes) if hit is not None]
         fronts, things = [hit[0] for hit in inner if hit[1]], len({hit[3] for hit in inner})
+        # Backs of surfaces are the inside of a solid thing.
         if things > 1 and fronts and things * len(fronts) >= ROOM * most * len(inner):
             into = [choice for choice in choices if _seen_from(rays, choice[2], fronts) >= OPEN]
             if not into or is_inside(rays, view.matrix.translation):
@@ -353,7 +354,8 @@ LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the
 AROUND_AXIS, ROUND = 24, 0.97  # rays to the axis of what is round, and their least cosine to its walls
 ENCLOSED = 0.95  # least fraction of the rays that hit, from what is closed on all sides
 SURROUNDED = 0.7  # least fraction of them in a room, which may lack a wall
-# Least things seen in a room, of those outside; fraction of their places that is seen where a wall is missing.
+# Fewest things in a view inside a room, as a fraction of the most in a view from outside; fraction of their places that
+# a view from outside sees where a wall is missing.
 ROOM, OPEN = 0.85, 0.5
 LEAST_DEPTH = 0.1  # of a view inside a room, as a fraction of its diagonal
 NEAR = 0.15  # of the median depth of a view, at which nothing may stand in its way
