@@ -74,6 +74,10 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
                            "solid: drawn as wires, a Boolean's tool or the shape of a bone.")
         with _without(cube, *others):
             boxes, eye = edit.boxes_now(subject), np.array(placed[1])[:3, 3]
+            if not boxes:
+                yield _problem("nothing", scene.name, f"Nothing is there in frame {scene.frame_current}: choose "
+                               "another frame.")
+                return
             sky = edit.sky_around(scene, boxes)
             if sky is not None and not _is_unaimed(scene) and (boxes[sky].min(0) < eye).all() and (
                     boxes[sky].max(0) > eye).all():
@@ -87,9 +91,6 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, subject: set[bpy.types.Object],
            main: list[bpy.types.Object]) -> Iterator[Problem]:
-    if not edit.boxes_now(subject):
-        yield _problem("nothing", scene.name, f"Nothing is there in frame {scene.frame_current}: choose another frame.")
-        return
     is_new, rays = _is_unaimed(scene), Rays(scene)  # where nobody has aimed the camera, nobody has placed lamps
     reason, best = _out_of_frame(scene, rays, placed, display, main)
     if reason:
@@ -209,8 +210,7 @@ def depths_of(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.type
 
 def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, display: DisplayProfile,
                   main: list[bpy.types.Object]) -> tuple[str, rig.Placement | None]:
-    """Why the picture does not show the main objects as it should, "" if it does; and a better place if one is known.
-    """
+    """Why the picture does not show the main objects as it should, "" if it does, and a better place if known."""
     if not (boxes := edit.boxes_now(set(main))):
         return "", None
     array, eye = placed[0], mathutils.Matrix(placed[1])
