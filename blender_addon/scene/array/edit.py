@@ -348,8 +348,9 @@ def boxes_now(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
 # its sides.
 GRID, FEWER_PLACES, HEIGHT, MARGIN = 5, 3, 0.5, 0.15
 EYE_HEIGHT = 1.6  # metres above the floor: places below those whose middle is higher, as in a hall or under a sky
-YAWS, PITCHES, HALF_WIDTH = 12, (0, -15, -35), 0.6  # views at each place; half their width at distance 1: about 62°
-VIEW_ACROSS, VIEW_DOWN = 7, 3  # rays of a view
+# Views at each place are parts of one panorama: degrees between its rays, and from its highest to its lowest; rays of a
+# view down and across; half its width at distance 1, of about 62°; what it loses by each degree that it is tilted.
+STEP, HIGHEST, LOWEST, VIEW_RAYS, HALF_WIDTH, LEVEL = 7.5, 30.0, -60.0, (5, 8), 0.6, 0.008
 LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the hull of a small thing
 AROUND_AXIS, ROUND = 24, 0.97  # rays to the axis of what is round, and their least cosine to its walls
 ENCLOSED = 0.95  # least fraction of the rays that hit, from what is closed on all sides
@@ -415,21 +416,35 @@ def view_inside(rays: Rays, low: Array, high: Array) -> View | None:
             places.append(floor[0] - EYE_HEIGHT * metre * down)
     places = [place for place in places if is_inside(rays, place, SURROUNDED)]
     best, most = None, 0.0
-    for place, step, pitch in itertools.product(places, range(YAWS), PITCHES):
-        turn = mathutils.Euler((math.radians(90 + pitch), 0, math.tau * step / YAWS)).to_matrix()
-        ways = [turn @ mathutils.Vector((x, y, -1)) for x in np.linspace(-HALF_WIDTH, HALF_WIDTH, VIEW_ACROSS)
-                for y in np.linspace(-HALF_WIDTH / 2, HALF_WIDTH / 2, VIEW_DOWN)]
-        hits = [hit for hit in itertools.takewhile(bool, (rays.cast(place, way) for way in ways)) if hit]
-        if len(hits) < len(ways):
-            continue  # it looks out of a window or a hole
-        nearest, middle = np.percentile([(hit[0] - place).length for hit in hits], (5, 50))
-        if nearest <= NEAR * middle or middle < LEAST_DEPTH * reach:
-            continue
-        # A long view of many things, not of a wall, nor of the backs of surfaces.
-        fronts = 1 + sum(hit[1].dot(way) < 0 for hit, way in zip(hits, ways, strict=True))
-        worth = fronts * (nearest * middle)**0.25 * len(set(map(rays.thing, hits)))
-        if worth > most:
-            matrix = turn.to_4x4()
-            matrix.translation = place
-            best, most = View(matrix, HALF_WIDTH, float(middle), (0.0, MOST_REACH), True), float(worth)
+    pitches, yaws = np.radians(np.arange(HIGHEST, LOWEST - 1, -STEP))[:, None], np.radians(np.arange(0, 360, STEP))
+    ways = [mathutils.Euler((math.pi / 2 + pitch, 0, yaw)).to_matrix() @ mathutils.Vector((0, 0, -1))
+            for pitch in pitches[:, 0] for yaw in yaws]
+    tilts, turns = (STEP * (count - 1) / 2 for count in VIEW_RAYS)  # from a view's first ray to its middle
+    levels = 1 - LEVEL * np.abs(np.degrees(pitches[:1 - VIEW_RAYS[0]]) - tilts)
+
+    def views(panorama: Array) -> Array:
+        """Values (n, rows, columns, rays) of all views, of n panoramas."""
+        wide = np.concatenate((panorama, panorama[..., :VIEW_RAYS[1] - 1]), -1)
+        found = np.lib.stride_tricks.sliding_window_view(wide, (1, *VIEW_RAYS))
+        return found.reshape(*found.shape[:3], -1)
+
+    for place in places:
+        hits = [rays.cast(place, way) for way in ways]
+        things = [rays.thing(hit) if hit else None for hit in hits]
+        seen = np.array([[thing == each for each in things] for thing in {*things} - {None}], float)
+        seen, depths, fronts = (np.reshape(values, (-1, len(pitches), len(yaws))) for values in (
+            seen, [(hit[0] - place).length if hit else 0 for hit in hits],  # 0: it looks out of a window or a hole
+            [hit is not None and hit[1].dot(way) < 0 for hit, way in zip(hits, ways, strict=True)]))
+        depths, fronts = np.sort(views(depths), -1)[0], views(fronts)[0].mean(-1)
+        nearest, middle = depths[..., math.prod(VIEW_RAYS) // 20], depths[..., math.prod(VIEW_RAYS) // 2]
+        is_free = (depths[..., 0] > 0) & (nearest > NEAR * middle) & (middle >= LEAST_DEPTH * reach)
+        # A long view, nearly level, of many things, each as far as the view does not cut it; not of backs of surfaces.
+        whole = (views(seen).sum(-1) / seen.sum((1, 2))[:, None, None]).sum(0)
+        worth = is_free * fronts * np.sqrt(nearest * middle) * whole * levels
+        if worth.max() > most:
+            row, column = np.unravel_index(worth.argmax(), worth.shape)
+            turn = mathutils.Euler((math.pi / 2 + pitches[row, 0] - math.radians(tilts), 0,
+                                    yaws[column] + math.radians(turns)))
+            matrix = mathutils.Matrix.LocRotScale(place, turn, None)
+            best, most = View(matrix, HALF_WIDTH, float(middle[row, column]), (0.0, MOST_REACH), True), worth.max()
     return best
