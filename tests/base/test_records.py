@@ -55,8 +55,7 @@ GOOD: dict[str, Any] = {"name": "a", "count": 1, "share": 0.5, "flag": True,
 @given(SHEETS)
 def test_a_record_comes_back_from_json_as_it_went(sheet: Sheet) -> None:
     data = json.loads(json.dumps(to_data(sheet), allow_nan=False))
-    assert data == to_data(sheet)
-    assert from_data(Sheet, data, "sheet") == sheet
+    assert data == to_data(sheet) and from_data(Sheet, data, "sheet") == sheet
     assert json.dumps(to_data(from_data(Sheet, data, "sheet"))) == json.dumps(data)
 
 
@@ -151,8 +150,7 @@ def test_plain_lines_for_new_stages_and_ends_and_every_five_seconds_at_the_lates
         tell(Progress("render", 0.0, f"Updating Scene BVH: Building, for {second} s"))
         shown += [second] * (len(stream.getvalue()) > before)
         now[0] += 1.04
-    assert 12 <= len(shown) < 20
-    assert all(1.04 * (after - before) <= 5 for before, after in itertools.pairwise(shown))
+    assert 12 <= len(shown) < 20 and all(1.04 * (after - before) <= 5 for before, after in itertools.pairwise(shown))
 
 
 def test_terminal_line_moves_within_a_stage_and_a_notice_has_its_own_line_once_also_amid_a_bar():
@@ -165,8 +163,7 @@ def test_terminal_line_moves_within_a_stage_and_a_notice_has_its_own_line_once_a
     text = stream.getvalue()
     assert text.count("\n") == 2, "one before the second stage, one at the end"
     assert "\rrender     " + "█" * 15 + "░" * 15 + "  50%  half" in text
-    assert "█" * 30 in text
-    assert "█" * 31 not in text
+    assert "█" * 30 in text and "█" * 31 not in text
     stream = Terminal()
     tell = ProgressBar(stream)
     tell(Progress("render", 0.5))

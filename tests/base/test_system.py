@@ -25,13 +25,11 @@ def names(folder: Path) -> list[str]:
 def test_written_file_is_whole_readable_and_alone_and_a_folder_that_is_a_file_named(tmp_path):
     target = tmp_path / "deep" / "er" / "data.bin"
     with atomic_path(target) as temporary:
-        assert temporary.parent == target.parent
-        assert temporary.suffix == ".bin"
+        assert temporary.parent == target.parent and temporary.suffix == ".bin"
         temporary.write_bytes(b"whole")
         assert not target.exists()
     assert target.read_bytes() == b"whole"
-    assert stat.S_IMODE(target.stat().st_mode) == 0o644
-    assert names(target.parent) == ["data.bin"]
+    assert stat.S_IMODE(target.stat().st_mode) == 0o644 and names(target.parent) == ["data.bin"]
     before = os.umask(0o077)
     try:
         write_json(tmp_path / "data.json", {})
@@ -50,8 +48,7 @@ def test_failure_keeps_the_old_file_and_leaves_nothing_else(tmp_path, failure):
     with pytest.raises(failure), atomic_path(target) as temporary:
         temporary.write_bytes(b"half of the ne")
         raise failure
-    assert target.read_bytes() == b"old"
-    assert names(tmp_path) == ["data.bin"]
+    assert target.read_bytes() == b"old" and names(tmp_path) == ["data.bin"]
 
 
 WRITER = """

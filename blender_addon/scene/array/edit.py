@@ -194,7 +194,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         chosen = main_part(boxes)
         points, now = (np.concatenate([each[item] for item in chosen if item in each] or [np.empty((0, 3))])
                        for each in (boxes, present))
-        if not len(now) or _size(points) <= TRAVELS * _size(now):
+        if not len(now) or np.linalg.norm(np.ptp(points, axis=0)) <= TRAVELS * np.linalg.norm(np.ptp(now, axis=0)):
             break
     if not len(points):
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
@@ -317,10 +317,6 @@ def _surroundings(boxes: Array) -> list[int]:
     return []
 
 
-def _size(points: Array) -> float:
-    return float(np.linalg.norm(np.ptp(points, axis=0)))
-
-
 def _diagonal(low: Array, high: Array) -> Array:
     size: Array = np.linalg.norm(high - low, axis=-1)
     return size
@@ -349,8 +345,8 @@ def boxes_now(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
 GRID, FEWER_PLACES, HEIGHT, MARGIN = 5, 3, 0.5, 0.15
 EYE_HEIGHT = 1.6  # metres above the floor: places below those whose middle is higher, as in a hall or under a sky
 # Views at each place are parts of one panorama: degrees between its rays, and from its highest to its lowest; rays of a
-# view down and across; half its width at distance 1, of about 62°; what it loses by each degree that it is tilted.
-STEP, HIGHEST, LOWEST, VIEW_RAYS, HALF_WIDTH, LEVEL = 7.5, 30.0, -60.0, (5, 8), 0.6, 0.008
+# view down and across; half its width at distance 1, of about 62°.
+STEP, HIGHEST, LOWEST, VIEW_RAYS, HALF_WIDTH = 7.5, 30.0, -60.0, (5, 8), 0.6
 LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the hull of a small thing
 AROUND_AXIS, ROUND = 24, 0.97  # rays to the axis of what is round, and their least cosine to its walls
 ENCLOSED = 0.95  # least fraction of the rays that hit, from what is closed on all sides
@@ -408,43 +404,36 @@ def view_inside(rays: Rays, low: Array, high: Array) -> View | None:
     size, reach, metre = high - low, float(np.linalg.norm(high - low)), 1 / rays.scene.unit_settings.scale_length
     if size.min() < LEAST_ROOM * metre or _is_round(rays, low, high):
         return None
-    places, down = list[mathutils.Vector](), mathutils.Vector((0, 0, -1))
+    places, below = list[mathutils.Vector](), mathutils.Vector((0, 0, -1))
     for x, y in itertools.product(np.linspace(MARGIN, 1 - MARGIN, FEWER_PLACES if rays.items else GRID), repeat=2):
         places.append(mathutils.Vector(low + size * (x, y, HEIGHT)))
-        floor = rays.cast(places[-1], down)
+        floor = rays.cast(places[-1], below)
         if floor is not None and places[-1].z - floor[0].z > EYE_HEIGHT * metre:
-            places.append(floor[0] - EYE_HEIGHT * metre * down)
+            places.append(floor[0] - EYE_HEIGHT * metre * below)
     places = [place for place in places if is_inside(rays, place, SURROUNDED)]
     best, most = None, 0.0
-    pitches, yaws = np.radians(np.arange(HIGHEST, LOWEST - 1, -STEP))[:, None], np.radians(np.arange(0, 360, STEP))
+    pitches, yaws = np.radians(np.arange(HIGHEST, LOWEST - 1, -STEP)), np.radians(np.arange(0, 360, STEP))
     ways = [mathutils.Euler((math.pi / 2 + pitch, 0, yaw)).to_matrix() @ mathutils.Vector((0, 0, -1))
-            for pitch in pitches[:, 0] for yaw in yaws]
-    tilts, turns = (STEP * (count - 1) / 2 for count in VIEW_RAYS)  # from a view's first ray to its middle
-    levels = 1 - LEVEL * np.abs(np.degrees(pitches[:1 - VIEW_RAYS[0]]) - tilts)
-
-    def views(panorama: Array) -> Array:
-        """Values (n, rows, columns, rays) of all views, of n panoramas."""
-        wide = np.concatenate((panorama, panorama[..., :VIEW_RAYS[1] - 1]), -1)
-        found = np.lib.stride_tricks.sliding_window_view(wide, (1, *VIEW_RAYS))
-        return found.reshape(*found.shape[:3], -1)
-
+            for pitch in pitches for yaw in yaws]
+    numbers = np.pad(np.arange(len(ways)).reshape(len(pitches), -1), ((0, 0), (0, VIEW_RAYS[1] - 1)), "wrap")
+    # Numbers (views, rays) of the rays of each view; pitches and yaws (views,) of its middle.
+    views = np.lib.stride_tricks.sliding_window_view(numbers, VIEW_RAYS).reshape(-1, math.prod(VIEW_RAYS))
+    down, across = np.radians(STEP) * np.subtract(VIEW_RAYS, 1) / 2
+    pitches, yaws = pitches[views[:, 0] // len(yaws)] - down, yaws[views[:, 0] % len(yaws)] + across
     for place in places:
         hits = [rays.cast(place, way) for way in ways]
         things = [rays.thing(hit) if hit else None for hit in hits]
         seen = np.array([[thing == each for each in things] for thing in {*things} - {None}], float)
-        seen, depths, fronts = (np.reshape(values, (-1, len(pitches), len(yaws))) for values in (
-            seen, [(hit[0] - place).length if hit else 0 for hit in hits],  # 0: it looks out of a window or a hole
-            [hit is not None and hit[1].dot(way) < 0 for hit, way in zip(hits, ways, strict=True)]))
-        depths, fronts = np.sort(views(depths), -1)[0], views(fronts)[0].mean(-1)
-        nearest, middle = depths[..., math.prod(VIEW_RAYS) // 20], depths[..., math.prod(VIEW_RAYS) // 2]
-        is_free = (depths[..., 0] > 0) & (nearest > NEAR * middle) & (middle >= LEAST_DEPTH * reach)
+        fronts = np.array([hit is not None and hit[1].dot(way) < 0 for hit, way in zip(hits, ways, strict=True)])
+        depths = np.sort(np.array([(hit[0] - place).length if hit else 0 for hit in hits])[views])  # 0: a hole
+        nearest, middle = depths[:, views.shape[1] // 20], depths[:, views.shape[1] // 2]
+        is_free = (depths[:, 0] > 0) & (nearest > NEAR * middle) & (middle >= LEAST_DEPTH * reach)
         # A long view, nearly level, of many things, each as far as the view does not cut it; not of backs of surfaces.
-        whole = (views(seen).sum(-1) / seen.sum((1, 2))[:, None, None]).sum(0)
-        worth = is_free * fronts * np.sqrt(nearest * middle) * whole * levels
+        whole = (seen[:, views].sum(-1) / seen.sum(1)[:, None]).sum(0) * np.cos(2 * pitches)
+        worth = is_free * fronts[views].mean(1) * np.sqrt(nearest * middle) * whole
         if worth.max() > most:
-            row, column = np.unravel_index(worth.argmax(), worth.shape)
-            turn = mathutils.Euler((math.pi / 2 + pitches[row, 0] - math.radians(tilts), 0,
-                                    yaws[column] + math.radians(turns)))
-            matrix = mathutils.Matrix.LocRotScale(place, turn, None)
-            best, most = View(matrix, HALF_WIDTH, float(middle[row, column]), (0.0, MOST_REACH), True), worth.max()
+            view, most = worth.argmax(), worth.max()
+            turn = mathutils.Euler((math.pi / 2 + pitches[view], 0, yaws[view]))
+            best = View(mathutils.Matrix.LocRotScale(place, turn, None), HALF_WIDTH, float(middle[view]),
+                        (0.0, MOST_REACH), True)
     return best

@@ -85,8 +85,7 @@ def test_a_render_that_takes_the_memory_ends_in_a_sentence(blend, tmp_path):
 def test_job_becomes_a_frame_folder(blend, tmp_path):
     child = start(tmp_path, scene=str(blend), layers=("albedo",), seed=3, device="auto")
     emitted = records(child.communicate()[0].splitlines())
-    assert child.returncode == 0
-    assert emitted[-1] == {"stage": "done", "folder": str(tmp_path / "out")}
+    assert child.returncode == 0 and emitted[-1] == {"stage": "done", "folder": str(tmp_path / "out")}
     fractions = [record["fraction"] for record in emitted if record["stage"] == "render"]
     assert fractions and fractions[-1] == 1
     frame = read_frame(tmp_path / "out")
