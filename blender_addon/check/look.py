@@ -56,6 +56,7 @@ LIT, LAMPS, SKY = 24, 32, 6  # places, lamps and rays to the sky that tell how m
 UNSURE = 2.0  # times what is dim, below which a render tells: lamps may be hidden from surfaces, or shine through holes
 CERTAIN = 1e6  # strength of a lamp that nodes decide
 SHADE = 0.15  # of a lamp's distance: what stands as near to it is its own shade
+GLASS, TRANSMISSION, LOST = ("BSDF_GLASS", "BSDF_REFRACTION"), "Transmission Weight", 0.2  # part of it that may be lost
 UNAIMED = "The camera of the new file was not aimed at it"
 
 
@@ -125,6 +126,9 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
         yield _problem("bright", scene.name, "Much of what the array sees is lit far brighter than white, and the view "
                        f"transform {scene.view_settings.view_transform} shows it as white: weaken the lamps, or lower "
                        "the exposure in Color Management.")
+    elif glass := _lost_glass(scene, rays, placed, main):
+        yield _problem("dark", scene.name, f"{glass} is of glass, which shows what is around it: hardly anything in a "
+                       "world of one colour. Images only are lit; the scene keeps its own light.")
 
 
 @contextmanager
@@ -327,6 +331,23 @@ def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
         seen.append(light * scattered + above * reflected)
         arriving.append((light + above) * min(reflected / LEAST_ALBEDO, 1.0))
     return np.array(arriving), np.array(seen)
+
+
+def _lost_glass(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, main: list[bpy.types.Object]) -> str:
+    """Name of a main object of glass, if a world of one colour is behind much of what the array sees of them."""
+    eye, shown = mathutils.Matrix(placed[1]).translation, with_instanced(set(main))
+    hits = [hit for hit in edit.through(rays, placed) if hit is not None and hit[2] in shown]
+
+    def is_lost(place: mathutils.Vector, way: mathutils.Vector, item: bpy.types.Object, number: int) -> bool:
+        slot = next(iter(item.material_slots[number:]), None)
+        nodes = nodes_of(slot.material.node_tree if slot and slot.material else None)
+        if not any(node.type in GLASS or (TRANSMISSION in node.inputs and node.inputs[TRANSMISSION].default_value > 0.5)
+                   for node in nodes):
+            return False
+        hit = rays.cast(place + 1e-4 * way, way)
+        return hit is None or is_lost(hit[0], way, *rays.thing(hit))
+    lost = [hit[2].name for hit in hits if world_radiance(scene.world, 0) and is_lost(hit[0], hit[0] - eye, *hit[3])]
+    return lost[0] if len(lost) > LOST * len(hits) else ""
 
 
 def _rendered(scene: bpy.types.Scene, placed: rig.Placement, startup: bpy.types.Object | None) -> tuple[Array, Array]:

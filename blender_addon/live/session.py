@@ -113,7 +113,14 @@ def keep_up(kind: str = PANEL) -> None:
         if window.scene == shown:
             return
     state.view, state.smooth = view, smooth
-    _show(window, shown)
+    # Rendered by Cycles through its camera, pixel by pixel, without overlays.
+    window.scene, space = shown, window.screen.areas[0].spaces.active
+    space.overlay.show_overlays = space.show_gizmo = False
+    space.shading.type, space.shading.use_compositor = "RENDERED", "ALWAYS"
+    space.use_local_camera = False
+    space.region_3d.view_perspective, space.region_3d.view_camera_offset = "CAMERA", (0.0, 0.0)
+    with _place(window):
+        bpy.ops.view3d.zoom_camera_1_to_1()
 
 
 def _update() -> float | None:
@@ -273,20 +280,6 @@ def _removal() -> Iterator[float]:
 def region_of(window: bpy.types.Window) -> bpy.types.Region:
     """Return the region in which the 3D view is drawn."""
     return next(region for region in window.screen.areas[0].regions if region.type == "WINDOW")
-
-
-def _show(window: bpy.types.Window, live: bpy.types.Scene) -> None:
-    """Show ``live`` rendered by Cycles through its camera, pixel by pixel, without overlays."""
-    window.scene = live
-    space = window.screen.areas[0].spaces.active
-    space.overlay.show_overlays = space.show_gizmo = False
-    space.shading.type = "RENDERED"
-    space.shading.use_compositor = "ALWAYS"
-    space.use_local_camera = False
-    view = space.region_3d
-    view.view_perspective, view.view_camera_offset = "CAMERA", (0.0, 0.0)
-    with _place(window):
-        bpy.ops.view3d.zoom_camera_1_to_1()
 
 
 def _place(window: bpy.types.Window) -> bpy.types.ContextTempOverride:

@@ -140,15 +140,6 @@ def lit(scene: bpy.types.Scene, light: str) -> Iterator[None]:
                     bpy.data.images.remove(image)
 
 
-def _white_under(image: bpy.types.Image) -> float:
-    """Radiance of a white floor under a world image."""
-    (width, height), pixels = image.size, np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(pixels)
-    rows = pixels.reshape(height, width, -1)[..., :3].max(-1).mean(1)  # from the ground upwards
-    elevation = ((np.arange(height) + 0.5) / height - 0.5) * math.pi
-    return float(rows @ np.maximum(np.sin(2 * elevation), 0) * math.pi / height)
-
-
 def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.World:
     """Light the scene with a world image: a file's, or by name one of those that ship with Blender (CC0).
 
@@ -181,7 +172,12 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.W
     texture.image = image
     background = next(node for node in nodes if node.type == "BACKGROUND")
     if scene.view_settings.view_transform not in SOFT and not is_light_file(light):
-        background.inputs["Strength"].default_value = 1 / max(1.0, _white_under(image))
+        pixels = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(pixels)
+        rows = pixels.reshape(*image.size[::-1], -1)[..., :3].max(-1).mean(1)  # from the ground upwards
+        elevation = ((np.arange(len(rows)) + 0.5) / len(rows) - 0.5) * math.pi
+        floor = float(rows @ np.maximum(np.sin(2 * elevation), 0) * math.pi / len(rows))  # radiance of a white one
+        background.inputs["Strength"].default_value = 1 / max(1.0, floor)
     world.node_tree.links.new(texture.outputs["Color"], background.inputs["Color"])
     scene.world = world
     return world

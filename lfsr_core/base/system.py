@@ -184,8 +184,10 @@ def release(staging: Path) -> None:
 def remove_dead(target: Path) -> list[Path]:
     """Remove the staging folders that dead processes left for ``target``, and return those that are in use."""
     place, used = _place(target), []
+    swapped = str(place).swapcase()  # on Windows and macOS the same folder
+    flags = re.IGNORECASE if swapped != str(place) and os.path.exists(swapped) else re.NOFLAG
     # The end of a name that tempfile.mkdtemp gives.
-    ours = re.compile(re.escape(f".{target.name}-") + r"[a-z0-9_]{8}", re.IGNORECASE if _ignores_case(place) else 0)
+    ours = re.compile(re.escape(f".{target.name}-") + r"[a-z0-9_]{8}", flags)
     for folder in [path for path in place.iterdir() if ours.fullmatch(path.name)]:
         is_released = (folder / RELEASED_FILE).exists()  # before its lock, because it goes after it
         with contextlib.suppress(OSError):
@@ -214,12 +216,6 @@ def _place(target: Path) -> Path:
     """Folder of the hidden folders: files cannot be moved into another file system, as a mounted ``target`` is."""
     inside = target.is_dir() and (os.path.ismount(target) or not os.access(target.parent, os.W_OK))
     return target if inside else target.parent
-
-
-def _ignores_case(folder: Path) -> bool:
-    """True where names that differ in the case of letters are the same, as on Windows and macOS."""
-    swapped = str(folder).swapcase()
-    return swapped != str(folder) and os.path.exists(swapped)
 
 
 @contextmanager

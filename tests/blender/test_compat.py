@@ -96,8 +96,7 @@ def test_after_a_cancel(worn, tmp_path, options):
 
     with pytest.raises(KeyboardInterrupt):
         frame_folder.render_job(worn, job(tmp_path, **options), tell=cancel)
-    assert len(reported) == 1
-    assert not changes(before)
+    assert len(reported) == 1 and not changes(before)
     assert list(tmp_path.iterdir()) == [], "a cancelled render leaves no file"
     assert not bpy.app.handlers.render_stats
 

@@ -119,7 +119,9 @@ def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bp
         return own
     if scene.camera is not None and scene.camera.type == "CAMERA":
         return array_of_camera(scene, profile, subject)
-    return fit_array(*animated_bounds(scene, subject), profile)
+    # Over the whole animation, so that every frame is seen from the same place.
+    corners = [corner for _ in sample_frames(scene) for corner in bounds(subject)]
+    return fit_array(np.min(corners, axis=0), np.max(corners, axis=0), profile)
 
 
 def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.types.Object]) -> Array:
@@ -269,12 +271,6 @@ def bounds(subject: set[bpy.types.Object]) -> tuple[Array, Array]:
     corners = [corner for points in world_points(subject) for corner in (points.min(0), points.max(0))]
     if not corners:
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
-    return np.min(corners, axis=0), np.max(corners, axis=0)
-
-
-def animated_bounds(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> tuple[Array, Array]:
-    """Return ``bounds`` over the whole animation, so that every frame is seen from the same place."""
-    corners = [corner for _ in sample_frames(scene) for corner in bounds(subject)]
     return np.min(corners, axis=0), np.max(corners, axis=0)
 
 

@@ -185,7 +185,8 @@ def drawn(scene: bpy.types.Scene) -> tuple[bpy.types.Object | None, bpy.types.Ob
     known = {} if _found is None else _found
     for _ in range(2):
         if scene.session_uid not in known:
-            known[scene.session_uid] = _search(scene)
+            known[scene.session_uid] = ([item for item in scene.objects if is_array(item)],
+                                        [item for item in bpy.data.objects if PLANE in item])
         arrays, planes = known[scene.session_uid]
         try:
             array = chosen(scene, arrays)
@@ -193,10 +194,6 @@ def drawn(scene: bpy.types.Scene) -> tuple[bpy.types.Object | None, bpy.types.Ob
         except ReferenceError:  # one was removed, and no update came since
             known.clear()
     return None, None
-
-
-def _search(scene: bpy.types.Scene) -> tuple[Objects, Objects]:
-    return ([item for item in scene.objects if is_array(item)], [item for item in bpy.data.objects if PLANE in item])
 
 
 @bpy.app.handlers.persistent

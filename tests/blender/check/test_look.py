@@ -13,6 +13,7 @@ from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import edit, placement, rig
 from blender_addon.scene.array.placement import Rays
 from blender_addon.scene.contents import find_subject
+from blender_addon.scene.light import add_light
 from blender_addon.ui.operators.check import FIXES
 from blender_addon.ui.operators.render import check_questions
 from tests.support import panel
@@ -205,6 +206,21 @@ def test_a_room_shows_more_inside_than_outside_unless_a_wall_is_missing(startup,
         assert place_in_room(startup, items) is None
         matrix = edit.in_front(startup, scene_settings.display_of(startup), set(items))[1]
         assert matrix[1][3] < -3.6, "it is looked into"
+
+
+def test_glass_in_a_world_of_one_colour_is_lit_by_an_image(startup):
+    goblet = bpy.data.objects["Cube"]
+    goblet.location.z = 0.1
+    shader = goblet.active_material.node_tree.nodes["Principled BSDF"].inputs["Transmission Weight"]
+    startup.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 20
+    assert looked(startup) == {}
+    shader.default_value = 1
+    assert "Cube is of glass" in looked(startup)["dark"]
+    wall = add_box((-12, 12, 0), (9, 9, 9))
+    assert "dark" not in looked(startup), "it shows the wall"
+    wall.hide_render = True
+    add_light(startup)
+    assert looked(startup) == {}
 
 
 def test_a_stage_does_not_hide_what_stands_on_it(startup):

@@ -107,8 +107,7 @@ def test_light_that_does_not_arrive_counts_as_none(scene, tmp_path, shine, file)
 
 def test_what_shines_all_over_needs_no_light(scene, tmp_path):
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), emission((0.3, 0.3, 0.3)))
-    assert brightness(scene, tmp_path, scene="scene.glb")[1] == ""
-    assert read_frame(tmp_path / "out").light == "own"
+    assert brightness(scene, tmp_path, scene="scene.glb")[1] == "" and read_frame(tmp_path / "out").light == "own"
 
 
 @pytest.mark.parametrize(("value", "exposure", "dark"), [(0.05, 0, True), (0.05, 2, False), (0.5, 0, False)])

@@ -138,8 +138,7 @@ def test_a_second_run_makes_only_what_is_missing(inputs, models, scenes):
     remains = scenes / ".scene_000009-killed.npz"
     remains.write_bytes(b"half")
     code, messages = run(inputs, models, scenes, "--first", 8, "--count", 2)
-    assert code == 0
-    assert messages[0] == {"stage": "start", "scenes": 1, "complete": 1}
+    assert code == 0 and messages[0] == {"stage": "start", "scenes": 1, "complete": 1}
     assert kept.stat().st_mtime_ns == before and lost.is_file() and not remains.exists()
 
 

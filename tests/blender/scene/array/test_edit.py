@@ -121,10 +121,8 @@ STRAY, BUILDING = box_at((500, 0, 0), (501, 1, 1)), box_at((-10, -10, 0), (10, 1
 
 def test_floors_and_what_lies_far_away_are_not_the_main_part():
     assert chosen(THING) == ["0"]
-    assert chosen(THING, NEIGHBOUR) == ["0", "1"]
-    assert chosen(THING, FLOOR) == ["0"]
-    assert chosen(FLOOR, THING, BACKDROP, NEIGHBOUR) == ["1", "3"]
-    assert chosen(BUILDING, STRAY) == ["0"]
+    assert chosen(THING, NEIGHBOUR) == ["0", "1"] and chosen(THING, FLOOR) == ["0"]
+    assert chosen(FLOOR, THING, BACKDROP, NEIGHBOUR) == ["1", "3"] and chosen(BUILDING, STRAY) == ["0"]
     assert chosen(BUILDING, box_at((0, 0, 1), (1, 1, 2))) == ["0", "1"], "a part of it"
     assert chosen(BUILDING, box_at((0, 0, 0), (1, 1, 2))) == ["1"], "walls around a stage"
     assert chosen(STRAY, THING, FLOOR, NEIGHBOUR) == ["1", "3"]

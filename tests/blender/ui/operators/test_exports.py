@@ -49,8 +49,7 @@ def test_the_viewer_is_written_beside_the_image_and_every_format_is_in_the_menu(
 @pytest.mark.parametrize(("name", "file"), [("quilt", "two_depths_qs*.png"), ("hci", "parameters.cfg"),
                                             ("pleno", "007_007.ppm")])
 def test_exports_go_into_the_frame_folder(frame, name, file):
-    assert bpy.ops.lfsr.export(format=name) == {"FINISHED"}
-    assert list((frame / "export" / name).glob(file))
+    assert bpy.ops.lfsr.export(format=name) == {"FINISHED"} and list((frame / "export" / name).glob(file))
 
 
 def test_films_are_encoded_by_blender_also_of_the_quilts_of_an_animation(frame):
@@ -120,8 +119,7 @@ def test_without_a_browser_it_says_where_the_page_is(frame, browser, press, tmp_
 
 
 def test_a_lens_array_is_shown_full_screen_and_an_image_for_another_display_is_not(frame):
-    assert bpy.ops.lfsr.show() == {"FINISHED"}
-    assert "eia.png" in (frame / "show.html").read_text(encoding="utf-8")
+    assert bpy.ops.lfsr.show() == {"FINISHED"} and "eia.png" in (frame / "show.html").read_text(encoding="utf-8")
     finished(frame.with_name("0002"), frame=2)
     assert bpy.ops.lfsr.show(animation=True) == {"FINISHED"}
     assert (frame.parent / "show.html").read_text(encoding="utf-8").count("eia.png") == 2
