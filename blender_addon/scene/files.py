@@ -216,13 +216,15 @@ def _is_damaged_inside(item: bpy.types.ID) -> bool:
     if item.id_type != "IMAGE" or item.source in {"GENERATED", "VIEWER", "SEQUENCE"}:
         return False
     for packed in item.packed_files:
-        with tempfile.NamedTemporaryFile(suffix=Path(packed.filepath).suffix, delete=False) as file:
-            file.write(packed.packed_file.data)
+        content = packed.packed_file.data
+        # Named by what it holds, so that it is read to its end once.
+        path = Path(tempfile.gettempdir(), f"lfsr-{os.getpid()}-{hash(content):x}{Path(packed.filepath).suffix}")
         try:
-            if _is_damaged(file.name, ""):
+            path.write_bytes(content)
+            if _is_damaged(str(path), ""):
                 return True
         finally:
-            Path(file.name).unlink()
+            path.unlink(missing_ok=True)
     return not (item.packed_file or Path(item.filepath).suffix.lower()[1:] in _read_suffixes()) and not item.size[0]
 
 

@@ -13,6 +13,7 @@ import pytest
 from blender_addon import compat
 from blender_addon.scene.files import check_files, open_scene, paint_missing, unreadable
 from lfsr_core.base.messages import LfsrError, Notice
+from lfsr_core.images import image_files
 from tests.support.scenes import add_box, add_camera
 from tests.support.told import refuses
 
@@ -206,11 +207,13 @@ def test_a_pipe_is_not_waited_for(item, tmp_path, name):
 
 
 @pytest.mark.parametrize("suffix", ["png", "jpg"])
-def test_a_damaged_image_in_the_file_is_named(item, tmp_path, suffix):
+def test_a_damaged_image_in_the_file_is_named_and_read_once(item, tmp_path, suffix, monkeypatch):
     path = image(suffix)(item, tmp_path)
     path.write_bytes(half(path.read_bytes()))
     bpy.data.images[0].pack()
     path.unlink()
+    found(path, "damaged")
+    monkeypatch.setattr(image_files, "why_unreadable", lambda _: pytest.fail("it is read again"))
     found(path, "damaged")
 
 

@@ -103,8 +103,7 @@ def few(add_on, tmp_path, monkeypatch):
 def test_plan_is_found_shown_and_used(few):
     few.lfsr.plan_target, few.lfsr.scale, few.lfsr.samples = 0.5, "4", 99
     before = snapshot()
-    assert bpy.ops.lfsr.plan() == {"FINISHED"}
-    assert snapshot() == before
+    assert bpy.ops.lfsr.plan() == {"FINISHED"} and snapshot() == before
     state = bpy.context.window_manager.lfsr
     assert state.plan_scene == few.name and "SSIM 0.5" in state.plan_text
     drawn = draw(panels.LFSR_PT_plan)

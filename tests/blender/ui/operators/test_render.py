@@ -29,8 +29,7 @@ def rendered(add_on, tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("rendered")
     panel.artist_scene(folder)
     before = snapshot()
-    assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
-    assert snapshot() == before
+    assert bpy.ops.lfsr.render_eia() == {"FINISHED"} and snapshot() == before
     return folder / "scene.blend"
 
 
@@ -88,8 +87,7 @@ def test_animation_makes_what_is_missing(opened, rendered, capfd):
 def test_reference_and_ssim_need_the_image_of_these_settings(opened, rendered):
     opened.lfsr.reference_samples, opened.lfsr.reference_lenses = 2, 16
     before = snapshot()
-    assert bpy.ops.lfsr.render_reference() == {"FINISHED"}
-    assert snapshot() == before
+    assert bpy.ops.lfsr.render_reference() == {"FINISHED"} and snapshot() == before
     reference = panel.frame_one(rendered).with_name("0001_reference")
     assert {path.name for path in reference.iterdir()} == {"frame.json", "reference_a.exr", "reference_b.exr"}
     assert len(read_frame(reference).lens_list) == 16
