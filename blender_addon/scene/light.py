@@ -174,7 +174,7 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.W
     if scene.view_settings.view_transform not in SOFT and not is_light_file(light):
         pixels = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(pixels)
-        rows = pixels.reshape(*image.size[::-1], -1)[..., :3].max(-1).mean(1)  # from the ground upwards
+        rows = pixels.reshape(image.size[1], image.size[0], -1)[..., :3].max(-1).mean(1)  # from the ground upwards
         elevation = ((np.arange(len(rows)) + 0.5) / len(rows) - 0.5) * math.pi
         floor = float(rows @ np.maximum(np.sin(2 * elevation), 0) * math.pi / len(rows))  # radiance of a white one
         background.inputs["Strength"].default_value = 1 / max(1.0, floor)
