@@ -56,7 +56,7 @@ LIT, LAMPS, SKY = 24, 32, 6  # places, lamps and rays to the sky that tell how m
 UNSURE = 2.0  # times what is dim, below which a render tells: lamps may be hidden from surfaces, or shine through holes
 CERTAIN = 1e6  # strength of a lamp that nodes decide
 SHADE = 0.15  # of a lamp's distance: what stands as near to it is its own shade
-GLASS, TRANSMISSION, LOST = ("BSDF_GLASS", "BSDF_REFRACTION"), "Transmission Weight", 0.2  # part of it that may be lost
+GLASS, TRANSMISSION, LOST = ("BSDF_GLASS", "BSDF_REFRACTION"), "Transmission Weight", 0.2  # of the rays to it
 UNAIMED = "The camera of the new file was not aimed at it"
 
 

@@ -415,15 +415,16 @@ def view_inside(rays: Rays, low: Array, high: Array) -> View | None:
     pitches, yaws = np.radians(np.arange(HIGHEST, LOWEST - 1, -STEP)), np.radians(np.arange(0, 360, STEP))
     ways = [mathutils.Euler((math.pi / 2 + pitch, 0, yaw)).to_matrix() @ mathutils.Vector((0, 0, -1))
             for pitch in pitches for yaw in yaws]
-    numbers = np.pad(np.arange(len(ways)).reshape(len(pitches), -1), ((0, 0), (0, VIEW_RAYS[1] - 1)), "wrap")
+    panorama = np.pad(np.arange(len(ways)).reshape(len(pitches), -1), ((0, 0), (0, VIEW_RAYS[1] - 1)), "wrap")
     # Numbers (views, rays) of the rays of each view; pitches and yaws (views,) of its middle.
-    views = np.lib.stride_tricks.sliding_window_view(numbers, VIEW_RAYS).reshape(-1, math.prod(VIEW_RAYS))
+    views = np.lib.stride_tricks.sliding_window_view(panorama, VIEW_RAYS).reshape(-1, math.prod(VIEW_RAYS))
     down, across = np.radians(STEP) * np.subtract(VIEW_RAYS, 1) / 2
     pitches, yaws = pitches[views[:, 0] // len(yaws)] - down, yaws[views[:, 0] % len(yaws)] + across
     for place in places:
         hits = [rays.cast(place, way) for way in ways]
-        things = [rays.thing(hit) if hit else None for hit in hits]
-        seen = np.array([[thing == each for each in things] for thing in {*things} - {None}], float)
+        numbers = dict[Thing, int]()
+        met = np.array([numbers.setdefault(rays.thing(hit), len(numbers)) if hit else -1 for hit in hits])
+        seen = (met == np.arange(len(numbers))[:, None]).astype(float)
         fronts = np.array([hit is not None and hit[1].dot(way) < 0 for hit, way in zip(hits, ways, strict=True)])
         depths = np.sort(np.array([(hit[0] - place).length if hit else 0 for hit in hits])[views])  # 0: a hole
         nearest, middle = depths[:, views.shape[1] // 20], depths[:, views.shape[1] // 2]
@@ -432,8 +433,7 @@ def view_inside(rays: Rays, low: Array, high: Array) -> View | None:
         whole = (seen[:, views].sum(-1) / seen.sum(1)[:, None]).sum(0) * np.cos(2 * pitches)
         worth = is_free * fronts[views].mean(1) * np.sqrt(nearest * middle) * whole
         if worth.max() > most:
-            view, most = worth.argmax(), worth.max()
-            turn = mathutils.Euler((math.pi / 2 + pitches[view], 0, yaws[view]))
-            best = View(mathutils.Matrix.LocRotScale(place, turn, None), HALF_WIDTH, float(middle[view]),
-                        (0.0, MOST_REACH), True)
+            at, most = worth.argmax(), worth.max()
+            eye = mathutils.Matrix.LocRotScale(place, mathutils.Euler((math.pi / 2 + pitches[at], 0, yaws[at])), None)
+            best = View(eye, HALF_WIDTH, float(middle[at]), (0.0, MOST_REACH), True)
     return best
