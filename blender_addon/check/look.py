@@ -126,9 +126,9 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
         yield _problem("bright", scene.name, "Much of what the array sees is lit far brighter than white, and the view "
                        f"transform {scene.view_settings.view_transform} shows it as white: weaken the lamps, or lower "
                        "the exposure in Color Management.")
-    elif glass := _lost_glass(scene, rays, placed, main):
+    elif world_radiance(scene.world, 0) and (glass := _lost_glass(rays, placed, main)):
         yield _problem("dark", scene.name, f"{glass} is of glass, which shows what is around it: hardly anything in a "
-                       "world of one colour. Images only are lit; the scene keeps its own light.")
+                       "world of one color. Images only are lit; the scene keeps its own light.")
 
 
 @contextmanager
@@ -333,8 +333,8 @@ def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
     return np.array(arriving), np.array(seen)
 
 
-def _lost_glass(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, main: list[bpy.types.Object]) -> str:
-    """Name of a main object of glass, if a world of one colour is behind much of what the array sees of them."""
+def _lost_glass(rays: Rays, placed: rig.Placement, main: list[bpy.types.Object]) -> str:
+    """Name of a main object of glass, if nothing is behind much of what the array sees of the main objects, else ""."""
     eye, shown = mathutils.Matrix(placed[1]).translation, with_instanced(set(main))
     hits = [hit for hit in edit.through(rays, placed) if hit is not None and hit[2] in shown]
 
@@ -346,7 +346,7 @@ def _lost_glass(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, main:
             return False
         hit = rays.cast(place + 1e-4 * way, way)
         return hit is None or is_lost(hit[0], way, *rays.thing(hit))
-    lost = [hit[2].name for hit in hits if world_radiance(scene.world, 0) and is_lost(hit[0], hit[0] - eye, *hit[3])]
+    lost = [hit[2].name for hit in hits if is_lost(hit[0], hit[0] - eye, *hit[3])]
     return lost[0] if len(lost) > LOST * len(hits) else ""
 
 

@@ -24,8 +24,7 @@ def refuse(scene, sentence: str, operator=None) -> None:
     """The operator is cancelled with a report that matches, and the scene is as it was."""
     before = snapshot()
     panel.refused(sentence, operator or bpy.ops.lfsr.render_eia)
-    assert snapshot() == before
-    assert session.current() is None
+    assert snapshot() == before and session.current() is None
 
 
 @pytest.fixture

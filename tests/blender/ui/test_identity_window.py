@@ -89,8 +89,7 @@ def test_what_the_method_needs_is_asked_before_the_render(window):
     assert press_render(window) == ["RUNNING_MODAL"]
     window.xdotool("key", "Return")
     until_done(window)
-    assert window.get(f"{LFSR}.method") == "pool"
-    assert read_report(folder / "shot" / "Scene" / "0001").method == "pool"
+    assert window.get(f"{LFSR}.method") == "pool" and read_report(folder / "shot" / "Scene" / "0001").method == "pool"
 
 
 def test_a_library_of_the_preferences_denoises(window):

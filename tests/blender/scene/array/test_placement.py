@@ -156,7 +156,8 @@ def test_array_is_fitted_to_the_whole_animation_whatever_the_frame(scene):
         scene.frame_set(number, subframe=0.25)
         found.append(placement.place_array(scene, SMALL, {box}))
         assert (scene.frame_current, scene.frame_subframe) == (number, 0.25)
-    assert found[0] == found[1] == found[2] and found[0][1][0][3] == pytest.approx(3), "in the middle of its way"
+    low, high = np.array((-0.5, -0.5, -0.5)), np.array((6.5, 0.5, 0.5))
+    assert found[0] == found[1] == found[2] == placement.fit_array(low, high, SMALL)
 
 
 def test_frames_that_stand_for_an_animation(scene):
