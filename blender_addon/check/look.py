@@ -24,7 +24,7 @@ from ..compat import overridden
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
 from ..scene.array.placement import Rays
-from ..scene.contents import GEOMETRY, find_subject, is_rendered, nodes_of, rendered_layer, with_instanced
+from ..scene.contents import GEOMETRY, collections, find_subject, is_rendered, nodes_of, rendered_layer, with_instanced
 from ..scene.files import image_paths
 from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance
 from ..scene.settings import length
@@ -137,12 +137,16 @@ def _without(*items: bpy.types.Object | None) -> Iterator[None]:
     with ExitStack() as changes:
         for item in filter(None, items):
             changes.enter_context(overridden(item, {"hide_render": True}))
+        for layer in collections(bpy.context.view_layer.layer_collection):
+            for owner in (layer, layer.collection):
+                if owner.hide_viewport:
+                    changes.enter_context(overridden(owner, {"hide_viewport": False}))
         for item in bpy.context.view_layer.objects:
-            if item.type in GEOMETRY and item.visible_get() == item.hide_render:
+            if item.type in GEOMETRY and item.visible_get() == (is_hidden := not is_rendered(bpy.context.scene, item)):
                 changes.callback(item.select_set, item.select_get())  # which Blender does not keep of what is hidden
-                changes.enter_context(overridden(item, {"hide_viewport": item.hide_render}))
+                changes.enter_context(overridden(item, {"hide_viewport": is_hidden}))
                 changes.callback(item.hide_set, item.hide_get())
-                item.hide_set(item.hide_render)
+                item.hide_set(is_hidden)
         bpy.context.view_layer.update()
         yield
     bpy.context.view_layer.update()

@@ -147,6 +147,7 @@ def _new_plane(array: bpy.types.Object) -> bpy.types.Object:
 APART, ENCLOSING = 4.0, 20.0  # times the size of all others, from which an object lies far away, or is a dome
 FREE, FLOOR = 1.0, 0.02  # times that size, away from which walls are a stage's; of their height, at which they stand
 FLAT, WIDE = 0.05, 4.0  # thickness of a floor as a fraction of its length; its area, as a multiple of what is on it
+HILLY, WIDER = 0.5, 10.0  # the same of a ground with a pond or hills, its thickness as a fraction of what stands there
 MOST_SURROUNDINGS = 6
 # Of a sky: least metres across; parts of its size by which the rest hangs and may stick out; part of its box it fills.
 LEAST_SKY, ALOFT, BESIDE, FILLED = 20.0, 0.2, 0.02, 0.9
@@ -306,7 +307,8 @@ def _surroundings(boxes: Array) -> list[int]:
         is_thin = sides == sides.min(1, keepdims=True)
         area, covered = (np.where(is_thin, 1, each).prod(1) for each in (sides, high - low))
         is_ceiling = is_thin[:, 2] & (around[:, 0, 2] >= high[2])  # a room is looked at from inside
-        is_floor = (sides.min(1) < FLAT * sides.max(1)) & (area > WIDE * covered) & ~is_ceiling
+        is_floor = ~is_ceiling & ((sides.min(1) < FLAT * sides.max(1)) & (area > WIDE * covered)
+                                  | is_thin[:, 2] & (sides[:, 2] < HILLY * (high - low)[2]) & (area > WIDER * covered))
         gaps = np.maximum(np.maximum(around[:, 0] - high, low - around[:, 1]), 0)
         free = np.minimum(low - around[:, 0], around[:, 1] - high)
         is_stage = (free[:, :2].min(1) > FREE * _diagonal(low, high)) & (around[:, 1, 2] > high[2]) & (

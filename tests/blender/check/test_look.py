@@ -1,5 +1,6 @@
 """The look before a render: what the array sees of scenes that nobody has prepared, and what mends it."""
 
+import itertools
 import re
 
 import bpy
@@ -102,12 +103,22 @@ def test_what_is_rendered_is_looked_at_whatever_the_viewport_hides(startup):
     aimed(startup)
     add_box((0, 0, 1), (1, 0.5, 1))
     blocker = add_box((0, -6, 1), (0.1, 0.1, 0.1))
+    folder = bpy.data.collections.new("Folder")
+    startup.collection.children.link(folder)
+    folder.objects.link(blocker)
+    blocker.users_collection[0].objects.unlink(blocker)
+    layer = bpy.context.view_layer.layer_collection.children["Folder"]
     for is_hidden in (True, False):
         blocker.hide_set(is_hidden)
         blocker.hide_render = not is_hidden
         blocker.select_set(not is_hidden)
         assert ("stands inside" in looked(startup).get("frame", "")) == is_hidden == blocker.hide_get()
         assert blocker.select_get() != is_hidden
+    blocker.hide_render = False
+    for owner, is_hidden in itertools.product((layer, folder), (True, False)):
+        owner.hide_viewport, folder.hide_render = is_hidden, not is_hidden
+        assert ("stands inside" in looked(startup).get("frame", "")) == is_hidden == owner.hide_viewport
+        owner.hide_viewport = False
 
 
 def make_room(scene, lamp: bool) -> list[bpy.types.Object]:
