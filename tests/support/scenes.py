@@ -28,7 +28,7 @@ POSITION_OFFSET = 20.0   # makes every coordinate of the small scenes positive, 
 
 def fresh_scene() -> bpy.types.Scene:
     """An empty scene in an empty file."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.context.scene.render.engine = "CYCLES"
     return bpy.context.scene
 
