@@ -116,7 +116,14 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     light = [radiance * exposed for radiance in _light(scene, rays, placed, own)]
     if not (is_plain and is_alone) and (is_glaring(scene, light[1]) or (
             is_dim(light[0] / UNSURE, light[1]) and not (is_plain and is_new))):
-        light[:] = _rendered(scene, placed, startup)
+        from ..render.frame_folder import light_seen  # reads EXR files, which the panel starts without
+
+        # A tiny render without that lamp shows textures, reflections and glow, too. It takes the last slot of Blender's
+        # own result, so that the artist's stays.
+        result = bpy.data.images.get("Render Result")
+        slots = result.render_slots if result is not None else ()
+        with _without(startup), overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
+            light[:] = light_seen(scene, scene_settings.resolve(scene).request, placed)
     if (is_plain and is_alone) or is_dim(*light):
         source = "a dim world" if startup is None else "the lamp of Blender's new file"
         yield _problem("dark", scene.name, f"Only {source} lights it. Images only are lit."
@@ -352,17 +359,6 @@ def _lost_glass(rays: Rays, placed: rig.Placement, main: list[bpy.types.Object])
         return hit is None or is_lost(hit[0], way, *rays.thing(hit))
     lost = [hit[2].name for hit in hits if is_lost(hit[0], hit[0] - eye, *hit[3])]
     return lost[0] if len(lost) > LOST * len(hits) else ""
-
-
-def _rendered(scene: bpy.types.Scene, placed: rig.Placement, startup: bpy.types.Object | None) -> tuple[Array, Array]:
-    """What ``_light`` returns, exposed, by a tiny render without ``startup``: with textures, reflections and glow."""
-    from ..render.frame_folder import light_seen  # reads EXR files, which the panel starts without
-
-    result = bpy.data.images.get("Render Result")
-    slots = result.render_slots if result is not None else ()
-    # In the last slot of Blender's own result, so that the artist's stays.
-    with _without(startup), overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
-        return light_seen(scene, scene_settings.resolve(scene).request, placed)
 
 
 def _reflected(item: bpy.types.Object) -> tuple[float, float]:

@@ -173,7 +173,12 @@ def _files(item: bpy.types.ID, frame: int) -> Iterator[tuple[str, str | Path]]:
         for user in (item, *(tree.nodes if tree else ())):
             image = getattr(user, "image", None)
             if image is not None and image.source == "SEQUENCE" and not image.packed_file:
-                yield "image", _at_frame(Path(place(image.filepath)), user.image_user, frame)
+                # Its file at this frame of the scene, as Blender's BKE_image_user_frame_get has it.
+                shown, path = user.image_user, Path(place(image.filepath))
+                length, number = shown.frame_duration, frame - shown.frame_start + 1
+                number = (number - 1) % length + 1 if shown.use_cyclic and length else min(max(number, 0), length)
+                digits = len((NUMBER.search(path.name) or [""])[0])
+                yield "image", path.with_name(NUMBER.sub(f"{number + shown.frame_offset:0{digits}d}", path.name))
 
 
 def _bakes(modifier: bpy.types.NodesModifier, place: Callable[[str], str]) -> Iterator[Path]:
@@ -199,13 +204,6 @@ def image_paths(image: bpy.types.Image) -> Iterator[Path]:
         for tile in image.tiles:
             row, column = divmod(tile.number - 1001, 10)
             yield Path(named.replace("<UDIM>", str(tile.number)).replace("<UVTILE>", f"u{column + 1}_v{row + 1}"))
-
-
-def _at_frame(path: Path, user: bpy.types.ImageUser, frame: int) -> Path:
-    """Return the file of an image sequence at a frame of the scene, as Blender's BKE_image_user_frame_get."""
-    length, number = user.frame_duration, frame - user.frame_start + 1
-    number = (number - 1) % length + 1 if user.use_cyclic and length else min(max(number, 0), length)
-    return path.with_name(NUMBER.sub(lambda found: f"{number + user.frame_offset:0{len(found[0])}d}", path.name))
 
 
 def _is_damaged_inside(item: bpy.types.ID) -> bool:

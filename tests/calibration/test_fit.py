@@ -55,8 +55,7 @@ def test_cylinders_are_found(pitch, slant, center):
     real = dataclasses.replace(CYLINDERS, lenticular=dataclasses.replace(
         CYLINDERS.lenticular, pitch_mm=pitch, slant=slant, center=center))
     found = fit_profile(CYLINDERS, [taken(real=real)]).profile.lenticular
-    assert found.pitch_mm == pytest.approx(pitch, rel=1e-5)
-    assert found.slant == pytest.approx(slant, abs=1e-4)
+    assert found.pitch_mm == pytest.approx(pitch, rel=1e-5) and found.slant == pytest.approx(slant, abs=1e-4)
 
     def middle(sheet):  # phase at the panel's middle, where errors of pitch and slant weigh least
         return sheet.lenses_across(240.0) / 2 * (1 + sheet.slant * 135 / 240) - sheet.center

@@ -199,8 +199,7 @@ def test_bad_option_is_refused_before_blender_starts(scene, blender, tmp_path, c
     for verb in ("render", "reference"):
         arguments = [verb, str(tmp_path / "no.blend"), "-o", str(tmp_path / "frame"), "--blender", blender]
         assert "no.blend does not exist: check the path" in fails(arguments, capsys)
-    assert not (tmp_path / "frame").exists()
-    assert not Path(blender + ".jobs").exists()
+    assert not (tmp_path / "frame").exists() and not Path(blender + ".jobs").exists()
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
@@ -218,8 +217,7 @@ def test_who_reads_a_part_of_the_output_has_enough(monkeypatch, capsys):
             raise BrokenPipeError(errno.EPIPE, "Broken pipe")
 
     monkeypatch.setattr(sys, "stdout", Closed())
-    assert main(["displays"]) == 141
-    assert capsys.readouterr().err == ""
+    assert main(["displays"]) == 141 and capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize("inside", [
@@ -272,16 +270,14 @@ def test_views_writes_its_images_once_finished_and_a_truncated_render_keeps_the_
     capsys.readouterr()
     assert main(["views", str(folder)]) == 0
     assert capsys.readouterr().out.split() == [str(folder / name) for name in ("epi_x.png", "epi_y.png", "views.png")]
-    assert main(["views", str(folder), "--eye=-20,10,180"]) == 0
-    assert (folder / "eye.png").exists()
+    assert main(["views", str(folder), "--eye=-20,10,180"]) == 0 and (folder / "eye.png").exists()
     folder = write_render(tmp_path / "frame")
     main(["upscale", str(folder), "--method", "nearest"])
     capsys.readouterr()
     picture, whole = (folder / "eia.png").read_bytes(), (folder / "lr_eia.exr").read_bytes()
     (folder / "lr_eia.exr").write_bytes(whole[:len(whole) // 2])
     assert main(["upscale", str(folder), "--method", "bicubic"]) == 2
-    assert "lr_eia.exr cannot be read" in capsys.readouterr().err
-    assert (folder / "eia.png").read_bytes() == picture
+    assert "lr_eia.exr cannot be read" in capsys.readouterr().err and (folder / "eia.png").read_bytes() == picture
     assert "frame.json does not exist" in fails(["upscale", str(tmp_path)], capsys)
 
 
@@ -326,8 +322,7 @@ def test_output_that_cannot_be(tmp_path, capsys, verb, name, message):
     option = "--work" if verb == "plan" else "-o"
     sentence = fails([verb, str(scene), option, str(tmp_path / name), "--blender", "/must/not/run"], capsys)
     assert re.search(message, sentence)
-    assert len(sentence) < 330
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["link", "scene.glb"]
+    assert len(sentence) < 330 and sorted(path.name for path in tmp_path.iterdir()) == ["link", "scene.glb"]
 
 
 @pytest.mark.parametrize("length", [246, 255])
@@ -369,15 +364,13 @@ def folder(tmp_path):
 def test_export(folder, capsys, options, names):
     assert main(["export", str(folder), "--format", *options]) == 0
     target = folder / "export" / options[0]
-    assert str(target) in capsys.readouterr().out
-    assert sorted(path.name for path in target.iterdir()) == names
+    assert str(target) in capsys.readouterr().out and sorted(path.name for path in target.iterdir()) == names
 
 
 def test_there_and_back(folder, tmp_path, capsys):
     views, back = str(tmp_path / "views"), tmp_path / "back"
     assert main(["export", str(folder), "--format", "hci", "--views", "4", "-o", views]) == 0
-    assert main(["import", views, "-o", str(back)]) == 0
-    assert f"next: lfsr view {back}" in capsys.readouterr().out
+    assert main(["import", views, "-o", str(back)]) == 0 and f"next: lfsr view {back}" in capsys.readouterr().out
     assert (read_light_field(back).views == read_light_field(folder).resampled((4, 4))).all()
     assert main(["import", views, "-o", str(tmp_path / "low"), "--scale", "2", "--angle-deg", "20"]) == 0
     assert "next: lfsr upscale" in capsys.readouterr().out

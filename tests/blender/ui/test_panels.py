@@ -232,8 +232,7 @@ def test_what_informs_is_no_error_and_what_was_done_is_one_line_with_its_buttons
     state = bpy.context.window_manager.lfsr
     state.message, state.outcome, state.outcome_folder = "", "Done in 0:42", str(folders.frame_folder(scene))
     drawn = draw(panels.LFSR_PT_image)
-    assert icons(drawn, "Done in 0:42") == {"CHECKMARK"}
-    assert "wm.path_open" in operators(drawn)
+    assert icons(drawn, "Done in 0:42") == {"CHECKMARK"} and "wm.path_open" in operators(drawn)
     scene.lfsr.display = "small"  # which that image is not for
     assert "wm.path_open" not in operators(draw(panels.LFSR_PT_image))
     state.outcome = state.outcome_folder = ""
@@ -268,8 +267,7 @@ def buttons(drawn) -> list[str]:
 
 def test_off_and_a_lens_sheet_that_has_no_pixel_size(scene):
     drawn = draw(panels.LFSR_PT_live)
-    assert not bpy.ops.lfsr.live_full_screen.poll()
-    assert buttons(drawn) == ["Start Live", "Show One Eye"]
+    assert not bpy.ops.lfsr.live_full_screen.poll() and buttons(drawn) == ["Start Live", "Show One Eye"]
     assert {"live_eye_right", "live_eye_up", "live_eye_near"} == properties(drawn)
     advanced = {"live_scale", "live_rays", "live_samples", "live_smooth", "live_denoise"}
     assert properties(draw(panels.LFSR_PT_live_advanced)) == advanced
@@ -286,8 +284,7 @@ def test_on(scene, monkeypatch):
     assert "5×5" in labels(drawn) and "full screen" in labels(drawn) and "exact" not in labels(drawn)
     live_session._on[EYE] = live_session._Shown(bpy.context.scene.session_uid, message="make the window larger")
     drawn = draw(panels.LFSR_PT_live)
-    assert "Make the window larger" in labels(drawn)
-    assert buttons(drawn) == ["Stop Live", "", "Hide Eye"]
+    assert "Make the window larger" in labels(drawn) and buttons(drawn) == ["Stop Live", "", "Hide Eye"]
 
 
 def test_what_this_blender_cannot_do_and_a_scene_without_an_array_that_gets_one(scene, monkeypatch):
@@ -455,8 +452,7 @@ def test_the_panels_texts_are_plain(scene, state):
     everything = [*draw_all().values(), draw(panels.LFSR_PT_live)]
     wrong = [wrong_message(text) for drawn in everything for text in texts_in(drawn)]
     starts = [texts_in(drawn)[0] for drawn in everything if texts_in(drawn)]
-    assert [text for text in wrong if text] == []
-    assert [text for text in starts if text[:1].islower()] == []
+    assert [text for text in wrong if text] == [] and [text for text in starts if text[:1].islower()] == []
 
 
 @pytest.mark.parametrize(("message", "shown"), [
