@@ -62,11 +62,11 @@ def check_files(scene: bpy.types.Scene, frame: int | None, allow: bool, say: Cal
 
 
 def paint_missing() -> None:
-    """Make images whose files are missing gray, and flat where a normal map reads them: Blender shows them pink."""
+    """Make missing images and films gray, and flat where a normal map reads them: Blender shows them pink."""
     flat = {link.from_node.image for material in bpy.data.materials for node in nodes_of(material.node_tree)
             if node.type == "NORMAL_MAP" for link in node.inputs["Color"].links if link.from_node.type == "TEX_IMAGE"}
     for image in bpy.data.images:
-        if (paths := [*image_paths(image)]) and not any(map(Path.is_file, paths)):
+        if (paths := [Path(path) for _, path in _files(image, 0)]) and not any(map(Path.is_file, paths)):
             image.source, image.generated_type = "GENERATED", "BLANK"
             image.generated_color = 0.5, 0.5, 1.0 if image in flat else 0.5, 1.0
 

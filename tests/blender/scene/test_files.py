@@ -288,8 +288,8 @@ def test_missing_images_are_gray_or_flat_and_not_pink(scene, item, tmp_path):
     bumps.colorspace_settings.name = "Non-Color"
     texture, reader = node(item, "ShaderNodeTexImage"), node(item, "ShaderNodeNormalMap")
     texture.image, _ = bumps, item.active_material.node_tree.links.new(texture.outputs["Color"], reader.inputs["Color"])
-    for name in "bc":
-        (tmp_path / f"{name}.png").unlink()
+    for path in (tmp_path / "b.png", tmp_path / "c.png", READ["film"](item, tmp_path)):
+        path.unlink()
     paint_missing()
     assert unreadable(scene) == [] and there.source == "FILE"
     assert lost.pixels[0] == lost.pixels[1] == lost.pixels[2] and 0.2 < lost.pixels[0] < 0.9
