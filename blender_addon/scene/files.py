@@ -159,7 +159,14 @@ def _files(item: bpy.types.ID, frame: int) -> Iterator[tuple[str, str | Path]]:
             elif modifier.type == "OCEAN" and modifier.is_cached:
                 yield "simulation", place(modifier.filepath)
             elif modifier.type == "NODES":
-                yield from (("simulation", path) for path in _bakes(modifier, place))
+                for bake in modifier.bakes:  # Blender does not store which are on the disk, only where
+                    named = bake.directory if bake.use_custom_path else modifier.bake_directory
+                    target = modifier.bake_target if bake.bake_target == "INHERIT" else bake.bake_target
+                    if named and target == "DISK":
+                        folder = Path(place(named)) / ("" if bake.use_custom_path else str(bake.bake_id))
+                        yield from (("simulation", path) for path in sorted(folder.glob("meta/*.json")))
+                        if not Path(place(named)).parent.exists():  # a bake that is deleted leaves it
+                            yield "simulation", place(named)
             cache = getattr(getattr(modifier, "particle_system", modifier), "point_cache", None)
             if cache is not None and cache.use_external:
                 yield "simulation", place(cache.filepath)
@@ -179,18 +186,6 @@ def _files(item: bpy.types.ID, frame: int) -> Iterator[tuple[str, str | Path]]:
                 number = (number - 1) % length + 1 if shown.use_cyclic and length else min(max(number, 0), length)
                 digits = len((NUMBER.search(path.name) or [""])[0])
                 yield "image", path.with_name(NUMBER.sub(f"{number + shown.frame_offset:0{digits}d}", path.name))
-
-
-def _bakes(modifier: bpy.types.NodesModifier, place: Callable[[str], str]) -> Iterator[Path]:
-    """Yield the files of Geometry Nodes' bakes. Blender does not store which bakes are on the disk, only where."""
-    for bake in modifier.bakes:
-        target = modifier.bake_target if bake.bake_target == "INHERIT" else bake.bake_target
-        named = bake.directory if bake.use_custom_path else modifier.bake_directory
-        if named and target == "DISK":
-            folder = Path(place(named)) / ("" if bake.use_custom_path else str(bake.bake_id))
-            yield from sorted(folder.glob("meta/*.json"))
-            if not Path(place(named)).parent.exists():  # a bake that is deleted leaves it
-                yield Path(place(named))
 
 
 def image_paths(image: bpy.types.Image) -> Iterator[Path]:

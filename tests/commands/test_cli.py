@@ -33,8 +33,7 @@ def test_every_verb_has_help_that_loads_no_numpy(capsys):
     for name, (_, text) in VERBS.items():
         with pytest.raises(SystemExit) as caught:
             main([name, "--help"])
-        assert caught.value.code == 0
-        assert text.split()[0] in capsys.readouterr().out
+        assert caught.value.code == 0 and text.split()[0] in capsys.readouterr().out
     told = subprocess.run([LFSR[0], "-X", "importtime", *LFSR[1:], "--help"], capture_output=True, text=True, cwd=ROOT,
                           check=True).stderr
     assert "argparse" in told and "numpy" not in told
@@ -50,8 +49,7 @@ def test_lfsr_alone_and_displays_show_what_there_is(capsys):
     assert main(["displays"]) == 0
     listed = capsys.readouterr().out
     assert [line.split()[0] for line in listed.splitlines()] == builtin_names()
-    assert "7680×4320 px, 96×54 lenses of 80×80 views" in listed
-    assert main(["displays", "bupt-32in-8k"]) == 0
+    assert "7680×4320 px, 96×54 lenses of 80×80 views" in listed and main(["displays", "bupt-32in-8k"]) == 0
     shown = capsys.readouterr().out
     for number in ("96×54 = 5184", "7.379 × 7.379 mm", "9.099 mm", "0.521°", "2, 4, 5, 8, 10",
                    "168.6 mm in front, 254.3 mm behind"):
@@ -89,16 +87,14 @@ def test_json_is_one_object_and_quiet_prints_nothing(scene, blender, tmp_path, c
     assert "did you mean 'mini'" in json.loads(refused.out)["error"] and "did you mean 'mini'" in refused.err
     for words in (("views", frame), ("displays", "mini"),
                   ("render", scene, "-o", frame, *display, "--scale", 2, "--method", "bicubic")):
-        assert said(*words, "--quiet") == ("", "")
-        assert json.loads(said(*words, "--quiet", "--json").out)
+        assert said(*words, "--quiet") == ("", "") and json.loads(said(*words, "--quiet", "--json").out)
 
 
 def test_a_check_renders_a_reference_and_puts_ssim_with_its_interval_into_the_report(scene, blender, tmp_path, capsys):
     frame = tmp_path / "frame"
     command = ["render", scene, "-o", str(frame), "--display", "mini", "--scale", "2", "--method", "bicubic",
                "--blender", blender, "--check"]
-    assert main([*command, "12"]) == 0
-    assert "ssim_lens_fg" in capsys.readouterr().out
+    assert main([*command, "12"]) == 0 and "ssim_lens_fg" in capsys.readouterr().out
     metrics = json.loads((frame / "report.json").read_text())["metrics"]
     assert metrics["lenses"] == 12 and metrics["ci95"]["ssim_lens"] > 0
     reference = jobs(blender)[-1]
@@ -156,8 +152,7 @@ def test_an_image_without_foreground_is_no_success(scene, blender, tmp_path, cap
     assert main(command) == 2
     assert re.search("render: no lens sees the subject: no object is in sight.*--allow-empty", capsys.readouterr().err)
     assert (tmp_path / "frame" / "eia.png").is_file(), "it may be what was wanted"
-    assert main([*command, "--allow-empty"]) == 0
-    assert "no lens sees the subject" in capsys.readouterr().err
+    assert main([*command, "--allow-empty"]) == 0 and "no lens sees the subject" in capsys.readouterr().err
 
 
 def test_render_defaults_and_frames_whose_depth_decides(scene, blender, tmp_path):

@@ -158,8 +158,7 @@ def test_a_changed_scene_is_planned_anew_and_an_old_plan_forgotten(scene, cache,
     assert not interrupted(job)
     for path in cache.iterdir():
         os.utime(path, (0, 0))
-    assert not interrupted(job)
-    assert len(list(cache.iterdir())) == 1
+    assert not interrupted(job) and len(list(cache.iterdir())) == 1
     with work_folder(None, job, options, print) as first, work_folder(None, job, options, print) as second:
         assert first != second and second.is_dir()
     assert not first.exists() and not second.exists()

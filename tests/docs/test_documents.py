@@ -44,8 +44,7 @@ def anchors(path):
 def test_code_points_to_documents_and_those_are_read_in_an_afternoon():
     mentions = {(name, path) for name in tracked("*.py", "*.sh", "*.toml")
                 for path in MENTION.findall((ROOT / name).read_text(encoding="utf-8"))}
-    assert len(mentions) > 20
-    assert sorted(pair for pair in mentions if not (ROOT / pair[1]).exists()) == []
+    assert len(mentions) > 20 and sorted(pair for pair in mentions if not (ROOT / pair[1]).exists()) == []
     pages = [name for name in tracked("*.md") if not name.startswith("docs/notebook/")]
     assert sum(len((ROOT / name).read_text(encoding="utf-8").split()) for name in pages) <= 30_000
     assert len(messages()) > 40
@@ -74,8 +73,7 @@ def sources():
 @pytest.mark.parametrize("message", [text for text in messages() if not text.startswith(OWN)])
 def test_a_quoted_message_is_one_of_the_programs(sources, message):
     pieces = [piece.strip(" ,") for piece in re.split("…", message)]
-    assert max(map(len, pieces)) > 8
-    assert [piece for piece in pieces if len(piece) > 8 and piece not in sources] == []
+    assert max(map(len, pieces)) > 8 and [piece for piece in pieces if len(piece) > 8 and piece not in sources] == []
 
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "reference" / "frame-folder.md"

@@ -227,10 +227,12 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
                 part = np.minimum(np.abs(local[:, :2] / local[:, 2:]).max(0) * placed[0].distance / half, 1)
             hits = [hit for hit in through(rays, placed, *probes, part) if hit is not None]
             most = max(most, len({hit[3] for hit in hits}))
-            seen = [hit[3] for hit in hits if hit[2] in shown]
-            counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide
+            seen = [hit for hit in hits if hit[2] in shown]
+            # Surfaces that face several ways show a thing's shape. Of a plane, as the side of a box, this is 0.
+            various = 1 - np.linalg.norm(np.mean([hit[4] for hit in seen] or [(0, 0, 1)], axis=0))
+            counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide * (1 + various)
             share = len(seen) / math.prod(probes) * part.prod()
-            choices.append((counts * share * len(set(seen)), share, placed))
+            choices.append((counts * share * len({hit[3] for hit in seen}), share, placed))
         _, share, best = max(choices, key=lambda each: each[0])
         if share > least:
             break
@@ -361,7 +363,8 @@ NEAR = 0.15  # of the median depth of a view, at which nothing may stand in its 
 AROUND = [mathutils.Vector(way).normalized() for way in itertools.product((-1, 0, 1), repeat=3) if any(way)]
 
 Thing = tuple[bpy.types.Object, int]  # object, number of its material (``Rays.thing``)
-Hit = tuple[mathutils.Vector, bool, bpy.types.Object, Thing]  # place, whether the front of a surface is hit, of what
+# Place, whether the front of a surface is hit, of what, and the surface's normal toward where the ray comes from.
+Hit = tuple[mathutils.Vector, bool, bpy.types.Object, Thing, mathutils.Vector]
 
 
 def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = PROBES[1],
@@ -372,8 +375,8 @@ def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = 
     ways = [eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))
             for x in np.linspace(-part[0], part[0], across) for y in np.linspace(-part[1], part[1], down)]
     hits = (rays.cast(eye.translation, way) for way in ways)
-    return [(hit[0], hit[1].dot(way) < 0, hit[2], rays.thing(hit)) if hit else None
-            for hit, way in zip(hits, ways, strict=True)]
+    return [(hit[0], cosine < 0, hit[2], rays.thing(hit), -hit[1] if cosine > 0 else hit[1]) if hit else None
+            for hit, cosine in ((hit, hit[1].dot(way) if hit else 0.0) for hit, way in zip(hits, ways, strict=True))]
 
 
 def _seen_from(rays: Rays, placed: Placement, places: Sequence[mathutils.Vector]) -> float:

@@ -282,7 +282,7 @@ def test_what_travels_far_is_fitted_where_it_is(startup):
 
 
 def test_a_narrow_figure_is_seen_from_its_broad_side(startup):
-    add_box((90, 0, 0.9), (0.05, 0.16, 0.9))
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=1, location=(90, 0, 0.9), scale=(0.05, 0.16, 0.9))
     assert "frame" in mend(startup) and abs(rig.find(startup).matrix_world.col[2].x) > 0.99
 
 

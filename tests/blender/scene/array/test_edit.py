@@ -143,6 +143,16 @@ def test_what_is_flat_is_looked_at_from_above_and_what_is_wide_from_a_side_from_
     assert place(edit.add(scene, MINI).matrix_world.translation)
 
 
+def test_of_two_sides_that_with_more_shape_is_looked_at(scene):
+    places = [(0.2 * (step % 2 - 1), step / 8 - 1, z) for step in range(17) for z in (-1, 1)]
+    mesh = bpy.data.meshes.new("Folded")
+    mesh.from_pydata([*places, (0.1, -1, -1), (0.1, -1, 1), (0.1, 1, -1), (0.1, 1, 1)], [], [
+        *((at, at + 1, at + 3, at + 2) for at in range(0, 32, 2)), (34, 35, 37, 36)])
+    scene.collection.objects.link(bpy.data.objects.new("Folded", mesh))
+    bpy.context.view_layer.update()
+    assert edit.add(scene, MINI).matrix_world.translation.x < -1, "not the flat one, which counts a little more"
+
+
 @pytest.mark.parametrize(("boxes", "is_above"), [(6, True), (0, False)])
 def test_an_island_is_looked_at_from_above_the_sea_and_what_is_in_the_sea_from_below_it(scene, boxes, is_above):
     bpy.ops.mesh.primitive_plane_add(size=400)
