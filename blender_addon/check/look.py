@@ -141,15 +141,17 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
 @contextmanager
 def _without(*items: bpy.types.Object | None) -> Iterator[None]:
     """Leave objects out of renders inside the block; rays meet what is rendered, also what the viewport hides."""
+    folders = (bpy.context.scene.collection, *bpy.context.scene.collection.children_recursive)
+    rendered = {item for folder in folders if not folder.hide_render for item in folder.objects}
     with ExitStack() as changes:
         for item in filter(None, items):
             changes.enter_context(overridden(item, {"hide_render": True}))
         for layer in collections(bpy.context.view_layer.layer_collection):
-            for owner in (layer, layer.collection):
-                if owner.hide_viewport:
-                    changes.enter_context(overridden(owner, {"hide_viewport": False}))
+            for owner in filter(lambda each: each.hide_viewport, (layer, layer.collection)):
+                changes.enter_context(overridden(owner, {"hide_viewport": False}))
         for item in bpy.context.view_layer.objects:
-            if item.type in GEOMETRY and item.visible_get() == (is_hidden := not is_rendered(bpy.context.scene, item)):
+            is_hidden = item.hide_render or item not in rendered
+            if item.type in GEOMETRY and item.visible_get() == is_hidden:
                 changes.callback(item.select_set, item.select_get())  # which Blender does not keep of what is hidden
                 changes.enter_context(overridden(item, {"hide_viewport": is_hidden}))
                 changes.callback(item.hide_set, item.hide_get())
