@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 import bpy
@@ -24,7 +24,7 @@ from ..compat import overridden
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
 from ..scene.array.placement import Rays
-from ..scene.contents import GEOMETRY, collections, find_subject, is_rendered, nodes_of, rendered_layer, with_instanced
+from ..scene.contents import GEOMETRY, find_subject, is_rendered, nodes_of, rendered_layer, with_instanced
 from ..scene.files import image_paths
 from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance
 from ..scene.settings import length
@@ -73,7 +73,7 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
             more = f" and {counted(len(others) - 1, 'other object')}" if others[1:] else ""
             yield _problem("helper", others[0].name, f"{others[0].name}{more} without a material would be rendered "
                            "solid: drawn as wires, a Boolean's tool or the shape of a bone.")
-        with _without(cube, *others):
+        with edit.without(cube, *others):
             boxes, eye = edit.boxes_now(subject), np.array(placed[1])[:3, 3]
             if not boxes:
                 yield _problem("nothing", scene.name, f"Nothing is there in frame {scene.frame_current}: choose "
@@ -86,7 +86,7 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
             if sky is not None:
                 yield _problem("sky", sky.name, f"{sky.name} surrounds all other objects, like a sky, and would hide "
                                "them from outside.")
-            with nullcontext() if sky is None else _without(sky):
+            with nullcontext() if sky is None else edit.without(sky):
                 yield from _found(scene, placed, display, subject, main_objects(scene, subject))
 
 
@@ -118,11 +118,9 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
             is_dim(light[0] / UNSURE, light[1]) and not (is_plain and is_new))):
         from ..render.frame_folder import light_seen  # reads EXR files, which the panel starts without
 
-        # A tiny render without that lamp shows textures, reflections and glow, too. It takes the last slot of Blender's
-        # own result, so that the artist's stays.
-        result = bpy.data.images.get("Render Result")
-        slots = result.render_slots if result is not None else ()
-        with _without(startup), overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
+        # A tiny render without that lamp, in the last slot of Blender's own result, so that the artist's stays.
+        slots = result.render_slots if (result := bpy.data.images.get("Render Result")) is not None else ()
+        with edit.without(startup), overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
             light[:] = light_seen(scene, scene_settings.resolve(scene).request, placed)
     if (is_plain and is_alone) or is_dim(*light):
         source = "a dim world" if startup is None else "the lamp of Blender's new file"
@@ -136,29 +134,6 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     elif world_radiance(scene.world, 0) and (glass := _lost_glass(rays, placed, main)):
         yield _problem("dark", scene.name, f"{glass} is of glass, which shows what is around it: hardly anything in a "
                        "world of one color. Images only are lit; the scene keeps its own light.")
-
-
-@contextmanager
-def _without(*items: bpy.types.Object | None) -> Iterator[None]:
-    """Leave objects out of renders inside the block; rays meet what is rendered, also what the viewport hides."""
-    folders = (bpy.context.scene.collection, *bpy.context.scene.collection.children_recursive)
-    rendered = {item for folder in folders if not folder.hide_render for item in folder.objects}
-    with ExitStack() as changes:
-        for item in filter(None, items):
-            changes.enter_context(overridden(item, {"hide_render": True}))
-        for layer in collections(bpy.context.view_layer.layer_collection):
-            for owner in filter(lambda each: each.hide_viewport, (layer, layer.collection)):
-                changes.enter_context(overridden(owner, {"hide_viewport": False}))
-        for item in bpy.context.view_layer.objects:
-            is_hidden = item.hide_render or item not in rendered
-            if item.type in GEOMETRY and item.visible_get() == is_hidden:
-                changes.callback(item.select_set, item.select_get())  # which Blender does not keep of what is hidden
-                changes.enter_context(overridden(item, {"hide_viewport": is_hidden}))
-                changes.callback(item.hide_set, item.hide_get())
-                item.hide_set(is_hidden)
-        bpy.context.view_layer.update()
-        yield
-    bpy.context.view_layer.update()
 
 
 def _problem(code: str, target: str, reason: str, placed: rig.Placement | None = None) -> Problem:

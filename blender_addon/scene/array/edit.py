@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import bpy
 import mathutils
@@ -16,7 +16,8 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..contents import find_subject, with_instanced
+from ...compat import overridden
+from ..contents import GEOMETRY, collections, find_subject, with_instanced
 from . import placement, rig
 from .placement import MOST_REACH, PROBES, Rays, View
 from .rig import Placement, from_blender, to_blender, upright
@@ -163,6 +164,29 @@ FEW_OBJECTS, MOST_POINTS = 100, 20_000  # objects that are fitted by their verti
 PROBED, FEWER = (24, 14), (16, 9)  # rays that tell it, across and down
 
 
+@contextlib.contextmanager
+def without(*items: bpy.types.Object | None) -> Iterator[None]:
+    """Leave objects out of renders inside the block; rays meet what is rendered, also what the viewport hides."""
+    folders = (bpy.context.scene.collection, *bpy.context.scene.collection.children_recursive)
+    rendered = {item for folder in folders if not folder.hide_render for item in folder.objects}
+    with contextlib.ExitStack() as changes:
+        for item in filter(None, items):
+            changes.enter_context(overridden(item, {"hide_render": True}))
+        for layer in collections(bpy.context.view_layer.layer_collection):
+            for owner in filter(lambda each: each.hide_viewport, (layer, layer.collection)):
+                changes.enter_context(overridden(owner, {"hide_viewport": False}))
+        for item in bpy.context.view_layer.objects:
+            if item.type in GEOMETRY and item.visible_get() == (is_hidden := item.hide_render or item not in rendered):
+                changes.callback(item.select_set, item.select_get())  # which Blender does not keep of what is hidden
+                changes.enter_context(overridden(item, {"hide_viewport": is_hidden}))
+                changes.callback(item.hide_set, item.hide_get())
+                item.hide_set(is_hidden)
+        bpy.context.view_layer.update()
+        yield
+    bpy.context.view_layer.update()
+
+
+@without()
 def first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placement:
     """Return the place of a new array: at the scene's camera if that sees the subject, else in front of the subject.
 
@@ -179,6 +203,7 @@ def first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placemen
     return in_front(scene, profile, subject)
 
 
+@without()
 def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object]) -> Placement:
     """Return an array before the subject without its floors, from where it shows most; LfsrError if it has no size.
 

@@ -148,9 +148,11 @@ def test_of_two_sides_that_with_more_shape_is_looked_at(scene):
     mesh = bpy.data.meshes.new("Folded")
     mesh.from_pydata([*places, (0.1, -1, -1), (0.1, -1, 1), (0.1, 1, -1), (0.1, 1, 1)], [], [
         *((at, at + 1, at + 3, at + 2) for at in range(0, 32, 2)), (34, 35, 37, 36)])
-    scene.collection.objects.link(bpy.data.objects.new("Folded", mesh))
+    item = bpy.data.objects.new("Folded", mesh)
+    scene.collection.objects.link(item)
+    item.hide_set(True)  # in the viewport alone
     bpy.context.view_layer.update()
-    assert edit.add(scene, MINI).matrix_world.translation.x < -1, "not the flat one, which counts a little more"
+    assert edit.add(scene, MINI).matrix_world.translation.x < -1 and item.hide_get(), "not the flat one"
 
 
 @pytest.mark.parametrize(("boxes", "is_above"), [(6, True), (0, False)])
