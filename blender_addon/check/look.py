@@ -86,7 +86,7 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
             if sky is not None:
                 yield _problem("sky", sky.name, f"{sky.name} surrounds all other objects, like a sky, and would hide "
                                "them from outside.")
-            with nullcontext() if sky is None else edit.without(sky):
+            with edit.without(sky):
                 yield from _found(scene, placed, display, subject, main_objects(scene, subject))
 
 

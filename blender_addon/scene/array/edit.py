@@ -347,8 +347,7 @@ def _surroundings(boxes: Array) -> list[int]:
 
 
 def _diagonal(low: Array, high: Array) -> Array:
-    size: Array = np.linalg.norm(high - low, axis=-1)
-    return size
+    return np.asarray(np.linalg.norm(high - low, axis=-1))
 
 
 def bounds(corners: Collection[Array]) -> Array:
