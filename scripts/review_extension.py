@@ -84,9 +84,9 @@ def check_search_path(files: Files) -> Iterator[str]:
 
 def check_imports(files: Files) -> Iterator[str]:
     """Modules of the zip are imported by relative names; others are in every Blender, or optional."""
-    for path, source in _modules(files):
-        top = {id(node) for node in source.body}
-        for node in ast.walk(source):
+    for path, nodes in _modules(files):
+        top = {id(node) for node in ast.iter_child_nodes(nodes[0])}
+        for node in nodes:
             for name in _imported(node):
                 is_known = name in sys.stdlib_module_names or name in BLENDER_BRINGS
                 if not is_known and (name not in OPTIONAL or id(node) in top):
@@ -161,17 +161,17 @@ def review(archive: Path, is_release: bool = False) -> list[str]:
     return [sentence for check in checks for sentence in check(files)]
 
 
-def _modules(files: Files) -> Iterator[tuple[str, ast.Module]]:
+def _modules(files: Files) -> Iterator[tuple[str, tuple[ast.AST, ...]]]:
     return ((path, _parsed(content)) for path, content in files.items() if path.endswith(".py"))
 
 
 @functools.lru_cache(maxsize=1000)
-def _parsed(content: bytes) -> ast.Module:
-    return ast.parse(content)
+def _parsed(content: bytes) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(ast.parse(content)))
 
 
 def _nodes(files: Files) -> Iterator[tuple[str, ast.AST]]:
-    return ((path, node) for path, source in _modules(files) for node in ast.walk(source))
+    return ((path, node) for path, nodes in _modules(files) for node in nodes)
 
 
 def _dotted(node: ast.AST) -> str:

@@ -82,8 +82,8 @@ def test_missing_python_is_said_with_what_installs_it(monkeypatch, tmp_path, pla
 def test_tests_check_everything_in_turn_and_the_fast_ones_are_folders_that_exist_and_start_no_blender(played):
     folder = played()
     assert run("test.py", LFSR_VENV=str(folder)).returncode == 0
-    types = [f"python -m mypy --platform {platform} --cache-dir .mypy_cache/{platform}"
-             for platform in ("darwin", "linux", "win32")]
+    types = [f"python -m mypy --platform {name} --cache-dir .mypy_cache/{name}"
+             + " lfsr_core blender_addon" * (name != sys.platform) for name in ("darwin", "linux", "win32")]
     assert [*(calls := played.calls())[:2], *sorted(calls[2:-1]), calls[-1]] == [
         "ruff check .", "lint-imports ", *types, "python -m pytest --numprocesses=2 --dist=worksteal"]
     folder = played("lint-imports ")
