@@ -60,7 +60,8 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
         settings = scene_settings.resolve(scene)
     except LfsrError:
         return  # said by another check
-    owners, boxes = placement.boxes(subject)
+    with placement.as_rendered():
+        owners, boxes = placement.boxes(subject)
     if placed is None or not owners:
         return
     cameras, toward = placed[0], np.linalg.inv(np.array(placed[1]))

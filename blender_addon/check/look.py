@@ -23,7 +23,7 @@ from lfsr_core.optics.rays import CameraArray
 from ..compat import overridden
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
-from ..scene.array.placement import Rays
+from ..scene.array.placement import Rays, as_rendered
 from ..scene.contents import GEOMETRY, find_subject, is_rendered, nodes_of, rendered_layer, with_instanced
 from ..scene.files import image_paths
 from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance
@@ -73,7 +73,7 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
             more = f" and {counted(len(others) - 1, 'other object')}" if others[1:] else ""
             yield _problem("helper", others[0].name, f"{others[0].name}{more} without a material would be rendered "
                            "solid: drawn as wires, a Boolean's tool or the shape of a bone.")
-        with edit.without(cube, *others):
+        with as_rendered(cube, *others):
             boxes, eye = edit.boxes_now(subject), np.array(placed[1])[:3, 3]
             if not boxes:
                 yield _problem("nothing", scene.name, f"Nothing is there in frame {scene.frame_current}: choose "
@@ -86,7 +86,7 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
             if sky is not None:
                 yield _problem("sky", sky.name, f"{sky.name} surrounds all other objects, like a sky, and would hide "
                                "them from outside.")
-            with edit.without(sky):
+            with as_rendered(sky):
                 yield from _found(scene, placed, display, subject, main_objects(scene, subject))
 
 
@@ -120,7 +120,7 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
 
         # A tiny render without that lamp, in the last slot of Blender's own result, so that the artist's stays.
         slots = result.render_slots if (result := bpy.data.images.get("Render Result")) is not None else ()
-        with edit.without(startup), overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
+        with as_rendered(startup), overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
             light[:] = light_seen(scene, scene_settings.resolve(scene).request, placed)
     if (is_plain and is_alone) or is_dim(*light):
         source = "a dim world" if startup is None else "the lamp of Blender's new file"
@@ -312,7 +312,14 @@ def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
         place, normal, item, _ = hit
         normal = -normal if normal.dot(way) > 0 else normal
         start = place + normal * 1e-3 * (place - eye.translation).length
-        scattered, reflected = _reflected(item)
+        # Glass and metal show what is around them, so that no lamp makes them bright; what is linked may be white.
+        nodes = [node.inputs for slot in item.material_slots if slot.material and slot.material.node_tree
+                 for node in slot.material.node_tree.nodes if node.type == "BSDF_PRINCIPLED"]
+        colors = [1.0 if node["Base Color"].is_linked else max(node["Base Color"].default_value[:3]) for node in nodes]
+        matt = [1 - max(0.0 if node[name].is_linked else node[name].default_value
+                        for name in ("Transmission Weight", "Metallic")) for node in nodes]
+        reflected = max(colors, default=1.0)
+        scattered = max((color * part for color, part in zip(colors, matt, strict=True)), default=1.0)
         light = sum(_arrives(rays, lamp, start, normal) for lamp in lamps) / math.pi
         ways = [mathutils.Vector(way) for way in generator.normal(size=(SKY if sky else 0, 3))]
         above = sky * sum(rays.cast(start, way if way.dot(normal) > 0 else -way) is None for way in ways) / SKY
@@ -336,20 +343,6 @@ def _lost_glass(rays: Rays, placed: rig.Placement, main: list[bpy.types.Object])
         return hit is None or is_lost(hit[0], way, *rays.thing(hit))
     lost = [hit[2].name for hit in hits if is_lost(hit[0], hit[0] - eye, *hit[3])]
     return lost[0] if len(lost) > LOST * len(hits) else ""
-
-
-def _reflected(item: bpy.types.Object) -> tuple[float, float]:
-    """Brightest colour of an object's materials, of what scatters light and of all; 1 where it is not known.
-
-    Glass and metal show what is around them, so that no lamp makes them bright.
-    """
-    nodes = [node.inputs for slot in item.material_slots if slot.material and slot.material.node_tree
-             for node in slot.material.node_tree.nodes if node.type == "BSDF_PRINCIPLED"]
-    colors = [1.0 if node["Base Color"].is_linked else max(node["Base Color"].default_value[:3]) for node in nodes]
-    clear = [max(0.0 if node[name].is_linked else node[name].default_value
-                 for name in ("Transmission Weight", "Metallic")) for node in nodes]
-    return (max((color * (1 - part) for color, part in zip(colors, clear, strict=True)), default=1.0),
-            max(colors, default=1.0))
 
 
 def _arrives(rays: Rays, lamp: bpy.types.Object, place: mathutils.Vector, normal: mathutils.Vector) -> float:

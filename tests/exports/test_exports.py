@@ -231,8 +231,7 @@ def test_film(folder, field, tmp_path):
         assert (stream.codec.name, stream.pix_fmt, stream.average_rate) == ("h264", "yuv420p", 30)
         frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
     reader = cv2.VideoCapture(str(path))
-    assert reader.get(cv2.CAP_PROP_FRAME_COUNT) == 12 == len(frames)
-    assert reader.read()[1].shape == (240, 320, 3)
+    assert reader.get(cv2.CAP_PROP_FRAME_COUNT) == 12 == len(frames) and reader.read()[1].shape == (240, 320, 3)
     right = on_screen(field.seen_from(0.85 * 4 * MINI.camera_spacing_mm), MINI, 320)
     assert np.abs(frames[3].astype(float) - right).mean() < 4
     assert column_of_square(frames[9]) > column_of_square(frames[3]) + 10, "the eye goes right first"
@@ -280,8 +279,7 @@ def test_what_the_folder_or_the_computer_lacks_is_named(folder, tmp_path, monkey
     for kind, package in (("mp4", "av"), ("gif", "PIL")):
         monkeypatch.setitem(__import__("sys").modules, package, None)
         refuses("pip install", export, folder, "sway", tmp_path / "out", ExportOptions(type=kind, seconds=0.1))
-    assert list(tmp_path.iterdir()) == []
-    assert set(FORMATS) == set(WRITERS)
+    assert list(tmp_path.iterdir()) == [] and set(FORMATS) == set(WRITERS)
     for options in [{"views": (0, 1)}, {"eyes_mm": -1.0}, {"eyes_mm": math.nan}, {"seconds": 1e9}]:
         refuses("must be", ExportOptions, **options)
     monkeypatch.undo()

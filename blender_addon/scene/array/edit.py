@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 
 import bpy
 import mathutils
@@ -16,10 +16,9 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ...compat import overridden
-from ..contents import GEOMETRY, collections, find_subject, with_instanced
+from ..contents import find_subject, with_instanced
 from . import placement, rig
-from .placement import MOST_REACH, PROBES, Rays, View
+from .placement import MOST_REACH, PROBES, Rays, View, as_rendered
 from .rig import Placement, from_blender, to_blender, upright
 
 ARRAY_NAME, PLANE_NAME = "Light Field Array", "Display Plane"
@@ -35,6 +34,7 @@ def add(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.Object:
     return _moved(scene, first_placement(scene, profile))  # before it exists: it would be taken for the scene's own
 
 
+@as_rendered()
 def fit(scene: bpy.types.Scene, profile: DisplayProfile, items: Collection[bpy.types.Object]) -> bpy.types.Object:
     """Move the scene's array in front of ``items``, in its present direction; add one if there is none."""
     array, turn = rig.find(scene), mathutils.Matrix.Identity(3)
@@ -48,6 +48,7 @@ def fit(scene: bpy.types.Scene, profile: DisplayProfile, items: Collection[bpy.t
     return _moved(scene, fit_turned(points, profile, turn))
 
 
+@as_rendered()
 def fit_to_camera(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.Object:
     """Move the scene's array to its active camera; add one if there is none."""
     camera = scene.camera
@@ -59,6 +60,7 @@ def fit_to_camera(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.
     return _moved(scene, placement.array_of_camera(scene, profile, find_subject(scene)))
 
 
+@as_rendered()
 def fit_to_view(scene: bpy.types.Scene, profile: DisplayProfile, view: View) -> bpy.types.Object:
     """Move the scene's array so that the display shows what a 3D view shows; add one if there is none."""
     if view.is_perspective:
@@ -164,29 +166,7 @@ FEW_OBJECTS, MOST_POINTS = 100, 20_000  # objects that are fitted by their verti
 PROBED, FEWER = (24, 14), (16, 9)  # rays that tell it, across and down
 
 
-@contextlib.contextmanager
-def without(*items: bpy.types.Object | None) -> Iterator[None]:
-    """Leave objects out of renders inside the block; rays meet what is rendered, also what the viewport hides."""
-    folders = (bpy.context.scene.collection, *bpy.context.scene.collection.children_recursive)
-    rendered = {item for folder in folders if not folder.hide_render for item in folder.objects}
-    with contextlib.ExitStack() as changes:
-        for item in filter(None, items):
-            changes.enter_context(overridden(item, {"hide_render": True}))
-        for layer in collections(bpy.context.view_layer.layer_collection):
-            for owner in filter(lambda each: each.hide_viewport, (layer, layer.collection)):
-                changes.enter_context(overridden(owner, {"hide_viewport": False}))
-        for item in bpy.context.view_layer.objects:
-            if item.type in GEOMETRY and item.visible_get() == (is_hidden := item.hide_render or item not in rendered):
-                changes.callback(item.select_set, item.select_get())  # which Blender does not keep of what is hidden
-                changes.enter_context(overridden(item, {"hide_viewport": is_hidden}))
-                changes.callback(item.hide_set, item.hide_get())
-                item.hide_set(is_hidden)
-        bpy.context.view_layer.update()
-        yield
-    bpy.context.view_layer.update()
-
-
-@without()
+@as_rendered()
 def first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placement:
     """Return the place of a new array: at the scene's camera if that sees the subject, else in front of the subject.
 
@@ -203,7 +183,7 @@ def first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placemen
     return in_front(scene, profile, subject)
 
 
-@without()
+@as_rendered()
 def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object]) -> Placement:
     """Return an array before the subject without its floors, from where it shows most; LfsrError if it has no size.
 

@@ -1,6 +1,6 @@
 """Where the camera array stands: at its place in the scene, at the scene's camera, or in front of the subject.
 
-Rays through what the viewport shows tell what is seen from there, in sample frames of an animation.
+Rays tell what is seen from there, in sample frames of an animation.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import collections
 import dataclasses
 import math
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 
 import bpy
 import mathutils
@@ -22,7 +22,9 @@ from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..contents import find_subject
+from ...compat import overridden
+from ..contents import GEOMETRY, find_subject
+from ..contents import collections as layer_collections
 from . import rig
 from .rig import Placement, from_blender, to_blender, upright
 
@@ -42,8 +44,30 @@ MOST_REACH = 1e30  # far enough; of the longest rays that Blender knows some mee
 Hit = tuple[mathutils.Vector, mathutils.Vector, bpy.types.Object, int]  # place, normal of the surface, object, face
 
 
+@contextmanager
+def as_rendered(*left_out: bpy.types.Object | None) -> Iterator[None]:
+    """Show in the viewport what renders show, inside the block: rays meet that. Renders leave ``left_out`` out."""
+    folders = (bpy.context.scene.collection, *bpy.context.scene.collection.children_recursive)
+    rendered = {item for folder in folders if not folder.hide_render for item in folder.objects}
+    with ExitStack() as changes:
+        for item in filter(None, left_out):
+            changes.enter_context(overridden(item, {"hide_render": True}))
+        for layer in layer_collections(bpy.context.view_layer.layer_collection):
+            for owner in filter(lambda each: each.hide_viewport, (layer, layer.collection)):
+                changes.enter_context(overridden(owner, {"hide_viewport": False}))
+        for item in bpy.context.view_layer.objects:
+            if item.type in GEOMETRY and item.visible_get() == (is_hidden := item.hide_render or item not in rendered):
+                changes.callback(item.select_set, item.select_get())  # which Blender does not keep of what is hidden
+                changes.enter_context(overridden(item, {"hide_viewport": is_hidden}))
+                changes.callback(item.hide_set, item.hide_get())
+                item.hide_set(is_hidden)
+        bpy.context.view_layer.update()
+        yield
+    bpy.context.view_layer.update()
+
+
 class Rays:
-    """The scene as it is now: an edit calls for new ones."""
+    """The scene as the viewport shows it now (``as_rendered``): an edit calls for new ones."""
 
     def __init__(self, scene: bpy.types.Scene, sky: bpy.types.Object | None = None) -> None:
         """Note the bounding boxes of all meshes where there are more than FEW objects; ``sky`` lets all rays pass."""
@@ -386,6 +410,7 @@ def _free_fraction(sight: _Sight, profile: DisplayProfile, array: CameraArray) -
     return fraction
 
 
+@as_rendered()
 def scale_of(scene: bpy.types.Scene, job: Request) -> ScaleChoice:
     """Choose one of the job's scales by the depth at which the middle of the array sees the subject in its frames."""
     subject, moves = find_subject(scene, job.subject), [np.empty(0)]

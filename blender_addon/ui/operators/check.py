@@ -15,8 +15,8 @@ from ...check.problems import INFO
 from ...jobs import runtime
 from ...scene import settings as scene_settings
 from ...scene.array import rig
-from ...scene.array.edit import add, in_front, is_inside, put, remove, without
-from ...scene.array.placement import Rays
+from ...scene.array.edit import add, in_front, is_inside, put, remove
+from ...scene.array.placement import Rays, as_rendered
 from ...scene.array.rig import Placement, check_editable
 from ...scene.contents import BACKGROUND_COLLECTION, GEOMETRY, SWITCHES, find_subject, switched
 from ...scene.light import DEFAULT_LIGHT, add_light
@@ -59,7 +59,7 @@ def _switch_off(switch: str) -> Fix:
     return fix
 
 
-@without()
+@as_rendered()
 def _light_images(scene: bpy.types.Scene, _target: str) -> None:
     """In a room no light of a world arrives."""
     is_indoors = (array := rig.find(scene)) is not None and is_inside(Rays(scene), array.matrix_world.translation)

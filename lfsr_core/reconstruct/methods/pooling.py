@@ -269,7 +269,10 @@ def _left_out(low: PooledEIA, row: Array, column: Array, images: Array) -> Array
     too far apart to be interpolated, its mean over neighbouring views does: light that has spread from an edge.
     """
     assert low.noisy is not None and low.slope is not None
-    across, down = (_middles(low.color.shape[3 - axis], low.factors[axis]) for axis in (0, 1))
+    # Matrices (views, views·factor) that take from finished views what rendered ones show, in the middle of cells.
+    across, down = (np.maximum(1 - np.abs(np.arange(views * factor) - (np.arange(views)[:, None] + 0.5) * factor + 0.5),
+                               0).astype(np.float32)
+                    for views, factor in ((low.color.shape[3 - axis], low.factors[axis]) for axis in (0, 1)))
     lacking: Array = low.own[row, column] - (down @ images.transpose(2, 0, 1, 3) @ across.T).transpose(0, 2, 3, 1)
     left, power = (np.square(part).mean((1, 2)) @ LUMINANCE for part in (
         _noise(low.noisy[row, column], low.color[row, column]), lacking))
@@ -286,12 +289,6 @@ def _means(views: int) -> Array:
     """Matrix (views, views) of Gaussian means over neighbouring rendered views; standard deviation: one view."""
     weights = np.exp(-0.5 * np.square(np.subtract.outer(np.arange(views), np.arange(views))))
     return np.asarray(weights / weights.sum(1, keepdims=True), np.float32)
-
-
-def _middles(views: int, factor: int) -> Array:
-    """Matrix (views, views·factor) that takes from finished views what rendered ones show."""
-    place = np.arange(views)[:, None] * factor + (factor - 1) / 2
-    return np.maximum(1 - np.abs(np.arange(views * factor) - place), 0).astype(np.float32)
 
 
 def _beyond_edges(slope: Array) -> Array:

@@ -120,6 +120,7 @@ def test_what_the_user_must_know_is_said_before_the_render_and_kept_in_the_frame
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), emission((1, 0.5, 0.2)))
     wall = add_box(scene, (0, -2, 0), (3, 0.1, 3), emission((0.5, 0.5, 0.5)))
     wall.name, background = "Wall", bpy.data.collections.new("Background")
+    wall.hide_viewport = True  # renders show it
     scene.collection.children.link(background)
     background.objects.link(wall)
     scene.sequence_editor_create().strips.new_effect("x", "COLOR", 1, frame_start=1, length=10)

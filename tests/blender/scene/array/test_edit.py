@@ -68,7 +68,9 @@ def test_what_cannot_be_added_or_fitted_is_said_and_remove_leaves_nothing(artist
 
 def test_fit_to_the_camera_is_where_a_new_array_would_stand(artist):
     add_camera(artist, (0.2, -4, 0.1)).data.clip_start = 0.01
-    assert bpy.ops.lfsr.array_fit(to="CAMERA") == {"FINISHED"}
+    artist.objects["Box"].hide_set(True)  # renders show it
+    assert bpy.ops.lfsr.array_fit(to="CAMERA") == {"FINISHED"} and artist.objects["Box"].hide_get()
+    artist.objects["Box"].hide_set(False)
     fitted = place(artist)
     edit.remove(artist)
     expected = placement.place_array(artist, MINI, contents.find_subject(artist))
@@ -87,7 +89,7 @@ def seen_at(artist, points):
 @pytest.mark.parametrize("aimed", [True, False])
 def test_fit_to_a_perspective_view_shows_what_it_shows(artist, aimed):
     turn = mathutils.Euler((math.radians(75), 0, math.radians(0 if aimed else 180))).to_matrix().to_4x4()
-    eye = mathutils.Matrix.Translation((0, -4, 1)) @ turn
+    eye, artist.objects["Box"].hide_viewport = mathutils.Matrix.Translation((0, -4, 1)) @ turn, True  # renders show it
     edit.fit_to_view(artist, MINI, View(eye, 0.3, 5.0, (0.01, 100), True))
     beside, depths = seen_at(artist, [tuple(eye @ mathutils.Vector((0.3, 0.3 * 96 / 128, -1)))])
     assert np.allclose(beside, 1, atol=1e-4) and depths == pytest.approx(1, rel=1e-4)

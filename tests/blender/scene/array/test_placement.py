@@ -303,6 +303,7 @@ def boxes(scene, depths):
 @pytest.mark.parametrize(("depths", "scale"), [((5.0, 5.1), 4), ((1.0, 20.0), 2)])
 def test_deep_scenes_get_a_smaller_scale(scene, depths, scale):
     boxes(scene, depths)
+    scene.objects[-1].hide_viewport = True  # renders show it
     frame = frame_of(scene)
     assert frame.scale == scale and frame.scale_reason.values["scale"] == scale
     frame.display.low_views(frame.scale)
