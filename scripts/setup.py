@@ -75,8 +75,9 @@ def install(python: Sequence[str], folder: Path, extras: str) -> None:
     sources = ["--editable", f"{ROOT}[{product}]"]
     if "lab" in extras.split(","):
         sources += ["--editable", f"{ROOT / 'scripts' / 'lab'}[training]"]
-    # Python compiles what is imported: compiling all of every package takes two fifths of the time.
-    _run([str(program(folder, "python")), "-m", "pip", "install", "-qq", "--disable-pip-version-check", "--no-compile",
+    # Python compiles what it imports, unless told to keep nothing: compiling all takes two fifths of the time.
+    lazily = [] if sys.dont_write_bytecode else ["--no-compile"]
+    _run([str(program(folder, "python")), "-m", "pip", "install", "-qq", "--disable-pip-version-check", *lazily,
           "--constraint", str(ROOT / "scripts" / "constraints.txt"), *sources])
 
 
