@@ -66,18 +66,18 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
         display, subject = scene_settings.display_of(scene), find_subject(scene)
         if (placed := rig.placement(scene, display)) is None:
             return
-        cube, others = startup_cube(scene), helpers(scene)
+        cube, others = startup_cube(scene), helpers(scene) or screens(scene)
         if cube is not None:
             yield _problem("cube", cube.name, "The cube of Blender's new file stands in the picture.")
         if others:
             more = f" and {counted(len(others) - 1, 'other object')}" if others[1:] else ""
-            yield _problem("helper", others[0].name, f"{others[0].name}{more} without a material would be rendered "
-                           "solid: drawn as wires, a Boolean's tool or the shape of a bone.")
+            yield _problem("helper", others[0].name, f"{others[0].name}{more} " + (
+                "hides the picture: Cycles renders the backs of its faces, EEVEE does not." if others[0].active_material
+                else "without a material would be rendered solid: drawn as wires, a Boolean's tool or a bone's shape."))
         with as_rendered(cube, *others):
             boxes, eye = edit.boxes_now(subject), np.array(placed[1])[:3, 3]
             if not boxes:
-                yield _problem("nothing", scene.name, f"Nothing is there in frame {scene.frame_current}: choose "
-                               "another frame.")
+                yield _problem("nothing", scene.name, f"Frame {scene.frame_current} shows nothing: choose another.")
                 return
             sky = edit.sky_around(scene, boxes)
             if sky is not None and not _is_unaimed(scene) and (boxes[sky].min(0) < eye).all() and (
@@ -165,6 +165,17 @@ def helpers(scene: bpy.types.Scene) -> list[bpy.types.Object]:
              and not any(slot.material for slot in item.material_slots)
              and not any(modifier.type in ("FLUID", "PARTICLE_SYSTEM") for modifier in item.modifiers)]
     return found if any(item.type in GEOMETRY and is_rendered(scene, item) for item in {*shown} - {*found}) else []
+
+
+@as_rendered()
+def screens(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Return the object, if any, that hides more than half of the picture with faces that EEVEE leaves out."""
+    placed = rig.placement(scene, scene_settings.display_of(scene))
+    hits = edit.through(Rays(scene), placed) if placed and scene.render.engine.startswith("BLENDER_EEVEE") else []
+    seen = [(hit[2], hit[1]) for hit in hits if hit is not None]
+    return [item for item in {item for item, _ in seen} if seen.count((item, False)) > len(hits) / 2
+            and (item, True) not in seen and item.active_material
+            and all(slot.material and slot.material.use_backface_culling for slot in item.material_slots)]
 
 
 def _is_unaimed(scene: bpy.types.Scene) -> bool:

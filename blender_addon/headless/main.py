@@ -157,7 +157,6 @@ def _opened(request: Request, stack: ExitStack) -> tuple[bpy.types.Scene, Opened
         paint_missing()
     for notice in (*left_out(scene), *camera_notices(scene, request.camera, is_imported)):
         say(notice)
-    stack.enter_context(placement.as_rendered())
     # Without them Cycles would build the scene again for each render: a change of the engine forgets what was kept.
     stack.enter_context(overridden(scene.render, {"use_persistent_data": True, "engine": "CYCLES"}))
     return scene, Opened(seconds, content, settled_light(scene, request, say), tuple(notes))

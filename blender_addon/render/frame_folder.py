@@ -147,12 +147,13 @@ def prepared(scene: bpy.types.Scene, request: Request, say: Say = silent, is_lit
             request = request.with_scale(placement.scale_of(scene, request))
         subject = find_subject(scene, request.subject)
         with _resting(scene), cycles.pass_indices(subject), nullcontext() if is_lit else lit(scene, request.light):
-            frame = _frame(scene, request, subject)
-            placed = frame.array, frame.matrix_world
-            for notice in (placement.focus_notice(scene, placed),
-                           placement.unseen_notice(scene, request.display, placed, subject)):
-                if notice is not None:
-                    say(notice)
+            with placement.as_rendered():
+                frame = _frame(scene, request, subject)
+                placed = frame.array, frame.matrix_world
+                notices = (placement.focus_notice(scene, placed),
+                           placement.unseen_notice(scene, request.display, placed, subject))
+            for notice in filter(None, notices):
+                say(notice)
             if frame.world_visible and request.kind == "render" and frame.scale > 1:
                 if reason := world.reason_against(scene):
                     say(Notice("world-inside", {"reason": reason}))
@@ -180,6 +181,7 @@ def settled_light(scene: bpy.types.Scene, request: Request, say: Say) -> str:
     return light
 
 
+@placement.as_rendered()
 def light_seen(scene: bpy.types.Scene, request: Request, placed: Placement | None = None) -> tuple[Array, Array]:
     """Measure with a tiny render the light of what the middle of a ``placed`` array, else of the scene's, sees.
 

@@ -133,8 +133,7 @@ def test_what_is_near_moves_against_the_eye_and_up_is_up(mini, mode):
     middle, right, up = (square(shown(mini, 256, mode=mode, eye=eye)) for eye in (
         (1, 1, far), (ZONE * 0.4, 1, far), (1, ZONE * 0.4, far)))
     assert middle[0] < 128 and middle[1] < 96, "the square is left of the middle and above it"
-    assert right[0] < middle[0] - 8
-    assert up[1] > middle[1] + 8
+    assert right[0] < middle[0] - 8 and up[1] > middle[1] + 8
 
 
 def test_a_click_focuses_on_what_is_there_and_an_aperture_blurs_the_rest(mini):
@@ -144,8 +143,7 @@ def test_a_click_focuses_on_what_is_there_and_an_aperture_blurs_the_rest(mini):
     # The square is seen on the display where its line from the eye crosses it.
     near = run(mini, distance, [-0.1 * per_unit / 0.8 + 6, 0.1 * per_unit / 0.8 - 4])
     wall = run(mini, distance, [0.5 * per_unit, -0.35 * per_unit])
-    assert near == pytest.approx(0.2 * far, abs=0.08 * far)
-    assert wall == pytest.approx(-0.25 * far, abs=0.12 * far)
+    assert near == pytest.approx(0.2 * far, abs=0.08 * far) and wall == pytest.approx(-0.25 * far, abs=0.12 * far)
     far = MINI.viewing_distance_mm
     def detail(focus, aperture):
         pixels = shown(mini, 128, mode="smooth", eye=(1, 1, far), focus=focus, aperture=aperture).astype(float)
@@ -256,8 +254,7 @@ def test_frames_of_an_animation(opened, folders, tmp_path):
 def test_says_what_the_display_is_and_asks_nothing_of_the_network(mini):
     text, size = mini.page.inner_text("header"), " × ".join(f"{mm:.0f}" for mm in MINI.panel_mm)
     assert MINI.title in text and f"{size} mm" in text and f"from {MINI.viewing_distance_mm:.0f} mm" in text
-    assert all(re.match(r"(file|data|blob):", url) for url in mini.requests)
-    assert mini.complaints == []
+    assert all(re.match(r"(file|data|blob):", url) for url in mini.requests) and mini.complaints == []
     assert math.isfinite(float(mini.page.get_attribute("#map circle", "cy")))
 
 
@@ -271,8 +268,7 @@ def test_the_canvas_shows_the_display_where_the_layout_says(opened, folders):
     x = place["x"] + ((columns + 0.5) / 16 - 0.5) * MINI.panel_mm[0] * place["scale"]
     y = place["y"] + ((rows + 0.5) / 12 - 0.5) * MINI.panel_mm[1] * place["scale"]
     inside = (y > 60) & (y < place["bar"]) & (x > 0) & (x < 800) & ~((x > 620) & (y < 180))
-    assert inside.mean() > 0.6
-    assert difference(pixels[y[inside].astype(int), x[inside].astype(int)], seen[inside]) <= 2
+    assert inside.mean() > 0.6 and difference(pixels[y[inside].astype(int), x[inside].astype(int)], seen[inside]) <= 2
 
 
 def test_what_the_address_says_wrongly_is_ignored_with_a_note(opened):

@@ -35,8 +35,7 @@ def test_round_trip_keeps_every_field_and_rays_follow_the_frame(tmp_path):
     write_frame(tmp_path, FRAME)
     assert read_part(tmp_path) == FRAME
     rays = FRAME.rays
-    assert rays.views == (4, 4)
-    assert rays.spacing == pytest.approx(2 * FRAME.array.spacing)
+    assert rays.views == (4, 4) and rays.spacing == pytest.approx(2 * FRAME.array.spacing)
     assert (rays.convention, rays.view_aperture, rays.lens_list) == ("paper", 0.5, ((1, 2), (3, 4)))
     write_frame(tmp_path, dataclasses.replace(FRAME, lens_list=None, rows=None))
     assert read_frame(tmp_path).lens_list is None

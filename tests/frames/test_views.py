@@ -58,8 +58,7 @@ def test_sheets_show_evenly_spaced_views_and_epis_run_through_the_middle():
     assert {tuple(pixel) for pixel in sheet.reshape(-1, 4)[:, :2]} == (
         {(row, column) for row in range(3) for column in range(2)} | {(255, 255)})
     horizontal, vertical = epi_pair(eia, (16, 12))
-    assert horizontal.shape == (160, 320, 4)
-    assert vertical.shape == (160, 240, 4)
+    assert horizontal.shape == (160, 320, 4) and vertical.shape == (160, 240, 4)
     np.testing.assert_array_equal(horizontal[::20, 0, 1], np.arange(8))  # one row per view column
     assert (horizontal[..., 0] == 4).all()
     np.testing.assert_array_equal(vertical[::20, 0, 0], np.arange(8))
@@ -93,8 +92,7 @@ def marked(mask):
 
 def test_any_hit_however_faint_marks_its_lens_and_no_subject_is_said_with_what_is_shown():
     mask = foreground_mask(layers(alpha=image((0, 2), (5, 9), value=1e-3)), LENSES)
-    assert mask.shape == (4, 5)
-    assert marked(mask) == {(0, 0), (2, 3)}
+    assert mask.shape == (4, 5) and marked(mask) == {(0, 0), (2, 3)}
     mask = foreground_mask(layers(alpha=image((0, 0))), LENSES, dilate=1)
     assert marked(mask) == {(0, 0), (0, 1), (1, 0), (1, 1)}
     assert foreground_mask(layers(alpha=image((4, 7))), LENSES, dilate=2).sum() == 20
@@ -117,6 +115,5 @@ def test_background_meshes_are_no_foreground_and_recall():
     reference = np.array([[True, True, False, True]])
     assert recall(np.array([[True, False, False, True]]), reference) == pytest.approx(2 / 3)
     assert recall(np.array([[True, True, True, True]]), reference) == 1
-    assert recall(reference, reference) == 1
-    assert recall(reference, np.zeros_like(reference)) == 1
+    assert recall(reference, reference) == 1 and recall(reference, np.zeros_like(reference)) == 1
     refuses("shapes", recall, reference, reference[:, :2])

@@ -107,7 +107,17 @@ def _moved(scene: bpy.types.Scene, placed: Placement) -> bpy.types.Object:
 def put(array: bpy.types.Object, placed: Placement) -> None:
     """Move ``array`` and its display plane to a placement."""
     layout, matrix = placed
-    plane = rig.plane_of(array) or _new_plane(array)
+    if (plane := rig.plane_of(array)) is None:
+        plane = bpy.data.objects.new(PLANE_NAME, None)
+        plane.empty_display_type = "SINGLE_ARROW"
+        plane[rig.PLANE] = True
+        plane.id_properties_ui(rig.PLANE).update(description=PLANE_HELP)
+        for collection in array.users_collection:
+            collection.objects.link(plane)
+        plane.parent = array
+        # It only slides along the view.
+        plane.lock_location = (True, True, False)
+        plane.lock_rotation = plane.lock_scale = (True, True, True)
     array.matrix_world = to_blender(matrix)
     array.data.lens = array.data.sensor_width / 2 * layout.distance / layout.half_width
     array.data.clip_start, array.data.clip_end = layout.distance / 1000, layout.distance * 100
@@ -131,20 +141,6 @@ def _new_array(scene: bpy.types.Scene) -> bpy.types.Object:
     if scene.camera is None:
         scene.camera = array
     return array
-
-
-def _new_plane(array: bpy.types.Object) -> bpy.types.Object:
-    plane = bpy.data.objects.new(PLANE_NAME, None)
-    plane.empty_display_type = "SINGLE_ARROW"
-    plane[rig.PLANE] = True
-    plane.id_properties_ui(rig.PLANE).update(description=PLANE_HELP)
-    for collection in array.users_collection:
-        collection.objects.link(plane)
-    plane.parent = array
-    # It only slides along the view.
-    plane.lock_location = (True, True, False)
-    plane.lock_rotation = plane.lock_scale = (True, True, True)
-    return plane
 
 
 APART, ENCLOSING = 4.0, 20.0  # times the size of all others, from which an object lies far away, or is a dome
@@ -247,7 +243,13 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         fronts, things = [hit[0] for hit in inner if hit[1]], len({hit[3] for hit in inner})
         # Backs of surfaces are the inside of a solid thing.
         if things > 1 and fronts and things * len(fronts) >= ROOM * most * len(inner):
-            into = [choice for choice in choices if _seen_from(rays, choice[2], fronts) >= OPEN]
+            into = []  # choices that see enough of these fronts
+            for choice in choices:
+                eye = mathutils.Matrix(choice[2][1]).translation
+                met = ((rays.cast(eye, place - eye), place, place - eye) for place in fronts)
+                if sum(hit is not None and (hit[0] - place).length < 1e-3 * way.length and hit[1].dot(way) < 0
+                       for hit, place, way in met) >= OPEN * len(fronts):
+                    into.append(choice)
             if not into or is_inside(rays, view.matrix.translation):
                 return inside
             if 3 * len(into) <= len(choices):
@@ -320,8 +322,9 @@ def _surroundings(boxes: Array) -> list[int]:
         free = np.minimum(low - around[:, 0], around[:, 1] - high)
         is_stage = (free[:, :2].min(1) > FREE * _diagonal(low, high)) & (around[:, 1, 2] > high[2]) & (
             np.abs(low - around[:, 0])[:, 2] < FLOOR * sides[:, 2])
+        near = np.where(is_floor | is_stage, size, _diagonal(low, high))
         is_around = is_floor | is_stage | (size > ENCLOSING * _diagonal(low, high))
-        if (is_around & (np.linalg.norm(gaps, axis=-1) < size)).all():
+        if (is_around & (np.linalg.norm(gaps, axis=-1) < near)).all():
             return largest[:count]
     return []
 
@@ -381,14 +384,6 @@ def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = 
     hits = (rays.cast(eye.translation, way) for way in ways)
     return [(hit[0], cosine < 0, hit[2], rays.thing(hit), -hit[1] if cosine > 0 else hit[1]) if hit else None
             for hit, cosine in ((hit, hit[1].dot(way) if hit else 0.0) for hit, way in zip(hits, ways, strict=True))]
-
-
-def _seen_from(rays: Rays, placed: Placement, places: Sequence[mathutils.Vector]) -> float:
-    """Fraction of ``places`` on surfaces of which the middle of a ``placed`` array sees the front."""
-    eye = mathutils.Matrix(placed[1]).translation
-    hits = (rays.cast(eye, place - eye) for place in places)
-    return sum(hit is not None and (hit[0] - place).length < 1e-3 * (place - eye).length and hit[1].dot(place - eye) < 0
-               for hit, place in zip(hits, places, strict=True)) / len(places)
 
 
 def is_inside(rays: Rays, place: mathutils.Vector, least: float = ENCLOSED) -> bool:

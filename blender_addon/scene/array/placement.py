@@ -410,7 +410,6 @@ def _free_fraction(sight: _Sight, profile: DisplayProfile, array: CameraArray) -
     return fraction
 
 
-@as_rendered()
 def scale_of(scene: bpy.types.Scene, job: Request) -> ScaleChoice:
     """Choose one of the job's scales by the depth at which the middle of the array sees the subject in its frames."""
     subject, moves = find_subject(scene, job.subject), [np.empty(0)]
@@ -420,6 +419,7 @@ def scale_of(scene: bpy.types.Scene, job: Request) -> ScaleChoice:
     return choose_scale(job.display, np.concatenate(moves), job.sampling.scales, job.judged_rays)
 
 
+@as_rendered()
 def moves_of(scene: bpy.types.Scene, display: DisplayProfile, subject: set[bpy.types.Object]) -> Array:
     """Disparities (n,), in lenses, of what the middle of the array sees of the ``subject`` in the current frame."""
     placed = place_array(scene, display, subject)

@@ -88,7 +88,15 @@ class Pooling(Upscaler):
         if not known.any():
             return low
         slope = np.where(known, followed, np.float32(UNKNOWN))
-        beyond = _beyond_edges(slope) if low.samples >= LEAST_SAMPLES else slope
+        # Where nothing is seen, the slope is that of the nearest sample that sees something, VOID_REACH views away at
+        # most, and of several the largest: a gap moves with the edge beside it.
+        beyond = slope
+        for _ in range(VOID_REACH if low.samples >= LEAST_SAMPLES else 0):
+            seen = np.where(beyond < UNKNOWN, beyond, np.float32(-UNKNOWN))
+            seen = np.pad(seen, ((0, 0), (0, 0), (1, 1), (1, 1)), "edge")
+            beside = np.maximum(np.maximum(seen[:, :, 1:-1, :-2], seen[:, :, 1:-1, 2:]),
+                                np.maximum(seen[:, :, :-2, 1:-1], seen[:, :, 2:, 1:-1]))
+            beyond = np.where((beyond >= UNKNOWN) & (beside > -UNKNOWN), beside, beyond)
         if LEAST_SAMPLES <= low.samples < SHARP_SAMPLES:
             slope = np.where(np.abs(beyond) < LEVEL, beyond, slope)
         slope = _with_edges(slope, low.slope_ratio) if low.samples < LEAST_SAMPLES else slope
@@ -289,18 +297,6 @@ def _means(views: int) -> Array:
     """Matrix (views, views) of Gaussian means over neighbouring rendered views; standard deviation: one view."""
     weights = np.exp(-0.5 * np.square(np.subtract.outer(np.arange(views), np.arange(views))))
     return np.asarray(weights / weights.sum(1, keepdims=True), np.float32)
-
-
-def _beyond_edges(slope: Array) -> Array:
-    """Slopes (sy, sx, h, w); where nothing is seen, that of the nearest sample that sees something, VOID_REACH views
-    away at most, and of several the largest: a gap moves with the edge beside it.
-    """
-    for _ in range(VOID_REACH):
-        seen = np.pad(np.where(slope < UNKNOWN, slope, np.float32(-UNKNOWN)), ((0, 0), (0, 0), (1, 1), (1, 1)), "edge")
-        beside = np.maximum(np.maximum(seen[:, :, 1:-1, :-2], seen[:, :, 1:-1, 2:]),
-                            np.maximum(seen[:, :, :-2, 1:-1], seen[:, :, 2:, 1:-1]))
-        slope = np.where((slope >= UNKNOWN) & (beside > -UNKNOWN), beside, slope)
-    return slope
 
 
 def _with_edges(slope: Array, slope_ratio: float) -> Array:

@@ -121,6 +121,16 @@ def test_what_is_rendered_is_looked_at_whatever_the_viewport_hides(startup):
         owner.hide_viewport = False
 
 
+def test_what_shows_its_back_is_left_out_as_eevee_leaves_it_out(startup):
+    aimed(startup)
+    box, around = add_box((0, 0, 1), (1, 0.5, 1)), add_box((0, -6, 1), (0.4, 0.3, 0.3))
+    around.data.materials.append(bpy.data.materials.new("Around"))
+    for is_culled, engine in ((True, "CYCLES"), (False, startup.render.engine), (True, startup.render.engine)):
+        around.active_material.use_backface_culling, startup.render.engine = is_culled, engine
+        assert ("helper" in looked(startup)) == (is_culled and engine != "CYCLES")
+    assert "hides the picture" in mend(startup)["helper"] and share_of(startup, box) > 0.1 and around.hide_render
+
+
 def make_room(scene, lamp: bool) -> list[bpy.types.Object]:
     """Walls around 5 × 7 × 2.7 m, with a table and a bench, beside the new file's camera."""
     items = [add_box(*place) for place in (
