@@ -59,7 +59,7 @@ def share_of(scene, item) -> float:
 def test_a_new_file_as_it_is_and_a_camera_that_was_aimed_stay(startup):
     assert looked(startup) == {}
     bpy.data.objects["Cube"].modifiers.new("Build", "BUILD").frame_start = 10
-    assert "frame 1" in looked(startup)["nothing"]
+    assert "Frame 1" in looked(startup)["nothing"]
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     add_box((0, 0, 0), (0.3, 0.3, 0.3))
     startup.camera.location, startup.objects["Light"].location = (0, -5, 0), (1, -5, 4)
