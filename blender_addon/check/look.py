@@ -34,8 +34,8 @@ from .problems import Problem
 # Code of the problem: the operator's property that mends it, its title and description.
 MENDS = {
     "cube": ("leave_out_cube", "Leave Out Cube", "Hide the cube of Blender's new file in renders"),
-    "helper": ("leave_out_helpers", "Leave Out Helpers", "Hide what helps while modelling: what is drawn as wires, "
-               "tools of Booleans and shapes of bones, without a material"),
+    "helper": ("leave_out_helpers", "Leave Out Helpers", "Hide what helps while modelling, without a material, and "
+               "what hides the picture with faces that EEVEE leaves out"),
     "sky": ("leave_out_sky", "Leave Out Sky", "Hide the box or ball around all objects in renders"),
     "frame": ("fit_objects", "Fit to Objects", "Move the camera array in front of the objects, or into the room"),
     "plane": ("move_plane", "Move Display Plane", "Move the display plane to the middle of the depth that is seen"),
