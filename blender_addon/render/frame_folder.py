@@ -150,10 +150,9 @@ def prepared(scene: bpy.types.Scene, request: Request, say: Say = silent, is_lit
             with placement.as_rendered():
                 frame = _frame(scene, request, subject)
                 placed = frame.array, frame.matrix_world
-                notices = (placement.focus_notice(scene, placed),
-                           placement.unseen_notice(scene, request.display, placed, subject))
-            for notice in filter(None, notices):
-                say(notice)
+                for notice in filter(None, (placement.focus_notice(scene, placed),
+                                            placement.unseen_notice(scene, request.display, placed, subject))):
+                    say(notice)
             if frame.world_visible and request.kind == "render" and frame.scale > 1:
                 if reason := world.reason_against(scene):
                     say(Notice("world-inside", {"reason": reason}))

@@ -88,8 +88,7 @@ class Pooling(Upscaler):
         if not known.any():
             return low
         slope = np.where(known, followed, np.float32(UNKNOWN))
-        # Where nothing is seen, the slope is that of the nearest sample that sees something, VOID_REACH views away at
-        # most, and of several the largest: a gap moves with the edge beside it.
+        # A gap moves with the edge beside it: as the nearest that is seen, VOID_REACH views away at most.
         beyond = slope
         for _ in range(VOID_REACH if low.samples >= LEAST_SAMPLES else 0):
             seen = np.where(beyond < UNKNOWN, beyond, np.float32(-UNKNOWN))
