@@ -169,14 +169,14 @@ def helpers(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 
 @as_rendered()
 def screens(scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """Return the object, if any, that hides more than half of the picture with faces that EEVEE leaves out."""
+    """Return the object, if any, that hides most of an aimed camera's picture with faces that EEVEE leaves out."""
     placed = rig.placement(scene, scene_settings.display_of(scene))
     culled = {material for material in bpy.data.materials if material.use_backface_culling}
-    is_culling = bool(culled) and scene.render.engine.startswith("BLENDER_EEVEE")
+    is_culling = bool(culled) and scene.render.engine.startswith("BLENDER_EEVEE") and not _is_unaimed(scene)
     hits = edit.through(Rays(scene), placed, *edit.FEWER) if placed and is_culling else []
     seen = [(hit[2], hit[1]) for hit in hits if hit is not None]
     return [item for item in {item for item, _ in seen} if seen.count((item, False)) > len(hits) / 2
-            and (item, True) not in seen and item.active_material
+            and (item, True) not in seen and item.active_material and len(edit.boxes_now(find_subject(scene))) > 1
             and all(slot.material in culled for slot in item.material_slots)]
 
 

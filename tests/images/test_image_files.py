@@ -165,8 +165,7 @@ def test_clean_counts_pixels_not_values_and_keeps_the_rest():
     layers["normal"][0, 0] = -np.inf
     layers["normal"][2, 3, 2] = np.nan
     cleaned, count = image_files.clean(layers)
-    assert count == 3
-    assert all(np.isfinite(pixels).all() for pixels in cleaned.values())
+    assert count == 3 and all(np.isfinite(pixels).all() for pixels in cleaned.values())
     np.testing.assert_array_equal(cleaned["color"][0, 0], [0, 0, 1, 1])
     assert np.isnan(layers["color"][0, 0, 0]), "the input stays as it was"
     assert image_files.clean({"color": np.array([[[np.inf, -np.inf, 0, 1]]], np.float32)})[1] == 1

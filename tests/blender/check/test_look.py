@@ -128,6 +128,9 @@ def test_what_shows_its_back_is_left_out_as_eevee_leaves_it_out(startup):
     for is_culled, engine in ((True, "CYCLES"), (False, startup.render.engine), (True, startup.render.engine)):
         around.active_material.use_backface_culling, startup.render.engine = is_culled, engine
         assert ("helper" in looked(startup)) == (is_culled and engine != "CYCLES")
+    box.hide_render = True
+    assert "helper" not in looked(startup), "nothing else is there"
+    box.hide_render = False
     assert "hides the picture" in mend(startup)["helper"] and share_of(startup, box) > 0.1 and around.hide_render
 
 
