@@ -68,7 +68,7 @@ def install(python: Sequence[str], folder: Path, extras: str) -> None:
     print(f"Making the environment in {folder} (once; the Blender wheel is about 350 MB)", file=sys.stderr, flush=True)
     if not program(folder, "python").exists():
         _run([*python, "-m", "venv", str(folder)])
-        # A new pip takes two thirds of the time; without it the one that came with Python does the same.
+        # A new pip takes four fifths of the time; without it the one that came with Python does the same.
         subprocess.run([program(folder, "python"), "-m", "pip", "install", "-qq", "--upgrade", "pip"],
                        stdout=sys.stderr, stderr=subprocess.DEVNULL, check=False)
     product = ",".join(extra for extra in extras.split(",") if extra != "lab")

@@ -66,7 +66,7 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
         display, subject = scene_settings.display_of(scene), find_subject(scene)
         if (placed := rig.placement(scene, display)) is None:
             return
-        cube, others = startup_cube(scene), helpers(scene) or screens(scene)
+        cube, others = startup_cube(scene), helpers(scene) or culled_objects(scene)
         if cube is not None:
             yield _problem("cube", cube.name, "The cube of Blender's new file stands in the picture.")
         if others:
@@ -168,7 +168,7 @@ def helpers(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 
 
 @as_rendered()
-def screens(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+def culled_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """Return the object, if any, that hides most of an aimed camera's picture with faces that EEVEE leaves out."""
     placed = rig.placement(scene, scene_settings.display_of(scene))
     culled = {material for material in bpy.data.materials if material.use_backface_culling}

@@ -123,7 +123,7 @@ def _use_one_layer(scene: bpy.types.Scene, target: str) -> None:
 
 FIXES: dict[str, Fix] = {
     **dict.fromkeys(("cube", "sky"), lambda _scene, target: _leave_out(_existing(bpy.data.objects, target))),
-    "helper": lambda scene, _target: _leave_out(*look.helpers(scene) or look.screens(scene)),
+    "helper": lambda scene, _target: _leave_out(*look.helpers(scene) or look.culled_objects(scene)),
     "plane": lambda scene, _target: look.move_plane(scene), "deep": lambda scene, _target: look.flatten(scene),
     "frame": _fit, "dark": _light_images, "array": _add_array, "rig": _add_array,
     "light": lambda scene, _target: setattr(add_light(scene), "name", "Light Field World"),

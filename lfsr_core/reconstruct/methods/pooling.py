@@ -88,7 +88,7 @@ class Pooling(Upscaler):
         if not known.any():
             return low
         slope = np.where(known, followed, np.float32(UNKNOWN))
-        # A gap moves with the edge beside it: as the nearest that is seen, VOID_REACH views away at most.
+        # Where nothing is seen: the largest slope of the nearest samples that see something, at most VOID_REACH away.
         beyond = slope
         for _ in range(VOID_REACH if low.samples >= LEAST_SAMPLES else 0):
             seen = np.where(beyond < UNKNOWN, beyond, np.float32(-UNKNOWN))
