@@ -34,7 +34,7 @@ def registered() -> Iterator[None]:
 
 def artist_scene(folder: Path | None) -> bpy.types.Scene:
     """A lit box in front of a mini display, rendered with the fewest rays; saved in ``folder`` if there is one."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     add_box(scene, (0.0, 0.0, 0.0), (0.5, 0.3, 0.4)).name = "Box"
     light = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))

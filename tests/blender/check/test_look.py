@@ -25,7 +25,7 @@ from tests.support.scenes import add_camera
 def startup():
     """Blender's new file, with its cube, lamp and camera, for the display that it begins with."""
     with panel.registered():
-        bpy.ops.wm.read_factory_settings()
+        bpy.ops.wm.read_homefile(use_factory_startup=True)
         yield bpy.context.scene
 
 

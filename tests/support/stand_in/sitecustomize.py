@@ -59,21 +59,17 @@ def held(path, dir_fd=None) -> bool:
     real = os.path.realpath(place)
     if not os.path.lexists(real):
         return False
-
-    return any(found == real or found.startswith(f"{real}/") for found in held_files())
-
-
-def held_files():
-    """Paths of the files that processes have open or mapped."""
     for process in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError):  # ended since
             for number in os.listdir(process / "fd"):
                 with contextlib.suppress(OSError):  # closed since
-                    path = os.readlink(process / "fd" / number)
-                    if os.path.isfile(path):
-                        yield path
-            lines = (process / "maps").read_text(encoding="utf-8", errors="replace").splitlines()
-            yield from (line.split(None, 5)[-1] for line in lines if "/" in line)
+                    found = os.readlink(process / "fd" / number)
+                    if (found == real or found.startswith(f"{real}/")) and os.path.isfile(found):
+                        return True
+            lines = (process / "maps").read_text(encoding="utf-8", errors="replace")
+            if f" {real}\n" in lines or f" {real}/" in lines:
+                return True
+    return False
 
 
 def refusing(real, count: int):

@@ -102,7 +102,7 @@ def few(add_on, tmp_path, monkeypatch):
 
 def test_plan_is_found_shown_and_used(few):
     few.lfsr.plan_target, few.lfsr.scale, few.lfsr.samples = 0.5, "4", 99
-    before = snapshot()
+    before, there = snapshot(), {*Path(bpy.app.tempdir).glob("lfsr-*")}
     assert bpy.ops.lfsr.plan() == {"FINISHED"} and snapshot() == before
     state = bpy.context.window_manager.lfsr
     assert state.plan_scene == few.name and "SSIM 0.5" in state.plan_text
@@ -111,7 +111,7 @@ def test_plan_is_found_shown_and_used(few):
     assert bpy.ops.lfsr.plan_use() == {"FINISHED"}
     assert (few.lfsr.scale, few.lfsr.samples, few.lfsr.method) == ("2", 0, state.plan_method)
     assert (few.lfsr.rays, scene_settings.resolve(few).sampling.samples) == (0.25, 1)
-    assert not list(Path(bpy.app.tempdir).glob("lfsr-*")), "what was rendered is gone"
+    assert {*Path(bpy.app.tempdir).glob("lfsr-*")} == there, "what was rendered is gone"
 
 
 def test_cancel_ends_the_render_it_started(few):
