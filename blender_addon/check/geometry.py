@@ -52,12 +52,12 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
     if (array := rig.find(scene)) is None:
         return
     try:
-        placed, subject = rig.placement(scene, scene_settings.display_of(scene)), find_subject(scene)
+        placed = rig.placement(scene, scene_settings.display_of(scene))
     except LfsrError as error:
         yield Problem("rig", array.name, f"{capitalized(str(error))}.", "Add Again", ERROR, is_object=True)
         return
     try:
-        settings = scene_settings.resolve(scene)
+        subject, settings = find_subject(scene), scene_settings.resolve(scene)
     except LfsrError:
         return  # said by another check
     with placement.as_rendered():

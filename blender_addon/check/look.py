@@ -24,7 +24,7 @@ from ..compat import overridden
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
 from ..scene.array.placement import Rays, as_rendered
-from ..scene.contents import GEOMETRY, find_subject, is_rendered, nodes_of, rendered_layer, with_instanced
+from ..scene.contents import GEOMETRY, find_subject, nodes_of, rendered, rendered_layer, with_instanced
 from ..scene.files import image_paths
 from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance
 from ..scene.settings import length
@@ -106,7 +106,7 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
             yield _problem("dark", scene.name, f"The world's image {node.image.name} is missing: gray light would come "
                            "from all sides. Images only are lit.")
             return
-    lamps = [item for item in scene.objects if item.type == "LIGHT" and not item.hide_render]
+    lamps = sorted((item for item in rendered(scene) if item.type == "LIGHT"), key=lambda item: item.name)
     is_imported = bool(reason) or startup_cube(scene) is not None  # which the lamp of the new file was not to light
     own = [item for item in lamps if not is_imported
            or (item.matrix_world.translation - mathutils.Vector(STARTUP_LAMP)).length > 1e-3]
@@ -146,7 +146,7 @@ def startup_cube(scene: bpy.types.Scene) -> bpy.types.Object | None:
     cube = scene.objects.get("Cube")
     others = any(item.type in GEOMETRY and item != cube for item in scene.objects)
     is_new = (cube is not None and others and cube.type == "MESH" and len(cube.data.vertices) == 8
-              and not cube.hide_render and not cube.modifiers and _is_unaimed(scene)
+              and cube in rendered(scene) and not cube.modifiers and _is_unaimed(scene)
               and cube.matrix_world == mathutils.Matrix.Identity(4) and tuple(cube.dimensions) == (2.0, 2.0, 2.0)
               and [slot.name for slot in cube.material_slots] in ([], ["Material"]))
     return cube if is_new else None
@@ -159,12 +159,11 @@ def helpers(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """
     tools = {modifier.object for item in scene.objects for modifier in item.modifiers if modifier.type == "BOOLEAN"}
     tools |= {bone.custom_shape for item in scene.objects if item.pose is not None for bone in item.pose.bones}
-    shown = rendered_layer(scene).objects
+    shown = {item for item in rendered(scene) & {*rendered_layer(scene).objects} if item.type in GEOMETRY}
     found = [item for item in shown if (item in tools or item.display_type in ("WIRE", "BOUNDS"))
-             and item.type in GEOMETRY and is_rendered(scene, item)
-             and not any(slot.material for slot in item.material_slots)
+             and not any(slot.material for slot in item.material_slots) and not rig.why_not_editable(item)
              and not any(modifier.type in ("FLUID", "PARTICLE_SYSTEM") for modifier in item.modifiers)]
-    return found if any(item.type in GEOMETRY and is_rendered(scene, item) for item in {*shown} - {*found}) else []
+    return sorted(found, key=lambda item: item.name) if shown - {*found} else []
 
 
 @as_rendered()

@@ -17,7 +17,7 @@ from .. import compat
 from ..jobs import folders, images, runtime
 from ..scene import settings as scene_settings
 from ..scene.array import rig
-from ..scene.contents import find_subject, is_rendered, left_out, materials, nodes_of, rendered_layer
+from ..scene.contents import find_subject, left_out, materials, nodes_of, rendered, rendered_layer
 from ..scene.files import SECONDS_IN_PANEL, unreadable
 from ..scene.light import AUTO_LIGHT, OWN_LIGHT, SCENE_LIGHTS, has_light
 from ..scene.settings import Resolved, color_settings, title
@@ -158,10 +158,10 @@ def _images(scene: bpy.types.Scene) -> Iterator[Problem]:
         if image.is_dirty and image.users and image.name != images.IMAGE_NAME:
             yield Problem("dirty", image.name, "The image has unsaved changes, which the render would not show.",
                           "Pack", asks=True)
-    for item in rendered_layer(scene).objects:
+    for item in sorted(rendered(scene) & {*rendered_layer(scene).objects}, key=lambda item: item.name):
         for domain in (each.domain_settings for each in item.modifiers if each.type == "FLUID"):
             folder = domain and Path(bpy.path.abspath(domain.cache_directory, library=item.library))
-            if folder and is_rendered(scene, item) and not any(folder.glob("data/*")):
+            if folder and not any(folder.glob("data/*")):
                 yield Problem("simulation", item.name, "The simulation is not baked, or its cache is missing: bake it, "
                               "else a liquid is rendered as a block, and no smoke.", is_object=True, asks=True)
 

@@ -34,7 +34,7 @@ from .. import compat
 from ..compat import overridden
 from ..scene.array import placement
 from ..scene.array.rig import Placement
-from ..scene.contents import find_subject, has_background_meshes
+from ..scene.contents import curves, find_subject, has_background_meshes
 from ..scene.files import check_files, image_files
 from ..scene.light import DEFAULT_LIGHT, LEAST_ALBEDO, has_light, is_certain, is_dim, lit
 from ..scene.settings import color_settings
@@ -313,21 +313,10 @@ def _resting(scene: bpy.types.Scene) -> Iterator[None]:
     Blender evaluates animation again when a render starts. This mutes camera markers, all keyframes and drivers of the
     scene itself, which keeps its values of this frame, and those of the pass index of objects.
     """
-    indices = (curve for item in bpy.data.objects for curve in _curves(item) if curve.data_path == "pass_index")
+    indices = (curve for item in bpy.data.objects for curve in curves(item) if curve.data_path == "pass_index")
     with ExitStack() as stack:
         for marker in scene.timeline_markers:
             stack.enter_context(overridden(marker, {"camera": None}))
-        for curve in [*_curves(scene), *indices]:
+        for curve in [*curves(scene), *indices]:
             stack.enter_context(overridden(curve, {"mute": True}))
         yield
-
-
-def _curves(owner: bpy.types.ID) -> Iterator[bpy.types.FCurve]:
-    """Curves of drivers, of the action, and of the strips of the nonlinear animation of ``owner``."""
-    if (animation := owner.animation_data) is None:
-        return
-    yield from animation.drivers
-    for holder in (animation, *(strip for track in animation.nla_tracks for strip in track.strips)):
-        if holder.action is not None and holder.action_slot is not None:
-            bags = (strip.channelbag(holder.action_slot) for layer in holder.action.layers for strip in layer.strips)
-            yield from (curve for bag in bags if bag is not None for curve in bag.fcurves)

@@ -18,7 +18,7 @@ from lfsr_core.optics.world_view import WorldImage
 from .. import compat
 from ..compat import new_data, overridden
 from ..scene.array.rig import Matrix
-from ..scene.contents import has_coordinates, nodes_of
+from ..scene.contents import has_coordinates, nodes_of, rendered
 from .cards import Wiring
 from .cycles import RenderSettings, cycles_settings, pixel_aspect, temporary_camera
 from .output import render_to
@@ -38,8 +38,7 @@ def reason_against(scene: bpy.types.Scene) -> str:
         return "volume"
     if has_coordinates(scene.world.node_tree, ("Window", "Camera")):
         return "coordinates"
-    if any(item.type == "LIGHT" and item.data.type == "SUN" and item.visible_camera and not item.hide_render
-           for item in scene.objects):
+    if any(item.type == "LIGHT" and item.data.type == "SUN" and item.visible_camera for item in rendered(scene)):
         return "sun"
     return ""
 

@@ -43,7 +43,7 @@ def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.typ
         backgrounds = (found for found in bpy.data.collections if found.name == BACKGROUND_COLLECTION)
         chosen = set(scene.objects) - {item for background in backgrounds for item in background.all_objects}
     subject = with_instanced(chosen)
-    if not any(item.type in GEOMETRY and is_rendered(scene, item) for item in subject):
+    if not any(item.type in GEOMETRY for item in subject & rendered(scene)):
         raise LfsrError(f"nothing of the subject {name or scene.name!r} would be rendered: "
                         "make its objects visible in renders or choose another collection")
     return subject
@@ -51,7 +51,7 @@ def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.typ
 
 def has_background_meshes(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> bool:
     """Return True if geometry outside the subject would be rendered."""
-    return any(item.type in GEOMETRY and item not in subject and is_rendered(scene, item) for item in scene.objects)
+    return any(item.type in GEOMETRY for item in rendered(scene) - subject)
 
 
 def collections(root: bpy.types.LayerCollection) -> Iterator[bpy.types.LayerCollection]:
@@ -68,16 +68,23 @@ def with_instanced(items: set[bpy.types.Object]) -> set[bpy.types.Object]:
 
 def _instanced(item: bpy.types.Object) -> set[bpy.types.Object]:
     """Objects that a collection instance shows; they may lie outside the scene's collections."""
-    if item.instance_type != "COLLECTION" or item.instance_collection is None:
-        return set()
-    inside = set(item.instance_collection.all_objects)
-    return inside | {child for other in inside for child in _instanced(other)}
+    shown = item.instance_type == "COLLECTION" and item.instance_collection is not None
+    return with_instanced(_switched_on([item.instance_collection] if shown else []))
 
 
-def is_rendered(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
-    """Return True if neither an object nor all its collections are switched off in renders."""
-    owners = [c for c in (scene.collection, *scene.collection.children_recursive) if item.name in c.objects]
-    return not item.hide_render and (not owners or any(not c.hide_render for c in owners))
+def rendered(scene: bpy.types.Scene) -> set[bpy.types.Object]:
+    """Return the objects that renders of the scene show, those in instances of collections, too."""
+    return with_instanced(_switched_on([scene.collection]))
+
+
+def _switched_on(waiting: list[bpy.types.Collection]) -> set[bpy.types.Object]:
+    """Objects that renders show of some collections: what is inside one that is switched off is off, too."""
+    found = set[bpy.types.Object]()
+    while waiting:
+        if not (collection := waiting.pop()).hide_render:
+            found |= {item for item in collection.objects if not item.hide_render}
+            waiting += collection.children
+    return found
 
 
 def left_out(scene: bpy.types.Scene) -> list[Notice]:
@@ -107,7 +114,7 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
     found += [Notice("border-ignored")] if render.use_border else []
     if render.pixel_aspect_x != render.pixel_aspect_y:
         found.append(Notice("aspect-ignored", {"x": render.pixel_aspect_x, "y": render.pixel_aspect_y}))
-    lines = [item.name for item in scene.objects if item.type in STROKES and not item.hide_render]
+    lines = [item.name for item in rendered(scene) if item.type in STROKES]
     if names := [*(["Freestyle"] if render.use_freestyle else []), *sorted(lines)]:
         found.append(Notice("lines-left-out", {"names": names}))
     if names := sorted(owner.name for owner in (*bpy.data.materials, scene.world)
@@ -156,7 +163,7 @@ def _default(owner: bpy.types.bpy_struct, name: str) -> object:
 
 def materials(scene: bpy.types.Scene) -> list[bpy.types.Material]:
     """Return the materials of objects that are rendered, by name."""
-    slots = (slot.material for item in scene.objects if not item.hide_render for slot in item.material_slots)
+    slots = (slot.material for item in rendered(scene) for slot in item.material_slots)
     return sorted(set(filter(None, slots)), key=lambda material: material.name)
 
 
@@ -187,3 +194,14 @@ def switched(layer: bpy.types.ViewLayer, switch: str) -> list[bpy.types.LayerCol
     """
     return [child for child in collections(layer.layer_collection) if getattr(child, switch) and any(
         item.type in SHOWN and not item.hide_render for item in child.collection.all_objects)]
+
+
+def curves(owner: bpy.types.ID) -> Iterator[bpy.types.FCurve]:
+    """Yield the curves of drivers, of the action, and of the strips of the nonlinear animation of ``owner``."""
+    if (animation := owner.animation_data) is None:
+        return
+    yield from animation.drivers
+    for holder in (animation, *(strip for track in animation.nla_tracks for strip in track.strips)):
+        if holder.action is not None and holder.action_slot is not None:
+            bags = (strip.channelbag(holder.action_slot) for layer in holder.action.layers for strip in layer.strips)
+            yield from (curve for bag in bags if bag is not None for curve in bag.fcurves)

@@ -16,7 +16,7 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.frame import AUTO, EVEN, OWN, WORLD_IMAGES, check_light, is_light_file
 
 from .. import compat
-from .contents import materials
+from .contents import materials, nodes_of, rendered
 
 DEFAULT_LIGHT = "city"  # neutral, from all sides: suits glass as well as skin
 # Brightness below which a white surface is almost in the dark. The world of a new file, 0.05, lights less.
@@ -49,19 +49,22 @@ def light_items() -> list[tuple[str, str, str, int]]:
 
 def has_light(scene: bpy.types.Scene) -> bool:
     """Return True if anything in the scene emits light: a lamp, a world, or a material in use."""
-    lamps = any(item.type == "LIGHT" and not item.hide_render and item.data.energy for item in scene.objects)
+    lamps = any(item.type == "LIGHT" and item.data.energy for item in rendered(scene))
     return world_radiance(scene.world) > 0 or lamps or has_emission(scene)
 
 
 def _shines(tree: bpy.types.NodeTree | None, plain: tuple[float, ...]) -> bool:
     if tree is None:
         return any(plain[:3])
-    return any(_emits(node) for node in tree.nodes if not node.mute)
+    return any(map(_emits, nodes_of(tree)))
 
 
 def _emits(node: bpy.types.Node) -> bool:
+    if node.type in ("OUTPUT_MATERIAL", "OUTPUT_WORLD"):  # a color without a shader shines
+        return any(link.from_socket.type != "SHADER" for link in node.inputs["Surface"].links)
     color, strength = {"BACKGROUND": ("Color", "Strength"), "EMISSION": ("Color", "Strength"),
-                       "BSDF_PRINCIPLED": ("Emission Color", "Emission Strength")}.get(node.type, (None, None))
+                       "BSDF_PRINCIPLED": ("Emission Color", "Emission Strength"),
+                       "PRINCIPLED_VOLUME": ("Emission Color", "Emission Strength")}.get(node.type, (None, None))
     if color is None or not any(output.is_linked for output in node.outputs):
         return False
     color, strength = node.inputs[color], node.inputs[strength]
@@ -71,8 +74,8 @@ def _emits(node: bpy.types.Node) -> bool:
 def is_certain(scene: bpy.types.Scene) -> bool:
     """Return True if light certainly arrives at the scene's exposure: from a world of one colour or from a sun."""
     factor = 2.0**scene.view_settings.exposure
-    suns = [item.data.energy for item in scene.objects if item.type == "LIGHT" and item.data.type == "SUN"
-            and not item.hide_render and any(item.data.color)]
+    suns = [item.data.energy for item in rendered(scene)
+            if item.type == "LIGHT" and item.data.type == "SUN" and any(item.data.color)]
     return max(suns, default=0.0) * factor >= CERTAIN_SUN or _plain_world(scene.world) * factor >= CERTAIN_WORLD
 
 

@@ -28,10 +28,21 @@ PLANE_HELP = "Marks the display plane of a light-field camera array"
 
 
 def add(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.Object:
-    """Add a camera array at the scene's camera, else in front of the subject, else in front of the origin."""
+    """Add a camera array at the scene's camera, else in front of the subject, else in front of the origin.
+
+    At a camera that is animated it moves along.
+    """
     if rig.find(scene) is not None:
         raise LfsrError(f"scene {scene.name!r} has a camera array already: fit it, or remove it first")
-    return _moved(scene, first_placement(scene, profile))  # before it exists: it would be taken for the scene's own
+    camera, placed = scene.camera, first_placement(scene, profile)  # before it exists: it would be taken for its own
+    array, leading = _moved(scene, placed), camera
+    while leading is not None and not (leading.animation_data or leading.constraints):
+        leading = leading.parent
+    if leading is not None and np.allclose(camera.matrix_world.translation, np.array(placed[1])[:3, 3]):
+        array.parent = camera
+        array.matrix_parent_inverse = camera.matrix_world.inverted_safe()
+        bpy.context.view_layer.update()
+    return array
 
 
 @as_rendered()

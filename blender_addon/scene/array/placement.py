@@ -11,9 +11,11 @@ import math
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 
+import bmesh
 import bpy
 import mathutils
 import numpy as np
+from mathutils.bvhtree import BVHTree
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice
@@ -23,7 +25,7 @@ from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
 from ...compat import overridden
-from ..contents import GEOMETRY, find_subject
+from ..contents import GEOMETRY, curves, find_subject, rendered, rendered_layer
 from ..contents import collections as layer_collections
 from . import rig
 from .rig import Placement, from_blender, to_blender, upright
@@ -46,17 +48,18 @@ Hit = tuple[mathutils.Vector, mathutils.Vector, bpy.types.Object, int]  # place,
 
 @contextmanager
 def as_rendered(*left_out: bpy.types.Object | None) -> Iterator[None]:
-    """Show in the viewport what renders show, inside the block: rays meet that. Renders leave ``left_out`` out."""
-    folders = (bpy.context.scene.collection, *bpy.context.scene.collection.children_recursive)
-    rendered = {item for folder in folders if not folder.hide_render for item in folder.objects}
+    """Show in the viewport what cameras see in renders, inside the block: rays meet that; ``left_out`` is left out."""
     with ExitStack() as changes:
+        # Renders show the first view layer that is used, whichever the window shows.
+        changes.enter_context(bpy.context.temp_override(view_layer=rendered_layer(bpy.context.scene)))
         for item in filter(None, left_out):
             changes.enter_context(overridden(item, {"hide_render": True}))
+        seen = {item for item in rendered(bpy.context.scene) if item.visible_camera}
         for layer in layer_collections(bpy.context.view_layer.layer_collection):
             for owner in filter(lambda each: each.hide_viewport, (layer, layer.collection)):
                 changes.enter_context(overridden(owner, {"hide_viewport": False}))
         for item in bpy.context.view_layer.objects:
-            if item.type in GEOMETRY and item.visible_get() == (is_hidden := item.hide_render or item not in rendered):
+            if item.type in GEOMETRY and item.visible_get() == (is_hidden := item not in seen):
                 changes.callback(item.select_set, item.select_get())  # which Blender does not keep of what is hidden
                 changes.enter_context(overridden(item, {"hide_viewport": is_hidden}))
                 changes.callback(item.hide_set, item.hide_get())
@@ -72,20 +75,25 @@ class Rays:
     def __init__(self, scene: bpy.types.Scene, sky: bpy.types.Object | None = None) -> None:
         """Note the bounding boxes of all meshes where there are more than FEW objects; ``sky`` lets all rays pass."""
         self.scene, self.depsgraph = scene, bpy.context.evaluated_depsgraph_get()
-        self.items: list[tuple[bpy.types.Object, mathutils.Matrix]] = []
+        self.items: list[tuple[bpy.types.Object, mathutils.Matrix, BVHTree | None]] = []
         if len(self.depsgraph.object_instances) <= FEW and sky is None:
             return
-        boxes, shapes = [], dict[int, list[tuple[float, ...]]]()
+        boxes, shapes, trees = [], dict[int, list[tuple[float, ...]]](), dict[int, BVHTree | None]()
         for instance in self.depsgraph.object_instances:
             item = instance.object
             if item.type == "MESH" and item.original != sky:
                 key = item.data.as_pointer()  # which an object has alone where modifiers change it
                 if key not in shapes:
-                    shapes[key] = [tuple(corner) for corner in item.bound_box]
+                    shapes[key], trees[key] = [tuple(corner) for corner in item.bound_box], None
+                    if item.original.evaluated_get(self.depsgraph).data != item.data:  # made by geometry nodes
+                        shape = bmesh.new()
+                        shape.from_mesh(item.data)
+                        trees[key] = BVHTree.FromBMesh(shape)
+                        shape.free()
                 boxes.append(shapes[key])
-                self.items.append((item.original, instance.matrix_world.copy()))
+                self.items.append((item.original, instance.matrix_world.copy(), trees[key]))
         if self.items:
-            matrices = np.array([matrix for _, matrix in self.items])
+            matrices = np.array([matrix for _, matrix, _ in self.items])
             points = np.einsum("nij,nkj->ink", matrices[:, :3, :3], np.array(boxes)) + matrices[:, :3, 3].T[..., None]
             self.low, self.high = points.min(-1), points.max(-1)
             self.middles = (self.low + self.high) / 2
@@ -108,12 +116,13 @@ class Rays:
         for index in met[np.argsort(enters[met])]:
             if enters[index] > nearest:
                 break
-            item, matrix = self.items[near[index]]
+            item, matrix, tree = self.items[near[index]]
             with suppress(RuntimeError, ValueError):  # it has no mesh of its own, or no size
                 inverse = matrix.inverted()
-                found, at, normal, face = item.evaluated_get(self.depsgraph).ray_cast(
-                    inverse @ start, inverse.to_3x3() @ way)
-                at = matrix @ at
+                ray = inverse @ start, inverse.to_3x3() @ way
+                at, normal, face = (tree.ray_cast(*ray)[:3] if tree is not None
+                                    else item.evaluated_get(self.depsgraph).ray_cast(*ray)[1:])
+                found, at = face is not None and face >= 0, matrix @ (at or start)
                 if found and (at - start).length <= nearest:
                     nearest = (at - start).length
                     best = at, (inverse.to_3x3().transposed() @ normal).normalized(), item, face
@@ -449,13 +458,29 @@ def visited(scene: bpy.types.Scene, numbers: Collection[int]) -> Iterator[int]:
 
 @contextmanager
 def same_frame(scene: bpy.types.Scene) -> Iterator[None]:
-    """Restore the current frame of ``scene`` after the block, if it changed."""
-    before = scene.frame_current, scene.frame_subframe
+    """Restore the current frame of ``scene`` after the block, if it changed, and changes that have no keys yet."""
+    before, kept = (scene.frame_current, scene.frame_subframe), []
+    for owner in (*bpy.data.objects, *bpy.data.shape_keys, *bpy.data.lights, *bpy.data.cameras):
+        for path in {curve.data_path for curve in curves(owner)}:
+            holder, _, name = path.rpartition(".")
+            with suppress(AttributeError, ValueError):  # a property of the artist's own, or one that is gone
+                holder = owner.path_resolve(holder) if holder else owner
+                kept.append((holder, name, _value(holder, name)))
     try:
         yield
     finally:
         if (scene.frame_current, scene.frame_subframe) != before:
             scene.frame_set(before[0], subframe=before[1])
+            for holder, name, value in kept:
+                with suppress(AttributeError, ReferenceError):  # linked, or removed in the block
+                    if _value(holder, name) != value:
+                        setattr(holder, name, value)
+
+
+def _value(holder: bpy.types.bpy_struct, name: str) -> object:
+    """Value of a property, which does not change with it: a tuple of an array's."""
+    value = getattr(holder, name)
+    return tuple(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
 
 
 def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:

@@ -68,6 +68,7 @@ def _light_images(scene: bpy.types.Scene, _target: str) -> None:
 
 def _leave_out(*items: bpy.types.Object) -> None:
     for item in items:
+        check_editable(item)
         item.hide_render = item.hide_viewport = True
     bpy.context.view_layer.update()
 

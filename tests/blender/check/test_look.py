@@ -119,6 +119,19 @@ def test_what_is_rendered_is_looked_at_whatever_the_viewport_hides(startup):
         owner.hide_viewport, folder.hide_render = is_hidden, not is_hidden
         assert ("stands inside" in looked(startup).get("frame", "")) == is_hidden == owner.hide_viewport
         owner.hide_viewport = False
+    folder.hide_render, above = False, bpy.data.collections.new("Above")
+    startup.collection.children.link(above)
+    above.children.link(folder)
+    startup.collection.children.unlink(folder)
+    for owner, name, value in ((above, "hide_render", True), (blocker, "visible_camera", False)):
+        assert "stands inside" in looked(startup)["frame"]
+        setattr(owner, name, value)
+        assert "frame" not in looked(startup), name
+        setattr(owner, name, not value)
+    other = startup.view_layers.new("Other")  # the window's, but not the one that is rendered
+    other.use, other.layer_collection.children["Above"].exclude = False, True
+    bpy.context.window.view_layer = other
+    assert "stands inside" in looked(startup)["frame"]
 
 
 def test_what_shows_its_back_is_left_out_as_eevee_leaves_it_out(startup):
@@ -449,7 +462,17 @@ def test_among_many_objects_rays_meet_what_they_meet_alone(startup, turned):
         far.location = 900, 900, 900
         startup.collection.objects.link(far)
     bpy.context.view_layer.update()
+    startup.collection.objects.link(scatter := bpy.data.objects.new("scatter", bpy.data.meshes.new("none")))
+    group = bpy.data.node_groups.new("nodes", "GeometryNodeTree")
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    line, cube, put, out = (group.nodes.new(kind) for kind in (
+        "GeometryNodeMeshLine", "GeometryNodeMeshCube", "GeometryNodeInstanceOnPoints", "NodeGroupOutput"))
+    for source, socket in ((line, put.inputs["Points"]), (cube, put.inputs["Instance"]), (put, out.inputs[0])):
+        group.links.new(source.outputs[0], socket)
+    scatter.modifiers.new("Nodes", "NODES").node_group, scatter.location = group, (0, 0, 50)
+    bpy.context.view_layer.update()
     many = Rays(startup)
+    assert many.cast(mathutils.Vector((0, 0, 99)), mathutils.Vector((0, 0, -1)))[2] == scatter
     assert many.items and not few.items and sum(map(bool, expected)) > 20
     for way, hit in zip(ways, expected, strict=True):
         found = many.cast(start, way)

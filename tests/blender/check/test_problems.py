@@ -146,6 +146,7 @@ def test_without_a_subject_or_an_array(scene, code, spoil):
     """A broken array is added again."""
     spoil(scene)
     assert (found(scene, code).severity == "INFO") == (code == "array")
+    assert code == "rig" or found(scene, "rig") is None
     fix(scene, code)
 
 

@@ -55,16 +55,34 @@ def test_own_black_world_is_put_back(scene, tmp_path):
 
 @pytest.mark.parametrize(("kind", "lit"), [
     ("nothing", False), ("lamp", True), ("hidden lamp", False), ("emission", True), ("black emission", False),
-    ("world", True), ("black world", False)])
+    ("world", True), ("black world", False), ("instanced lamp", True), ("lamp in a group off", False),
+    ("grouped world", True), ("plain color world", True)])
 def test_what_counts_as_light(scene, kind, lit):
     material = emission((0, 0, 0) if "black" in kind else (1, 1, 1)) if "emission" in kind else None
     add_box(scene, (0, 0, 0), (1, 1, 1), material)
     if "lamp" in kind:
         lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "POINT"))
         lamp.hide_render = "hidden" in kind
-        scene.collection.objects.link(lamp)
+        folder, empty = bpy.data.collections.new("group"), bpy.data.objects.new("empty", None)
+        folder.objects.link(lamp)
+        if "instanced" in kind:
+            empty.instance_type, empty.instance_collection = "COLLECTION", folder
+            scene.collection.objects.link(empty)
+        else:
+            scene.collection.children.link(folder)
+            folder.hide_render = "off" in kind
     if "world" in kind:
-        add_world(scene, 0.5, 0 if "black" in kind else 1)
+        world = add_world(scene, 0.5, 0 if "black" in kind else 1)
+    if kind in ("grouped world", "plain color world"):
+        tree, group = world.node_tree, bpy.data.node_groups.new("group", "ShaderNodeTree")
+        inner, node = group.nodes.new("ShaderNodeBackground"), tree.nodes.new("ShaderNodeGroup")
+        color = "Color" if "color" in kind else "Shader"
+        group.interface.new_socket("light", in_out="OUTPUT", socket_type=f"NodeSocket{color}")
+        source = inner.outputs[0] if color == "Shader" else group.nodes.new("ShaderNodeRGB").outputs[0]
+        group.links.new(source, group.nodes.new("NodeGroupOutput").inputs[0])
+        node.node_tree = group
+        tree.links.new(node.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
+        tree.nodes.remove(tree.nodes["Background"])
     assert light.has_light(scene) == lit
 
 

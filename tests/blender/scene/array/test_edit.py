@@ -36,6 +36,21 @@ def test_add_takes_the_place_of_the_camera_and_keeps_the_selection(artist):
     assert (bpy.context.selected_objects, bpy.context.active_object) == ([box], box)
 
 
+def test_at_a_camera_that_moves_it_moves_along_and_what_has_no_key_yet_stays(artist):
+    edit.remove(artist)
+    camera, box = add_camera(artist, (0, -6, 0)), bpy.data.objects["Box"]
+    for item, frame, x in ((camera, 1, 0), (camera, 20, 0.5), (box, 1, 0), (box, 20, 0.1)):
+        item.location.x = x
+        item.keyframe_insert("location", frame=frame)
+    artist.frame_set(1)
+    box.location.z = 0.2
+    assert list(placement.sample_frames(artist))[-1] == 20 and box.location.z == pytest.approx(0.2)
+    array = edit.add(artist, MINI)
+    for frame, x in ((1, 0), (20, 0.5)):
+        artist.frame_set(frame)
+        assert tuple(array.matrix_world.translation) == pytest.approx((x, -6, 0), abs=1e-5)
+
+
 def test_fit_keeps_the_direction_and_frames_the_selection(artist):
     array = rig.find(artist)
     array.rotation_euler = (math.radians(70), 0, math.radians(50))
