@@ -9,7 +9,7 @@ import bpy
 from lfsr_core.base.messages import LfsrError, Notice
 
 from .. import compat
-from .array.rig import is_sheared
+from .array import rig
 
 BACKGROUND_COLLECTION = "Background"
 GEOMETRY = {"MESH", "CURVE", "SURFACE", "FONT", "META", "VOLUME", "CURVES", "POINTCLOUD"}
@@ -128,9 +128,11 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
     if camera is not None:
         named, move = {"camera": camera.name}, {"x": camera.data.shift_x, "y": camera.data.shift_y}
         found += [Notice("focus-ignored", named)] if camera.data.dof.use_dof else []
-        found += [Notice("camera-sheared", named)] if is_sheared(camera) else []
+        found += [Notice("camera-sheared", named)] if rig.is_sheared(camera) else []
         found += [Notice("camera-parallel", named)] if camera.data.type == "ORTHO" else []
         found += [Notice("shift-followed", named | move)] if camera.data.type == "PERSP" and any(move.values()) else []
+    cameras = {marker.camera.name for marker in scene.timeline_markers if marker.camera is not None}
+    found += [Notice("markers-ignored", {"names": sorted(cameras)})] if len(cameras) > 1 and rig.find(scene) else []
     layer = rendered_layer(scene)
     if layer.material_override is not None:
         found.append(Notice("override-ignored", {"layer": layer.name, "material": layer.material_override.name}))

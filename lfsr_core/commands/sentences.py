@@ -123,6 +123,8 @@ SENTENCES: dict[str, Wording] = {
     "clamp-ignored": "the scene's clamping of light (direct {direct:g}, indirect {indirect:g}) is ignored. Direct "
                      "light is not clamped, indirect light at 10",
     "motion-ignored": "motion blur is ignored",
+    "markers-ignored": lambda values: f"markers' cameras ({listed(values['names'], MOST_NAMES)}) are ignored. All "
+                                      "frames are rendered from the camera array",
     "border-ignored": "the render region is ignored. The whole image is rendered",
     "aspect-ignored": "the pixel aspect {x:g}:{y:g} is ignored. Pixels have the shape of the display's",
     "lines-left-out": lambda values: f"lines ({listed(values['names'], MOST_NAMES)}) are left out. Cycles draws none",

@@ -46,7 +46,7 @@ EXAMPLES = {
     "filter-ignored": ({"filter": "gaussian"}, "filter gaussian"),
     "focus-ignored": ({"camera": "Front"}, "camera 'Front'"),
     "lines-left-out": ({"names": ["Freestyle"]}, "(Freestyle)"),
-    "motion-ignored": ({}, "motion blur"),
+    "motion-ignored": ({}, "motion blur"), "markers-ignored": ({"names": ["A", "B"]}, "(A, B)"),
     "world-negative": ({"world": "Sky"}, "'Sky'"),
     "world-override-ignored": ({"layer": "Main", "world": "Sky"}, "override 'Sky' of view layer 'Main'"),
     "collections-switched": ({"layer": "Main", "switch": "holdout", "names": ["Trees"]}, "holds out Trees"),

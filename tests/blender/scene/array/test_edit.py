@@ -10,6 +10,7 @@ import pytest
 from blender_addon.scene import contents
 from blender_addon.scene.array import edit, placement, rig
 from blender_addon.scene.array.placement import View
+from lfsr_core.base.messages import Notice
 from tests.support import panel
 from tests.support.scenes import MINI, add_box, add_camera
 
@@ -49,6 +50,9 @@ def test_at_a_camera_that_moves_it_moves_along_and_what_has_no_key_yet_stays(art
     for frame, x in ((1, 0), (20, 0.5)):
         artist.frame_set(frame)
         assert tuple(array.matrix_world.translation) == pytest.approx((x, -6, 0), abs=1e-5)
+    for name in "AB":
+        artist.timeline_markers.new(name, frame=1).camera = bpy.data.objects.new(name, camera.data)
+    assert contents.left_out(artist) == [Notice("markers-ignored", {"names": ["A", "B"]})]
 
 
 def test_fit_keeps_the_direction_and_frames_the_selection(artist):
