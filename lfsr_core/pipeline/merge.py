@@ -104,8 +104,20 @@ def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent
             half = name in REFERENCE_FILES and "position" not in frame.layers
             if rows:
                 image_files.join_rows([part.folder / name for part in parts], staged / name, half=half)
-            else:
-                image_files.write_layers(staged / name, _average(parts, name), half=half)
+                continue
+            # Averaged by their samples, but for "index", which is that of the first part's first sample.
+            counts = [(part.frame.samples + 1 - number) // 2 for part in parts]
+            layers = dict[str, Array]()
+            for part, count in zip(parts, counts, strict=True):
+                added = image_files.read_layers(part.folder / name)
+                shapes, wanted = ({key: of.shape for key, of in each.items()} for each in (added, layers or added))
+                if shapes != wanted:
+                    raise LfsrError(f"{part.folder / name} has other layers or another size than the first reference: "
+                                    "render it again")
+                for layer in added.keys() - {"index"}:
+                    added[layer] = layers.get(layer, 0) + added[layer] * np.float32(count / sum(counts))
+                layers = layers | added | {"index": layers["index"]} if "index" in layers else added
+            image_files.write_layers(staged / name, layers, half=half)
         if frame.world_apart:
             image_files.write_layers(staged / WORLD_FILE, image_files.read_layers(parts[0].folder / WORLD_FILE))
         write_frame(staged, frame)
@@ -124,22 +136,3 @@ def _merged(parts: list[_Part], **changes: int | None) -> Frame:
     fields = {**changes, "notes": notes, "seconds": seconds, "device": DEVICES_JOINED.join(sorted(devices)),
               "gpus": gpus}
     return Frame(**(vars(frames[0]) | fields))
-
-
-def _average(parts: list[_Part], name: str) -> dict[str, Array]:
-    """Layers averaged by their samples, but for "index", which is that of the first part's first sample."""
-    half = REFERENCE_FILES.index(name)
-    weights = np.array([(part.frame.samples + 1 - half) // 2 for part in parts], np.float64)
-    weights /= weights.sum()
-    layers = image_files.read_layers(parts[0].folder / name)
-    averaged = [layer for layer in layers if layer != "index"]
-    for layer in averaged:
-        layers[layer] = layers[layer] * np.float32(weights[0])
-    for part, weight in zip(parts[1:], weights[1:], strict=True):
-        others = image_files.read_layers(part.folder / name)
-        if {key: pixels.shape for key, pixels in layers.items()} != {key: of.shape for key, of in others.items()}:
-            raise LfsrError(f"{part.folder / name} has other layers or another size than the first reference: "
-                            "render it again")
-        for layer in averaged:
-            layers[layer] += others[layer] * np.float32(weight)
-    return layers
