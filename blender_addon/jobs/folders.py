@@ -126,31 +126,26 @@ def waits_for_saving(scene: bpy.types.Scene) -> bool:
     return not bpy.data.filepath and (scene.lfsr.output or "//").startswith("//") and not bpy.app.background
 
 
-def move_saved(scene: bpy.types.Scene) -> None:
-    """Move what was rendered before the file was first saved to its place beside the file, if that is free."""
-    older, folder = _unsaved(scene) / UNSAVED / _clean(scene.name_full), scene_folder(scene)
-    if not older.is_dir() or folder.exists():
-        return
-    folder.mkdir(parents=True)
-    for path in (path for path in older.iterdir() if not path.name.startswith(".")):  # those are at work
-        moved = Path(shutil.move(path, folder))
-        if (moved / FRAME_FILE).is_file():
-            write_json(moved / FRAME_FILE, read_json(moved / FRAME_FILE, "a frame") | {"source": source_of(scene)})
-    for image in bpy.data.images:
-        path = Path(bpy.path.abspath(image.filepath)).resolve()  # Blender makes it relative as it saves
-        if path.is_relative_to(older.resolve()):
-            image.filepath = str(folder / path.relative_to(older.resolve()))
-    state = bpy.context.window_manager.lfsr
-    if Path(state.outcome_folder).is_relative_to(older):
-        state.outcome_folder = str(folder / Path(state.outcome_folder).relative_to(older))
-
-
 @bpy.app.handlers.persistent
 def keep_saved(*_: object) -> None:
-    """Move what was rendered before a file was saved beside it."""
+    """Move what was rendered before the file was first saved to its place beside the file, if that is free."""
     for scene in bpy.data.scenes:
         with contextlib.suppress(LfsrError, OSError):  # it stays where it is
-            move_saved(scene)
+            older, folder = _unsaved(scene) / UNSAVED / _clean(scene.name_full), scene_folder(scene)
+            if not older.is_dir() or folder.exists():
+                continue
+            folder.mkdir(parents=True)
+            for path in (path for path in older.iterdir() if not path.name.startswith(".")):  # those are at work
+                frame = Path(shutil.move(path, folder)) / FRAME_FILE
+                if frame.is_file():
+                    write_json(frame, read_json(frame, "a frame") | {"source": source_of(scene)})
+            for image in bpy.data.images:
+                path = Path(bpy.path.abspath(image.filepath)).resolve()  # Blender makes it relative as it saves
+                if path.is_relative_to(older.resolve()):
+                    image.filepath = str(folder / path.relative_to(older.resolve()))
+            state = bpy.context.window_manager.lfsr
+            if Path(state.outcome_folder).is_relative_to(older):
+                state.outcome_folder = str(folder / Path(state.outcome_folder).relative_to(older))
 
 
 def _unsaved(scene: bpy.types.Scene) -> Path:

@@ -78,7 +78,18 @@ def unreadable(scene: bpy.types.Scene, frame: int | None = None, seconds: float 
     are read to their ends, once until they change.
     """
     end = time.monotonic() + seconds
-    reached, number = _reached(scene), scene.frame_current if frame is None else frame
+    number, uses = scene.frame_current if frame is None else frame, defaultdict(set)
+    for item, users in bpy.data.user_map().items():
+        for user in users:
+            uses[user].add(item)
+    reached, waiting = {scene}, [scene]  # data-blocks that the image may depend on
+    while waiting:
+        user = waiting.pop()
+        if user.id_type == "CAMERA" or (user.id_type == "OBJECT" and user.type == "EMPTY" and user.data):
+            continue  # images in the viewport alone
+        found = {item for item in uses[user] if user.id_type != "SCENE" or item.id_type in OF_SCENE} - reached
+        reached |= found
+        waiting += found
     files = {Path(path): (kind, item) for item in reached for kind, path in _files(item, number)}
     states = {path: NO_FILE if path.exists() else "missing" for path in files if not (path.is_file() or path.is_dir())}
     for library in {item.library for item in reached} - {None}:
@@ -118,23 +129,6 @@ def check_opened(scene: str, tell: Tell) -> None:
 def image_files() -> set[Path]:
     """Return the files that images are read from, with each tile of a UDIM image."""
     return {path for image in bpy.data.images for path in image_paths(image)}
-
-
-def _reached(scene: bpy.types.Scene) -> set[bpy.types.ID]:
-    """Return the data-blocks that the image of ``scene`` may depend on."""
-    uses = defaultdict(set)
-    for item, users in bpy.data.user_map().items():
-        for user in users:
-            uses[user].add(item)
-    reached, waiting = {scene}, [scene]
-    while waiting:
-        user = waiting.pop()
-        if user.id_type == "CAMERA" or (user.id_type == "OBJECT" and user.type == "EMPTY" and user.data):
-            continue  # images in the viewport alone
-        found = {item for item in uses[user] if user.id_type != "SCENE" or item.id_type in OF_SCENE} - reached
-        reached |= found
-        waiting += found
-    return reached
 
 
 def _files(item: bpy.types.ID, frame: int) -> Iterator[tuple[str, str | Path]]:

@@ -59,7 +59,13 @@ def eye_view(panel: Array, profile: DisplayProfile, eye_mm: Point, width: int = 
     if eye_mm[2] <= 0:
         raise LfsrError(f"the eye is at z = {eye_mm[2]} mm, but it must be in front of the display, above 0")
     if profile.is_woven:
-        seen = seen_panel(panel, profile, eye_mm)
+        # About one pixel per lens across, black beyond the panel.
+        sheet, (width_mm, height_mm) = profile.sheet, Geometry.of(profile).lens_plane
+        across = max(1, round(profile.panel_mm[0] / sheet.pitch_mm if isinstance(sheet, Lenticular)
+                              else width_mm / sheet.lenses.pitch_mm[0]))
+        down = max(1, round(across * profile.panel_mm[1] / profile.panel_mm[0]))
+        x, y = ((np.arange(across) + 0.5) / across - 0.5) * width_mm, (0.5 - (np.arange(down) + 0.5) / down) * height_mm
+        seen = np.rint(seen_at(panel, profile, eye_mm, x, y)).astype(np.uint8)
     else:
         # The driver of a "direct" display reverses each elemental image before the panel shows it.
         eia = flip_order(panel, profile.lenses) if profile.ei_order == "direct" else panel
@@ -90,21 +96,6 @@ class SeenSubpixels:
     column: Array  # of the panel's image
     channel: Array  # 0 red, 1 green, 2 blue; -1 where a pixel shows all three
     on_panel: Mask  # elsewhere the other arrays hold the nearest pixel
-
-
-def seen_panel(panel: Array, profile: DisplayProfile, eye_mm: Point) -> Array:
-    """Return what an eye sees of a woven panel's image (H, W, 3) uint8, as in panel.png.
-
-    The result (rows, columns, 3) uint8 has about one pixel per lens across and is black beyond the panel. ``eye_mm``:
-    (x, y, z) from the middle of the lenses, y up, z towards the viewer.
-    """
-    sheet, (width, height) = profile.sheet, Geometry.of(profile).lens_plane
-    columns = max(1, round(profile.panel_mm[0] / sheet.pitch_mm if isinstance(sheet, Lenticular)
-                           else width / sheet.lenses.pitch_mm[0]))
-    rows = max(1, round(columns * profile.panel_mm[1] / profile.panel_mm[0]))
-    x, y = ((np.arange(columns) + 0.5) / columns - 0.5) * width, (0.5 - (np.arange(rows) + 0.5) / rows) * height
-    image: Array = np.rint(seen_at(panel, profile, eye_mm, x, y)).astype(np.uint8)
-    return image
 
 
 def seen_at(panel: Array, profile: DisplayProfile, eye_mm: Point, x: Array, y: Array) -> Array:

@@ -27,18 +27,28 @@ SPACING_HELP = "Spacing of the cameras as a fraction of the spacing that fills t
 PLANE_HELP = "Marks the display plane of a light-field camera array"
 
 
+@as_rendered()
 def add(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.Object:
-    """Add a camera array at the scene's camera, else in front of the subject, else in front of the origin.
+    """Add a camera array at the scene's camera if that sees the subject, else before the subject, else the origin.
 
     At a camera that is animated it moves along.
     """
     if rig.find(scene) is not None:
         raise LfsrError(f"scene {scene.name!r} has a camera array already: fit it, or remove it first")
-    camera, placed = scene.camera, first_placement(scene, profile)  # before it exists: it would be taken for its own
-    array, leading = _moved(scene, placed), camera
+    camera, placed, leading = scene.camera, None, None
+    try:  # before it exists: it would be taken for the scene's own
+        subject = find_subject(scene)
+    except LfsrError:  # a display about one unit wide
+        placed = placement.fit_array(np.array([-0.4, -0.1, -0.2]), np.array([0.4, 0.1, 0.2]), profile)
+    else:
+        if camera is not None and camera.type == "CAMERA":
+            with contextlib.suppress(LfsrError):  # it is no perspective camera, or the subject is out of its sight
+                placed, leading = placement.array_of_camera(scene, profile, subject), camera
+        placed = placed or in_front(scene, profile, subject)
+    array = _moved(scene, placed)
     while leading is not None and not (leading.animation_data or leading.constraints):
         leading = leading.parent
-    if leading is not None and np.allclose(camera.matrix_world.translation, np.array(placed[1])[:3, 3]):
+    if leading is not None:
         array.parent = camera
         array.matrix_parent_inverse = camera.matrix_world.inverted_safe()
         bpy.context.view_layer.update()
@@ -171,23 +181,6 @@ TILTS = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}
 LOW = 0.6
 FEW_OBJECTS, MOST_POINTS = 100, 20_000  # objects that are fitted by their vertices, and about how many of each
 PROBED, FEWER = (24, 14), (16, 9)  # rays that tell it, across and down
-
-
-@as_rendered()
-def first_placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placement:
-    """Return the place of a new array: at the scene's camera if that sees the subject, else in front of the subject.
-
-    In front of the origin where the scene shows nothing.
-    """
-    try:
-        subject = find_subject(scene)
-    except LfsrError:
-        # A display about one unit wide.
-        return placement.fit_array(np.array([-0.4, -0.1, -0.2]), np.array([0.4, 0.1, 0.2]), profile)
-    if scene.camera is not None and scene.camera.type == "CAMERA":
-        with contextlib.suppress(LfsrError):  # it is no perspective camera, or the subject is out of its sight
-            return placement.array_of_camera(scene, profile, subject)
-    return in_front(scene, profile, subject)
 
 
 @as_rendered()
