@@ -141,8 +141,15 @@ def show(live: bpy.types.Scene, view: View) -> None:
     live.camera = camera
     if can_interpolate():
         before = set(bpy.data.node_groups)
-        smooth = view.kind == PANEL and live.background_set.lfsr.live_smooth
-        live.compositing_node_group = live_group(live, region, smooth)
+        # Its render over the display's background, interpolated where that is asked for.
+        wiring = _Wiring(COMPOSITOR)
+        layers = wiring.node("CompositorNodeRLayers")
+        layers.scene = live
+        image = wiring.node("CompositorNodeAlphaOver", Background=(*region.profile.background, 1.0),
+                            Foreground=layers.outputs["Image"]).outputs[0]
+        if view.kind == PANEL and live.background_set.lfsr.live_smooth and region.scale > 1:
+            image = wiring.group(_interpolation(region), image)
+        live.compositing_node_group = wiring.finish(image)
         for group in set(bpy.data.node_groups) - before:
             group[MARK] = view.kind
 
@@ -203,18 +210,6 @@ def can_interpolate() -> bool:
     """Return True if this Blender's viewport compositor has the nodes; 4.5 lacks one."""
     return (all(hasattr(bpy.types, f"CompositorNode{name}") for name in ("ImageCoordinates", "MapUV"))
             and "compositing_node_group" in bpy.types.Scene.bl_rna.properties)
-
-
-def live_group(scene: bpy.types.Scene, region: LiveRegion, smooth: bool) -> bpy.types.NodeTree:
-    """Return the compositor of ``scene``: its render over the display's background, interpolated if ``smooth``."""
-    wiring = _Wiring(COMPOSITOR)
-    layers = wiring.node("CompositorNodeRLayers")
-    layers.scene = scene
-    image = wiring.node("CompositorNodeAlphaOver", Background=(*region.profile.background, 1.0),
-                        Foreground=layers.outputs["Image"]).outputs[0]
-    if smooth and region.scale > 1:
-        image = wiring.group(_interpolation(region), image)
-    return wiring.finish(image)
 
 
 def _interpolation(region: LiveRegion) -> bpy.types.NodeTree:

@@ -206,24 +206,20 @@ def _seen_from_middle(scene: bpy.types.Scene, placed: Placement, settings: Rende
     size = width, max(round(width * array.half_height / array.half_width), cycles.LEAST_PIXELS)
     # In Blender's own temporary folder, which is removed even if Blender crashes.
     with tempfile.TemporaryDirectory(prefix="lfsr-middle-", dir=bpy.app.tempdir or None) as name:
-        path = Path(name, "middle.exr")
-        with (_small_map(scene.world) if scene.world is not None else nullcontext(),
-              cycles.temporary_camera(scene, matrix_world, array.distance) as camera,
+        path, world = Path(name, "middle.exr"), scene.world
+        # A small map, which is made at once, says where the world is bright.
+        with (overridden(world.cycles, {"sampling_method": "MANUAL", "sample_map_resolution": 128}) if world is not None
+              else nullcontext(), cycles.temporary_camera(scene, matrix_world, array.distance) as camera,
               cycles.cycles_settings(scene, settings, size), overridden(scene.cycles, compat.quick_volumes())):
             lens, clip = camera.data, placement.clip_of(scene)
             lens.sensor_fit, lens.lens = "HORIZONTAL", lens.sensor_width / 2 * array.distance / array.half_width
             lens.clip_start, lens.clip_end = clip or (lens.clip_start, lens.clip_end)
+            if world is not None:
+                world.update_tag()  # Blender does not: a later render would have the small map
             render_to(scene, path)
+        if world is not None:
+            world.update_tag()
         return clean(read_layers(path))[0]
-
-
-@contextmanager
-def _small_map(world: bpy.types.World) -> Iterator[None]:
-    """Let a small map, which is made at once, say where ``world`` is bright inside the block."""
-    with overridden(world.cycles, {"sampling_method": "MANUAL", "sample_map_resolution": 128}):
-        world.update_tag()  # Blender does not: a later render would have the small map
-        yield
-    world.update_tag()
 
 
 def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> tuple[float, float]:

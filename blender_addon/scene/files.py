@@ -109,23 +109,6 @@ def unreadable(scene: bpy.types.Scene, frame: int | None = None, seconds: float 
             for path in sorted(states)]
 
 
-def check_opened(scene: str, tell: Tell) -> None:
-    """LfsrError where the open file, which was not evaluated yet, names a device or a pipe, or what would end Blender.
-
-    ``tell`` gets the geometry that Blender will read.
-    """
-    for named in bpy.utils.blend_paths(absolute=True, packed=False, local=False):
-        check_regular(scene, named)
-    for cache in bpy.data.cache_files:
-        for place in (cache.filepath, *(layer.filepath for layer in cache.layers)):
-            path = Path(bpy.path.abspath(place, library=cache.library))
-            for file in path.parent.glob(NUMBER.sub("*", path.name)) if cache.is_sequence else [path]:
-                check_regular(scene, file)
-                if _is_damaged(str(file), file_stamp(file)):
-                    raise LfsrError(f"scene {scene} needs {file}, which is damaged: export that file again")
-            tell(Progress("open", detail=f"{scene} with {path}"))
-
-
 def image_files() -> set[Path]:
     """Return the files that images are read from, with each tile of a UDIM image."""
     return {path for image in bpy.data.images for path in image_paths(image)}
@@ -333,13 +316,25 @@ def shown(scene: bpy.types.Scene) -> bpy.types.Scene:
 
 
 def _open_blend(path: str, tell: Tell) -> None:
-    """Open a .blend; the files that it names are looked at before Blender evaluates the scene, which reads them."""
+    """Open a .blend; the files that it names are looked at before Blender evaluates the scene, which reads them.
+
+    LfsrError where it names a device or a pipe, or what would end Blender; ``tell`` gets the geometry that it reads.
+    """
     wrong = []
 
     @bpy.app.handlers.persistent
     def look(*_: object) -> None:
         try:
-            check_opened(path, tell)
+            for named in bpy.utils.blend_paths(absolute=True, packed=False, local=False):
+                check_regular(path, named)
+            for cache in bpy.data.cache_files:
+                for place in (cache.filepath, *(layer.filepath for layer in cache.layers)):
+                    read = Path(bpy.path.abspath(place, library=cache.library))
+                    for file in read.parent.glob(NUMBER.sub("*", read.name)) if cache.is_sequence else [read]:
+                        check_regular(path, file)
+                        if _is_damaged(str(file), file_stamp(file)):
+                            raise LfsrError(f"scene {path} needs {file}, which is damaged: export that file again")
+                    tell(Progress("open", detail=f"{path} with {read}"))
         except LfsrError as error:  # nothing is left to evaluate
             wrong.append(error)
             for scene in bpy.data.scenes:
