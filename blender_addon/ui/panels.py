@@ -49,7 +49,8 @@ class LFSR_PT_image(LightFieldPanel, bpy.types.Panel):
         LFSR_PT_presets.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
-        scene, layout, task = context.scene, self.layout, session.current()
+        scene, state = context.scene, context.window_manager.lfsr
+        layout, task = self.layout, session.current()
         layout.prop(scene.lfsr, "display", text="")  # without a column for labels, where long names would be cut off
         if scene.lfsr.display == PROFILE_FILE:
             columns(layout).prop(scene.lfsr, "profile_file", text="File")
@@ -65,30 +66,26 @@ class LFSR_PT_image(LightFieldPanel, bpy.types.Panel):
             layout.label(text=drawing.image_text(scene))
         except LfsrError as error:
             sentence(layout, str(error), "ERROR", context)
-        _draw_outcome(layout, context)
+        # What was done, what the eye sees of it, and what can be done with it.
+        if state.message:
+            sentence(layout, state.message, "ERROR" if state.message_is_error else "INFO", context)
+        if icon := images.icon(scene):
+            layout.template_icon(icon_value=icon, scale=VIEW_SCALE)
+            column = columns(layout).column(align=True)
+            column.prop(scene.lfsr, "eye_right", slider=True)
+            column.prop(scene.lfsr, "eye_up", text="Up", slider=True)
+        if state.outcome_folder:
+            row = layout.row(align=True)
+            row.label(text=state.outcome, icon="CHECKMARK")
+            row.operator("wm.path_open", text="Open Folder").filepath = state.outcome_folder
+        elif state.outcome:
+            layout.label(text=state.outcome, icon="CHECKMARK")
+        with contextlib.suppress(LfsrError):  # said by the buttons
+            if task is None and folders.is_unfinished(folders.frame_folder(scene)):
+                text = f"Frame {scene.frame_current} is rendered, but its image is not finished"
+                sentence(layout, text, "INFO", context)
+                layout.operator_menu_enum("lfsr.finish_frame", "method", text="Finish With")
         _draw_checks(layout, context)
-
-
-def _draw_outcome(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """What was done, what the eye sees of it, and what can be done with it."""
-    state, scene = context.window_manager.lfsr, context.scene
-    if state.message:
-        sentence(layout, state.message, "ERROR" if state.message_is_error else "INFO", context)
-    if icon := images.icon(scene):
-        layout.template_icon(icon_value=icon, scale=VIEW_SCALE)
-        column = columns(layout).column(align=True)
-        column.prop(scene.lfsr, "eye_right", slider=True)
-        column.prop(scene.lfsr, "eye_up", text="Up", slider=True)
-    if state.outcome_folder:
-        row = layout.row(align=True)
-        row.label(text=state.outcome, icon="CHECKMARK")
-        row.operator("wm.path_open", text="Open Folder").filepath = state.outcome_folder
-    elif state.outcome:
-        layout.label(text=state.outcome, icon="CHECKMARK")
-    with contextlib.suppress(LfsrError):  # said by the buttons
-        if session.current() is None and folders.is_unfinished(folders.frame_folder(scene)):
-            sentence(layout, f"Frame {scene.frame_current} is rendered, but its image is not finished", "INFO", context)
-            layout.operator_menu_enum("lfsr.finish_frame", "method", text="Finish With")
 
 
 def _draw_checks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -10,6 +10,7 @@ import dataclasses
 import math
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from copy import copy
 
 import bmesh
 import bpy
@@ -463,9 +464,9 @@ def same_frame(scene: bpy.types.Scene) -> Iterator[None]:
     for owner in (*bpy.data.objects, *bpy.data.shape_keys, *bpy.data.lights, *bpy.data.cameras):
         for path in {curve.data_path for curve in curves(owner)}:
             holder, _, name = path.rpartition(".")
-            with suppress(AttributeError, ValueError):  # a property of the artist's own, or one that is gone
+            with suppress(AttributeError, TypeError, ValueError):  # a property of the artist's own, or one that is gone
                 holder = owner.path_resolve(holder) if holder else owner
-                kept.append((holder, name, _value(holder, name)))
+                kept.append((holder, name, copy(getattr(holder, name))))
     try:
         yield
     finally:
@@ -473,14 +474,8 @@ def same_frame(scene: bpy.types.Scene) -> Iterator[None]:
             scene.frame_set(before[0], subframe=before[1])
             for holder, name, value in kept:
                 with suppress(AttributeError, ReferenceError):  # linked, or removed in the block
-                    if _value(holder, name) != value:
+                    if getattr(holder, name) != value:
                         setattr(holder, name, value)
-
-
-def _value(holder: bpy.types.bpy_struct, name: str) -> object:
-    """Value of a property, which does not change with it: a tuple of an array's."""
-    value = getattr(holder, name)
-    return tuple(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
 
 
 def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:
