@@ -226,12 +226,17 @@ def test_sway_respects_reduced_motion_and_a_screen_reader_is_told_only_where_the
     assert moving.page.evaluate("window.told") <= 3
 
 
-def test_a_small_gpu_gets_half_the_image_and_says_so(opened, folders):
+def test_a_small_gpu_gets_half_and_says_so_and_a_thinned_row_of_views_all_rows(opened, folders, tmp_path, monkeypatch):
     page = opened("mini", "#texture=100", quality=100)
     assert "64×48 of 128×96" in page.page.inner_text("#note")
     panel = read_png(folders["mini"] / "eia.png").astype(float)
     halved = panel.reshape(48, 2, 64, 2, 3).mean((1, 3)).repeat(2, axis=0).repeat(2, axis=1)
     assert difference(shown(page, 128, eye=NINE[5]), eye_view(halved, MINI, NINE[5], width=128)) <= 2
+    monkeypatch.setattr("lfsr_core.exports.page.MOST_SIDE", 64)
+    row = dataclasses.replace(MINI, views=(8, 1), panel_pixels=(128, 12))
+    panel = read_png(finished(tmp_path, row) / "eia.png")[:, ::2].repeat(2, axis=1)
+    pixels = shown(opened(tmp_path, quality=100), 128, eye=NINE[1])
+    np.testing.assert_array_equal(pixels, eye_view(panel, row, NINE[1], width=128))
 
 
 def test_frames_of_an_animation(opened, folders, tmp_path):

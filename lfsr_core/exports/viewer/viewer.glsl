@@ -7,7 +7,7 @@ uniform sampler2D eia;
 uniform highp isampler2D seen;    // panel pixel that the eye sees through each lens: across in row 0, upwards in row 1
 uniform ivec2 lenses, views;
 uniform bool flipped;             // the pixels inside each elemental image are in reverse order
-uniform float texelsPerPixel;     // below 1 where the image was downscaled for this GPU
+uniform vec2 texelsPerPixel;      // below 1 where the image was downscaled for this GPU or holds fewer views
 uniform vec2 panel;               // its size
 uniform float viewDistance, spacing;
 uniform vec3 eye;

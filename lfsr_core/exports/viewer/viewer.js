@@ -105,7 +105,8 @@ async function load(frame) {
   const texture = newTexture();
   gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, bitmap);
   bitmap.close();
-  return {texture, bytes: fitted[0] * fitted[1] * 4, scale: fitted[0] / (display.lenses[0] * display.views[0])};
+  const scale = fitted.map((length, axis) => length / (display.lenses[axis] * display.views[axis]));
+  return {texture, bytes: fitted[0] * fitted[1] * 4, scale};
 }
 
 async function show(frame) {
@@ -147,7 +148,7 @@ function bind() {
   const current = textures.get(showing) ?? [...textures.values()].at(-1);
   if (!current) return false;
   gl.bindTexture(gl.TEXTURE_2D, current.texture);
-  gl.uniform1f(places.texelsPerPixel, current.scale);
+  gl.uniform2fv(places.texelsPerPixel, current.scale);
   return true;
 }
 
