@@ -167,6 +167,9 @@ def calibrate(profile: DisplayProfile, photos: Sequence[Path], places: Sequence[
     Written, if ``output`` (.toml) is given: the profile, and beside it a PNG with the photographs as taken and as the
     profile predicts them. LfsrError names the photograph that is not accepted.
     """
+    if output and (picture_file := output.with_suffix(".png")).resolve() in [photo.resolve() for photo in photos]:
+        raise LfsrError(f"{picture_file} is a photograph, but the comparison would replace it: choose another name "
+                        f"than {output.name}")
     images, seen = [read_photograph(photo) for photo in photos], []
     for photo, image, place in zip(photos, images, places, strict=True):
         try:

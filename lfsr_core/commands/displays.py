@@ -62,9 +62,10 @@ def run_displays(arguments: argparse.Namespace) -> Any:
         return {"displays": devices}
     for name, asked, wanted in (("--import writes a profile", arguments.calibration or arguments.bridge, "FILE.toml"),
                                 ("--cubevi writes a profile", arguments.cubevi, "FILE.toml"),
+                                ("--fit writes a profile", arguments.fit and output, "FILE.toml"),
                                 ("--pattern writes an image", arguments.pattern, "FILE.png")):
-        if asked and output is None:
-            raise LfsrError(f"{name}, but no file was given: add -o {wanted}")
+        if asked and (output is None or output.suffix.lower() != wanted[4:]):
+            raise LfsrError(f"{name}, but {output or 'no file'} was given: give -o {wanted}")
     makes = (arguments.bridge, arguments.calibration, arguments.cubevi, arguments.pattern, arguments.fit)
     if output and not any(makes):
         raise LfsrError(f"there is nothing to write to {output}: add --bridge, --import, --cubevi, --pattern or --fit")
@@ -100,8 +101,6 @@ def run_displays(arguments: argparse.Namespace) -> Any:
         if len(places) != len(photos):
             raise LfsrError(f"{len(photos)} photographs and {len(places)} positions were given: give --from X,Y,Z once "
                             "for each photograph")
-        if output and output.suffix != ".toml":
-            raise LfsrError(f"{output} cannot be a display profile: end its name in .toml")
         profile, notices = calibrate(profile, photos, places, output)
         print("\n".join(map(sentence, notices)))
         if output:

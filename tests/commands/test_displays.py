@@ -43,16 +43,18 @@ def test_a_telephones_photograph_of_the_pattern_fits_the_profile(tmp_path, capsy
 
 
 def test_what_is_missing_is_named_also_of_a_cubevi(tmp_path, capsys):
-    assert "no file was given: add -o FILE.toml" in fails(["displays", "--import", str(new_unit(tmp_path))], capsys)
+    assert "no file was given: give -o FILE.toml" in fails(["displays", "--import", str(new_unit(tmp_path))], capsys)
     assert "nothing to write to x.toml" in fails(["displays", "mini", "-o", "x.toml"], capsys)
-    assert "add -o FILE.png" in fails(["displays", "looking-glass-go", "--pattern", "rgb"], capsys)
+    assert "give -o FILE.png" in fails(["displays", "looking-glass-go", "--pattern", "rgb"], capsys)
+    assert "a.toml was given: give" in fails(["displays", "mini", "--pattern", "rgb", "-o", "a.toml"], capsys)
+    assert "a.png is a photograph" in fails(["displays", "mini", "--fit", "./a.png", "-o", "a.toml"], capsys)
     assert "--pattern and --fit need a display" in fails(["displays", "--fit", "photo.png"], capsys)
     assert "1 photographs and 2 positions were given" in fails(
         ["displays", "looking-glass-go", "--fit", "a.png", "--from", "0,0,1", "--from", "0,0,2"], capsys)
     assert "'mini' has no lens sheet" in fails(["displays", "mini", "--pattern", "grid", "-o", "a.png"], capsys)
     assert main(["displays", "--cubevi", "0.0988", "19.6138", " -1.95", "-o", str(tmp_path / "c1.toml")]) == 0
     assert "19.614" in capsys.readouterr().out and load_display(tmp_path / "c1.toml").views == (40, 1)
-    assert "add -o FILE.toml" in fails(["displays", "--cubevi", "0.1", "19", "1"], capsys)
+    assert "give -o FILE.toml" in fails(["displays", "--cubevi", "0.1", "19", "1"], capsys)
     assert "interval (lineNumber) is 0.0" in fails(
         ["displays", "--cubevi", "0.1", "0", "1", "-o", str(tmp_path / "c2.toml")], capsys)
     assert not (tmp_path / "c2.toml").exists()
