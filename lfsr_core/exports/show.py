@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import html
 import json
+import re
 import secrets
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -237,7 +238,7 @@ def write_screen_page(path: Path, images: Sequence[Path], seconds: float) -> Non
     pixels with the image's, and says what is wrong where they differ.
     """
     data = json.dumps({"images": [image.resolve().as_uri() for image in images], "seconds": seconds})
-    text = TEMPLATE.read_text(encoding="utf-8")
-    text = text.replace("TITLE", html.escape(images[0].parent.name), 1).replace("DATA", data.replace("<", "\\u003c"), 1)
+    parts = {"TITLE": html.escape(images[0].parent.name), "DATA": data.replace("<", "\\u003c")}
+    text = re.sub("TITLE|DATA", lambda found: parts[found[0]], TEMPLATE.read_text(encoding="utf-8"), count=2)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -112,11 +112,11 @@ def test_a_panels_own_image_is_opened_in_the_browser(browser, tmp_path, capsys, 
 
 
 def test_any_image_is_shown_full_screen(browser, tmp_path, capsys):
-    write_png(tmp_path / "phase.png", np.zeros((60, 80, 3), np.uint8))
-    assert main(["show", str(tmp_path / "phase.png")]) == 0
+    write_png(image := tmp_path / "DATA" / "phase.png", np.zeros((60, 80, 3), np.uint8))
+    assert main(["show", str(image)]) == 0
     (page,) = browser()
-    assert images(Path(url2pathname(urlsplit(page).path)))["images"] == [(tmp_path / "phase.png").resolve().as_uri()]
-    assert [path.name for path in tmp_path.glob("*.html")] == [], "nothing lies beside the file"
+    assert images(Path(url2pathname(urlsplit(page).path)))["images"] == [image.resolve().as_uri()]
+    assert [path.name for path in tmp_path.rglob("*.html")] == [], "nothing lies beside the file"
     capsys.readouterr()
     for content in [b"root:x:0:0", b"", b"\x89PNG\r\n", b"<html></html>"]:
         (tmp_path / "secret.png").write_bytes(content)
