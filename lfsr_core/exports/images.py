@@ -345,13 +345,13 @@ def write_film(path: Path, frames: Iterator[Array], rate: float) -> None:
         except ImportError:
             raise LfsrError(f"{path.suffix[1:].upper()} needs the package pillow, which this Python lacks: pip install "
                             "'lfsr[video]', or choose another type") from None
-        picture, *others = [Image.fromarray(frame) for frame in frames]
-        quality: dict[str, Any] = {"quality": QUALITY, "method": 4}
-        if path.suffix == ".gif":  # one palette, so that colours do not flicker, and no bands
-            palette = picture.quantize()
-            picture, *others = [image.quantize(palette=palette) for image in (picture, *others)]
-            quality = {"optimize": True}
-        picture.save(path, save_all=True, append_images=others, duration=round(1000 / rate), loop=0, **quality)
+        picture, *others = plain = [Image.fromarray(frame) for frame in frames]
+        options: dict[str, Any] = {"quality": QUALITY, "method": 4, "duration": round(1000 / rate)}
+        if path.suffix == ".gif":  # one palette, of samples of all, so that colours do not flicker, and no bands
+            palette = Image.fromarray(np.concatenate([np.asarray(image)[::4, ::4] for image in plain])).quantize()
+            picture, *others = [image.quantize(palette=palette) for image in plain]
+            options = {"optimize": True, "duration": max(2, round(100 / rate)) * 10}  # players slow down below 2
+        picture.save(path, save_all=True, append_images=others, loop=0, **options)
         return
     try:
         import av
