@@ -18,7 +18,7 @@ from lfsr_core.base.records import check_within
 from lfsr_core.base.system import file_digest, read_bytes, reading, replace_files, staging_folder, system_errors
 from lfsr_core.exports.images import PARAMETERS_FILE
 from lfsr_core.exports.light_field import resized, view_between
-from lfsr_core.exports.options import PRESETS, Pair, read_quilt_name, without_suffix
+from lfsr_core.exports.options import PRESETS, SUFFIX, Pair, read_quilt_name, without_suffix
 from lfsr_core.frames.folder import DERIVED_FILES, FrameFolder
 from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, LOW_RES_FILE, PANEL_FILE, Frame, read_frame, write_frame
 from lfsr_core.images.color import srgb_decode
@@ -159,11 +159,10 @@ def is_film(path: Path) -> bool:
 
 def quilt_of(path: Path, shape: str | None = None, top_first: bool = False) -> Quilt:
     """How to read the quilt in ``path``, by ``shape``, as 8x6 or 8x6a0.75, else by its name; LfsrError for neither."""
-    said = read_quilt_name(f"_qs{shape}" if shape is not None else path.stem)
-    if said is None or (shape is not None and not re.fullmatch(r"[\dxa.]+", shape, re.IGNORECASE)):
-        if shape is not None:
-            raise LfsrError(f"quilt is {shape[:30]!r}, but it must be tiles across and down, and perhaps the aspect "
-                            "ratio, as 8x6 or 8x6a0.75")
+    if shape is not None and not SUFFIX.fullmatch(f"_qs{shape}"):
+        raise LfsrError(f"quilt is {shape[:30]!r}, but it must be tiles across and down, and perhaps the aspect ratio, "
+                        "as 8x6 or 8x6a0.75")
+    if (said := read_quilt_name(f"_qs{shape}" if shape is not None else path.stem)) is None:
         raise LfsrError(f"the name {path.name} does not say how many tiles the quilt has, as name_qs8x6a0.75.png does: "
                         "give --quilt, as 8x6 or 8x6a0.75")
     if said.grid[0] * said.grid[1] < 2:

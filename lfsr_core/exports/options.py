@@ -55,7 +55,7 @@ QUILT_FILM = "quilt-film"  # of an animation
 H264_SIDE = 6000  # pixels; films of longer sides are HEVC
 MOST_VIEWS = 1000  # a side
 Pair = tuple[int, int]
-SUFFIX = re.compile(r"_qs(\d{1,4})x(\d{1,4})(?:a(\d{1,4}(?:\.\d{1,9})?))?(?![\dx])", re.IGNORECASE)
+SUFFIX = re.compile(r"_qs(\d{1,4})x(\d{1,4})(?:a(\d{1,4}(?:\.\d+)?))?(?![\dx])", re.IGNORECASE)
 
 
 class Preset(NamedTuple):

@@ -77,7 +77,7 @@ def test_quilts_that_other_programs_know(field, tmp_path):
 
 @pytest.mark.parametrize(("name", "expected"), [
     ("a_qs8x6a0.75", ((8, 6), 0.75)), ("x_qs5x9a1.6_0001", ((5, 9), 1.6)), ("b_QS11x6", ((11, 6), None)),
-    ("c_qs8x6a", ((8, 6), None)), ("plain", None),
+    ("c_qs8x6a", ((8, 6), None)), ("plain", None), (f"g_qs5x9a{16 / 9}_0", ((5, 9), 16 / 9)),
     ("d_qs8x6x2", None), ("e_qs99999x1a1", None), ("f_qs8x6a0", ((8, 6), None))])
 def test_what_a_quilts_name_says(name, expected):
     assert read_quilt_name(name) == expected

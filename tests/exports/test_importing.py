@@ -254,7 +254,7 @@ def test_grids_and_aspects_as_names_and_people_give_them(tmp_path):
     for name, shape, message in [
         ("plain", None, "does not say how many tiles"), ("plain", "8by6", "quilt is '8by6'"),
         ("plain", "3x3", "aspect ratio of a quilt of 3x3 tiles is not known"), ("q_qs1x1a1", None, "has no two views"),
-        ("plain", "0x6a1", "has no two views"), ("plain", "_qs8x6", "must be tiles")]:
+        ("plain", "0x6a1", "has no two views"), ("plain", "_qs8x6", "must be tiles"), ("plain", "8x6.5", "must")]:
         refuses(message, quilt_of, tmp_path / f"{name}.png", shape)
 
 
