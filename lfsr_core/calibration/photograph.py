@@ -20,7 +20,7 @@ from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import reading
 from lfsr_core.calibration.patterns import DOT_CHANNEL, FRINGE_CHANNELS, Dots, dots
-from lfsr_core.images.image_files import opened
+from lfsr_core.images.image_files import opened, upright
 from lfsr_core.optics.display import DisplayProfile
 
 # Of the file.
@@ -68,10 +68,7 @@ def read_photograph(path: str | Path) -> Array:
         line = problem.strip().partition("\n")[0].rpartition(":")[2].strip()[:80]  # of the library, without paths
         raise LfsrError(f"{path} cannot be read as a photograph{f' ({line})' if line else ''}: save it as JPEG or PNG, "
                         "or take it again")
-    image, orientation = np.asarray(pixels), spec.get_int_attribute("Orientation", 1)
-    if orientation in (5, 6, 7, 8):
-        image = image.swapaxes(0, 1)
-    image = image[::-1 if orientation in (3, 4, 7, 8) else 1, ::-1 if orientation in (2, 3, 6, 7) else 1]
+    image = upright(np.asarray(pixels), spec)
     if (times := -(-max(image.shape) // LONGER_SIDE)) == 1:
         return np.ascontiguousarray(image, np.float32) / np.float32(WHITE[kind])
     # Means of times × times pixels.

@@ -22,7 +22,7 @@ from lfsr_core.exports.options import PRESETS, SUFFIX, Pair, read_quilt_name, wi
 from lfsr_core.frames.folder import DERIVED_FILES, FrameFolder
 from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, LOW_RES_FILE, PANEL_FILE, Frame, read_frame, write_frame
 from lfsr_core.images.color import srgb_decode
-from lfsr_core.images.image_files import opened, write_layers
+from lfsr_core.images.image_files import SIDEWAYS, opened, upright, write_layers
 from lfsr_core.optics.display import MAX_PIXELS, DisplayProfile
 from lfsr_core.optics.rays import CameraArray, from_views
 from lfsr_core.reconstruct.second_stage import finish_frame
@@ -78,8 +78,7 @@ def find_views(folder: Path, columns: int | None = None) -> list[list[Path]]:
 
 def read_views(files: list[list[Path]], tell: Tell = silent) -> Array:
     """Views (rows, columns, height, width, 3) uint8 display values of the ``files`` of ``find_views``."""
-    width, height = image_size(files[0][0])
-    views = np.empty((len(files), len(files[0]), height, width, 3), np.uint8)
+    views = np.empty((len(files), len(files[0]), *image_size(files[0][0])[::-1], 3), np.uint8)
     for row, paths in enumerate(files):
         tell(Progress("import", row / len(files), paths[0].name))
         for column, path in enumerate(paths):
@@ -122,23 +121,24 @@ def _places(names: list[str], columns: int | None) -> dict[Place, str]:
 
 
 def image_size(path: Path) -> tuple[int, int]:
-    """(width, height) in pixels, from the header; LfsrError where it cannot be read."""
+    """(width, height) in pixels of an upright image, from the header; LfsrError where it cannot be read."""
     with opened(path) as source:
         if source is None:
             raise LfsrError(f"{path} is no readable image: replace it")
-        return source.spec().width, source.spec().height
+        size = source.spec().width, source.spec().height
+        return size[::-1] if source.spec().get_int_attribute("Orientation", 1) in SIDEWAYS else size
 
 
 def read_image(path: Path) -> Array:
     """(height, width, 3) uint8, grey in three channels; LfsrError where it cannot be read to its end."""
     with opened(path) as source:
-        pixels = source.read_image("uint8") if source else None
+        pixels, spec = (source.read_image("uint8"), source.spec()) if source else (None, None)
         # A JPEG that was cut short is read, its rest grey. Extraneous bytes, which some cameras write, change nothing.
         if source and source.has_error and "extraneous" not in source.geterror():
             pixels = None
-    if pixels is None:
+    if pixels is None or spec is None:
         raise LfsrError(f"{path} is damaged: replace it")
-    pixels = np.asarray(pixels).reshape(*pixels.shape[:2], -1)
+    pixels = upright(np.asarray(pixels).reshape(*pixels.shape[:2], -1), spec)
     return pixels[..., :3] if pixels.shape[2] >= 3 else pixels[..., :1].repeat(3, axis=2)
 
 

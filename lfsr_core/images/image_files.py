@@ -38,6 +38,7 @@ LAYER_CHANNELS = {"color": "RGBA", "albedo": "RGB", "normal": "XYZ", "position":
 COLORS = ("color", "noisy")  # other layers' components may be called X, Y, Z or R, G, B
 FLOATS, LOSSLESS = ("half", "float"), ("none", "rle", "zips", "zip", "piz")
 HALF_MAX = 65504.0
+SIDEWAYS = (5, 6, 7, 8)  # EXIF orientations that exchange width and height
 MAGIC = b"\x76\x2f\x31\x01"
 # Limits against damaged headers, which must not cost memory. Deflate compresses at most 1032 times, and 16-bit floats
 # become 32-bit ones.
@@ -66,6 +67,13 @@ def opened(path: str | Path) -> Iterator[oiio.ImageInput | None]:
         if source is not None:
             source.close()
         oiio.geterror()  # otherwise the library prints the error when the process ends
+
+
+def upright(image: Array, spec: oiio.ImageSpec) -> Array:
+    """An image (H, W, …) turned and mirrored back as its EXIF orientation says."""
+    if (orientation := spec.get_int_attribute("Orientation", 1)) in SIDEWAYS:
+        image = image.swapaxes(0, 1)
+    return image[::-1 if orientation in (3, 4, 7, 8) else 1, ::-1 if orientation in (2, 3, 6, 7) else 1]
 
 
 @functools.cache

@@ -14,6 +14,7 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.calibration.fit import Calibration, combine, comparison, see
 from lfsr_core.calibration.patterns import PATTERNS, pattern
 from lfsr_core.calibration.photograph import LONGER_SIDE, find_panel, read_photograph
+from lfsr_core.exports.importing import image_size, read_image
 from lfsr_core.optics.display import DisplayProfile, Lattice, load_display
 from lfsr_core.optics.eye import eye_view
 from tests.support.panels import SHEETS
@@ -185,7 +186,8 @@ def test_exif_tells_what_is_up(tmp_path, orientation, kind):
     path = tmp_path / f"photo.{kind}"
     Image.fromarray(QUARTERS).save(path, exif=exif, quality=100)
     expected = np.asarray(ImageOps.exif_transpose(Image.open(path))) / 255  # Pillow ignores wrong numbers too
-    np.testing.assert_allclose(read_photograph(path), expected, atol=0.02)
+    np.testing.assert_allclose([read_photograph(path), read_image(path) / 255], [expected] * 2, atol=0.02)
+    assert image_size(path) == expected.shape[1::-1]
 
 
 def test_pictures_deep_transparent_large_and_none(tmp_path):
