@@ -51,7 +51,7 @@ def find_views(folder: Path, columns: int | None = None) -> list[list[Path]]:
     """
     if not folder.is_dir():
         raise LfsrError(f"{folder} is no folder, expected one of views: check the path")
-    names = sorted(path.name for path in folder.iterdir())
+    names = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
     if not (places := _places(names, columns)):
         raise LfsrError(f"{folder} has no views with known names, such as input_Cam000.png (HCI), "
                         "out_00_00_-1.5_2.5_.png (Stanford), 000_000.ppm (JPEG Pleno) or view_000_000.png (a title, "
@@ -95,13 +95,13 @@ def _places(names: list[str], columns: int | None) -> dict[Place, str]:
         whole = re.compile(pattern + ENDING, re.IGNORECASE)
         return [(match, name) for name in names if (match := whole.fullmatch(name))]
 
-    found: list[tuple[Place, str]] = []
     pair = rf"(\d+){SEPARATOR}(\d+)"
     if hci := matching(r"input_cam(\d+)"):
         numbers = [int(match[1]) for match, _ in hci]
         columns = columns or math.ceil(math.sqrt(max(numbers) + 1))
         found = [(divmod(number, columns), name) for number, (_, name) in zip(numbers, hci, strict=True)]
-    elif stanford := matching(r".*?_?(\d+)_(\d+)_(-?\d+(?:\.\d+)?)_(-?\d+(?:\.\d+)?)_?"):
+    elif (stanford := matching(r".*?_?(\d+)_(\d+)_(-?\d+(?:\.\d+)?)_(-?\d+(?:\.\d+)?)_?")) and len(
+            {match.group(1, 2) for match, _ in stanford}) == len(stanford):  # else the title ends in numbers
         axes = np.array([[float(match[group]) for group in (1, 2, 3, 4)] for match, _ in stanford]).T
         for counted, coordinates in ((axes[0], axes[2]), (axes[1], axes[3])):
             # From 0, reversed where the coordinates in the names fall as these rise.

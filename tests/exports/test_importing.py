@@ -91,10 +91,9 @@ def test_stanford_cameras_are_ordered_by_place(field, tmp_path):
     """As in the archive's older sets, whose columns run from right to left."""
     source = tmp_path / "views"
     source.mkdir()
-    for row in range(2):
-        for column in range(2):
-            Image.fromarray(field.views[row * 4, 4 - column * 4]).save(
-                source / f"out_{row:02d}_{column:02d}_{row * 10.5:.3f}_{-60.25 * column:.3f}.png")
+    for row, column in np.ndindex(2, 2):
+        Image.fromarray(field.views[row * 4, 4 - column * 4]).save(
+            source / f"out_{row:02d}_{column:02d}_{row * 10.5:.3f}_{-60.25 * column:.3f}.png")
     import_views(source, tmp_path / "frame")
     finish_frame(tmp_path / "frame", "none")
     np.testing.assert_array_equal(read_light_field(tmp_path / "frame").views, field.views[::4, ::4][:, :2])
@@ -117,7 +116,7 @@ def test_a_row_of_cameras_has_views_along_it_alone(images, field, tmp_path):
 @pytest.mark.parametrize("pattern", [
     "view_{row:03d}_{column:03d}.JPG", "View-{row}-{column}.jpeg", "{column}_{row}.PNG", "{column:05d}-{row:02d}.jpg",
     "{column} {row}.Tif", "INPUT_CAM{number}.PNG", "OUT_{row}_{column}_{row}.5_{column}.5_.JPG",
-    "t_rex_{row:02d}_{column:02d}.png", "2 SAI-{row} {column}.png"])
+    "t_rex_{row:02d}_{column:02d}.png", "2 SAI-{row} {column}.png", "Take_2024_06_{row:03d}_{column:03d}.png"])
 def test_any_digits_separators_and_endings(images, field, tmp_path, pattern):
     source = tmp_path / "others"
     source.mkdir()
@@ -125,6 +124,7 @@ def test_any_digits_separators_and_endings(images, field, tmp_path, pattern):
         row, column = divmod(number, 3)
         name = pattern.format(row=row, column=column, number=number)
         Image.open(images / f"input_Cam{number:03d}.png").save(source / name, quality=100, subsampling=0)
+        (source / f"._{name}").touch()  # as macOS writes on other file systems
     import_views(source, tmp_path / "frame")
     finish_frame(tmp_path / "frame", "none")
     off = np.abs(read_light_field(tmp_path / "frame").views.astype(int) - field.resampled((3, 3)))
