@@ -176,7 +176,7 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: 
     Quilts, and frames for lenticular displays that have views, go through Bridge; other images get a page. ``path``:
     frame folder, folder of frame folders, quilt or film of quilts by its name, or another image for the panel;
     ``display``: index or name of one of Bridge's displays, or SCREEN, None for the first that has the image's
-    proportions; ``fps``: frames a second of an animation. LfsrError without an image, Bridge, or a display for it.
+    proportions, for quilts else the first; ``fps``: of an animation. LfsrError without an image, Bridge, or a display.
     """
     path, images, seconds, options = Path(path), list[Path](), 1.0, ExportOptions(fps=fps, tell=tell)
     if path.is_dir():
@@ -195,8 +195,9 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: 
     elif not path.is_file():
         raise LfsrError(f"{path} does not exist, expected a frame folder, a quilt or another image: check the path")
     elif (named := read_quilt_name(path.stem)) and min(named.grid) > 0 and display != SCREEN:
-        bridge = Bridge()
-        found = bridge, chosen(bridge.devices(), display)
+        bridge, aspect = Bridge(), named.aspect or float("inf")  # which no panel has, so that the first stays first
+        devices = sorted(bridge.devices(), key=lambda one: abs(_aspect(one, 0) / aspect - 1) > SAME_ASPECT)
+        found = bridge, chosen(devices, display)
     else:
         if display not in (None, SCREEN) or path.suffix.lower() in FILMS:
             raise LfsrError(f"{path.name} is no quilt by its name, expected an ending as in name_qs8x6a0.75.png: "

@@ -89,10 +89,11 @@ def test_a_device_that_states_its_quilt_gets_that(bridge, tmp_path, stated, grid
         assert read_png(stand_in.shown[0]).shape[:2] == (200, 400)
 
 
-def test_a_quilt_without_proportions_in_its_name_has_the_panels(bridge, tmp_path):
-    stand_in, quilt = bridge(), tmp_path / "theirs_qs8x6.png"
-    write_png(quilt, np.zeros((60, 80, 3), np.uint8))
-    for options, index, aspect in ((["--display", "2"], 2, 3840 / 2160), ([], 1, 0.75)):
+def test_a_quilt_goes_to_a_panel_of_its_proportions_and_without_has_the_panels(bridge, tmp_path):
+    stand_in = bridge()
+    for name, options, index, aspect in (("", ["--display", "2"], 2, 16 / 9), ("", [], 1, 0.75),
+                                         ("a1.778", [], 2, 1.778), ("a1.2", [], 1, 1.2)):
+        write_png(quilt := tmp_path / f"theirs_qs8x6{name}.png", np.zeros((60, 80, 3), np.uint8))
         assert main(["show", str(quilt), *options]) == 0
         entry = [request["body"] for request in stand_in.requests if request["endpoint"] == "insert_playlist_entry"][-1]
         assert entry["aspect"] == aspect and (entry["cols"], entry["rows"]) == (8, 6)
