@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import webbrowser
 from pathlib import Path
 from typing import Any
@@ -36,12 +37,13 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
 def run_export(arguments: argparse.Namespace) -> Any:
     """Write the export and print its path."""
     from lfsr_core.exports.formats import export
+    from lfsr_core.frames.folder import frame_folders
+    from lfsr_core.frames.frame import read_frame
 
-    views, grid = arguments.views, arguments.grid
+    views, grid = arguments.views, arguments.grid and (*arguments.grid, 1)[:2]
     if views and len(views) == 1:
-        views = (views[0], 1 if arguments.format.startswith("quilt") else views[0])
-    if grid and len(grid) == 1:
-        grid = (grid[0], 1)
+        rows = read_frame(frame_folders(arguments.folder)[0]).display.views[1]
+        views = (views[0], 1 if arguments.format.startswith("quilt") or rows == 1 else views[0])
     with progress() as bar:
         options = ExportOptions(views, grid, arguments.preset, arguments.eyes_mm, arguments.width, arguments.type,
                                 arguments.seconds, arguments.fps, bar)
@@ -51,13 +53,9 @@ def run_export(arguments: argparse.Namespace) -> Any:
 
 
 def _pair(text: str) -> tuple[int, ...]:
-    try:
-        numbers = tuple(int(part) for part in text.lower().split("x"))
-        if len(numbers) not in (1, 2):
-            raise ValueError
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not N or NxM, as 9 or 8x6") from None
-    return numbers
+    if not re.fullmatch(r"-?\d{1,9}(x-?\d{1,9})?", text, re.IGNORECASE):
+        raise argparse.ArgumentTypeError(f"{text!r} is not N or NxM, as 9 or 8x6")
+    return tuple(map(int, text.lower().split("x")))
 
 
 def import_arguments(parser: argparse.ArgumentParser) -> None:

@@ -232,7 +232,7 @@ def each_view(field: LightField, options: ExportOptions) -> Iterator[tuple[int, 
 def write_hci(field: LightField, folder: Path, options: ExportOptions) -> None:
     """Write ``input_Cam%03i.png`` row by row from the top left, the parameters and the disparity."""
     (across, down), (x, y) = options.views or field.count, field.count
-    if across * y != down * x:
+    if across * y != down * x and not down == y == 1:
         raise LfsrError(f"views are {across}x{down} of {x}x{y}, but HCI folders have one distance between cameras "
                         "across and down: choose numbers in the same proportion")
     for row, column, view in each_view(field, options):
