@@ -255,7 +255,7 @@ def write_hci(field: LightField, folder: Path, options: ExportOptions) -> None:
     nearest, farthest = (0.0, 0.0) if disparity is None else (float(disparity.max()), float(disparity.min()))
     sections: dict[str, dict[str, str | float]] = {
         "intrinsics": {"focal_length_mm": focal, "image_resolution_x_px": width, "image_resolution_y_px": height,
-                       "sensor_size_mm": SENSOR_MM, "fstop": 100.0},
+                       "sensor_size_mm": SENSOR_MM, "fstop": 100.0, "panel_aspect": panel_aspect(field)},
         "extrinsics": {"num_cams_x": across, "num_cams_y": down, "baseline_mm": baseline,
                        "focus_distance_m": focus / 1000, **dict(zip(names, map(float, place), strict=True)),
                        "offset": baseline * focal / (focus / 1000) / 1000 / SENSOR_MM * max(width, height)},

@@ -296,11 +296,12 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
             files, across, down = [row[left:left + side] for row in files[top:top + side]], side, side
         size = image_size(files[0][0])
         if lengths:
-            focal, sensor, baseline, focus = lengths
-            known = {"width_mm": focus * sensor / focal * size[0] / max(size), "distance_mm": focus,
+            focal, sensor, baseline, focus, aspect = lengths
+            aspect = aspect or size[0] / size[1]
+            known = {"width_mm": focus * sensor / focal * min(1, aspect), "distance_mm": focus, "aspect": aspect,
                      "angle_deg": 2 * math.degrees(math.atan(baseline * across / 2 / focus))}
         display, name = _display(size, (across, down), scale, geometry, known, tell), source.resolve().name
-        views = _views(read_views(files, tell), geometry, size[0] / size[1],
+        views = _views(read_views(files, tell), geometry, known.get("aspect", size[0] / size[1]),
                        geometry.angle_deg or known.get("angle_deg"), equal_angles=False)
     _write(output, _frame(display, scale, name), views)
     tell(Progress("import", 1.0, str(output)))
@@ -400,7 +401,7 @@ def _display(size: Pair, count: Pair, scale: int, given: ImportGeometry, known: 
         tell(Notice("geometry-assumed", assumed))
     (width, height), (across, down), chosen = size, count, defaults | known
     views = (across * scale, down * scale if down > 1 else 1)
-    panel_mm = chosen["width_mm"], chosen["width_mm"] / (quilt.aspect if quilt else width / height)
+    panel_mm = chosen["width_mm"], chosen["width_mm"] / (quilt.aspect if quilt else known.get("aspect", width / height))
     return DisplayProfile(
         NAME, (width * views[0], height * views[1]), panel_mm, (width, height), views, chosen["distance_mm"],
         chosen["angle_deg"], description=f"{across}×{down} views of another program or camera")
@@ -409,7 +410,7 @@ def _display(size: Pair, count: Pair, scale: int, given: ImportGeometry, known: 
 def _hci_parameters(path: Path) -> tuple[int | None, tuple[float, ...]]:
     """Cameras across, and focal length, sensor, baseline and focus in millimetres, of an HCI light field's parameters.
 
-    Nothing where there is no file; LfsrError where it cannot be read.
+    Then width / height, 0 where it is unsaid. Nothing where there is no file; LfsrError where it cannot be read.
     """
     if not path.is_file():
         return None, ()
@@ -418,9 +419,10 @@ def _hci_parameters(path: Path) -> tuple[int | None, tuple[float, ...]]:
         parser.read_string(read_bytes(path, "the parameters of an HCI light field", 100_000).decode())
         inside, outside = parser["intrinsics"], parser["extrinsics"]
         lengths = (float(inside["focal_length_mm"]), float(inside["sensor_size_mm"]),
-                   float(outside["baseline_mm"]), float(outside["focus_distance_m"]) * 1000)
+                   float(outside["baseline_mm"]), float(outside["focus_distance_m"]) * 1000,
+                   inside.getfloat("panel_aspect", fallback=0.0))
         columns = outside.getint("num_cams_x")
-        if not all(0 < value < math.inf for value in (*lengths, columns or 1)):
+        if not all(0 < value < math.inf for value in (*lengths[:4], lengths[4] or 1, columns or 1)):
             raise ValueError("a number is not above 0")
     except (configparser.Error, ValueError, KeyError) as error:
         raise LfsrError(f"{path} cannot be read as the parameters of an HCI light field "

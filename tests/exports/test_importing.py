@@ -47,16 +47,16 @@ def test_what_was_exported_comes_back_equal(folder, field, tmp_path, name):
     np.testing.assert_array_equal(read_light_field(tmp_path / "back").views, field.views)
 
 
-def test_hci_tells_its_geometry_and_a_wide_grid_keeps_its_middle(folder, tmp_path):
-    export(folder, "hci", tmp_path / "views")
+@pytest.mark.parametrize("own", [MINI, dataclasses.replace(MINI, lenses=(8, 12), views=(8, 1), panel_pixels=(64, 12))])
+def test_hci_tells_its_geometry_and_a_wide_grid_keeps_its_middle(folder, tmp_path, own):
+    export(finished(tmp_path / "own", own), "hci", tmp_path / "views")
     told = Told()
     imported = import_views(tmp_path / "views", tmp_path / "back", tell=told)
     display = read_frame(tmp_path / "back").display
     assert told.notices == [] and imported == display
-    assert (display.lenses, display.views, display.name) == (MINI.lenses, MINI.views, "imported")
-    assert display.panel_mm == pytest.approx(MINI.panel_mm) and display.camera_spacing_mm == pytest.approx(
-        MINI.camera_spacing_mm)
-    assert display.viewing_distance_mm == pytest.approx(MINI.viewing_distance_mm)
+    assert (display.lenses, display.views, display.name) == (own.lenses, own.views, "imported")
+    assert (*display.panel_mm, display.camera_spacing_mm, display.viewing_distance_mm) == pytest.approx(
+        (*own.panel_mm, own.camera_spacing_mm, own.viewing_distance_mm))
     export(folder, "views", tmp_path / "wide", ExportOptions(views=(8, 4)))
     imported = import_views(tmp_path / "wide", tmp_path / "frame", tell=told)
     assert imported.views == (4, 4) and Notice("cameras-cut", {"side": 4, "across": 8, "down": 4}) in told.notices
