@@ -11,6 +11,7 @@ import math
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from copy import copy
+from typing import Any
 
 import bmesh
 import bpy
@@ -38,6 +39,7 @@ MOST_NAMES = 3
 PROBES = (32, 18)     # rays across and down that measure the visible depth of the subject
 BOXED = {"VOLUME", "CURVES", "POINTCLOUD"}  # known by their bounding boxes only
 MOST_FRAMES = 24      # sampled from an animation
+CAMERA_FRAMES = 5     # sampled for the array at a camera, whose place is known
 PARALLEL, COVERED = 150.0, 0.9  # sizes of a frame from which its rays seem parallel; of its width, what a backdrop has
 ROOM = 1 + 1e-6  # spheres are larger than their boxes by rounding
 TINY = 1e-30  # in place of 0 where a ray is parallel to the sides of boxes
@@ -68,6 +70,10 @@ def as_rendered(*left_out: bpy.types.Object | None) -> Iterator[None]:
         bpy.context.view_layer.update()
         yield
     bpy.context.view_layer.update()
+
+
+# What cameras see over an animation (``array_of_camera``), where nobody edits the scene; None: looked for each time.
+fields: dict[tuple[Any, ...], tuple[float, list[float], Array]] | None = None
 
 
 class Rays:
@@ -243,43 +249,67 @@ def fit_array(low: Array, high: Array, profile: DisplayProfile) -> Placement:
 def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object]) -> Placement:
     """Return an array that shows what the scene's camera sees, at its place, towards the middle of its picture.
 
-    The display plane is where the camera focuses, else where the visible subject's nearest and farthest points
-    have equal parallax. It is nearer, and the array smaller, where the array would reach through a wall. An
-    orthographic camera has no eye: the display shows as much, and viewers stand at their distance from it.
+    The display plane is where the camera focuses, else where the visible subject's nearest and farthest points have
+    equal parallax, over the whole animation. It is nearer, and the array smaller, where the array would reach through a
+    wall. An orthographic camera has no eye: the display shows as much, and viewers stand at their distance from it.
     """
-    camera = scene.camera
+    camera, aspect = scene.camera, profile.panel_mm[0] / profile.panel_mm[1]
     if camera.data.type not in ("PERSP", "ORTHO"):
         raise LfsrError(f"the scene's camera is of type {camera.data.type}, but a camera array needs a perspective or "
                         "an orthographic one: change its type or remove it")
-    corners = camera.data.view_frame(scene=scene)
-    sizes = [max(c[axis] for c in corners) - min(c[axis] for c in corners) for axis in (0, 1)]
-    back = PARALLEL * max(sizes) if camera.data.type == "ORTHO" else 0.0
-    across, down = (size / 2 / (back or -corners[0].z) for size in sizes)  # half the frame at distance 1
-    clip = camera.data.clip_start + back, camera.data.clip_end + back  # to which the camera's scale does not apply
-    x, y, depth = np.mean(corners, 0)  # of the middle of a shifted picture
-    start = mathutils.Matrix.Translation((x, y, back)) if back else mathutils.Vector((0, 0, -1)).rotation_difference(
-        (x, y, depth)).to_matrix().to_4x4()
-    sight = _Sight(Rays(scene), upright(camera) @ start, clip)
-    # Of a tall frame the display shows what does not reach from side to side, as a backdrop does.
-    seen, toward = collections.defaultdict[bpy.types.Object, list[tuple[float, float]]](list), sight.matrix.inverted()
-    for place, item in _hits(sight, (across, down)):
-        x, y, z = toward @ place
-        seen[item].append((x / z / across, y / z / down))
-    inner = [points for points in map(np.array, seen.values()) if np.ptp(points[:, 0]) < 2 * COVERED]
-    tall = max((np.abs(points[:, 1]).max() + 2 / PROBES[1] for points in inner), default=0.0)
-    aspect = profile.panel_mm[0] / profile.panel_mm[1]
-    half_width = max(across, min(tall, 1.0) * down * aspect)
-    distance, half = None if back else _focus(camera), (half_width, half_width / aspect)
-    if not distance:
-        if not (depths := _depths(sight, half, subject)):
-            names = ", ".join(_seen_names(sight, half))
+
+    def look() -> tuple[_Sight, float, float, float]:
+        """Return what the camera sees now, half its frame at distance 1, and how far behind it the eye is."""
+        corners = camera.data.view_frame(scene=scene)
+        sizes = [max(c[axis] for c in corners) - min(c[axis] for c in corners) for axis in (0, 1)]
+        back = PARALLEL * max(sizes) if camera.data.type == "ORTHO" else 0.0
+        across, down = (size / 2 / (back or -corners[0].z) for size in sizes)
+        clip = camera.data.clip_start + back, camera.data.clip_end + back  # to which the camera's scale does not apply
+        x, y, depth = np.mean(corners, 0)  # of the middle of a shifted picture
+        turn = mathutils.Vector((0, 0, -1)).rotation_difference((x, y, depth)).to_matrix().to_4x4()
+        start = mathutils.Matrix.Translation((x, y, back)) if back else turn
+        return _Sight(Rays(scene), upright(camera) @ start, clip), across, down, back
+
+    def half(across: float, down: float) -> tuple[float, float]:
+        width = max(across, min(tall, 1.0) * down * aspect)
+        return width, width / aspect
+
+    key = scene.session_uid, camera.session_uid, profile, frozenset(item.session_uid for item in subject)
+    if (found := fields.get(key) if fields is not None else None) is None:
+        first, last = frame_range(scene)
+        frames, tall, depths, free = spread(range(first, last + 1), CAMERA_FRAMES), 0.0, list[float](), np.inf
+        for is_measured in (False, True):
+            for _ in visited(scene, frames):
+                sight, across, down, _ = look()
+                if scene.camera != camera:
+                    continue  # which a marker has put there
+                if is_measured:
+                    depths += _depths(sight, half(across, down), subject)
+                    free = np.minimum(free, _free(sight))
+                elif down * aspect > across:  # of a tall frame the display shows what is no backdrop from side to side
+                    seen, toward = collections.defaultdict[bpy.types.Object, list[Array]](list), sight.matrix.inverted()
+                    for place, item in _hits(sight, (across, down)):
+                        seen[item].append(np.divide((toward @ place).xy / (toward @ place).z, (across, down)))
+                    inner = [points for points in map(np.array, seen.values()) if np.ptp(points[:, 0]) < 2 * COVERED]
+                    tall = max([tall, *(np.abs(points[:, 1]).max() + 2 / PROBES[1] for points in inner)])
+                else:
+                    break
+        found = tall, depths, free
+        if fields is not None:
+            fields[key] = found
+    tall, depths, free = found
+    sight, across, down, back = look()
+    half_width, half_height = half(across, down)
+    if not (distance := None if back else _focus(camera)):
+        if not (depths := depths or _depths(sight, (half_width, half_height), subject)):
+            names = ", ".join(_seen_names(sight, (half_width, half_height)))
             raise LfsrError(f"the scene's camera does not see the subject{f' but {names}' if names else ''}: turn the "
                             f"camera, choose another camera (or {FIT!r}), or choose another subject")
         distance = float(np.percentile(depths, 2)) if back else _middle(depths)  # in parallel, nothing grows before it
     if back:
         array = CameraArray.for_display(profile, 2 * half_width * back)
         return array, from_blender(sight.matrix @ mathutils.Matrix.Translation((0, 0, array.distance - distance)))
-    return _array_at(sight, profile, half_width, distance)
+    return _array_at(sight, profile, half_width, distance, free)
 
 
 def array_of_view(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object],
@@ -290,13 +320,13 @@ def array_of_view(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[
     """
     sight = _Sight(Rays(scene), mathutils.Matrix(view.matrix), view.clip)
     depths = _depths(sight, (view.half_width, view.half_width * profile.panel_mm[1] / profile.panel_mm[0]), subject)
-    return _array_at(sight, profile, view.half_width, _middle(depths) if depths else view.pivot)
+    return _array_at(sight, profile, view.half_width, _middle(depths) if depths else view.pivot, _free(sight))
 
 
-def _array_at(sight: _Sight, profile: DisplayProfile, half_width: float, distance: float) -> Placement:
+def _array_at(sight: _Sight, profile: DisplayProfile, half_width: float, distance: float, free: Array) -> Placement:
     """Array at the start of a sight, whose display is ``2 * half_width`` wide at depth 1, and fits between walls."""
     array = CameraArray.for_display(profile, 2 * half_width * distance, distance)
-    distance *= _free_fraction(sight, profile, array)
+    distance *= _free_fraction(free, profile, array)
     return CameraArray.for_display(profile, 2 * half_width * distance, distance), from_blender(sight.matrix)
 
 
@@ -405,19 +435,22 @@ def _hits(sight: _Sight, half: tuple[float, float], eye: Sequence[float] | Array
 def is_free(scene: bpy.types.Scene, placed: Placement, profile: DisplayProfile, times: float) -> bool:
     """Return False if a ``placed`` array would reach through a wall, were it ``times`` as large."""
     array, matrix = placed
-    sight = _Sight(Rays(scene), to_blender(matrix))
-    return _free_fraction(sight, profile, dataclasses.replace(array, spacing=array.spacing * times)) == 1
+    free = _free(_Sight(Rays(scene), to_blender(matrix)))
+    return _free_fraction(free, profile, dataclasses.replace(array, spacing=array.spacing * times)) == 1
 
 
-def _free_fraction(sight: _Sight, profile: DisplayProfile, array: CameraArray) -> float:
-    """Fraction of the array's reach that is free of walls, at most 1."""
-    fraction, start = 1.0, (0, 0, -sight.clip[0] if sight.clip else 0.0)
-    for axis, direction in ((0, (-1, 0, 0)), (0, (1, 0, 0)), (1, (0, -1, 0)), (1, (0, 1, 0))):
-        reach = profile.views[axis] * array.spacing / 2
-        if (hit := sight.cast(direction, reach / WALL_MARGIN, start)) is not None:
-            free = (hit[0] - sight.matrix @ mathutils.Vector(start)).length
-            fraction = min(fraction, free * WALL_MARGIN / reach)
-    return fraction
+def _free(sight: _Sight) -> Array:
+    """Distances (2,) to the nearest walls beside the start of a sight, and above and below it."""
+    start, free = mathutils.Vector((0, 0, -sight.clip[0] if sight.clip else 0.0)), np.full(2, np.inf)
+    for axis, way in ((0, (-1, 0, 0)), (0, (1, 0, 0)), (1, (0, -1, 0)), (1, (0, 1, 0))):
+        if (hit := sight.cast(way, MOST_REACH, start)) is not None:
+            free[axis] = min(free[axis], (hit[0] - sight.matrix @ start).length)
+    return free
+
+
+def _free_fraction(free: Array, profile: DisplayProfile, array: CameraArray) -> float:
+    """Fraction of the array's reach that is free of walls at these distances (2,), at most 1."""
+    return float(min(1.0, *(free * WALL_MARGIN / (np.array(profile.views) * array.spacing / 2))))
 
 
 def scale_of(scene: bpy.types.Scene, job: Request) -> ScaleChoice:
