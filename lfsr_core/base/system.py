@@ -152,7 +152,7 @@ def staging_folder(target: Path) -> Iterator[Path]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         remove_dead(target)
-        folder = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=_place(target)))
+        folder = Path(tempfile.mkdtemp(prefix=f".{target.name}-lfsr-", dir=_place(target)))
     except OSError as error:
         raise LfsrError(f"{target} cannot be made ({error.strerror}): choose another folder") from None
     try:
@@ -186,8 +186,8 @@ def remove_dead(target: Path) -> list[Path]:
     place, used = _place(target), []
     swapped = str(place).swapcase()  # on Windows and macOS the same folder
     flags = re.IGNORECASE if swapped != str(place) and os.path.exists(swapped) else re.NOFLAG
-    # The end of a name that tempfile.mkdtemp gives.
-    ours = re.compile(re.escape(f".{target.name}-") + r"[a-z0-9_]{8}", flags)
+    # The end of a name that tempfile.mkdtemp gives; the user's own folders are called otherwise.
+    ours = re.compile(re.escape(f".{target.name}-lfsr-") + r"[a-z0-9_]{8}", flags)
     for folder in [path for path in place.iterdir() if ours.fullmatch(path.name)]:
         is_released = (folder / RELEASED_FILE).exists()  # before its lock, because it goes after it
         with contextlib.suppress(OSError):

@@ -176,10 +176,10 @@ def test_it_is_gone_after_the_block_also_after_an_error_and_strangers_stay(tmp_p
         assert folder.parent == tmp_path / "deep" and folder.name.startswith(".frame-")
         raise ZeroDivisionError
     assert names(tmp_path / "deep") == []
-    (tmp_path / ".frame-notes").mkdir()
+    (tmp_path / ".frame-original" / "film").mkdir(parents=True)
     with staging_folder(tmp_path / "frame"):
         pass
-    assert names(tmp_path) == [".frame-notes", "deep"]
+    assert names(tmp_path) == [".frame-original", "deep"] and names(tmp_path / ".frame-original") == ["film"]
 
 
 def test_a_second_render_into_the_same_folder_is_refused_and_what_a_dead_one_left_goes(tmp_path, holder):
