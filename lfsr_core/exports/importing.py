@@ -15,11 +15,11 @@ import numpy as np
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
 from lfsr_core.base.records import check_within
-from lfsr_core.base.system import file_digest, read_bytes, reading, replace_files, staging_folder, system_errors
+from lfsr_core.base.system import file_digest, read_bytes, reading, staging_folder, system_errors
 from lfsr_core.exports.images import PARAMETERS_FILE
 from lfsr_core.exports.light_field import resized, view_between
 from lfsr_core.exports.options import PRESETS, SUFFIX, Pair, read_quilt_name, without_suffix
-from lfsr_core.frames.folder import DERIVED_FILES, FrameFolder
+from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, LOW_RES_FILE, PANEL_FILE, Frame, read_frame, write_frame
 from lfsr_core.images.color import srgb_decode
 from lfsr_core.images.image_files import SIDEWAYS, opened, upright, write_layers
@@ -268,6 +268,8 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
     source, output, geometry, known = Path(source), Path(output), geometry or ImportGeometry(), dict[str, float]()
     if quilt is not None and is_film(source):
         return _import_film(source, output, quilt, geometry, tell)
+    if output.resolve() == source.resolve():
+        raise LfsrError(f"{output} holds the views themselves, expected another folder for the frame: choose one")
     FrameFolder(output).check_free("render")
     if quilt is not None:
         tell(Progress("import", 0.0, source.name))
@@ -281,8 +283,6 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
         display = _display(tile, (math.prod(quilt.grid), 1), scale, geometry, known, tell, quilt)
         views = _views(read_quilt(source, quilt), geometry, quilt.aspect, geometry.angle_deg, equal_angles=True)
     else:
-        if output.resolve() == source.resolve():
-            raise LfsrError(f"{output} holds the views themselves, expected another folder for the frame: choose one")
         columns, lengths = _hci_parameters(source / PARAMETERS_FILE)
         files = find_views(source, columns)
         down, across = len(files), len(files[0])
@@ -319,11 +319,9 @@ def _import_film(source: Path, output: Path, quilt: Quilt, geometry: ImportGeome
         display = _display((width, height), (tiles, 1), 1, geometry, {}, tell if number == 1 else silent, quilt)
         frame = dataclasses.replace(_frame(display, 1, without_suffix(source.stem)), frame=number, content=content)
         folder = FrameFolder.of_frame(output, number).path
-        if is_there := (folder / FRAME_FILE).exists():
-            FrameFolder(folder).check_free("render")
-            if read_frame(folder) != frame:
-                raise LfsrError(f"{folder} holds a frame of another film, or for another display: choose another "
-                                "folder")
+        FrameFolder(folder).check_free("render")
+        if (is_there := (folder / FRAME_FILE).exists()) and read_frame(folder) != frame:
+            raise LfsrError(f"{folder} holds a frame of another film, or for another display: choose another folder")
         if not (is_there and (folder / LOW_RES_FILE).is_file()):
             _write(folder, frame, _views(views, geometry, quilt.aspect, geometry.angle_deg, equal_angles=True))
         if not all((folder / name).is_file() for name in (EIA_FILE, *((PANEL_FILE,) if display.is_woven else ()))):
@@ -371,9 +369,7 @@ def _write(output: Path, frame: Frame, views: Array) -> None:
         linear = srgb_decode(np.arange(256, dtype=np.float32) / 255)[from_views(views)]
         write_layers(staged / LOW_RES_FILE, {"color": linear})
         write_frame(staged, frame)
-        # In a folder that holds no frame, files of these names are the user's own.
-        output.mkdir(exist_ok=True)
-        replace_files(staged, output, DERIVED_FILES if (output / FRAME_FILE).exists() else ())
+        FrameFolder(output).publish(staged)
 
 
 def _display(size: Pair, count: Pair, scale: int, given: ImportGeometry, known: dict[str, float],

@@ -133,14 +133,17 @@ class FrameFolder:
         return False
 
     def check_free(self, kind: str) -> None:
-        """LfsrError if it is a file or holds another kind of render, which must not be lost."""
+        """LfsrError if it is a file, or holds another kind of render or files of no render, which must not be lost."""
         check_name(self.path.absolute(), ROOM)
         if self.path.exists() and not self.path.is_dir():
             raise LfsrError(f"{self.path} is a file, but the output must be a folder: choose another name")
         for other, names in RENDERED_FILES.items():
             if other != kind and any((self.path / name).exists() for name in names):
-                raise LfsrError(f"{self.path} already holds a {other}, but a {kind} was asked for: choose another "
-                                "folder")
+                raise LfsrError(f"{self.path} holds a {other}, but a {kind} was asked for: choose another folder")
+        found = [name for name in DERIVED_FILES if name != files.LOG_FILE and (self.path / name).exists()]
+        # One that was killed while it was published lacks its frame.json, but not the render.
+        if found and not any((self.path / name).exists() for name in (files.FRAME_FILE, *RENDERED_FILES[kind])):
+            raise LfsrError(f"{self.path} holds {found[0]} of no render, which would be lost: choose another folder")
 
     def publish(self, staged: Path) -> None:
         """Take the render in the folder ``staged``: all that was made of an older one goes, and its stored parts."""

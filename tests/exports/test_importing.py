@@ -182,10 +182,10 @@ def test_a_page_in_a_folder_that_held_no_render_is_kept_and_what_cannot_be_impor
         ({"geometry": ImportGeometry(display=MINI, angle_deg=500.0)}, "between 1 and 120")]:
         refuses(message, import_views, images, tmp_path / "frame", **options)
         assert not (tmp_path / "frame").exists()
-    (tmp_path / "frame").mkdir()
-    (tmp_path / "frame" / "view.html").write_text("my own")
+    (tmp_path / "view.html").touch()
+    refuses("holds view.html of no render", import_views, images, tmp_path)
     import_views(images, tmp_path / "frame")
-    assert (tmp_path / "frame" / "view.html").read_text() == "my own"
+    (tmp_path / "view.html").rename(tmp_path / "frame" / "view.html")
     import_views(images, tmp_path / "frame")
     assert not (tmp_path / "frame" / "view.html").exists(), "it would show another image than the frame"
 

@@ -193,12 +193,13 @@ render_all([make_request(sys.argv[3], load_display("mini"))], find_blender(sys.a
 """
 
 
-@pytest.mark.parametrize(("kind", "present"), [("render", REFERENCE_FILES[0]), ("reference", LOW_RES_FILE)])
-def test_another_kind_of_render_is_never_overwritten(blender, tmp_path, kind, present):
+@pytest.mark.parametrize(("kind", "present"), [("render", REFERENCE_FILES[0]), ("reference", LOW_RES_FILE),
+                                               ("render", "world.exr"), ("reference", "view.html")])
+def test_another_kind_of_render_and_a_file_of_no_render_are_never_overwritten(blender, tmp_path, kind, present):
     folder = tmp_path / "frame"
     folder.mkdir()
     (folder / present).write_text("hours of work")
-    with pytest.raises(LfsrError, match=f"but a {kind} was asked for: choose another folder"):
+    with pytest.raises(LfsrError, match=f"(a {kind} was asked for|of no render).*: choose another"):
         render_all([make_request(str(folder), load_display("mini"), kind=kind, scale=1)], Blender(blender(GOOD)))
     assert (folder / present).read_text() == "hours of work"
 
