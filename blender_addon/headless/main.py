@@ -113,7 +113,7 @@ def answered(scene: str) -> contextlib.AbstractContextManager[None]:
 
 def run_all(requests: Iterable[Request]) -> Path:
     """Render ``requests``, opening a scene where it differs from the one before; return the last frame folder."""
-    scene, opened, last, choices = None, Opened(), None, dict[str, ScaleChoice]()
+    scene, opened, last, folder, choices = None, Opened(), None, Path(), dict[str, ScaleChoice]()
     with ExitStack() as stack:
         for request in requests:
             if (request.scene, request.scene_name, request.light) != last:
@@ -126,9 +126,14 @@ def run_all(requests: Iterable[Request]) -> Path:
                 if (question := digest(request_facts(request, (*PLACES, "frame", "seed")))) not in choices:
                     choices[question] = placement.scale_of(scene, request)
                 request = request.with_scale(choices[question])
-            folder = render_job(scene, request, opened, protocol.emit_told)
+            try:
+                folder = render_job(scene, request, opened, protocol.emit_told)
+                protocol.emit(stage=protocol.RENDERED_STAGE, folder=str(folder))
+            except LfsrError as error:
+                if request.frame is None:
+                    raise
+                protocol.emit(stage=protocol.FAILED_STAGE, message=str(error))  # other frames may be rendered
             opened = dataclasses.replace(opened, seconds=0.0)
-            protocol.emit(stage=protocol.RENDERED_STAGE, folder=str(folder))
     return folder
 
 

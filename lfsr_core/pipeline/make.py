@@ -22,7 +22,7 @@ from lfsr_core.frames.folder import FrameFolder, numbered, scene_stamp
 from lfsr_core.frames.frame import LOG_FILE, Finish, Request, check_scene, spread
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.parts import has_parts
-from lfsr_core.process.child import RENDERED_STAGE, STAY, Child, CrashError, Starts, find_blender, told_of
+from lfsr_core.process.child import FAILED_STAGE, RENDERED_STAGE, STAY, Child, CrashError, Starts, find_blender, told_of
 from lfsr_core.reconstruct.averaging import near
 from lfsr_core.reconstruct.methods import seconds
 from lfsr_core.reconstruct.second_stage import finish_frame
@@ -150,28 +150,30 @@ def make(request: Request | Sequence[Request], finish: Finish | None = None, fra
             if finish is not None:
                 finishing.append((asked, thread.submit(finish_one, asked)))
 
-    def rendered(asked: Request) -> None:
+    def done(asked: Request, error: LfsrError | None = None) -> None:
+        if error is not None and frames is None:
+            raise error
         waiting.remove(asked)
-        ready.append(asked)
+        if error is None:
+            ready.append(asked)
+        else:
+            failed[asked.output] = str(error)
+            tell(Notice("frame-left-out", {"frame": asked.frame, "error": str(error)}))
         finish_ready()
 
     try:
         finish_ready()
         if waiting:
             starts = find_blender(blender) if blender is None or isinstance(blender, str) else blender
-            crashes = collections.Counter[str]()
+            crashed = ""
             while waiting:
                 try:
-                    render_all(waiting[:chunk], starts, heard, rendered)
+                    render_all(waiting[:chunk], starts, heard, done, done)
                 except CrashError as error:
-                    current = waiting[0]
-                    crashes[current.output] += 1
-                    if frames is None:
+                    if frames is None or not waiting:
                         raise
-                    if crashes[current.output] >= 2:  # a second try may succeed
-                        failed[waiting.pop(0).output] = str(error)
-                        finish_ready()
-                        tell(Notice("frame-left-out", {"frame": current.frame, "error": str(error)}))
+                    if crashed == (crashed := waiting[0].output):  # a second try may succeed
+                        done(waiting[0], error)
         for asked, work in finishing:
             if frames is not None and (not work.done() or work is finishing[-1][1]):  # progress ends at 1
                 tell(Progress("frames", 1.0, f"finishing frame {asked.frame}"))
@@ -223,33 +225,24 @@ def requests_of(request: Request, finish: Finish | None, frames: Sequence[int] |
 
 
 def render_all(requests: Sequence[Request], blender: Starts, tell: Tell = silent,
-               rendered: Callable[[Request], object] = lambda request: None) -> None:
+               rendered: Callable[[Request], object] = lambda request: None,
+               failed: Callable[[Request, LfsrError], object] | None = None) -> None:
     """Render ``requests`` one after the other in one Blender, which opens a scene once for all in a row that use it.
 
-    Each folder is published as soon as it is rendered, whole or not at all, and ``rendered`` called with its request.
-    A long render that ends early leaves its finished parts, and the same request continues from them. LfsrError with
-    Blender's own sentence after bad input; CrashError with the last lines of its log, which is then copied into the
-    folder; KeyboardInterrupt once Blender is stopped.
+    Each folder is published as soon as it is rendered, whole or not at all, and ``rendered`` called with its request;
+    ``failed`` for a frame that cannot be, None to raise the error. A long render that ends early leaves its finished
+    parts, and the same request continues from them. LfsrError with Blender's own sentence after bad input; CrashError
+    with the last lines of its log, which is then copied into the folder; KeyboardInterrupt once Blender is stopped.
     """
-    folders = {request.output: FrameFolder(request.output) for request in requests}
     for request in requests:
-        folders[request.output].check_free(request.kind)
+        FrameFolder(request.output).check_free(request.kind)
     with contextlib.ExitStack() as stack:
-        waiting = [(request, stack.enter_context(staging_folder(folders[request.output].path))) for request in requests]
-
-        def publish() -> None:
-            request, staging = waiting.pop(0)
-            folders[request.output].publish(staging / "frame")
-            release(staging)  # whoever is told of the render may finish it
-            if waiting:  # the last staging folder has the log
-                remove(staging)
-            rendered(request)
-
+        waiting = [(request, stack.enter_context(staging_folder(Path(request.output)))) for request in requests]
         try:
             with system_errors():
                 last = waiting[-1]
                 for request, staging in waiting:  # Blender fills the folder "frame" beside its request
-                    frame, parts = staging / "frame", folders[request.output].parts
+                    frame, parts = staging / "frame", FrameFolder(request.output).parts
                     frame.mkdir()
                     write_record(staging / REQUEST_FILE, dataclasses.replace(
                         request, output=str(frame.resolve()), parts=str(parts.resolve())))
@@ -262,7 +255,14 @@ def render_all(requests: Sequence[Request], blender: Starts, tell: Tell = silent
                       Child(blender.command(*files), environment, log.write) as child):
                     for record in child.records():
                         if record["stage"] == RENDERED_STAGE:
-                            publish()
+                            request, staging = waiting.pop(0)
+                            FrameFolder(request.output).publish(staging / "frame")
+                            release(staging)  # whoever is told of the render may finish it
+                            if waiting:  # the last staging folder has the log
+                                remove(staging)
+                            rendered(request)
+                        elif record["stage"] == FAILED_STAGE and failed is not None:
+                            failed(waiting.pop(0)[0], LfsrError(record["message"]))
                         elif (told := told_of(record)) is not None:
                             tell(told)
                     if not child.is_done() or waiting:
@@ -272,7 +272,7 @@ def render_all(requests: Sequence[Request], blender: Starts, tell: Tell = silent
                             shutil.copyfile(log_file, copy)
                         raise child.crash("Blender stopped with", f"the whole log is {stored}")
         except BaseException:
-            if waiting and has_parts(parts := folders[waiting[0][0].output].parts):
+            if waiting and has_parts(parts := FrameFolder(waiting[0][0].output).parts):
                 tell(Notice("parts-kept", {"folder": str(parts)}))
             raise
 

@@ -93,7 +93,7 @@ else:
             with contextlib.suppress(ProcessLookupError, PermissionError):  # macOS says the latter of zombies
                 os.killpg(self._id, signal.SIGKILL)
 PROGRESS_PREFIX = "LFSR "
-RENDERED_STAGE = "rendered"  # a job is complete in its folder
+RENDERED_STAGE, FAILED_STAGE = "rendered", "failed"  # a job is complete in its folder; its frame cannot be rendered
 STAY = "stay"  # word for request files: they come later, one a line on standard input
 LAST_STAGES = ("done", "error", "cancelled")
 EXIT_BAD_INPUT, EXIT_CANCELLED = 2, 130
@@ -111,7 +111,7 @@ def emit(**record: Any) -> None:
     """Write one record; ``stage`` is always among its keys."""
     global _last
     if "notice" not in record:
-        _last = (record, time.monotonic()) if record["stage"] not in (*LAST_STAGES, RENDERED_STAGE) else None
+        _last = None if record["stage"] in (*LAST_STAGES, RENDERED_STAGE, FAILED_STAGE) else (record, time.monotonic())
     with _speaking:
         _write(record)
 
@@ -139,7 +139,9 @@ def emit_told(told: Progress | Notice) -> None:
 
 
 def told_of(record: dict[str, Any]) -> Progress | Notice | None:
-    """Return the progress or the notice in a record, None where it is another."""
+    """Return the progress or the notice in a record, None where it is another; LfsrError for FAILED_STAGE."""
+    if record["stage"] == FAILED_STAGE:
+        raise LfsrError(record["message"])
     if "notice" in record:
         return Notice(record["notice"], record["values"])
     if "fraction" not in record:

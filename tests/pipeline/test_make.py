@@ -149,6 +149,8 @@ def test_a_frame_that_crashed_once_is_tried_again_and_one_that_always_crashes_le
     assert [told.values["frame"] for told in told if isinstance(told, Notice)] == [2]
     command = ["render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "again"), "--frames", "1-2", "--display",
                "mini", "--scale", "2", "--method", "bicubic", "--blender", blender]
+    late = changed_blender(tmp_path / "late", "if os.fork():\n    os.wait()\n    sys.exit(9)")
+    refuses("stopped with exit code 9", film, tmp_path, (7,), blender=late)
     # Both frames are in one chunk, which begins with the first.
     assert main(command) == 0
     table = capsys.readouterr().out

@@ -19,7 +19,7 @@ from lfsr_core.exports.light_field import read_views
 from lfsr_core.frames.frame import DEVICES, read_frame
 from lfsr_core.images import image_files
 from lfsr_core.images.image_files import read_layers, read_png
-from lfsr_core.pipeline.make import open_blender, render_all
+from lfsr_core.pipeline.make import MADE, make, open_blender, render_all
 from lfsr_core.process.child import ENDS_WITH_INPUT, EXIT_BAD_INPUT, find_blender, parse_progress, told_of
 from tests.support.other_systems import FOLDER, SYSTEMS
 from tests.support.processes import run_lfsr, run_script
@@ -186,13 +186,14 @@ def test_a_file_that_was_cut_short_is_not_published(blend, tmp_path, options):
 
 @pytest.fixture
 def animated(scene, tmp_path):
-    """A box that moves, turns and changes its colour, and a lamp that grows brighter."""
+    """A box that moves, turns and changes its colour, and a lamp that grows brighter; frame 7 is empty."""
     item = add_box(scene, (0, 0, 0), (0.5, 0.4, 0.3), bpy.data.materials.new("paint"))
-    add_box(scene, (0, 1, 0), (2, 0.1, 2))
-    lamp = add_lamp(scene)
-    for frame, amount in ((1, 0.0), (9, 1.0)):
+    wall, lamp = add_box(scene, (0, 1, 0), (2, 0.1, 2)), add_lamp(scene)
+    for frame, amount in ((1, 0.0), (7, 0.8), (9, 1.0)):
         item.location.x, item.rotation_euler.z, lamp.data.energy = amount - 0.5, amount, 100 + 200 * amount
-        for owner, path in ((item, "location"), (item, "rotation_euler"), (lamp.data, "energy")):
+        item.hide_render = wall.hide_render = frame == 7
+        for owner, path in ((item, "location"), (item, "rotation_euler"), (lamp.data, "energy"), (item, "hide_render"),
+                            (wall, "hide_render")):
             owner.keyframe_insert(path, frame=frame)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     return tmp_path / "scene.blend"
@@ -208,12 +209,13 @@ def test_frames_of_one_blender_are_those_of_several(animated, tmp_path, layout):
     assert rendered == jobs
     opened = [read_frame(done.output).seconds["open"] for done in jobs]
     assert opened[0] > 0 and opened[1:] == [0, 0]
-    render_all([job("alone", 9)], find_blender())
-    alone, last = (read_layers(tmp_path / name / "lr_eia.exr") for name in ("alone", "0009"))
+    left_out, made = make(job("film", None), None, (7, 9))
+    assert "would be rendered" in left_out.error and made.state == MADE
+    alone, last = (read_layers(tmp_path / name / "lr_eia.exr") for name in ("film/0009", "0009"))
     for layer, pixels in alone.items():
         np.testing.assert_array_equal(last[layer], pixels, layer)
     assert np.abs(read_layers(tmp_path / "0001" / "lr_eia.exr")["color"] - last["color"]).mean() > 0.01
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["0001", "0005", "0009", "alone", "scene.blend"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["0001", "0005", "0009", "film", "scene.blend"]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the stand-ins are of Linux")
