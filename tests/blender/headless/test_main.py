@@ -209,13 +209,13 @@ def test_frames_of_one_blender_are_those_of_several(animated, tmp_path, layout):
     assert rendered == jobs
     opened = [read_frame(done.output).seconds["open"] for done in jobs]
     assert opened[0] > 0 and opened[1:] == [0, 0]
-    left_out, made = make(job("film", None), None, (7, 9))
+    left_out, made = make(job('fi"lm', None), None, (7, 9))
     assert "would be rendered" in left_out.error and made.state == MADE
-    alone, last = (read_layers(tmp_path / name / "lr_eia.exr") for name in ("film/0009", "0009"))
+    alone, last = (read_layers(tmp_path / name / "lr_eia.exr") for name in ('fi"lm/0009', "0009"))
     for layer, pixels in alone.items():
         np.testing.assert_array_equal(last[layer], pixels, layer)
     assert np.abs(read_layers(tmp_path / "0001" / "lr_eia.exr")["color"] - last["color"]).mean() > 0.01
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["0001", "0005", "0009", "film", "scene.blend"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["0001", "0005", "0009", 'fi"lm', "scene.blend"]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the stand-ins are of Linux")
