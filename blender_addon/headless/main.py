@@ -116,12 +116,11 @@ def run_all(requests: Iterable[Request]) -> Path:
     scene, opened, last, folder, choices = None, Opened(), None, Path(), dict[str, ScaleChoice]()
     with ExitStack() as stack:
         for request in requests:
-            if (request.scene, request.scene_name, request.light) != last:
+            if last != (last := (request.scene, request.scene_name, request.light, request.camera)):
                 stack.close()
                 scene, opened = _opened(request, stack)
                 stack.enter_context(lit(scene, opened.light))
                 opened = dataclasses.replace(opened, kept=stack.enter_context(new_data()))
-            last = request.scene, request.scene_name, request.light
             if request.sampling.scales and request.sampling.frames:  # one scale for all frames that ask the same
                 if (question := digest(request_facts(request, (*PLACES, "frame", "seed")))) not in choices:
                     choices[question] = placement.scale_of(scene, request)
@@ -155,7 +154,7 @@ def _opened(request: Request, stack: ExitStack) -> tuple[bpy.types.Scene, Opened
     scene = _chosen_scene(request, say)
     if file_stamp(path) != before:
         content = ""
-    seconds, is_imported = time.perf_counter() - started, bool(request.scene) and not request.scene.endswith(".blend")
+    seconds, is_imported = time.perf_counter() - started, path.suffix.lower() not in ("", ".blend")
     with answered(request.scene):
         check_files(scene, request.frame, request.allow_missing, say)
     if request.allow_missing:

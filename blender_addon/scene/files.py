@@ -374,6 +374,7 @@ def choose_camera(scene: bpy.types.Scene, name: str) -> None:
                         "subject")
     if not rig.is_array(camera):
         rig.forget(scene)
+    scene.timeline_markers.clear()  # they may bind other cameras
     scene.camera = camera
 
 

@@ -103,16 +103,17 @@ def test_one_blender_stays_open_for_renders_that_are_asked_for_later(blend, tmp_
     bpy.context.scene.render.engine = "BLENDER_WORKBENCH"  # whatever engine the file was made for
     bpy.ops.wm.save_mainfile()
     with open_blender(find_blender(), work) as render:
-        for scale in (4, 2):
-            request = make_request(str(work / f"s{scale}"), MINI, str(blend), scale=scale, samples=1, light="city")
+        for scale, camera in ((4, None), (2, None), (1, "fit")):
+            request = make_request(str(work / f"s{scale}"), MINI, str(blend), scale=scale, samples=1, light="city",
+                                   camera=camera)
             render(request, told.append)
             assert read_frame(work / f"s{scale}").scale == scale
         progress = [each for each in told if isinstance(each, Progress)]
-        assert [each.stage for each in progress].count("open") == 1, "the scene is kept"
-        assert sum("Loading city" in each.detail for each in progress) == 1, "and so is what Cycles made of it"
+        assert [each.stage for each in progress].count("open") == 2, "the scene is kept for one camera"
+        assert sum("Loading city" in each.detail for each in progress) == 2, "and so is what Cycles made of it"
         wrong = dataclasses.replace(request, subject="Nowhere", output=str(work / "none"))
         refuses("'Nowhere'", render, wrong, told.append)
-    assert sorted(path.name for path in work.iterdir()) == ["s2", "s4"], "nothing else stays"
+    assert sorted(path.name for path in work.iterdir()) == ["s1", "s2", "s4"], "nothing else stays"
 
 
 def test_what_the_user_must_know_is_said_before_the_render_and_kept_in_the_frame(scene, tmp_path):
@@ -125,8 +126,8 @@ def test_what_the_user_must_know_is_said_before_the_render_and_kept_in_the_frame
     background.objects.link(wall)
     scene.sequence_editor_create().strips.new_effect("x", "COLOR", 1, frame_start=1, length=10)
     add_camera(scene, (0, -6, 0)).data.dof.use_dof = True
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    emitted = records(start(tmp_path, scene=str(tmp_path / "scene.blend")).communicate()[0].splitlines())
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "SCENE.BLEND"))
+    emitted = records(start(tmp_path, scene=str(tmp_path / "SCENE.BLEND")).communicate()[0].splitlines())
     said = [number for number, record in enumerate(emitted) if "notice" in record]
     renders = [number for number, record in enumerate(emitted) if record["stage"] == "render" and record["fraction"]]
     assert said[-1] < renders[0]

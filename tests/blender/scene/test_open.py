@@ -89,7 +89,9 @@ def test_first_camera_of_a_gltf_file_is_used_and_others_by_name(tmp_path):
     (notice,) = camera_notices(scene, None, is_imported=True)
     assert "'zeta'" in sentence(notice) and "alpha" in sentence(notice)
     assert camera_notices(scene, None, is_imported=False) == camera_notices(scene, "zeta", is_imported=True) == []
+    scene.timeline_markers.new("cut", frame=1).camera = scene.camera
     choose_camera(scene, "alpha")
+    scene.frame_set(1)
     assert scene.camera.name == "alpha"
     refuses(r"no camera 'alhpa': did you mean 'alpha'\? Choose one of zeta, alpha", choose_camera, scene, "alhpa")
     choose_camera(scene, "fit")
