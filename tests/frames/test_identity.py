@@ -208,14 +208,15 @@ def test_samples_follow_from_the_rays_and_a_noisy_scene_takes_more_of_the_same_r
 
 
 def test_scene_and_light_are_checked_before_blender_starts(tmp_path, monkeypatch):
-    (tmp_path / "scene.GLB").touch()
+    (tmp_path / "c0ffee").touch()  # in a store of files by their content, as of DVC
+    (tmp_path / "scene.GLB").symlink_to("c0ffee")
     assert check_scene(tmp_path / "scene.GLB") == str(tmp_path / "scene.GLB")
     refuses(r"absent.blend does not exist", check_scene, tmp_path / "absent.blend")
     refuses(r"scene \S+ is no file: check the path", check_scene, tmp_path)
     (tmp_path / "scene.fbx").touch()
     refuses(r"scene.fbx is not a scene file.*\.blend, \.glb", check_scene, tmp_path / "scene.fbx")
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "Sky.HDR").touch()
+    (tmp_path / "Sky.HDR").symlink_to("c0ffee")
     (tmp_path / "a.hdr").mkdir()
     assert check_light("even") == "even" and check_light("Sky.HDR") == str(tmp_path / "Sky.HDR")
     for light, sentence in (("sky.exr", "sky.exr does not exist"), ("a.hdr", "a.hdr is no file"),
