@@ -167,7 +167,7 @@ def follow(live: bpy.types.Scene) -> None:
               "use_preview_denoising": lfsr.live_denoise and compat.has_denoiser(),
               "preview_denoising_start_sample": 1, "preview_denoising_input_passes": "RGB",
               "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0, "sample_clamp_indirect": CLAMP_INDIRECT,
-              "use_camera_cull": False,
+              "use_camera_cull": False, "use_distance_cull": False,
               # The card is one more surface that a path passes through.
               "transparent_max_bounces": scene.cycles.transparent_max_bounces + 1}
     # Blender warns of reading a denoiser that it was built without.

@@ -153,8 +153,8 @@ def cycles_settings(scene: bpy.types.Scene, settings: RenderSettings, size: tupl
     clamp = CLAMP_INDIRECT if settings.clamp_indirect is None else float(settings.clamp_indirect)
     cycles = {"device": "CPU" if settings.device == "CPU" else "GPU", "samples": settings.samples,
               "seed": settings.seed, "use_animated_seed": False, "use_adaptive_sampling": False, "time_limit": 0.0,
-              "use_layer_samples": "IGNORE", "use_camera_cull": False, "pixel_filter_type": "BOX",
-              "sample_clamp_direct": 0.0, "sample_clamp_indirect": clamp,
+              "use_layer_samples": "IGNORE", "use_camera_cull": False, "use_distance_cull": False,
+              "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0, "sample_clamp_indirect": clamp,
               "film_transparent_glass": settings.transparent_glass, "use_denoising": False,
               **compat.whole_sample_range()}
     # Only these passes, on the first view layer that is used for rendering.
