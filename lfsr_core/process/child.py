@@ -295,9 +295,9 @@ class Child:
 
     def stop(self, seconds: float = SECONDS_TO_STOP) -> None:
         """End the process and its own children: ask first, and kill what has not ended after ``seconds``."""
-        if self._process.stdin is not None:
+        assert self._process.stdin is not None
+        with contextlib.suppress(OSError, subprocess.TimeoutExpired):  # OSError: it has ended before it read all
             self._process.stdin.close()
-        with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(seconds)
         self._group.kill()
         self._process.wait()

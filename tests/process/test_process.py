@@ -75,6 +75,7 @@ def test_how_a_child_ended_is_one_sentence_and_the_output_of_a_command():
     with Child([sys.executable, "-c", "print('out of memory'); raise SystemExit(3)"]) as child:
         assert not list(child.records()) and not child.is_done()
         sentence = "the render stopped with exit code 3 before it was done, last printing 'out of memory': try again"
+        child.ask("more")  # of nobody
         assert str(child.crash("the render stopped with", "try again")) == sentence
     with Child([sys.executable, "-c", REFUSAL]) as child:
         assert len(list(child.records())) == 1
