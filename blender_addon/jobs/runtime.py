@@ -227,7 +227,14 @@ def save_copy(path: Path) -> Path:
     try:
         # Without the picture for file browsers, which would be rendered; the preferences do not count as changed.
         with (wait_cursor(), overridden(preferences, {"is_dirty": preferences.is_dirty}),
-              overridden(preferences.filepaths, {"file_preview_type": "NONE"})):
+              overridden(preferences.filepaths, {"file_preview_type": "NONE"}), contextlib.ExitStack() as stack):
+            # Blender does not fit the places of baked geometry to the copy's. For ``_updated`` nothing is edited.
+            stack.enter_context(overridden(_state(), {"is_opening": True}))
+            stack.callback(bpy.context.view_layer.update)
+            for modifier in (each for item in bpy.data.objects for each in item.modifiers if each.type == "NODES"):
+                for owner, name in ((modifier, "bake_directory"), *((bake, "directory") for bake in modifier.bakes)):
+                    if getattr(owner, name).startswith("//") and not modifier.id_data.library:
+                        stack.enter_context(overridden(owner, {name: bpy.path.abspath(getattr(owner, name))}))
             bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, compress=False)
     except RuntimeError as error:
         raise LfsrError(f"a copy of this file cannot be saved to {path.parent} ({str(error).strip()}): "
@@ -238,10 +245,9 @@ def save_copy(path: Path) -> Path:
 def _kept_copy(folder: Path) -> Path:
     """Return the copy in ``folder``, saved anew unless it is of the scene as it is now."""
     state, path, record = _state(), folder / f"{file_stem()}.blend", folder / RECORD
-    try:
+    is_same = False
+    with contextlib.suppress(LfsrError, TypeError):
         is_same = path.is_file() and not state.names.isdisjoint(read_json(record, "the names of a copy"))
-    except (LfsrError, TypeError):
-        is_same = False
     if not is_same:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True, exist_ok=True)

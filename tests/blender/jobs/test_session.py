@@ -210,6 +210,7 @@ def click():
 
 def edit():
     bpy.data.objects["Box"].location.z += 0.01
+    bpy.data.objects["Box"].modifiers.new("baked", "NODES").bake_directory = "//baked"  # which the copy has otherwise
 
 
 SAME = {"nothing": (), "saved twice": (save, save), "clicked": (click,), "clicked and saved": (click, save),

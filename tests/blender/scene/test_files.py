@@ -11,6 +11,7 @@ import OpenImageIO as oiio
 import pytest
 
 from blender_addon import compat
+from blender_addon.jobs.runtime import save_copy
 from blender_addon.scene.files import check_files, open_scene, paint_missing, unreadable
 from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.images import image_files
@@ -186,8 +187,9 @@ def test_damaged_geometry_that_ends_blender_is_not_read(item, tmp_path, damage):
     refuses(f"needs {path}, which is damaged", open_scene, tmp_path / "scene.blend")
 
 
-def test_a_bake_needs_its_data(item, tmp_path):
+def test_a_bake_needs_its_data_which_a_copy_elsewhere_finds(item, tmp_path):
     path = bake(item, tmp_path)
+    open_scene(save_copy(path.parent / "scene.blend"))
     assert unreadable(bpy.context.scene) == []
     (blob,) = path.parents[1].glob("blobs/*")
     blob.write_bytes(b"")
