@@ -2,11 +2,6 @@
 
 ``__all__`` lists the public names; docs/reference/python.md shows how to use them. Importing this package is quick:
 each name is loaded from its module when it is first used, and neither Blender nor torch nor NumPy is loaded before.
-
-    import lfsr_core
-
-    frame = lfsr_core.render("scene.blend", display="fhd", rays=1)
-    frame.finish("denoise+bicubic")
 """
 
 from __future__ import annotations
@@ -36,37 +31,23 @@ if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.version import __version__
 
 __all__ = [
-    "Blender", "CameraArray", "DisplayProfile", "ExportOptions", "Finish", "Frame", "FrameFolder",
-    "ImportGeometry", "LfsrError", "Made", "MethodName", "Metrics", "Notice", "Page", "PlanOptions", "Planned",
-    "Progress", "RayLayout", "Reference", "RenderedFrame", "Report", "Request", "Sampling", "__version__",
-    "compare_folders", "eia_to_views", "export", "eye_view", "find_blender", "finish_frame", "import_views",
-    "load_display", "make", "make_plan", "read_png", "render", "views_to_eia", "write_page", "write_png",
-    "write_views",
-]
+    "Blender", "CameraArray", "DisplayProfile", "ExportOptions", "Finish", "Frame", "FrameFolder", "ImportGeometry",
+    "LfsrError", "Made", "MethodName", "Metrics", "Notice", "Page", "PlanOptions", "Planned", "Progress", "RayLayout",
+    "Reference", "RenderedFrame", "Report", "Request", "Sampling", "__version__", "compare_folders", "eia_to_views",
+    "export", "eye_view", "find_blender", "finish_frame", "import_views", "load_display", "make", "make_plan",
+    "read_png", "render", "views_to_eia", "write_page", "write_png", "write_views"]
 
 _MODULES = {
     "exports.light_field": "eia_to_views views_to_eia write_views",
-    "metrics.eia_metrics": "Reference Metrics compare_folders",
-    "api": "RenderedFrame render",
-    "base.messages": "LfsrError Notice Progress",
-    "exports.formats": "export",
-    "exports.importing": "ImportGeometry import_views",
-    "exports.options": "ExportOptions",
-    "exports.page": "Page write_page",
-    "frames.folder": "FrameFolder",
-    "frames.frame": "Finish Frame Report Request Sampling",
-    "images.image_files": "read_png write_png",
-    "optics.display": "DisplayProfile load_display",
-    "optics.eye": "eye_view",
-    "optics.rays": "CameraArray RayLayout",
-    "pipeline.make": "Made make",
-    "plan.options": "PlanOptions",
-    "plan.planner": "Planned make_plan",
-    "process.child": "Blender find_blender",
-    "reconstruct.methods": "MethodName",
-    "reconstruct.second_stage": "finish_frame",
-    "version": "__version__",
-}
+    "metrics.eia_metrics": "Reference Metrics compare_folders", "api": "RenderedFrame render",
+    "base.messages": "LfsrError Notice Progress", "exports.formats": "export",
+    "exports.importing": "ImportGeometry import_views", "exports.options": "ExportOptions",
+    "exports.page": "Page write_page", "frames.folder": "FrameFolder",
+    "frames.frame": "Finish Frame Report Request Sampling", "images.image_files": "read_png write_png",
+    "optics.display": "DisplayProfile load_display", "optics.eye": "eye_view", "optics.rays": "CameraArray RayLayout",
+    "pipeline.make": "Made make", "plan.options": "PlanOptions", "plan.planner": "Planned make_plan",
+    "process.child": "Blender find_blender", "reconstruct.methods": "MethodName",
+    "reconstruct.second_stage": "finish_frame", "version": "__version__"}
 
 
 if not TYPE_CHECKING:  # so that checkers find a misspelt name

@@ -119,6 +119,8 @@ def run_all(requests: Iterable[Request]) -> Path:
             if last != (last := (request.scene, request.scene_name, request.light, request.camera)):
                 stack.close()
                 scene, opened = _opened(request, stack)
+                placement.fields = {}  # nobody edits it
+                stack.callback(setattr, placement, "fields", None)
                 stack.enter_context(lit(scene, opened.light))
                 opened = dataclasses.replace(opened, kept=stack.enter_context(new_data()))
             if request.sampling.scales and request.sampling.frames:  # one scale for all frames that ask the same

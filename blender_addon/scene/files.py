@@ -44,8 +44,7 @@ MOST_PLACE = 1e15  # scene units: single precision squares what is farther to in
 # Compressions of glTF by what the importer says where it cannot read them, and the command that decodes them. Blender
 # 5.2 reads Meshopt where it has the library.
 COMPRESSIONS = {r"meshopt_compression|Meshopt decoder": ("Meshopt", "copy"),
-                r"draco\w*\.(so|dll|dylib)": ("Draco", "copy"),
-                r"KHR_texture_basisu": ("KTX 2", "ktxdecompress")}
+                r"draco\w*\.(so|dll|dylib)": ("Draco", "copy"), r"KHR_texture_basisu": ("KTX 2", "ktxdecompress")}
 
 
 def check_files(scene: bpy.types.Scene, frame: int | None, allow: bool, say: Callable[[Notice], object]) -> None:

@@ -146,8 +146,7 @@ def depth_facts(scene: bpy.types.Scene) -> Facts:
     if (placed := rig.placed(*rig.drawn(scene), display)) is None:
         return []
     array, (near, far) = placed[0], rig.usable_depth(placed[0], display)
-    return [("Width", length(scene, 2 * array.half_width)),
-            ("In Front", length(scene, array.distance - near)),
+    return [("Width", length(scene, 2 * array.half_width)), ("In Front", length(scene, array.distance - near)),
             ("Behind", "unlimited" if math.isinf(far) else length(scene, far - array.distance))]
 
 

@@ -95,8 +95,7 @@ SENTENCES: dict[str, Wording] = {
     "parts-removed": "the parts of an earlier render were made with other {input}: they are removed, and the render "
                      "starts from the beginning",
     # Plans
-    "candidate-beaten": "not measured: scale {scale} is better with as many rays",
-    "candidate-failed": "{error}",
+    "candidate-beaten": "not measured: scale {scale} is better with as many rays", "candidate-failed": "{error}",
     "candidate-not-needed": "not needed: hardly cheaper than s{scale}-spp{samples} {method}, or dearer",
     "candidate-over-budget": "not measured: beyond the budget of the sample (--budget)",
     "candidate-too-slow": "takes too long",
@@ -147,8 +146,7 @@ SENTENCES: dict[str, Wording] = {
     "compositor-ignored": lambda values: f"compositor nodes ({listed(values['names'], MOST_NAMES)}) are not applied to "
                                          "the light field. Apply them to exported views",
     "sequencer-ignored": "the sequencer's strips are not rendered. The light field shows the scene itself",
-    "camera-missing": _camera_missing,
-    "camera-chosen": _camera_chosen,
+    "camera-missing": _camera_missing, "camera-chosen": _camera_chosen,
     "camera-mirrored": "camera {camera!r} is mirrored by a negative scale, of its own or of a parent. The mirror is "
                        "undone: left and right are as in the scene",
     "display-nearer": "the camera focuses at {focus:.3g}, but the display plane is at {distance:.3g} scene units: "

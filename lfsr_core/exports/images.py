@@ -1,9 +1,6 @@
 """Images of a light field (quilts, stereo pairs of two eyes, anaglyphs, RGB-D), films, and folders of views.
 
-Films are MP4 with H.264 or HEVC, GIF, WebP and numbered PNG images; of quilts, and of an eye that moves: sway goes
-round an ellipse, wiggle between two eyes. Views are PNG, a multi-part EXR, or as in Stanford's archive, JPEG Pleno and
-the HCI benchmark.
-
+Films are of quilts, and of an eye that moves: sway goes round an ellipse, wiggle between two eyes.
 Quilts are for Looking Glass displays and their programs. Tile 0 is at the bottom left and holds the leftmost camera's
 view; tiles go rightwards, then upwards. The name holds columns, rows and the panel's proportions.
 """

@@ -395,22 +395,18 @@ def is_inside(rays: Rays, place: mathutils.Vector, least: float = ENCLOSED) -> b
     return sum(rays.cast(place, way) is not None for way in AROUND) >= least * len(AROUND)
 
 
-def _is_round(rays: Rays, low: Array, high: Array) -> bool:
-    """Return True if what a box of world corners ``low``, ``high`` (3,) holds is a globe, a dome or a bottle."""
-    middle, outside = mathutils.Vector((low + high) / 2), float(np.linalg.norm(high - low))
-    ways = [mathutils.Vector((math.cos(turn), math.sin(turn), 0)) for turn in np.linspace(0, math.tau, AROUND_AXIS)]
-    hits = [rays.cast(middle - way * outside, way) for way in ways]
-    return sum(hit is not None and abs(hit[1].xy.normalized().dot(way.xy)) > ROUND
-               for hit, way in zip(hits, ways, strict=True)) > ENCLOSED * AROUND_AXIS
-
-
 def view_inside(rays: Rays, low: Array, high: Array) -> View | None:
     """Return the view of most things from a place in a box of world corners (3,) that is closed on most sides, if any.
 
-    In what is smaller than a cupboard, or round, there is none.
+    In what is smaller than a cupboard, or round, as a globe, a dome or a bottle, there is none.
     """
     size, reach, metre = high - low, float(np.linalg.norm(high - low)), 1 / rays.scene.unit_settings.scale_length
-    if size.min() < LEAST_ROOM * metre or _is_round(rays, low, high):
+    centre, turns = mathutils.Vector((low + high) / 2), np.linspace(0, math.tau, AROUND_AXIS)
+    ways = [mathutils.Vector((math.cos(turn), math.sin(turn), 0)) for turn in turns]
+    outer = [rays.cast(centre - way * reach, way) for way in ways]
+    is_round = sum(hit is not None and abs(hit[1].xy.normalized().dot(way.xy)) > ROUND
+                   for hit, way in zip(outer, ways, strict=True)) > ENCLOSED * AROUND_AXIS
+    if is_round or size.min() < LEAST_ROOM * metre:
         return None
     places, below = list[mathutils.Vector](), mathutils.Vector((0, 0, -1))
     for x, y in itertools.product(np.linspace(MARGIN, 1 - MARGIN, FEWER_PLACES if rays.items else GRID), repeat=2):

@@ -276,13 +276,12 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
 
     key = scene.session_uid, camera.session_uid, profile, frozenset(item.session_uid for item in subject)
     if (found := fields.get(key) if fields is not None else None) is None:
-        first, last = frame_range(scene)
-        frames, tall, depths, free = spread(range(first, last + 1), CAMERA_FRAMES), 0.0, list[float](), np.inf
+        (first, last), tall, depths, free = frame_range(scene), 0.0, list[float](), np.full(2, np.inf)
         for is_measured in (False, True):
-            for _ in visited(scene, frames):
-                sight, across, down, _ = look()
+            for _ in visited(scene, spread(range(first, last + 1), CAMERA_FRAMES)):
                 if scene.camera != camera:
                     continue  # which a marker has put there
+                sight, across, down, _ = look()
                 if is_measured:
                     depths += _depths(sight, half(across, down), subject)
                     free = np.minimum(free, _free(sight))

@@ -8,10 +8,8 @@ The library's network is a U-Net of 3×3 convolutions with bias: ReLU after all 
 enc_conv1 to 4, nearest upsampling and a skip before dec_conv4a to 1a, zeros around the image up to a multiple of 16.
 Widths come from the tensors.
 
-Its C library is the user's choice, that of the package pyoidn, Blender's, or the system's. Blender ships it beside its
-Python, so the extension need not bring another 50 to 90 MB; distributions build Blender without it, and some have a
-package of it. pyoidn is not imported: it offers no weights of ours and loads PyTorch. Only the functions that are
-needed here are bound (OpenImageDenoise/oidn.h, version 2).
+Its C library is the user's choice, that of the package pyoidn, Blender's, or the system's (OpenImageDenoise/oidn.h,
+version 2). pyoidn itself is not imported: it takes no weights of ours and loads PyTorch.
 """
 
 from __future__ import annotations
