@@ -199,9 +199,10 @@ def learn(scene_name: str, frame: Frame, request: Request) -> None:
     paths, taken = math.prod(frame.rays.size) * frame.samples, frame.seconds["render"]
     if taken <= 0 or paths < TELLING_PATHS or frame.subpixels:
         return
-    if bpy.context.window_manager.lfsr.probe_scene != scene_name:
-        times = frame.samples / request.samples_at(frame.scale)  # the rays that were asked for: the scene may be noisy
-        remember(scene_name, Measured(START, taken / paths * times, frame.scale))
+    state, times = bpy.context.window_manager.lfsr, frame.samples / request.samples_at(frame.scale)
+    # The rays that were asked for: the scene may be noisy. Of every image, since the scene changes between them.
+    remember(scene_name, Measured(state.probe_fixed if state.probe_scene == scene_name else START,
+                                  taken / paths * times, frame.scale))
     preferences = runtime.preferences_of_addon()
     if preferences is not None and abs(preferences.seconds_per_path * paths / taken - 1) > SAME:
         preferences.seconds_per_path = taken / paths

@@ -99,6 +99,9 @@ def test_a_long_image_is_asked_about_until_accepted_and_other_settings_need_no_o
     few = folders.expected_seconds(scene)
     scene.lfsr.samples = 1100
     assert folders.expected_seconds(scene) - few == pytest.approx(1000 * pixels * 1e-5, rel=1e-3)
+    state, slow = bpy.context.window_manager.lfsr, frame_of(4, samples=10**4, seconds={"render": 900.0})
+    folders.learn(scene.name_full, slow, folders.requested(scene)[0].sampled(samples=10**4))
+    assert state.probe_per_path > 1e-4 and (state.probe_scale, state.probe_fixed) == (4, 2.0), "of the last image"
     bpy.ops.scene.new(type="EMPTY")
     assert folders.expected_seconds(bpy.context.scene) is None, "another scene"
 
