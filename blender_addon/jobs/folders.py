@@ -240,7 +240,8 @@ def is_made(request: Request, finish: Finish) -> bool:
     except LfsrError:
         return False
     # In an animation with temporal averaging neighbouring frames have seeds of their own.
-    request = dataclasses.replace(request, seed=report.finish.seed_of(request.seed, frame.frame))
+    seeds = report.finish.seeds_of(request.seed, (frame.frame, *report.neighbours))
+    request = dataclasses.replace(request, seed=seeds[frame.frame])
     return (folder.image.is_file() and is_same(frame, request)
             and MethodName.parse(report.finish.method) == MethodName.parse(finish.method))
 

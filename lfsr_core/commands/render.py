@@ -16,7 +16,7 @@ from lfsr_core.commands.common import ProgressBar, progress
 from lfsr_core.commands.measure import metrics_table
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.frames import frame as files
-from lfsr_core.frames.folder import FrameFolder
+from lfsr_core.frames.folder import FrameFolder, numbered
 from lfsr_core.frames.frame import Sampling, parse_frames, scales_up_to, spread
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import check_count, rows_text
@@ -98,7 +98,10 @@ def run_render(arguments: argparse.Namespace) -> Any:
     request = common.make_request(arguments, output=output, layers=arguments.layers, sampling=sampling)
     finish = common.finish_of(arguments, subpixels, request.sampling.scale)
     if finish.temporal_averaging and frames is None:
-        request = dataclasses.replace(request, seed=finish.seed_of(request.seed, arguments.frame))
+        # A farm's task is told all frames, to choose the scale by their depth.
+        film = numbered(Path(output)) if arguments.scale_frames is None else parse_frames(arguments.scale_frames)
+        seeds = finish.seeds_of(request.seed, [*film, arguments.frame])
+        request = dataclasses.replace(request, seed=seeds[arguments.frame])
 
     started = time.monotonic()
     with progress() as bar:

@@ -5,10 +5,11 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -208,13 +209,16 @@ class Finish:
         """Return a finish, or that of a method's name with the usual options."""
         return finish if isinstance(finish, Finish) else cls(finish)
 
-    def seed_of(self, seed: int, frame: int) -> int:
-        """Return the seed of ``frame`` of an animation whose first seed is ``seed``.
+    def seeds_of(self, seed: int, frames: Iterable[int]) -> dict[int, int]:
+        """Return the seed of each of the ``frames`` of an animation whose first seed is ``seed``, by their numbers.
 
-        With temporal averaging neighbouring frames have each of 2 · n + 1 seeds once, so that their mean does not
-        flicker where nothing moves; without it all frames have one, so that the noise does not move.
+        With temporal averaging 2 · n + 1 frames in a row have each another seed, and few have any, so that their mean
+        does not flicker where nothing moves; without it all frames have one, so that the noise does not move.
         """
-        return (seed + (frame - 1) % (2 * self.temporal_averaging + 1)) % (MOST_SEED + 1)
+        ordered, across = sorted({*frames}), 2 * self.temporal_averaging + 1
+        apart = {b - a for reach in range(1, across) for a, b in zip(ordered, ordered[reach:], strict=False)}
+        count = next(count for count in itertools.count(across) if all(step % count for step in apart))
+        return {frame: (seed + (frame - 1) % count) % (MOST_SEED + 1) for frame in ordered}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -219,9 +219,9 @@ def requests_of(request: Request, finish: Finish | None, frames: Sequence[int] |
                 break
     if request.sampling.scales and not request.sampling.frames:
         request = request.sampled(frames=spread(frames))
+    seeds = finish.seeds_of(request.seed, frames) if finish else {}
     return [dataclasses.replace(request, frame=number, output=str(FrameFolder.of_frame(output, number).path),
-                                seed=finish.seed_of(request.seed, number) if finish else request.seed)
-            for number in frames]
+                                seed=seeds.get(number, request.seed)) for number in frames]
 
 
 def render_all(requests: Sequence[Request], blender: Starts, tell: Tell = silent,

@@ -242,9 +242,11 @@ def test_a_finish_and_a_report_are_read_as_they_were_written(tmp_path):
 def test_frames_that_are_averaged_have_each_seed_once(count):
     finish, across = Finish("bicubic", temporal_averaging=count), 2 * count + 1
     for first in (-3, 1, 40):
-        seeds = [finish.seed_of(5, frame) for frame in range(first, first + across)]
-        assert sorted(seeds) == list(range(5, 5 + across))
-    assert 0 <= finish.seed_of(2**31 - 1, 2) < 2**31
+        assert sorted(finish.seeds_of(5, range(first, first + across)).values()) == list(range(5, 5 + across))
+    for frames in (range(1, 48, 3), range(1, 200, across), (1, 4, 7, 8, 9, 12, 27, 45)):
+        seeds = [*finish.seeds_of(5, frames).values()]
+        assert all(len({*seeds[at:at + across]}) == across for at in range(len(frames) - across + 1))
+    assert 0 <= finish.seeds_of(2**31 - 1, [2])[2] < 2**31
 
 
 @pytest.mark.parametrize(("text", "frames"), [

@@ -113,7 +113,7 @@ def test_the_template_is_valid(template):
 @needs_openjd
 def test_all_steps_run_in_their_order(template, tmp_path, lfsr):
     (tmp_path / "scene.glb").touch()
-    settings = {"Scene": tmp_path / "scene.glb", "Output": tmp_path / "film", "Frames": "3-4", "Parts": 2,
+    settings = {"Scene": tmp_path / "scene.glb", "Output": tmp_path / "film", "Frames": "3-6:3", "Parts": 2,
                 "Display": "mini", "Scale": 2, "Method": "bicubic", "TemporalAveraging": 1, "Lfsr": lfsr}
     words = [word for name, value in settings.items() for word in ("-p", f"{name}={value}")]
     done = subprocess.run([OPENJD, "run", template, *words, "--step", "Finish", "--run-dependencies"], cwd=tmp_path,
@@ -124,12 +124,12 @@ def test_all_steps_run_in_their_order(template, tmp_path, lfsr):
     assert all(0 <= value <= 100 for value in progress) and progress.count(100) >= 4, "of each merge and finish"
     assert {"merge lr_eia.exr", "load lr_eia.exr"} <= {text for kind, text in told if kind == "status"}
     film = tmp_path / "film"
-    assert sorted(path.name for path in film.iterdir()) == ["0003", "0004", "parts"]
-    whole = [str(lfsr), "render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "whole"), "--frames", "3-4",
+    assert sorted(path.name for path in film.iterdir()) == ["0003", "0006", "parts"]
+    whole = [str(lfsr), "render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "whole"), "--frames", "3-6x3",
              "--display", "mini", "--scale", "2", "--method", "bicubic", "--temporal-averaging", "1"]
     subprocess.run(whole, check=True, capture_output=True)
-    for name in ("0003", "0004"):
-        assert read_report(film / name).neighbours, "finished when all frames were rendered"
+    for name in ("0003", "0006"):
+        assert read_report(film / name).averaged, "finished when all frames were rendered, each with noise of its own"
         assert (film / name / "eia.png").read_bytes() == (tmp_path / "whole" / name / "eia.png").read_bytes()
 
 
