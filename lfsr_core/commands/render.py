@@ -99,9 +99,11 @@ def run_render(arguments: argparse.Namespace) -> Any:
     finish = common.finish_of(arguments, subpixels, request.sampling.scale)
     if finish.temporal_averaging and frames is None:
         # A farm's task is told all frames, to choose the scale by their depth.
-        film = numbered(Path(output)) if arguments.scale_frames is None else parse_frames(arguments.scale_frames)
+        folder = FrameFolder.of_frame(output, arguments.frame).path
+        folder = Path(request.output) if request.rows or folder.name == Path(output).name else folder
+        film = numbered(folder.parent) if arguments.scale_frames is None else parse_frames(arguments.scale_frames)
         seeds = finish.seeds_of(request.seed, [*film, arguments.frame])
-        request = dataclasses.replace(request, seed=seeds[arguments.frame])
+        request = dataclasses.replace(request, seed=seeds[arguments.frame], output=str(folder))
 
     started = time.monotonic()
     with progress() as bar:

@@ -137,7 +137,7 @@ class Neighbour:
 
 def neighbours_of(folder: Path, frame: Frame, count: int) -> list[Neighbour]:
     """Rendered frames ``near`` the one in ``folder``, from the folders beside it."""
-    if not NUMBERED.match(folder.name):
+    if not NUMBERED.match((folder := folder.resolve()).name):  # "." has no name
         return []
     wanted, around = {name: vars(frame)[name] for name in COMMON}, numbered(folder.parent)
     others = {number: around[number].frame for number in near(int(folder.name), around, count)}

@@ -1,5 +1,6 @@
 """Frames of an animation: each is made once, a broken one again, whatever ended the run before."""
 
+import contextlib
 import dataclasses
 import json
 import os
@@ -238,7 +239,14 @@ def test_averaged_frames_have_noise_of_their_own_see_those_beside_them_and_no_fr
     assert states(made) == [KEPT, KEPT, MADE, MADE]
     assert neighbours(tmp_path) == [(2, 3), (1, 3), (2, 4), (2, 3)]
     before = images(tmp_path / "film")
-    finish_frame(tmp_path / "film" / "0002", AVERAGED)
+    with contextlib.chdir(tmp_path / "film" / "0002"):
+        finish_frame(".", AVERAGED)
     assert images(tmp_path / "film") == before
     finish_frame(tmp_path / "film" / "0002", FINISH)
     assert images(tmp_path / "film")["0002"] != before["0002"]
+    for output in ("film", "film/0002"):
+        shutil.rmtree(tmp_path / "film" / "0002")
+        assert main(["render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / output), "--frame", "2", "--seed", "5",
+                     "--temporal-averaging", "1", "--display", "mini", "--scale", "2", "--method", "bicubic",
+                     "--blender", str(tmp_path / "blender")]) == 0
+        assert neighbours(tmp_path)[1] == (1, 3) and read_frame(tmp_path / "film" / "0002").seed == 6
