@@ -61,7 +61,7 @@ class ColorSettings:
     look: str = "None"  # an artistic change before it; "None" or "" for none
     exposure: float = 0.0  # in stops
     gamma: float = 1.0  # exponent of the values is 1 / gamma
-    config: str = ""  # path of the configuration of the Blender that rendered, if it still exists
+    config: str = dataclasses.field(default="", compare=False)  # its path on the machine that rendered, if still there
 
     def __post_init__(self) -> None:
         if not (abs(self.exposure) <= MAX_STOPS and 0 <= self.gamma <= MAX_GAMMA):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lfsr_core.frames.frame import REFERENCE_FILES, read_frame, read_part, write_frame
+from lfsr_core.images.color import ColorSettings
 from lfsr_core.images.image_files import read_layers, write_layers
 from lfsr_core.optics.rays import CameraArray, parse_rows
 from lfsr_core.pipeline.merge import merge
@@ -75,7 +76,7 @@ def test_a_part_is_no_frame_parts_of_other_devices_are_one_and_a_cut_one_is_name
     refuses("holds rows 7-12 of 12 alone: join it", read_frame, part)
     for verb in ("upscale", "view", "views"):
         assert "lfsr merge" in fails([verb, str(part)], capsys)
-    change_frame(other, device="OPTIX")
+    change_frame(other, device="OPTIX", color=ColorSettings(config="/opt/blender/config.ocio"))
     assert merge([part, other], tmp_path / "merged").device == "CPU+OPTIX"
     (other / "lr_eia.exr").write_bytes((other / "lr_eia.exr").read_bytes()[:-40])
     refuses("part1/lr_eia.exr cannot be read", merge, [part, other], tmp_path / "cut")
