@@ -72,6 +72,9 @@ def test_settings_are_of_kinds_that_flamenco_has_and_a_frame_that_shares_waits_f
             assert merged >= {int(number), *near(int(number), frames, 1)}
             assert len(merged) <= 5, "no more wait than have to"
             assert task["commands"][0]["parameters"]["args"][-2:] == ["--temporal-averaging", "1"]
+    few, more = ({word for task in compiled(tmp_path, parts=parts)["tasks"] if task["name"].startswith("merge")
+                  for word in task["commands"][0]["parameters"]["args"]} for parts in (2, 3))
+    assert len(few - more) == 1, "parts of a job with fewer are in another folder"
 
 
 @needs_node
@@ -113,12 +116,13 @@ def test_the_template_is_valid(template):
 @needs_openjd
 def test_all_steps_run_in_their_order(template, tmp_path, lfsr):
     (tmp_path / "scene.glb").touch()
-    settings = {"Scene": tmp_path / "scene.glb", "Output": tmp_path / "film", "Frames": "3-6:3", "Parts": 2,
+    settings = {"Scene": tmp_path / "scene.glb", "Output": tmp_path / "film", "Frames": "3-6:3",
                 "Display": "mini", "Scale": 2, "Method": "bicubic", "TemporalAveraging": 1, "Lfsr": lfsr}
     words = [word for name, value in settings.items() for word in ("-p", f"{name}={value}")]
-    done = subprocess.run([OPENJD, "run", template, *words, "--step", "Finish", "--run-dependencies"], cwd=tmp_path,
-                          capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    for parts, step in ((3, "Render"), (2, "Finish")):  # the job again, with fewer parts
+        done = subprocess.run([OPENJD, "run", template, *words, "-p", f"Parts={parts}", "--step", step,
+                               "--run-dependencies"], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
     told = re.findall(r"\topenjd_(\w+): (.*)", done.stdout)  # kind and text, of each task in its order
     progress = [float(text) for kind, text in told if kind == "progress"]
     assert all(0 <= value <= 100 for value in progress) and progress.count(100) >= 4, "of each merge and finish"

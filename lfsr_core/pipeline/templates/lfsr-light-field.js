@@ -85,7 +85,7 @@ function renderTasks(settings, frame) {
 }
 
 function partsFolder(settings, frame) {
-    return path.join(settings.output, "parts", frame);
+    return path.join(settings.output, "parts", `of-${settings.parts}`, frame);
 }
 
 function lfsrTask(settings, name, args) {
