@@ -25,6 +25,7 @@ from lfsr_core.images.image_files import read_finite, read_mask
 from lfsr_core.optics.rays import LensList, choose_lenses, to_elemental_images, to_views, views_per_lens
 from lfsr_core.pipeline.make import make
 from lfsr_core.process.child import Starts
+from lfsr_core.reconstruct.averaging import neighbours_of
 from lfsr_core.reconstruct.second_stage import finished_linear, read_finished_linear
 from lfsr_core.reconstruct.upscaler import foreground_mask, over_background, recall
 
@@ -328,6 +329,10 @@ def compare_folders(folder: str | Path, reference: str | Path) -> Metrics:
     check_reference(frame, read_frame(reference))
     report = read_report(folder)
     if (image := read_finished_linear(folder)) is None:
+        beside = tuple(each.number for each in neighbours_of(folder, frame, report.finish.temporal_averaging))
+        if beside != report.neighbours:
+            raise LfsrError(f"{folder} was averaged with frames {str(report.neighbours)[:60]}, but those beside it are "
+                            f"now {beside or 'none'}: finish it again, then compare")
         image = finished_linear(folder, report.finish)
     known, mask = Reference.read(reference), read_mask(folder / files.MASK_FILE, frame.display.lenses)
     metrics = compare(image, (known.half_a, known.half_b), frame.display.lenses,

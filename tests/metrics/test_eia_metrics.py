@@ -1,5 +1,7 @@
 """The figures of an EIA against its reference, each against a plain computation of the same, and of whole folders."""
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ import scipy.stats
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from lfsr_core.base.system import read_json
-from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE, Finish
+from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE, Finish, write_report
 from lfsr_core.images.color import srgb_decode, srgb_encode
 from lfsr_core.images.image_files import read_mask, write_layers, write_mask
 from lfsr_core.metrics import eia_metrics
@@ -187,7 +189,8 @@ def test_eia_exr_is_read_instead_of_computed_again(tmp_path, monkeypatch, displa
 def test_a_frame_finished_meanwhile_keeps_its_report_and_a_linear_image_of_another_size_is_refused(tmp_path,
                                                                                                    monkeypatch):
     folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
-    finish_frame(folder, "bicubic")
+    write_report(folder, dataclasses.replace(finish_frame(folder, "bicubic"), neighbours=(1, 3)))
+    refuses(r"with frames \(1, 3\), but .* finish it again", compare_folders, folder, reference)
     write_layers(folder / "eia.exr", {"color": np.zeros((8, 8, 3), np.float16)}, half=True)
     refuses("finish the frame again with a linear EXR", compare_folders, folder, reference)
     folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
