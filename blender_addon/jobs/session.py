@@ -331,6 +331,8 @@ def progress_text(task: Task) -> str:
 @bpy.app.handlers.persistent
 def _opened(*_: object) -> None:
     """Another file was opened: the old one's task must change nothing in it, but its images are saved."""
+    state = bpy.context.window_manager.lfsr  # stays with Load UI off
+    state.message = state.outcome = state.outcome_folder = state.plan_scene = state.probe_scene = ""
     if _current is not None:
         _current.job = dataclasses.replace(_current.job, finish=lambda _: None, notice=lambda _: False)
 
