@@ -29,6 +29,8 @@ def test_flip_grows_with_the_error_and_without_foreground_or_samples_there_is_no
     found = compared(*eia_case(), LENSES, np.zeros_like(MASK))
     names = ("p", "ssim_eia_fg", "ssim_lens_fg", "psnr_fg", "ssim_views_fg")
     assert [found[name] for name in names] == [0, None, None, None, None]
+    low = compared(*(values[:8] for values in eia_case()), (16, 1), MASK[3:4])  # too low for a window of SSIM
+    assert {name for name in low if low[name] is None} == {"ssim_eia", "ssim_eia_fg", "ssim_eia_plain", "ssim_ceiling"}
     found = sampled(np.argwhere(MASK)[:10], *eia_case())
     assert found["ssim_lens"] is None and found["ssim_lens_fg"] is not None
     x, _, _ = eia_case()
