@@ -108,6 +108,7 @@ def estimate(request: dict[str, Any], command: list[str]) -> dict[str, Any]:
     asked = dataclasses.replace(asked, layout=LAYOUTS[0] if asked.layout == SUBPIXELS else asked.layout)
     asked, many = asked.sampled(rays=None, samples=samples_of(asked)), lenses_of(asked)
     few = max(math.ceil(LEAST_SIDE / views) for views in asked.display.low_views(asked.sampling.scale)) ** 2
+    step = max(1, min(SOME, len(many) // few))
 
     def heard(told: Progress | Notice) -> None:
         if isinstance(told, Progress) and told.stage == "render":
@@ -115,14 +116,15 @@ def estimate(request: dict[str, Any], command: list[str]) -> dict[str, Any]:
         protocol.emit_told(told)
 
     with tempfile.TemporaryDirectory() as folder:
-        requests = [dataclasses.replace(asked, output=str(Path(folder, str(len(lenses)))), lens_list=tuple(lenses))
-                    for lenses in (many[:few], many[::SOME], many)]
+        requests = [dataclasses.replace(asked, output=str(Path(folder, str(number))), lens_list=tuple(lenses))
+                    for number, lenses in enumerate((many[:few], many[::step], many))]
         make_frames(requests, blender=RenderCommand(tuple(command)), tell=heard)
         _, some, whole = (read_part(one.output) for one in requests)
     sampling = max(render_seconds(whole) - render_seconds(some), 0.0)
     # All but these two renders is needed once by the image too.
     fixed = max(time.monotonic() - started - some.seconds["render"] - whole.seconds["render"], 0.0)
-    per_path = sampling / max(path_samples(whole) - path_samples(some), 1)
+    more = path_samples(whole) - path_samples(some)
+    per_path = sampling / more if more else render_seconds(whole) / path_samples(whole)  # a single lens
     return dataclasses.asdict(Measured(fixed, per_path, whole.scale))
 
 

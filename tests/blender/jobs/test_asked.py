@@ -11,7 +11,7 @@ from blender_addon.jobs import folders
 from blender_addon.ui.operators import render
 from blender_addon.ui.operators.render import check_questions
 from lfsr_core.frames.frame import EIA_FILE, Report, write_frame, write_report
-from lfsr_core.optics.display import load_display, write_profile
+from lfsr_core.optics.display import DisplayProfile, load_display, write_profile
 from lfsr_core.tasks import runner as estimate
 from tests.support.panels import lenticular, small
 from tests.support.synthetic import frame_of
@@ -77,6 +77,12 @@ def test_a_button_measures_as_long_as_an_image_takes_also_of_subpixels(scene, tm
     paths = 8 * 120 * 3 * 80
     assert folders.expected_seconds(scene) - expected == pytest.approx(
         paths * bpy.context.window_manager.lfsr.probe_per_path, rel=1e-3)
+    for lenses, scale in (((8, 1), "4"), ((1, 1), "2")):  # of which few are enough pixels for Blender
+        size = (lenses[0] * 8, lenses[1] * 8)
+        write_profile(tmp_path / f"{scale}.toml", DisplayProfile("few", size, size, lenses, (8, 8), 180.0, 40.0))
+        scene.lfsr.profile_file, scene.lfsr.scale = str(tmp_path / f"{scale}.toml"), scale
+        assert bpy.ops.lfsr.estimate_time() == {"FINISHED"}
+        assert 0 < bpy.context.window_manager.lfsr.probe_per_path < 1e-4
 
 
 def test_a_long_image_is_asked_about_until_accepted_and_other_settings_need_no_other_probe(scene):
