@@ -68,16 +68,11 @@ class Preset(NamedTuple):
 
 # By the model of Looking Glass displays. Sizes that the grid does not divide are rounded down.
 PRESETS = {
-    "portrait": Preset((8, 6), (420, 560), 3 / 4),
-    "go": Preset((11, 6), (372, 682), 9 / 16),
-    "8.9": Preset((5, 9), (819, 455), 8 / 5),
-    "15.6": Preset((5, 9), (819, 455), 16 / 9),
-    "16-gen2": Preset((5, 9), (819, 455), 16 / 9),
-    "16": Preset((7, 7), (857, 857), 16 / 9),
-    "16-portrait": Preset((11, 6), (545, 1000), 9 / 16),
-    "32-gen2": Preset((5, 9), (1638, 910), 16 / 9),
-    "32": Preset((7, 7), (1170, 1170), 16 / 9),
-    "32-portrait": Preset((11, 6), (744, 1364), 9 / 16),
+    "portrait": Preset((8, 6), (420, 560), 3 / 4), "go": Preset((11, 6), (372, 682), 9 / 16),
+    "8.9": Preset((5, 9), (819, 455), 8 / 5), "15.6": Preset((5, 9), (819, 455), 16 / 9),
+    "16-gen2": Preset((5, 9), (819, 455), 16 / 9), "16": Preset((7, 7), (857, 857), 16 / 9),
+    "16-portrait": Preset((11, 6), (545, 1000), 9 / 16), "32-gen2": Preset((5, 9), (1638, 910), 16 / 9),
+    "32": Preset((7, 7), (1170, 1170), 16 / 9), "32-portrait": Preset((11, 6), (744, 1364), 9 / 16),
     "65": Preset((8, 9), (1024, 910), 16 / 9),
 }
 

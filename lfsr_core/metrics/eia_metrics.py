@@ -210,16 +210,12 @@ def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], 
         views = [to_views(values, (sx, sy)).reshape(-1, sy, sx, x.shape[2]) for values in (x, a, b)]
         views_ssim = mean_of(stacked_ssim(*views)[:, mask])
     return {
-        "p": mean_of(mask),
-        "ssim_eia": mean_of(local) if local.size else None,  # smaller than a window
+        "p": mean_of(mask), "ssim_eia": mean_of(local) if local.size else None,  # smaller than a window
         "ssim_eia_fg": mean_of(local[inside]) if inside.any() else None,
-        "ssim_lens": mean_of(alone),
-        "ssim_lens_fg": mean_of(alone[mask]) if any_foreground else None,
+        "ssim_lens": mean_of(alone), "ssim_lens_fg": mean_of(alone[mask]) if any_foreground else None,
         "psnr_fg": psnr(mean_of((shown - of_a) * (shown - of_b))) if any_foreground else None,
-        "ssim_views_fg": views_ssim,
-        "ssim_eia_plain": ssim(x, mean) if local.size else None,
-        "ssim_ceiling": ssim(a, b) if local.size else None,
-        "flip": mean_flip(x, mean),
+        "ssim_views_fg": views_ssim, "ssim_eia_plain": ssim(x, mean) if local.size else None,
+        "ssim_ceiling": ssim(a, b) if local.size else None, "flip": mean_flip(x, mean),
     } | notes
 
 
