@@ -7,8 +7,6 @@ panel is white from the middle of the viewing zone and dark from elsewhere. ``rg
 the middle third green, the right third blue. ``grid``: the borders of the elemental images.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

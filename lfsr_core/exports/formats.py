@@ -1,7 +1,5 @@
 """Export finished frames and animations in other formats."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import fnmatch

@@ -5,8 +5,6 @@ within ``seconds``, or raises an LfsrError of one sentence. The address is one o
 nothing is resolved, redirected or sent through a proxy. Only the port can be chosen, by PORT_VARIABLE.
 """
 
-from __future__ import annotations
-
 import contextlib
 import http.client
 import json

@@ -5,8 +5,6 @@ large scale has less noise, but a point off the display plane moves further from
 disparity), and the second stage restores less of it. ``choose_scale`` takes the scale whose predicted loss is least.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Collection

@@ -1,7 +1,5 @@
 """Jobs for render farms: the templates, and folders with a job that is ready to be submitted."""
 
-from __future__ import annotations
-
 import itertools
 import platform
 import shlex

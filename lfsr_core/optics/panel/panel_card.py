@@ -7,8 +7,6 @@ images are counted along the rows of their lattice, in which neighbours are near
 square to the second: the nearest centre is then in the row below the place or above it.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import NamedTuple

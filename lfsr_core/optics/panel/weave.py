@@ -1,7 +1,5 @@
 """The weave: from the finished EIA, a regular light field, to the image of a panel with a lens sheet."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import hashlib
