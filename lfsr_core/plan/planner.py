@@ -41,6 +41,7 @@ WIDE_ENOUGH = 32  # pixels across an elemental image that needs no neighbours: m
 MOST_REACH = 1  # lenses on each side; more neighbours would cost more than the lens
 REACH_IN_A_VIEW = 4  # for displays with parallax along one axis, whose elemental images are one pixel high
 LEAST_LENSES, USUAL_LENSES = 24, 48
+LEAST_SIDE = 4  # pixels that Blender renders
 REFERENCE_FRACTION = 0.15  # of the budget: most plans end after a few candidates, which cost less
 REFERENCE_PARTS = 2  # renders of two independent halves each: four quarters
 CORRECTED = 0.5  # fraction of the loss by the reference's remaining noise that is added to the metric
@@ -214,7 +215,9 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
         raise LfsrError(f"{folder} holds the sample of another scene or of other options: choose another folder")
     write_json(described, facts)
     renders = SampleRenders(folder, request, render, tell)
-    scale = min(display.scales() or [1], key=lambda scale: abs(scale - 4))
+    scales = [each for each in display.scales()
+              if min(np.multiply(display.lenses, display.low_views(each))) >= LEAST_SIDE]
+    scale = min(scales or [1], key=lambda scale: abs(scale - 4))
     quick, first = renders.rendered("quick", "every lens", sampling=Sampling(scale, 1))
     renders.world = str(quick / files.WORLD_FILE) if first.world_apart else None
     layers, _ = read_finite(quick / files.LOW_RES_FILE)

@@ -38,7 +38,7 @@ from lfsr_core.metrics.eia_metrics import compare_with_reference
 from lfsr_core.pipeline.make import FAILED, open_blender
 from lfsr_core.pipeline.make import make as make_frames
 from lfsr_core.plan.options import Measured, PlanOptions, path_samples, render_seconds
-from lfsr_core.plan.planner import make_plan
+from lfsr_core.plan.planner import LEAST_SIDE, make_plan
 from lfsr_core.process import child as protocol
 from lfsr_core.process.child import Child
 from lfsr_core.reconstruct.second_stage import finish_frame
@@ -46,7 +46,7 @@ from lfsr_core.reconstruct.second_stage import finish_frame
 SECONDS_TO_STOP = 1.0  # less than the add-on waits for the task itself
 PATHS = 600_000  # path samples to measure: a second or two
 SAMPLES = 16  # at most, so that many lenses are seen
-LEAST_SIDE, SOME = 4, 4  # pixels that Blender renders, which lenses with a single row of views reach together
+SOME = 4  # of many lenses one
 
 
 @dataclasses.dataclass(frozen=True)

@@ -185,6 +185,13 @@ def test_a_visible_world_is_rendered_once_and_reused(tmp_path):
     assert 50 < planned.sample.seconds < 100
 
 
+def test_the_first_look_has_as_many_pixels_as_blender_renders(tmp_path):
+    def first(job: Request) -> None:
+        raise LfsrError(f"scale is {job.sampling.scale}")
+    row = dataclasses.replace(MINI, panel_pixels=(128, 8), panel_mm=(128.0, 8.0), lenses=(16, 1))
+    refuses("scale is 2", plan, dataclasses.replace(JOB, display=row), OPTIONS, first, tmp_path)
+
+
 def test_an_empty_scene_is_refused_and_a_black_image_is_no_perfect_one(tmp_path):
     def empty(job: Request) -> None:
         render(job)
