@@ -59,8 +59,7 @@ def words(folder: Path, blender: str) -> list[str]:
 def test_the_stand_in_refuses_what_the_system_does(tmp_path, system, monkeypatch):
     monkeypatch.chdir(tmp_path)
     program = system.start("-c", REFUSED)
-    said = program.communicate()[0].split("\n")
-    refused = system.name == "win32"
+    said, refused = program.communicate()[0].split("\n"), system.name == "win32"
     assert said[0] == system.name and program.returncode == 0, said
     assert said[1:3] == ["refused 32" if refused else "replaced"] * 2
     assert said[3] == ("False False" if refused else "True True")
@@ -102,8 +101,7 @@ def test_cancel_ends_blender_and_leaves_nothing(folder, rendering):
     program.send_signal(signal.SIGINT)
     said, _ = program.communicate(timeout=60)
     assert program.returncode == 130 and "Traceback" not in said and time.monotonic() - started < 30, said
-    assert not os.path.exists(f"/proc/{child}")
-    assert names(folder) == ["blender", "scene.glb"]
+    assert not os.path.exists(f"/proc/{child}") and names(folder) == ["blender", "scene.glb"]
 
 
 def test_a_second_render_is_refused_and_what_a_killed_one_left_goes(folder, system, rendering):

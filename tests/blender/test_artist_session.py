@@ -26,22 +26,17 @@ def settings(chance):
 
 
 OPERATORS = {
-    "add": lambda chance: bpy.ops.lfsr.array_add(),
-    "fit": lambda chance: bpy.ops.lfsr.array_fit(),
-    "remove": lambda chance: bpy.ops.lfsr.array_remove(),
-    "plane": lambda chance: bpy.ops.lfsr.select_plane(),
+    "add": lambda chance: bpy.ops.lfsr.array_add(), "fit": lambda chance: bpy.ops.lfsr.array_fit(),
+    "remove": lambda chance: bpy.ops.lfsr.array_remove(), "plane": lambda chance: bpy.ops.lfsr.select_plane(),
     "check": lambda chance: bpy.ops.lfsr.check_scene(),
     "fix": lambda chance: bpy.ops.lfsr.check_fix(code=chance.choice(list(FIXES)), target=chance.choice(
         [item.name for item in bpy.data.objects] or [""])),
-    "settings": settings,
-    "select": choose,
+    "settings": settings, "select": choose,
     "cube": lambda chance: bpy.ops.mesh.primitive_cube_add(location=(chance.random(), chance.random(), 0)),
     "move": lambda chance: bpy.ops.transform.translate(value=(chance.random(), 0, 0)),
-    "duplicate": lambda chance: bpy.ops.object.duplicate(),
-    "delete": lambda chance: bpy.ops.object.delete(),
+    "duplicate": lambda chance: bpy.ops.object.duplicate(), "delete": lambda chance: bpy.ops.object.delete(),
     "key": lambda chance: bpy.context.scene.cycles.keyframe_insert("samples", frame=chance.randint(1, 9)),
-    "frame": lambda chance: bpy.context.scene.frame_set(chance.randint(1, 9)),
-    "undo": lambda chance: bpy.ops.ed.undo(),
+    "frame": lambda chance: bpy.context.scene.frame_set(chance.randint(1, 9)), "undo": lambda chance: bpy.ops.ed.undo(),
     "redo": lambda chance: bpy.ops.ed.redo(),
 }
 

@@ -202,8 +202,7 @@ def test_the_panel_starts_without_openimageio():
 
 def other_extension(folder, version):
     """An extension with a wheel of threadpoolctl in a version that would break the second stage."""
-    wheel = f"threadpoolctl-{version}-py3-none-any.whl"
-    info = f"threadpoolctl-{version}.dist-info"
+    wheel, info = f"threadpoolctl-{version}-py3-none-any.whl", f"threadpoolctl-{version}.dist-info"
     with zipfile.ZipFile(folder / wheel, "w") as content:
         content.writestr("threadpoolctl.py", f"__version__ = {version!r}\nthreadpool_limits = None\n")
         content.writestr(f"{info}/METADATA", f"Metadata-Version: 2.1\nName: threadpoolctl\nVersion: {version}\n")
@@ -293,12 +292,9 @@ BROKEN = [
     ("check_imports", "__init__.py", "import importlib\nimportlib.import_module('lfsr_lab')"),
     ("check_imports", "packages/lfsr_core/reconstruct/blas.py", "import threadpoolctl"),
     ("check_wheels", "blender_manifest.toml", lambda text: 'wheels = ["./wheels/a.whl"]\n' + text),
-    ("check_wheels", "wheels/a-1-py3-none-any.whl", "x"),
-    ("check_contents", "render/ray_layout.oso", "x"),
-    ("check_contents", "packages/lfsr_core/commands/render.py", "x = 1"),
-    ("check_contents", "test_all.py", "x = 1"),
-    ("check_contents", "compat.py", "x = '" + 300 * "x" + "'"),
-    ("check_hidden_code", "compat.py", "exec('x = 1')"),
+    ("check_wheels", "wheels/a-1-py3-none-any.whl", "x"), ("check_contents", "render/ray_layout.oso", "x"),
+    ("check_contents", "packages/lfsr_core/commands/render.py", "x = 1"), ("check_contents", "test_all.py", "x = 1"),
+    ("check_contents", "compat.py", "x = '" + 300 * "x" + "'"), ("check_hidden_code", "compat.py", "exec('x = 1')"),
     ("check_hidden_code", "compat.py", "import base64\nbase64.b64decode(b'')"),
     ("check_network", "compat.py", "import urllib.request"),
     ("check_network", "compat.py", "def f():\n    from http import client"),

@@ -99,8 +99,7 @@ def test_cells_of_a_panel_that_is_upside_down(tmp_path, mode, count):
 
 
 def test_a_byte_order_mark_and_what_bridge_puts_round_a_calibration(tmp_path):
-    plain = read_calibration(new_unit(tmp_path))
-    text = (tmp_path / "visual.json").read_text(encoding="utf-8")
+    plain, text = read_calibration(new_unit(tmp_path)), (tmp_path / "visual.json").read_text(encoding="utf-8")
     wrapped = {"payload": {"value": {"0": {"value": {"hwid": {"value": "LKG-J"}, "calibration": {"value": text}}}}}}
     for content in ("\ufeff" + text, json.dumps({"calibration": json.loads(text)}), json.dumps(wrapped)):
         (tmp_path / "other.json").write_text(content, encoding="utf-8")

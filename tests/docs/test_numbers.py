@@ -437,8 +437,7 @@ WITHOUT: dict[str, list[str]] = {
         "1.1 MB, valid", "(T 3.5)", "(T 3.6)", "(T 2.1)", "(T 3.8)", "1.2 GB"],
     "docs/guide/farms.md": ["seeds that change flicker 1.2 to 3 times", "(12.4 against 12.0 CPU seconds",
                             "took 49.8 s for what one process did in 40.1 s"],
-    "docs/guide/live.md": ["screenshots differ by .9 to 1.6 of 255"],
-    PLAN: ["at most 1.2 times the cheapest"],
+    "docs/guide/live.md": ["screenshots differ by .9 to 1.6 of 255"], PLAN: ["at most 1.2 times the cheapest"],
     "docs/guide/viewer.md": ["eia.png: 14.7 MB", "| 1.4 MB | 1.4 of 255 |", "| 2.1 MB | 1.0 of 255 |", "11.0 MB"],
     SHOTS: ["(.9 lens pitches a frame)", "below .003 in SSIM and .1 in the others"],
     NETWORKS: [

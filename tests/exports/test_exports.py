@@ -332,8 +332,7 @@ def test_hci_has_its_views_and_parameters_and_disparity_the_depth_that_is_there(
     # By the toolkit's conversion: depth = b·f·res·focus / (disparity·focus·sensor + b·f·res).
     value = {name: float(text) for section in ("intrinsics", "extrinsics", "meta")
              for name, text in parameters[section].items() if re.fullmatch(r"-?[\d.e-]+", text)}
-    b = value["baseline_mm"] * value["focal_length_mm"] * 16
-    focus = value["focus_distance_m"] * 1000
+    b, focus = value["baseline_mm"] * value["focal_length_mm"] * 16, value["focus_distance_m"] * 1000
     depth = b * focus / (disparity * focus * value["sensor_size_mm"] + b) / MINI.viewing_distance_mm
     assert depth[4, 6] == pytest.approx(0.8, abs=1e-3) and depth[10, 14] == pytest.approx(1.25, abs=1e-3)
     assert disparity[4, 6] > 0 > disparity[10, 14], "positive in front of the display"

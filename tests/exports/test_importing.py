@@ -289,8 +289,7 @@ def test_woven_for_another_display_as_if_made_for_it(tmp_path, quilt, angle, see
 
 def test_a_folder_of_views_for_a_display_and_fill_that_cuts_the_picture(tmp_path, folder, field):
     export(folder, "hci", tmp_path / "views")
-    smaller = dataclasses.replace(MINI, views=(4, 4), panel_pixels=(64, 48), name="smaller")
-    told = Told()
+    smaller, told = dataclasses.replace(MINI, views=(4, 4), panel_pixels=(64, 48), name="smaller"), Told()
     imported = import_views(tmp_path / "views", tmp_path / "frame", 1, ImportGeometry(display=smaller), told)
     finish_frame(tmp_path / "frame", "none")
     assert imported == smaller and not told.notices

@@ -39,8 +39,7 @@ LENSES = ((0, 0), (1, 1))
     ({"lens_list": LENSES}, "with all lenses, but 2 lenses were"),
     ({"rows": (1, 3)}, "with all rows, but rows 1-3 were"),
     ({"view_aperture": 0.5}, "with view aperture 1.0, but view aperture 0.5 was"),
-    ({"seed": 9}, "with seed 0, but seed 9 was"),
-    ({"frame": 2}, "with frame number 1, but frame number 2 was"),
+    ({"seed": 9}, "with seed 0, but seed 9 was"), ({"frame": 2}, "with frame number 1, but frame number 2 was"),
     ({"subject": "Things"}, "with no subject, but subject Things was"),
     ({"camera": "Left"}, "with no camera, but camera Left was"),
     ({"device": "OPTIX"}, "with device CPU, but device OPTIX was"),
@@ -59,12 +58,9 @@ def test_the_first_difference_is_one_sentence(tmp_path, changes, sentence):
 
 
 @pytest.mark.parametrize(("changes", "found"), [
-    ({"device": records.AUTO}, {"device": "OPTIX"}),
-    ({"layers": ("normal",)}, {"layers": ("albedo", "normal")}),
-    ({"scales": (2, 4), "scale": 4}, {}),
-    ({"scales": (2, 4), "scale": 4, "rays": 16.0}, {"samples": 64}),
-    ({}, {"layout": "lens-card"}),
-    ({}, {"world_visible": True}),
+    ({"device": records.AUTO}, {"device": "OPTIX"}), ({"layers": ("normal",)}, {"layers": ("albedo", "normal")}),
+    ({"scales": (2, 4), "scale": 4}, {}), ({"scales": (2, 4), "scale": 4, "rays": 16.0}, {"samples": 64}),
+    ({}, {"layout": "lens-card"}), ({}, {"world_visible": True}),
     ({}, {"light": "city"}),
     ({"light": "night"}, {"light": ""}),  # an older frame does not know
     ({"kind": "reference", "scale": 1}, {"scale": 1, "samples": 500, "lens_list": LENSES})])
@@ -130,12 +126,9 @@ def test_of_what_differs_the_part_or_the_field_is_shown_and_no_record_printed():
     ({"source": "../shot.blend"}, {}, True),  # a command knows no source
     ({"scene": "shot.blend"}, {"source": "../shot.blend"}, True),
     ({"scene": "shot.farm.blend"}, {"source": "../shot.blend"}, True),
-    ({"scene": "shot.blend"}, {"source": "../other.blend"}, False),
-    ({}, {"source": "../shot.blend"}, True),
-    ({"scene_name": "Set"}, {"scene_name": "Set"}, True),
-    ({"scene_name": "Set"}, {"scene_name": "Other"}, False),
-    ({"scene_name": "Set"}, {}, True),
-    ({}, {"scene_name": "Set"}, True)])
+    ({"scene": "shot.blend"}, {"source": "../other.blend"}, False), ({}, {"source": "../shot.blend"}, True),
+    ({"scene_name": "Set"}, {"scene_name": "Set"}, True), ({"scene_name": "Set"}, {"scene_name": "Other"}, False),
+    ({"scene_name": "Set"}, {}, True), ({}, {"scene_name": "Set"}, True)])
 def test_frames_of_another_file_or_scene_are_other_renders(frame, job, own):
     found, wanted = dataclasses.replace(FRAME, **frame), changed(JOB, **job)
     assert is_same(found, wanted) is own and folder.is_of(found, wanted.source, wanted.scene_name or "") is own

@@ -73,8 +73,7 @@ def test_reads_the_names_of_blender_4_and_the_parts_of_5(tmp_path):
         np.testing.assert_array_equal(layers[name], pixels[..., columns], err_msg=name)
     layers = some_layers()
     parts = [([f"ViewLayer.Combined.{c}" for c in "RGBA"], layers["color"]),
-             (["ViewLayer.Depth.Z"], layers["index"] + 9),
-             (["ViewLayer.Object Index.X"], layers["index"]),
+             (["ViewLayer.Depth.Z"], layers["index"] + 9), (["ViewLayer.Object Index.X"], layers["index"]),
              ([f"ViewLayer.Denoising Normal.{c}" for c in "XYZ"], layers["normal"])]
     write_exr(tmp_path / "a.exr", parts)
     back = image_files.read_layers(tmp_path / "a.exr")

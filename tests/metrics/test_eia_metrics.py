@@ -35,8 +35,7 @@ def test_flip_grows_with_the_error_and_without_foreground_or_samples_there_is_no
     assert found["ssim_lens"] is None and found["ssim_lens_fg"] is not None
     x, _, _ = eia_case()
     found = sampled([(3, 5), (8, 12), (0, 0), (4, 4), (11, 3)], x, x, x)
-    assert found["ssim_lens_fg"] == pytest.approx(1, abs=1e-9)
-    assert found["psnr_fg"] is None
+    assert found["ssim_lens_fg"] == pytest.approx(1, abs=1e-9) and found["psnr_fg"] is None
 
 
 # A display of 16 × 12 lenses and 8 × 8 views, so 128 × 96 pixels.
@@ -62,8 +61,7 @@ def test_whole_comparison_reports_every_metric_from_its_own_pixels():
     assert tuple(found) == eia_metrics.METRIC_NAMES
     X, A, B = (srgb_encode(values) for values in (x, a, b))
     inside, local = np.repeat(np.repeat(MASK, 8, 0), 8, 1), split_ssim_map(X, A, B)
-    assert found["p"] == pytest.approx(54 / 192)
-    assert found["ssim_eia"] == pytest.approx(split_ssim(X, A, B), abs=1e-9)
+    assert found["p"] == pytest.approx(54 / 192) and found["ssim_eia"] == pytest.approx(split_ssim(X, A, B), abs=1e-9)
     assert found["ssim_eia_fg"] == pytest.approx(local[inside].mean(), abs=1e-9)  # the mask is away from the border
     alone = np.array([[split_ssim_map(*(values[8 * row:8 * row + 8, 8 * column:8 * column + 8] for values in (X, A, B)))
                        .mean() for column in range(16)] for row in range(12)])
@@ -109,8 +107,7 @@ def test_all_lenses_sampled_leave_no_interval(without_flip):
     everything = [(row, column) for row in range(12) for column in range(16)]
     x, a, b = eia_case()
     found, whole = sampled(everything, x, a, b), compared(x, a, b, LENSES, MASK)
-    assert found["psnr_fg"] == pytest.approx(whole["psnr_fg"], abs=1e-5)
-    assert found["p"] == whole["p"]
+    assert found["psnr_fg"] == pytest.approx(whole["psnr_fg"], abs=1e-5) and found["p"] == whole["p"]
     assert all(width in (None, 0) for width in found["ci95"].values())
     assert set(eia_metrics.SAMPLED_NAMES) == set(found) - {"lenses", "ci95", "notes"}
     for name in ("ssim_lens", "ssim_lens_fg"):
@@ -152,8 +149,7 @@ def test_a_lens_lost_by_the_mask_lowers_recall_and_still_counts_as_foreground(tm
     mask[tuple(lost.T)] = False
     write_mask(folder / MASK_FILE, mask)
     after = compare_folders(folder, reference)
-    assert whole.recall == 1
-    assert after.recall == pytest.approx(1 - len(lost) / (mask.sum() + len(lost)))
+    assert whole.recall == 1 and after.recall == pytest.approx(1 - len(lost) / (mask.sum() + len(lost)))
     assert after.ssim_eia_fg == pytest.approx(whole.ssim_eia_fg)
 
 
@@ -223,8 +219,7 @@ def test_halves_count_alike_and_stacked_images_do_not_see_each_other():
     image, candidate = textured_image(), blurred(textured_image())
     assert split_ssim(candidate, image, candidate) == pytest.approx(split_ssim(candidate, candidate, image), abs=1e-12)
     expected = peak_signal_noise_ratio(image, candidate, data_range=1)
-    assert psnr(split_mse(candidate, image, image)) == pytest.approx(expected, abs=1e-9)
-    assert psnr(0.0) is None
+    assert psnr(split_mse(candidate, image, image)) == pytest.approx(expected, abs=1e-9) and psnr(0.0) is None
     assert psnr(-1e-9) is None
     stack = np.stack([textured_image(20, 24, seed) for seed in range(200)])  # more than one call's worth of channels
     candidates = np.stack([blurred(image) for image in stack])
@@ -243,12 +238,10 @@ def test_noise_of_the_reference_cancels(noise, tolerance):
     halves = [(noisy(image, noise, 100 + i), noisy(image, noise, 200 + i)) for i in range(6)]
     split = np.mean([split_ssim(candidate, a, b) for a, b in halves])
     squared = np.mean([split_mse(candidate, a, b) for a, b in halves])
-    assert split == pytest.approx(true_ssim, abs=tolerance)
-    assert squared == pytest.approx(true_mse, rel=0.005)
+    assert split == pytest.approx(true_ssim, abs=tolerance) and squared == pytest.approx(true_mse, rel=0.005)
     plain = np.mean([ssim(candidate, (a + b) / 2) for a, b in halves])
     plain_squared = np.mean([np.mean((candidate - (a + b) / 2) ** 2) for a, b in halves])
-    assert true_ssim - plain > 10 * tolerance
-    assert plain_squared - true_mse == pytest.approx(noise**2 / 2, rel=0.05)
+    assert true_ssim - plain > 10 * tolerance and plain_squared - true_mse == pytest.approx(noise**2 / 2, rel=0.05)
 
 
 @pytest.mark.parametrize("freedom", [3, 5, 11, 40, 1000])

@@ -28,8 +28,7 @@ def test_built_in_profiles_are_the_promised_ones_and_own_files_and_unknown_names
     assert plain == {"bupt-32in-8k", "dense-8k", "fhd", "small", "mini", "cubevi-c1", "litiholo", "first-look"}
     paper = load_display("bupt-32in-8k")
     assert (paper.panel_pixels, paper.lenses, paper.views) == ((7680, 4320), (96, 54), (80, 80))
-    assert "assumption" in paper.description
-    assert load_display("dense-8k").lenses == (192, 108)
+    assert "assumption" in paper.description and load_display("dense-8k").lenses == (192, 108)
     assert load_display("small").panel_pixels == (960, 560)
     assert math.hypot(*load_display("bupt-32in-8k").panel_mm) == pytest.approx(32 * 25.4, rel=1e-3)
     file = tmp_path / "own.toml"
@@ -50,11 +49,9 @@ def test_derived_numbers_and_scales_that_divide_only_axes_with_several_views():
     assert profile.lens_pitch_mm == (8.0, 8.0)
     assert profile.camera_spacing_mm == pytest.approx(2 * 200 * math.tan(math.radians(20)) / 4)
     narrow = DisplayProfile.from_dict(GOOD | {"viewing_angle_deg": 2.0})
-    assert narrow.camera_spacing_mm < narrow.lens_pitch_mm[0]
-    assert math.isinf(narrow.depth_range_mm()[1])
+    assert narrow.camera_spacing_mm < narrow.lens_pitch_mm[0] and math.isinf(narrow.depth_range_mm()[1])
     profile = load_display("bupt-32in-8k")
-    assert profile.low_views(4) == (20, 20)
-    assert profile.low_views(1) == (80, 80)
+    assert profile.low_views(4) == (20, 20) and profile.low_views(1) == (80, 80)
     assert profile.scales() == [2, 4, 5, 8, 10]
     flat = DisplayProfile.from_dict(GOOD | {"views": [4, 1], "lenses": [10, 20]})
     assert (flat.parallax, flat.low_views(2), flat.scales()) == ((True, False), (2, 1), [2, 4])
@@ -92,8 +89,7 @@ MASK[2:10, 4:14] = True  # 80 of 192
 @given(st.integers(1, 192), st.integers(0, 2**32))
 def test_count_is_kept_and_no_lens_comes_twice(count, seed):
     lenses = choose_lenses(MASK, count, seed)
-    assert len(lenses) == len(set(lenses)) == count
-    assert list(lenses) == sorted(lenses)
+    assert len(lenses) == len(set(lenses)) == count and list(lenses) == sorted(lenses)
 
 
 @pytest.mark.parametrize(("count", "background"), [(1, 0), (7, 0), (8, 2), (16, 2), (23, 2), (24, 3), (80, 10)])
@@ -107,8 +103,7 @@ def test_same_seed_same_lenses_and_each_foreground_lens_is_equally_likely():
     assert choose_lenses(MASK, 20, 1) != choose_lenses(MASK, 20, 2)
     assert {type(number) for lens in choose_lenses(MASK, 5) for number in lens} == {int}
     for mask in [np.ones((3, 4), bool), np.zeros((3, 4), bool)]:
-        assert len(choose_lenses(mask, 12)) == 12
-        assert len(set(choose_lenses(mask, 9))) == 9
+        assert len(choose_lenses(mask, 12)) == 12 and len(set(choose_lenses(mask, 9))) == 9
     for count in [0, -1, 193]:
         refuses(f"number of lenses is {count}, .*192", choose_lenses, MASK, count)
     hits = np.zeros(MASK.shape)
@@ -242,8 +237,7 @@ def test_usual_rays_are_sixteen_samples_at_scale_4():
     assert [usual_rays(display) for display in (SMALL, LENTICULAR)] == [1, 4]
     assert [samples_at(SMALL, scale, 1) for scale in (1, 2, 4, 5)] == [1, 4, 16, 25]
     assert samples_at(SMALL, 1, 0.1) == 1, "never fewer"
-    assert usual_rays(SMALL, 64) == 4
-    assert Sampling.of(LENTICULAR, (1,), None, None, direct=True).samples == 16
+    assert usual_rays(SMALL, 64) == 4 and Sampling.of(LENTICULAR, (1,), None, None, direct=True).samples == 16
     for rays in [0.0, -1.0, math.nan, math.inf, 2**22]:
         refuses(r"rays per finished pixel are .* above 0, and at most 1048", samples_at, SMALL, 4, rays)
     for views, scales in [

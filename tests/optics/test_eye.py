@@ -62,8 +62,7 @@ def test_near_things_move_against_the_eye_far_ones_with_it_and_those_on_the_disp
         before, after = looking(image, -step[0], -step[1]), looking(image, step[0], step[1])
         near, far = (center(after, color)[axis] - center(before, color)[axis] for color in (NEAR, FAR))
         upwards = -1 if axis else 1  # rows count downwards
-        assert near * upwards < -1
-        assert far * upwards > 0.5
+        assert near * upwards < -1 and far * upwards > 0.5
     image = painted((30, 0, 1.0, PLANE))
     assert np.ptp([center(looking(image, x), PLANE)[0] for x in (-50, 0, 50)]) < 1e-6
 

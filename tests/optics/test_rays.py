@@ -39,18 +39,15 @@ def test_the_array_keeps_the_displays_proportions_and_the_layout_is_point_symmet
     assert ARRAY.distance == pytest.approx(3.0 * 180 / 128)
     assert ARRAY.spacing / ARRAY.distance == pytest.approx(MINI.camera_spacing_mm / 180)
     near = CameraArray.for_display(MINI, width=3.0, distance=1.0)
-    assert near.distance == 1.0
-    assert near.spacing == pytest.approx(ARRAY.spacing / ARRAY.distance)
+    assert near.distance == 1.0 and near.spacing == pytest.approx(ARRAY.spacing / ARRAY.distance)
     origin, direction = pixel_rays(layout_of())
     np.testing.assert_allclose(origin[::-1, ::-1, :2], -origin[..., :2], atol=1e-12)
     np.testing.assert_allclose(direction[::-1, ::-1, :2], -direction[..., :2], atol=1e-12)
     origin = views_of(pixel_rays(layout_of())[0], (8, 8))
-    assert (np.diff(origin[..., 0], axis=3) > 0).all()
-    assert (np.diff(origin[..., 1], axis=2) < 0).all()
+    assert (np.diff(origin[..., 0], axis=3) > 0).all() and (np.diff(origin[..., 1], axis=2) < 0).all()
     centre = reference_rays.rays(layout_of(), 0.5, 0.5, 0.5, 0.5)[0]
     moved = reference_rays.rays(layout_of(), 0.5, 0.5, 0.75, 0.75)[0]
-    assert moved[0] > centre[0]
-    assert moved[1] > centre[1]
+    assert moved[0] > centre[0] and moved[1] > centre[1]
 
 
 @given(st.integers(1, 100), st.floats(0.01, 10))
@@ -98,8 +95,7 @@ def test_where_views_differ_along_one_axis_rays_start_on_it(axis):
 def test_lens_list_places_the_same_rays_in_tiles():
     chosen = ((11, 3), (0, 15), (5, 5), (5, 6), (7, 0))
     listed = layout_of(lens_list=chosen)
-    assert listed.tiles == (2, 3)
-    assert listed.size == (16, 24)
+    assert listed.tiles == (2, 3) and listed.size == (16, 24)
     for whole, tiles in zip(pixel_rays(layout_of()), pixel_rays(listed), strict=True):
         whole, tiles = views_of(whole, (8, 8)), views_of(tiles, (8, 8)).reshape(6, 8, 8, 3)
         for tile, (row, column) in zip(tiles, chosen, strict=False):

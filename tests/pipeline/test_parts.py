@@ -53,19 +53,15 @@ def test_stored_parts_come_back_with_their_seconds_and_those_of_another_image_or
 def test_a_damaged_part_goes_and_other_inputs_remove_the_old_ones(parts):
     whole, damaged = put(parts, 0, 4), put(parts, 4, 9)
     damaged.write_bytes(damaged.read_bytes()[:-20])
-    assert [path for _, path in parts.stored(9)] == [whole]
-    assert not damaged.exists()
+    assert [path for _, path in parts.stored(9)] == [whole] and not damaged.exists()
     put(parts, 0, 4)
-    assert remove_others(parts.folder, INPUTS) == ""
-    assert len(parts.stored(9)) == 1
-    assert remove_others(parts.folder, INPUTS | {"scene file": "new"}) == "scene file"
-    assert not parts.folder.exists()
+    assert remove_others(parts.folder, INPUTS) == "" and len(parts.stored(9)) == 1
+    assert remove_others(parts.folder, INPUTS | {"scene file": "new"}) == "scene file" and not parts.folder.exists()
     assert remove_others(parts.folder, INPUTS) == ""
     for content in ["", "[1]", "{\"settings\": [[]]}"]:
         put(parts, 0, 4)
         (parts.folder / "inputs.json").write_text(content)
-        assert remove_others(parts.folder, INPUTS) == "settings"
-        assert not parts.folder.exists()
+        assert remove_others(parts.folder, INPUTS) == "settings" and not parts.folder.exists()
 
 
 def test_it_is_told_where_parts_are_until_the_render_is_published(parts, tmp_path):
@@ -86,8 +82,7 @@ images = st.builds(Pace, width=st.integers(4, 16384), rows=st.integers(4, 16384)
 @given(images)
 def test_the_trial_is_a_small_share_inside_the_image(pace):
     trial = pace.trial
-    assert 0 <= trial.first < trial.last <= pace.rows
-    assert trial.size <= max(1, pace.rows / 64)
+    assert 0 <= trial.first < trial.last <= pace.rows and trial.size <= max(1, pace.rows / 64)
 
 
 @given(images, st.floats(1e-6, 1e4))
@@ -109,8 +104,7 @@ def test_a_band_that_takes_too_long_is_followed_by_a_smaller_one(pace, size):
 def test_default_renders_stay_one_where_a_minute_will_do():
     assert Pace(480, 270, 16, 60.0).is_short
     usual = Pace(1920, 1080, 16, 60.0)
-    assert not usual.is_short
-    assert usual.takes_one(dataclasses.replace(usual.trial, seconds=23 / 64))
+    assert not usual.is_short and usual.takes_one(dataclasses.replace(usual.trial, seconds=23 / 64))
     assert not usual.takes_one(dataclasses.replace(usual.trial, seconds=3.0))
     assert not Pace(7680, 4320, 1, 60.0).takes_one(Part(0, 1, 0.0)), "it would not fit into one tile"
 

@@ -67,8 +67,7 @@ def test_the_wheel_then_the_path_but_first_what_is_asked_for(monkeypatch, blende
     path = blender(GOOD)
     monkeypatch.setenv("PATH", os.path.dirname(path))
     with_wheel(monkeypatch, object())
-    assert find_blender() == Blender(None)
-    assert find_blender().command(Path("job.json"))[0] == sys.executable
+    assert find_blender() == Blender(None) and find_blender().command(Path("job.json"))[0] == sys.executable
     mine = blender(GOOD, name="blender-mine")
     assert find_blender(mine) == Blender(mine)
     with_wheel(monkeypatch, None)
@@ -123,8 +122,7 @@ def test_job_file_asks_for_the_job_and_its_render_is_moved_in_whole(blender, job
     body = f"Path({str(tmp_path / 'copy.json')!r}).write_text(json.dumps(job))" + GOOD
     render_all([job], Blender(blender(body)))
     asked = json.loads((tmp_path / "copy.json").read_text())
-    assert Path(asked.pop("output")).is_absolute()
-    assert asked.pop("parts") == str(FrameFolder(job.output).parts)
+    assert Path(asked.pop("output")).is_absolute() and asked.pop("parts") == str(FrameFolder(job.output).parts)
     assert asked == {key: value for key, value in to_data(job).items() if key not in ("output", "parts")}
     record = '{"stage": "notice", "notice": "file-unreadable", "values": {"path": "wood.png"}}'
     seen = []
@@ -162,8 +160,7 @@ def test_bad_input_is_told_in_blenders_sentence_and_a_full_disk_in_ours(blender,
 
 
 @pytest.mark.parametrize(("ending", "message"), [
-    ("sys.exit(3)", "exit code 3"),
-    ("os.abort()", "signal 6"),
+    ("sys.exit(3)", "exit code 3"), ("os.abort()", "signal 6"),
     ("sys.exit(2)", "exit code 2"),
     ("sys.exit(0)", "exit code 0"),  # without saying that it is done
 ])
@@ -171,8 +168,7 @@ def test_crash_is_reported_with_the_last_lines_and_the_log_is_kept(blender, job,
     body = "Path(job['output'], 'lr_eia.exr').write_text('half')\nprint('out of\\nmemory', flush=True)\n" + ending
     with pytest.raises(LfsrError, match=rf"stopped with {message} .*'out of / memory'.*blender.log") as caught:
         render_all([job], Blender(blender(body)))
-    assert "\n" not in str(caught.value)
-    assert leftovers(job) == ["frame", "frame/blender.log"]
+    assert "\n" not in str(caught.value) and leftovers(job) == ["frame", "frame/blender.log"]
 
 
 def test_log_of_a_crash_is_not_written_through_a_link(blender, job, tmp_path):
@@ -180,8 +176,7 @@ def test_log_of_a_crash_is_not_written_through_a_link(blender, job, tmp_path):
     Path(job.output).mkdir(parents=True)
     Path(job.output, LOG_FILE).symlink_to(tmp_path / "precious")
     refuses("exit code 3", render_all, [job], find_blender(blender("sys.exit(3)")))
-    assert (tmp_path / "precious").read_text() == "mine"
-    assert not Path(job.output, LOG_FILE).is_symlink()
+    assert (tmp_path / "precious").read_text() == "mine" and not Path(job.output, LOG_FILE).is_symlink()
 
 
 LOG_FILLS_THE_DISK = """
@@ -233,7 +228,6 @@ def test_interrupt_stops_blender_and_leaves_nothing(blender, job, tmp_path, sent
     finally:
         program.kill()
     assert program.returncode == 130, errors
-    assert "interrupted" in errors
-    assert "Traceback" not in errors
+    assert "interrupted" in errors and "Traceback" not in errors
     wait_for(lambda: not Path(f"/proc/{pid_file.read_text()}").exists())  # Blender must not live on
     assert leftovers(job) == []

@@ -126,8 +126,7 @@ def numbers_near(folder, number, count):
 def test_only_the_nearest_rendered_frames_with_a_number_on_both_sides_count(tmp_path):
     assert near(5, [1, 2, 4, 5, 7, 9, 11], 2) == [2, 4, 7, 9]
     assert near(1, [1, 2, 3, 4, 5, 6], 2) == [2, 3, 4, 5] and near(6, range(1, 7), 2) == [2, 3, 4, 5]
-    assert near(1, [1, 2, 3], 2) == [2, 3]
-    assert near(1, [1, 2, 3], 0) == []
+    assert near(1, [1, 2, 3], 2) == [2, 3] and near(1, [1, 2, 3], 0) == []
     film(tmp_path, (1, 3))
     (tmp_path / "0002").mkdir()
     write_render(tmp_path / "0001", frame=1, seed=1).rename(tmp_path / "notes")
@@ -141,8 +140,7 @@ def test_the_second_stage_averages_with_which_array_stood_still_and_says_so(tmp_
     assert report.neighbours == (1, 3) and report.seconds["average"] >= 0
     assert report.averaged == 1, "the frames are the same"
     alone = finish_frame(tmp_path / "0002", "bicubic")
-    assert (alone.neighbours, alone.averaged) == ((), None)
-    assert "average" not in alone.seconds
+    assert (alone.neighbours, alone.averaged) == ((), None) and "average" not in alone.seconds
     film(tmp_path, (1, 2, 3))
     film(tmp_path, (4,), seed=3)
     moved = tuple((*row[:3], row[3] + 0.01) for row in IDENTITY[:3]) + IDENTITY[3:]

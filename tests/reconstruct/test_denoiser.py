@@ -201,8 +201,7 @@ def test_noise_goes_and_brightness_stays(weights):
     clean, noisy = noisy_card()
     denoised = denoise_eia(noisy, weights=weights and denoise.load(weights))
     assert denoised.shape == noisy.shape and denoised.dtype == np.float32 and denoised.min() >= 0
-    assert error(denoised, clean) < error(noisy, clean) / 5
-    assert denoised.mean() == pytest.approx(clean.mean(), rel=0.1)
+    assert error(denoised, clean) < error(noisy, clean) / 5 and denoised.mean() == pytest.approx(clean.mean(), rel=0.1)
     assert denoised.max() > 2, "values above 1 must survive"
 
 

@@ -42,10 +42,8 @@ def test_every_verb_that_reads_a_folder_takes_it(tmp_path, capsys):
     display = small(lenticular())
     frame, reference = write_render(tmp_path / "frame", display=display), write_reference(tmp_path / "reference",
                                                                                          display=display)
-    assert main(["upscale", str(frame)]) == 0
-    assert PANEL_FILE in capsys.readouterr().out
-    assert main(["views", str(frame), "--eye=20,0,300"]) == 0
-    assert read_png(frame / "eye.png").std() > 10
+    assert main(["upscale", str(frame)]) == 0 and PANEL_FILE in capsys.readouterr().out
+    assert main(["views", str(frame), "--eye=20,0,300"]) == 0 and read_png(frame / "eye.png").std() > 10
     assert main(["compare", str(frame), str(reference)]) == 0
     assert 0.5 < json.loads((frame / "report.json").read_text())["metrics"]["ssim_eia"] <= 1
     assert json.loads((frame / "report.json").read_text())["method"] == "denoise+pool"
@@ -98,8 +96,7 @@ def test_another_size_and_what_needs_elemental_images_are_refused(tmp_path):
 def test_verbs_finish_it_show_it_to_an_eye_or_say_why_not(tmp_path, capsys):
     folder = write_traced(tmp_path / "frame", cells())
     reference = write_reference(tmp_path / "reference", display=cells(lenses=(20, 16), views=(8, 1)))
-    assert main(["upscale", str(folder)]) == 0
-    assert f"{PANEL_FILE}: the panel's image, traced" in capsys.readouterr().out
+    assert main(["upscale", str(folder)]) == 0 and f"{PANEL_FILE}: the panel's image, traced" in capsys.readouterr().out
     assert read_report(folder).method == "oidn" and read_rendered(folder).subpixels.size == (720, 160)
     assert main(["views", str(folder), "--eye=20,0,300"]) == 0
     assert read_png(folder / "eye.png").std() > 5 and not (folder / "views.png").exists()
@@ -143,8 +140,7 @@ def test_a_scene_is_rendered_and_finished_and_frames_of_an_animation_once(comman
     (["--rows", "1/2"], "rows is (1, 40), but the layout subpixels"),
     (["--view-aperture", "0.5"], "view aperture is 0.5"), (["--method", "oidn+bilinear"], "needs elemental images")])
 def test_what_it_cannot_have_is_refused_before_blender_starts(command, capsys, options, message):
-    assert message in fails([*command, *options], capsys)
-    assert not Path("frame").exists()
+    assert message in fails([*command, *options], capsys) and not Path("frame").exists()
 
 
 @pytest.mark.parametrize(("verb", "message"), [

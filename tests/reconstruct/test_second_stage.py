@@ -98,12 +98,9 @@ def test_report_has_what_the_documentation_says_and_progress_rises_to_the_end(tm
     seen = []
     finish_frame(tmp_path, "oidn+bicubic", seen.append)
     report = json.loads((tmp_path / "report.json").read_text())
-    assert report["method"] == "oidn+bicubic"
-    assert tuple(report["seconds"]) == STAGES
-    assert report["seconds"]["render"] == 2.5
-    assert all(report["seconds"][stage] > 0 for stage in STAGES)
-    assert report["peak_bytes"] > 50_000_000
-    assert report["metrics"] == {}
+    assert report["method"] == "oidn+bicubic" and tuple(report["seconds"]) == STAGES
+    assert report["seconds"]["render"] == 2.5 and all(report["seconds"][stage] > 0 for stage in STAGES)
+    assert report["peak_bytes"] > 50_000_000 and report["metrics"] == {}
     assert (report["replaced_pixels"], report["finish"]["dilate"], report["notes"]) == (0, 0, [])
     assert list(dict.fromkeys(told.stage for told in seen)) == ["load", "upscale", "write"]
     fractions = [told.fraction for told in seen if told.stage == "upscale"]
@@ -166,8 +163,7 @@ def test_prefilters_see_the_eia_before_an_upscaler_that_may_run_alone_in_steps(t
     write_render(tmp_path)
     upscaler = OneAtATime()
     second_stage.finished_panel(tmp_path, "bilinear", upscaler=upscaler)
-    assert not upscaler.overlapped
-    assert max(upscaler.calls) == MINI.lenses[0]
+    assert not upscaler.overlapped and max(upscaler.calls) == MINI.lenses[0]
     assert sum(upscaler.calls) == foreground_mask(read_layers(tmp_path / LOW_RES_FILE), MINI.lenses).sum()
     write_render(tmp_path)
     expected = 2 * second_stage.finished_linear(tmp_path, "nearest")
@@ -209,8 +205,7 @@ def test_only_one_process_finishes_a_folder_at_a_time(tmp_path):
 
     assert finish_frame(folder, "bicubic", tell=again).method == "bicubic"
     assert messages == [f"another process is writing {folder}: wait for it, or choose another folder"]
-    assert read_report(folder).method == "bicubic"
-    assert [path.name for path in tmp_path.iterdir()] == ["frame"]
+    assert read_report(folder).method == "bicubic" and [path.name for path in tmp_path.iterdir()] == ["frame"]
 
 
 def test_what_is_written_can_be_had_without_writing_and_a_folder_finished_from_inside(tmp_path, monkeypatch):

@@ -102,8 +102,7 @@ def test_what_helps_while_modelling_is_left_out(startup):
 def test_what_is_rendered_is_looked_at_whatever_the_viewport_hides(startup):
     aimed(startup)
     add_box((0, 0, 1), (1, 0.5, 1))
-    blocker = add_box((0, -6, 1), (0.1, 0.1, 0.1))
-    folder = bpy.data.collections.new("Folder")
+    blocker, folder = add_box((0, -6, 1), (0.1, 0.1, 0.1)), bpy.data.collections.new("Folder")
     startup.collection.children.link(folder)
     folder.objects.link(blocker)
     blocker.users_collection[0].objects.unlink(blocker)

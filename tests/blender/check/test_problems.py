@@ -151,8 +151,7 @@ def test_without_a_subject_or_an_array(scene, code, spoil):
 
 
 def test_too_little_room(scene, monkeypatch):
-    usage = shutil.disk_usage(bpy.app.tempdir)
-    needed = problems.bytes_of_frame(scene_settings.resolve(scene))
+    usage, needed = shutil.disk_usage(bpy.app.tempdir), problems.bytes_of_frame(scene_settings.resolve(scene))
     assert needed > 3 * 128 * 96
     for free, codes in ((needed, []), (needed - 1, ["disk"]), (0, ["disk", "temporary"])):
         monkeypatch.setattr(shutil, "disk_usage", lambda _, free=free: usage._replace(free=free))

@@ -224,8 +224,7 @@ def test_at_the_corner_of_an_8k_panel_the_phase_is_right_to_a_thousandth_of_a_cy
     plane, size = plane_in_array(0.05 * layout.array.distance, 0.0), np.array((96, 24))
     add_plane(scene, plane, position_emission())
     first = (np.array(layout.size) - size) * shown
-    ends = [(first + extra) / layout.size for extra in (0.01, size + 0.01)]
-    path = tmp_path / "corner.exr"
+    ends, path = [(first + extra) / layout.size for extra in (0.01, size + 0.01)], tmp_path / "corner.exr"
     with (card_camera(scene, layout, ARRAY_TO_WORLD.tolist()),
           cycles.cycles_settings(scene, cycles.RenderSettings(1), layout.size),
           overridden(scene.render, {"use_border": True, "use_crop_to_border": True, "border_min_x": ends[0][0],

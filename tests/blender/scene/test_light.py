@@ -65,20 +65,16 @@ def test_what_counts_as_light(scene, kind, lit):
         lamp.hide_render = "hidden" in kind
         folder, empty = bpy.data.collections.new("group"), bpy.data.objects.new("empty", None)
         folder.objects.link(lamp)
-        if "instanced" in kind:
-            empty.instance_type, empty.instance_collection = "COLLECTION", folder
-            scene.collection.objects.link(empty)
-        else:
-            scene.collection.children.link(folder)
-            folder.hide_render = "off" in kind
+        empty.instance_type, empty.instance_collection, folder.hide_render = "COLLECTION", folder, "off" in kind
+        scene.collection.objects.link(empty) if "instanced" in kind else scene.collection.children.link(folder)
     if "world" in kind:
         world = add_world(scene, 0.5, 0 if "black" in kind else 1)
     if kind in ("grouped world", "plain color world"):
         tree, group = world.node_tree, bpy.data.node_groups.new("group", "ShaderNodeTree")
         inner, node = group.nodes.new("ShaderNodeBackground"), tree.nodes.new("ShaderNodeGroup")
-        color = "Color" if "color" in kind else "Shader"
-        group.interface.new_socket("light", in_out="OUTPUT", socket_type=f"NodeSocket{color}")
-        source = inner.outputs[0] if color == "Shader" else group.nodes.new("ShaderNodeRGB").outputs[0]
+        is_color = "color" in kind
+        group.interface.new_socket("light", in_out="OUTPUT", socket_type=f"NodeSocket{('Shader', 'Color')[is_color]}")
+        source = (group.nodes.new("ShaderNodeRGB") if is_color else inner).outputs[0]
         group.links.new(source, group.nodes.new("NodeGroupOutput").inputs[0])
         node.node_tree = group
         tree.links.new(node.outputs[0], tree.get_output_node("CYCLES").inputs["Surface"])
@@ -160,8 +156,7 @@ def test_what_an_image_cannot_light_is_lit_evenly(scene, tmp_path):
 
 
 def test_light_is_chosen_by_hand(scene, tmp_path):
-    path = save_box(tmp_path / "scene.glb", (0, 0, 0), (0.5, 0.5, 0.5))
-    sky = tmp_path / "sky.exr"
+    path, sky = save_box(tmp_path / "scene.glb", (0, 0, 0), (0.5, 0.5, 0.5)), tmp_path / "sky.exr"
     image_files.write_layers(sky, {"color": np.full((8, 16, 3), 0.3, np.float32) * np.float32((1, 0, 0))})
     means = {}
     for chosen in ("own", "city", "night", "even", str(sky)):

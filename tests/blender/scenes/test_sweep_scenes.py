@@ -43,8 +43,7 @@ def built():
 
 def points(item):
     """World vertices (n, 3) of a mesh object."""
-    local = np.array([vertex.co for vertex in item.data.vertices])
-    matrix = np.array(item.matrix_world)
+    local, matrix = np.array([vertex.co for vertex in item.data.vertices]), np.array(item.matrix_world)
     return local @ matrix[:3, :3].T + matrix[:3, 3]
 
 

@@ -129,8 +129,7 @@ def test_an_adversary_learns_changes_the_generator_and_points_the_right_way(fold
     bright, dark = torch.full((2, 3, 4, 4), 0.5), torch.full((2, 3, 4, 4), -0.5, requires_grad=True)
     assert comparator.discriminator_loss(Judge(), bright, dark) < 0.01
     assert comparator.discriminator_loss(Judge(), dark, bright) > 4
-    assert comparator.adversarial_loss(Judge(), bright) < 0.01
-    assert comparator.adversarial_loss(Judge(), dark) > 4
+    assert comparator.adversarial_loss(Judge(), bright) < 0.01 and comparator.adversarial_loss(Judge(), dark) > 4
     comparator.discriminator_loss(comparator.Discriminator(), bright, dark).backward()
     assert dark.grad is None
 

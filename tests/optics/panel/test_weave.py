@@ -98,8 +98,7 @@ def test_an_eye_sees_the_view_of_its_place(name):
     # With as many views as there are subpixels behind a lens, light strays by no more than a subpixel.
     behind = 3 * display.panel_pixels[0] / display.lenticular.lenses_across(display.panel_mm[0])
     coarse = dataclasses.replace(display, views=(round(behind / 2), 1))
-    assert view_spread(coarse).own > 0.5
-    assert view_spread(coarse).others < 0.1
+    assert view_spread(coarse).own > 0.5 and view_spread(coarse).others < 0.1
 
 
 def test_crosstalk_of_small_sheets_and_of_whole_numbers_and_what_no_eye_sees():
@@ -181,8 +180,7 @@ def test_an_eye_at_the_centre_of_a_view_sees_that_view(sheet):
         for view in (count // 4, count // 2, 3 * count // 4):
             eye = eye_of_view(display, view) if axis == 0 else eye_of_view(display, (display.views[0] - 1) / 2, view)
             seen = looks(display, eia, eye) / 8
-            assert np.median(seen) == pytest.approx(view, abs=0.5)
-            assert np.percentile(np.abs(seen - view), 90) < 1.5
+            assert np.median(seen) == pytest.approx(view, abs=0.5) and np.percentile(np.abs(seen - view), 90) < 1.5
 
 
 def test_whole_numbers_are_seen_as_a_profile_of_format_1_is_and_mirrored_panels_woven_for_it():

@@ -31,8 +31,7 @@ def test_an_array_without_a_direction_is_one_sentence_and_moves_along_its_view(s
     assert scene.lfsr.distance == pytest.approx(3.0, rel=1e-5)
     plane = rig.plane_of(array)
     ahead = array.matrix_world.translation - array.matrix_world.normalized().col[2].to_3d() * 3.0
-    assert (plane.matrix_world.translation - ahead).length < 1e-4
-    assert tuple(plane.lock_location) == (True, True, False)
+    assert (plane.matrix_world.translation - ahead).length < 1e-4 and tuple(plane.lock_location) == (True, True, False)
     array.scale = (0, 0, 0)
     bpy.context.view_layer.update()
     assert scene.lfsr.distance == 0
@@ -87,8 +86,7 @@ def test_the_array_is_saved_with_the_file(scene, tmp_path):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
     scene = bpy.context.scene
-    assert place(scene)[0].distance == pytest.approx(expected[0].distance)
-    assert np.allclose(place(scene)[1], expected[1])
+    assert place(scene)[0].distance == pytest.approx(expected[0].distance) and np.allclose(place(scene)[1], expected[1])
     assert (scene.lfsr.distance, scene.lfsr.spacing) == (pytest.approx(3.25), pytest.approx(0.75))
     assert (scene.lfsr.samples, scene.lfsr.quality) == (33, "CUSTOM")
 

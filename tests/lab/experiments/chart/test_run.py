@@ -134,12 +134,10 @@ def test_a_whole_reference_one_seed_and_several_scenes_are_measured_and_what_is_
 @pytest.mark.parametrize(("more", "said"), [
     (("--methods", "nothing"), "unknown method 'nothing'"), (("--spps", "0,4"), "different whole numbers"),
     (("--repeats", "0"), "repeats is 0"), (("--seeds", "0"), "seeds is 0"), (("--scale", "3"), "scale is 3"),
-    (("--display", "small"), "display mini"),
-    (("--subject", "Vase"), "was rendered with no subject, but subject Vase"),
+    (("--display", "small"), "display mini"), (("--subject", "Vase"), "was rendered with no subject, but subject Vase"),
     (("--world-visible",), "but visible world was asked for")])
 def test_bad_input_is_refused_in_a_sentence(ready, capsys, more, said):
-    assert said in main_fails(arguments(ready, *more), capsys)
-    assert not (ready / "chart.json").exists()
+    assert said in main_fails(arguments(ready, *more), capsys) and not (ready / "chart.json").exists()
 
 
 def test_two_charts_at_once_scenes_of_one_name_and_none_at_all_are_refused(tmp_path, capsys):
@@ -147,8 +145,7 @@ def test_two_charts_at_once_scenes_of_one_name_and_none_at_all_are_refused(tmp_p
     assert "two scenes are called 'vase'" in main_fails(words, capsys)
     assert "no scene could be measured" in main_fails(arguments(tmp_path), capsys)
     words = [word for word in arguments(tmp_path / "out") if word != "--only-measure"]
-    assert "vase.blend does not exist" in fails(words, capsys)
-    assert not (tmp_path / "out").exists()
+    assert "vase.blend does not exist" in fails(words, capsys) and not (tmp_path / "out").exists()
     folder = experiment_folder(tmp_path)
     with staging_folder(folder / "chart"):
         assert "another process is writing" in main_fails(arguments(folder), capsys)

@@ -64,8 +64,7 @@ def test_the_reference_is_perfect_less_views_are_not_and_the_nearest_woven_witho
 def test_time_for_an_accuracy_lies_between_those_of_two_points_and_the_published_comparison_is_read():
     points = [measure.Point(measure.OURS.name, 4, cpu / 2, cpu / 2, measure.Accuracy(30.0, None, ssim))
               for cpu, ssim in ((1.0, 0.8), (4.0, 0.9))]
-    assert run.seconds_for(points, 0.85) == pytest.approx(2.0)
-    assert run.seconds_for(points, 0.7) == 1.0
+    assert run.seconds_for(points, 0.85) == pytest.approx(2.0) and run.seconds_for(points, 0.7) == 1.0
     assert run.seconds_for(points, 0.95) is None
     published = Path(__file__).parents[4] / "docs" / "results" / "measured" / "displays.json"
     assert read_record(published, run.Comparison, "a comparison").rows[-1].points

@@ -265,8 +265,7 @@ def test_commands_of_the_table_are_accepted_and_the_short_form_is_meant_to_end_i
         _, *words = shlex.split(shown(unit))
         assert build_parser().parse_args(words).verb == "study", unit.title
     units_of = {study.name: set(study.long.each) for study in TABLE.study if study.long}
-    assert units_of["stress"] == {sweep.name for sweep in SWEEPS}
-    assert units_of["shots"] <= set(ANIMATIONS)
+    assert units_of["stress"] == {sweep.name for sweep in SWEEPS} and units_of["shots"] <= set(ANIMATIONS)
     chart, stress = TABLE.study[0], next(study for study in TABLE.study if study.name == "stress")
     names = ",".join(stress.short.each)
     assert f"--sweeps {names} " in shown(Unit(stress, names, SHORT)), "the command of a study names all its units"

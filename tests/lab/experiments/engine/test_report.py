@@ -147,8 +147,7 @@ def drawn():
 def test_the_same_figures_make_the_same_picture_whose_names_do_not_lie_on_each_other():
     (figure, axes), (again, _) = drawn(), drawn()
     names = [Text.get_window_extent(text) for text in axes.texts if text.get_weight() == "bold"]
-    assert len(names) == len(CURVES)
-    assert not any(one.overlaps(other) for one, other in itertools.combinations(names, 2))
+    assert len(names) == len(CURVES) and not any(one.overlaps(other) for one, other in itertools.combinations(names, 2))
     assert all(name.x0 >= 0 and name.x1 <= axes.figure.bbox.x1 for name in names)
     picture = plots.svg(figure)
     assert picture == plots.svg(again)
@@ -179,14 +178,12 @@ def test_points_wear_what_is_known_of_them_and_long_names_break_where_a_part_beg
 @given(st.floats(1e-3, 1e5), st.floats(1.01, 1e4))
 def test_time_ticks_lie_inside_and_are_few(low, factor):
     ticks = plots.time_ticks(low, low * factor)
-    assert 2 <= len(ticks) <= 12
-    assert all(low * (1 - 1e-9) <= tick <= low * factor * (1 + 1e-9) for tick in ticks)
+    assert 2 <= len(ticks) <= 12 and all(low * (1 - 1e-9) <= tick <= low * factor * (1 + 1e-9) for tick in ticks)
 
 
 @given(st.floats(-0.9, 0.99), st.floats(0.001, 0.9))
 def test_heights_rise_with_values(value, gain):
-    assert plots.height(value + gain) >= plots.height(value)
-    assert math.isfinite(plots.height(1.2))
+    assert plots.height(value + gain) >= plots.height(value) and math.isfinite(plots.height(1.2))
 
 
 LENSES, SIZE = 12, 24

@@ -70,8 +70,7 @@ def test_every_figure_measures_draws_and_speaks_and_what_is_not_there_is_not_inv
     found = measured["fig9"]
     assert [row.method for row in found.rows if not row.values] == ["paper-gan"] * 2
     assert "Not measured, because they have no weights: paper-gan." in FIG9.line(found)
-    assert found.schedules["paper"].startswith("40 epochs of 16 ")
-    assert found.schedules["paper-gan"] == "no weights"
+    assert found.schedules["paper"].startswith("40 epochs of 16 ") and found.schedules["paper-gan"] == "no weights"
 
 
 def test_accuracy_is_what_compare_gives_the_middle_lenses_are_shown_and_references_must_be_whole(frames, measured,
@@ -111,8 +110,7 @@ def test_training_is_labelled_and_done_once(tmp_path, frames):
     assert measuring.schedule(path).startswith("1 epochs of ")
     assert measuring.fingerprints(chosen, "paper-3") != measuring.fingerprints(frames, "paper-3")
     given = dataclasses.replace(frames, weights=path.parent)
-    assert measuring.weights(given, "paper-3") == path
-    assert measuring.weights(given, "paper-4") is None
+    assert measuring.weights(given, "paper-3") == path and measuring.weights(given, "paper-4") is None
 
 
 def test_one_command_writes_pages_and_goes_on_and_bad_input_is_one_sentence(frames, tmp_path, capsys):
@@ -194,8 +192,7 @@ def test_verdicts():
     assert [d.sign for d in (above, below, neither, unknown)] == [1, -1, 0, 0]
     assert overall({"a": above}, {}) == "**Holds; not all of it was measured.**"
     assert overall({"a": above, "b": below}) == "**Holds in part.**"
-    assert overall({"a": below, "b": neither}) == "**Does not hold.**"
-    assert overall({}) == "**Not measured.**"
+    assert overall({"a": below, "b": neither}) == "**Does not hold.**" and overall({}) == "**Not measured.**"
     assert holds({"a": above, "b": below}) == "holds in 1 of 2 (a); the other way round in 1 of 2 (b)"
     assert paired([1.0, 1.1], [0.0, 0.0]).half == math.inf
     # Student's t for 3 degrees of freedom is 3.182; the standard error of 1, 2, 3, 4 is 0.6455.

@@ -58,8 +58,7 @@ def test_the_threshold_itself_counts_as_below_the_start_but_not_as_below_bicubic
 def test_the_first_value_in_the_sweeps_order_counts_and_values_that_cannot_be_told_are_passed_over():
     assert records.breaking_point([64, 16, 1], once({64: 0.9, 16: 0.8, 1: 0.7})).value == 16
     found = records.breaking_point([1, 2, 3], once({1: None, 2: 0.9, 3: 0.8}), once({1: 1.0, 2: None, 3: None}))
-    assert found.value == 3
-    assert records.breaking_point([1, 2], once({1: None, 2: None})) is None
+    assert found.value == 3 and records.breaking_point([1, 2], once({1: None, 2: None})) is None
     assert records.breaking_point([1, 2], {}) is None
 
 
@@ -192,8 +191,7 @@ def test_the_figures_are_those_of_the_method_and_the_table_shows_each_breaking_p
     assert cells["nearest"]["recall"] == 1 and 0 < cells["nearest"]["p"] < 1
     assert cells["nearest"]["neighbour_error"] > cells["bicubic"]["neighbour_error"]
     # All values show the same synthetic picture, so bicubic cannot break and the one below it breaks at once.
-    assert report["dials"][0]["breaks"]["bicubic"] is None
-    assert report["dials"][0]["breaks"]["nearest"]["value"] == 64
+    assert report["dials"][0]["breaks"]["bicubic"] is None and report["dials"][0]["breaks"]["nearest"]["value"] == 64
     motion = next(dial for dial in report["dials"] if dial["name"] == "motion")
     still = next(cell for cell in motion["cells"] if cell["value"] == 0)
     assert (still["metrics"]["flicker_fixed"], still["metrics"]["steadiness"]) == (0, 1), "its frames are the same"
@@ -273,8 +271,7 @@ def test_plans_are_made_where_the_default_breaks_or_where_it_is_hardest_and_defa
     at = [Break(value, 0.7, "below its start") for value in (0.5, 0.25)]
     assert plans.value_of(sweep_of(**{DEFAULT_METHOD: at[0], FAST_METHOD: at[1]})) == 0.5
     assert plans.value_of(sweep_of(**{FAST_METHOD: at[1], "bicubic": at[0]})) == 0.25
-    assert plans.value_of(sweep_of()) == 1 / 16
-    assert plans.target_of(sweep_of(first=0.8)) == pytest.approx(0.75)
+    assert plans.value_of(sweep_of()) == 1 / 16 and plans.target_of(sweep_of(first=0.8)) == pytest.approx(0.75)
     assert plans.target_of(sweep_of(first=0.8199)) == pytest.approx(0.76)
     methods = measure.default_methods(4)
     assert methods[0] == "bicubic" and measure.DEFAULT_METHOD in methods
