@@ -62,19 +62,26 @@ def collections(root: bpy.types.LayerCollection) -> Iterator[bpy.types.LayerColl
 
 
 def with_instanced(items: set[bpy.types.Object]) -> set[bpy.types.Object]:
-    """Return ``items`` and the objects that collection instances among them show."""
-    return items | {child for item in items for child in _instanced(item)}
-
-
-def _instanced(item: bpy.types.Object) -> set[bpy.types.Object]:
-    """Objects that a collection instance shows; they may lie outside the scene's collections."""
-    shown = item.instance_type == "COLLECTION" and item.instance_collection is not None
-    return with_instanced(_switched_on([item.instance_collection] if shown else []))
+    """Return ``items`` and the objects that collection instances among them show, which may lie outside the scene."""
+    found, waiting, known = set(items), list(items), set[bpy.types.Collection | None]({None})
+    while waiting:
+        item = waiting.pop()
+        if item.instance_type == "COLLECTION" and item.instance_collection not in known:
+            known.add(item.instance_collection)
+            waiting += (inside := _switched_on([item.instance_collection]) - found)
+            found |= inside
+    return found
 
 
 def rendered(scene: bpy.types.Scene) -> set[bpy.types.Object]:
     """Return the objects that renders of the scene show, those in instances of collections, too."""
     return with_instanced(_switched_on([scene.collection]))
+
+
+def with_copied(scene: bpy.types.Scene) -> set[bpy.types.Object]:
+    """Return ``rendered`` and what geometry nodes and particles copy, whose own collections may be off."""
+    instances = bpy.context.evaluated_depsgraph_get().object_instances
+    return rendered(scene) | {instance.object.original for instance in instances if instance.is_instance}
 
 
 def _switched_on(waiting: list[bpy.types.Collection]) -> set[bpy.types.Object]:
@@ -165,7 +172,7 @@ def _default(owner: bpy.types.bpy_struct, name: str) -> object:
 
 def materials(scene: bpy.types.Scene) -> list[bpy.types.Material]:
     """Return the materials of objects that are rendered, by name."""
-    slots = (slot.material for item in rendered(scene) for slot in item.material_slots)
+    slots = (slot.material for item in with_copied(scene) for slot in item.material_slots)
     return sorted(set(filter(None, slots)), key=lambda material: material.name)
 
 

@@ -16,7 +16,7 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.frame import AUTO, EVEN, OWN, WORLD_IMAGES, check_light, is_light_file
 
 from .. import compat
-from .contents import materials, nodes_of, rendered
+from .contents import materials, nodes_of, rendered, with_copied
 
 DEFAULT_LIGHT = "city"  # neutral, from all sides: suits glass as well as skin
 # Brightness below which a white surface is almost in the dark. The world of a new file, 0.05, lights less.
@@ -49,7 +49,7 @@ def light_items() -> list[tuple[str, str, str, int]]:
 
 def has_light(scene: bpy.types.Scene) -> bool:
     """Return True if anything in the scene emits light: a lamp, a world, or a material in use."""
-    lamps = any(item.type == "LIGHT" and item.data.energy for item in rendered(scene))
+    lamps = any(item.type == "LIGHT" and item.data.energy for item in with_copied(scene))
     return world_radiance(scene.world) > 0 or lamps or has_emission(scene)
 
 

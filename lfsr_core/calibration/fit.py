@@ -9,8 +9,6 @@ K and shift. The wave of fringes is measured roughly by the strongest response, 
 over the panel: what the phases differ by from a wave says how uncertain the wave is.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import math

@@ -12,8 +12,6 @@ fract((3·(i + j·slope) + c + x0) / interval), in subpixels: 0 at the left bord
 which is seen from the left.
 """
 
-from __future__ import annotations
-
 import codecs
 import contextlib
 import dataclasses

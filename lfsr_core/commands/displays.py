@@ -1,7 +1,5 @@
 """``lfsr displays [NAME]``: list, show, import and calibrate display profiles; list those that are connected."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import math

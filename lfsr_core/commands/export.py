@@ -1,7 +1,5 @@
 """``lfsr view``, ``views``, ``show``, ``export``, ``import``: finished frames for people and programs, and theirs."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

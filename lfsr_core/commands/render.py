@@ -1,7 +1,5 @@
 """``lfsr render``, ``upscale``, ``farm`` and ``merge``: from a scene to finished EIAs, here or on several machines."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import math

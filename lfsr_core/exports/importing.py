@@ -1,7 +1,5 @@
 """Import the views of other programs or cameras: a folder of views, by their names, a quilt or a film of quilts."""
 
-from __future__ import annotations
-
 import configparser
 import dataclasses
 import itertools

@@ -1,7 +1,5 @@
 """The light field of a finished frame: its views as arrays, in other sizes and as images."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import re

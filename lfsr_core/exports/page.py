@@ -4,8 +4,6 @@ The page contains each EIA as WebP in base64 text; ``viewer/viewer.glsl`` finds 
 fetches nothing, so it opens from a disk.
 """
 
-from __future__ import annotations
-
 import base64
 import dataclasses
 import html

@@ -1,7 +1,5 @@
 """What is shown where: quilts through Looking Glass Bridge, a panel's own image full screen in a browser."""
 
-from __future__ import annotations
-
 import dataclasses
 import html
 import json

@@ -458,7 +458,7 @@ def check_scene(scene: str | Path) -> str:
         raise LfsrError(f"scene {scene} {'is no file' if scene.exists() else 'does not exist'}: check the path")
     if scene.suffix.lower() not in SCENE_SUFFIXES:
         raise LfsrError(f"{scene} is not a scene file that can be opened: give one of {', '.join(SCENE_SUFFIXES)}")
-    return os.path.abspath(scene)  # of a link itself: what a scene names lies beside it
+    return str(scene.parent.resolve() / scene.name)  # of a link itself: what a scene names lies beside it
 
 
 def check_light(light: str) -> str:
@@ -471,7 +471,7 @@ def check_light(light: str) -> str:
     if not Path(light).is_file():
         raise LfsrError(f"light {light} {'is no file' if Path(light).exists() else 'does not exist'}: check the path, "
                         f"or choose one of {', '.join(LIGHTS)}")
-    return os.path.abspath(light)
+    return str(Path(light).parent.resolve() / Path(light).name)
 
 
 def is_light_file(light: str) -> bool:

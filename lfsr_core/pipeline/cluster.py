@@ -4,8 +4,6 @@ Only requests and results are sent: the scene and the folders are where every wo
 and repeats those of a worker that dies.
 """
 
-from __future__ import annotations
-
 import concurrent.futures
 import contextlib
 import dataclasses

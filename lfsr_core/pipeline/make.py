@@ -262,7 +262,8 @@ def render_all(requests: Sequence[Request], blender: Starts, tell: Tell = silent
                                 remove(staging)
                             rendered(request)
                         elif record["stage"] == FAILED_STAGE and failed is not None:
-                            failed(waiting.pop(0)[0], LfsrError(record["message"]))
+                            failed(waiting[0][0], LfsrError(record["message"]))
+                            del waiting[0]
                         elif (told := told_of(record)) is not None:
                             tell(told)
                     if not child.is_done() or waiting:

@@ -6,8 +6,6 @@ mean is 0 for noise, measure the change, whatever moved. An elemental image is a
 pixels has changed, others may have, hidden by noise.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path

@@ -45,14 +45,7 @@ def add(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.Object:
             with contextlib.suppress(LfsrError):  # it is no perspective camera, or the subject is out of its sight
                 placed, leading = placement.array_of_camera(scene, profile, subject), camera
         placed = placed or in_front(scene, profile, subject)
-    array = _moved(scene, placed)
-    while leading is not None and not (leading.animation_data or leading.constraints):
-        leading = leading.parent
-    if leading is not None:
-        array.parent = camera
-        array.matrix_parent_inverse = camera.matrix_world.inverted_safe()
-        bpy.context.view_layer.update()
-    return array
+    return _following(_moved(scene, placed), leading)
 
 
 @as_rendered()
@@ -78,7 +71,7 @@ def fit_to_camera(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.
     if rig.is_array(camera):
         raise LfsrError(f"the active camera {camera.name!r} is the camera array itself: make another camera active, or "
                         "fit to the view")
-    return _moved(scene, placement.array_of_camera(scene, profile, find_subject(scene)))
+    return _following(_moved(scene, placement.array_of_camera(scene, profile, find_subject(scene))), camera)
 
 
 @as_rendered()
@@ -125,9 +118,19 @@ def _moved(scene: bpy.types.Scene, placed: Placement) -> bpy.types.Object:
     return array
 
 
+def _following(array: bpy.types.Object, camera: bpy.types.Object | None) -> bpy.types.Object:
+    """Return ``array``, as a child of ``camera`` if that moves."""
+    if camera is not None and placement.moves(camera):
+        array.parent, array.matrix_parent_inverse = camera, camera.matrix_world.inverted_safe()
+        bpy.context.view_layer.update()
+    return array
+
+
 def put(array: bpy.types.Object, placed: Placement) -> None:
-    """Move ``array`` and its display plane to a placement."""
+    """Move ``array`` and its display plane to a placement, where it follows no camera."""
     layout, matrix = placed
+    if array.parent is not None and array.parent.type == "CAMERA":
+        array.parent = None
     if (plane := rig.plane_of(array)) is None:
         plane = bpy.data.objects.new(PLANE_NAME, None)
         plane.empty_display_type = "SINGLE_ARROW"

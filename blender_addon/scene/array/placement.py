@@ -13,7 +13,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from copy import copy
 from typing import Any
 
-import bmesh
 import bpy
 import mathutils
 import numpy as np
@@ -85,6 +84,7 @@ class Rays:
         self.items: list[tuple[bpy.types.Object, mathutils.Matrix, BVHTree | None]] = []
         if len(self.depsgraph.object_instances) <= FEW and sky is None:
             return
+        import bmesh  # which is there after bpy alone
         boxes, shapes, trees = [], dict[int, list[tuple[float, ...]]](), dict[int, BVHTree | None]()
         for instance in self.depsgraph.object_instances:
             item = instance.object
@@ -246,12 +246,18 @@ def fit_array(low: Array, high: Array, profile: DisplayProfile) -> Placement:
     return array, from_blender(place @ turn)
 
 
+def moves(item: bpy.types.Object) -> bool:
+    """Return True if an object, or one that it follows, is animated or has a constraint."""
+    return bool(item.animation_data or item.constraints) or (item.parent is not None and moves(item.parent))
+
+
 def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object]) -> Placement:
     """Return an array that shows what the scene's camera sees, at its place, towards the middle of its picture.
 
     The display plane is where the camera focuses, else where the visible subject's nearest and farthest points have
-    equal parallax, over the whole animation. It is nearer, and the array smaller, where the array would reach through a
-    wall. An orthographic camera has no eye: the display shows as much, and viewers stand at their distance from it.
+    equal parallax. It is nearer, and the array smaller, where the array would reach through a wall: of a camera that
+    stands still, in any frame of the animation. An orthographic camera has no eye: the display shows as much, and
+    viewers stand at their distance from it.
     """
     camera, aspect = scene.camera, profile.panel_mm[0] / profile.panel_mm[1]
     if camera.data.type not in ("PERSP", "ORTHO"):
@@ -277,10 +283,9 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
     key = scene.session_uid, camera.session_uid, profile, frozenset(item.session_uid for item in subject)
     if (found := fields.get(key) if fields is not None else None) is None:
         (first, last), tall, depths, free = frame_range(scene), 0.0, list[float](), np.full(2, np.inf)
+        frames = () if moves(camera) else spread(range(first, last + 1), CAMERA_FRAMES)
         for is_measured in (False, True):
-            for _ in visited(scene, spread(range(first, last + 1), CAMERA_FRAMES)):
-                if scene.camera != camera:
-                    continue  # which a marker has put there
+            for _ in visited(scene, frames):
                 sight, across, down, _ = look()
                 if is_measured:
                     depths += _depths(sight, half(across, down), subject)
@@ -294,7 +299,7 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
                 else:
                     break
         found = tall, depths, free
-        if fields is not None:
+        if fields is not None and frames:
             fields[key] = found
     tall, depths, free = found
     sight, across, down, back = look()
@@ -454,11 +459,16 @@ def _free_fraction(free: Array, profile: DisplayProfile, array: CameraArray) -> 
 
 def scale_of(scene: bpy.types.Scene, job: Request) -> ScaleChoice:
     """Choose one of the job's scales by the depth at which the middle of the array sees the subject in its frames."""
-    subject, moves = find_subject(scene, job.subject), [np.empty(0)]
-    for _ in visited(scene, job.sampling.frames):
-        with suppress(LfsrError):  # no array where the subject is out of sight: its frame says so when it is rendered
-            moves.append(moves_of(scene, job.display, subject))
-    return choose_scale(job.display, np.concatenate(moves), job.sampling.scales, job.judged_rays)
+    global fields
+    subject, found, before = find_subject(scene, job.subject), [np.empty(0)], fields
+    fields = {} if fields is None else fields
+    try:
+        for _ in visited(scene, job.sampling.frames):
+            with suppress(LfsrError):  # no array where the subject is out of sight: its frame says so as it is rendered
+                found.append(moves_of(scene, job.display, subject))
+    finally:
+        fields = before
+    return choose_scale(job.display, np.concatenate(found), job.sampling.scales, job.judged_rays)
 
 
 @as_rendered()
@@ -492,7 +502,7 @@ def visited(scene: bpy.types.Scene, numbers: Collection[int]) -> Iterator[int]:
 @contextmanager
 def same_frame(scene: bpy.types.Scene) -> Iterator[None]:
     """Restore the current frame of ``scene`` after the block, if it changed, and changes that have no keys yet."""
-    before, kept = (scene.frame_current, scene.frame_subframe), []
+    before, camera, kept = (scene.frame_current, scene.frame_subframe), scene.camera, []
     for owner in (*bpy.data.objects, *bpy.data.shape_keys, *bpy.data.lights, *bpy.data.cameras):
         for path in {curve.data_path for curve in curves(owner)}:
             holder, _, name = path.rpartition(".")
@@ -504,6 +514,7 @@ def same_frame(scene: bpy.types.Scene) -> Iterator[None]:
     finally:
         if (scene.frame_current, scene.frame_subframe) != before:
             scene.frame_set(before[0], subframe=before[1])
+            scene.camera = camera  # of a marker, or not
             for holder, name, value in kept:
                 with suppress(AttributeError, ReferenceError):  # linked, or removed in the block
                     if getattr(holder, name) != value:
