@@ -309,9 +309,12 @@ def _resting(scene: bpy.types.Scene) -> Iterator[None]:
     scene itself, which keeps its values of this frame, and those of the pass index of objects.
     """
     indices = (curve for item in bpy.data.objects for curve in curves(item) if curve.data_path == "pass_index")
+    camera = scene.camera
     with ExitStack() as stack:
+        stack.callback(setattr, scene, "camera", camera)
         for marker in scene.timeline_markers:
             stack.enter_context(overridden(marker, {"camera": None}))
+        scene.camera = camera  # Blender has taken that of a marker that was still there
         for curve in [*curves(scene), *indices]:
             stack.enter_context(overridden(curve, {"mute": True}))
         yield

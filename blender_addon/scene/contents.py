@@ -80,8 +80,11 @@ def rendered(scene: bpy.types.Scene) -> set[bpy.types.Object]:
 
 def with_copied(scene: bpy.types.Scene) -> set[bpy.types.Object]:
     """Return ``rendered`` and what geometry nodes and particles copy, whose own collections may be off."""
-    instances = bpy.context.evaluated_depsgraph_get().object_instances
-    return rendered(scene) | {instance.object.original for instance in instances if instance.is_instance}
+    found = rendered(scene)
+    if any(modifier.type in ("NODES", "PARTICLE_SYSTEM") for item in found for modifier in item.modifiers):
+        instances = bpy.context.evaluated_depsgraph_get().object_instances
+        found |= {instance.object.original for instance in instances if instance.is_instance}
+    return found
 
 
 def _switched_on(waiting: list[bpy.types.Collection]) -> set[bpy.types.Object]:

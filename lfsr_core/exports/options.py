@@ -6,8 +6,6 @@ quilts with, knows them by their sizes and takes the numbers in a name for rows 
 of another size can be taken for one with rows and columns exchanged.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from pathlib import Path

@@ -5,8 +5,6 @@ zlib, which releases the GIL, compresses bands of rows in parallel. For the EIA 
 OpenImageIO, on one core, takes 6.4 s.
 """
 
-from __future__ import annotations
-
 import functools
 import os
 import struct

@@ -1,7 +1,5 @@
 """What a plan is asked: target, candidates, cost of the sample; and what it answers: the cheapest that reaches it."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterable, Sequence

@@ -194,7 +194,7 @@ def test_the_array_stands_where_a_marker_puts_the_camera_and_stays_an_array(lit,
     first, other = lit.camera, add_camera(lit, (0.2, -4, 0.1), 0.6)
     expected = images_of(lit, tmp_path / "plain", **INDEXED)
     lit.camera = first
-    lit.timeline_markers.new("cut", frame=1).camera = other
+    lit.timeline_markers.new("cut", frame=1).camera, lit.timeline_markers.new("back", frame=9).camera = other, first
     assert_same(images_of(lit, tmp_path / "marked", frame=1, **INDEXED), expected)
     assert lit.timeline_markers["cut"].camera == other
 
