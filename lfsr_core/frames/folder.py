@@ -143,7 +143,7 @@ class FrameFolder:
         found = [name for name in DERIVED_FILES if name != files.LOG_FILE and (self.path / name).exists()]
         # One that was killed while it was published lacks its frame.json, but not the render.
         if found and not any((self.path / name).exists() for name in (files.FRAME_FILE, *RENDERED_FILES[kind])):
-            raise LfsrError(f"{self.path} holds {found[0]} of no render, which would be lost: choose another folder")
+            raise LfsrError(f"{self.path} holds {found[0]} but no render, which would replace it: choose another one")
 
     def publish(self, staged: Path) -> None:
         """Take the render in the folder ``staged``: all that was made of an older one goes, and its stored parts."""

@@ -32,8 +32,7 @@ def test_compare_writes_and_prints_every_metric_also_in_a_python_without_flip(tm
     main(["upscale", str(folder), "--method", "bicubic"])
     capsys.readouterr()
     assert main(["compare", str(folder), str(reference)]) == 0
-    printed = capsys.readouterr().out
-    metrics = json.loads((folder / "report.json").read_text())["metrics"]
+    printed, metrics = capsys.readouterr().out, json.loads((folder / "report.json").read_text())["metrics"]
     names = METRIC_NAMES if lenses is None else SAMPLED_NAMES
     assert set(names) <= set(metrics)
     for name in names:

@@ -183,7 +183,7 @@ def test_a_page_in_a_folder_that_held_no_render_is_kept_and_what_cannot_be_impor
         refuses(message, import_views, images, tmp_path / "frame", **options)
         assert not (tmp_path / "frame").exists()
     (tmp_path / "view.html").touch()
-    refuses("holds view.html of no render", import_views, images, tmp_path)
+    refuses("holds view.html but no render", import_views, images, tmp_path)
     import_views(images, tmp_path / "frame")
     (tmp_path / "view.html").rename(tmp_path / "frame" / "view.html")
     import_views(images, tmp_path / "frame")

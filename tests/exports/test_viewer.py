@@ -113,8 +113,7 @@ def test_without_loss_the_pixels_are_the_images_and_smooth_is_the_view_where_a_c
         pixels = shown(page, 48, mode="smooth", eye=eye)
         assert np.abs(pixels[middles].astype(int) - field.views[row, column]).max() <= 1
     eye = (offset[5] + MINI.camera_spacing_mm / 2, -offset[2], MINI.viewing_distance_mm)
-    mixed = (field.views[2, 5].astype(float) + field.views[2, 6]) / 2
-    pixels = shown(page, 48, mode="smooth", eye=eye)
+    mixed, pixels = (field.views[2, 5].astype(float) + field.views[2, 6]) / 2, shown(page, 48, mode="smooth", eye=eye)
     assert np.abs(pixels[middles] - mixed).max() <= 1
     # Between lenses it lies between them: no steps as wide as a lens.
     steps, lenses = (np.abs(np.diff(image.astype(int), axis=1)).max() for image in (pixels, pixels[middles]))

@@ -68,8 +68,7 @@ def test_near_things_move_against_the_eye_far_ones_with_it_and_those_on_the_disp
 
 
 def test_a_display_whose_driver_flips_shows_the_same_and_the_gap_gives_the_viewing_angle():
-    image = painted((-30, 20, 0.8, NEAR), (20, 0, 1.2, FAR))
-    direct = dataclasses.replace(MINI, ei_order="direct")
+    image, direct = painted((-30, 20, 0.8, NEAR), (20, 0, 1.2, FAR)), dataclasses.replace(MINI, ei_order="direct")
     eye = (25.0, -10.0, MINI.viewing_distance_mm)
     np.testing.assert_array_equal(eye_view(image, direct, eye, width=0), eye_view(on_panel(image), MINI, eye, width=0))
     image = painted((-30, 20, 1.0, PLANE))

@@ -128,8 +128,7 @@ def quads_at(card, layout, place):
     across, down = layout.tiles
     px, py = layout.views
     column, row = np.meshgrid(np.arange(across * px), np.arange(down * py))
-    quad = row // py * across + column // px
-    wanted = np.stack([column % px + place[0], row % py + place[1]], -1)
+    quad, wanted = row // py * across + column // px, np.stack([column % px + place[0], row % py + place[1]], -1)
 
     def corners_of(values):
         return [values[quad, corner] for corner in (0, 1, 3)]
@@ -160,8 +159,7 @@ def test_pixels_lie_where_an_orthographic_camera_sees_them(layout):
     card = rays.lens_card(layout)
     width, height = layout.size
     _, _, places = quads_at(card, layout, (0.5, 0.5))
-    right = (np.arange(width) + 0.5 - width / 2) * card.pixel
-    up = (height / 2 - np.arange(height) - 0.5) * card.pixel
+    right, up = (np.arange(width) + 0.5 - width / 2) * card.pixel, (height / 2 - np.arange(height) - 0.5) * card.pixel
     assert places == pytest.approx(np.stack(np.meshgrid(right, up), -1), abs=1e-9)
     assert card.pixel == pytest.approx(2 * CARD_ARRAY.half_width / layout.lenses[0])
     assert np.ptp(card.corners.reshape(-1, 2), axis=0) == pytest.approx((np.array(layout.size) + 2 * RIM) * card.pixel)

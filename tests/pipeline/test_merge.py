@@ -34,8 +34,7 @@ def parts(folder: Path, count: int, **changes) -> list[Path]:
 @pytest.mark.parametrize("count", [1, 2, 5, 12])
 def test_parts_are_the_whole(tmp_path, kind, count):
     options = {"kind": kind, "scale": 2 if kind == "render" else 1}
-    whole = made(tmp_path / "whole", **options)
-    frame = merge(parts(tmp_path, count, **options), tmp_path / "merged")
+    whole, frame = made(tmp_path / "whole", **options), merge(parts(tmp_path, count, **options), tmp_path / "merged")
     assert dataclasses.replace(frame, seconds={}) == dataclasses.replace(read_frame(whole), seconds={})
     assert frame == read_frame(tmp_path / "merged")
     for path in whole.glob("*.exr"):

@@ -124,8 +124,7 @@ def test_job_file_asks_for_the_job_and_its_render_is_moved_in_whole(blender, job
     asked = json.loads((tmp_path / "copy.json").read_text())
     assert Path(asked.pop("output")).is_absolute() and asked.pop("parts") == str(FrameFolder(job.output).parts)
     assert asked == {key: value for key, value in to_data(job).items() if key not in ("output", "parts")}
-    record = '{"stage": "notice", "notice": "file-unreadable", "values": {"path": "wood.png"}}'
-    seen = []
+    record, seen = '{"stage": "notice", "notice": "file-unreadable", "values": {"path": "wood.png"}}', []
     render_all([job], Blender(blender(f"print('LFSR {record}')" + GOOD)), seen.append)
     assert seen == [Notice("file-unreadable", {"path": "wood.png"}), Progress("render", 0.5, "half")]
     assert leftovers(job) == ["frame", f"frame/{LOW_RES_FILE}"]
@@ -194,7 +193,7 @@ def test_another_kind_of_render_and_a_file_of_no_render_are_never_overwritten(bl
     folder = tmp_path / "frame"
     folder.mkdir()
     (folder / present).write_text("hours of work")
-    with pytest.raises(LfsrError, match=f"(a {kind} was asked for|of no render).*: choose another"):
+    with pytest.raises(LfsrError, match=f"(a {kind} was asked for|but no render).*: choose another"):
         render_all([make_request(str(folder), load_display("mini"), kind=kind, scale=1)], Blender(blender(GOOD)))
     assert (folder / present).read_text() == "hours of work"
 

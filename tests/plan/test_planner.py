@@ -78,8 +78,7 @@ def test_estimates_are_near_those_of_whole_frames_and_accuracy_of_the_whole_arra
     assert sum(row.estimate is not None for row in planned.candidates) >= 6
     options = dataclasses.replace(OPTIONS, metric="ssim_lens", scales=(4,), samples=(16,))
     planned = plan(JOB, options, render, tmp_path / "array")
-    row = next(row for row in planned.candidates if row.candidate.method == "bilinear")
-    folder = tmp_path / "whole"
+    row, folder = next(row for row in planned.candidates if row.candidate.method == "bilinear"), tmp_path / "whole"
     render(dataclasses.replace(JOB, output=str(folder), sampling=Sampling(4, 16), seed=991))
     shown, wanted = (srgb_encode(to_elemental_images(image[..., :3], MINI.lenses)).reshape(-1, 8, 8, 3)
                      for image in (finished_linear(folder, "bilinear"), light_field()))

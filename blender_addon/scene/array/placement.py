@@ -501,7 +501,7 @@ def visited(scene: bpy.types.Scene, numbers: Collection[int]) -> Iterator[int]:
 
 @contextmanager
 def same_frame(scene: bpy.types.Scene) -> Iterator[None]:
-    """Restore the current frame of ``scene`` after the block, if it changed, and changes that have no keys yet."""
+    """Restore the current frame of ``scene`` after the block, its camera, and changes that have no keys yet."""
     before, camera, kept = (scene.frame_current, scene.frame_subframe), scene.camera, []
     for owner in (*bpy.data.objects, *bpy.data.shape_keys, *bpy.data.lights, *bpy.data.cameras):
         for path in {curve.data_path for curve in curves(owner)}:
@@ -514,11 +514,11 @@ def same_frame(scene: bpy.types.Scene) -> Iterator[None]:
     finally:
         if (scene.frame_current, scene.frame_subframe) != before:
             scene.frame_set(before[0], subframe=before[1])
-            scene.camera = camera  # of a marker, or not
-            for holder, name, value in kept:
-                with suppress(AttributeError, ReferenceError):  # linked, or removed in the block
-                    if getattr(holder, name) != value:
-                        setattr(holder, name, value)
+        scene.camera = camera  # also where the block ended at the frame that it began at
+        for holder, name, value in kept:
+            with suppress(AttributeError, ReferenceError):  # linked, or removed in the block
+                if getattr(holder, name) != value:
+                    setattr(holder, name, value)
 
 
 def frame_range(scene: bpy.types.Scene) -> tuple[int, int]:

@@ -120,8 +120,7 @@ def glass_film_and_mirror():
 
 def fog_around_the_viewer():
     """A box of fog narrower than the card would be."""
-    scene = room(1.0)
-    fog = scenes.mixed(("ShaderNodeVolumeScatter", {"Density": 0.15}), output="Volume")
+    scene, fog = room(1.0), scenes.mixed(("ShaderNodeVolumeScatter", {"Density": 0.15}), output="Volume")
     add_box(scene, (0, 0, 0), (1.5, 9, 1.5), fog)
     return scene
 

@@ -56,10 +56,20 @@ def test_own_black_world_is_put_back(scene, tmp_path):
 @pytest.mark.parametrize(("kind", "lit"), [
     ("nothing", False), ("lamp", True), ("hidden lamp", False), ("emission", True), ("black emission", False),
     ("world", True), ("black world", False), ("instanced lamp", True), ("lamp in a group off", False),
-    ("grouped world", True), ("plain color world", True)])
+    ("grouped world", True), ("plain color world", True), ("copied emission", True)])
 def test_what_counts_as_light(scene, kind, lit):
     material = emission((0, 0, 0) if "black" in kind else (1, 1, 1)) if "emission" in kind else None
-    add_box(scene, (0, 0, 0), (1, 1, 1), material)
+    box = add_box(scene, (0, 0, 0), (1, 1, 1), material)
+    if "copied" in kind:  # by geometry nodes, from a collection that is off
+        off, copies = bpy.data.collections.new("off"), bpy.data.node_groups.new("copies", "GeometryNodeTree")
+        scene.collection.children.link(off)
+        off.hide_render, info = True, copies.nodes.new("GeometryNodeObjectInfo")
+        off.objects.link(box)
+        scene.collection.objects.unlink(box)
+        copies.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+        info.inputs["Object"].default_value, info.inputs["As Instance"].default_value = box, True
+        copies.links.new(info.outputs["Geometry"], copies.nodes.new("NodeGroupOutput").inputs[0])
+        add_box(scene, (3, 0, 0), (1, 1, 1)).modifiers.new("Copies", "NODES").node_group = copies
     if "lamp" in kind:
         lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "POINT"))
         lamp.hide_render = "hidden" in kind

@@ -37,8 +37,7 @@ PANELS = [cls for cls in panels.CLASSES if issubclass(cls, bpy.types.Panel) and 
 
 def draw(cls) -> list:
     """Draw one panel as Blender does; what it drew."""
-    layout = RecordingLayout()
-    own = {name: value for name, value in vars(cls).items() if callable(value)}
+    layout, own = RecordingLayout(), {name: value for name, value in vars(cls).items() if callable(value)}
     drawing = type("Drawing", (), own | {"layout": layout})()
     if hasattr(drawing, "draw_header_preset"):
         drawing.draw_header_preset(bpy.context)

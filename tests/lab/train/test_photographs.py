@@ -156,8 +156,7 @@ def test_training_lowers_the_loss_and_beats_its_start(folder, tmp_path):
     config = small(folder, epochs=30, crops_per_photograph=8, validate_every=30)
     photographs = comparator.load_photographs(folder)
     start = comparator.ComparatorTask(config, photographs, photographs, CPU).validate()
-    trained = train(config, tmp_path / "out", device="cpu")
-    lines = read_log(tmp_path / "out" / "log.jsonl")
+    trained, lines = train(config, tmp_path / "out", device="cpu"), read_log(tmp_path / "out" / "log.jsonl")
     assert lines[-1]["mse"] < 0.2 * lines[0]["mse"]
     assert trained.validation["validation.psnr"] > start["validation.psnr"] + 5
     facts = json.loads(trained.weights.with_suffix(".json").read_text())

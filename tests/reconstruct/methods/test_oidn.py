@@ -20,8 +20,7 @@ NORMAL = np.zeros_like(COLOR) + np.float32([0, 0, 1])
 @pytest.mark.parametrize("quality", denoise.QUALITIES)
 @pytest.mark.parametrize("guides", [(), (ALBEDO,), (ALBEDO, NORMAL)])
 def test_image_is_that_of_the_package(quality, guides):
-    pyoidn = pytest.importorskip("pyoidn")
-    settings = {"clean_aux": bool(guides), "quality": quality}
+    pyoidn, settings = pytest.importorskip("pyoidn"), {"clean_aux": bool(guides), "quality": quality}
     np.testing.assert_array_equal(denoise.denoise_image(COLOR, *guides, **settings),
                                   pyoidn.denoise(COLOR, *guides, hdr=True, **settings))
 

@@ -162,8 +162,7 @@ def test_blocks_do_not_see_each_other_and_a_flat_display_pools_along_its_one_axi
     assert images.shape == (len(lenses), 1, VIEWS[1] * SCALE, 3)
     moved = 0.8 * ((np.arange(VIEWS[1] * SCALE) + 0.5) / SCALE - 0.5)
     truth = np.stack([texture(column - moved, np.full(moved.shape, row)) for row, column in lenses])[:, None]
-    inner = np.all((lenses >= 3) & (lenses < np.array(LENSES) - 3), 1)
-    linear = Interpolation("linear")(one, lenses)
+    inner, linear = np.all((lenses >= 3) & (lenses < np.array(LENSES) - 3), 1), Interpolation("linear")(one, lenses)
     assert np.mean((images - truth)[inner] ** 2) < np.mean((linear - truth)[inner] ** 2)
 
 

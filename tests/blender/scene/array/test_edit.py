@@ -50,10 +50,12 @@ def test_at_a_camera_that_moves_it_moves_along_and_what_has_no_key_yet_stays(art
     for frame, x in ((1, 0), (20, 0.5)):
         artist.frame_set(frame)
         assert tuple(array.matrix_world.translation) == pytest.approx((x, -6, 0), abs=1e-5)
-    assert artist.camera == camera and edit.fit(artist, MINI, [box]).parent is None
+    assert edit.fit(artist, MINI, [box]).parent is None
     for name in "AB":
         artist.timeline_markers.new(name, frame=1).camera = bpy.data.objects.new(name, camera.data)
     assert contents.left_out(artist) == [Notice("markers-ignored", {"names": ["A", "B"]})]
+    artist.camera, box.location.z = camera, 0.3  # by hand, at the last frame that is sampled
+    assert list(placement.sample_frames(artist)) and artist.camera == camera and box.location.z == pytest.approx(0.3)
 
 
 def test_fit_keeps_the_direction_and_frames_the_selection(artist):

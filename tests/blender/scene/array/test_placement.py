@@ -330,6 +330,9 @@ def test_a_few_frames_of_an_animation_decide_together(scene):
     alone, together = frame_of(scene, rays=4.0), frame_of(scene, rays=4.0, frames=(1, 9))
     assert together.scale < alone.scale and (scene.frame_current, together.frame) == (1, 1)
     assert frame_of(scene, rays=4.0, frame=9, frames=(1, 9)).scale == together.scale
+    scene.camera.data.dof.use_dof = not scene.camera.keyframe_insert("location", frame=1)
+    first, last = (frame_of(scene, frame=number).array for number in (1, 9))
+    assert first != last, "one that moves is measured where it is"
 
 
 def test_a_frame_without_an_array_does_not_count(scene):

@@ -47,8 +47,7 @@ def test_render_writes_the_frame_folder_beside_the_file(rendered):
 
 def test_preview_shows_the_view_of_the_eye_and_in_another_file_not_the_old_ones(opened, rendered):
     assert bpy.ops.lfsr.preview_view() == {"FINISHED"}
-    image = bpy.data.images[images.IMAGE_NAME]
-    views = np.load(folders.views_file(panel.frame_one(rendered)))
+    image, views = bpy.data.images[images.IMAGE_NAME], np.load(folders.views_file(panel.frame_one(rendered)))
     assert views.shape == (8, 8, 12, 16, 3)
     for eye, index in {(-1, 1): (0, 0), (1, 1): (0, 7), (1, -1): (7, 7)}.items():
         opened.lfsr.eye_right, opened.lfsr.eye_up = eye

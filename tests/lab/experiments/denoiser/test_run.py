@@ -67,8 +67,7 @@ def test_errors_do_not_grow_with_the_noise_of_the_reference_and_views_are_those_
     expected = np.mean((0.2 * field)**2 / (mean.mean(-1, keepdims=True)**2 + 0.01))
     assert np.mean(worse.relative) == pytest.approx(expected, rel=0.15)
     assert np.mean(exact.ssim) > np.mean(worse.ssim) and np.mean(exact.flip) < np.mean(worse.flip)
-    panel = whole("lenticular")
-    block = tuple((row, column) for row in range(3, 7) for column in range(2, 8))
+    panel, block = whole("lenticular"), tuple((row, column) for row in range(3, 7) for column in range(2, 8))
     truth = Truth(write_reference(tmp_path / "lenticular", display=panel, lens_list=block))
     field = light_field(panel)[..., :3]
     images = to_elemental_images(field, panel.lenses)[tuple(truth.lenses.T)]
