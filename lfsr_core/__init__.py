@@ -4,8 +4,6 @@
 each name is loaded from its module when it is first used, and neither Blender nor torch nor NumPy is loaded before.
 """
 
-from __future__ import annotations
-
 TYPE_CHECKING = False  # here, because the module typing takes long to load
 if TYPE_CHECKING:  # the same names once more, for type checkers
     from lfsr_core.api import RenderedFrame, render

@@ -1,7 +1,5 @@
 """The ``lfsr`` command, whose verbs are in ``lfsr_core.commands``."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import importlib.metadata

@@ -1,7 +1,5 @@
 """Types of arrays, for annotations; the docstrings beside them give shape, dtype and axes."""
 
-from __future__ import annotations
-
 from typing import Any, TypeAlias
 
 import numpy as np

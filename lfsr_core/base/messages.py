@@ -4,8 +4,6 @@ Codes and values cross boundaries. Who shows a notice words it: the command line
 with the add-on's own table.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import difflib
 from collections.abc import Callable, Iterable

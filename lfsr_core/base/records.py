@@ -4,8 +4,6 @@ A field with ``metadata={"key": "name"}`` has another name in JSON than in Pytho
 converted: a field holds the value in the data, or reading fails with one sentence.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import re

@@ -1,7 +1,5 @@
 """This computer: files and folders that appear whole or not at all, files read up to a size, cores and memory."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import hashlib

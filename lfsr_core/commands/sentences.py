@@ -1,7 +1,5 @@
 """The sentences of notices, as the command line shows them: what is, and what can be done."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

@@ -5,8 +5,6 @@ Quilts are for Looking Glass displays and their programs. Tile 0 is at the botto
 view; tiles go rightwards, then upwards. The name holds columns, rows and the panel's proportions.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Iterator

@@ -4,8 +4,6 @@ A scene of somebody else may name anything: a device that never ends, a pipe, a 
 glTF 2.0, section 3.6.1.1: names are relative to the scene; OBJ names material libraries, which name images.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

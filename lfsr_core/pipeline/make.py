@@ -1,7 +1,5 @@
 """Render, continue and finish: the one way from a request to finished frame folders. An image is one frame."""
 
-from __future__ import annotations
-
 import collections
 import contextlib
 import dataclasses

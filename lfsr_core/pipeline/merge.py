@@ -4,8 +4,6 @@ Rows of lenses are joined: the result has the same bytes as the whole render whe
 References of other seeds are averaged, each half into its own.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path

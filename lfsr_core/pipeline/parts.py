@@ -1,7 +1,5 @@
 """Parts of a long render, in a hidden folder beside its frame folder, and how large they are to be."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import os

@@ -1,7 +1,5 @@
 """The plan, step by step: render a sample of lenses, score every candidate on it, choose the cheapest."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import shutil

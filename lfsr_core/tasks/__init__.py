@@ -1,7 +1,5 @@
 """Tasks that the add-on starts in a process of its own."""
 
-from __future__ import annotations
-
 import os
 import sys
 

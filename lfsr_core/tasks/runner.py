@@ -6,8 +6,6 @@ Progress and the result are ``LFSR {json}`` lines on standard output; the last o
 The process ends when its standard input does, so that it does not outlive Blender.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import os
