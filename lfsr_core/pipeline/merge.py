@@ -74,7 +74,7 @@ def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent
             raise LfsrError(f"{part.folder} was rendered from another version of {part.frame.scene} than "
                             f"{first.folder}: render one of them again")
     if rows:
-        check_cover(list(rows.values()), first.frame.display.lenses[1])
+        check_cover([rows[part.folder] for part in parts], first.frame.display.lenses[1])
         width, height = first.frame.rays.size[0], first.frame.rays.views[1]
         for part in parts:
             top, below = pixel_rows(rows[part.folder], height)
@@ -93,6 +93,9 @@ def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent
         frame = _merged(parts, samples=sum(part.frame.samples for part in parts), seed=min(seeds))
     target = FrameFolder(output)
     target.check_free(kind)
+    for folder in (part.folder for part in parts if target.path.resolve().is_relative_to(part.folder.resolve())):
+        raise LfsrError(f"{target.path} is, or lies in, the part {folder}, which must not be lost: choose another "
+                        "folder")
     with staging_folder(target.path) as staging, system_errors(target.path):
         staged = staging / "frame"
         staged.mkdir()

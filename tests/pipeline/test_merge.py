@@ -75,6 +75,9 @@ def test_a_part_is_no_frame_parts_of_other_devices_are_one_and_a_cut_one_is_name
     refuses("holds rows 7-12 of 12 alone: join it", read_frame, part)
     for verb in ("upscale", "view", "views"):
         assert "lfsr merge" in fails([verb, str(part)], capsys)
+    refuses("rows 7-12 are in more than one part", merge, [part, part, other], tmp_path / "twice")
+    for target in (other, part / "cut", part / ".." / part.name):
+        refuses("is, or lies in, the part .*part[12], which", merge, [part, other], target)
     change_frame(other, device="OPTIX", color=ColorSettings(config="/opt/blender/config.ocio"))
     assert merge([part, other], tmp_path / "merged").device == "CPU+OPTIX"
     (other / "lr_eia.exr").write_bytes((other / "lr_eia.exr").read_bytes()[:-40])

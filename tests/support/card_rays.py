@@ -1,7 +1,5 @@
 """The rays of a lens card and of a panel card, as their materials in Blender compute them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

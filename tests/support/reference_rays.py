@@ -3,8 +3,6 @@
 Camera-array space is that of ``optics/rays.py``. Nothing here reads what the cards store.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

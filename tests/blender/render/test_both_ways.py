@@ -4,8 +4,6 @@ Each feature of a scene is rendered both ways: through the middle view of a tiny
 with Blender's own camera and settings. They agree, or a notice names the feature.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 
