@@ -3,6 +3,7 @@
 import argparse
 import os
 import re
+import shlex
 import webbrowser
 from pathlib import Path
 from typing import Any
@@ -102,7 +103,7 @@ def run_import(arguments: argparse.Namespace) -> Any:
             finish_frame(folder, "none", bar)
     following = "view" if scale == 1 else "upscale"
     print(f"{folder}: {display.views[0]}×{display.views[1]} views of {display.lenses[0]}×{display.lenses[1]} pixels; "
-          f"next: lfsr {following} {folder}")
+          f"next: {shlex.join(['lfsr', following, str(folder)])}")
     return {"folder": folder, "display": display}
 
 

@@ -4,6 +4,7 @@ import argparse
 import dataclasses
 import math
 import os
+import shlex
 import time
 from pathlib import Path
 from typing import Any
@@ -207,8 +208,10 @@ def run_farm(arguments: argparse.Namespace) -> Any:
     output = arguments.output or Path(name)
     if output.is_dir():
         raise LfsrError(f"{output} is a folder, but the template is a file: give a file in it, as {output / name}")
+    if (ending := Path(name).suffix) != output.suffix.lower():
+        raise LfsrError(f"the template is written, but {output} was given: give -o FILE{ending}")
     write_template(arguments.farm, output)
-    print(f"{output}: {NEXT[arguments.farm].replace('FILE', str(output))}")
+    print(f"{output}: {NEXT[arguments.farm].replace('FILE', shlex.quote(str(output)))}")
     return {"file": output}
 
 

@@ -45,8 +45,8 @@ class Page:
     bytes: int
 
 
-def write_page(folders: Sequence[str | Path], output: str | Path | None = None, quality: int | None = None,
-               tell: Tell = silent) -> Page:
+def write_page(folders: str | Path | Sequence[str | Path], output: str | Path | None = None,
+               quality: int | None = None, tell: Tell = silent) -> Page:
     """Write the viewer of one finished frame folder, or of several as an animation.
 
     ``folders``: frame folders of one display, or folders of frame folders, in order; ``output``: the HTML file, by
@@ -55,8 +55,12 @@ def write_page(folders: Sequence[str | Path], output: str | Path | None = None, 
     """
     if quality is not None and not 1 <= quality <= BEST:
         raise LfsrError(f"quality is {quality}, but it must be from 1 to {BEST} (lossless)")
-    path = Path(output) if output else Path(folders[0]) / VIEWER_FILE
-    frames = {folder: read_frame(folder) for given in folders for folder in frame_folders(given)}
+    if not (every := [folders] if isinstance(folders, str | Path) else folders):
+        raise LfsrError("there are no frames to show: name their folders")
+    path = Path(output) if output else Path(every[0]) / VIEWER_FILE
+    if path.suffix.lower() != ".html":
+        raise LfsrError(f"the viewer is a page, but {path} was given: give FILE.html")
+    frames = {folder: read_frame(folder) for given in every for folder in frame_folders(given)}
     profile = one_display(frames)
     # Numbers of the frames, or where two have the same, the ends of their folders' paths that tell them apart.
     labels, paths = [str(frame.frame) for frame in frames.values()], [folder.resolve().parts for folder in frames]

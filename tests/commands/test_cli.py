@@ -82,7 +82,9 @@ def test_json_is_one_object_and_quiet_prints_nothing(scene, blender, tmp_path, c
     assert Path(json.loads(said("view", frame, "--json").out)["path"]).is_file()
     assert json.loads(said("export", frame, "--format", "stereo", "--json").out)["files"]
     assert {one["name"] for one in json.loads(said("displays", "--json").out)["displays"]} == {*builtin_names()}
-    assert json.loads(said("farm", "openjd", "-o", tmp_path / "job.yaml", "--json").out)["file"]
+    assert f"openjd run '{tmp_path}/a job.yaml'" in said("farm", "openjd", "-o", tmp_path / "a job.yaml", "--json").err
+    for words in (("view", frame, "-o", frame / "eia.png"), ("farm", "openjd", "-o", scene)):
+        assert "was given: give" in json.loads(said(*words, "--json", code=2).out)["error"]
     refused = said("displays", "minni", "--json", code=2)
     assert "did you mean 'mini'" in json.loads(refused.out)["error"] and "did you mean 'mini'" in refused.err
     for words in (("views", frame), ("displays", "mini"),
@@ -363,9 +365,9 @@ def test_export(folder, capsys, options, names):
 
 
 def test_there_and_back(folder, tmp_path, capsys):
-    views, back = str(tmp_path / "views"), tmp_path / "back"
+    views, back = str(tmp_path / "views"), tmp_path / "b ck"
     assert main(["export", str(folder), "--format", "hci", "--views", "4", "-o", views]) == 0
-    assert main(["import", views, "-o", str(back)]) == 0 and f"next: lfsr view {back}" in capsys.readouterr().out
+    assert main(["import", views, "-o", str(back)]) == 0 and f"next: lfsr view '{back}'" in capsys.readouterr().out
     assert (read_light_field(back).views == read_light_field(folder).resampled((4, 4))).all()
     assert main(["import", views, "-o", str(tmp_path / "low"), "--scale", "2", "--angle-deg", "20"]) == 0
     assert "next: lfsr upscale" in capsys.readouterr().out

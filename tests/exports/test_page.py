@@ -64,7 +64,7 @@ def test_default_place_an_animation_and_frames_of_one_number(tmp_path):
     for number in (2, 10, 1):
         finished(tmp_path / "Scene" / f"{number:04d}", frame=number)
     (tmp_path / "Scene" / "0005").mkdir()  # one that is not finished
-    written = write_page([tmp_path / "Scene"])
+    written = write_page(tmp_path / "Scene")
     assert written.path == tmp_path / "Scene" / "view.html"
     text = written.path.read_text(encoding="utf-8")
     assert '"labels": ["1", "2", "10"]' in text and len(images(written.path)) == 3
@@ -98,6 +98,7 @@ def test_what_is_refused_and_a_large_page_noted(folder, tmp_path, monkeypatch):
         refuses(f"quality is {quality}", write_page, [folder], tmp_path / "page.html", quality)
     refuses("is no frame folder and holds none", write_page, [tmp_path / "empty"])
     refuses("does not exist", write_page, [tmp_path / "nowhere"])
+    refuses("there are no frames to show", write_page, [])
     assert not list(tmp_path.glob("**/*.html"))
     monkeypatch.setattr(page, "WARN_BYTES", 1000)
     told = Told()
