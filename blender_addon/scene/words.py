@@ -30,8 +30,7 @@ PANEL: dict[str, Wording] = {
                                      + "add one and move it with Align Active Camera to View",
     "light-weak": f"{DARK['dark']}, so the image will be almost black. Increase the lights or the exposure, or choose "
                   "another light under Quality",
-    "light-replaced": lambda values: sentences.replaced(values) + ": choose another light under Quality",
-}
+    "light-replaced": lambda values: sentences.replaced(values) + ": choose another light under Quality"}
 
 
 def sentence(notice: Notice) -> str:

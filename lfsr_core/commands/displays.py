@@ -166,8 +166,7 @@ def describe(profile: DisplayProfile) -> list[str]:
         ("pixel pitch", f"{profile.panel_mm[0] / profile.panel_pixels[0]:.4f} mm"),
         ("view spacing", f"{spacing:.3f} mm at the viewing distance, {angle(1):.3f}°"),
         ("vertical angle", f"{angle(profile.views[1]):.1f}°" if profile.parallax[1] else "none: one view vertically"),
-        ("scale factors", ", ".join(map(str, profile.scales())) or "none: no factor from 2 to 10 divides the views"),
-    ]
+        ("scale factors", ", ".join(map(str, profile.scales())) or "none: no factor from 2 to 10 divides the views")]
     for scale in (1, *profile.scales()):
         front, behind = profile.depth_range_mm(scale)
         far = "without limit" if math.isinf(behind) else f"{behind:.1f} mm"

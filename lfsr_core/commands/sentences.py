@@ -187,8 +187,7 @@ SENTENCES: dict[str, Wording] = {
                            "flip in the profile",
     "photograph-turned": "{photograph} shows the panel turned by {degrees}° and was turned back; camera positions "
                          "count along the pattern's own right and up",
-    "lens-distorts": "the lens of {photograph} distorts by {fraction:.1%} at the corner, now corrected",
-}
+    "lens-distorts": "the lens of {photograph} distorts by {fraction:.1%} at the corner, now corrected"}
 
 
 def sentence(notice: Notice, table: Mapping[str, Wording] | None = None) -> str:

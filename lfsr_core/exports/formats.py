@@ -41,8 +41,7 @@ WRITERS = {  # by the names of ``options.FORMATS``
     "views": Writer(images.write_views, ("view_*_*.png",)),
     "hci": Writer(images.write_hci, ("input_Cam*.png", images.DISPARITY_FILE)),
     "stanford": Writer(images.write_stanford, ("out_*_*_*_*_.png",)),
-    "pleno": Writer(images.write_pleno, ("[0-9][0-9][0-9]_[0-9][0-9][0-9].ppm",)),
-}
+    "pleno": Writer(images.write_pleno, ("[0-9][0-9][0-9]_[0-9][0-9][0-9].ppm",))}
 
 
 def export(folder: str | Path, name: str, target: str | Path | None = None,

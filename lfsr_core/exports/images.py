@@ -118,8 +118,7 @@ class Layout(NamedTuple):
 LAYOUTS = {
     "stereo": Layout("stereo", (1, 1), 1), "half-side-by-side": Layout("hsbs", (0.5, 1), 1),
     "top-bottom": Layout("tab", (1, 1), 0), "half-top-bottom": Layout("htab", (1, 0.5), 0),
-    "anaglyph": Layout("anaglyph", (1, 1), None),
-}
+    "anaglyph": Layout("anaglyph", (1, 1), None)}
 
 
 def anaglyph(left: Array, right: Array) -> Array:

@@ -412,9 +412,8 @@ def _hci_parameters(path: Path) -> tuple[int | None, tuple[float, ...]]:
     try:
         parser.read_string(read_bytes(path, "the parameters of an HCI light field", 100_000).decode())
         inside, outside = parser["intrinsics"], parser["extrinsics"]
-        lengths = (float(inside["focal_length_mm"]), float(inside["sensor_size_mm"]),
-                   float(outside["baseline_mm"]), float(outside["focus_distance_m"]) * 1000,
-                   inside.getfloat("panel_aspect", fallback=0.0))
+        lengths = (float(inside["focal_length_mm"]), float(inside["sensor_size_mm"]), float(outside["baseline_mm"]),
+                   float(outside["focus_distance_m"]) * 1000, inside.getfloat("panel_aspect", fallback=0.0))
         columns = outside.getint("num_cams_x")
         if not all(0 < value < math.inf for value in (*lengths[:4], lengths[4] or 1, columns or 1)):
             raise ValueError("a number is not above 0")

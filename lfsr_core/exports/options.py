@@ -46,8 +46,7 @@ FORMATS = {
                   ("views",)),
     "stanford": Format("Stanford Archive", "views named by their places, as in the Stanford light field archive",
                        ("views",)),
-    "pleno": Format("JPEG Pleno", "views as PPM, named as in the JPEG Pleno test sets", ("views",)),
-}
+    "pleno": Format("JPEG Pleno", "views as PPM, named as in the JPEG Pleno test sets", ("views",))}
 FILMS, FILM_RATE = ("sway", "wiggle"), 30.0  # of one frame, and their frames a second
 QUILT_FILM = "quilt-film"  # of an animation
 H264_SIDE = 6000  # pixels; films of longer sides are HEVC
@@ -71,8 +70,7 @@ PRESETS = {
     "16-gen2": Preset((5, 9), (819, 455), 16 / 9), "16": Preset((7, 7), (857, 857), 16 / 9),
     "16-portrait": Preset((11, 6), (545, 1000), 9 / 16), "32-gen2": Preset((5, 9), (1638, 910), 16 / 9),
     "32": Preset((7, 7), (1170, 1170), 16 / 9), "32-portrait": Preset((11, 6), (744, 1364), 9 / 16),
-    "65": Preset((8, 9), (1024, 910), 16 / 9),
-}
+    "65": Preset((8, 9), (1024, 910), 16 / 9)}
 
 
 @dataclasses.dataclass(frozen=True)

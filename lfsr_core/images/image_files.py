@@ -23,14 +23,10 @@ from lfsr_core.base.system import atomic_path, reading
 
 # Names, in lower case, that Blender 4.5, Blender 5.x and this program give the same pass.
 PASS_LAYERS = {
-    "combined": "color", "color": "color", "": "color",
-    "denoising albedo": "albedo", "albedo": "albedo",
+    "combined": "color", "color": "color", "": "color", "denoising albedo": "albedo", "albedo": "albedo",
     "denoising normal": "normal", "normal": "normal", "denoising depth": "path", "path": "path",
-    "position": "position",
-    "indexob": "index", "object index": "index", "index": "index",
-    "env": "environment", "environment": "environment",
-    "noisy image": "noisy",
-}
+    "position": "position", "indexob": "index", "object index": "index", "index": "index",
+    "env": "environment", "environment": "environment", "noisy image": "noisy"}
 LAYER_CHANNELS = {"color": "RGBA", "albedo": "RGB", "normal": "XYZ", "position": "XYZ", "index": "X", "path": "Z",
                   "environment": "RGB", "noisy": "RGBA"}
 COLORS = ("color", "noisy")  # other layers' components may be called X, Y, Z or R, G, B

@@ -176,11 +176,9 @@ def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], 
         mean = (a + b) / 2
         # Metrics (N,) of each elemental image on its own; "psnr" holds squared errors.
         values = {
-            "ssim_lens": stacked_ssim(x, a, b).mean((1, 2)),
+            "ssim_lens": stacked_ssim(x, a, b).mean((1, 2)), "ssim_lens_ceiling": stacked_ssim(a, b, b).mean((1, 2)),
             "ssim_lens_plain": stacked_ssim(x, mean, mean).mean((1, 2)),
-            "ssim_lens_ceiling": stacked_ssim(a, b, b).mean((1, 2)),
-            "psnr": np.mean((x - a) * (x - b), (1, 2, 3), dtype=np.float64),
-        }
+            "psnr": np.mean((x - a) * (x - b), (1, 2, 3), dtype=np.float64)}
         if flip_evaluator:
             values["flip"] = np.array([mean_flip(*pair) for pair in zip(x, mean, strict=True)])
         in_foreground = mask[rows, columns]

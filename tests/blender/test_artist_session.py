@@ -37,8 +37,7 @@ OPERATORS = {
     "duplicate": lambda chance: bpy.ops.object.duplicate(), "delete": lambda chance: bpy.ops.object.delete(),
     "key": lambda chance: bpy.context.scene.cycles.keyframe_insert("samples", frame=chance.randint(1, 9)),
     "frame": lambda chance: bpy.context.scene.frame_set(chance.randint(1, 9)), "undo": lambda chance: bpy.ops.ed.undo(),
-    "redo": lambda chance: bpy.ops.ed.redo(),
-}
+    "redo": lambda chance: bpy.ops.ed.redo()}
 
 
 def act(name, chance):

@@ -267,8 +267,7 @@ def test_a_release_is_a_zip_with_checksum_and_notes(tmp_path, project, monkeypat
     ({"website": ""}, "address in pyproject.toml is ''"), ({"website": "http://b.org"}, "'http://b.org'"),
     ({"name": " "}, "maintainer"), ({"email": ""}, "maintainer"), ({"email": "z example.org"}, "maintainer"),
     ({"sections": ()}, "has 0 sections"), ({"sections": (__version__, __version__)}, "has 2 sections"),
-    ({"sections": (f"{__version__}0",)}, "has 0 sections"),
-])
+    ({"sections": (f"{__version__}0",)}, "has 0 sections")])
 def test_a_release_that_is_not_ready_is_refused(tmp_path, project, values, said):
     refuses(said, builder.release, tmp_path / "dist", **project(**values))
     assert not (tmp_path / "dist").exists()
@@ -301,8 +300,7 @@ BROKEN = [
     ("check_network", "packages/lfsr_core/exports/loopback.py", 'ADDRESSES = ("127.0.0.1", "192.0.2.1")'),
     ("check_self_contained", "compat.py", "import bpy\nbpy.ops.preferences.addon_enable(module='x')"),
     ("check_self_contained", "compat.py", "import subprocess\nsubprocess.run(['python', '-m', 'pip'])"),
-    ("check_own_folder", "compat.py", "open(__file__, 'a')"),
-]
+    ("check_own_folder", "compat.py", "open(__file__, 'a')")]
 
 
 @pytest.mark.parametrize(("check", "name", "change"), BROKEN)

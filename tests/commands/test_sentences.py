@@ -71,8 +71,7 @@ EXAMPLES = {
     "sequencer-ignored": ({}, "strips are not rendered"),
     "shift-followed": ({"camera": "Front", "x": 0.0, "y": 0.25}, "(0, 0.25)"),
     "subject-unseen": ({"background": 0.5}, "background objects fill 50% of the image"),
-    "views-nearest": ({}, "not interpolated"), "world-inside": ({"reason": "volume"}, "the world has a volume"),
-}
+    "views-nearest": ({}, "not interpolated"), "world-inside": ({"reason": "volume"}, "the world has a volume")}
 
 
 def test_every_notice_has_a_sentence_every_sentence_a_notice_and_text_from_elsewhere_is_cleaned():

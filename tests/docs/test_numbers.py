@@ -415,8 +415,7 @@ CLAIMS: list[Claim | TableClaim] = [
     TableClaim(PAPER, "| | claim | measured here |", lambda row: nearest(row[0], row_numbers(row[2])), first=2),
     TableClaim(PAPER, "| resolution, scale | render, s |", lambda row: [
         float(each[place]) for each in notebook_rows("Fig. 12(a)") if each[:2] == row[0].split(", ")
-        for place in (2, 3, 5)]),
-]
+        for place in (2, 3, 5)])]
 
 
 @pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: f"{claim.document}: {claim.words}")
@@ -452,8 +451,7 @@ WITHOUT: dict[str, list[str]] = {
                                "Bridge 2.6.3.", "(2.2 or newer)"],
     POOLING: ["HDR-FLIP × .94, .92, .94 and .95", "gains .09 to .23", "(.9 lenses)", "(.5 lenses per",
               "1.5 · samples^−.19", "up to 1.55 lenses", "if that is .15 at most",
-              "mirror scores .75, along the first hit .40; tiles behind glass .86 and .84"],
-}
+              "mirror scores .75, along the first hit .40; tiles behind glass .86 and .84"]}
 DOCUMENTS = ["README.md", "docs/index.md", *(f"docs/{folder}/{path.name}" for folder in ("guide", "results")
                                              for path in sorted((ROOT / "docs" / folder).glob("*.md")))]
 

@@ -108,9 +108,8 @@ def test_missing_and_unreadable_files_and_layers(tmp_path):
         data = (tmp_path / "a.exr").read_bytes()
         (tmp_path / "a.exr").write_bytes(data[:keep if isinstance(keep, int) else int(keep * len(data))])
         refuses(r"a\.exr cannot be read .*render it again", image_files.read_layers, tmp_path / "a.exr")
-    for names, named in [
-        ("GBA", "A, B, G"), ("XYZ", "X, Y, Z"), ("abcd", "a, b, c, d"), ("RGA", "A, G, R"), ("RGBQ", "B, G, Q, R"),
-        ("R", "R")]:
+    for names, named in [("GBA", "A, B, G"), ("XYZ", "X, Y, Z"), ("abcd", "a, b, c, d"), ("RGA", "A, G, R"),
+                         ("RGBQ", "B, G, Q, R"), ("R", "R")]:
         write_exr(tmp_path / "a.exr", [(list(names), np.ones((2, 3, len(names)), np.float32))])
         refuses(f"its layer color has the channels {named} instead of R, G, B", image_files.read_layers,
                 tmp_path / "a.exr")

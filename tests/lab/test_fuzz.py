@@ -229,8 +229,7 @@ CASES = {
                   frozenset({"config .toml", "photograph"}), 0.3),
     "denoiser's training": Case(lambda folder: [write_scene(folder, number) for number in (1, 9)],
                                 {"scene .npz": "scene_000001.npz"},
-                                lambda folder: load_scenes(folder) and None),
-}
+                                lambda folder: load_scenes(folder) and None)}
 PARTS = sum(case.part * len(case.files) for case in CASES.values())
 QUICK = 0.3  # more than this part has a case in the small sample
 

@@ -52,8 +52,7 @@ METHODS: dict[str, Part] = {
                     per_rendered=0.45),
     "oidn": Part(PREFILTER, "Open Image Denoise with its own weights",
                  lambda _: functools.partial(denoise_low_resolution, weights=None), needs_denoiser=True,
-                 sees_neighbours=True, versions={"denoiser": 11}, per_rendered=0.45),
-}
+                 sees_neighbours=True, versions={"denoiser": 11}, per_rendered=0.45)}
 # Seconds of every method on two cores: its start, per million finished pixels, and per million rendered ones.
 START, PER_FINISHED, PER_RENDERED = 1.2, 0.07, 0.05
 AS_RENDERED = "none"
@@ -66,8 +65,7 @@ DEFAULT_METHOD = "denoise+pool"  # see docs/results/pooling.md
 MENU = {
     DEFAULT_METHOD: ("Default", "Denoise, then make the missing views from every lens that sees the same point"),
     FAST_METHOD: ("Fast", "Denoise the whole array, then make the missing views by linear interpolation"),
-    "denoise": ("Every View", "Render every view, at scale 1×, and denoise"),
-}
+    "denoise": ("Every View", "Render every view, at scale 1×, and denoise")}
 MORE = {
     "oidn+bilinear": ("Stock + Bilinear", "Open Image Denoise with its own weights, then linear interpolation"),
     "oidn": ("Stock Only", "Open Image Denoise with its own weights, for scale 1×, where every view is rendered"),
@@ -75,8 +73,7 @@ MORE = {
     "bilinear": ("Bilinear", "Linear interpolation; the noise stays: fastest"),
     "bicubic": ("Bicubic", "Bicubic interpolation; the noise stays"),
     "nearest": ("Nearest", "Repeat each rendered view, to see what was rendered"),
-    "none": ("None", "For scale 1×, where every view is rendered; the noise stays"),
-}
+    "none": ("None", "For scale 1×, where every view is rendered; the noise stays")}
 
 
 def names(kind: str) -> list[str]:

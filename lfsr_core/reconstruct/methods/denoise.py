@@ -87,8 +87,7 @@ SIGNATURES: dict[str, tuple[object, tuple[object, ...]]] = {
     **{f"oidnSetFilter{kind}": (None, (_HANDLE, _NAME, of)) for kind, of in (
         ("Bool", ctypes.c_bool), ("Int", ctypes.c_int), ("Float", ctypes.c_float))},
     **dict.fromkeys(("oidnCommitDevice", "oidnReleaseDevice", "oidnReleaseBuffer", "oidnCommitFilter",
-                     "oidnExecuteFilter", "oidnReleaseFilter"), (None, (_HANDLE,))),
-}
+                     "oidnExecuteFilter", "oidnReleaseFilter"), (None, (_HANDLE,)))}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -191,8 +191,7 @@ FEATURES = {
     "exposure": put(view_settings__exposure=1.0), "gamma": put(view_settings__gamma=2.0),
     "view": put(view_settings__view_transform="Standard"),
     "fast light": put(cycles__use_fast_gi=True), "camera cull": put(cycles__use_camera_cull=True),
-    "freestyle": put(render__use_freestyle=True), "layer samples": put(layer, samples=1),
-}
+    "freestyle": put(render__use_freestyle=True), "layer samples": put(layer, samples=1)}
 
 
 # What is named here; other notices are tested in check/test_problems.py.

@@ -54,5 +54,4 @@ NETWORKS: dict[str, Comparator] = {
     "fsrcnn-eia": _comparator("fsrcnn", "FSRCNN over the whole EIA: crosstalk between EIs", "FSRCNN",
                               whole=True),
     "paper-eia": _comparator("paper", "the paper's generator over the whole EIA: crosstalk between EIs",
-                             "PaperGenerator", 2, whole=True),
-}
+                             "PaperGenerator", 2, whole=True)}

@@ -31,8 +31,7 @@ SCENES: dict[str, tuple[str, list[Item]]] = {  # HDRI and models
     "grove": ("forest", [(TREE, (-0.9, -1.8, 0), 1.0, 0.0), (TREE, (0.5, -0.6, 0), 1.2, 1.0),
               (TREE, (-0.4, 0.8, 0.1), 1.4, 2.0), (TREE, (0.8, 2.4, 0.2), 1.8, 3.0)]),
     "steps": ("courtyard", [(VASE, (-1, -0.9, -0.2), 0.9, 0.0), (HELMET, (0, 0, -0.1), 1.0, 0.0),
-              (VASE, (0.9, 1.0, 0.1), 1.0, 2.0)]),
-}
+              (VASE, (0.9, 1.0, 0.1), 1.0, 2.0)])}
 
 
 def build(models: Path, light: str, items: list[Item]) -> None:

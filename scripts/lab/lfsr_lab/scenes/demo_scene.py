@@ -5,8 +5,6 @@ things reach from 13 cm before its plane to 16 cm behind. Left and right, top an
 that a mirrored image shows.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from pathlib import Path

@@ -5,8 +5,6 @@
 MODELS: the folder 2.0 of github.com/KhronosGroup/glTF-Sample-Models; PHOTOGRAPHS: the Kodak images, 01.png to 24.png.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Sequence

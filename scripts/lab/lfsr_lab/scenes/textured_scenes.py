@@ -5,8 +5,6 @@
 PHOTOGRAPHS: the Kodak images. The figures: docs/results/pooling.md. No constant of it was fitted to them.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from pathlib import Path

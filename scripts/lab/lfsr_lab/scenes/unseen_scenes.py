@@ -6,8 +6,6 @@ They are ``glitter``, ``cloth``, ``room``, ``city``, ``deep`` and ``world``; doc
 measured. Once their figures have led to a change of a method they are unseen no more: write others then.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from pathlib import Path

@@ -4,8 +4,6 @@ A study is a module of ``lfsr_lab.experiments`` with ``add_arguments(parser)`` a
 its help. What is complete in its output folder is not made again, so that the same command continues it.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import shlex
@@ -26,8 +24,7 @@ STUDIES = {  # module, and what it measures
     "rivals": ("rivals.study", "methods of others with their own weights"),
     "gpu-budget": ("gpu_budget.study", "what a frame at 8K asks of a GPU"),
     "paper": ("seed_paper.study", "the figures of the paper behind the method"),
-    "report": ("document.study", "every study, as one report with a manifest"),
-}
+    "report": ("document.study", "every study, as one report with a manifest")}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -27,8 +27,7 @@ repeated = [16]
 once = [4]
 scenes = [
     { name = "disc", file = "disc.blend", group = "round", display = "mini", scale = 2, lenses = 20 },
-    { name = "elsewhere", file = "elsewhere.blend", group = "round" },
-]
+    { name = "elsewhere", file = "elsewhere.blend", group = "round" }]
 rays = { one = { 1 = 1, 2 = 4, 4 = 16, 5 = 25 } }
 """
 

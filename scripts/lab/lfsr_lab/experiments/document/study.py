@@ -4,8 +4,6 @@
 draw again what is measured in OUT. Machines may share OUT.
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Iterator, Sequence

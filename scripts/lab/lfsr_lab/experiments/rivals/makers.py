@@ -141,8 +141,7 @@ MAKERS = {
                                                                                         AngularSR(clones))),
     "Sheared-EPI": Maker(None, lambda clones, ratio, most: lambda views: of_cells(
         views, ratio, lambda corners: ShearedEPI(clones, most)(corners, ratio))),
-    "EPICNN": Maker(EPICNN_RATIO, lambda clones, *_: EPICNN(clones)),
-}
+    "EPICNN": Maker(EPICNN_RATIO, lambda clones, *_: EPICNN(clones))}
 
 
 def of_cells(views: Array, ratio: int, make: Make) -> Array:

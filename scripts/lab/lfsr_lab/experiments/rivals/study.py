@@ -52,8 +52,7 @@ SCENES = {  # file below one of the folders of scenes, by name; the group says w
     "city": ("city.blend", "unseen"),
     "truck": ("CesiumMilkTruck/glTF/CesiumMilkTruck.gltf", "unseen"),
     "figures": ("figures.blend", "unseen"),
-    "deep": ("deep.blend", "unseen"),
-}
+    "deep": ("deep.blend", "unseen")}
 
 
 @dataclasses.dataclass(frozen=True, order=True)

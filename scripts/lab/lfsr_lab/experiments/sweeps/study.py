@@ -3,8 +3,6 @@
 OUT/stress.md has the breaking points; `lfsr study report` draws the curves.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 from collections.abc import Sequence
