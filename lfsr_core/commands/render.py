@@ -104,6 +104,8 @@ def run_render(arguments: argparse.Namespace) -> Any:
         seeds = finish.seeds_of(request.seed, [*film, arguments.frame])
         request = dataclasses.replace(request, seed=seeds[arguments.frame], output=str(folder))
 
+    if arguments.check is not None:
+        FrameFolder(f"{request.output}_reference").check_free("reference")
     started = time.monotonic()
     with progress() as bar:
         if arguments.cluster is not None:

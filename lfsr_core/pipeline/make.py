@@ -17,13 +17,13 @@ from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
 from lfsr_core.base.records import write_record
 from lfsr_core.base.system import atomic_path, release, remove, remove_dead, staging_folder, system_errors
 from lfsr_core.frames.folder import FrameFolder, numbered, scene_stamp
-from lfsr_core.frames.frame import LOG_FILE, Finish, Request, check_scene, spread
+from lfsr_core.frames.frame import LOG_FILE, SUBPIXELS, Finish, Request, check_scene, spread
 from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.parts import has_parts
 from lfsr_core.process.child import FAILED_STAGE, RENDERED_STAGE, STAY, Child, CrashError, Starts, find_blender, told_of
 from lfsr_core.reconstruct.averaging import near
-from lfsr_core.reconstruct.methods import seconds
-from lfsr_core.reconstruct.second_stage import finish_frame
+from lfsr_core.reconstruct.methods import check_runs, seconds
+from lfsr_core.reconstruct.second_stage import check_subpixels_finish, finish_frame
 
 REQUEST_FILE = "request.json"
 RENDER_FRACTION = 0.85  # of the time of one frame that is rendered and finished
@@ -103,10 +103,15 @@ def make(request: Request | Sequence[Request], finish: Finish | None = None, fra
     if older:
         tell(Notice("frames-older", {"count": len(older), "first": older[0]}))
 
+    first = several[0]
+    if finish is not None and (waiting or ready):  # before a render, which may be long
+        if first.layout == SUBPIXELS:
+            check_subpixels_finish(finish)
+        check_runs(finish.method, finish.weights)
+
     failed, count = dict[str, str](), len(waiting)
     finishing: list[tuple[Request, Future[None]]] = []
     thread, stopped = ThreadPoolExecutor(1, "lfsr-finish"), threading.Event()
-    first = several[0]
     after = 0.0 if finish is None else seconds(first.display, first.sampling.scale, finish.method, first.layout)
     time_left, most = TimeLeft(after, is_image=frames is None), [0.0]  # and the largest fraction that was told
 

@@ -93,8 +93,8 @@ def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent
         frame = _merged(parts, samples=sum(part.frame.samples for part in parts), seed=min(seeds))
     target = FrameFolder(output)
     target.check_free(kind)
-    for folder in (part.folder for part in parts if target.path.resolve().is_relative_to(part.folder.resolve())):
-        raise LfsrError(f"{target.path} is, or lies in, the part {folder}, which must not be lost: choose another "
+    for part in (part for part in parts if target.path.resolve().is_relative_to(part.folder.resolve())):
+        raise LfsrError(f"{target.path} is, or lies in, the part {part.folder}, which must not be lost: choose another "
                         "folder")
     with staging_folder(target.path) as staging, system_errors(target.path):
         staged = staging / "frame"

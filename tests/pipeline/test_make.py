@@ -19,6 +19,7 @@ from lfsr_core.cli import main
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import Finish, read_frame, read_report, write_frame
 from lfsr_core.pipeline.make import FAILED, KEPT, MADE, make, requests_of
+from lfsr_core.reconstruct.methods.denoise import LIBRARY_VARIABLE
 from lfsr_core.reconstruct.second_stage import finish_frame
 from tests.support.animations import FINISH, film, film_request, images, states
 from tests.support.played_blender import changed_blender, cold_blender, played_blender
@@ -171,9 +172,15 @@ def test_a_frame_that_cannot_be_finished_does_not_stop_the_others(made):
     (["--frames", "1", "--rows", "1-2"], "--frames 1 and --rows were both"),
     (["--temporal-averaging", "1"], "without --frames"), (["--frames", "1-3", "--temporal-averaging", "9"], "0 to 8"),
     (["--frame", "2", "--temporal-averaging", "9"], "0 to 8"),
-    (["--frames", "1-3", "--temporal-averaging", "1", "--cluster", "tcp://x"], "cluster")])
-def test_bad_arguments(tmp_path, capsys, options, sentence):
-    (tmp_path / "scene.glb").touch()
+    (["--frames", "1-3", "--temporal-averaging", "1", "--cluster", "tcp://x"], "cluster"),
+    (["--method", "oidn", "--scale", "1", "--frames", "1-3"], "Open Image Denoise is not available"),
+    (["--method", "denoise+pool", "--weights", "typo.tza"], "typo.tza does not exist"),
+    (["--method", "pool", "--weights", "a.tza"], "'pool' has none"), (["--check", "9"], "film_reference is a file")])
+def test_bad_arguments(tmp_path, capsys, monkeypatch, options, sentence):
+    if "oidn" in options:
+        monkeypatch.setenv(LIBRARY_VARIABLE, "/nowhere")
+    for name in ("scene.glb", "film_reference"):
+        (tmp_path / name).touch()
     said = fails(["render", str(tmp_path / "scene.glb"), "-o", str(tmp_path / "film"), "--display", "mini", "--blender",
                   "/must/not/run", *options], capsys)
     assert sentence in said and not (tmp_path / "film").exists()

@@ -16,7 +16,7 @@ from lfsr_core.base.messages import LfsrError, did_you_mean
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import rendered_size
-from lfsr_core.reconstruct.methods.denoise import WEIGHTS, denoise_low_resolution, denoised_opacity
+from lfsr_core.reconstruct.methods.denoise import WEIGHTS, check_library, denoise_low_resolution, denoised_opacity, load
 from lfsr_core.reconstruct.methods.pooling import Pooling
 from lfsr_core.reconstruct.upscaler import Interpolation, LowResEIA, Upscaler
 
@@ -201,6 +201,14 @@ def load_method(name: str | MethodName, weights: str | None = None, *, upscaler:
     upscaler = upscaler or METHODS[name.upscaler].make()
     assert upscaler is not None, "the table makes one"
     return Method(name, tuple(METHODS[part].make(weights) for part in name.prefilters), upscaler)
+
+
+def check_runs(name: str | MethodName, weights: str | None = None) -> None:
+    """LfsrError where this machine cannot run a method, as of ``load_method``, and by weights or Open Image Denoise."""
+    if load_method(name, weights).name.needs_denoiser:
+        check_library()
+    if weights:
+        load(weights)
 
 
 def seconds(display: DisplayProfile, scale: int, method: str, layout: str = "one-pass") -> float:

@@ -120,12 +120,10 @@ def denoise_eia(color: Array, guides: Array | None = None, *, weights: Weights |
     if weights is not None and weights.guided:
         guides = np.zeros((*color.shape[:2], 6), np.float32) if guides is None else guides
         seen += [guides[..., :3], guides[..., 3:]]
+    check_library()
     try:
         denoised = denoise_image(*seen, device=device, note=note, weights=None if weights is None else weights.content,
                                  input_scale=None if weights is None else 2.0 ** exposure)
-    except ImportError as error:
-        raise LfsrError(f"Open Image Denoise is not available ({error}): install the package pyoidn, or choose a "
-                        "method without a denoiser, such as 'bilinear'") from None
     except RuntimeError as error:
         raise LfsrError(f"Open Image Denoise failed on an image of shape {color.shape} ({error}): "
                         "choose a method without a denoiser, such as 'bilinear'") from None
@@ -370,6 +368,13 @@ def why_missing() -> str:
     except ImportError as error:
         return str(error)
     return ""
+
+
+def check_library() -> None:
+    """LfsrError where no library loads."""
+    if why := why_missing():
+        raise LfsrError(f"Open Image Denoise is not available ({why}): install the package pyoidn, or choose a "
+                        "method without a denoiser, such as 'bilinear'")
 
 
 def _package(name: str) -> Iterator[Path]:
