@@ -21,8 +21,8 @@ from tests.support.synthetic import MINI, write_render
 def frame(tmp_path_factory):
     folder = tmp_path_factory.mktemp("api")
     (folder / "scene.glb").touch()
-    return lfsr_core.render(folder / "scene.glb", folder / "frame", display="mini", scale=2, samples=16,
-                            method="bicubic", blender=played_blender(folder / "blender"), progress=False)
+    return lfsr_core.render(folder / "scene.glb", folder / "frame", display="mini", scale=np.int64(2), method="bicubic",
+                            samples=np.int64(16), blender=played_blender(folder / "blender"), progress=False)
 
 
 def test_a_scene_becomes_views_is_finished_compared_and_exported(frame, tmp_path):

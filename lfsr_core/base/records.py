@@ -6,6 +6,7 @@ converted: a field holds the value in the data, or reading fails with one senten
 
 import dataclasses
 import functools
+import numbers
 import re
 import sys
 import textwrap
@@ -49,7 +50,14 @@ def to_data(record: Any) -> Any:
         return {_key(field): to_data(getattr(record, field.name)) for field in dataclasses.fields(record) if field.init}
     if isinstance(record, Mapping):
         return {key: to_data(value) for key, value in record.items()}
-    return [to_data(value) for value in record] if isinstance(record, (list, tuple)) else record
+    if isinstance(record, (list, tuple)):
+        return [to_data(value) for value in record]
+    return record.item() if getattr(record, "ndim", None) == 0 else record  # a number of NumPy's
+
+
+def is_whole(value: object) -> bool:
+    """Return True for a whole number, also one of NumPy's."""
+    return isinstance(value, numbers.Integral) and not isinstance(value, bool)
 
 
 def read_record(path: str | Path, cls: type[Record], what: str) -> Record:

@@ -92,8 +92,9 @@ class ExportOptions:
     def __post_init__(self) -> None:
         for name in ("views", "grid"):
             pair = getattr(self, name)
-            if pair is not None and not all(1 <= count <= MOST_VIEWS for count in pair):
-                raise LfsrError(f"{name} is {pair[0]}x{pair[1]}, but both must be from 1 to {MOST_VIEWS}")
+            if pair is not None and not (isinstance(pair, tuple | list) and len(pair) == 2 and
+                                         all(1 <= count <= MOST_VIEWS for count in pair)):
+                raise LfsrError(f"{name} is {pair}, but it must be two numbers from 1 to {MOST_VIEWS}, across and down")
         for name, most in (("eyes_mm", 1000.0), ("seconds", 60.0), ("fps", 240.0)):
             value = getattr(self, name)
             if value is not None and not 0 < value <= most:

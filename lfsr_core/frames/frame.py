@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from lfsr_core.base.messages import LfsrError, Notice, did_you_mean
-from lfsr_core.base.records import check_choice, from_data, read_record, to_data, write_record
+from lfsr_core.base.records import check_choice, from_data, is_whole, read_record, to_data, write_record
 from lfsr_core.base.system import read_json, write_json
 from lfsr_core.images.color import ColorSettings
 from lfsr_core.optics.depth_scale import ScaleChoice
@@ -138,12 +138,12 @@ class Request:
             raise LfsrError(f"output {self.output} has a backslash, which Blender takes for a slash: choose another "
                             "folder")
         least, samples = 2 if self.kind == "reference" else 1, self.sampling.samples
-        if type(samples) is not int or not least <= samples <= MOST_SAMPLES:
+        if not is_whole(samples) or not least <= samples <= MOST_SAMPLES:
             raise LfsrError(f"samples per pixel is {samples!r:.30}, but a {self.kind} needs a whole number of at "
                             f"least {least} and at most {MOST_SAMPLES}")
         scales = (self.sampling.scale, *self.sampling.scales)
         for scale in scales:
-            if type(scale) is not int:
+            if not is_whole(scale):
                 raise LfsrError(f"scale is {scale!r}, but it must be a whole number")
         for name, most in (("view_aperture", max(scales)), ("seed", MOST_SEED), ("clamp_indirect", MOST_CLAMP)):
             value = getattr(self, name)

@@ -297,6 +297,9 @@ def _layer_columns(names: Sequence[str]) -> dict[str, dict[str, int]]:
 
 def encode_png(pixels: Array) -> list[bytes]:
     """Encode uint8 (H, W, 3) RGB or (H, W) grey, rows from the top, as a PNG file in pieces."""
+    if pixels.dtype != np.uint8 or pixels.ndim not in (2, 3) or pixels.shape[2:] not in ((), (1,), (3,)):
+        raise LfsrError(f"pixels are {pixels.dtype} of shape {pixels.shape}, expected uint8 of (rows, columns) or "
+                        "(rows, columns, 3): convert them")
     rows = np.ascontiguousarray(pixels).reshape(pixels.shape[0], -1)
     channels = rows.shape[1] // pixels.shape[1]
     header = struct.pack(">IIBBBBB", pixels.shape[1], pixels.shape[0], 8, COLOR_TYPES[channels], 0, 0, 0)

@@ -56,8 +56,8 @@ def eye_view(panel: Array, profile: DisplayProfile, eye_mm: Point, width: int = 
     if panel.shape[:2] != (rows, columns):
         raise LfsrError(f"the panel's image has {panel.shape[1]}×{panel.shape[0]} pixels, but display "
                         f"{profile.name!r} has {columns}×{rows}: upscale the folder again")
-    if eye_mm[2] <= 0:
-        raise LfsrError(f"the eye is at z = {eye_mm[2]} mm, but it must be in front of the display, above 0")
+    if not (eye_mm[2] > 0 and all(map(math.isfinite, eye_mm))):
+        raise LfsrError(f"the eye is at {eye_mm} mm, but it must be in front of the display, with z above 0")
     if profile.is_woven:
         # About one pixel per lens across, black beyond the panel.
         sheet, (width_mm, height_mm) = profile.sheet, Geometry.of(profile).lens_plane

@@ -76,6 +76,8 @@ def make(request: Request | Sequence[Request], finish: Finish | None = None, fra
     several = (request,) if isinstance(request, Request) else request
     content = {asked.scene: scene_stamp(check_scene(asked.scene)) for asked in several}
     requests = [asked for each in several for asked in requests_of(each, finish, frames, overwrite)]
+    if not requests:
+        return []
     # Numbers of the frames, rendered or asked for, that each is averaged with.
     averaging, beside = finish.temporal_averaging if finish else 0, collections.defaultdict[str, list[int]](list)
     for asked in requests if averaging else ():
@@ -224,7 +226,7 @@ def requests_of(request: Request, finish: Finish | None, frames: Sequence[int] |
         request = request.sampled(frames=spread(frames))
     seeds = finish.seeds_of(request.seed, frames) if finish else {}
     return [dataclasses.replace(request, frame=number, output=str(FrameFolder.of_frame(output, number).path),
-                                seed=seeds.get(number, request.seed)) for number in frames]
+                                seed=seeds.get(number, request.seed)) for number in dict.fromkeys(frames)]
 
 
 def render_all(requests: Sequence[Request], blender: Starts, tell: Tell = silent,

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice
+from lfsr_core.base.records import is_whole
 from lfsr_core.frames.frame import Frame, samples_at
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.reconstruct.methods import DEFAULT_METHOD, FAST_METHOD, PLAIN_METHOD, MethodName, load_method
@@ -71,7 +72,7 @@ class PlanOptions:
         if self.most_seconds is not None and not self.most_seconds > 0:
             raise LfsrError(f"seconds are {self.most_seconds}, but a frame takes more than 0")
         for samples in self.samples:
-            if type(samples) is not int or samples < 1:
+            if not is_whole(samples) or samples < 1:
                 raise LfsrError(f"samples per pixel is {samples!r}, but a candidate needs a whole number of at least 1")
 
     @property

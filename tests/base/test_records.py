@@ -9,6 +9,7 @@ import os
 import time
 from typing import Any, Literal
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -108,6 +109,8 @@ def test_what_could_not_be_read_back_is_not_written_and_a_file_holds_a_record(tm
     with pytest.raises(LfsrError, match="share is inf, but it must be a finite number"):
         write_record(tmp_path / "sheet.json", Sheet("a", 1, math.inf, True))
     assert not list(tmp_path.iterdir())
+    write_record(tmp_path / "sheet.json", Sheet("a", np.int64(3), np.float32(0.5), np.bool_(True)))
+    assert read_record(tmp_path / "sheet.json", Sheet, "a sheet") == Sheet("a", 3, 0.5, True)
     sheet = from_data(Sheet, GOOD, "sheet")
     write_record(tmp_path / "sheet.json", sheet)
     assert read_record(tmp_path / "sheet.json", Sheet, "a sheet") == sheet

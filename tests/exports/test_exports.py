@@ -282,7 +282,7 @@ def test_what_the_folder_or_the_computer_lacks_is_named(folder, tmp_path, monkey
         monkeypatch.setitem(__import__("sys").modules, package, None)
         refuses("pip install", export, folder, "sway", tmp_path / "out", ExportOptions(type=kind, seconds=0.1))
     assert list(tmp_path.iterdir()) == [] and set(FORMATS) == set(WRITERS)
-    for options in [{"views": (0, 1)}, {"eyes_mm": -1.0}, {"eyes_mm": math.nan}, {"seconds": 1e9}]:
+    for options in [{"views": (0, 1)}, {"views": 8}, {"eyes_mm": -1.0}, {"eyes_mm": math.nan}, {"seconds": 1e9}]:
         refuses("must be", ExportOptions, **options)
     monkeypatch.undo()
     folder = finished(tmp_path / "frame")

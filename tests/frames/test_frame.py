@@ -22,9 +22,9 @@ FRAME = Frame(
     display=MINI, scale=2, array=CameraArray.for_display(MINI, 2.0), matrix_world=IDENTITY, samples=7, seed=3, frame=5,
     convention="paper", view_aperture=0.5, lens_list=((1, 2), (3, 4)), rows=(2, 3), layout="view-by-view",
     clip=(0.25, 30.0), gpus=("0000:01:00",), layers=("albedo", "normal"), world_visible=True, world_apart=True,
-    scale_reason=Notice("scale-unseen", {"scale": 2}),
+    scale_reason=Notice("scale-unseen", {"scale": 2}), scene="scene.blend",
     color=ColorSettings("Rec.2020", "AgX", "AgX - Punchy", 0.5, 1.1, "config.ocio"),
-    scene="scene.blend", scene_name="Set", source="../shot.blend", subject="Things", camera="Left", content="abc",
+    scene_name="Set", source="../shot.blend", subject="Things", camera="Left", content="abc",
     blender="5.0.1", device="OPTIX", notes=(Notice("render-note", {"text": "a note"}),),
     light="city", seconds={"render": 1.5})
 
@@ -135,8 +135,7 @@ def test_matching_references_pass_and_others_are_refused():
     for changes, message in [
         ({"scale": 2}, "has scale 2"), ({"convention": "paper"}, "convention paper"),
         ({"display": dataclasses.replace(load_display("mini"), name="other")}, "display other"),
-        ({"frame": 7}, "frame number 7"),
-        ({"world_visible": True}, "with visible world, but the frame with no visible world"),
+        ({"frame": 7}, "frame number 7"), ({"world_visible": True}, "with visible world, but .* no visible world"),
         ({"array": CameraArray.for_display(MINI, 0.8)},
          r"its display plane is [\d.]+ from the cameras, the frame's [\d.]+\. "),
         ({"array": dataclasses.replace(REFERENCE.array, spacing=REFERENCE.array.spacing * 1.01)}, "elsewhere"),

@@ -248,6 +248,8 @@ def test_masks_flat_images_and_the_checksum_of_a_png(tmp_path):
     image_files.write_mask(tmp_path / "m.png", mask)
     np.testing.assert_array_equal(image_files.read_mask(tmp_path / "m.png", (96, 54)), mask)
     refuses("has 96×54 pixels, but the display has 54×96 lenses", image_files.read_mask, tmp_path / "m.png", (54, 96))
+    for wrong in (np.zeros((4, 4, 4), np.uint8), np.full((4, 4, 3), 300, np.uint16), np.zeros((4, 4))):
+        refuses("convert them", image_files.encode_png, wrong)
     assert sum(len(part) for part in image_files.encode_png(np.full((1000, 1000, 3), 77, np.uint8))) < 60_000
     parts = image_files.encode_png(RANDOM.integers(0, 256, (300, 21, 3), dtype=np.uint8))
     stream = b"".join(part[8:-4] for part in parts if part[4:8] == b"IDAT")

@@ -48,7 +48,7 @@ def test_every_frame_is_made_once_and_progress_never_falls(finished):
     assert sorted(path.name for path in (folder / "film").iterdir()) == [f"000{frame}" for frame in FRAMES]
     fractions = [message.fraction for message in told if isinstance(message, Progress)]
     assert fractions == sorted(fractions) and fractions[-1] == 1
-    assert states(film(folder, FRAMES)) == [KEPT] * 3
+    assert states(film(folder, [*FRAMES, 1])) == [KEPT] * 3 and make([]) == []
 
 
 def test_an_image_is_an_animation_of_one_frame(made):

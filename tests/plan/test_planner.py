@@ -425,7 +425,7 @@ def test_options_methods_limits_and_all_combinations_that_they_allow():
     for wrong in [{"scales": (3,)}, {"methods": ("bilinar",)}, {"rays": (0.0,)},
                                        {"scales": (2,), "methods": ("none",)}]:
         refuses("", PlanOptions(**wrong).candidates, MINI)
-    found = PlanOptions(samples=(4, 16), methods=("bilinear", "oidn+bilinear")).candidates(MINI)
+    found = PlanOptions(samples=(np.int64(4), 16), methods=("bilinear", "oidn+bilinear")).candidates(MINI)
     assert {candidate.scale for candidate in found} == {1, 2, 4, 8}
     assert {candidate.method for candidate in found if candidate.scale == 1} == {"none", "oidn"}
     assert {candidate.method for candidate in found if candidate.scale == 2} == {"bilinear", "oidn+bilinear"}
