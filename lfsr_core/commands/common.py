@@ -1,7 +1,5 @@
 """What verbs share: arguments and the values that they become, the progress bar, and how terminals are written to."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import os
@@ -23,11 +21,6 @@ FARTHEST_MM = 1e6
 BAR_WIDTH = 30
 SECONDS_BETWEEN_LINES = 4.0  # a render writes a record each second, so that a line comes every five at the latest
 PROGRESS_VARIABLE, OPENJD = "LFSR_PROGRESS", "openjd"  # environment variable, set by our OpenJD template
-
-
-def progress() -> contextlib.closing[ProgressBar]:
-    """Return a progress bar for a block, which ends its line after it."""
-    return contextlib.closing(ProgressBar())
 
 
 def add_scene_arguments(parser: argparse.ArgumentParser, when: str = "") -> None:
@@ -192,6 +185,11 @@ class ProgressBar:
         if self._moving and self._stage:
             print(file=self._stream)
         self._stage = ""
+
+
+def progress() -> contextlib.closing[ProgressBar]:
+    """Return a progress bar for a block, which ends its line after it."""
+    return contextlib.closing(ProgressBar())
 
 
 def is_openjd() -> bool:

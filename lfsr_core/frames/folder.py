@@ -3,8 +3,6 @@
 Its identity is what decides the pixels of a render, and which version of a scene they show.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import hashlib
@@ -13,7 +11,7 @@ import re
 import shutil
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import to_data
@@ -49,7 +47,7 @@ class FrameFolder:
         self.path = Path(path)
 
     @classmethod
-    def of_frame(cls, output: str | Path, number: int) -> FrameFolder:
+    def of_frame(cls, output: str | Path, number: int) -> Self:
         """Return the folder of frame ``number`` of an animation in ``output``, such as ``0001``."""
         return cls(Path(output) / f"{number:04d}")
 

@@ -5,12 +5,10 @@ renders a and b with equal samples. Errors against the two have no noise in comm
 "split" metrics, does not grow with the reference's noise.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -64,7 +62,7 @@ class Reference:
     hits: Mask  # (rows, columns) bool, the tiles where either half shows foreground
 
     @classmethod
-    def read(cls, folder: str | Path) -> Reference:
+    def read(cls, folder: str | Path) -> Self:
         """Read a reference; LfsrError where a file is missing or of another size, or both halves are the same."""
         folder = Path(folder)
         frame = read_frame(folder)

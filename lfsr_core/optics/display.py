@@ -8,15 +8,13 @@ Of sheets and subpixels, millimetres are from the panel's centre as a viewer see
 stated otherwise. Lattices follow LeksiDor's LFDisplay, lenticular figures the calibrations of Looking Glass displays.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -151,7 +149,7 @@ class Lattice:
         steps: Array = rotation @ np.array([[1.0, self.shear], [0.0, 1.0]]) @ plain
         return steps
 
-    def scaled(self, factor: float) -> Lattice:
+    def scaled(self, factor: float) -> Self:
         """The lattice enlarged by ``factor`` about the panel's centre."""
         (across, up), (right, above) = self.pitch_mm, self.shift_mm
         return dataclasses.replace(self, pitch_mm=(across * factor, up * factor),
@@ -369,7 +367,7 @@ class DisplayProfile:
         return data
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any], source: str = "display profile") -> DisplayProfile:
+    def from_dict(cls, data: Mapping[str, Any], source: str = "display profile") -> Self:
         """Return the profile of TOML or JSON data; LfsrError names the field, its value and the rule."""
         data = dict(data)
         number = data.pop("format", 1)

@@ -5,14 +5,12 @@ Low view k' covers high views s·k' … s·k' + s - 1, so pixels are sampled at 
 OpenCV's ``resize``, with which the tests compare.
 """
 
-from __future__ import annotations
-
 import abc
 import dataclasses
 import functools
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -81,7 +79,7 @@ class LowResEIA:
         """Colour as rendered, before any denoiser."""
         return self.color if self.noisy is None else self.noisy
 
-    def each(self, change: Callable[[Array], Array]) -> LowResEIA:
+    def each(self, change: Callable[[Array], Array]) -> Self:
         """Return a copy with ``change`` applied to every array, for example to pick lenses."""
         changed: dict[str, Any] = {name: change(array) for name in ARRAYS if (array := getattr(self, name)) is not None}
         return dataclasses.replace(self, **changed)

@@ -5,11 +5,9 @@ the viewing distance. This gives lens and view, both as fractions. The light fie
 lenses: the part of it that covers the panel for an eye in the middle of the viewing zone.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -43,7 +41,7 @@ class Geometry:
     spacing: float  # between neighbouring views at the viewing distance
 
     @classmethod
-    def of(cls, profile: DisplayProfile) -> Geometry:
+    def of(cls, profile: DisplayProfile) -> Self:
         """Geometry of a display with a lens sheet."""
         distance, half = profile.viewing_distance_mm, math.tan(math.radians(profile.viewing_angle_deg) / 2)
         # Unless the gap is stated, an elemental image fills the viewing angle:

@@ -12,12 +12,10 @@ wall's slope it would be a halo. What an elemental image shows of its own, as mi
 than noise. docs/results/pooling.md has the figures.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -347,7 +345,7 @@ class Line:
     is_noisy: bool  # too few samples to tell how colour changes across the line
 
     @classmethod
-    def of(cls, low: LowResEIA, rendered: int, each: int) -> Line:
+    def of(cls, low: LowResEIA, rendered: int, each: int) -> Self:
         """Line of an axis with ``rendered`` views of ``each`` places; with more samples, less noise needs fewer views.
         """
         sigma = SIGMA * low.samples ** FALL
