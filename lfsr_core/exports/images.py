@@ -37,7 +37,7 @@ QUALITY = 90  # of WebP
 ENCODERS = {"libx264": {"crf": "18", "preset": "medium"},  # without visible loss
             "libx265": {"crf": "20", "preset": "fast", "x265-params": "log-level=error"}}
 MOST_DELAY = 16  # frames from decoding to showing; libx265 leaves that of a film of one frame undefined
-RATES = {"mp4": 30, "gif": 20, "webp": 20, "png": 30}  # frames per second; GIF counts in hundredths of a second
+RATES = {"mp4": 30, "gif": 20, "webp": 20, "png": 30}  # frames per second
 LOOPING = ("gif", "webp")  # start again by themselves
 ANIMATION_RATE = 24  # Blender's default
 REACH, RISE = 0.85, 0.35  # fraction of the half viewing zone, across and up
@@ -290,13 +290,13 @@ def write_motion(motion: Motion, fields: Iterator[LightField], count: int | None
                  options: ExportOptions) -> None:
     """Write the film of ``count`` frames, while the eye moves one or more whole rounds; of one frame for count None."""
     first, chosen = next(fields), chosen_type(options, motion.name)
+    rate = kept_rate(options.fps or (RATES[chosen] if count is None else ANIMATION_RATE), chosen)
     if count is None:
-        rate: float = options.fps or RATES[chosen]
         rounds = 1 if chosen in LOOPING else motion.rounds
         total = max(2, round((options.seconds or motion.seconds) * rate)) * rounds
         fields = itertools.repeat(first, total)
     else:
-        rate, total = options.fps or ANIMATION_RATE, count
+        total = count
         rounds = max(1, round(count / rate / (options.seconds or motion.seconds)))
         fields = itertools.chain([first], fields)
 
@@ -324,6 +324,12 @@ def write_quilt_film(fields: Iterator[LightField], count: int | None, folder: Pa
     write_film(folder / name, quilts(), options.fps or ANIMATION_RATE)
 
 
+def kept_rate(rate: float, kind: str) -> float:
+    """Return the rate nearest to ``rate`` that a film has: GIF counts in 1/100 s, at least 2, and WebP in 1/1000 s."""
+    ticks = {"gif": 100, "webp": 1000}.get(kind)
+    return ticks / max(2, round(ticks / rate)) if ticks else rate
+
+
 def write_film(path: Path, frames: Iterator[Array], rate: float) -> None:
     """Write frames (H, W, 3) uint8 of one size, with even sides, by the ending of ``path``.
 
@@ -340,12 +346,13 @@ def write_film(path: Path, frames: Iterator[Array], rate: float) -> None:
             raise LfsrError(f"{path.suffix[1:].upper()} needs the package pillow, which this Python lacks: pip install "
                             "'lfsr[video]', or choose another type") from None
         picture, *others = plain = [Image.fromarray(frame) for frame in frames]
-        options: dict[str, Any] = {"quality": QUALITY, "method": 4, "duration": round(1000 / rate)}
+        options: dict[str, Any] = {"quality": QUALITY, "method": 4}
         if path.suffix == ".gif":  # one palette, of samples of all, so that colours do not flicker, and no bands
             palette = Image.fromarray(np.concatenate([np.asarray(image)[::4, ::4] for image in plain])).quantize()
             picture, *others = [image.quantize(palette=palette) for image in plain]
-            options = {"optimize": True, "duration": max(2, round(100 / rate)) * 10}  # players slow down below 2
-        picture.save(path, save_all=True, append_images=others, loop=0, **options)
+            options = {"optimize": True}
+        duration = round(1000 / kept_rate(rate, path.suffix[1:]))
+        picture.save(path, save_all=True, append_images=others, loop=0, duration=duration, **options)
         return
     try:
         import av

@@ -95,10 +95,10 @@ class ExportOptions:
             if pair is not None and not (isinstance(pair, tuple | list) and len(pair) == 2 and
                                          all(1 <= count <= MOST_VIEWS for count in pair)):
                 raise LfsrError(f"{name} is {pair}, but it must be two numbers from 1 to {MOST_VIEWS}, across and down")
-        for name, most in (("eyes_mm", 1000.0), ("seconds", 60.0), ("fps", 240.0)):
+        for name, least, most in (("eyes_mm", 1, 1000), ("width", 1, 10**5), ("seconds", 0.01, 60), ("fps", 0.01, 240)):
             value = getattr(self, name)
-            if value is not None and not 0 < value <= most:
-                raise LfsrError(f"{name} is {value}, but it must be above 0 and at most {most:g}")
+            if value is not None and not least <= value <= most:
+                raise LfsrError(f"{name} is {value}, but it must be from {least} to {most}")
 
 
 def chosen_type(options: ExportOptions, name: str) -> str:

@@ -254,6 +254,8 @@ def test_wiggle(folder, field, tmp_path, kind, count):
         assert animation.info.get("duration", 50) == 50
         images.write_film(fade := tmp_path / f"fade.{kind}", iter([frames[0] * 0, frames[0]]), 60)
         last = ImageSequence.all_frames(Image.open(fade))[-1]
+        (fast,) = export(folder, "sway", tmp_path, ExportOptions(type=kind, width=64, seconds=0.5, fps=240))
+        assert sum(each.load() and each.info["duration"] for each in ImageSequence.Iterator(Image.open(fast))) == 500
         assert last.info.get("duration", 20) in (17, 20) and np.ptp(np.asarray(last.convert("RGB"))) > 99
     assert len(frames) == count
     quarter = count // 4 if kind != "png" else 6  # of 24 frames, five times
@@ -282,7 +284,8 @@ def test_what_the_folder_or_the_computer_lacks_is_named(folder, tmp_path, monkey
         monkeypatch.setitem(__import__("sys").modules, package, None)
         refuses("pip install", export, folder, "sway", tmp_path / "out", ExportOptions(type=kind, seconds=0.1))
     assert list(tmp_path.iterdir()) == [] and set(FORMATS) == set(WRITERS)
-    for options in [{"views": (0, 1)}, {"views": 8}, {"eyes_mm": -1.0}, {"eyes_mm": math.nan}, {"seconds": 1e9}]:
+    for options in [{"views": (0, 1)}, {"views": 8}, {"eyes_mm": -1.0}, {"eyes_mm": math.nan}, {"seconds": 1e9},
+                    {"width": 0}, {"fps": 1e-4}]:
         refuses("must be", ExportOptions, **options)
     monkeypatch.undo()
     folder = finished(tmp_path / "frame")
