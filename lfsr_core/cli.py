@@ -12,7 +12,7 @@ import sys
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, NoReturn, TextIO
 
 from lfsr_core.base.messages import LfsrError, cleaned, did_you_mean
 from lfsr_core.base.records import to_data
@@ -92,9 +92,10 @@ def _run(words: list[str]) -> int:
     if not words:
         parser.print_help()
         return 0
-    arguments = parser.parse_args(words)
-    output, is_json = sys.stdout, getattr(arguments, "json", False) is True
+    output, is_json = sys.stdout, "--json" in words
     try:
+        arguments = parser.parse_args(words)
+        is_json = getattr(arguments, "json", False) is True
         with system_errors():
             _check_output()
             for value in vars(arguments).values():
@@ -116,7 +117,8 @@ def _run(words: list[str]) -> int:
             raise
         from lfsr_core.commands.common import is_openjd, tell_openjd  # loads NumPy, which help needs not
 
-        name, text = f"lfsr {arguments.verb}:", cleaned(str(error), MOST_LETTERS)
+        verb = [word for word in words[:1] if word in (*VERBS, *LABORATORY)]
+        name, text = f"{' '.join(['lfsr', *verb])}:", cleaned(str(error), MOST_LETTERS)
         has_enough = isinstance(error.__context__, BrokenPipeError)  # who reads the output, such as `head`
         if not has_enough:
             print(styled(name, RED, sys.stderr), text, file=sys.stderr)
@@ -139,7 +141,7 @@ def build_parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
     """Parser of all verbs; of a command line's ``words``, with the arguments of the verbs among them alone."""
     parser = _Parser(prog="lfsr", description="Light-field images for glasses-free 3D displays.")
     parser.add_argument("--version", action="version", version=f"lfsr {__version__}")
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=argparse.ArgumentParser)
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=VerbParser)
     for name, (module, text) in VERBS.items():
         child = verbs.add_parser(name, description=text)
         if words is None or name in words:
@@ -172,7 +174,14 @@ def _no_laboratory(arguments: argparse.Namespace) -> None:
                     "run 'pip install ./scripts/lab' in a clone of LFSR")
 
 
-class _Parser(argparse.ArgumentParser):
+class VerbParser(argparse.ArgumentParser):
+    """A parser whose errors are sentences, as all others."""
+
+    def error(self, message: str) -> NoReturn:
+        raise LfsrError(f"{message}: `{self.prog} --help` says what there is")
+
+
+class _Parser(VerbParser):
     """The parser of `lfsr`, whose help shows the verbs in groups, each with an example."""
 
     def format_help(self) -> str:
@@ -188,8 +197,7 @@ class _Parser(argparse.ArgumentParser):
         """Parse, with a hint where the verb is misspelled."""
         first, names = next(iter(args or ()), "-"), (*VERBS, *LABORATORY)
         if not first.startswith("-") and first not in names:
-            self.exit(EXIT_BAD_INPUT, f"lfsr: there is no verb {first!r}: {did_you_mean(first, names)}"
-                                      "`lfsr` alone lists the verbs\n")
+            raise LfsrError(f"there is no verb {first!r}: {did_you_mean(first, names)}`lfsr` alone lists the verbs")
         return super().parse_known_args(args, namespace)
 
 

@@ -121,12 +121,11 @@ def test_shells_complete_verbs_and_options(tmp_path):
 
 @pytest.mark.parametrize("words", [
     "rendr x.blend", "views", "views x --eye 1,2", "render x.glb -o x --scale some", "plan x.glb --scales two",
-    "export x", "export x --format quitl", "export x --format quilt --grid 8by6"])
-def test_wrong_command_line_exits_with_2(words, capsys):
-    with pytest.raises(SystemExit) as caught:
-        main(words.split())
-    said = capsys.readouterr().err
-    assert caught.value.code == 2 and said and ("'rendr': did you mean 'render'?" in said) == ("rendr " in words)
+    "export x", "export x --format quitl", "export x --format quilt --grid 8by6", "plan x --json x.json", "study x"])
+def test_a_wrong_command_line_is_one_sentence_also_as_json(words, capsys):
+    said = fails(words.replace(" --json", "").split(), capsys)
+    assert said and ("'rendr': did you mean 'render'?" in said) == ("rendr " in words)
+    assert main([*words.split(), "--json"]) == 2 and json.loads(capsys.readouterr().out)["error"] in said
 
 
 def test_render_goes_all_the_way(scene, blender, tmp_path, capsys):

@@ -1,6 +1,5 @@
 """Documents point to what is there: files, messages, and keys of the JSON files."""
 
-import argparse
 import ast
 import json
 import re
@@ -9,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from lfsr_core.cli import build_parser
+from lfsr_core.base.messages import LfsrError
+from lfsr_core.cli import VerbParser, build_parser
 from lfsr_core.metrics.eia_metrics import compare_folders
 from lfsr_core.reconstruct.second_stage import finish_frame
 from tests.support.project_files import ROOT, project_files
@@ -140,19 +140,15 @@ def commands(text: str) -> list[tuple[list[str], bool]]:
 def test_commands_are_accepted(name, monkeypatch):
     def error(_parser, message):
         if is_line or not message.startswith("the following arguments are required"):
-            raise ValueError(message)
+            raise LfsrError(message)
 
-    def stop(parser, status=0, message=""):
-        if status:
-            error(parser, message)
-
-    monkeypatch.setattr(argparse.ArgumentParser, "error", error)
-    monkeypatch.setattr(argparse.ArgumentParser, "exit", stop)
+    monkeypatch.setattr(VerbParser, "error", error)
+    monkeypatch.setattr(VerbParser, "exit", lambda *_: None)  # of --help
     problems = []
     for words, is_line in commands((ROOT / name).read_text(encoding="utf-8")):
         try:
             build_parser().parse_args(words)
-        except ValueError as wrong:  # a sentence may end with an option, without its value
+        except LfsrError as wrong:  # a sentence may end with an option, without its value
             is_old = name.startswith("docs/notebook/") and OLD.intersection(words)
             if not is_old and (is_line or "expected one argument" not in str(wrong)):
                 problems.append((" ".join(words), str(wrong)))

@@ -420,10 +420,9 @@ def test_options_methods_limits_and_all_combinations_that_they_allow():
     assert PlanOptions().most_paths(load_display("mini")) == plan_options.FREE_PATHS
     assert PlanOptions().most_paths(load_display("bupt-32in-8k")) > plan_options.FREE_PATHS
     for wrong in [{"target": 1.0}, {"target": 0.0}, {"metric": "psnr"}, {"budget": 0.0}, {"lenses": 3},
-                                       {"reference_samples": 3}, {"samples": (0,)}, {"most_seconds": 0.0}]:
+                  {"reference_samples": 3}, {"samples": (0,)}, {"most_seconds": 0.0}, {"most_seconds": math.inf}]:
         refuses("but", PlanOptions, **wrong)
-    for wrong in [{"scales": (3,)}, {"methods": ("bilinar",)}, {"rays": (0.0,)},
-                                       {"scales": (2,), "methods": ("none",)}]:
+    for wrong in [{"scales": (3,)}, {"methods": ("bilina",)}, {"rays": (0.0,)}, {"scales": (2,), "methods": ("none",)}]:
         refuses("", PlanOptions(**wrong).candidates, MINI)
     found = PlanOptions(samples=(np.int64(4), 16), methods=("bilinear", "oidn+bilinear")).candidates(MINI)
     assert {candidate.scale for candidate in found} == {1, 2, 4, 8}

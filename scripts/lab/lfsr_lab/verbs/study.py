@@ -44,8 +44,8 @@ class _Study(argparse.Action):
         if name not in STUDIES:
             parser.error(f"there is no study {name!r}: choose from {', '.join(STUDIES)}")
         module = importlib.import_module(f"lfsr_lab.experiments.{STUDIES[name][0]}")
-        own = argparse.ArgumentParser(prog=f"lfsr study {name}", description=module.__doc__,
-                                      formatter_class=argparse.RawDescriptionHelpFormatter)
+        own = type(parser)(prog=f"lfsr study {name}", description=module.__doc__,
+                           formatter_class=argparse.RawDescriptionHelpFormatter)
         module.add_arguments(own)
         own.add_argument("-o", "--output", type=Path, required=getattr(module, "NEEDS_OUTPUT", True), metavar="OUT",
                          help="folder of everything that is made; what is complete in it is not made again")
