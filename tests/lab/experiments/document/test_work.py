@@ -14,7 +14,6 @@ from pathlib import Path
 
 import pytest
 
-from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import write_record
 from lfsr_core.cli import build_parser
 from lfsr_lab.experiments.animations.study import NAMES as ANIMATIONS
@@ -178,13 +177,13 @@ def test_a_unit_waits_for_those_that_it_reads(tmp_path):
 
 def test_parts_cover_all_units_once_and_a_folder_keeps_its_form(tmp_path):
     work = work_of(tmp_path, "a", "b", "c")
+    refuses("holds no records to draw", list, document.draw(work))
     document.measure(work, SHORT, work.table.study, part=(2, 2))
     assert [work.is_whole(unit) for unit in every(work.table)] == [False, True, False]
     document.measure(work, SHORT, work.table.study, part=(1, 2))
     assert all(work.is_whole(unit) for unit in every(work.table))
     assert [lines(work.folder / "study" / name / "runs.txt") for name in "abc"] == [["run"]] * 3
-    with pytest.raises(LfsrError, match="was begun with --short: choose another folder for --long"):
-        document.measure(work, "long", work.table.study)
+    refuses("begun with --short: choose another folder for --long", document.measure, work, "long", work.table.study)
 
 
 @pytest.mark.parametrize(("parts", "whole"), [(([1], [2, 3]), [1, 2, 3]), (({"x": 1}, {"y": 2}), {"x": 1, "y": 2})])

@@ -248,8 +248,9 @@ def test_the_published_report_is_what_the_documents_show():
 
 @pytest.mark.parametrize(("options", "message"), [
     (["--sweeps", "wires"], "did you mean 'wire'"), (["--methods", "bicubix"], "did you mean 'bicubic'"),
-    (["--scale", "3"], "scale is 3"), (["--scale", "1"], "scale is 1"), (["--frames", "1"], "need at least 2"),
-    (["--display", "minni"], "did you mean 'mini'"),
+    (["--scale", "3"], "scale is 3"), (["--scale", "1"], "scale is 1"), (["--frames", "0"], "need at least 2"),
+    (["--display", "minni"], "did you mean 'mini'"), (["--seeds", "0"], "--seeds is 0"),
+    (["--reference-spp", "0"], "has 0 samples"),
     (["--display", "looking-glass-go", "--scale", "2", "--methods", "paper"], "'paper' needs views in two directions")])
 def test_bad_input_is_refused_before_anything_is_written(tmp_path, capsys, options, message):
     assert message in fails(["study", "stress", "-o", str(tmp_path / "out"), "--display", "mini", *options], capsys)

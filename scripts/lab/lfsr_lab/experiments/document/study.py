@@ -74,7 +74,8 @@ def measure(work: Work, form: str, studies: Sequence[Study], part: tuple[int, in
     """
     begun = _manifest(work.folder).get("form", form)
     if begun != form:
-        raise LfsrError(f"{work.folder} was begun with --{begun}: choose another folder for --{form}")
+        how = "holds the records of the documents" if begun == KEPT else f"was begun with --{begun}"
+        raise LfsrError(f"{work.folder} {how}: choose another folder for --{form}")
     write_json(work.folder / MANIFEST, _manifest(work.folder) | {"form": form})
     index, count = part or (1, 1)
     work.run(units(studies, form)[index - 1::count])
@@ -89,7 +90,8 @@ def draw(work: Work) -> Iterator[Path]:
     every = [] if form == KEPT else units(work.table.study, form)
     work.gather(every)
     found = {unit: ended for unit in every if (ended := work.ended(unit))}
-    rows = [*_records(work, form)]
+    if not (rows := [*_records(work, form)]) and form == KEPT:
+        raise LfsrError(f"{work.folder} holds no records to draw: measure some first, with --short or --long")
     known = {name: files for ended in found.values() for name, files in ended.inputs.items()}
     if work.assets is not None:
         known |= {asset.name: digests(path) for asset in work.table.asset

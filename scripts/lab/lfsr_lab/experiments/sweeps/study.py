@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from markupsafe import Markup
 
+from lfsr_core.base.messages import LfsrError
 from lfsr_core.commands.common import names
 from lfsr_core.optics.display import load_display
 from lfsr_lab.experiments.engine.plots import COLORS, MARKERS, Curve, draw_curves, panel_sheet, svg
@@ -98,10 +99,13 @@ def run(arguments: argparse.Namespace) -> None:
     LfsrError for an unknown sweep or method, a method that the display cannot have, a folder begun with other settings,
     and where Blender fails.
     """
-    samples = arguments.reference_spp or (QUICK_SAMPLES if arguments.quick else SAMPLES)
-    frames = arguments.frames or (QUICK_FRAMES if arguments.quick else FRAMES)
+    if arguments.seeds < 1:
+        raise LfsrError(f"--seeds is {arguments.seeds}, but it must be 1 or more")
+    samples, frames = (QUICK_SAMPLES, QUICK_FRAMES) if arguments.quick else (SAMPLES, FRAMES)
+    samples = samples if arguments.reference_spp is None else arguments.reference_spp
+    frames = frames if arguments.frames is None else arguments.frames
     settings = records.Settings(load_display(arguments.display or DISPLAY_FILE), arguments.scale, samples, frames,
-                        arguments.device)
+                                arguments.device)
     store, parallax = Store(arguments.output, arguments.blender), settings.display.parallax
     methods = tuple(dict.fromkeys([BASELINE, *(arguments.methods or default_methods(settings.scale, parallax))]))
     for name in methods:
