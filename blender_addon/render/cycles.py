@@ -247,4 +247,5 @@ def compile_osl(source: str) -> str:
             if not _cycles.osl_compile(str(text), str(code)) or not code.is_file() or not code.stat().st_size:
                 code.write_bytes(bytes(ROOM * text.stat().st_size))  # fails where there was no room for the bytecode
                 raise LfsrError(advice.format("Cycles rejected the ray-layout shader, see its message above"))
-        return re.sub(r'(%filename\{".*?"\} )?%line\{\d+\}', "", code.read_text("utf-8"))  # Cycles reads no " in paths
+        # Cycles reads no " in paths, and no line break in the comment with the options.
+        return re.sub(r'(?s)# options:.*?\n(?=shader )|(%filename\{".*?"\} )?%line\{\d+\}', "", code.read_text("utf-8"))

@@ -1,5 +1,6 @@
 """A shader that does not compile is an error, never the shader before it."""
 
+import contextlib
 import dataclasses
 import re
 import sys
@@ -154,6 +155,10 @@ def test_blender_without_osl_says_what_to_do_and_too_small_an_image_is_refused(s
 
     monkeypatch.setattr(_cycles, "with_osl", False)
     refuses("built without OSL.*lens-card", cycles.compile_osl, GOOD)
+    monkeypatch.undo()
+    (folder := tmp_path / "a\nb").mkdir()
+    monkeypatch.setattr(cycles.tempfile, "TemporaryDirectory", lambda **_: contextlib.nullcontext(folder))
+    assert "\nb/camera" not in cycles.compile_osl(GOOD), "a line break in the folder's name"
 
 
 def test_normal_layer_is_in_array_space(scene, tmp_path, way):
