@@ -5,12 +5,10 @@ channel is then fitted at once: a homography, the lens's distortion, and brightn
 Places in a photograph count from its middle, rightwards and downwards, in halves of its diagonal.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 import OpenImageIO as oiio
@@ -87,7 +85,7 @@ class Raster(NamedTuple):
     half: float  # of its diagonal, in pixels
 
     @classmethod
-    def of(cls, image: Array) -> Raster:
+    def of(cls, image: Array) -> Self:
         """A photograph (H, W, …) as it is."""
         height, width = image.shape[:2]
         return cls(image, np.array([width - 1, height - 1]) / 2, math.hypot(height, width) / 2)
@@ -106,14 +104,14 @@ class Raster(NamedTuple):
         values: Array = (upper * (1 - down) + lower * down) * there
         return values
 
-    def shrunk(self, times: int) -> Raster:
+    def shrunk(self, times: int) -> Self:
         """A raster whose pixels are means of ``times`` × ``times``."""
         if times <= 1:
             return self
         rows, columns = (count // times for count in self.values.shape[:2])
         part = self.values[:rows * times, :columns * times]
         means = part.reshape(rows, times, columns, times, *self.values.shape[2:]).mean((1, 3))
-        return Raster(means, (self.middle + 0.5) / times - 0.5, self.half / times)
+        return type(self)(means, (self.middle + 0.5) / times - 0.5, self.half / times)
 
 
 @dataclasses.dataclass(frozen=True)

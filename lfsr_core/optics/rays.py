@@ -14,12 +14,11 @@ A part of an EIA that one of several machines renders is named by its rows of le
 included, as in a frame range.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re
 from collections.abc import Iterable
+from typing import Self
 
 import numpy as np
 
@@ -49,7 +48,7 @@ class CameraArray:
     spacing: float  # between neighbouring dense views
 
     @classmethod
-    def for_display(cls, profile: DisplayProfile, width: float, distance: float | None = None) -> CameraArray:
+    def for_display(cls, profile: DisplayProfile, width: float, distance: float | None = None) -> Self:
         """Array of ``profile`` for a display ``width`` scene units wide.
 
         Without ``distance`` the display keeps its true proportions; with it the
@@ -99,7 +98,7 @@ class RayLayout:
 
     @classmethod
     def for_display(cls, profile: DisplayProfile, array: CameraArray, scale: int = 1, *, convention: str = "centred",
-                    view_aperture: float = 1.0, lens_list: LensList | None = None) -> RayLayout:
+                    view_aperture: float = 1.0, lens_list: LensList | None = None) -> Self:
         """Layout of the EIA of ``profile`` with views divided by ``scale``."""
         return cls(profile.lenses, profile.low_views(scale), array, array.spacing * scale, convention, view_aperture,
                    lens_list, profile.parallax)

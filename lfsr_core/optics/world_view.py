@@ -6,11 +6,10 @@ depth). The rays of a pixel cover a lens and a cell of views: their slopes are t
 by two boxes.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import math
+from typing import Self
 
 import numpy as np
 
@@ -32,7 +31,7 @@ class WorldImage:
     reach: tuple[float, float]  # slope of its edges, both ways from the array's axis
 
     @classmethod
-    def of(cls, layout: RayLayout) -> WorldImage:
+    def of(cls, layout: RayLayout) -> Self:
         """The image that contains every ray of ``layout``."""
         extents = []
         for axis in (0, 1):
@@ -58,7 +57,7 @@ class WorldView:
     pixels: Array  # (H, W, 3) of the image, float32, blurred as the layout's pixels see it
 
     @classmethod
-    def of(cls, layout: RayLayout, pixels: Array) -> WorldView:
+    def of(cls, layout: RayLayout, pixels: Array) -> Self:
         """The world through ``layout``, from the rendered ``pixels`` (H, W, 3) of its image."""
         image = WorldImage.of(layout)
         down, across = (_blur(image.size[axis], [width / image.step[axis] for width in _boxes(layout, axis)])

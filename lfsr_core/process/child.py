@@ -4,8 +4,6 @@ They write ``LFSR {json}`` lines on their standard output. The last one has the 
 ``repeated`` writes the last progress again while there is none that is new. No process is left an orphan.
 """
 
-from __future__ import annotations
-
 import _thread
 import collections
 import contextlib
@@ -219,7 +217,7 @@ class Child:
     ``protocol.ENDS_WITH_INPUT`` in its environment then ends too. That is also how ``stop`` asks it to end.
     """
 
-    _living: ClassVar[weakref.WeakSet[Child]] = weakref.WeakSet()
+    _living: ClassVar["weakref.WeakSet[Child]"] = weakref.WeakSet()
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None,
                  log: Callable[[str], object] = lambda line: None, low_priority: bool = False) -> None:

@@ -5,8 +5,6 @@ in place of the method's upscaler. Only a few elemental images at a time exist i
 would take 400 MB, and longer to move than to make.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import threading
@@ -150,6 +148,29 @@ def read_finished_linear(folder: str | Path) -> Array | None:
         raise LfsrError(f"{path} has {pixels.shape[1]}×{pixels.shape[0]} pixels, but its frame {size[1]}×{size[0]}: "
                         "finish the frame again with a linear EXR")
     return flip_order(pixels, tiles) if frame.display.ei_order == "flipped" else pixels
+
+
+class StageClock:
+    """``with clock("load"): ...`` adds the wall time of the block to ``seconds["load"]``.
+
+    While ``threads`` of them run at once each block counts for 1 / ``threads``, so that the stages add up to the time
+    that passed. ``rendered``: seconds per step of the render, from its frame.
+    """
+
+    def __init__(self, rendered: Mapping[str, float] | None = None) -> None:
+        self.seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
+        self.seconds["render"] = float(sum((rendered or {}).get(step, 0.0) for step in ("open", "render")))
+        self.threads, self._lock = 1, threading.Lock()
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        started = time.perf_counter()
+        try:
+            yield
+        finally:
+            passed = time.perf_counter() - started
+            with self._lock:
+                self.seconds[stage] = self.seconds.get(stage, 0.0) + passed / self.threads
 
 
 class _Work:
@@ -314,29 +335,6 @@ def linear_panel_image(layers: Mapping[str, Array], frame: Frame, method: Method
             shown = shown.copy()
             shown[part] = denoise_eia(shown[part], device=Wanted.of(frame.device, frame.gpus), note=note)
     return panel_image(frame.subpixels, shown)
-
-
-class StageClock:
-    """``with clock("load"): ...`` adds the wall time of the block to ``seconds["load"]``.
-
-    While ``threads`` of them run at once each block counts for 1 / ``threads``, so that the stages add up to the time
-    that passed. ``rendered``: seconds per step of the render, from its frame.
-    """
-
-    def __init__(self, rendered: Mapping[str, float] | None = None) -> None:
-        self.seconds: dict[str, float] = dict.fromkeys(STAGES, 0.0)
-        self.seconds["render"] = float(sum((rendered or {}).get(step, 0.0) for step in ("open", "render")))
-        self.threads, self._lock = 1, threading.Lock()
-
-    @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
-        started = time.perf_counter()
-        try:
-            yield
-        finally:
-            passed = time.perf_counter() - started
-            with self._lock:
-                self.seconds[stage] = self.seconds.get(stage, 0.0) + passed / self.threads
 
 
 def filled(size: tuple[int, int], color: Array) -> Array:
