@@ -111,8 +111,7 @@ def test_missing_and_unreadable_files_and_layers(tmp_path):
     for names, named in [("GBA", "A, B, G"), ("XYZ", "X, Y, Z"), ("abcd", "a, b, c, d"), ("RGA", "A, G, R"),
                          ("RGBQ", "B, G, Q, R"), ("R", "R")]:
         write_exr(tmp_path / "a.exr", [(list(names), np.ones((2, 3, len(names)), np.float32))])
-        refuses(f"its layer color has the channels {named} instead of R, G, B", image_files.read_layers,
-                tmp_path / "a.exr")
+        refuses(f"layer color has the channels {named} instead of R, G, B", image_files.read_layers, tmp_path / "a.exr")
     for names, shape in [
         (["ViewLayer.Denoising Albedo.R", "ViewLayer.Denoising Albedo.G", "ViewLayer.Denoising Albedo.B"], (2, 9, 3)),
         (["ViewLayer.Denoising Normal.X", "ViewLayer.Denoising Normal.Y"], (6, 9, 2))]:

@@ -140,16 +140,14 @@ def test_rows_as_people_write_them_parts_that_are_not_the_whole_and_a_region_of_
     for text in ["", "0-3", "5-4", "9-13", "a-b", "1/13", "0/2", "3/2", "-3", "1-2-3", "1-", "1" * 99]:
         refuses("rows are ", parse_rows, text, 12)
     for parts, sentence in [
-        ([(1, 4), (6, 12)], "rows 5 are in none"), ([(2, 12)], "rows 1 are in none"),
-        ([(1, 9)], "rows 10-12 are in none"), ([(1, 6), (5, 12)], "rows 5-6 are in more than one"),
-        ([(1, 12), (3, 4)], "rows 3-4 are in more than one")]:
+        ([(1, 4), (6, 12)], "rows 5 are in none"), ([(2, 12)], "rows 1 are in none"), ([(1, 9)], "rows 10-12 are in"),
+        ([(1, 6), (5, 12)], "rows 5-6 are in more than one"), ([(1, 12), (3, 4)], "rows 3-4 are in more than one")]:
         refuses(sentence, check_cover, parts, 12)
     region = LiveRegion(SMALL, SMALL.panel_pixels, 4)
     assert region.sentence() is None
     assert region.corner == (0, 0) and region.shift == (0, 0) and region.drawn == SMALL.panel_pixels
-    for size, words in [
-        ((960, 540), "centred part"), ((640, 480), "centred part"), ((1920, 1080), "in the middle of a border"),
-        ((1281, 1000), "views mix"), ((640, 479), "views mix")]:
+    for size, words in [((960, 540), "centred part"), ((640, 480), "centred part"), ((1281, 1000), "views mix"),
+                        ((1920, 1080), "in the middle of a border"), ((640, 479), "views mix")]:
         sentence = LiveRegion(SMALL, size, 4).sentence()
         assert words in sentence and f"{size[0]}×{size[1]}" in sentence and "960×560" in sentence
         assert len(sentence) < 300
@@ -240,8 +238,7 @@ def test_usual_rays_are_sixteen_samples_at_scale_4():
     assert usual_rays(SMALL, 64) == 4 and Sampling.of(LENTICULAR, (1,), None, None, direct=True).samples == 16
     for rays in [0.0, -1.0, math.nan, math.inf, 2**22]:
         refuses(r"rays per finished pixel are .* above 0, and at most 1048", samples_at, SMALL, 4, rays)
-    for views, scales in [
-        (8, (2, 1)), (12, (2, 1)), (20, (4, 2, 1)), (15, (3, 1)), (9, (3, 1)), (25, (5, 1)), (40, (5, 4, 2, 1)),
-        (60, (5, 4, 3, 2, 1))]:
+    for views, scales in [(8, (2, 1)), (12, (2, 1)), (20, (4, 2, 1)), (15, (3, 1)), (9, (3, 1)), (25, (5, 1)),
+                          (40, (5, 4, 2, 1)), (60, (5, 4, 3, 2, 1))]:
         pixels = tuple(count * views for count in SMALL.lenses)
         assert scales_up_to(dataclasses.replace(SMALL, views=(views, views), panel_pixels=pixels)) == scales

@@ -233,6 +233,8 @@ def test_a_render_and_another_into_the_same_folder_as_on_windows(scene, tmp_path
 
 
 def test_demo_scene_stands_the_right_way_round_and_moves_against_the_eye(tmp_path):
+    for name in ("demo", "unseen", "textured", "real", "deep"):
+        assert run_script(f"{name}_scene{'' if name == 'demo' else 's'}.py", "--no-such", tmp_path)[0] == 2
     assert run_script("demo_scene.py", tmp_path / "demo.blend")[0] == 0
     said = run_lfsr("render", tmp_path / "demo.blend", "-o", tmp_path / "frame", "--display", "small", "--scale", 4,
                     "--spp", 4)

@@ -139,9 +139,8 @@ def test_every_device_of_this_machine_can_be_asked():
     kinds = [library.oidnGetPhysicalDeviceInt(number, b"type") for number in range(library.oidnGetNumPhysicalDevices())]
     assert DEVICE_TYPES["CPU"] in kinds and set(kinds) <= set(DEVICE_TYPES.values())
     assert denoise._physical(library, Wanted("CUDA", ("ffff:ff:1f",))) is None
-    for device, wanted in [
-        ("CPU", CPU), ("OPTIX", Wanted("OPTIX", ("a",))), ("CPU+HIP", Wanted("HIP", ("a",))),
-        ("CUDA+OPTIX", Wanted("CUDA", ("a",))), ("", CPU), ("a toaster", CPU)]:
+    for device, wanted in [("CPU", CPU), ("OPTIX", Wanted("OPTIX", ("a",))), ("CPU+HIP", Wanted("HIP", ("a",))),
+                           ("CUDA+OPTIX", Wanted("CUDA", ("a",))), ("", CPU), ("a toaster", CPU)]:
         assert Wanted.of(device, ("a",)) == wanted
     for wanted, number in [
         (Wanted("OPTIX", ("0000:65:00",)), 2), (Wanted("HIP", ("0000:65:00",)), 3),

@@ -5,8 +5,6 @@
 `lfsr study animations` writes the file, see ``write_scenes``.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import sys

@@ -6,9 +6,6 @@ MODELS has FlightHelmet.gltf, GlassVaseFlowers.gltf, japaneseMaple.obj and head.
 scenes are ``row``, ``grove`` and ``steps``; docs/results/stress.md says how they are measured.
 """
 
-from __future__ import annotations
-
-import argparse
 import sys
 from pathlib import Path
 
@@ -20,7 +17,7 @@ from mathutils import Vector
 
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.process.child import EXIT_BAD_INPUT, emit
-from lfsr_lab.scenes.shared.objects import add_object, leave, save, script_arguments, settle, world
+from lfsr_lab.scenes.shared.objects import add_object, leave, save, script_paths, settle, world
 
 HELMET, VASE, TREE, HEAD = "FlightHelmet.gltf", "GlassVaseFlowers.gltf", "japaneseMaple.obj", "head.glb"
 # Model, place of its middle (y away from the viewer), longest side, turn in radians.
@@ -89,7 +86,4 @@ def main(models: Path, folder: Path) -> int:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(prog="deep_scenes.py", description=__doc__.splitlines()[0])
-    parser.add_argument("models", type=Path, metavar="MODELS", help="folder that holds the models")
-    parser.add_argument("folder", type=Path, metavar="DIR", help="where the scenes go")
-    leave(main(**vars(parser.parse_args(script_arguments()))))
+    leave(main(**script_paths(__doc__, models="MODELS", folder="DIR")))

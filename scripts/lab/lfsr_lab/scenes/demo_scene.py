@@ -14,7 +14,7 @@ sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4)
 
 import bpy
 
-from lfsr_lab.scenes.shared.objects import demo_camera, lamp, paint, save, world
+from lfsr_lab.scenes.shared.objects import demo_camera, lamp, paint, save, script_paths, world
 
 
 def main(path: Path) -> None:
@@ -63,4 +63,4 @@ def finish(name: str, color: tuple[float, float, float], roughness: float, smoot
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[-1]))
+    main(**script_paths(__doc__, path="SCENE.blend"))

@@ -7,8 +7,6 @@ JOB.json: scene, display (a profile), share (fraction of the array's own distanc
 The field of view stays, so the subject fills more of the display where the array is nearer.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import sys

@@ -29,7 +29,7 @@ from lfsr_lab.scenes.shared.objects import (
     principled,
     put,
     save,
-    script_arguments,
+    script_paths,
     settle,
     sun,
     world,
@@ -266,4 +266,4 @@ def main(models: Path, photographs: Path, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(Path, script_arguments()[-3:]))
+    main(**script_paths(__doc__, models="MODELS", photographs="PHOTOGRAPHS", folder="DIR"))

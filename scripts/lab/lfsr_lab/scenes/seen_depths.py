@@ -7,8 +7,6 @@ JOB.json: scene (a file), display (a profile) and output (.json, a list of dispa
 `--scale auto` measures the same.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

@@ -7,8 +7,6 @@
 render with `lfsr render` and `lfsr reference` as they are.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

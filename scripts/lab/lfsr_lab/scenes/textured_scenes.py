@@ -24,7 +24,7 @@ from lfsr_lab.scenes.shared.objects import (
     principled,
     put,
     save,
-    script_arguments,
+    script_paths,
     sun,
     world,
 )
@@ -188,4 +188,4 @@ def main(photographs: Path, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(Path, script_arguments()[-2:]))
+    main(**script_paths(__doc__, photographs="PHOTOGRAPHS", folder="DIR"))

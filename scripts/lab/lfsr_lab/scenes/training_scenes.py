@@ -10,8 +10,6 @@ file format is described in training/produce.py: the low-resolution EIA several 
 MODELS holds OBJ and glTF models with a licenses.json. --prepare-models makes it from Debian's sweethome3d-furniture.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import traceback

@@ -17,7 +17,18 @@ import bpy
 import numpy as np
 
 from lfsr_lab.scenes.shared import surfaces
-from lfsr_lab.scenes.shared.objects import again, demo_camera, lamp, paint, principled, put, save, sun, world
+from lfsr_lab.scenes.shared.objects import (
+    again,
+    demo_camera,
+    lamp,
+    paint,
+    principled,
+    put,
+    save,
+    script_paths,
+    sun,
+    world,
+)
 
 HALF_WIDTH, HALF_HEIGHT = 3.5, 2.0  # of the display
 SUN = math.radians(0.5)  # across
@@ -173,4 +184,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[-1]))
+    main(**script_paths(__doc__, folder="DIR"))

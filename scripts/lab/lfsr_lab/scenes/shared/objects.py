@@ -1,7 +1,6 @@
 """What every script that writes scenes does: objects, materials, light and camera; its job, saving and its end."""
 
-from __future__ import annotations
-
+import argparse
 import math
 import os
 import shutil
@@ -190,6 +189,14 @@ def aim(thing: bpy.types.Object, at: Vector) -> None:
 def script_arguments() -> list[str]:
     """Return the script's own arguments: those after ``--`` under Blender, else all."""
     return sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else sys.argv[1:]
+
+
+def script_paths(description: str, **names: str) -> dict[str, Path]:
+    """Return the paths among the script's own arguments, by name; ``names``: what stands for each in its help."""
+    parser = argparse.ArgumentParser(description=description.splitlines()[0])
+    for name, shown in names.items():
+        parser.add_argument(name, type=Path, metavar=shown)
+    return vars(parser.parse_args(script_arguments()))
 
 
 def save(path: Path) -> None:

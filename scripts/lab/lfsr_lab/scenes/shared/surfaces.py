@@ -1,7 +1,5 @@
 """Meshes as plain arrays: NumPy only, unit-sized, centred."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Sequence
 

@@ -1,7 +1,5 @@
 """One builder per parameter sweep: ``BUILDERS[name](stage, value)`` fills an empty stage."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import math
