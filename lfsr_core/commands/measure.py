@@ -76,7 +76,8 @@ def run_reference(arguments: argparse.Namespace) -> Any:
     rows = request.rows
     count = (display.lenses[0] * (rows[1] - rows[0] + 1) if rows is not None else
              len(request.lens_list) if request.lens_list else math.prod(display.lenses))
-    print(f"{arguments.output}: {count} lenses, two halves of {request.sampling.samples // 2} samples")
+    halves = sorted({request.sampling.samples // 2, (request.sampling.samples + 1) // 2})
+    print(f"{arguments.output}: {count} lenses, two halves of {' and '.join(map(str, halves))} samples")
     return {"folder": arguments.output, "lenses": count, "samples": request.sampling.samples}
 
 

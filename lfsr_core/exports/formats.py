@@ -63,8 +63,7 @@ def export(folder: str | Path, name: str, target: str | Path | None = None,
             raise LfsrError(f"format {name!r} has no option {option!r}, only {', '.join(has)}: leave it out")
     target = default_target(folder, name) if target is None else Path(target)
     paths = frame_folders(folder) if is_sequence(folder) else None
-    if paths is not None:
-        one_display({path: read_frame(path) for path in paths})
+    one_display({path: read_frame(path) for path in paths or [Path(folder)]})
     if chosen.is_film:
         # One at a time: an 8K animation would not fit into memory.
         fields = map(read_light_field, paths or [Path(folder)])

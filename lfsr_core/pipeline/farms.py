@@ -59,7 +59,8 @@ def write_job(farm: str, folder: Path, request: Request, finish: Finish, frames:
                    {"parameterValues": [{"name": name, "value": value} for name, value in values.items()]})
         words = ["openjd", "run", str(template), "-p", f"file://{plain}", "--step", "Finish", "--run-dependencies"]
         return (shlex.join(words),
-                f"That runs it on this machine; for AWS Deadline Cloud: deadline bundle gui-submit {folder}")
+                "That runs it on this machine; for AWS Deadline Cloud: deadline bundle gui-submit "
+                f"{shlex.quote(str(folder))}")
     script, data = folder / TEMPLATES[FLAMENCO], folder / "flamenco-job.json"
     write_template(FLAMENCO, script)
     write_json(data, {

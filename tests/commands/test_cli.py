@@ -138,10 +138,9 @@ def test_render_goes_all_the_way(scene, blender, tmp_path, capsys):
         "eia.exr", "eia.png", "frame.json", "lr_eia.exr", "mask.png", "report.json"]
     assert str(folder / "eia.png") in capsys.readouterr().out
     (job,) = jobs(blender)
-    expected = {"scene": scene, "kind": "render", "seed": 7, "layers": ["position", "index"],
-                "subject": "Things", "frame": 4, "layout": "lens-card", "convention": "centred",
-                "view_aperture": 0.5, "world_visible": False, "light": "night", "lens_list": None,
-                "clamp_indirect": None}
+    expected = {"scene": scene, "kind": "render", "seed": 7, "layers": ["position", "index"], "subject": "Things",
+                "frame": 4, "layout": "lens-card", "convention": "centred", "view_aperture": 0.5,
+                "world_visible": False, "light": "night", "lens_list": None, "clamp_indirect": None}
     assert {key: job[key] for key in expected} == expected
     assert (job["sampling"]["scale"], job["sampling"]["samples"]) == (2, 3)
     assert read_png(folder / "eia.png").shape == (96, 128, 3)
@@ -240,10 +239,12 @@ def test_reference_of_all_lenses_and_of_too_many(scene, blender, tmp_path, capsy
     assert (job["sampling"]["scale"], job["sampling"]["samples"]) == (1, 1024)
     assert "192 lenses, two halves of 512 samples" in capsys.readouterr().out
     assert sorted(path.name for path in folder.iterdir()) == ["frame.json", "reference_a.exr", "reference_b.exr"]
+    main(["reference", scene, "-o", str(tmp_path / "third"), "--display", "mini", "--spp", "3", "--blender", blender])
+    assert "two halves of 1 and 2 samples" in capsys.readouterr().out
     assert main(["reference", scene, "-o", str(tmp_path / "another"), "--display", "mini", "--lenses", "193",
                  "--blender", blender]) == 2
     assert "number of lenses is 193, but it must be from 1 to the display's 192" in capsys.readouterr().err
-    assert len(jobs(blender)) == 1 and not (tmp_path / "another").exists()
+    assert len(jobs(blender)) == 2 and not (tmp_path / "another").exists()
 
 
 def test_reference_of_sampled_lenses_takes_them_from_the_foreground(scene, blender, tmp_path):

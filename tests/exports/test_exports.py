@@ -430,6 +430,8 @@ def test_commands_export_and_show_every_frame(film, tmp_path, capsys):
 def test_what_cannot_be_is_said_and_leaves_nothing(film, tmp_path, capsys):
     (tmp_path / "empty").mkdir()
     assert "holds none with an eia.png" in fails(["export", str(tmp_path / "empty"), "--format", "sway"], capsys)
+    refuses("does not exist", export, tmp_path / "typo", "views")
+    assert not (tmp_path / "typo").exists()
     assert "has no option 'fps'" in fails(["export", str(film), "--format", "quilt", "--fps", "9"], capsys)
     assert "quality is 0" in fails(["view", str(film), "--quality", "0"], capsys)
     mixed = shutil.copytree(film / "0002", tmp_path / "mixed" / "0001").parent
