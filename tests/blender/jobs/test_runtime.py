@@ -143,14 +143,14 @@ def test_direct_rendering_can_leave_the_noise_and_a_blender_without_the_library_
     assert scene_settings.resolve(scene).method.text == "none" and scene.lfsr.rays == 2 * before
 
 
-def test_a_render_whose_second_stage_failed_is_kept_without_an_older_image_and_finished_by_another_method(
+def test_a_missing_library_is_told_before_the_render_and_an_unfinished_one_finished_by_another_method(
         scene, without_library):
-    scene.lfsr.method = "pool"
+    scene.lfsr.method, folder = "pool", folders.frame_folder(scene)
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
-    scene.lfsr.method, scene.lfsr.seed = DEFAULT_METHOD, 5
+    scene.lfsr.method = DEFAULT_METHOD
     refuses("not available", Task("Render EIA", render.image_job(scene)).run)
-    folder = folders.frame_folder(scene)
-    assert {path.name for path in folder.iterdir()} == {"frame.json", "lr_eia.exr"}
+    for name in ("eia.png", "mask.png", "report.json"):
+        (folder / name).unlink()  # as where the second stage failed
     assert [path.name for path in folder.parent.iterdir()] == ["0001"]
     assert folders.is_unfinished(folder) and "The render is kept" in folders.kept(folder)
     assert render.methods(scene) == ["pool", "bilinear", "bicubic", "nearest"]
