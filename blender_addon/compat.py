@@ -31,12 +31,12 @@ def overridden(owner: Any, values: Mapping[str, Any]) -> Iterator[None]:
     """
     before = {name: copied(getattr(owner, name)) for name in values}
     try:
-        _set(owner, values)
+        assign(owner, values)
         yield
     finally:
         for name, value in before.items():
             with suppress(TypeError):
-                _set(owner, {name: value})
+                assign(owner, {name: value})
 
 
 @contextmanager
@@ -49,7 +49,8 @@ def new_data() -> Iterator[list[bpy.types.ID]]:
         bpy.data.batch_remove(made)
 
 
-def _set(owner: Any, values: Mapping[str, Any]) -> None:
+def assign(owner: Any, values: Mapping[str, Any]) -> None:
+    """Set properties of ``owner``, in the given order."""
     for name, value in values.items():
         # Setting an equal value would tag the data for an update.
         if copied(getattr(owner, name)) != value:
@@ -168,11 +169,6 @@ def multilayer_exr(half: bool = False) -> dict[str, Any]:
         "exr_codec": "ZIP", "color_management": "FOLLOW_SCENE"}
 
 
-def one_part_exr() -> dict[str, Any]:
-    """Return image settings that write all passes into one part; several parts fail where pixels are not square."""
-    return {"use_exr_interleave": True} if _has(bpy.types.ImageFormatSettings, "use_exr_interleave") else {}
-
-
 def video_output() -> dict[str, Any]:
     """Return image settings for a film, in the order they must be set."""
     return _media("VIDEO") | {"file_format": "FFMPEG", "color_mode": "RGB"}
@@ -203,19 +199,9 @@ def use_nodes(owner: bpy.types.Material | bpy.types.World) -> None:
         owner.use_nodes = True
 
 
-def whole_sample_range() -> dict[str, Any]:
-    """Return Cycles settings that render all samples, in versions that can render a range of them."""
-    return {"use_sample_subset": False} if hasattr(bpy.context.scene.cycles, "use_sample_subset") else {}
-
-
-def quick_volumes() -> dict[str, Any]:
-    """Return Cycles settings that march through volumes: 5.0's default maps their density first, for seconds."""
-    return {"volume_biased": True} if hasattr(bpy.context.scene.cycles, "volume_biased") else {}
-
-
-def no_overrides() -> dict[str, Any]:
-    """Return view layer settings without overrides of materials and, where this Blender has it, of the world."""
-    return {name: None for name in ("material_override", "world_override") if _has(bpy.types.ViewLayer, name)}
+def known(owner: Any, **values: Any) -> dict[str, Any]:
+    """Return those of the settings ``values`` that ``owner`` has in this Blender."""
+    return {name: value for name, value in values.items() if hasattr(owner, name)}
 
 
 def whole_textures() -> dict[str, Any]:

@@ -67,13 +67,18 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
     cameras, toward = placed[0], np.linalg.inv(np.array(placed[1]))
     items = sorted(set(owners), key=lambda item: item.name)
     rows = {item: row for row, item in enumerate(items)}
-    extents = extents_of(boxes @ toward[:3, :3].T + toward[:3, 3], cameras, np.array([rows[owner] for owner in owners]))
+    points, of = boxes @ toward[:3, :3].T + toward[:3, 3], np.array([rows[owner] for owner in owners])
+    # Points beside or behind the viewing position are off the display, far out: the object surrounds the viewer.
+    half = np.array([cameras.half_width, cameras.half_height]) / cameras.distance
+    seen = points[..., :2] / np.maximum(points[..., 2], 1e-6 * cameras.distance)[..., None] / half
+    extents = Extents(_lowest(points[..., 2].min(1), of), -_lowest(-points[..., 2].max(1), of),
+                      _lowest(seen.min(1), of), -_lowest(-seen.max(1), of))
     distance, (near, far) = cameras.distance, rig.usable_depth(cameras, settings.display)
     margin = TOLERANCE * distance
     # A floor or a room begins beside the viewer, or in front of the usable depth, and ends behind the display.
     through = (extents.far > np.where(extents.near <= 0, distance, far)) & (extents.near < near)
     background = through | (extents.cover & (extents.far > far + margin))
-    seen = finest(extents, settings.display, cameras, settings.sampling.scale)
+    least = finest(extents, settings.display, cameras, settings.sampling.scale)
     is_only = not (extents.visible & ~background).any()  # without another subject nothing would be left before it
     for row in np.flatnonzero(extents.visible):
         item = items[row]
@@ -91,23 +96,10 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
             yield _problem("depth", item, f"It reaches {length(scene, extents.far[row] - distance)} behind the "
                            f"display, which shows {length(scene, far - distance)} sharp.")
         thickness = sorted(item.dimensions)[1]  # of a rod; of a sheet, its shorter side
-        if 0 < thickness < seen[row]:
+        if 0 < thickness < least[row]:
             yield _problem("thin", item, f"It is {length(scene, thickness)} thick, but at its depth the rendered views "
-                           f"show nothing finer than {length(scene, seen[row])}. Choose a smaller scale or move it "
+                           f"show nothing finer than {length(scene, least[row])}. Choose a smaller scale or move it "
                            "nearer to the display plane.")
-
-
-def extents_of(points: Array, array: CameraArray, rows: Array) -> Extents:
-    """Return the extents, seen from the viewing position, of objects that have one or several boxes.
-
-    ``points``: their corners (n, 8, 3) in camera-array space; ``rows``: the object (n,) of each box, from 0.
-    """
-    depths = points[..., 2]
-    half = np.array([array.half_width, array.half_height]) / array.distance
-    # Points beside or behind the viewing position are off the display, far out: the object surrounds the viewer.
-    seen = points[..., :2] / np.maximum(depths, 1e-6 * array.distance)[..., None] / half
-    return Extents(_lowest(depths.min(1), rows), -_lowest(-depths.max(1), rows),
-                   _lowest(seen.min(1), rows), -_lowest(-seen.max(1), rows))
 
 
 def _lowest(values: Array, rows: Array) -> Array:

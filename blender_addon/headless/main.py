@@ -26,7 +26,7 @@ from lfsr_core.optics.depth_scale import ScaleChoice
 from lfsr_core.pipeline.parts import remove_others
 from lfsr_core.process import child as protocol
 
-from ..compat import literal_path, new_data, overridden, video_output
+from ..compat import assign, literal_path, new_data, overridden, video_output
 from ..render.frame_folder import Opened, inputs_before_opening, render_job, settled_light
 from ..render.output import UNFINISHED
 from ..scene.array import placement
@@ -199,8 +199,7 @@ def encode(frames_folder: str, film_file: str, frames_a_second: str) -> Path:
     render, size = scene.render, (strip.elements[0].orig_width, strip.elements[0].orig_height)
     render.resolution_x, render.resolution_y, render.resolution_percentage = *size, 100
     render.fps, render.fps_base = round(rate), round(rate) / rate
-    for name, value in video_output().items():
-        setattr(render.image_settings, name, value)
+    assign(render.image_settings, video_output())
     video, codec = render.ffmpeg, "H264" if max(size) <= H264_SIDE else "H265"
     video.format, video.codec, video.constant_rate_factor, video.gopsize = "MPEG4", codec, "PERC_LOSSLESS", 30
     render.use_file_extension, render.filepath = False, literal_path(str(film))

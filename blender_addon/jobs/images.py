@@ -152,8 +152,8 @@ def redraw_sidebars() -> None:
 @bpy.app.handlers.persistent
 def _before_save(*_: object) -> None:
     """Keep our images out of the file, which keeps no image without users: they lie beside it, or are made anew."""
-    for image in bpy.data.images:
-        if OWN in image:
+    for image, users in bpy.data.user_map(subset=[image for image in bpy.data.images if OWN in image]).items():
+        if all(user.id_type == "SCREEN" for user in users):  # else the artist uses it
             image.user_clear()
 
 

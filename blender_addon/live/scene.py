@@ -197,11 +197,15 @@ def marked(kind: str | None = None) -> list[bpy.types.ID]:
 
 
 def remove_all(kind: str | None = None) -> None:
-    """Remove this data; scenes first, so that no window shows removed data."""
+    """Remove this data; windows that show its scenes show another."""
     _remove(marked(kind))
 
 
 def _remove(items: list[bpy.types.ID]) -> None:
+    for window in bpy.context.window_manager.windows:
+        if window.scene in items:  # Blender crashes where a window shows a scene that is removed, or none is left
+            others = (scene for scene in bpy.data.scenes if MARK not in scene)
+            window.scene = window.scene.background_set or next(others, None) or bpy.data.scenes.new("Scene")
     if items:
         bpy.data.batch_remove(items)
 

@@ -25,7 +25,7 @@ LARGE = (65536, 65536)
 SECONDS_TO_ACT = 0.05
 SHARE, MOST_ROOM = 2 / 3, 0.9  # of the display; of the room beside the sidebar
 NO_WINDOW = "Blender runs without a window, but the live view needs one: start Blender with its window"
-NO_SECOND = "Blender opened no second window: close another window and try again"
+NO_SECOND = "Blender opened no second window: leave a maximized area or close another window, and try again"
 LEFT = "left"  # value of MARK: the screen of a live window that is closed
 
 
@@ -36,6 +36,7 @@ class _Shown:
     scene: int  # ``session_uid`` of the artist's scene
     view: live_scene.View | None = None  # view and smoothing that the live scene was made with
     smooth: bool | None = None
+    zoom: float = 0.0  # at which a pixel of the view is one of the window
     message: str = ""  # what is wrong or what to do next
 
 
@@ -101,26 +102,28 @@ def keep_up(kind: str = PANEL) -> None:
     scene, window, state = artists_scene(kind), find_window(kind), _on[kind]
     if scene is None or window is None:
         return
-    region = region_of(window)
+    space, region = space_of(window), region_of(window)
     view, smooth = live_scene.view_of(scene, (region.width, region.height), kind), scene.lfsr.live_smooth
     if (shown := live(kind)) is None:
         shown = live_scene.make(scene, view)
-    elif (view, smooth) != (state.view, state.smooth) or shown.background_set != scene:
+    elif (view, smooth) != (state.view, state.smooth) or shown.background_set != scene or shown.camera is None:
         shown.background_set = scene
         live_scene.show(shown, view)
     else:
         live_scene.follow(shown)
-        if window.scene == shown:
+        place = space.region_3d
+        if window.scene == shown and (place.view_perspective, place.view_camera_zoom) == ("CAMERA", state.zoom):
             return
     state.view, state.smooth = view, smooth
     # Rendered by Cycles through its camera, pixel by pixel, without overlays.
-    window.scene, space = shown, window.screen.areas[0].spaces.active
+    window.scene = shown
     space.overlay.show_overlays = space.show_gizmo = False
     space.shading.type, space.shading.use_compositor = "RENDERED", "ALWAYS"
     space.use_local_camera = False
     space.region_3d.view_perspective, space.region_3d.view_camera_offset = "CAMERA", (0.0, 0.0)
     with _place(window):
         bpy.ops.view3d.zoom_camera_1_to_1()
+    state.zoom = space.region_3d.view_camera_zoom
 
 
 def _update() -> float | None:
@@ -141,9 +144,9 @@ def _update() -> float | None:
 def _say(kind: str, text: str) -> None:
     if text != _on[kind].message:
         _on[kind].message = text
-        for area in (area for window in bpy.context.window_manager.windows for area in window.screen.areas):
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+        windows = bpy.context.window_manager.windows
+        for area in (area for window in windows for area in window.screen.areas if area.type == "VIEW_3D"):
+            area.tag_redraw()
 
 
 def find_window(kind: str = PANEL) -> bpy.types.Window | None:
@@ -200,7 +203,7 @@ def open_window() -> None:
     before = set(bpy.context.window_manager.windows)
     if bpy.app.background or not before:
         raise LfsrError(NO_WINDOW)
-    if bpy.ops.wm.window_new_main() != {"FINISHED"}:
+    if not bpy.ops.wm.window_new_main.poll() or bpy.ops.wm.window_new_main() != {"FINISHED"}:
         raise LfsrError(NO_SECOND)
     window = next(window for window in bpy.context.window_manager.windows if window not in before)
     while len(window.screen.areas) > 1:
@@ -228,6 +231,8 @@ def close_window(kind: str = PANEL) -> None:
         if window.screen.show_fullscreen:
             with bpy.context.temp_override(window=window, area=window.screen.areas[0]):
                 bpy.ops.screen.back_to_previous()
+        if all(other.parent or other == window for other in bpy.context.window_manager.windows):
+            bpy.ops.wm.window_new_main()  # Blender ends with its last main window
         with bpy.context.temp_override(window=window):
             bpy.ops.wm.window_close()
     for screen in bpy.data.screens:
@@ -277,6 +282,13 @@ def _removal() -> Iterator[float]:
             yield SECONDS_TO_ACT
 
 
+def space_of(window: bpy.types.Window) -> bpy.types.SpaceView3D:
+    """Return the 3D view of a live window, instead of another editor that was chosen there."""
+    if (area := window.screen.areas[0]).type != "VIEW_3D":
+        area.type = "VIEW_3D"
+    return area.spaces.active
+
+
 def region_of(window: bpy.types.Window) -> bpy.types.Region:
     """Return the region in which the 3D view is drawn."""
     return next(region for region in window.screen.areas[0].regions if region.type == "WINDOW")
@@ -290,10 +302,8 @@ def _place(window: bpy.types.Window) -> bpy.types.ContextTempOverride:
 def _before_save(*_: object) -> None:
     """Keep the live scenes out of the file."""
     for kind in _on:
-        window, scene = find_window(kind), artists_scene(kind)
-        if window is not None and scene is not None:  # solid while there is no live scene
-            window.screen.areas[0].spaces.active.shading.type = "SOLID"
-            window.scene = scene
+        if (window := find_window(kind)) is not None:  # solid while there is no live scene
+            space_of(window).shading.type = "SOLID"
     live_scene.remove_all()
 
 

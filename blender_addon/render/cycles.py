@@ -156,7 +156,7 @@ def cycles_settings(scene: bpy.types.Scene, settings: RenderSettings, size: tupl
               "use_layer_samples": "IGNORE", "use_camera_cull": False, "use_distance_cull": False,
               "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0, "sample_clamp_indirect": clamp,
               "film_transparent_glass": settings.transparent_glass, "use_denoising": False,
-              **compat.whole_sample_range()}
+              **compat.known(scene.cycles, use_sample_subset=False)}
     # Only these passes, on the first view layer that is used for rendering.
     layer, layers = rendered_layer(scene), settings.layers
     wanted = {"use_pass_combined": True, "use_pass_position": "position" in layers,
@@ -173,7 +173,8 @@ def cycles_settings(scene: bpy.types.Scene, settings: RenderSettings, size: tupl
                               (scene.render.image_settings, compat.multilayer_exr(settings.half)),
                               (scene.cycles, cycles),
                               *((other, {"use": False}) for other in scene.view_layers if other != layer),
-                              (layer, passes | {"use": True} | compat.no_overrides()), (layer.cycles, own)):
+                              (layer, compat.known(layer, material_override=None, world_override=None) | passes
+                               | {"use": True}), (layer.cycles, own)):
             stack.enter_context(overridden(owner, values))
         yield
 

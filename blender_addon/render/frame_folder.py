@@ -206,10 +206,11 @@ def _seen_from_middle(scene: bpy.types.Scene, placed: Placement, settings: Rende
     # In Blender's own temporary folder, which is removed even if Blender crashes.
     with tempfile.TemporaryDirectory(prefix="lfsr-middle-", dir=bpy.app.tempdir or None) as name:
         path, world = Path(name, "middle.exr"), scene.world
-        # A small map, which is made at once, says where the world is bright.
+        # A small map, which is made at once, says where the world is bright; 5.0 also maps volumes, for seconds.
         with (overridden(world.cycles, {"sampling_method": "MANUAL", "sample_map_resolution": 128}) if world is not None
               else nullcontext(), cycles.temporary_camera(scene, matrix_world, array.distance) as camera,
-              cycles.cycles_settings(scene, settings, size), overridden(scene.cycles, compat.quick_volumes())):
+              cycles.cycles_settings(scene, settings, size),
+              overridden(scene.cycles, compat.known(scene.cycles, volume_biased=True))):
             lens, clip = camera.data, placement.clip_of(scene)
             lens.sensor_fit, lens.lens = "HORIZONTAL", lens.sensor_width / 2 * array.distance / array.half_width
             lens.clip_start, lens.clip_end = clip or (lens.clip_start, lens.clip_end)

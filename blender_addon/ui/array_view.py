@@ -22,7 +22,7 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..compat import copied
+from ..compat import assign, copied
 from ..jobs import images
 from ..scene import settings as scene_settings
 from ..scene.array import rig
@@ -41,8 +41,9 @@ BEYOND = 4.0  # display distances up to which an unlimited range is drawn
 CORNERS = np.array([(-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)])
 Lines = tuple[tuple[float, ...], float, float, Array]
 
-# What a 3D view, its region and its overlay were like before it looked through the array, and where its eye was.
-Before = tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any]]
+# What a 3D view was like before it looked through the array: the name of a camera of its own, whether that is locked to
+# the view, settings of region and overlay, and where its eye was.
+Before = tuple[str, bool, dict[str, Any], dict[str, Any], dict[str, Any]]
 _before: dict[int, Before] = {}  # by 3D view
 
 
@@ -60,7 +61,7 @@ def enter(area: bpy.types.Area, scene: bpy.types.Scene) -> None:
     space = area.spaces.active
     region = space.region_3d
     _before[space.as_pointer()] = (
-        _values(space, "use_local_camera", "camera", "lock_camera"),
+        space.camera.name if space.use_local_camera and space.camera else "", space.lock_camera,
         _values(region, "view_camera_zoom", "view_camera_offset"), _values(space.overlay, GUIDES),
         _values(region, "view_perspective", "view_location", "view_rotation", "view_distance"))
     space.use_local_camera, space.camera = True, array
@@ -76,20 +77,25 @@ def leave(area: bpy.types.Area) -> None:
     """Give a 3D view back the place and the settings that it had."""
     space = area.spaces.active
     if (before := _before.pop(space.as_pointer(), None)) is None:
-        space.region_3d.view_perspective = "PERSP"
+        space.region_3d.view_perspective, space.use_local_camera = "PERSP", False
     else:
-        _set(space.region_3d, before[-1])
+        assign(space.region_3d, before[-1])
         _give_back(space, before)
 
 
 def _give_back(space: bpy.types.SpaceView3D, before: Before) -> None:
-    for item, values in zip((space, space.region_3d, space.overlay), before, strict=False):
-        _set(item, values)
+    name, space.lock_camera, region, overlay, _ = before
+    space.use_local_camera = (camera := bpy.data.objects.get(name)) is not None
+    if camera is not None:  # else it is the scene's, which would change with it
+        space.camera = camera
+    assign(space.region_3d, region)
+    assign(space.overlay, overlay)
 
 
 def _watch() -> float | None:
     """Timer: a view that was turned away, or looks through another camera, gets its own settings back."""
-    spaces = {area.spaces.active.as_pointer(): area.spaces.active for area in images.areas("VIEW_3D")}
+    spaces = {area.spaces.active.as_pointer(): area.spaces.active for screen in bpy.data.screens
+              for area in screen.areas if area.type == "VIEW_3D"}
     for key in list(_before):
         if (space := spaces.get(key)) is None:
             del _before[key]
@@ -100,11 +106,6 @@ def _watch() -> float | None:
 
 def _values(item: Any, *names: str) -> dict[str, Any]:
     return {name: copied(getattr(item, name)) for name in names if hasattr(item, name)}
-
-
-def _set(item: Any, values: dict[str, Any]) -> None:
-    for name, value in values.items():
-        setattr(item, name, value)
 
 
 def _frame(area: bpy.types.Area, region: bpy.types.RegionView3D, display: DisplayProfile) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import typing
 import zlib
 
 import bpy
@@ -228,6 +229,13 @@ class SceneSettings(bpy.types.PropertyGroup):
         min=0.1, max=10.0, soft_min=0.5, soft_max=2.0, step=10, default=1.0)
 
     applying: BoolProperty(name="Applying", description="A preset is being applied", options={"HIDDEN", "SKIP_SAVE"})
+
+
+# All frames have one value, so Blender must not offer keyframes; but the live view may follow an eye that moves.
+SceneSettings.__annotations__ = typing.get_type_hints(SceneSettings)
+for name, setting in SceneSettings.__annotations__.items():
+    if not name.startswith("live_"):
+        setting.keywords["options"] = setting.keywords.get("options", set()) - {"ANIMATABLE"}
 
 
 def register() -> None:

@@ -12,6 +12,7 @@ from lfsr_core.frames.frame import EVEN
 
 from ...check import last, look
 from ...check.problems import INFO
+from ...compat import assign
 from ...jobs import runtime
 from ...scene import settings as scene_settings
 from ...scene.array import rig
@@ -33,6 +34,10 @@ def _existing(items: bpy.types.bpy_prop_collection, name: str, kind: str = "obje
     return item
 
 
+def _layer(scene: bpy.types.Scene, name: str) -> bpy.types.ViewLayer:
+    return _existing(scene.view_layers, name, "view layer")
+
+
 def _camera(name: str) -> bpy.types.Camera:
     item = _existing(bpy.data.objects, name)
     if item.type != "CAMERA":
@@ -43,18 +48,13 @@ def _camera(name: str) -> bpy.types.Camera:
 
 def _set(group: str, **values: object) -> Fix:
     """Fix that sets properties of ``scene.group``."""
-    return lambda scene, _target: _put(getattr(scene, group), **values)
-
-
-def _put(owner: bpy.types.bpy_struct, **values: object) -> None:
-    for name, value in values.items():
-        setattr(owner, name, value)
+    return lambda scene, _target: assign(getattr(scene, group), values)
 
 
 def _switch_off(switch: str) -> Fix:
     """Fix that switches ``switch`` of a view layer's collections off."""
     def fix(scene: bpy.types.Scene, target: str) -> None:
-        for collection in switched(_existing(scene.view_layers, target, "view layer"), switch):
+        for collection in switched(_layer(scene, target), switch):
             setattr(collection, switch, False)
     return fix
 
@@ -117,7 +117,7 @@ def _add_array(scene: bpy.types.Scene, _target: str) -> None:
 
 
 def _use_one_layer(scene: bpy.types.Scene, target: str) -> None:
-    used = _existing(scene.view_layers, target, "view layer")
+    used = _layer(scene, target)
     for layer in scene.view_layers:
         layer.use = layer == used
 
@@ -134,10 +134,10 @@ FIXES: dict[str, Fix] = {
     "display": _use_defaults, "subject": _show_subject, "filter": _set("cycles", pixel_filter_type="BOX"),
     "border": _set("render", use_border=False), "aspect": _set("render", pixel_aspect_x=1, pixel_aspect_y=1),
     "clamp": _set("cycles", sample_clamp_direct=0, sample_clamp_indirect=10),
-    "focus": lambda _scene, target: _put(_camera(target).dof, use_dof=False),
-    "shift": lambda _scene, target: _put(_camera(target), shift_x=0.0, shift_y=0.0),
-    "world": lambda scene, target: _put(_existing(scene.view_layers, target, "view layer"), world_override=None),
-    "override": lambda scene, target: _put(_existing(scene.view_layers, target, "view layer"), material_override=None),
+    "focus": lambda _scene, target: setattr(_camera(target).dof, "use_dof", False),
+    "shift": lambda _scene, target: assign(_camera(target), {"shift_x": 0.0, "shift_y": 0.0}),
+    "world": lambda scene, target: setattr(_layer(scene, target), "world_override", None),
+    "override": lambda scene, target: setattr(_layer(scene, target), "material_override", None),
     "layers": _use_one_layer, **{switch: _switch_off(switch) for switch in SWITCHES},
     "compositor": _set("render", use_compositing=False), "sequencer": _set("render", use_sequencer=False),
     "view": _set("view_settings", use_curve_mapping=False, use_white_balance=False),

@@ -338,10 +338,13 @@ def test_our_images_stay_out_of_the_file(scene, tmp_path):
         image.use_fake_user = True  # as if an editor showed it
     (tmp_path / "panel.png").unlink()
     assert not unreadable(bpy.context.scene)
+    write_png(tmp_path / "kept.png", np.zeros((4, 4, 3), np.uint8))
+    texture = bpy.data.textures.new("of the artist", "IMAGE")
+    texture.image, texture.use_fake_user = images.open_file(tmp_path / "kept.png"), True
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    assert len(bpy.data.images) == 2, "they stay in this session"
+    assert len(bpy.data.images) == 3, "they stay in this session"
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
-    assert not bpy.data.images
+    assert list(bpy.data.images) == [bpy.data.textures["of the artist"].image]
 
 
 def test_an_image_of_the_same_name_is_the_artists(scene, tmp_path):

@@ -75,6 +75,12 @@ def test_a_view_that_turns_away_has_its_own_camera_again(window, array):
     window.run("bpy.context.space_data.region_3d.view_perspective = 'PERSP'")
     window.until("bpy.context.space_data.use_local_camera is False", 10)
     assert window.run(OWN_VIEW)[:3] == before
+    # The scene's camera stays as it is made meanwhile.
+    window.run(LOOK)
+    window.run("first, bpy.context.scene.camera = bpy.context.scene.camera, None")
+    window.run(LOOK)
+    assert window.get("bpy.context.scene.camera is None and not bpy.context.space_data.use_local_camera")
+    window.run("bpy.context.scene.camera = first")
 
 
 def test_fit_to_the_view_frames_what_is_seen(window, array):

@@ -271,6 +271,15 @@ def test_a_save_in_the_middle_holds_nothing_of_it(window):
     assert held == plain
     window.settle()
     assert window.get("live.is_on()") and window.get(f"live.find_window().scene == {LIVE}")
+    # Also where another window shows the live scene, or the live window another editor.
+    window.run(f"bpy.context.window.scene = {LIVE}; live.find_window().screen.areas[0].type = 'IMAGE_EDITOR'")
+    assert window.run(f"bpy.ops.wm.save_as_mainfile(filepath={path!r}, copy=True)\n" + HELD.format(path=path)) == plain
+    window.settle()
+    assert window.get("bpy.context.window.scene.name") == "Scene" and window.get("live.is_on()")
+    zoom = "live.find_window().screen.areas[0].spaces.active.region_3d.view_camera_zoom"
+    exact = window.get(zoom)
+    window.run(f"{zoom} += 20")
+    window.until(f"{zoom} == {exact}", 10)
 
 
 HELD = """

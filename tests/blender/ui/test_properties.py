@@ -74,6 +74,7 @@ def test_a_scale_that_another_display_lacks_becomes_auto_and_saved_settings_all_
     scene.lfsr.display = "mini"
     assert scene.lfsr.scale == "AUTO"
     assert set(panels.SAVED) <= {item.identifier for item in scene.lfsr.bl_rna.properties}
+    assert all(item.identifier.startswith("live_") for item in scene.lfsr.bl_rna.properties if item.is_animatable)
 
 
 def test_a_blender_preset_is_saved_loaded_and_removed(scene):
