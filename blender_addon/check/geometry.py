@@ -116,5 +116,4 @@ def finest(extents: Extents, display: DisplayProfile, array: CameraArray, scale:
     """Return the width (n,), at the objects' depths, of one pixel of the rendered array: a lens or a cell of views."""
     depth = np.minimum(np.maximum(array.distance, extents.near), extents.far)
     lens = 2 * array.half_width / display.lenses[0] * depth / array.distance
-    cell = scale * array.spacing * np.abs(depth - array.distance) / array.distance
-    return np.maximum(lens, cell)
+    return np.maximum(lens, scale * array.spacing * np.abs(depth - array.distance) / array.distance)

@@ -146,8 +146,7 @@ def lacking(settings: Resolved) -> str:
         return ""
     name = "Direct subpixel rendering" if settings.subpixels else f"The method {title(settings.method.text)}"
     if chosen := chosen_library():
-        detail = reason.replace(chosen, Path(chosen).name)
-        return f"{name} needs Open Image Denoise, but {detail}"
+        return f"{name} needs Open Image Denoise, but {reason.replace(chosen, Path(chosen).name)}"
     return f"{name} needs Open Image Denoise, which this Blender does not have"
 
 

@@ -189,8 +189,7 @@ def pass_indices(foreground: set[bpy.types.Object]) -> Iterator[None]:
     """Set the pass index FOREGROUND on ``foreground`` and BACKGROUND on all other objects inside the block."""
     with ExitStack() as stack:
         for item in bpy.data.objects:  # linked ones too: the change is not saved
-            index = FOREGROUND if item in foreground else BACKGROUND
-            stack.enter_context(overridden(item, {"pass_index": index}))
+            stack.enter_context(overridden(item, {"pass_index": FOREGROUND if item in foreground else BACKGROUND}))
         yield
 
 

@@ -69,8 +69,7 @@ def white_to_camera(scene: bpy.types.Scene, kept: list[bpy.types.ID] | None = No
                             Strength=1 / max(scene.cycles.film_exposure, LEAST_EXPOSURE))
         links = output.inputs["Surface"].links
         if plain:
-            own = wiring.node("ShaderNodeBackground", Color=(*shown.color, 1))
-            wiring.link(own.outputs[0], mix.inputs[1])
+            wiring.link(wiring.node("ShaderNodeBackground", Color=(*shown.color, 1)).outputs[0], mix.inputs[1])
         elif links:
             wiring.link(links[0].from_socket, mix.inputs[1])
         wiring.link(seen.outputs["Is Camera Ray"], mix.inputs[0])

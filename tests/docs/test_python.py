@@ -46,8 +46,7 @@ def test_there_are_five_programs_and_every_public_name():
 def test_programs_that_render(tmp_path, scene):
     (tmp_path / "scene.blend").symlink_to(scene)
     for name in (name for name in PROGRAMS if name in NEED_BLENDER):
-        shown = run(tmp_path, "-c", PROGRAMS[name])
-        assert shown and all((tmp_path / file).exists() for file in FILES[name]), name
+        assert run(tmp_path, "-c", PROGRAMS[name]) and all((tmp_path / file).exists() for file in FILES[name]), name
 
 
 @pytest.mark.parametrize("name", sorted(set(FILES) - NEED_BLENDER))

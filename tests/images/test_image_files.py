@@ -51,8 +51,7 @@ def test_layers_come_back_as_written_half_floats_near_and_colour_without_alpha_o
     assert back.keys() == layers.keys()
     for name, pixels in layers.items():
         np.testing.assert_array_equal(back[name], pixels, err_msg=name)
-    color = np.array([[[0.1, 1e6, -2.0, 1.0]]], np.float32)
-    image_files.write_layers(tmp_path / "a.exr", {"color": color}, half=True)
+    image_files.write_layers(tmp_path / "a.exr", {"color": np.array([[[0.1, 1e6, -2.0, 1.0]]], np.float32)}, half=True)
     np.testing.assert_allclose(image_files.read_layers(tmp_path / "a.exr")["color"], [[[0.1, 65504, -2, 1]]], rtol=1e-3)
     image_files.write_layers(tmp_path / "a.exr", {"color": np.full((2, 3, 3), 0.5, np.float32)})
     assert image_files.read_layers(tmp_path / "a.exr")["color"].shape == (2, 3, 4)

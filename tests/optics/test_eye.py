@@ -76,8 +76,7 @@ def test_a_display_whose_driver_flips_shows_the_same_and_the_gap_gives_the_viewi
     assert large.shape == (12 * 6, 16 * 6, 3)
     np.testing.assert_array_equal(large[::6, ::6], looking(image))
     np.testing.assert_array_equal(large[5::6, 5::6], looking(image))
-    angle = 2 * np.degrees(np.arctan(MINI.lens_pitch_mm[0] / 2 / gap_mm(MINI)))
-    assert angle == pytest.approx(MINI.viewing_angle_deg)
+    assert 2 * np.degrees(np.arctan(MINI.lens_pitch_mm[0] / 2 / gap_mm(MINI))) == pytest.approx(MINI.viewing_angle_deg)
     for wrong in ((0, 0, 0), (np.nan, 0, 180)):
         refuses("the eye is at", eye_view, np.zeros((96, 128, 3)), MINI, wrong)
     refuses("128×90", eye_view, np.zeros((90, 128, 3)), MINI, (0, 0, 180))

@@ -81,8 +81,7 @@ def test_pixels_of_a_lens_meet_at_its_centre_or_their_place_on_it():
 @pytest.mark.parametrize("axis", [0, 1])
 def test_where_views_differ_along_one_axis_rays_start_on_it(axis):
     views = [[8, 1], [1, 6]][axis]
-    lenses = [128 // views[0], 96 // views[1]]
-    profile = DisplayProfile.from_dict(MINI.to_dict() | {"views": views, "lenses": lenses})
+    profile = DisplayProfile.from_dict(MINI.to_dict() | {"views": views, "lenses": [128 // views[0], 96 // views[1]]})
     numbers = np.linspace(0, 1, 64, endpoint=False)
     for scale in (1, 2):
         flat = RayLayout.for_display(profile, ARRAY, scale)

@@ -152,8 +152,7 @@ sys.exit(2)
 def test_bad_input_is_told_in_blenders_sentence_and_a_full_disk_in_ours(blender, job):
     refuses(r"^scene x.blend has no visible subject: show one$", render_all, [job], Blender(blender(BAD_INPUT)))
     assert leftovers(job) == []
-    executable = blender("print('x' * 100_000, flush=True)\n" + GOOD)
-    said = on_a_small_disk(50_000, LOG_FILLS_THE_DISK, executable, job.output)
+    said = on_a_small_disk(50_000, LOG_FILLS_THE_DISK, blender("print('x' * 100_000, flush=True)\n" + GOOD), job.output)
     assert said.startswith("refused: ") and "free some space" in said, said
     assert leftovers(job) == []
 

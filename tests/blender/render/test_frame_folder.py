@@ -169,8 +169,7 @@ def keyed_in_a_strip(scene):
     data = scene.animation_data
     action, slot = data.action, data.action_slot
     data.action = None
-    strip = data.nla_tracks.new().strips.new("strip", 1, action)
-    strip.action_slot = slot
+    data.nla_tracks.new().strips.new("strip", 1, action).action_slot = slot
 
 
 def animated_index(scene):

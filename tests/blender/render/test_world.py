@@ -26,8 +26,7 @@ def lit_box(scene, monkeypatch):
     # Saves a tiny render for each frame: the world lights the box.
     monkeypatch.setattr(frame_folder, "light_seen", lambda *_: (np.empty(0), np.empty(0)))
     add_box(scene, (1, 0, 3), (0.5, 0.5, 0.5))
-    camera = add_camera(scene, angle=0.9)
-    camera.rotation_euler = (1.4, 0.1, 0.2)
+    add_camera(scene, angle=0.9).rotation_euler = (1.4, 0.1, 0.2)
     bpy.context.view_layer.update()
     scene.world = bpy.data.worlds.new("world")
     scene.world.cycles.sampling_method, scene.world.cycles.sample_map_resolution = "MANUAL", 64  # or seconds are spent

@@ -144,8 +144,7 @@ def test_the_world_of_a_new_file_is_too_dark(scene, tmp_path, value, exposure, d
 
 
 def test_black_things_in_good_light_are_not_dark(scene, tmp_path):
-    black = mixed(("ShaderNodeBsdfDiffuse", {"Color": (0.02, 0.02, 0.02, 1)}))
-    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), black)
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), mixed(("ShaderNodeBsdfDiffuse", {"Color": (0.02, 0.02, 0.02, 1)})))
     add_world(scene, 1.0)
     assert not light.is_dim(*frame_folder.light_seen(scene, make_request(str(tmp_path), MINI)))
     add_world(scene, 0.05)

@@ -267,8 +267,7 @@ def test_a_save_in_the_middle_holds_nothing_of_it(window):
     path = str(window.folder / "middle.blend")
     plain = window.run(f"bpy.ops.wm.save_as_mainfile(filepath={path!r}, copy=True)\n" + HELD.format(path=path))
     start(window)
-    held = window.run(f"bpy.ops.wm.save_as_mainfile(filepath={path!r}, copy=True)\n" + HELD.format(path=path))
-    assert held == plain
+    assert window.run(f"bpy.ops.wm.save_as_mainfile(filepath={path!r}, copy=True)\n" + HELD.format(path=path)) == plain
     window.settle()
     assert window.get("live.is_on()") and window.get(f"live.find_window().scene == {LIVE}")
     # Also where another window shows the live scene, or the live window another editor.

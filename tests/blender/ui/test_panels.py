@@ -123,8 +123,7 @@ def test_what_follows_from_rays_and_from_fixed_samples(scene):
 def test_the_light_of_the_menu_is_the_jobs(scene, tmp_path):
     assert {"light"} == properties(draw_all()["Quality"]) & {"light", "light_file"}
     assert scene_settings.resolve(scene).request.light == "auto"
-    items = scene.lfsr.bl_rna.properties["light"].enum_items
-    assert {item.identifier.lower() for item in items} == {*LIGHTS, "file"}
+    assert {item.identifier.lower() for item in scene.lfsr.bl_rna.properties["light"].enum_items} == {*LIGHTS, "file"}
     for name in LIGHTS:
         scene.lfsr.light = name.upper()
         assert scene_settings.resolve_for_render(scene).request.light == name
@@ -298,13 +297,11 @@ def test_what_this_blender_cannot_do_and_a_scene_without_an_array_that_gets_one(
 def test_the_drawn_frustum_is_the_array(scene):
     array, _ = rig.placement(scene, MINI)
     near, far = rig.usable_depth(array, MINI)
-    drawn = array_view.lines(array, MINI, scale=2)
-    depths = {round(float(z), 4) for *_, points in drawn for z in points[:, 2]}
+    depths = {round(float(z), 4) for *_, points in array_view.lines(array, MINI, scale=2) for z in points[:, 2]}
     assert {round(z, 4) for z in (0.0, near, array.distance, far, *rig.usable_depth(array, MINI, 2))} == depths
     rectangle = array_view.rectangle(array, array.distance)
     assert np.allclose(np.abs(rectangle), [(array.half_width, array.half_height, array.distance)] * 4)
-    zone = array_view.viewing_zone(array, MINI)
-    assert np.abs(zone[:, 0]).max() == pytest.approx(MINI.views[0] * array.spacing / 2)
+    assert np.abs(array_view.viewing_zone(array, MINI)[:, 0]).max() == pytest.approx(MINI.views[0] * array.spacing / 2)
 
 
 def write_metrics(folder, metrics: dict) -> None:

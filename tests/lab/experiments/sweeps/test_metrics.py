@@ -174,8 +174,7 @@ def test_neighbouring_views_that_differ_as_they_should_have_no_error_and_detail_
     halves = known + noise(0.1, 4), known + noise(0.1, 5)
     expected = 0.02 * np.sqrt(2)  # of the difference of two
     for images, allowed in (((invented, known, known), 0.02), ((invented, *halves), 0.1)):
-        error = metrics.neighbour_view_error(Compared(*images, LENSES, ALL))
-        assert error == pytest.approx(expected, rel=allowed)
+        assert metrics.neighbour_view_error(Compared(*images, LENSES, ALL)) == pytest.approx(expected, rel=allowed)
     assert metrics.neighbour_view_error(Compared(invented, known, known, LENSES, ~ALL)) is None
 
 
