@@ -23,8 +23,7 @@ from ..scene.settings import length
 from ..scene.words import capitalized
 from .problems import ERROR, Problem
 
-COVERS = 0.8          # fraction of the display, in both directions, beyond which an object is its background
-TOLERANCE = 1e-3      # of the display's distance
+COVERS, TOLERANCE = 0.8, 1e-3  # of the display, across and down, that a background covers; of the display's distance
 
 
 @dataclasses.dataclass(frozen=True)

@@ -38,8 +38,7 @@ OF_SCENE = {"COLLECTION", "OBJECT", "WORLD", "SCENE"}  # used by a scene; brushe
 TREES = {"MATERIAL", "WORLD", "LIGHT", "NODETREE", "TEXTURE"}
 # Kinds for sentences, by the type of the data-block that names a file, or by the file's suffix.
 KINDS = {"CACHEFILE": "geometry", "FONT": "font", ".ies": "light", ".osl": "script", ".oso": "script"}
-MOST_NAMES = 5
-MOST_REASON = 100  # characters
+MOST_NAMES, MOST_REASON = 5, 100  # of cameras; characters
 MOST_PLACE = 1e15  # scene units: single precision squares what is farther to infinity
 # Compressions of glTF by what the importer says where it cannot read them, and the command that decodes them. Blender
 # 5.2 reads Meshopt where it has the library.
@@ -76,8 +75,7 @@ def unreadable(scene: bpy.types.Scene, frame: int | None = None, seconds: float 
     ``frame``: None for the scene's own; ``seconds``: about how long to look for damage, for which images and volumes
     are read to their ends, once until they change.
     """
-    end = time.monotonic() + seconds
-    number, uses = scene.frame_current if frame is None else frame, defaultdict(set)
+    end, number, uses = time.monotonic() + seconds, scene.frame_current if frame is None else frame, defaultdict(set)
     for item, users in bpy.data.user_map().items():
         for user in users:
             uses[user].add(item)
@@ -387,8 +385,7 @@ def camera_notices(scene: bpy.types.Scene, asked: str | None, is_imported: bool)
 
     ``asked``: name that was asked for, None for none; ``is_imported``: whether the file's format has no active camera.
     """
-    camera = rig.find(scene) or scene.camera
-    others = [item.name for item in cameras(scene) if item != scene.camera]
+    camera, others = rig.find(scene) or scene.camera, [item.name for item in cameras(scene) if item != scene.camera]
     if camera is None:
         return [Notice("camera-missing", {"others": others})] if asked is None else []
     is_choice = is_imported and asked is None and scene.camera is not None

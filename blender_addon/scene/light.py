@@ -54,9 +54,7 @@ def has_light(scene: bpy.types.Scene) -> bool:
 
 
 def _shines(tree: bpy.types.NodeTree | None, plain: tuple[float, ...]) -> bool:
-    if tree is None:
-        return any(plain[:3])
-    return any(map(_emits, nodes_of(tree)))
+    return any(plain[:3]) if tree is None else any(map(_emits, nodes_of(tree)))
 
 
 def _emits(node: bpy.types.Node) -> bool:
@@ -101,10 +99,8 @@ def world_radiance(world: bpy.types.World | None, unknown: float = SKY) -> float
 
 def _plain_world(world: bpy.types.World | None) -> float:
     """Radiance of a world of one colour, 0 for any other world; frames and unused nodes do not count."""
-    if world is None:
-        return 0.0
-    if world.node_tree is None:
-        return max(world.color)
+    if world is None or world.node_tree is None:
+        return max(world.color) if world is not None else 0.0
     if any(node.type != "BACKGROUND" and any(out.is_linked for out in node.outputs) for node in world.node_tree.nodes):
         return 0.0
     return max((max(node.inputs["Color"].default_value[:3]) * node.inputs["Strength"].default_value
@@ -171,16 +167,15 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.W
     world = bpy.data.worlds.new("LFSR light")
     compat.use_nodes(world)
     nodes = world.node_tree.nodes
-    texture = nodes.new("ShaderNodeTexEnvironment")
+    texture, shader = nodes.new("ShaderNodeTexEnvironment"), next(each for each in nodes if each.type == "BACKGROUND")
     texture.image = image
-    background = next(node for node in nodes if node.type == "BACKGROUND")
     if scene.view_settings.view_transform not in SOFT and not is_light_file(light):
         pixels = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(pixels)
         rows = pixels.reshape(image.size[1], image.size[0], -1)[..., :3].max(-1).mean(1)  # from the ground upwards
         elevation = ((np.arange(len(rows)) + 0.5) / len(rows) - 0.5) * math.pi
         floor = float(rows @ np.maximum(np.sin(2 * elevation), 0) * math.pi / len(rows))  # radiance of a white one
-        background.inputs["Strength"].default_value = 1 / max(1.0, floor)
-    world.node_tree.links.new(texture.outputs["Color"], background.inputs["Color"])
+        shader.inputs["Strength"].default_value = 1 / max(1.0, floor)
+    world.node_tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
     scene.world = world
     return world

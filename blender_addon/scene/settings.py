@@ -25,12 +25,9 @@ from .contents import GEOMETRY, find_subject, with_copied
 from .light import FILE_LIGHT, NAMES
 from .words import DIRECT
 
-PROFILE_FILE = "FILE"
-UNSAVED = "untitled"
+PROFILE_FILE, UNSAVED, WORKING_SPACE = "FILE", "untitled", "Linear Rec.709"
 DEFAULT_DISPLAY = "first-look"  # a new file's: its images take seconds on two cores
-WORKING_SPACE = "Linear Rec.709"
-SCALES = (1, 2, 3, 4, 5, 8)
-AUTO_SCALE = "AUTO"
+SCALES, AUTO_SCALE = (1, 2, 3, 4, 5, 8), "AUTO"
 QUALITY_SAMPLES = {"DRAFT": 4, "BALANCED": 16, "FINAL": 64}  # at the usual scale
 
 
@@ -85,8 +82,7 @@ class Resolved:
 def resolve(scene: bpy.types.Scene) -> Resolved:
     """Resolve the settings; LfsrError where the display's profile cannot be read, or the scale is not one of it."""
     settings, display, device, light = scene.lfsr, display_of(scene), device_of(scene), _light_of(scene)
-    rays = None if settings.samples else settings.rays
-    scale, method = 1, MethodName.parse(settings.method)
+    rays, scale, method = None if settings.samples else settings.rays, 1, MethodName.parse(settings.method)
     scales: tuple[int, ...] = ()
     if subpixels := settings.subpixels and display.is_woven:
         method = method if method.text == AS_RENDERED else MethodName.parse(SUBPIXEL_METHODS[0])

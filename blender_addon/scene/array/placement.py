@@ -37,11 +37,9 @@ WALL_MARGIN = 0.9     # fraction of the free space around the camera that the ar
 MOST_NAMES = 3
 PROBES = (32, 18)     # rays across and down that measure the visible depth of the subject
 BOXED = {"VOLUME", "CURVES", "POINTCLOUD"}  # known by their bounding boxes only
-MOST_FRAMES = 24      # sampled from an animation
-CAMERA_FRAMES = 5     # sampled for the array at a camera, whose place is known
+MOST_FRAMES, CAMERA_FRAMES = 24, 5  # sampled from an animation, and for the array at a camera, whose place is known
 PARALLEL, COVERED = 150.0, 0.9  # sizes of a frame from which its rays seem parallel; of its width, what a backdrop has
-ROOM = 1 + 1e-6  # spheres are larger than their boxes by rounding
-TINY = 1e-30  # in place of 0 where a ray is parallel to the sides of boxes
+ROOM, TINY = 1 + 1e-6, 1e-30  # by rounding, spheres are larger than their boxes; in place of 0 in directions of rays
 FEW = 100  # objects and instances up to which Blender's own search, which asks each of them, is the fastest
 MOST_REACH = 1e30  # far enough; of the longest rays that Blender knows some meet scaled objects that they miss
 
@@ -232,16 +230,14 @@ def fit_array(low: Array, high: Array, profile: DisplayProfile) -> Placement:
     box's front needs to fill FILL of it, or wider where the depth would leave the display's usable range.
     """
     half, centre = (high - low) / 2, (low + high) / 2
-    near = profile.viewing_distance_mm / profile.panel_mm[0]
-    aspect = profile.panel_mm[1] / profile.panel_mm[0]
+    near, aspect = profile.viewing_distance_mm / profile.panel_mm[0], profile.panel_mm[1] / profile.panel_mm[0]
     flat = 2 * max(half[0], half[2] / aspect)
     width = flat / FILL + half[1] / near
     usable = min(profile.depth_range_mm()) / profile.panel_mm[0]
     width = max(width, min(half[1] / usable, flat / LEAST_FILL + half[1] / near))
     if not width > 0:
         raise LfsrError("the subject has no size: give its objects geometry or choose another subject")
-    array = CameraArray.for_display(profile, float(width))
-    turn = mathutils.Matrix.Rotation(math.pi / 2, 4, "X")
+    array, turn = CameraArray.for_display(profile, float(width)), mathutils.Matrix.Rotation(math.pi / 2, 4, "X")
     place = mathutils.Matrix.Translation((centre[0], centre[1] - array.distance, centre[2]))
     return array, from_blender(place @ turn)
 

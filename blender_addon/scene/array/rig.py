@@ -82,8 +82,7 @@ def set_spacing(scene: bpy.types.Scene, fraction: float) -> None:
 
 def placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placement | None:
     """Return the scene's camera array and its world matrix, None if it has none; LfsrError if it is broken."""
-    array = find(scene)
-    return placed(array, plane_of(array), profile)
+    return placed(array := find(scene), plane_of(array), profile)
 
 
 def placed(array: bpy.types.Object | None, plane: bpy.types.Object | None, profile: DisplayProfile) -> Placement | None:
@@ -131,8 +130,7 @@ def why_not_editable(data: bpy.types.ID) -> str | None:
     return None
 
 
-OBLIQUE = 1e-3  # cosine between two axes
-FLAT = 1e-6  # determinant of three axes of length 1 that are not three directions
+OBLIQUE, FLAT = 1e-3, 1e-6  # cosine between two axes; determinant of three of length 1 that are not three directions
 Matrix = Sequence[Sequence[float]]
 
 

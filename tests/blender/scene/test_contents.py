@@ -66,9 +66,8 @@ def test_a_profile_added_to_the_folder_is_in_the_menu(tmp_path, monkeypatch):
         (folder / f"{name}.toml").write_text(title + text, encoding="utf-8")
     monkeypatch.setattr(display, "PROFILE_FOLDER", folder)
     items = settings.profile_items()
-    titles = {item[0]: item[1] for item in items}
+    titles, order = {item[0]: item[1] for item in items}, [item[0] for item in items]
     assert (titles["desk"], titles["untitled"]) == ("9″ Desk", "untitled")
-    order = [item[0] for item in items]
     assert order.index("mini") < order.index("desk") < order.index("small") and order[-1] == settings.PROFILE_FILE
     assert len({item[4] for item in items}) == len(items), "each has a number of its own, whatever else is in the menu"
 
@@ -77,8 +76,7 @@ def test_a_profile_added_to_the_folder_is_in_the_menu(tmp_path, monkeypatch):
     (["CUDA_NVIDIA H100_0000:65:00"], ("0000:65:00",)),
     (["CUDA_NVIDIA RTX_0000:01:00_OptiX", "CUDA_NVIDIA RTX_0000:02:00_OptiX"], ("0000:01:00", "0000:02:00")),
     (["HIP_AMD Radeon RX 7900 XTX_0000:0c:00"], ("0000:0c:00",)),
-    (["ONEAPI_Intel Arc A770_0000:03:00.0"], ("0000:03:00",)),
-    (["METAL_Apple M4"], ()), ([], ())])
+    (["ONEAPI_Intel Arc A770_0000:03:00.0"], ("0000:03:00",)), (["METAL_Apple M4"], ()), ([], ())])
 def test_addresses_are_in_the_ids_of_cycles_devices(monkeypatch, ids, addresses):
     preferences = SimpleNamespace(get_device_types=lambda context: [("OPTIX", "OptiX", "", 3)],
                                   get_devices_for_type=lambda kind: [SimpleNamespace(id=each) for each in ids])

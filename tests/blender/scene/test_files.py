@@ -223,8 +223,7 @@ def test_a_sequence_is_read_at_its_frame(scene, item, tmp_path):
     for number in (1, 2, 3):
         picture(tmp_path / f"flame{number:04d}.png")
     shown = bpy.data.images.load(str(tmp_path / "flame0001.png"))
-    shown.source = "SEQUENCE"
-    texture = node(item, "ShaderNodeTexImage")
+    shown.source, texture = "SEQUENCE", node(item, "ShaderNodeTexImage")
     texture.image, texture.image_user.frame_duration, texture.image_user.frame_start = shown, 9, 11
     assert [unreadable(scene, frame) for frame in (11, 12, 13)] == [[], [], []]
     assert unreadable(scene, 15)[0].values["path"] == str(tmp_path / "flame0005.png")
@@ -262,10 +261,8 @@ def test_every_missing_udim_tile_is_named(scene, item, tmp_path):
 def test_what_no_pixel_depends_on_may_be_missing(scene, item, tmp_path):
     lost = bpy.data.images.new("lost", 4, 4)
     lost.source, lost.filepath, lost.use_fake_user = "FILE", str(tmp_path / "lost.png"), True
-    brush = bpy.data.brushes.new("brush")
-    brush.texture = bpy.data.textures.new("texture", "IMAGE")
-    brush.texture.image = lost
-    scene.camera.data.background_images.new().image = lost
+    (brush := bpy.data.brushes.new("brush")).texture = bpy.data.textures.new("texture", "IMAGE")
+    brush.texture.image = scene.camera.data.background_images.new().image = lost
     sketch = bpy.data.objects.new("sketch", None)
     sketch.empty_display_type, sketch.data = "IMAGE", lost
     scene.collection.objects.link(sketch)

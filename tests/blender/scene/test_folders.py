@@ -65,8 +65,7 @@ def test_two_files_in_one_folder_have_their_own_results(project):
 
 def test_a_file_of_one_name_elsewhere_does_not_take_results(project, tmp_path):
     scene = bpy.context.scene
-    scene.lfsr.output = str(tmp_path / "renders")
-    scene.frame_end = 1
+    scene.lfsr.output, scene.frame_end = str(tmp_path / "renders"), 1
     save(project / "shot.blend")
     mine = read_png(render() / "eia.png")
     add_box(scene, (0.3, 0.0, 0.0), (0.4, 0.4, 0.4))
@@ -90,19 +89,16 @@ def test_scenes_whose_names_are_cleaned_to_one_are_told_apart_and_a_renamed_file
     assert not is_mine()
     (project / "lightfield" / "shot").rename(project / "lightfield" / "hero")
     assert not is_mine()  # whether it is the same file cannot be known
-    scene = bpy.context.scene
-    scene.name = "Set A"
+    (scene := bpy.context.scene).name = "Set A"
     assert render().parent.name == "Set_A" and is_mine()
     scene.name = "Set_A"
     assert not is_mine()
 
 
 def test_a_file_that_was_never_saved_knows_its_results(tmp_path):
-    scene = panel.artist_scene(None)
-    scene.lfsr.output = str(tmp_path)
+    panel.artist_scene(None).lfsr.output = str(tmp_path)
     assert render() == tmp_path / "untitled" / "Scene" / "0001" and is_mine()
-    scene = panel.artist_scene(None)
-    scene.lfsr.output = str(tmp_path)
+    panel.artist_scene(None).lfsr.output = str(tmp_path)
     assert not is_mine()
     panel.refused("'Scene' of a file that was never saved: turn on Overwrite", bpy.ops.lfsr.render_eia)
 

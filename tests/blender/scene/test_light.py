@@ -157,8 +157,7 @@ def test_what_an_image_cannot_light_is_lit_evenly(scene, tmp_path):
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     add_box(scene, (0, 0, 0), (9, 9, 9))
     add_camera(scene, (0, -4, 0))
-    _, said = brightness(scene, tmp_path, scene="scene.glb")
-    frame = read_frame(tmp_path / "out")
+    (_, said), frame = brightness(scene, tmp_path, scene="scene.glb"), read_frame(tmp_path / "out")
     assert "encloses it" in said and frame.light == "even" and frame.world_visible
     color = image_files.read_layers(tmp_path / "out" / "lr_eia.exr")["color"][..., :3].max(-1)
     assert 0.05 < np.median(color) < 0.5 and not bpy.data.lights, "walls have shades of their own"
@@ -256,8 +255,7 @@ def test_another_working_space_is_refused(coloured, tmp_path):
 def test_a_colour_managed_file_setting_does_not_change_the_values(coloured, tmp_path):
     expected, settings = color(coloured, tmp_path / "plain"), coloured.render.image_settings
     settings.media_type = "MULTI_LAYER_IMAGE" if hasattr(settings, "media_type") else None
-    settings.file_format = "OPEN_EXR_MULTILAYER"
-    settings.color_management = "OVERRIDE"
+    settings.file_format, settings.color_management = "OPEN_EXR_MULTILAYER", "OVERRIDE"
     settings.linear_colorspace_settings.name = "ACEScg"
     np.testing.assert_array_equal(color(coloured, tmp_path / "overridden"), expected)
     assert settings.color_management == "OVERRIDE"
@@ -296,7 +294,6 @@ def test_a_shadow_catcher_before_a_visible_world_is_refused(coloured, tmp_path, 
 def test_the_catchers_switch_of_a_light_is_none(coloured):
     """New lights have it on in Blender 5.2."""
     coloured.world = bpy.data.worlds.new("sky")
-    light = bpy.data.objects.new("Light", bpy.data.lights.new("Light", "SUN"))
-    light.is_shadow_catcher = True
+    (light := bpy.data.objects.new("Light", bpy.data.lights.new("Light", "SUN"))).is_shadow_catcher = True
     coloured.collection.objects.link(light)
     color_settings(coloured, world_visible=True)

@@ -99,16 +99,12 @@ def test_first_camera_of_a_gltf_file_is_used_and_others_by_name(tmp_path):
 
 
 def test_a_scene_without_an_active_camera_is_said(tmp_path):
-    scene = open_scene(save_cameras(tmp_path / "cameras.glb", ("zeta", "alpha")))
-    scene.camera = None
-    (notice,) = camera_notices(scene, None, is_imported=True)
-    said = sentence(notice)
+    (scene := open_scene(save_cameras(tmp_path / "cameras.glb", ("zeta", "alpha")))).camera = None
+    said = sentence(*camera_notices(scene, None, is_imported=True))
     assert "no active camera" in said and "--camera (zeta, alpha), or" in said and len(said) <= 300
     assert camera_notices(scene, "fit", is_imported=True) == []
-    for item in [item for item in scene.objects if item.type == "CAMERA"]:
-        bpy.data.objects.remove(item)
-    (notice,) = camera_notices(scene, None, is_imported=False)
-    said = sentence(notice)
+    bpy.data.batch_remove([item for item in scene.objects if item.type == "CAMERA"])
+    said = sentence(*camera_notices(scene, None, is_imported=False))
     assert "outer wall" in said and "--camera" not in said and "Align Active Camera to View" in said
     edit.add(scene, MINI)
     assert camera_notices(scene, None, is_imported=False) == []
@@ -169,8 +165,7 @@ def test_background_meshes_are_marked_by_index(two, tmp_path):
     assert "index" in read_frame(tmp_path).layers, "the mask needs it as soon as there is a background mesh"
     layers = image_files.read_layers(tmp_path / "lr_eia.exr")
     alpha, index = layers["color"][..., 3], layers["index"][..., 0]
-    assert set(np.unique(index)) == {0, 1, 2}
-    assert np.all(alpha[index > 0] > 0) and np.all(index[alpha == 0] == 0)
+    assert set(np.unique(index)) == {0, 1, 2} and np.all(alpha[index > 0] > 0) and np.all(index[alpha == 0] == 0)
     left, right = np.array_split(index, 2, axis=1)
     assert (left == 1).sum() > 5 * (left == 2).sum() and (right == 2).sum() > 5 * (right == 1).sum()
     assert [item.pass_index for item in two.objects if item.type == "MESH"] == [0, 0]

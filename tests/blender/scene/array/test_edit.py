@@ -30,9 +30,8 @@ def test_add_takes_the_place_of_the_camera_and_keeps_the_selection(artist):
         assert getattr(array, name) == pytest.approx(getattr(expected[0], name), rel=1e-5), name
     assert artist.camera.name != "Light Field Array"
     edit.remove(artist)
-    box = bpy.data.objects["Box"]
+    bpy.context.view_layer.objects.active = box = bpy.data.objects["Box"]
     box.select_set(True)
-    bpy.context.view_layer.objects.active = box
     assert bpy.ops.lfsr.array_add() == {"FINISHED"}
     assert (bpy.context.selected_objects, bpy.context.active_object) == ([box], box)
 
@@ -59,8 +58,7 @@ def test_at_a_camera_that_moves_it_moves_along_and_what_has_no_key_yet_stays(art
 
 
 def test_fit_keeps_the_direction_and_frames_the_selection(artist):
-    array = rig.find(artist)
-    array.rotation_euler = (math.radians(70), 0, math.radians(50))
+    (array := rig.find(artist)).rotation_euler = (math.radians(70), 0, math.radians(50))
     bpy.context.view_layer.update()
     turn, box = array.matrix_world.to_3x3(), add_box(artist, (7.0, 3.0, -2.0), (0.2, 0.9, 0.3))
     box.select_set(True)
@@ -78,8 +76,7 @@ def test_fit_keeps_the_direction_and_frames_the_selection(artist):
 
 def test_what_cannot_be_added_or_fitted_is_said_and_remove_leaves_nothing(artist):
     panel.refused("has a camera array already", bpy.ops.lfsr.array_add)
-    for item in artist.objects:
-        item.select_set(False)
+    bpy.ops.object.select_all(action="DESELECT")
     panel.refused("Nothing is selected", bpy.ops.lfsr.array_fit)
     assert rig.is_array(artist.camera)
     panel.refused("is the camera array itself: make another camera active", bpy.ops.lfsr.array_fit, to="CAMERA")
@@ -144,8 +141,7 @@ STRAY, BUILDING = box_at((500, 0, 0), (501, 1, 1)), box_at((-10, -10, 0), (10, 1
 
 
 def test_floors_and_what_lies_far_away_are_not_the_main_part():
-    assert chosen(THING) == ["0"]
-    assert chosen(THING, NEIGHBOUR) == ["0", "1"] and chosen(THING, FLOOR) == ["0"]
+    assert chosen(THING) == ["0"] and chosen(THING, NEIGHBOUR) == ["0", "1"] and chosen(THING, FLOOR) == ["0"]
     assert chosen(FLOOR, THING, BACKDROP, NEIGHBOUR) == ["1", "3"] and chosen(BUILDING, STRAY) == ["0"]
     assert chosen(BUILDING, box_at((0, 0, 1), (1, 1, 2))) == ["0", "1"], "a part of it"
     assert chosen(BUILDING, box_at((0, 0, 0), (1, 1, 2))) == ["1"], "walls around a stage"
@@ -187,8 +183,7 @@ def test_an_island_is_looked_at_from_above_the_sea_and_what_is_in_the_sea_from_b
     for number in range(boxes):
         add_box(scene, (-1 + 0.4 * number, 0, 2), (0.2, 0.2, 1))
     bpy.context.view_layer.update()
-    _, matrix = edit.in_front(scene, MINI, {*scene.objects})
-    assert (matrix[2][3] > 0) == is_above
+    assert (edit.in_front(scene, MINI, {*scene.objects})[1][2][3] > 0) == is_above
 
 
 def seen_box(scene, item):

@@ -36,8 +36,7 @@ def seen_from(matrix_world, points):
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("display", builtin_names())
 def test_subject_fills_the_display_and_straddles_its_plane(display, size):
-    profile = load_display(display)
-    low, high = (CENTRE - HALF) * size, (CENTRE + HALF) * size
+    profile, low, high = load_display(display), (CENTRE - HALF) * size, (CENTRE + HALF) * size
     array, matrix_world = placement.fit_array(low, high, profile)
     points = seen_from(matrix_world, [*itertools.product(*zip(low, high, strict=True))])
     assert (points[:, 2].min() + points[:, 2].max()) / 2 == pytest.approx(array.distance, rel=1e-4)
@@ -73,8 +72,7 @@ def test_own_camera_keeps_place_direction_and_angle_and_the_display_where_it_foc
     assert array.spacing == pytest.approx(SMALL.camera_spacing_mm * array.distance / SMALL.viewing_distance_mm)
     camera.data.dof.use_dof, camera.data.dof.focus_distance = True, 4.5
     assert placement.place_array(scene, SMALL, {box})[0].distance == pytest.approx(4.5)
-    camera.data.dof.focus_object = box
-    box.matrix_world = mathutils.Matrix.Translation((0, -1, 0))
+    camera.data.dof.focus_object, box.matrix_world = box, mathutils.Matrix.Translation((0, -1, 0))
     bpy.context.view_layer.update()
     assert placement.place_array(scene, SMALL, {box})[0].distance == pytest.approx(4.0)
 
@@ -124,8 +122,7 @@ def test_camera_that_cannot_become_an_array_is_refused(scene):
     box, camera = add_box(scene, tuple(CENTRE), tuple(HALF)), add_camera(scene)
     camera.data.type = "PANO"
     refuses("type PANO, but a camera array needs a perspective or", placement.place_array, scene, SMALL, {box})
-    camera.data.type = "PERSP"
-    camera.rotation_euler = (-np.pi / 2, 0, 0)
+    camera.data.type, camera.rotation_euler = "PERSP", (-np.pi / 2, 0, 0)
     bpy.context.view_layer.update()
     refuses("does not see the subject", placement.place_array, scene, SMALL, {box})
 
@@ -195,8 +192,7 @@ def test_mirror_of_a_camera_is_undone(scene, scale):
     add_box(scene, tuple(CENTRE), tuple(HALF))
     camera = add_camera(scene)
     assert camera_notices(scene, None, is_imported=False) == []
-    plain = scaled(scene, camera, (1, 1, 1))
-    array, matrix = scaled(scene, camera, scale)
+    plain, (array, matrix) = scaled(scene, camera, (1, 1, 1)), scaled(scene, camera, scale)
     assert (array.distance, np.ravel(matrix)) == (pytest.approx(plain[0].distance), pytest.approx(np.ravel(plain[1])))
     assert camera_notices(scene, None, is_imported=False) == [Notice("camera-mirrored", {"camera": "camera"})]
 
@@ -215,8 +211,7 @@ def test_camera_without_a_direction_is_one_sentence(scene, scale, whose):
 
 def test_what_a_camera_sees_instead_of_its_subject_is_named(scene):
     box, wall = add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5)), add_box(scene, (0, -2, 0), (9, 0.1, 9))
-    wall.name = "Wall"
-    camera = add_camera(scene, (0, -6, 0))
+    wall.name, camera = "Wall", add_camera(scene, (0, -6, 0))
     camera.data.dof.use_dof, camera.data.dof.focus_distance = True, 4.0
 
     def notice(chosen):

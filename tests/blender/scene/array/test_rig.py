@@ -26,8 +26,7 @@ def place(scene):
 
 def test_an_array_without_a_direction_is_one_sentence_and_moves_along_its_view(scene):
     array = rig.find(scene)
-    array.rotation_euler, array.scale = (0.4, 0.3, 1.2), (2, 2, 2)
-    scene.lfsr.distance = 3.0
+    array.rotation_euler, array.scale, scene.lfsr.distance = (0.4, 0.3, 1.2), (2, 2, 2), 3.0
     assert scene.lfsr.distance == pytest.approx(3.0, rel=1e-5)
     plane = rig.plane_of(array)
     ahead = array.matrix_world.translation - array.matrix_world.normalized().col[2].to_3d() * 3.0
@@ -60,22 +59,18 @@ def test_usable_depth_is_the_displays_the_plane_keeps_the_framing_and_spacing_fl
     array, _ = place(scene)
     unit = array.distance / MINI.viewing_distance_mm
     for scale in (1, 2):
-        front, behind = MINI.depth_range_mm(scale)
-        near, far = rig.usable_depth(array, MINI, scale)
+        (front, behind), (near, far) = MINI.depth_range_mm(scale), rig.usable_depth(array, MINI, scale)
         assert array.distance - near == pytest.approx(front * unit, rel=1e-4)
         assert far - array.distance == pytest.approx(behind * unit, rel=1e-4)
-    before, _ = place(scene)
-    scene.lfsr.distance = 2 * before.distance
+    scene.lfsr.distance = 2 * array.distance
     after, _ = place(scene)
-    assert after.distance == pytest.approx(2 * before.distance, rel=1e-5)
-    assert after.half_width / after.distance == pytest.approx(before.half_width / before.distance, rel=1e-5)
-    assert after.spacing == pytest.approx(2 * before.spacing, rel=1e-5)
-    full, _ = place(scene)
+    assert after.distance == pytest.approx(2 * array.distance, rel=1e-5)
+    assert after.half_width / after.distance == pytest.approx(array.half_width / array.distance, rel=1e-5)
+    assert after.spacing == pytest.approx(2 * array.spacing, rel=1e-5)
     scene.lfsr.spacing = 0.5
     half, _ = place(scene)
-    assert half.spacing == pytest.approx(full.spacing / 2)
-    near, far = rig.usable_depth(full, MINI)
-    nearer, farther = rig.usable_depth(half, MINI)
+    assert half.spacing == pytest.approx(after.spacing / 2)
+    (near, far), (nearer, farther) = rig.usable_depth(after, MINI), rig.usable_depth(half, MINI)
     assert nearer < near and farther > far
 
 
@@ -103,8 +98,7 @@ def same() -> tuple[str | None, str | None]:
 
 def second_array(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
     """Another array of the scene."""
-    array = edit._new_array(scene)
-    array.name = name
+    (array := edit._new_array(scene)).name = name
     return array
 
 
@@ -147,8 +141,8 @@ def test_another_scene(scene):
 
 def test_an_array_that_is_unlinked_or_becomes_an_ordinary_camera(scene):
     array = rig.find(scene)
-    for taken, given_back in ((lambda: scene.collection.objects.unlink(array),
-                               lambda: scene.collection.objects.link(array)),
+    objects = scene.collection.objects
+    for taken, given_back in ((lambda: objects.unlink(array), lambda: objects.link(array)),
                               (lambda: rig.forget(scene), lambda: operator.setitem(array, rig.SPACING, 1.0))):
         scene.camera = None
         assert same()[0]
