@@ -34,14 +34,13 @@ SEVERAL = {
     "background": ("{} objects fill the display", "Every lens counts as foreground. Objects in a collection called "
                    "Background are reconstructed faster."),
     "texture": ("{} files are missing", "What needs them looks wrong."),
-    "eevee": ("{} materials have nodes of EEVEE", "Cycles, with which light fields are rendered, shows them black: "
-              "connect shaders of Cycles."),
+    "eevee": ("{} materials have nodes of EEVEE", "Cycles, with which light fields are rendered, leaves them out: "
+              "what needs them has a plain color or is black. Connect shaders of Cycles."),
     "dirty": ("{} images have unsaved changes", "The render would not show them."),
     "script": ("{} materials have Script nodes", "Script nodes need the CPU or OptiX as device, and Open Shading "
                "Language switched on in Render Properties.")}
 # Bytes per rendered pixel of all layers, per finished pixel of an image, of its linear copy, and of its decoded views.
-RENDERED, IMAGE, LINEAR, VIEWS = 48, 3, 6, 3
-GIGABYTE = 1e9
+RENDERED, IMAGE, LINEAR, VIEWS, GIGABYTE = 48, 3, 6, 3, 1e9
 # Code of the problem, title and button of what renders leave out, by the code of its notice.
 LEFT_OUT = {"scripts-off": ("autoexec", "Scripts", "Reload Trusted"),
     "engine-ignored": ("engine", "Render Engine", "Use Cycles"), "eevee-nodes": ("eevee", "", ""),
@@ -97,14 +96,13 @@ def grouped(problems: Iterable[Problem]) -> list[Problem]:
 
 
 def _settings(scene: bpy.types.Scene) -> Iterator[Problem]:
-    if not _has_cycles():
+    if "cycles" not in bpy.context.preferences.addons:
         yield Problem("cycles", "Cycles", "Light fields are rendered with Cycles, but the Cycles Render Engine add-on "
                       "is switched off: switch it on.", "Show Add-ons", ERROR)
     output = ("output", "Choose Folder…") if bpy.data.filepath else ("unsaved", "Save File…")
-    for (code, fix), target, check in (
-            (("display", "Use Defaults"), "Display", scene_settings.check),
-            (output, "Output", folders.try_output),
-            (("subject", "Show in Renders"), scene.name, find_subject)):
+    for (code, fix), target, check in ((("display", "Use Defaults"), "Display", scene_settings.check),
+                                       (output, "Output", folders.try_output),
+                                       (("subject", "Show in Renders"), scene.name, find_subject)):
         try:
             check(scene)
         except LfsrError as error:
@@ -134,8 +132,9 @@ def _light(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 
 def _scripts(scene: bpy.types.Scene) -> Iterator[Problem]:
-    if not _has_cycles() or (scene_settings.device_of(scene) in compat.WITH_OSL_CAMERA and compat.has_osl()
-                             and getattr(scene.cycles, "shading_system", False)):
+    if "cycles" not in bpy.context.preferences.addons or (
+            scene_settings.device_of(scene) in compat.WITH_OSL_CAMERA and compat.has_osl()
+            and getattr(scene.cycles, "shading_system", False)):
         return
     for material in materials(scene):
         if any(node.type == "SCRIPT" for node in nodes_of(material.node_tree)):
@@ -169,10 +168,6 @@ def denoiser(scene: bpy.types.Scene) -> Iterator[Problem]:
     if lacking:
         yield Problem("denoise", "Open Image Denoise", f"{lacking}. {runtime.where_to_get()}.",
                       f"Use {title(settings.method.undenoised.text)}", ERROR)
-
-
-def _has_cycles() -> bool:
-    return bpy.context.preferences.addons.get("cycles") is not None
 
 
 def disks(scene: bpy.types.Scene, frames: int = 1) -> Iterator[Problem]:

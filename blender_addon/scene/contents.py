@@ -109,16 +109,18 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
         nodes = list(nodes_of(material.node_tree))
         outputs = [node for node in nodes if node.type == "OUTPUT_MATERIAL"]
         of_eevee = outputs if {node.target for node in outputs} == {"EEVEE"} else []
-        for node in [*of_eevee, *(node for node in nodes if node.type in EEVEE_NODES)][:1]:
+        needed = leading([material.node_tree and material.node_tree.get_output_node("CYCLES")], True)
+        for node in [*of_eevee, *(node for node in nodes if node.type in EEVEE_NODES and node in needed)][:1]:
             found.append(Notice("eevee-nodes", {"material": material.name, "node": node.label or node.name}))
         shaders = [node for node in nodes if any(output.type == "SHADER" for output in node.outputs)]
         if shaders and all(node.type == "BSDF_PRINCIPLED" and not (
                 node.inputs["Alpha"].is_linked or node.inputs["Alpha"].default_value) for node in shaders):
             found.append(Notice("material-clear", {"material": material.name}))
-    if cycles is not None and cycles.pixel_filter_type not in ("BOX", _default(cycles, "pixel_filter_type")):
+    known = cycles.bl_rna.properties if cycles is not None else {}
+    if cycles is not None and cycles.pixel_filter_type not in ("BOX", known["pixel_filter_type"].default):
         found.append(Notice("filter-ignored", {"filter": cycles.pixel_filter_type.replace("_", "-").lower()}))
     clamps = {name: getattr(cycles, f"sample_clamp_{name}") for name in ("direct", "indirect")} if cycles else {}
-    if any(value != _default(cycles, f"sample_clamp_{name}") for name, value in clamps.items()):
+    if any(value != known[f"sample_clamp_{name}"].default for name, value in clamps.items()):
         found.append(Notice("clamp-ignored", clamps))
     found += [Notice("motion-ignored")] if render.use_motion_blur else []
     found += [Notice("border-ignored")] if render.use_border else []
@@ -153,24 +155,15 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
             found.append(Notice("collections-switched", {"layer": layer.name, "switch": switch, "names": names}))
     if others := [other.name for other in scene.view_layers if other.use and other != layer]:
         found.append(Notice("layers-left-out", {"layer": layer.name, "names": others}))
-    # Nodes through which an image passes on its way to the compositor's output.
-    tree, passed = compat.compositor(scene), set[bpy.types.Node]()
-    waiting = [node for node in tree.nodes if node.bl_idname in COMPOSITOR_OUTPUTS] if tree is not None else []
-    while waiting:
-        if (node := waiting.pop()) not in passed:
-            passed.add(node)
-            waiting += [link.from_node for socket in node.inputs for link in socket.links]
-    if nodes := sorted(node.label or node.name for node in passed
+    tree = compat.compositor(scene)
+    ends = [node for node in tree.nodes if node.bl_idname in COMPOSITOR_OUTPUTS] if tree is not None else []
+    if nodes := sorted(node.label or node.name for node in leading(ends)
                        if node.bl_idname not in PASSIVE_NODES and not node.mute):
         found.append(Notice("compositor-ignored", {"names": nodes}))
     editor = scene.sequence_editor if scene.render.use_sequencer else None
     if editor is not None and any(strip.type != "SOUND" and not strip.mute for strip in editor.strips):
         found.append(Notice("sequencer-ignored"))
     return found
-
-
-def _default(owner: bpy.types.bpy_struct, name: str) -> object:
-    return owner.bl_rna.properties[name].default
 
 
 def materials(scene: bpy.types.Scene) -> list[bpy.types.Material]:
@@ -186,6 +179,18 @@ def nodes_of(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
             yield node
             if node.type == "GROUP":
                 yield from nodes_of(node.node_tree)
+
+
+def leading(ends: Iterable[bpy.types.Node | None], enters: bool = False) -> set[bpy.types.Node]:
+    """Return ``ends`` and the nodes from which links lead to them, those inside groups if it ``enters`` these."""
+    passed, waiting = set[bpy.types.Node](), [*filter(None, ends)]
+    while waiting:
+        if (node := waiting.pop()) not in passed:
+            passed.add(node)
+            waiting += [link.from_node for socket in node.inputs for link in socket.links]
+            if enters and node.type == "GROUP" and node.node_tree is not None:
+                waiting += [end for end in node.node_tree.nodes if end.type == "GROUP_OUTPUT"]
+    return passed
 
 
 def has_coordinates(tree: bpy.types.NodeTree | None, names: Iterable[str]) -> bool:

@@ -5,8 +5,7 @@ from typing import Any
 
 from lfsr_core.base.messages import Notice, cleaned
 
-MOST_NAMES = 3
-EVEN = "even"  # the light of a scene that no world image reaches
+MOST_NAMES, EVEN = 3, "even"  # the light of a scene that no world image reaches
 Values = Mapping[str, Any]
 Wording = str | Callable[[Values], str]  # with the values in place of {name}, or made of them
 
@@ -28,24 +27,6 @@ def older(values: Values) -> str:
     """Return which frames are older."""
     which = "1 frame is" if values["count"] == 1 else f"{values['count']} frames (from {values['first']}) are"
     return f"{which} older"
-
-
-def _array_blind(values: Values) -> str:
-    seen = (f"{listed(values['seen'], MOST_NAMES)}, but nothing of the subject, which" if values["seen"] else
-            "nothing, and the subject")
-    return f"the array sees {seen} {PLACES[values['place']]}"
-
-
-def _camera_missing(values: Values) -> str:
-    choose = f"choose a camera with --camera ({listed(values['others'], MOST_NAMES)}), or " if values["others"] else ""
-    return ("the scene has no active camera, so the array stands in front of the subject: of a room it sees the outer "
-            f"wall. For a view from inside {choose}add one in Blender and move it with Align Active Camera to View")
-
-
-def _camera_chosen(values: Values) -> str:
-    others = f"{listed(values['others'], MOST_NAMES)} or " if values["others"] else ""
-    return (f"the file's camera {values['camera']!r} is used. Choose another with --camera: {others}fit, which places "
-            "the array in front of the subject")
 
 
 def replaced(values: Values) -> str:
@@ -112,8 +93,8 @@ SENTENCES: dict[str, Wording] = {
     "scripts-off": "Blender did not run the Python in this file ({reason}), so its drivers and scripts move nothing",
     "engine-ignored": "light fields are rendered with Cycles. Materials and lights may look different in the scene's "
                       "own engine, {engine}",
-    "eevee-nodes": "node {node} of material {material!r} works in EEVEE only, and Cycles shows the material black. "
-                   "Connect a shader of Cycles",
+    "eevee-nodes": "node {node} of material {material!r} works in EEVEE only. Cycles leaves it out, so that what "
+                   "needs it has a plain color or is black. Connect a shader of Cycles",
     "material-clear": "material {material!r} has Alpha 0, so that it shows nothing. Set its Alpha to 1 to see it",
     "filter-ignored": "the pixel filter {filter} is ignored, since it would mix neighbouring views. A box of one pixel "
                       "is used",
@@ -144,18 +125,27 @@ SENTENCES: dict[str, Wording] = {
     "compositor-ignored": lambda values: f"compositor nodes ({listed(values['names'], MOST_NAMES)}) are not applied to "
                                          "the light field. Apply them to exported views",
     "sequencer-ignored": "the sequencer's strips are not rendered. The light field shows the scene itself",
-    "camera-missing": _camera_missing, "camera-chosen": _camera_chosen,
+    "camera-missing": lambda values: "the scene has no active camera, so the array stands in front of the subject: of "
+                                     "a room it sees the outer wall. For a view from inside "
+                                     + (f"choose a camera with --camera ({listed(values['others'], MOST_NAMES)}), or "
+                                        if values["others"] else "")
+                                     + "add one in Blender and move it with Align Active Camera to View",
+    "camera-chosen": lambda values: f"the file's camera {values['camera']!r} is used. Choose another with --camera: "
+                                    + (f"{listed(values['others'], MOST_NAMES)} or " if values["others"] else "")
+                                    + "fit, which places the array in front of the subject",
     "camera-mirrored": "camera {camera!r} is mirrored by a negative scale, of its own or of a parent. The mirror is "
                        "undone: left and right are as in the scene",
     "display-nearer": "the camera focuses at {focus:.3g}, but the display plane is at {distance:.3g} scene units: "
                       "farther away, the array would reach through what stands beside the camera",
-    "array-blind": _array_blind,
+    "array-blind": lambda values: (f"the array sees {listed(values['seen'], MOST_NAMES)}, but nothing of the subject, "
+                                   "which " if values["seen"] else "the array sees nothing, and the subject ")
+                                  + PLACES[values["place"]],
     "light-weak": "almost no light reaches what the array sees, so the image will be almost black. Increase the lights "
                   "or the exposure, or choose another light (--light)",
     "light-replaced": lambda values: f"{replaced(values)}: choose another light with --light",
     "noisy": "the first view is noisy, so the image takes {times} times the rays of the setting",
     "noisy-long": "the first view is noisy, but {times} times the rays of the setting would take about {seconds:.0f} "
-                  "s, so the image takes {taken} times as many: ask for more rays where you can wait",
+                  "s, so the image takes fewer: ask for more rays where you can wait",
     "world-inside": lambda values: f"{WORLDS[values['reason']]}, so the world is rendered with the subject and is less "
                                    "sharp",
     # Exports and imports

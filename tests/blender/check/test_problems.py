@@ -37,8 +37,7 @@ def test_no_light_and_colors_that_cannot_be_shown(scene):
     scene.view_settings.use_curve_mapping = True
     assert found(scene, "view").severity == "ERROR"
     fix(scene, "view")
-    scene.world = bpy.data.worlds.new("World")
-    bpy.data.objects["Box"].is_shadow_catcher = True
+    scene.world, bpy.data.objects["Box"].is_shadow_catcher = bpy.data.worlds.new("World"), True
     assert "shadow catcher" in found(scene, "catcher").reason
     fix(scene, "catcher")
 
@@ -60,8 +59,13 @@ def test_materials_that_do_not_show_are_named(scene):
     material, group = bpy.data.materials.new("Toon"), bpy.data.node_groups.new("Toon", "ShaderNodeTree")
     use_nodes(material)
     material.node_tree.nodes.new("ShaderNodeGroup").node_tree = group
-    group.nodes.new("ShaderNodeShaderToRGB")
+    out, shader = group.nodes.new("NodeGroupOutput"), group.nodes.new("ShaderNodeShaderToRGB")
+    group.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
     bpy.data.objects["Box"].data.materials.append(material)
+    nodes = material.node_tree.nodes
+    material.node_tree.links.new(nodes["Group"].outputs[0], nodes["Principled BSDF"].inputs["Base Color"])
+    assert found(scene, "eevee") is None, "it leads nowhere"
+    group.links.new(shader.outputs[0], out.inputs[0])
     assert "ode Shader to RGB" in found(scene, "eevee").reason and found(scene, "eevee").target == "Toon"
     group.nodes["Shader to RGB"].mute = True
     assert found(scene, "eevee") is None
@@ -73,8 +77,7 @@ def test_materials_that_do_not_show_are_named(scene):
     assert found(scene, "clear").target == "Toon" and found(scene, "clear").asks
     material.node_tree.nodes.new("ShaderNodeEmission")
     assert found(scene, "clear") is None, "it may be mixed with another shader"
-    material = bpy.data.materials.new("Scripted")
-    material.use_nodes = True
+    (material := bpy.data.materials.new("Scripted")).use_nodes = True
     material.node_tree.nodes.new("ShaderNodeScript")
     bpy.data.objects["Box"].data.materials.append(material)
     assert found(scene, "script").target == "Scripted"
@@ -165,23 +168,19 @@ def test_too_little_room(scene, monkeypatch):
 
 def test_every_device_traces_all_views_at_once(scene, monkeypatch):
     monkeypatch.setattr(scene_settings, "device_of", lambda scene: "CUDA" if scene.cycles.device == "GPU" else "CPU")
-    scene.cycles.device = "GPU"
-    assert scene_settings.resolve(scene).request.layout == "lens-card"
-    scene.cycles.device = "CPU"
-    assert scene_settings.resolve(scene).request.layout == "one-pass"
+    for scene.cycles.device, layout in (("GPU", "lens-card"), ("CPU", "one-pass")):
+        assert scene_settings.resolve(scene).request.layout == layout
 
 
 def test_textures_that_cannot_be_read_and_unsaved_paint(scene, tmp_path):
-    image = bpy.data.images.new("Paint", 4, 4)
-    image.use_fake_user = True
+    (image := bpy.data.images.new("Paint", 4, 4)).use_fake_user = True
     image.pixels[0] = 0.5
     image.update()
     assert found(scene, "dirty").target == "Paint"
     fix(scene, "dirty")
     gone = bpy.data.images.new("Gone", 4, 4)
     gone.source, gone.filepath = "FILE", "//textures/gone.png"
-    texture = bpy.data.textures.new("Bumps", "IMAGE")
-    texture.image = gone
+    (texture := bpy.data.textures.new("Bumps", "IMAGE")).image = gone
     bpy.data.objects["Box"].modifiers.new("Bumps", "DISPLACE").texture = texture
     assert found(scene, "texture").target == "gone.png"
     (tmp_path / "cut.png").write_bytes(b"\x89PNG")
@@ -298,8 +297,7 @@ def test_an_artist_is_asked_once_before_a_render(scene):
     assert not any(question.advice for question in asked), "a script goes on without asking"
     asked[0].accept()
     assert check_questions(scene) == []
-    scene.view_layers[0].material_override, scene.world = None, None
-    bpy.data.objects["Sun"].hide_render = True
+    scene.view_layers[0].material_override, scene.world, bpy.data.objects["Sun"].hide_render = None, None, True
     assert check_questions(scene) == [], "one of Blender's world images lights it"
     scene.lfsr.light = "OWN"
     assert [question.sentence.startswith("The scene has no light") for question in check_questions(scene)] == [True]
