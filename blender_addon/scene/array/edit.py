@@ -133,8 +133,7 @@ def put(array: bpy.types.Object, placed: Placement) -> None:
         array.parent = None
     if (plane := rig.plane_of(array)) is None:
         plane = bpy.data.objects.new(PLANE_NAME, None)
-        plane.empty_display_type = "SINGLE_ARROW"
-        plane[rig.PLANE] = True
+        plane.empty_display_type, plane[rig.PLANE] = "SINGLE_ARROW", True
         plane.id_properties_ui(rig.PLANE).update(description=PLANE_HELP)
         for collection in array.users_collection:
             collection.objects.link(plane)
@@ -146,8 +145,7 @@ def put(array: bpy.types.Object, placed: Placement) -> None:
     array.data.lens = array.data.sensor_width / 2 * layout.distance / layout.half_width
     array.data.clip_start, array.data.clip_end = layout.distance / 1000, layout.distance * 100
     array.data.display_size = layout.half_width * 0.25
-    plane.location = (0.0, 0.0, -layout.distance)
-    plane.empty_display_size = layout.distance * HANDLE_SIZE
+    plane.location, plane.empty_display_size = (0.0, 0.0, -layout.distance), layout.distance * HANDLE_SIZE
     bpy.context.view_layer.update()
 
 
@@ -155,8 +153,7 @@ def _new_array(scene: bpy.types.Scene) -> bpy.types.Object:
     """Array of the scene, which becomes the active camera if there is none."""
     remove_planes(scene)
     data = bpy.data.cameras.new(ARRAY_NAME)
-    data.sensor_fit = "HORIZONTAL"
-    data.show_passepartout = False  # its frame is the scene's, not the display's
+    data.sensor_fit, data.show_passepartout = "HORIZONTAL", False  # its frame is the scene's, not the display's
     array = bpy.data.objects.new(ARRAY_NAME, data)
     array[rig.SPACING] = 1.0
     array.id_properties_ui(rig.SPACING).update(min=0.01, soft_max=1.0, default=1.0, description=SPACING_HELP)
@@ -180,8 +177,8 @@ TRAVELS = 2.0  # times its size in this frame, over which it moves in an animati
 # Degrees around Z from the front: what they show counts this much. Degrees from above: this much of what is as high as
 # wide, and of what is LOW or lower, as a fraction of its width: a landscape, or a plate, shows itself from above.
 TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.75, -90: 0.7, 180: 0.7}  # +X is the front in some programs
-TILTS = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}
-LOW = 0.6
+TILTS, LOW = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}, 0.6
+FRONTS, FROM_BEHIND = 0.5, 0.25  # part of what is seen that turns its front, below which it counts less; and at none
 FEW_OBJECTS, MOST_POINTS = 100, 20_000  # objects that are fitted by their vertices, and about how many of each
 PROBED, FEWER = (24, 14), (16, 9)  # rays that tell it, across and down
 
@@ -234,12 +231,13 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
                 local = fitted @ toward[:3, :3].T + toward[:3, 3]
                 part = np.minimum(np.abs(local[:, :2] / local[:, 2:]).max(0) * placed[0].distance / half, 1)
             hits = [hit for hit in through(rays, placed, *probes, part) if hit is not None]
-            most = max(most, len({hit[3] for hit in hits}))
-            seen = [hit for hit in hits if hit[2] in shown]
+            most, seen = max(most, len({hit[3] for hit in hits})), [hit for hit in hits if hit[2] in shown]
             # Surfaces that face several ways show a thing's shape. Of a plane, as the side of a box, this is 0.
             various = 1 - np.linalg.norm(np.mean([hit[4] for hit in seen] or [(0, 0, 1)], axis=0))
             counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide * (1 + various)
-            share = len(seen) / math.prod(probes) * part.prod()
+            share, eye = len(seen) / math.prod(probes) * part.prod(), mathutils.Matrix(placed[1]).translation
+            ahead = np.mean([_is_front(rays, eye, hit) for hit in seen] or [False])
+            counts *= np.interp(ahead, (0, FRONTS), (FROM_BEHIND, 1))
             choices.append((counts * share * len({hit[3] for hit in seen}), share, placed))
         _, share, best = max(choices, key=lambda each: each[0])
         if share > least:
@@ -262,6 +260,13 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             if 3 * len(into) <= len(choices):
                 _, _, best = max(into, key=lambda each: each[0])  # where a wall is missing
     return best
+
+
+def _is_front(rays: Rays, eye: mathutils.Vector, hit: Hit) -> bool:
+    """Return True if a ray from ``eye`` hits the front of a surface, or a solid thing whose normals point inwards."""
+    way = hit[0] - eye
+    beyond = None if hit[1] else rays.cast(hit[0] + 1e-4 * way, way)
+    return hit[1] or (beyond is not None and beyond[2] == hit[2] and beyond[1].dot(way) < 0)
 
 
 def fit_turned(points: Array, profile: DisplayProfile, turn: mathutils.Matrix) -> Placement:
@@ -367,13 +372,11 @@ EYE_HEIGHT = 1.6  # metres above the floor: places below those whose middle is h
 STEP, HIGHEST, LOWEST, VIEW_RAYS, HALF_WIDTH = 7.5, 30.0, -60.0, (5, 8), 0.6
 LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the hull of a small thing
 AROUND_AXIS, ROUND = 24, 0.97  # rays to the axis of what is round, and their least cosine to its walls
-ENCLOSED = 0.95  # least fraction of the rays that hit, from what is closed on all sides
-SURROUNDED = 0.7  # least fraction of them in a room, which may lack a wall
+ENCLOSED, SURROUNDED = 0.95, 0.7  # least part of rays that hit, from what is closed, and in a room that lacks a wall
 # Fewest things in a view inside a room, as a fraction of the most in a view from outside; fraction of their places that
 # a view from outside sees where a wall is missing.
 ROOM, OPEN = 0.85, 0.5
-LEAST_DEPTH = 0.1  # of a view inside a room, as a fraction of its diagonal
-NEAR = 0.15  # of the median depth of a view, at which nothing may stand in its way
+LEAST_DEPTH, NEAR = 0.1, 0.15  # of a view inside a room: part of its diagonal; of that depth, where nothing may stand
 AROUND = [mathutils.Vector(way).normalized() for way in itertools.product((-1, 0, 1), repeat=3) if any(way)]
 
 Thing = tuple[bpy.types.Object, int]  # object, number of its material (``Rays.thing``)
@@ -428,8 +431,7 @@ def view_inside(rays: Rays, low: Array, high: Array) -> View | None:
     down, across = np.radians(STEP) * np.subtract(VIEW_RAYS, 1) / 2
     pitches, yaws = pitches[views[:, 0] // len(yaws)] - down, yaws[views[:, 0] % len(yaws)] + across
     for place in places:
-        hits = [rays.cast(place, way) for way in ways]
-        numbers = dict[Thing, int]()
+        hits, numbers = [rays.cast(place, way) for way in ways], dict[Thing, int]()
         met = np.array([numbers.setdefault(rays.thing(hit), len(numbers)) if hit else -1 for hit in hits])
         seen = (met == np.arange(len(numbers))[:, None]).astype(float)
         fronts = np.array([hit is not None and hit[1].dot(way) < 0 for hit, way in zip(hits, ways, strict=True)])
