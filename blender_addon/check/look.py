@@ -34,7 +34,7 @@ from .problems import Problem
 # Code of the problem: the operator's property that mends it, its title and description.
 MENDS = {
     "cube": ("leave_out_cube", "Leave Out Cube", "Hide the cube of Blender's new file in renders"),
-    "helper": ("leave_out_helpers", "Leave Out Helpers", "Hide what helps while modelling, without a material, and "
+    "helper": ("leave_out_helpers", "Leave Out Helpers", "Hide what helps while modelling, as a box of wires, and "
                "what hides the picture with faces that EEVEE leaves out"),
     "sky": ("leave_out_sky", "Leave Out Sky", "Hide the box or ball around all objects in renders"),
     "frame": ("fit_objects", "Fit to Objects", "Move the camera array in front of the objects, or into the room"),
@@ -47,15 +47,16 @@ STARTUP_LAMP = (4.07625, 1.00545, 5.90386)  # where a new file's lamp stands
 # How a new file's camera is turned: nobody has aimed it, even if it was moved. It was rolled until Blender 2.79.
 STARTUP_TURN, ROLL = mathutils.Euler((1.10932, 0.0, 0.81493)).to_quaternion(), 0.02
 TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject of an aimed camera, and of that one, fills
+OUTSIDE = 0.1  # of the corners of their boxes, that may lie outside the frame of a camera that was not aimed
+HEAVY, HIDDEN = 100, 0.25  # faces from which a mesh is more than a box, part of the picture that a box may hide
 CLOSE = 0.02  # of the subject's size: what lies nearer than that on the wrong side of a surface surrounds the array
-TOUCHING = 0.02  # of the size of what is selected: what is as near belongs to it
-MUCH = 1.1  # disparity beyond which depth is worth a word
-LEAST_GAIN = 0.9  # of the disparity, that a move of the display plane must leave
+TOUCHING = 0.02  # of the size of all things: what is as near to what is selected belongs to it
+MUCH, LEAST_GAIN = 1.1, 0.9  # disparity that is worth a word, and what of it a move of the display plane may leave
 LEAST_SPACING = 0.05
 LIT, LAMPS, SKY = 24, 32, 6  # places, lamps and rays to the sky that tell how much light arrives
 UNSURE = 2.0  # times what is dim, below which a render tells: lamps may be hidden from surfaces, or shine through holes
-CERTAIN = 1e6  # strength of a lamp that nodes decide
-SHADE = 0.15  # of a lamp's distance: what stands as near to it is its own shade
+CERTAIN, SHADE = 1e6, 0.15  # strength of a lamp that nodes decide; part of its distance at which its own shade stands
+BRIGHT = 0.25  # part of a picture which a sky fills that is then not almost black
 GLASS, TRANSMISSION, LOST = ("BSDF_GLASS", "BSDF_REFRACTION"), "Transmission Weight", 0.2  # of the rays to it
 UNAIMED = "The camera of the new file was not aimed at it"
 
@@ -66,14 +67,14 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
         display, subject = scene_settings.display_of(scene), find_subject(scene)
         if (placed := rig.placement(scene, display)) is None:
             return
-        cube, others = startup_cube(scene), helpers(scene) or culled_objects(scene)
+        cube, others = startup_cube(scene), (tools := helpers(scene)) or culled_objects(scene)
         if cube is not None:
             yield _problem("cube", cube.name, "The cube of Blender's new file stands in the picture.")
         if others:
             more = f" and {counted(len(others) - 1, 'other object')}" if others[1:] else ""
             yield _problem("helper", others[0].name, f"{others[0].name}{more} " + (
-                "hides the picture: Cycles renders the backs of its faces, EEVEE does not." if others[0].active_material
-                else "without a material would be rendered solid: drawn as wires, a Boolean's tool or a bone's shape."))
+                "would be rendered solid: drawn as wires, a Boolean's tool or a bone's shape." if tools else
+                "hides the picture: Cycles renders the backs of its faces, EEVEE does not."))
         with as_rendered(cube, *others):
             boxes, eye = edit.boxes_now(subject), np.array(placed[1])[:3, 3]
             if not boxes:
@@ -101,9 +102,11 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
         yield from _deep(scene, placed, display, *depths)
     if scene.lfsr.light not in SCENE_LIGHTS or not has_light(scene):
         return
-    for node in nodes_of(scene.world.node_tree if scene.world else None):
-        if node.type == "TEX_ENVIRONMENT" and node.image and not all(map(Path.is_file, image_paths(node.image))):
-            yield _problem("dark", scene.name, f"The world's image {node.image.name} is missing: gray light would come "
+    pictures = [node.image for node in nodes_of(scene.world.node_tree if scene.world else None)
+                if node.type == "TEX_ENVIRONMENT" and node.image]
+    for image in pictures:
+        if not all(map(Path.is_file, image_paths(image))):
+            yield _problem("dark", scene.name, f"The world's image {image.name} is missing: gray light would come "
                            "from all sides. Images only are lit.")
             return
     lamps = sorted((item for item in rendered(scene) if item.type == "LIGHT"), key=lambda item: item.name)
@@ -122,11 +125,15 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
         slots = result.render_slots if (result := bpy.data.images.get("Render Result")) is not None else ()
         with as_rendered(startup), overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
             light[:] = light_seen(scene, scene_settings.resolve(scene).request, placed)
-    if (is_plain and is_alone) or is_dim(*light):
+    is_dark, sky = is_dim(*light), 0.0
+    if is_dark and not scene.render.film_transparent and world_radiance(scene.world) * exposed >= DIM:
+        sky = edit.through(rays, placed, *edit.FEWER).count(None) / math.prod(edit.FEWER)
+    if (is_plain and is_alone) or (is_dark and (pictures or sky < BRIGHT)):  # what a picture shows is not known
         source = "a dim world" if startup is None else "the lamp of Blender's new file"
         yield _problem("dark", scene.name, f"Only {source} lights it. Images only are lit."
                        if is_alone else "Hardly any light comes from what the array sees: the image will be almost "
-                       "black. Images only are lit; the scene keeps its own light.")
+                       f"black. Images only are lit{', and do not show the sky then' if sky else ''}; the scene keeps "
+                       "its own light.")
     elif is_glaring(scene, light[1]):
         yield _problem("bright", scene.name, "Much of what the array sees is lit far brighter than white, and the view "
                        f"transform {scene.view_settings.view_transform} shows it as white: weaken the lamps, or lower "
@@ -155,15 +162,36 @@ def startup_cube(scene: bpy.types.Scene) -> bpy.types.Object | None:
 def helpers(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """Return objects without a material that are drawn as wires or bounds, are a Boolean's tool or a bone's shape.
 
-    They help while modelling and are not meant to be rendered. Empty where the scene shows nothing else.
+    They help while modelling, as do boxes drawn so that hide much of the picture. Empty where nothing else is shown.
     """
     tools = {modifier.object for item in scene.objects for modifier in item.modifiers if modifier.type == "BOOLEAN"}
     tools |= {bone.custom_shape for item in scene.objects if item.pose is not None for bone in item.pose.bones}
     shown = {item for item in rendered(scene) & {*rendered_layer(scene).objects} if item.type in GEOMETRY}
-    found = [item for item in shown if (item in tools or item.display_type in ("WIRE", "BOUNDS"))
-             and not any(slot.material for slot in item.material_slots) and not rig.why_not_editable(item)
-             and not any(modifier.type in ("FLUID", "PARTICLE_SYSTEM") for modifier in item.modifiers)]
-    return sorted(found, key=lambda item: item.name) if shown - {*found} else []
+    drawn = {item for item in shown if item.display_type in ("WIRE", "BOUNDS")}
+    found = {item for item in tools & shown | drawn if not any(slot.material for slot in item.material_slots)
+             and not rig.why_not_editable(item)
+             and not any(modifier.type in ("FLUID", "PARTICLE_SYSTEM") for modifier in item.modifiers)}
+    found |= _hulls(scene, drawn - found, *found)
+    return sorted(found, key=lambda item: item.name) if shown - found else []
+
+
+def _hulls(scene: bpy.types.Scene, drawn: set[bpy.types.Object], *left_out: bpy.types.Object) -> set[bpy.types.Object]:
+    """Return the boxes ``drawn`` as wires if they hide much of the picture; smoke, walls and heavy things are, too."""
+    hulls = {item for item in drawn if item.type == "MESH" and not item.modifiers and len(item.data.polygons) < HEAVY
+             and not rig.why_not_editable(item) and not any(
+                 "VOLUME" in node.type or node.type in (*GLASS, "BSDF_TRANSPARENT") for slot in item.material_slots
+                 if slot.material for node in nodes_of(slot.material.node_tree))}
+    if not hulls or (placed := rig.placement(scene, scene_settings.display_of(scene))) is None:
+        return set()
+    with as_rendered(*left_out):
+        rays, eye = Rays(scene), mathutils.Matrix(placed[1]).translation
+
+        def holds(place: mathutils.Vector, way: mathutils.Vector) -> bool:
+            hit = rays.cast(place + 1e-4 * way, way)
+            return hit is not None and (hit[2] not in hulls or (hit[1].dot(way) < 0 and holds(hit[0], way)))
+        hidden = [hit is not None and hit[1] and hit[2] in hulls and holds(hit[0], hit[0] - eye)
+                  for hit in edit.through(rays, placed, *edit.FEWER)]
+    return hulls if sum(hidden) > HIDDEN * len(hidden) else set()
 
 
 @as_rendered()
@@ -195,7 +223,9 @@ def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list
     chosen = [item for item in boxes if item.select_get()] if _is_unaimed(scene) else []
     if chosen:
         points = np.concatenate([boxes[item] for item in chosen])
-        beside = TOUCHING * np.ptp(points, axis=0).max()
+        # A glass that was selected last belongs to the table and to what is on it, but not to all of a landscape.
+        whole = np.concatenate([boxes[item] for item in {*chosen, *edit.main_part(boxes)}])
+        beside = min(TOUCHING * np.ptp(whole, axis=0).max(), np.ptp(points, axis=0).max())
         low, high = points.min(0) - beside, points.max(0) + beside
         if any((box.min(0) < high).all() and (box.max(0) > low).all()
                for item, box in boxes.items() if item not in chosen):
@@ -249,7 +279,7 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
         best = edit.in_front(scene, display, set(main))
         if not is_in_box(placed) and is_in_box(best):
             return f"The array stands outside a room. {UNAIMED}.", best
-        if not inside.all():
+        if inside.mean() < 1 - OUTSIDE:
             return f"{1 - inside.mean():.0%} of {name} lies outside the frame. {UNAIMED}.", best
     return "", None
 
@@ -260,8 +290,7 @@ def disparity(array: CameraArray, lenses: tuple[int, int], near: float, far: flo
 
     A display shows at most 1 sharp. ``distance``: of the display plane, by default the array's.
     """
-    plane = distance or array.distance
-    pitch = min(2 * array.half_width / lenses[0], 2 * array.half_height / lenses[1])
+    plane, pitch = distance or array.distance, min(2 * array.half_width / lenses[0], 2 * array.half_height / lenses[1])
     return array.spacing / pitch * max((plane - near) / near, (far - plane) / far)
 
 
@@ -281,8 +310,8 @@ def _deep(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile
         yield _problem("plane", scene.name, text)
         now = moved
     if now > MUCH:
-        yield _problem("deep", scene.name, f"{text} Flattened to {100 / now:.0f} %, with views closer together, "
-                       "all of it is sharp; what is seen from the middle stays as it is.")
+        yield _problem("deep", scene.name, f"{text} Flattened to {100 / now:.0f}\N{NO-BREAK SPACE}%, with views closer "
+                       "together, all of it is sharp; what is seen from the middle stays as it is.")
 
 
 def flatten(scene: bpy.types.Scene) -> None:
@@ -366,8 +395,7 @@ def _arrives(rays: Rays, lamp: bpy.types.Object, place: mathutils.Vector, normal
     power *= max((CERTAIN if strength.is_linked else strength.default_value for strength in strengths), default=1.0)
     axis = matrix.to_3x3() @ mathutils.Vector((0, 0, 1))
     way = axis if data.type == "SUN" else matrix.translation - place
-    distance = math.inf if data.type == "SUN" else way.length
-    way = way.normalized()
+    distance, way = math.inf if data.type == "SUN" else way.length, way.normalized()
     factor = max(normal.dot(way), 0.0) * power
     if data.type == "AREA":
         factor *= max(axis.normalized().dot(way), 0.0) * 4

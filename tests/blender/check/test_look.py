@@ -38,6 +38,7 @@ def looked(scene) -> dict[str, str]:
     """Reasons by code, after an array was added as a render does."""
     if rig.find(scene) is None:
         edit.add(scene, scene_settings.display_of(scene))
+    bpy.context.view_layer.update()
     return {problem.code: problem.reason for problem in look.find(scene)}
 
 
@@ -58,6 +59,10 @@ def share_of(scene, item) -> float:
 
 def test_a_new_file_as_it_is_and_a_camera_that_was_aimed_stay(startup):
     assert looked(startup) == {}
+    things = [add_box(at, (0.5, 0.5, 0.5)) for at in (*itertools.product(range(-2, 3), (-1, 1), (0,)), (0, 0, 5))]
+    bpy.ops.object.select_all(action="SELECT")
+    assert "frame" not in looked(startup), "hardly anything is outside"
+    bpy.data.batch_remove(things)
     bpy.data.objects["Cube"].modifiers.new("Build", "BUILD").frame_start = 10
     assert "Frame 1" in looked(startup)["nothing"]
     bpy.data.objects.remove(bpy.data.objects["Cube"])
@@ -79,7 +84,6 @@ def test_a_camera_that_nobody_aimed_is_fitted_to_what_was_imported(startup, cent
     assert bpy.data.objects["Cube"].hide_render and share_of(startup, box) > 0.2
     bpy.data.objects["Cube"].hide_render = False
     startup.camera.location.z, startup.camera.rotation_euler.y = 8, 0.0108
-    bpy.context.view_layer.update()
     assert "cube" in looked(startup), "moved, and as old files turned it"
     bpy.data.objects["Cube"].active_material.name = "Brick"
     assert "cube" not in looked(startup), "it is the artist's"
@@ -89,8 +93,7 @@ def test_what_helps_while_modelling_is_left_out(startup):
     """Volumes are drawn as wires too, and things that take long: they have a material, or a simulation."""
     subject, tool, hull, cloud, smoke, shape = items = [add_box((4 * at, 0, 0), (1, 1, 1)) for at in range(6)]
     bpy.ops.object.armature_add()
-    bpy.context.object.pose.bones[0].custom_shape = shape
-    subject.modifiers.new("Cut", "BOOLEAN").object = tool
+    bpy.context.object.pose.bones[0].custom_shape, subject.modifiers.new("Cut", "BOOLEAN").object = shape, tool
     hull.display_type = cloud.display_type = smoke.display_type = "WIRE"
     cloud.data.materials.append(bpy.data.materials.new("Cloud"))
     smoke.modifiers.new("Fluid", "FLUID")
@@ -101,7 +104,6 @@ def test_what_helps_while_modelling_is_left_out(startup):
 
 def test_what_is_rendered_is_looked_at_whatever_the_viewport_hides(startup):
     aimed(startup)
-    add_box((0, 0, 1), (1, 0.5, 1))
     blocker, folder = add_box((0, -6, 1), (0.1, 0.1, 0.1)), bpy.data.collections.new("Folder")
     startup.collection.children.link(folder)
     folder.objects.link(blocker)
@@ -134,8 +136,7 @@ def test_what_is_rendered_is_looked_at_whatever_the_viewport_hides(startup):
 
 
 def test_what_shows_its_back_is_left_out_as_eevee_leaves_it_out(startup):
-    aimed(startup)
-    box, around = add_box((0, 0, 1), (1, 0.5, 1)), add_box((0, -6, 1), (0.4, 0.3, 0.3))
+    box, around = aimed(startup), add_box((0, -6, 1), (0.4, 0.3, 0.3))
     around.data.materials.append(bpy.data.materials.new("Around"))
     for is_culled, engine in ((True, "CYCLES"), (False, startup.render.engine), (True, startup.render.engine)):
         around.active_material.use_backface_culling, startup.render.engine = is_culled, engine
@@ -144,6 +145,25 @@ def test_what_shows_its_back_is_left_out_as_eevee_leaves_it_out(startup):
     assert "helper" not in looked(startup), "nothing else is there"
     box.hide_render = False
     assert "hides the picture" in mend(startup)["helper"] and share_of(startup, box) > 0.1 and around.hide_render
+
+
+def test_a_solid_box_of_wires_around_much_of_the_picture_is_left_out(startup):
+    """Not smoke, a heavy thing, a box with nothing in it, or a room around the camera."""
+    box, hull, _ = aimed(startup, half=(2, 1, 2)), add_box((0, 0, 1), (3, 3, 3)), add_box((0, 9, 1), (9, 0.1, 9))
+    hull.data.materials.append(paint := bpy.data.materials.new("Paint"))
+    for owner, name, *values in ((hull, "display_type", "SOLID", "WIRE"), (box, "hide_render", True, False),
+                                 (hull, "scale", (9, 9, 9), (1, 1, 1))):
+        for value, is_left_out in zip(values, (False, True), strict=True):
+            setattr(owner, name, value)
+            assert ("helper" in looked(startup)) == is_left_out, name
+    hull.modifiers.new("Round", "SUBSURF")
+    assert "helper" not in looked(startup)
+    hull.modifiers.clear()
+    for kind in ("BsdfTransparent", "VolumeScatter"):
+        node = paint.node_tree.nodes.new(f"ShaderNode{kind}")
+        assert "helper" not in looked(startup)
+        paint.node_tree.nodes.remove(node)
+    assert "would be rendered solid" in mend(startup)["helper"] and hull.hide_render and not box.hide_render
 
 
 def make_room(scene, lamp: bool) -> list[bpy.types.Object]:
@@ -246,8 +266,7 @@ def test_a_room_shows_more_inside_than_outside_unless_a_wall_is_missing(startup,
 
 
 def test_glass_in_a_world_of_one_colour_is_lit_by_an_image(startup):
-    goblet = bpy.data.objects["Cube"]
-    goblet.location.z = 0.1
+    (goblet := bpy.data.objects["Cube"]).location.z = 0.1
     shader = goblet.active_material.node_tree.nodes["Principled BSDF"].inputs["Transmission Weight"]
     startup.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 20
     assert looked(startup) == {}
@@ -274,7 +293,7 @@ def test_a_box_around_all_is_a_sky_that_is_left_out_unless_a_camera_was_aimed_in
     if camera == "none":
         bpy.data.batch_remove([startup.camera, bpy.data.objects["Cube"]])
     elif camera == "aimed":
-        aimed(startup, (0, -44, 8))
+        aimed(startup, (0, -44, 8), ())
     assert ("sky" in mend(startup)) != (camera == "aimed")
     assert sky.hide_render != (camera == "aimed") and set(look.main_objects(startup, find_subject(startup))) == houses
     placed = rig.placement(startup, scene_settings.display_of(startup))
@@ -296,6 +315,18 @@ def test_a_globe_is_no_room_and_a_thin_tail_does_not_make_a_ring_small(startup):
     ring, tail = bpy.context.object, add_box((400, 0, -90), (0.01, 0.01, 90))
     ring.select_set(True)
     assert "frame" in mend(startup) and share_of(startup, ring) > 0.05 and share_of(startup, tail) < 0.05
+
+
+def test_a_shell_is_seen_from_its_front_and_a_solid_thing_whose_normals_point_inwards_as_any(startup):
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    bpy.ops.mesh.primitive_cone_add(end_fill_type="NOTHING", rotation=(-np.pi / 2, 0, 0))
+    shell, parts = bpy.context.object, [add_box((0, y, 0), (2, 0.2, 1)) for y in (-0.3, 0.3)]
+    parts[0].data.flip_normals()
+    for items, is_in_front in (({shell}, False), ({*parts}, True)):
+        for item in (shell, *parts):
+            item.hide_render = item not in items
+        matrix = edit.in_front(startup, scene_settings.display_of(startup), items)[1]
+        assert (matrix[1][2] > 0.5) == is_in_front
 
 
 def test_what_travels_far_is_fitted_where_it_is(startup):
@@ -321,6 +352,13 @@ def test_a_selected_part_of_a_figure_is_not_all_of_the_picture(startup):
     body.location.z = 9
     bpy.context.view_layer.update()
     assert look.main_objects(startup, {base, body}) == [base], "what was imported"
+    glass, ground = add_box((0, 0, 0.13), (0.1, 0.1, 0.1)), add_box((0, 0, -1), (7000, 7000, 0.1))
+    bpy.ops.object.select_all(action="DESELECT")
+    glass.select_set(True)
+    for height, main in ((0.13, {base, body, glass}), (4, {glass})):
+        glass.location.z = height
+        bpy.context.view_layer.update()
+        assert set(look.main_objects(startup, {base, body, glass, ground})) == main
 
 
 def test_the_lamp_of_the_new_file_is_not_all_the_light_of_what_was_imported(startup):
@@ -329,36 +367,33 @@ def test_the_lamp_of_the_new_file_is_not_all_the_light_of_what_was_imported(star
     bpy.context.object.active_material = shining = bpy.data.materials.new("Dark")
     inputs, soot = shining.node_tree.nodes["Principled BSDF"].inputs, shining.node_tree.nodes.new("ShaderNodeRGB")
     inputs["Emission Strength"].default_value, soot.outputs[0].default_value = 1e-3, (1e-4, 1e-4, 1e-4, 1)
-    link = shining.node_tree.links.new(soot.outputs[0], inputs["Base Color"])
-    startup.objects["Light"].data.energy = 1e5
+    link, startup.objects["Light"].data.energy = shining.node_tree.links.new(soot.outputs[0], inputs["Base Color"]), 1e5
     assert "new file" in looked(startup)["dark"], "it shines too little"
     shining.node_tree.links.remove(link)
     startup.objects["Light"].location = (88, 37, 5)
     assert "dark" not in looked(startup)
 
 
-def aimed(scene, place=(0, -6, 1)):
-    """A scene of its own camera, which looks along +Y, without the new file's cube."""
+def aimed(scene, place=(0, -6, 1), half=(1, 0.5, 1)):
+    """A box in a scene of its own camera, which looks along +Y, without the new file's cube."""
     bpy.data.objects.remove(bpy.data.objects["Cube"])
-    scene.camera = add_camera(scene, place)
-    scene.objects["Light"].location = (1, -5, 4)
+    scene.camera, scene.objects["Light"].location = add_camera(scene, place), (1, -5, 4)
+    return add_box((0, 0, 1), half) if half else None
 
 
 def test_too_much_depth_names_its_numbers_and_is_flattened(startup):
-    aimed(startup)
+    aimed(startup, half=())
     for y in range(0, 60, 5):
         add_box(((-1)**y * (0.7 + y / 8), y, 1), (0.5, 0.5, 1))
     bpy.context.view_layer.update()
-    before = {item.name: item.matrix_world.copy() for item in startup.objects}
-    found = mend(startup)
-    assert set(found) == {"deep"} and "before the display and" in found["deep"] and " %" in found["deep"]
+    before, found = {item.name: item.matrix_world.copy() for item in startup.objects}, mend(startup)
+    assert set(found) == {"deep"} and re.search("before the display and.*\N{NO-BREAK SPACE}%", found["deep"])
     assert 0.2 < startup.lfsr.spacing < 0.9
     assert all(startup.objects[name].matrix_world == matrix for name, matrix in before.items()), "objects stay"
 
 
 def test_a_display_plane_in_the_wrong_place_is_moved(startup):
     aimed(startup)
-    add_box((0, 0, 1), (1, 0.5, 1))
     assert looked(startup) == {}
     rig.set_distance(startup, 2.0)
     assert set(mend(startup)) == {"plane"} and startup.lfsr.distance == pytest.approx(5.5, abs=0.3)
@@ -369,7 +404,6 @@ def test_a_display_plane_in_the_wrong_place_is_moved(startup):
     (2e4, 0, -6, ""), (-200, 0, 0, "dark")])
 def test_hardly_any_light_and_far_too_much_are_noticed(startup, energy, world, exposure, code):
     aimed(startup)
-    add_box((0, 0, 1), (1, 0.5, 1))
     lamp, startup.view_settings.exposure = startup.objects["Light"], exposure
     # Rays cannot tell which lamps are hidden, and expect half more than what is dim.
     lamp.data.energy, lamp.visible_diffuse, lamp.location = abs(energy), energy >= 0, (1, -5, 4)
@@ -388,11 +422,20 @@ def test_hardly_any_light_and_far_too_much_are_noticed(startup, energy, world, e
         assert startup.lfsr.light == "CITY"
 
 
+def test_a_bright_sky_behind_dark_things_is_not_taken_away(startup):
+    box, nodes, links = aimed(startup), startup.world.node_tree.nodes, startup.world.node_tree.links
+    startup.objects["Light"].data.energy = 1  # and the sky lights nothing
+    links.new(nodes.new("ShaderNodeLightPath").outputs["Is Camera Ray"], nodes["Background"].inputs["Strength"])
+    assert "dark" not in looked(startup)
+    startup.render.film_transparent = True
+    assert "sky" not in looked(startup)["dark"]
+    startup.render.film_transparent, box.scale = False, (1.5, 1, 1.2)
+    assert "and do not show the sky" in looked(startup)["dark"]
+
+
 def test_a_world_whose_image_is_missing_is_offered_another_light(startup):
     aimed(startup)
-    add_box((0, 0, 1), (1, 0.5, 1))
-    node = startup.world.node_tree.nodes.new("ShaderNodeTexEnvironment")
-    node.image = bpy.data.images.new("sky.exr", 1, 1)
+    (node := startup.world.node_tree.nodes.new("ShaderNodeTexEnvironment")).image = bpy.data.images.new("sky.exr", 1, 1)
     assert "dark" not in looked(startup), "it is generated"
     node.image.source, node.image.filepath = "FILE", "/sky.exr"
     assert "sky.exr is missing" in looked(startup)["dark"]
@@ -400,8 +443,7 @@ def test_a_world_whose_image_is_missing_is_offered_another_light(startup):
 
 @pytest.mark.parametrize("gray", [0.004, 0.4])
 def test_black_things_need_more_light_to_be_seen(startup, gray):
-    aimed(startup)
-    box, paint = add_box((0, 0, 1), (1, 0.5, 1)), bpy.data.materials.new("Lacquer")
+    box, paint = aimed(startup), bpy.data.materials.new("Lacquer")
     paint.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (gray, gray, gray, 1)
     box.data.materials.append(paint)
     startup.objects["Light"].data.energy = 100
@@ -411,9 +453,7 @@ def test_black_things_need_more_light_to_be_seen(startup, gray):
 @pytest.mark.parametrize(("glass", "linked"), [(False, False), (True, False), (True, True)])
 def test_glass_on_velvet_under_lamps_alone_is_black(startup, glass, linked):
     """Nothing is around it that it could show, and velvet in the same light stays dark; linked nodes say otherwise."""
-    aimed(startup)
-    for box, color, part in ((add_box((0, 0, 1), (1, 0.5, 1)), 0.9, float(glass)),
-                             (add_box((0, 1, 1), (4, 0.1, 4)), 0.05, 0.0)):
+    for box, color, part in ((aimed(startup), 0.9, float(glass)), (add_box((0, 1, 1), (4, 0.1, 4)), 0.05, 0.0)):
         paint = bpy.data.materials.new("Paint")
         node = paint.node_tree.nodes["Principled BSDF"]
         node.inputs["Base Color"].default_value, node.inputs["Transmission Weight"].default_value = [color] * 4, part
@@ -450,15 +490,13 @@ def test_a_script_mends_what_it_asks_for_alone(startup, tmp_path):
 @pytest.mark.parametrize("turned", [False, True])
 def test_among_many_objects_rays_meet_what_they_meet_alone(startup, turned):
     ball = bpy.ops.mesh.primitive_uv_sphere_add(radius=1, location=(0, 0, 0)) and bpy.context.object
-    ball.scale = 2, 1, 0.5
-    ball.rotation_euler = (0.3, 0.2, 0.1) if turned else (0, 0, 0)
+    ball.scale, ball.rotation_euler = (2, 1, 0.5), (0.3, 0.2, 0.1) if turned else (0, 0, 0)
     bpy.context.view_layer.update()
     ways = [mathutils.Vector(way) for way in np.random.default_rng(1).normal(size=(1000, 3))]
     few, start = Rays(startup), mathutils.Vector((4, 1, 2))
     expected = [few.cast(start, way) for way in ways]
     for _ in range(placement.FEW):
-        far = bpy.data.objects.new("far", ball.data)
-        far.location = 900, 900, 900
+        (far := bpy.data.objects.new("far", ball.data)).location = 900, 900, 900
         startup.collection.objects.link(far)
     bpy.context.view_layer.update()
     startup.collection.objects.link(scatter := bpy.data.objects.new("scatter", bpy.data.meshes.new("none")))
