@@ -74,8 +74,7 @@ def folder(tmp_path):
 @pytest.fixture
 def words(folder):
     """A render of a file that Windows' Blender has saved."""
-    made = f"import bpy; bpy.ops.wm.save_as_mainfile(filepath={'Z:' + str(folder / 'scene.blend')!r})"
-    run("-c", made)
+    run("-c", f"import bpy; bpy.ops.wm.save_as_mainfile(filepath={'Z:' + str(folder / 'scene.blend')!r})")
     return ["-m", "lfsr_core", "render", f"Z:{folder / 'scene.blend'}", "-o", f"Z:{folder / 'frame'}", "--display",
             "mini", "--scale", "4", "--spp", "1", "--method", "bicubic"]
 

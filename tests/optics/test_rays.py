@@ -61,8 +61,7 @@ def test_centred_views_are_symmetric_about_the_axis(count, spacing):
 def test_paper_convention_shifts_low_against_high_by_half_s_minus_one(low_count, scale):
     high = rays.view_offset(np.arange(low_count * scale), low_count * scale, 1.0, "paper")
     low = rays.view_offset(np.arange(low_count), low_count, float(scale), "paper")
-    shift = high.reshape(low_count, scale).mean(axis=1) - low
-    np.testing.assert_allclose(shift, (scale - 1) / 2, atol=1e-9)
+    np.testing.assert_allclose(high.reshape(low_count, scale).mean(axis=1) - low, (scale - 1) / 2, atol=1e-9)
     assert rays.view_offset(low_count, 2 * low_count + 1, 1.0, "paper") == 0, "the middle of an odd number"
 
 

@@ -143,8 +143,7 @@ def test_the_second_stage_averages_with_which_array_stood_still_and_says_so(tmp_
     assert (alone.neighbours, alone.averaged) == ((), None) and "average" not in alone.seconds
     film(tmp_path, (1, 2, 3))
     film(tmp_path, (4,), seed=3)
-    moved = tuple((*row[:3], row[3] + 0.01) for row in IDENTITY[:3]) + IDENTITY[3:]
-    film(tmp_path, (1,), matrix_world=moved)
+    film(tmp_path, (1,), matrix_world=tuple((*row[:3], row[3] + 0.01) for row in IDENTITY[:3]) + IDENTITY[3:])
     assert numbers_near(tmp_path, 3, 2) == [(1, False), (2, True), (4, False)]
     found = neighbours_of(tmp_path / "0003", read_frame(tmp_path / "0003"), 2)
     notes = averaging.averaging_notices(found)

@@ -45,8 +45,7 @@ def low_resolution(parallax=(True, True), shape=(6, 8, 5, 5, 3)):
 def test_widths_follow_from_the_tensors(widths, inputs):
     shapes = denoise.network_shapes((*widths, 3), inputs)
     assert len(shapes) == 32
-    found = denoise.check_network({name: np.empty(shape) for name, shape in shapes.items()}, "x", inputs)
-    assert found == (*widths, 3)
+    assert denoise.check_network({name: np.empty(shape) for name, shape in shapes.items()}, "x", inputs) == (*widths, 3)
 
 
 @pytest.mark.parametrize(("name", "shape", "message"), [

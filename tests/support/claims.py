@@ -116,8 +116,7 @@ def uncovered(document: str, claims: Sequence[Claim | TableClaim], without: Sequ
     text = text_of(document)
     known = [span for claim in claims if claim.document == document for span in claim.spans()]
     for words in without:
-        pattern = r"\s+".join(map(re.escape, words.split()))
-        places = [found.span() for found in re.finditer(pattern, text)]
+        places = [found.span() for found in re.finditer(r"\s+".join(map(re.escape, words.split())), text)]
         assert places, f"{document} does not say any more: {words}"
         known += places
     shown = INLINE.sub(lambda found: " " * len(found[0]), text)

@@ -44,8 +44,7 @@ def render(job: Request) -> None:
     pairs = [(LOW_RES_FILE, job.sampling.samples)] if job.kind == "render" else [(name,
             job.sampling.samples // 2) for name in REFERENCE_FILES]
     for number, (name, spp) in enumerate(pairs):
-        pixels = noisy(image, spp, job.seed + 10**6 * number)
-        write_layers(folder / name, {"color": pixels[slice(*rows)]})
+        write_layers(folder / name, {"color": noisy(image, spp, job.seed + 10**6 * number)[slice(*rows)]})
     seconds = 0.01 + SECONDS_PER_SAMPLE * image[..., 0].size * job.sampling.samples
     write_frame(folder, dataclasses.replace(frame, seconds={"open": 1.0, "render": seconds}))
 

@@ -144,8 +144,7 @@ def test_samples_fill_the_lens_and_the_cell_of_views(tmp_path, scale, aperture, 
     lens = np.array([2 * ARRAY.half_width / MINI.lenses[0], 2 * ARRAY.half_height / MINI.lenses[1]])
     assert variance == pytest.approx((4 * lens**2 + (ARRAY.spacing * aperture) ** 2) / 12, rel=0.02)
     centres = view_offset(np.arange(layout.views[0]), layout.views[0], layout.spacing)
-    views = to_views(mean, layout.lenses)[..., 0].mean((0, 2, 3))
-    assert views == pytest.approx(-centres, abs=0.01 * layout.spacing)
+    assert to_views(mean, layout.lenses)[..., 0].mean((0, 2, 3)) == pytest.approx(-centres, abs=0.01 * layout.spacing)
 
 
 def test_blender_without_osl_says_what_to_do_and_too_small_an_image_is_refused(scene, tmp_path, monkeypatch):
