@@ -28,7 +28,7 @@ PANEL: dict[str, Wording] = {
                                      + (f"make a camera active ({listed(values['others'], MOST_NAMES)}), or "
                                         if values["others"] else "")
                                      + "add one and move it with Align Active Camera to View",
-    "light-weak": f"{DARK['dark']}, so the image will be almost black. Increase the lights or the exposure, or choose "
+    "light-weak": f"{DARK['dark']}, so it will be almost black. Increase the lights or the exposure, or choose "
                   "another light under Quality",
     "light-replaced": lambda values: sentences.replaced(values) + ": choose another light under Quality"}
 

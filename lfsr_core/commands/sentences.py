@@ -140,7 +140,7 @@ SENTENCES: dict[str, Wording] = {
     "array-blind": lambda values: (f"the array sees {listed(values['seen'], MOST_NAMES)}, but nothing of the subject, "
                                    "which " if values["seen"] else "the array sees nothing, and the subject ")
                                   + PLACES[values["place"]],
-    "light-weak": "almost no light reaches what the array sees, so the image will be almost black. Increase the lights "
+    "light-weak": "almost no light reaches what the array sees, so it will be almost black. Increase the lights "
                   "or the exposure, or choose another light (--light)",
     "light-replaced": lambda values: f"{replaced(values)}: choose another light with --light",
     "noisy": "the first view is noisy, so the image takes {times} times the rays of the setting",
