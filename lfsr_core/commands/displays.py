@@ -68,7 +68,7 @@ def run_displays(arguments: argparse.Namespace) -> Any:
     if output and not any(makes):
         raise LfsrError(f"there is nothing to write to {output}: add --bridge, --import, --cubevi, --pattern or --fit")
     if arguments.display and (arguments.calibration or arguments.cubevi):
-        raise LfsrError(f"--import and --cubevi say all of a display, but {arguments.display} was given: leave it out")
+        raise LfsrError(f"--import and --cubevi describe a whole display: leave {arguments.display} out")
     if arguments.places and not arguments.fit:
         raise LfsrError("--from is for the photographs of --fit, but none was given: leave it out")
     if (arguments.pattern or arguments.fit) and not arguments.display:

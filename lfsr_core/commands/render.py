@@ -211,7 +211,7 @@ def run_farm(arguments: argparse.Namespace) -> Any:
     if output.is_dir():
         raise LfsrError(f"{output} is a folder, but the template is a file: give a file in it, as {output / name}")
     if (ending := Path(name).suffix) != output.suffix.lower():
-        raise LfsrError(f"the template is written, but {output} was given: give -o FILE{ending}")
+        raise LfsrError(f"the template is a {ending[1:]} file, but {output} was given: give -o FILE{ending}")
     write_template(arguments.farm, output)
     print(f"{output}: {NEXT[arguments.farm].replace('FILE', shlex.quote(str(output)))}")
     return {"file": output}

@@ -59,7 +59,7 @@ def write_page(folders: str | Path | Sequence[str | Path], output: str | Path | 
         raise LfsrError("there are no frames to show: name their folders")
     path = Path(output) if output else Path(every[0]) / VIEWER_FILE
     if path.suffix.lower() != ".html":
-        raise LfsrError(f"the viewer is a page, but {path} was given: give FILE.html")
+        raise LfsrError(f"the viewer is an HTML page, but {path} was given: give FILE.html")
     frames = {folder: read_frame(folder) for given in every for folder in frame_folders(given)}
     profile = one_display(frames)
     # Numbers of the frames, or where two have the same, the ends of their folders' paths that tell them apart.

@@ -70,7 +70,7 @@ class PlanOptions:
         if self.reference_samples < 4:
             raise LfsrError(f"reference samples are {self.reference_samples}, but its four quarters need at least 4")
         if self.most_seconds is not None and not 0 < self.most_seconds < math.inf:
-            raise LfsrError(f"seconds are {self.most_seconds}, but a frame takes more than 0, and not for ever")
+            raise LfsrError(f"seconds are {self.most_seconds}, but they must be above 0 and finite")
         for samples in self.samples:
             if not is_whole(samples) or samples < 1:
                 raise LfsrError(f"samples per pixel is {samples!r}, but a candidate needs a whole number of at least 1")
