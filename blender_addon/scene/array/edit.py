@@ -273,8 +273,7 @@ def fit_turned(points: Array, profile: DisplayProfile, turn: mathutils.Matrix) -
     """Return ``fit_array`` for world points (n, 3), turned by a rotation (3, 3)."""
     turned = np.array(turn).T @ points.T  # (3, n), of whose rows the ends are found fast
     layout, matrix = placement.fit_array(turned.min(1), turned.max(1), profile)
-    world = turn.to_4x4() @ mathutils.Matrix(matrix)
-    return layout, tuple(tuple(row) for row in world)
+    return layout, tuple(tuple(row) for row in turn.to_4x4() @ mathutils.Matrix(matrix))
 
 
 def main_part(corners: dict[bpy.types.Object, Array]) -> list[bpy.types.Object]:

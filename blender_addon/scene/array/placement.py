@@ -103,6 +103,7 @@ class Rays:
             self.low, self.high = points.min(-1), points.max(-1)
             self.middles = (self.low + self.high) / 2
             self.squared_radii = ((self.high - self.low)**2).sum(0) * ROOM**2 / 4
+            self.seen_from: tuple[float, ...] = ()
 
     def cast(self, start: mathutils.Vector, way: mathutils.Vector, reach: float = MOST_REACH) -> Hit | None:
         """Return what a ray meets first within ``reach``; hair and volumes let it pass."""
@@ -112,8 +113,10 @@ class Rays:
         way = way.normalized()
         # First the spheres around all boxes, then the few boxes that are left.
         place, slopes = np.array(start)[:, None], np.array([[part or TINY] for part in way])
-        apart = self.middles - place
-        near = np.flatnonzero(np.einsum("ij,ij->j", apart, apart) - (np.array(way) @ apart)**2 <= self.squared_radii)
+        if self.seen_from != (eye := tuple(start)):  # most rays start where the last one did
+            self.seen_from, self.apart = eye, self.middles - place
+            self.least = np.einsum("ij,ij->j", self.apart, self.apart) - self.squared_radii
+        near = np.flatnonzero((np.array(way) @ self.apart)**2 >= self.least)
         first, second = (self.low[:, near] - place) / slopes, (self.high[:, near] - place) / slopes
         enters, leaves = np.minimum(first, second).max(0), np.maximum(first, second).min(0)
         met = np.flatnonzero((leaves >= np.maximum(enters, 0)) & (enters <= reach))
