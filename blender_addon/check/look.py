@@ -187,8 +187,9 @@ def _hulls(scene: bpy.types.Scene, drawn: set[bpy.types.Object], *left_out: bpy.
         rays, eye = Rays(scene), mathutils.Matrix(placed[1]).translation
 
         def holds(place: mathutils.Vector, way: mathutils.Vector) -> bool:
-            hit = rays.cast(place + 1e-4 * way, way)
-            return hit is not None and (hit[2] not in hulls or (hit[1].dot(way) < 0 and holds(hit[0], way)))
+            hit = rays.cast(place + max(1e-4, 2e-7 * place.length / way.length) * way, way)  # as floats allow
+            return hit is not None and (hit[2] not in hulls or (
+                hit[1].dot(way) < 0 and hit[0] != place and holds(hit[0], way)))
         hidden = [hit is not None and hit[1] and hit[2] in hulls and holds(hit[0], hit[0] - eye)
                   for hit in edit.through(rays, placed, *edit.FEWER)]
     return hulls if sum(hidden) > HIDDEN * len(hidden) else set()

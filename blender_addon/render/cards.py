@@ -294,8 +294,7 @@ def new_panel_card(made: list[bpy.types.ID], card: PanelCard, distance: float, p
             table = bpy.data.images.new(PANEL_NAME, columns, rows, float_buffer=True, is_data=True)
             made.append(table)
             table.alpha_mode = "CHANNEL_PACKED"
-            opaque = np.concatenate([card.table, np.ones((rows, columns, 1))], -1)
-            table.pixels.foreach_set(opaque.astype("f4").ravel())
+            table.pixels.foreach_set(np.concatenate([card.table, np.ones((rows, columns, 1))], -1).astype("f4").ravel())
             table.pack()  # which no user is then asked to do
             entry = wiring.node("ShaderNodeTexImage", Vector=wiring.vector(
                 "MULTIPLY_ADD", wiring.vector("FLOOR", at), (1 / columns, 1 / rows, 0),

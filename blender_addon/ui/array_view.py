@@ -114,8 +114,7 @@ def _frame(area: bpy.types.Area, region: bpy.types.RegionView3D, display: Displa
     left, bottom, right, top = free_part(area)
     width = FILL * min(right - left, (top - bottom) * display.panel_mm[0] / display.panel_mm[1])
     # Blender's factor of a zoom z is (√2 + z / 50)² / 4, and 1 makes the camera's frame as wide as the region.
-    zoom = 50 * (2 * math.sqrt(width / main.width) - math.sqrt(2))
-    region.view_camera_zoom = min(max(zoom, ZOOMS[0]), ZOOMS[1])
+    region.view_camera_zoom = min(max(50 * (2 * math.sqrt(width / main.width) - math.sqrt(2)), ZOOMS[0]), ZOOMS[1])
     shift = [(main.width - left - right) / 2, (main.height - bottom - top) / 2]
     region.view_camera_offset = [pixels / 2 / main_side * main.width / width
                                  for pixels, main_side in zip(shift, (main.width, main.height), strict=True)]

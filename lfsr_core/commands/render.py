@@ -210,7 +210,7 @@ def run_farm(arguments: argparse.Namespace) -> Any:
     output = arguments.output or Path(name)
     if output.is_dir():
         raise LfsrError(f"{output} is a folder, but the template is a file: give a file in it, as {output / name}")
-    if (ending := Path(name).suffix) != output.suffix.lower():
+    if output.suffix.lower() not in ((ending := Path(name).suffix), ending.replace("yaml", "yml")):
         raise LfsrError(f"the template is a {ending[1:]} file, but {output} was given: give -o FILE{ending}")
     write_template(arguments.farm, output)
     print(f"{output}: {NEXT[arguments.farm].replace('FILE', shlex.quote(str(output)))}")

@@ -58,7 +58,7 @@ def write_page(folders: str | Path | Sequence[str | Path], output: str | Path | 
     if not (every := [folders] if isinstance(folders, str | Path) else folders):
         raise LfsrError("there are no frames to show: name their folders")
     path = Path(output) if output else Path(every[0]) / VIEWER_FILE
-    if path.suffix.lower() != ".html":
+    if path.suffix.lower() not in (".html", ".htm"):
         raise LfsrError(f"the viewer is an HTML page, but {path} was given: give FILE.html")
     frames = {folder: read_frame(folder) for given in every for folder in frame_folders(given)}
     profile = one_display(frames)

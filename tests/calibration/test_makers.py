@@ -178,8 +178,7 @@ def off_the_formula(profile, slope, interval, x0):
         row, column = (random.integers(0, size, 3000) for size in profile.panel_pixels[::-1])
         x1 = ((column + 1) + (row + 1) * slope) * 3 + channel
         from_right = np.mod(x1 + x0, interval) / interval  # its right end is seen from the left
-        ours = (subpixel_rays(profile, channel, row, column).view_x + 0.5) / profile.views[0]
-        off = np.abs(ours - (1 - from_right))
+        off = np.abs((subpixel_rays(profile, channel, row, column).view_x + 0.5) / profile.views[0] - (1 - from_right))
         worst = max(worst, float(np.minimum(off, 1 - off).max()))
     return worst
 

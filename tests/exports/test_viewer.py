@@ -39,8 +39,7 @@ def opened(browser, folders):
     pages = []
 
     def opening(name, options="", quality=None, **context):
-        path = write_page([folders.get(name, name)], quality=quality).path
-        pages.append(Page(browser, path, options, **context))
+        pages.append(Page(browser, write_page([folders.get(name, name)], quality=quality).path, options, **context))
         return pages[-1]
     yield opening
     for page in pages:

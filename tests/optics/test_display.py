@@ -209,8 +209,7 @@ def test_the_choice_loses_least_of_the_scales_that_get_a_sample(display, moves, 
 
 
 def test_every_scale_is_chosen_at_some_depth():
-    depths = array_of(SMALL).distance * (1 + np.geomspace(0.001, 100, 400))
-    moves = disparities(SMALL, array_of(SMALL), depths)
+    moves = disparities(SMALL, array_of(SMALL), array_of(SMALL).distance * (1 + np.geomspace(0.001, 100, 400)))
     scales = [choose_scale(SMALL, np.full(5, move), (5, 4, 2, 1), 4).scale for move in moves * 4]
     assert scales == sorted(scales, reverse=True) and set(scales) == {5, 4, 2, 1}
     moves = np.zeros(200)

@@ -178,7 +178,8 @@ TRAVELS = 2.0  # times its size in this frame, over which it moves in an animati
 # wide, and of what is LOW or lower, as a fraction of its width: a landscape, or a plate, shows itself from above.
 TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.75, -90: 0.7, 180: 0.7}  # +X is the front in some programs
 TILTS, LOW = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}, 0.6
-FRONTS, FROM_BEHIND = 0.5, 0.25  # part of what is seen that turns its front, below which it counts less; and at none
+# Part of what is seen that turns its front, below which it counts less; what none of it, and of what is low, counts.
+FRONTS, FROM_BEHIND, LOW_FROM_BEHIND = 0.5, 0.25, 0.9
 FEW_OBJECTS, MOST_POINTS = 100, 20_000  # objects that are fitted by their vertices, and about how many of each
 PROBED, FEWER = (24, 14), (16, 9)  # rays that tell it, across and down
 
@@ -237,7 +238,8 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide * (1 + various)
             share, eye = len(seen) / math.prod(probes) * part.prod(), mathutils.Matrix(placed[1]).translation
             ahead = np.mean([_is_front(rays, eye, hit) for hit in seen] or [False])
-            counts *= np.interp(ahead, (0, FRONTS), (FROM_BEHIND, 1))
+            behind = FROM_BEHIND if size[2] > LOW * size[:2].min() else LOW_FROM_BEHIND
+            counts *= np.interp(ahead, (0, FRONTS), (behind, 1))
             choices.append((counts * share * len({hit[3] for hit in seen}), share, placed))
         _, share, best = max(choices, key=lambda each: each[0])
         if share > least:

@@ -241,8 +241,7 @@ def fit_array(low: Array, high: Array, profile: DisplayProfile) -> Placement:
     if not width > 0:
         raise LfsrError("the subject has no size: give its objects geometry or choose another subject")
     array, turn = CameraArray.for_display(profile, float(width)), mathutils.Matrix.Rotation(math.pi / 2, 4, "X")
-    place = mathutils.Matrix.Translation((centre[0], centre[1] - array.distance, centre[2]))
-    return array, from_blender(place @ turn)
+    return array, from_blender(mathutils.Matrix.Translation((centre[0], centre[1] - array.distance, centre[2])) @ turn)
 
 
 def moves(item: bpy.types.Object) -> bool:

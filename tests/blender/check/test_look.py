@@ -163,6 +163,8 @@ def test_a_solid_box_of_wires_around_much_of_the_picture_is_left_out(startup):
         node = paint.node_tree.nodes.new(f"ShaderNode{kind}")
         assert "helper" not in looked(startup)
         paint.node_tree.nodes.remove(node)
+    for item in (item for item in startup.objects if item.parent is None):
+        item.location += mathutils.Vector((1e5, 1e5, 1e5))  # where floats are coarse
     assert "would be rendered solid" in mend(startup)["helper"] and hull.hide_render and not box.hide_render
 
 
@@ -322,11 +324,15 @@ def test_a_shell_is_seen_from_its_front_and_a_solid_thing_whose_normals_point_in
     bpy.ops.mesh.primitive_cone_add(end_fill_type="NOTHING", rotation=(-np.pi / 2, 0, 0))
     shell, parts = bpy.context.object, [add_box((0, y, 0), (2, 0.2, 1)) for y in (-0.3, 0.3)]
     parts[0].data.flip_normals()
-    for items, is_in_front in (({shell}, False), ({*parts}, True)):
-        for item in (shell, *parts):
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=30, y_subdivisions=30)
+    (hill := bpy.context.object).data.flip_normals()  # a landscape is seen from above, whatever its normals
+    for point in hill.data.vertices:
+        point.co.z = 0.25 * np.sin(4 * point.co.x) * np.cos(4 * point.co.y)
+    for items, (row, column), more in (({shell}, (1, 2), False), ({*parts}, (1, 2), True), ({hill}, (2, 3), True)):
+        for item in (shell, *parts, hill):
             item.hide_render = item not in items
         matrix = edit.in_front(startup, scene_settings.display_of(startup), items)[1]
-        assert (matrix[1][2] > 0.5) == is_in_front
+        assert (matrix[row][column] > 0.5) == more
 
 
 def test_what_travels_far_is_fitted_where_it_is(startup):

@@ -181,5 +181,4 @@ def test_slopes_follow_from_the_rendered_positions():
         for axis, (lenses, ratio) in enumerate([(sx, 1.0), (sy, low.slope_ratio)]):
             pitch = 2 * frame.array.half_size[axis] / lenses
             assert slope * ratio == pytest.approx(layout.spacing * (1 - 1 / depth) / pitch, abs=1e-5)
-        covered = dict(layers, color=np.zeros((height, width, 4), np.float32))
-        assert np.isnan(low_resolution(covered, frame).slope).all()
+        assert np.isnan(low_resolution(dict(layers, color=np.zeros((height, width, 4), np.float32)), frame).slope).all()

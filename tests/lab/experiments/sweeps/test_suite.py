@@ -287,8 +287,7 @@ def test_plans_at_a_breaking_point_are_made_judged_and_shown(tmp_path, monkeypat
     monkeypatch.setattr(plans, "SPPS", (4, 16))
     monkeypatch.setattr(plans, "SEEDS", (0,))
     wire = sweep_of(**{DEFAULT_METHOD: Break(0.5, 0.7, "below its start", 0.5, 0.25)})
-    report = Report(FORMAT, SETTINGS, environment(), METHODS, (wire, sweep_of("motion")))
-    write_record(tmp_path / "stress.json", report)
+    write_record(tmp_path / "stress.json", Report(FORMAT, SETTINGS, environment(), METHODS, (wire, sweep_of("motion"))))
     scene = Scene(Store(tmp_path), SETTINGS, choose_sweeps(["wire"])[0], 0.5)
     jobs = [scene.reference_job, *plans.jobs_of(scene)]
     assert len(jobs) == 1 + 3 * 2
