@@ -87,8 +87,7 @@ class RenderedFrame:
         """
         display = self.display
         image = read_png(self.folder.path / files.PANEL_FILE if display.is_woven else self.folder.image)
-        place = (x, y, display.viewing_distance_mm if z is None else z)
-        return np.asarray(eye_view(image, display, place), np.uint8)
+        return np.asarray(eye_view(image, display, (x, y, display.viewing_distance_mm if z is None else z)), np.uint8)
 
     def compare(self, reference: str | Path | RenderedFrame) -> Metrics:
         """Measure it against a reference folder; the metrics are written into its report too."""

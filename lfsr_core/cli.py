@@ -178,6 +178,7 @@ class VerbParser(argparse.ArgumentParser):
     """A parser whose errors are sentences, as all others."""
 
     def error(self, message: str) -> NoReturn:
+        """LfsrError instead of the usage and an exit."""
         raise LfsrError(f"{message}: `{self.prog} --help` says what there is")
 
 

@@ -162,7 +162,7 @@ def startup_cube(scene: bpy.types.Scene) -> bpy.types.Object | None:
 def helpers(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """Return objects without a material that are drawn as wires or bounds, are a Boolean's tool or a bone's shape.
 
-    They help while modelling, as do boxes drawn so that hide much of the picture. Empty where nothing else is shown.
+    They help while modelling. So do boxes of wires that hide much of the picture. Empty where nothing else is shown.
     """
     tools = {modifier.object for item in scene.objects for modifier in item.modifiers if modifier.type == "BOOLEAN"}
     tools |= {bone.custom_shape for item in scene.objects if item.pose is not None for bone in item.pose.bones}
@@ -176,7 +176,7 @@ def helpers(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 
 
 def _hulls(scene: bpy.types.Scene, drawn: set[bpy.types.Object], *left_out: bpy.types.Object) -> set[bpy.types.Object]:
-    """Return the boxes ``drawn`` as wires if they hide much of the picture; smoke, walls and heavy things are, too."""
+    """Return those ``drawn`` as wires that are boxes, not smoke or heavy things, if they hide much of the picture."""
     hulls = {item for item in drawn if item.type == "MESH" and not item.modifiers and len(item.data.polygons) < HEAVY
              and not rig.why_not_editable(item) and not any(
                  "VOLUME" in node.type or node.type in (*GLASS, "BSDF_TRANSPARENT") for slot in item.material_slots
@@ -187,9 +187,8 @@ def _hulls(scene: bpy.types.Scene, drawn: set[bpy.types.Object], *left_out: bpy.
         rays, eye = Rays(scene), mathutils.Matrix(placed[1]).translation
 
         def holds(place: mathutils.Vector, way: mathutils.Vector) -> bool:
-            hit = rays.cast(place + max(1e-4, 2e-7 * place.length / way.length) * way, way)  # as floats allow
-            return hit is not None and (hit[2] not in hulls or (
-                hit[1].dot(way) < 0 and hit[0] != place and holds(hit[0], way)))
+            hit = rays.beyond(place, way)
+            return hit is not None and (hit[2] not in hulls or (hit[1].dot(way) < 0 and holds(hit[0], way)))
         hidden = [hit is not None and hit[1] and hit[2] in hulls and holds(hit[0], hit[0] - eye)
                   for hit in edit.through(rays, placed, *edit.FEWER)]
     return hulls if sum(hidden) > HIDDEN * len(hidden) else set()
@@ -381,7 +380,7 @@ def _lost_glass(rays: Rays, placed: rig.Placement, main: list[bpy.types.Object])
         if not any(node.type in GLASS or (TRANSMISSION in node.inputs and node.inputs[TRANSMISSION].default_value > 0.5)
                    for node in nodes):
             return False
-        hit = rays.cast(place + 1e-4 * way, way)
+        hit = rays.beyond(place, way)
         return hit is None or is_lost(hit[0], way, *rays.thing(hit))
     lost = [hit[2].name for hit in hits if is_lost(hit[0], hit[0] - eye, *hit[3])]
     return lost[0] if len(lost) > LOST * len(hits) else ""

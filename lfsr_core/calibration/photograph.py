@@ -341,8 +341,7 @@ def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wid
 
 def _moved(view: View, delta: Array, size: Array, bend: bool) -> View:
     """The view with its numbers changed: those of the matrix count in halves of the panel's size."""
-    scale = np.diag([2 / size[0], 2 / size[1], 1])
-    matrix = view.matrix + np.append(delta[:8], 0).reshape(3, 3) @ scale
+    matrix = view.matrix + np.append(delta[:8], 0).reshape(3, 3) @ np.diag([2 / size[0], 2 / size[1], 1])
     bent = tuple(float(one + more) for one, more in zip(view.bend, delta[8:], strict=True)) if bend else view.bend
     return dataclasses.replace(view, matrix=matrix / matrix[2, 2], bend=bent)
 

@@ -347,8 +347,7 @@ def _views(taken: Array, geometry: ImportGeometry, aspect: float, angle_deg: flo
         return views
     wider = aspect / (display.panel_mm[0] / display.panel_mm[1])
     across = max(1.0, wider) if geometry.fill else min(1.0, wider)
-    covers = (across, across / wider)
-    shown = np.stack([[resized(view, display.lenses, covers) for view in row] for row in views])
+    shown = np.stack([[resized(view, display.lenses, (across, across / wider)) for view in row] for row in views])
     angle, (down, count) = math.radians(angle_deg or display.viewing_angle_deg), taken.shape[:2]
     right, up = ((np.arange(n) + 0.5 - n / 2) * display.camera_spacing_mm / display.viewing_distance_mm
                  for n in display.views)  # tangents of the display's cameras

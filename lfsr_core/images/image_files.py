@@ -121,8 +121,7 @@ def read_layers(path: str | Path, without: Collection[str] = ()) -> Layers:
         if (height, width) != layers["color"].shape[:2] or channels not in (len(LAYER_CHANNELS[layer]), 3):
             raise _unreadable(path, f"its layer {layer} has {width}×{height} pixels of {channels} channels")
     if "noisy" in layers:  # then Cycles has denoised the combined pass
-        combined = layers["color"]
-        layers["color"] = np.concatenate([layers.pop("noisy")[..., :3], combined[..., 3:]], axis=2)
+        layers["color"] = np.concatenate([layers.pop("noisy")[..., :3], layers["color"][..., 3:]], axis=2)
     if layers["color"].shape[2] == 3:
         layers["color"] = np.concatenate([layers["color"], np.ones_like(layers["color"][..., :1])], axis=2)
     return layers

@@ -444,8 +444,7 @@ def write_profile(path: str | Path, profile: DisplayProfile) -> None:
         raise LfsrError(f"{path} cannot be a display profile, because its name does not end in .toml: add the ending")
     with atomic_path(path) as temporary:
         data = profile.to_dict()
-        lines = _lines({"format": data.pop("format", 1), **data}, "")
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        temporary.write_text("\n".join(_lines({"format": data.pop("format", 1), **data}, "")) + "\n", encoding="utf-8")
         if load_display(temporary) != profile:
             raise LfsrError(f"display {profile.name!r} cannot be written so that it reads back the same: choose a "
                             "plainer name")

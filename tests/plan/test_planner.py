@@ -382,8 +382,7 @@ def test_plans_of_the_recorded_scenes_meet_their_target_at_little_more_than_the_
         for text, accuracy in zip(plan["measured"], plan["actuals"], strict=True):
             scale, samples, method = re.fullmatch(r"s(\d+)-spp(\d+) (.*)", text).groups()
             # The default of that time ended in "epi", which a name of today does not have.
-            name = method.replace("bilinear+epi", "pool")
-            actual[scene][Candidate(int(scale), int(samples), name)] = accuracy
+            actual[scene][Candidate(int(scale), int(samples), method.replace("bilinear+epi", "pool"))] = accuracy
         if sampled < counts[scene]:  # its bound was about 2.5 standard errors wide
             error = (plan["estimate"] - plan["bound"]) / 2.5
             spreads[scene].append(error / math.sqrt(1 / sampled - 1 / counts[scene]))

@@ -95,8 +95,7 @@ def test_tests_check_everything_in_turn_and_the_fast_ones_are_folders_that_exist
     assert run("test.py", "--fast", LFSR_VENV=str(folder)).returncode == 0
     *_, types, tests = played.calls()
     assert types.split()[2:5] == ["mypy", "--platform", sys.platform]
-    words = [word.removeprefix("--ignore=") for word in tests.split()]
-    places = [word for word in words if word.startswith("tests/")]
+    places = [word for word in [word.removeprefix("--ignore=") for word in tests.split()] if word.startswith("tests/")]
     assert len(places) > 9 and all((ROOT / place).exists() for place in places) and "tests/blender" not in places
 
 

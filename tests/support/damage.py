@@ -69,8 +69,7 @@ def places(data: Any) -> list[tuple[Any, Any]]:
 
 def damaged(data: bytes, name: str, dice: random.Random) -> bytes:
     """A damaged copy of a file's content: as data, where it has that form, or byte by byte."""
-    changes = {".json": _json, ".toml": _line, ".cfg": _line, ".jsonl": _line}
-    change = changes.get(Path(name).suffix)
+    change = {".json": _json, ".toml": _line, ".cfg": _line, ".jsonl": _line}.get(Path(name).suffix)
     return change(data, dice) if change and dice.random() < 0.6 else _bytes(data, dice)
 
 

@@ -57,8 +57,7 @@ class OperatorProperties:
 
     def __setattr__(self, name: str, value: Any) -> None:
         assert name in self._rna.properties, f"{self._rna.identifier} has no property {name!r}"
-        kinds = {"STRING": str, "INT": int, "FLOAT": float, "BOOLEAN": bool}
-        kind = kinds.get(self._rna.properties[name].type)
+        kind = {"STRING": str, "INT": int, "FLOAT": float, "BOOLEAN": bool}.get(self._rna.properties[name].type)
         assert kind is None or isinstance(value, kind)
 
 

@@ -267,7 +267,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
 def _is_front(rays: Rays, eye: mathutils.Vector, hit: Hit) -> bool:
     """Return True if a ray from ``eye`` hits the front of a surface, or a solid thing whose normals point inwards."""
     way = hit[0] - eye
-    beyond = None if hit[1] else rays.cast(hit[0] + 1e-4 * way, way)
+    beyond = None if hit[1] else rays.beyond(hit[0], way)
     return hit[1] or (beyond is not None and beyond[2] == hit[2] and beyond[1].dot(way) < 0)
 
 

@@ -136,6 +136,11 @@ class Rays:
                     best = at, (inverse.to_3x3().transposed() @ normal).normalized(), item, face
         return best
 
+    def beyond(self, place: mathutils.Vector, way: mathutils.Vector) -> Hit | None:
+        """Return what a ray that has met ``place`` meets next; it goes on by as little as floats allow."""
+        hit = self.cast(place + max(1e-4, 2e-7 * place.length / way.length) * way, way)
+        return None if hit is not None and hit[0] == place else hit
+
     def thing(self, hit: Hit) -> tuple[bpy.types.Object, int]:
         """Return the object that is hit and the number of its material there: one mesh may hold a whole house."""
         mesh = hit[2].evaluated_get(self.depsgraph).data

@@ -55,8 +55,7 @@ class Kernel:
 
 def held(path, dir_fd=None) -> bool:
     """True if a process has the file, or a file in the folder, open or mapped."""
-    place = os.path.join(os.readlink(f"/proc/self/fd/{dir_fd}"), path) if dir_fd is not None else path
-    real = os.path.realpath(place)
+    real = os.path.realpath(os.path.join(os.readlink(f"/proc/self/fd/{dir_fd}"), path) if dir_fd is not None else path)
     if not os.path.lexists(real):
         return False
     for process in Path("/proc").glob("[0-9]*"):

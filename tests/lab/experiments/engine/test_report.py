@@ -67,8 +67,7 @@ TABLE = """{% extends "base.html" %}{% import "macros.html" as macros %}{% block
 def templates(monkeypatch):
     """The package's templates and one of this test."""
     environment = report._templates()
-    both = ChoiceLoader([DictLoader({"test.html": TABLE}), environment.loader])
-    monkeypatch.setattr(environment, "loader", both)
+    monkeypatch.setattr(environment, "loader", ChoiceLoader([DictLoader({"test.html": TABLE}), environment.loader]))
 
 
 @dataclasses.dataclass(frozen=True)

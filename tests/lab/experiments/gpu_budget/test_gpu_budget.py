@@ -44,8 +44,7 @@ def test_each_display_has_its_steps_at_its_scales_and_the_samples_that_fit_fill_
 def test_a_measured_frame_has_every_step_and_its_row_as_tensors_have_of_a_lenticular_panel(tmp_path):
     display = load_display("looking-glass-portrait")
     scale = display.scales()[0]
-    images = torch.rand(4, 6, 1, display.views[0] // scale, 3).numpy()
-    found = tensor_steps(images, (scale, 1), display, best_device())
+    found = tensor_steps(torch.rand(4, 6, 1, display.views[0] // scale, 3).numpy(), (scale, 1), display, best_device())
     assert set(found) == {study.INTERPOLATE, study.WEAVE, study.SHOW} and all(value > 0 for value in found.values())
     scene = tmp_path / "disc.blend"
     scene.touch()
