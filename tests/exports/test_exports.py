@@ -265,15 +265,14 @@ def test_wiggle(folder, field, tmp_path, kind, count):
 
 # What is refused, and what is left behind then.
 
-@pytest.mark.parametrize(("name", "options", "named"), [
-    ("quitl", {}, "'quilt'"), ("quilt", {"eyes_mm": 60}, "eyes_mm.*views, grid, width, preset"),
-    ("quilt", {"views": (6, 2)}, "one row"), ("quilt", {"views": (6, 1), "grid": (4, 2)}, "4x2.*6 views"),
-    ("quilt", {"grid": (500, 1), "width": 64}, "16384"), ("quilt", {"preset": "portait"}, "'portrait'"),
-    ("quilt", {"preset": "go", "views": (6, 1)}, "'go' decides views"), ("quilt-film", {"type": "gif"}, "mp4 or png"),
-    ("anaglyph", {"eyes_mm": 500}, "viewing zone"), ("wiggle", {"eyes_mm": 500}, "viewing zone"),
-    ("stereo", {"eyes_mm": 500}, "viewing zone"), ("rgbd", {"width": 3}, "width is 3"),
-    ("stereo", {"width": 100000}, "width is 100000"), ("views", {"type": "mp4"}, "png or exr"),
-    ("sway", {"type": "avi"}, "mp4 or gif or webp or png")])
+@pytest.mark.parametrize(("name", "options", "named"), [("quitl", {}, "'quilt'"),
+    ("quilt", {"eyes_mm": 60}, "eyes_mm.*views, grid, width, preset"), ("quilt", {"views": (6, 2)}, "one row"),
+    ("quilt", {"views": (6, 1), "grid": (4, 2)}, "4x2.*6 views"), ("quilt", {"grid": (500, 1), "width": 64}, "16384"),
+    ("quilt", {"preset": "portait"}, "'portrait'"), ("quilt", {"preset": "go", "views": (6, 1)}, "'go' decides views"),
+    ("quilt-film", {"type": "gif"}, "mp4 or png"), ("anaglyph", {"eyes_mm": 500}, "viewing zone"),
+    ("wiggle", {"eyes_mm": 500}, "viewing zone"), ("stereo", {"eyes_mm": 500}, "viewing zone"),
+    ("rgbd", {"width": 3}, "width is 3"), ("stereo", {"width": 100000}, "width is 100000"),
+    ("views", {"type": "mp4"}, "png or exr"), ("sway", {"type": "avi"}, "mp4 or gif or webp or png")])
 def test_refused(folder, tmp_path, name, options, named):
     refuses(named, export, folder, name, tmp_path / "out", ExportOptions(**options))
     assert list(tmp_path.iterdir()) == []

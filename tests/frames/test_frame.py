@@ -41,8 +41,7 @@ def test_round_trip_keeps_every_field_and_rays_follow_the_frame(tmp_path):
     assert read_frame(tmp_path).lens_list is None
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    (lambda data: data.update(format=99), "is not of format 1"),
+@pytest.mark.parametrize(("change", "message"), [(lambda data: data.update(format=99), "is not of format 1"),
     (lambda data: data.pop("format"), "is not of format 1"), (lambda data: data.pop("array"), "incomplete.*array"),
     (lambda data: data.update(matrix_world=[[1.0] * 4] * 3), "four rows of four"),
     (lambda data: data.update(matrix_world=[[0.0] * 4] * 4), "matrix_world is .*expected a rotation and a place"),

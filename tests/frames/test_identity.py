@@ -163,8 +163,7 @@ def test_json_round_trip_keeps_every_field_and_a_bad_job_file_is_named(tmp_path)
     refuses("it is .., but it must be an object", read_request, tmp_path / "job.json")
 
 
-@pytest.mark.parametrize(("options", "message"), [
-    ({"scale": 3}, "scale is 3"), ({"scale": 2.0}, "scale is 2.0"),
+@pytest.mark.parametrize(("options", "message"), [({"scale": 3}, "scale is 3"), ({"scale": 2.0}, "scale is 2.0"),
     ({"samples": 2**24 + 1}, "samples per pixel is 16777217"), ({"seed": 2**31}, "seed is 2147483648"),
     ({"seed": -(10**400)}, "seed is -1000"), ({"frame": 10**9}, "frame is 1000000000"),
     ({"frames": (1, 10**9)}, "frame is 1000000000"), ({"rays": -2.0}, "rays per finished pixel are -2"),

@@ -63,8 +63,7 @@ def test_derived_numbers_and_scales_that_divide_only_axes_with_several_views():
         refuses(rf"scale is {scale}, .* divides both: 1, 2, 4, 5, 8", load_display("bupt-32in-8k").low_views, scale)
 
 
-@pytest.mark.parametrize(("change", "told"), [
-    ({"panel_pixels": [41, 20]}, r"panel_pixels is \[41, 20\].*10 × 4 = 40"),
+@pytest.mark.parametrize(("change", "told"), [({"panel_pixels": [41, 20]}, r"panel_pixels is \[41, 20\].*10 × 4 = 40"),
     ({"panel_pixels": [40, 21]}, r"panel_pixels.*height.*5 × 4 = 20"),
     ({"lenses": [0, 5]}, r"lenses is \(0, 5\).*at least 1"), ({"panel_mm": [80.0, 50.0]}, "panel_mm.*square"),
     ({"panel_mm": [80.0, -40.0]}, "panel_mm.*above 0"), ({"viewing_distance_mm": 0}, "viewing_distance_mm is 0"),

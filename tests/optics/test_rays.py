@@ -101,8 +101,7 @@ def test_lens_list_places_the_same_rays_in_tiles():
         np.testing.assert_array_equal(tiles[5], tiles[4])  # the rest repeats the last lens
 
 
-@pytest.mark.parametrize(("options", "told"), [
-    ({"convention": "centered"}, "convention is 'centered'"),
+@pytest.mark.parametrize(("options", "told"), [({"convention": "centered"}, "convention is 'centered'"),
     ({"view_aperture": 1.5}, "view aperture is 1.5"), ({"lens_list": ()}, "list of lenses is empty"),
     ({"lens_list": ((12, 0),)}, r"lens \(12, 0\) is outside the 12 rows and 16 columns"),
     ({"lens_list": ((0, -1),)}, r"lens \(0, -1\) is outside")])

@@ -17,9 +17,8 @@ from lfsr_core.reconstruct.upscaler import LowResEIA, Upscaler
 from tests.support.told import refuses
 
 
-@pytest.mark.parametrize(("text", "prefilters", "upscaler"), [
-    ("bicubic", (), "bicubic"), ("oidn+bicubic", ("oidn",), "bicubic"), ("oidn", ("oidn",), "none"),
-    ("denoise+pool", ("denoise",), "pool")])
+@pytest.mark.parametrize(("text", "prefilters", "upscaler"), [("bicubic", (), "bicubic"),
+    ("oidn+bicubic", ("oidn",), "bicubic"), ("oidn", ("oidn",), "none"), ("denoise+pool", ("denoise",), "pool")])
 def test_a_name_has_parts(text, prefilters, upscaler):
     name = MethodName.parse(text)
     assert (name.text, name.prefilters, name.upscaler) == (text, prefilters, upscaler)

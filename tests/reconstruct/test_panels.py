@@ -135,9 +135,8 @@ def test_a_scene_is_rendered_and_finished_and_frames_of_an_animation_once(comman
     assert "layout subpixels, but layout one-pass" in said, "not taken for frames of a light field"
 
 
-@pytest.mark.parametrize(("options", "message"), [
-    (["--display", "mini"], "display 'mini' has no lens sheet"), (["--scale", "2"], "scale is 2"),
-    (["--rows", "1/2"], "rows is (1, 40), but the layout subpixels"),
+@pytest.mark.parametrize(("options", "message"), [(["--display", "mini"], "display 'mini' has no lens sheet"),
+    (["--scale", "2"], "scale is 2"), (["--rows", "1/2"], "rows is (1, 40), but the layout subpixels"),
     (["--view-aperture", "0.5"], "view aperture is 0.5"), (["--method", "oidn+bilinear"], "needs elemental images")])
 def test_what_it_cannot_have_is_refused_before_blender_starts(command, capsys, options, message):
     assert message in fails([*command, *options], capsys) and not Path("frame").exists()

@@ -68,9 +68,8 @@ def test_missing_library_is_named_with_its_package(monkeypatch, tmp_path, capsys
     assert setup.missing_packages([sys.executable]) == ["libnothing9"]
 
 
-@pytest.mark.parametrize(("platform", "command"), [
-    ("linux", "apt-get install -y python3.11 python3.11-venv"), ("win32", "winget install Python.Python.3.11"),
-    ("darwin", "brew install python@3.11")])
+@pytest.mark.parametrize(("platform", "command"), [("linux", "apt-get install -y python3.11 python3.11-venv"),
+    ("win32", "winget install Python.Python.3.11"), ("darwin", "brew install python@3.11")])
 def test_missing_python_is_said_with_what_installs_it(monkeypatch, tmp_path, platform, command):
     monkeypatch.setenv("LFSR_VENV", str(tmp_path / "none"))
     monkeypatch.setattr(setup, "SUITS", "import sys; sys.exit(1)")

@@ -178,8 +178,7 @@ def test_a_resumed_training_ends_as_an_uninterrupted_one(folder, scenes, tmp_pat
         torch.testing.assert_close(second.average[name], value)
 
 
-@pytest.mark.parametrize(("write", "message"), [
-    (lambda path: None, "holds 0 training scenes and 0 that validate"),
+@pytest.mark.parametrize(("write", "message"), [(lambda path: None, "holds 0 training scenes and 0 that validate"),
     (lambda path: path.write_bytes(b"PK"), "scene_000000.npz cannot be read as a scene of training_scenes.py"),
     (os.mkfifo, "not a regular file")])
 def test_damaged_and_missing_scenes_are_one_sentence(tmp_path, write, message):
@@ -187,10 +186,9 @@ def test_damaged_and_missing_scenes_are_one_sentence(tmp_path, write, message):
     refuses(message, load_scenes, tmp_path)
 
 
-@pytest.mark.parametrize("change", [
-    {"meta": "[]"}, {"meta": '{"scale": 4}'}, {"scale": 0}, {"scale": 4.0}, {"views": [24]}, {"views": [24, "20"]},
-    {"views": [24, 2]}, {"views": [20, 20]}, {"is_direct": 1}, {"validates": "no"}, {"scale": 10**30},
-    {"meta": np.array([{}], object)}, {"color_target": None}, {"color_4": None},
+@pytest.mark.parametrize("change", [{"meta": "[]"}, {"meta": '{"scale": 4}'}, {"scale": 0}, {"scale": 4.0},
+    {"views": [24]}, {"views": [24, "20"]}, {"views": [24, 2]}, {"views": [20, 20]}, {"is_direct": 1},
+    {"validates": "no"}, {"scale": 10**30}, {"meta": np.array([{}], object)}, {"color_target": None}, {"color_4": None},
     {"color_1_0": np.zeros((30, 48, 3), np.float16)}, {"color_1_0": np.zeros((30, 47, 4), np.float16)},
     {"color_1_0": np.array(3.0)}, {"color_target": np.zeros((30, 48, 4), "U3")},
     {"color_16_0": np.full((30, 48, 4), np.nan, np.float16)}, {"guides_1_0": np.zeros((30, 48, 4), np.float16)}])

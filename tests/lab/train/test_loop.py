@@ -30,11 +30,10 @@ def test_every_builtin_config_is_valid_and_settings_override_with_their_types():
     assert (config.epochs, config.rate, config.photographs) == (3, 1.0, "some/where")
 
 
-@pytest.mark.parametrize(("setting", "message"), [
-    ("epoch=3", "unknown key 'epoch': did you mean 'epochs'"), ("epochs=many", "epochs = 'many', .* of type int"),
-    ("photographs=1", "photographs = 1, .* of type str"), ("network=[]", r"network = \[\], .* of type str"),
-    ("epochs", "form key=value"), ("crop=30", "crop 30 is not a multiple of scale 4"),
-    ("schedule=step", "schedule 'step' is unknown")])
+@pytest.mark.parametrize(("setting", "message"), [("epoch=3", "unknown key 'epoch': did you mean 'epochs'"),
+    ("epochs=many", "epochs = 'many', .* of type int"), ("photographs=1", "photographs = 1, .* of type str"),
+    ("network=[]", r"network = \[\], .* of type str"), ("epochs", "form key=value"),
+    ("crop=30", "crop 30 is not a multiple of scale 4"), ("schedule=step", "schedule 'step' is unknown")])
 def test_bad_settings(setting, message):
     refuses(message, load_config, "paper", [setting])
 
@@ -51,9 +50,8 @@ def test_numbers_that_nothing_can_be_trained_with(config, changes):
     refuses("size 'large' is unknown", load_config, "denoiser", ["scenes=x", "size=large"])
 
 
-@pytest.mark.parametrize(("content", "message"), [
-    (None, "no training config .*paper-gan"), ("network = ", "cannot be read"),
-    ('network = "paper"', "has no 'photographs'")])
+@pytest.mark.parametrize(("content", "message"), [(None, "no training config .*paper-gan"),
+    ("network = ", "cannot be read"), ('network = "paper"', "has no 'photographs'")])
 def test_missing_and_broken_config(tmp_path, content, message):
     if content is not None:
         (tmp_path / "papr.toml").write_text(content)

@@ -45,8 +45,7 @@ def test_a_folder_is_read_pixel_by_pixel_reduction_keeps_the_mean_and_the_digest
     assert len({one.digest, other.digest, renamed.digest}) == 3
 
 
-@pytest.mark.parametrize(("write", "message"), [
-    (lambda folder: None, "holds no photographs"),
+@pytest.mark.parametrize(("write", "message"), [(lambda folder: None, "holds no photographs"),
     (lambda folder: (folder / "a.jpg").write_bytes(b"not an image"), "as a photograph .*: remove it or get it again"),
     (lambda folder: os.mkfifo(folder / "a.png"), r"a\.png .*not a regular file"),
     (lambda folder: comparator.CropSampler(some_photographs(), 64, 2, 0, CPU), "0.png is smaller than a crop of 64")])

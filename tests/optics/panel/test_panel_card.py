@@ -167,8 +167,7 @@ def test_cells_repeat_every_four_pixels(rule):
 CYLINDERS, HEX = lenticular().to_dict(), hexagonal().to_dict()
 
 
-@pytest.mark.parametrize(("data", "told"), [
-    ({"format": 3}, "format is 3"),
+@pytest.mark.parametrize(("data", "told"), [({"format": 3}, "format is 3"),
     ({"format": 1}, "table subpixels needs format = 2|table lenticular needs format = 2"),
     ({"weave": "cubic"}, "weave is 'cubic'"), ({"ei_order": "flipped"}, "ei_order is 'flipped'"),
     ({"views": [8, 2]}, r"views is \[8, 2\].*\[N, 1\]"), ({"lenses": [9000, 80]}, "no more than 65536"),
