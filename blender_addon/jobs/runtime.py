@@ -311,11 +311,12 @@ def _edited(*_: object) -> None:
 
 
 @bpy.app.handlers.persistent
-def _opened(*_: object) -> None:
+def _opened(opened: str, *_: object) -> None:
     global _last
     _last = _State(unreported=digest(_unreported()), is_opening=not bpy.app.background)
     path = Path(bpy.data.filepath)
-    if bpy.data.filepath and path.is_file():
+    # What is recovered has the path of a file with an older scene.
+    if path.is_file() and os.path.realpath(opened) == os.path.realpath(path):
         _last.names, _last.time = {file_stamp(path)}, path.stat().st_mtime_ns
     if _last.is_opening:  # until all that was opened is evaluated
         bpy.app.timers.register(functools.partial(setattr, _last, "is_opening", False), first_interval=0)

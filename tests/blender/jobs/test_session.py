@@ -298,6 +298,9 @@ def test_copies_of_one_state_have_one_stamp_and_another_file_opened_makes_a_new_
     assert cancelled(output) == first
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "other.blend"))
     assert cancelled(output)[0] != first[0]
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    runtime._opened(str(tmp_path / "auto.blend"))  # as where that is recovered, which has the path of the older file
+    assert cancelled(output)[0] != first[0]
 
 
 def test_it_goes_with_the_render_and_where_no_parts_are_left(scene, output, tmp_path):
