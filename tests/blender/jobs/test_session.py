@@ -258,6 +258,7 @@ CHANGES = {
     "move": lambda scene: edit(), "without collection": without_collection, "paint": paint, "back": there_and_back,
     "bounces": lambda scene: setattr(scene.cycles, "max_bounces", scene.cycles.max_bounces + 1),
     "cut": lambda scene: setattr(scene.timeline_markers.new("cut", frame=1), "camera", scene.camera),
+    "hair": lambda scene: setattr(scene.cycles_curves, "shape", "THICK"),
     "exposure": lambda scene: setattr(scene.view_settings, "exposure", 1.0),
     "hide": lambda scene: setattr(bpy.data.objects["Box"], "hide_render", True),
     "dent": lambda scene: setattr(bpy.data.objects["Box"].data.vertices[0], "co", (9, 9, 9)),
