@@ -30,7 +30,7 @@ from typing import Any
 import bpy
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.base.system import CORES, file_stamp, read_json, write_json
+from lfsr_core.base.system import CORES, LOCK_FILE, file_stamp, locks, read_json, remove_locked, write_json
 from lfsr_core.frames.folder import FrameFolder, digest
 from lfsr_core.pipeline.parts import has_parts
 from lfsr_core.process.child import BLENDER_FOLDER, PACKAGES, output_of
@@ -196,13 +196,15 @@ _last = _State()
 def file_copy(output: Path | None = None) -> Iterator[Path]:
     """Yield a copy of the .blend as it is now, unsaved changes included.
 
-    Without ``output``, the folder of a frame or of an animation's frames, it is temporary. Else it stays after a block
-    that ends early, if the render has left parts. Saving stops Blender for as long as it takes: yield SAVING before.
+    Without ``output``, the folder of a frame or of an animation's frames, it is temporary, as where another Blender
+    renders the copy that is there. Else it stays after a block that ends early, if the render has left parts.
     """
-    kept = FrameFolder(output).parts / COPY_FOLDER if output else None
+    kept, lock = FrameFolder(output).parts / COPY_FOLDER if output else None, None
     try:
         if kept:
             kept.mkdir(parents=True, exist_ok=True)
+            lock = (kept.parent / LOCK_FILE).open("wb")
+            kept = kept if locks(lock, otherwise=True) else None
     except OSError:  # no place beside the output
         kept = None
     folder = kept or Path(tempfile.mkdtemp(prefix="lfsr-", dir=bpy.app.tempdir or None))
@@ -215,6 +217,8 @@ def file_copy(output: Path | None = None) -> Iterator[Path]:
     finally:
         if not stays:
             shutil.rmtree(folder, ignore_errors=True)
+        if lock is not None:
+            remove_locked(lock) if kept else lock.close()
         if kept:
             with contextlib.suppress(OSError):
                 kept.parent.rmdir()  # if it is empty

@@ -307,6 +307,9 @@ def test_copies_of_one_state_have_one_stamp_and_another_file_opened_makes_a_new_
 def test_it_goes_with_the_render_and_where_no_parts_are_left(scene, output, tmp_path):
     with file_copy(output) as copy:
         assert copy.is_file() and copy.name == "scene.blend"
+        with file_copy(output) as other:
+            assert other.parent != copy.parent
+        assert copy.is_file(), "two Blenders render into one folder"
     assert not copy.exists() and FrameFolder(output).parts.exists()
     assert not cancelled(tmp_path / "other")[1].exists() and not FrameFolder(tmp_path / "other").parts.exists()
     film = tmp_path / "film"
