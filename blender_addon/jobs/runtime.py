@@ -38,6 +38,7 @@ from lfsr_core.reconstruct.methods.denoise import LIBRARY_VARIABLE
 
 from ..compat import overridden, wait_cursor
 from ..scene.contents import collections as layer_collections
+from ..scene.files import disk_cache
 from ..scene.settings import Resolved, file_stem, title
 
 PACKAGE = __package__.rpartition(".")[0]  # the add-on, under the name that Blender gave it
@@ -210,7 +211,10 @@ def file_copy(output: Path | None = None) -> Iterator[Path]:
     folder = kept or Path(tempfile.mkdtemp(prefix="lfsr-", dir=bpy.app.tempdir or None))
     stays = False
     try:
-        yield _kept_copy(folder) if kept else save_copy(folder / f"{file_stem()}.blend")
+        path = _kept_copy(folder) if kept else save_copy(folder / f"{file_stem()}.blend")
+        if (cache := disk_cache(Path(bpy.data.filepath))).is_dir():  # no link: Blender may write there
+            shutil.copytree(cache, disk_cache(path), dirs_exist_ok=True)
+        yield path
     except BaseException:
         stays = bool(kept and output and any(map(has_parts, (kept.parent, *output.glob(".*-parts")))))
         raise

@@ -145,7 +145,7 @@ def _files(item: bpy.types.ID, frame: int) -> Iterator[tuple[str, str | Path]]:
             if cache is not None and cache.use_external:
                 yield "simulation", place(cache.filepath)
             elif cache is not None and cache.use_disk_cache and cache.is_baked:
-                yield "simulation", place(f"//blendcache_{Path(bpy.data.filepath).stem}")
+                yield "simulation", disk_cache(Path(bpy.data.filepath))
     elif not getattr(item, "packed_file", None) and item.id_type in {*TREES, *KINDS}:
         for path in bpy.data.file_path_map(subset=[item])[item] - {"", "<builtin>"}:
             yield KINDS.get(item.id_type) or KINDS.get(Path(path).suffix.lower(), "needed"), place(path)
@@ -160,6 +160,11 @@ def _files(item: bpy.types.ID, frame: int) -> Iterator[tuple[str, str | Path]]:
                 number = (number - 1) % length + 1 if shown.use_cyclic and length else min(max(number, 0), length)
                 digits = len((NUMBER.search(path.name) or [""])[0])
                 yield "image", path.with_name(NUMBER.sub(f"{number + shown.frame_offset:0{digits}d}", path.name))
+
+
+def disk_cache(file: Path) -> Path:
+    """Return the folder beside a .blend, named after it, where Blender keeps simulations on the disk."""
+    return file.parent / f"blendcache_{file.stem}"
 
 
 def image_paths(image: bpy.types.Image) -> Iterator[Path]:

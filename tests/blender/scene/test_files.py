@@ -11,8 +11,8 @@ import OpenImageIO as oiio
 import pytest
 
 from blender_addon import compat
-from blender_addon.jobs.runtime import save_copy
-from blender_addon.scene.files import check_files, open_scene, paint_missing, unreadable
+from blender_addon.jobs.runtime import file_copy, save_copy
+from blender_addon.scene.files import check_files, disk_cache, open_scene, paint_missing, unreadable
 from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.images import image_files
 from tests.support.scenes import add_box, add_camera
@@ -244,6 +244,8 @@ def test_a_simulation_on_the_disk_is_needed(scene, item, tmp_path):
     with bpy.context.temp_override(scene=scene, point_cache=cache, object=item):
         bpy.ops.ptcache.bake(bake=True)
     assert cache.is_baked and unreadable(scene) == []
+    with file_copy() as copy:
+        assert any(disk_cache(copy).iterdir()), "beside what is rendered, too"
     shutil.rmtree(tmp_path / "blendcache_scene")
     assert found(tmp_path / "blendcache_scene", "missing") == "simulation"
 
