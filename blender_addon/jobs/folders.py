@@ -126,8 +126,7 @@ def waits_for_saving(scene: bpy.types.Scene) -> bool:
     return not bpy.data.filepath and (scene.lfsr.output or "//").startswith("//") and not bpy.app.background
 
 
-@bpy.app.handlers.persistent
-def keep_saved(*_: object) -> None:
+def keep_saved() -> None:
     """Move what was rendered before the file was first saved to its place beside the file, if that is free."""
     for scene in bpy.data.scenes:
         with contextlib.suppress(LfsrError, OSError):  # it stays where it is
@@ -262,6 +261,3 @@ def is_decoded(folder: Path) -> bool:
     """True if the decoded views are there and not older than the image."""
     views, image = views_file(folder), folder / EIA_FILE
     return views.is_file() and image.is_file() and views.stat().st_mtime >= image.stat().st_mtime
-
-
-HANDLERS = (("save_post", keep_saved),)

@@ -30,7 +30,7 @@ from lfsr_core.frames.frame import Request
 from lfsr_core.process.child import Child, told_of
 
 from ..scene.words import capitalized, clock, for_panel, sentence
-from . import images, runtime
+from . import folders, images, runtime
 
 SECONDS_BETWEEN_LOOKS = 0.1
 SECONDS_TO_STOP = 1.5
@@ -234,6 +234,7 @@ def cancel() -> Task | None:
     task, _current = _current, None
     if task is not None:
         task.cancel()
+        _saved()
         redraw()
     return task
 
@@ -261,6 +262,7 @@ def _look() -> float | None:
         # Also after an unexpected error: a task that cannot go on must not block the next.
         if task.ended:
             _current = None
+            _saved()
     redraw()
     return None
 
@@ -329,6 +331,13 @@ def progress_text(task: Task) -> str:
 
 
 @bpy.app.handlers.persistent
+def _saved(*_: object) -> None:
+    """What was rendered before the file was saved moves beside it once nothing is at work on it."""
+    if _current is None:
+        folders.keep_saved()
+
+
+@bpy.app.handlers.persistent
 def _opened(*_: object) -> None:
     """Another file was opened: the old one's task must change nothing in it, but its images are saved."""
     state = bpy.context.window_manager.lfsr  # stays with Load UI off
@@ -350,4 +359,4 @@ def unregister() -> None:
     bpy.types.STATUSBAR_HT_header.remove(draw_status)
 
 
-HANDLERS = (("load_post", _opened),)
+HANDLERS = (("load_post", _opened), ("save_post", _saved))

@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.jobs import folders
+from blender_addon.jobs import folders, session
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import read_json, write_json
 from lfsr_core.images.image_files import read_png
@@ -114,13 +114,17 @@ def test_relative_output_folders_and_names_in_any_script(project):
     assert folders.frame_folder(bpy.context.scene).parts[-3:] == ("镜头", "场景", "0001")
 
 
-def test_what_was_rendered_before_the_first_save_moves_beside_the_file(scene, tmp_path):
+def test_what_was_rendered_before_the_first_save_moves_beside_the_file(scene, tmp_path, monkeypatch):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     older = folders._unsaved(scene) / folders.UNSAVED / "Scene" / "0001"
     older.mkdir(parents=True)
     write_json(older / "frame.json", {"source": folders.source_of(scene), "spp": 3})
+    monkeypatch.setattr(session, "_current", object())
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "late.blend"))
+    assert older.exists(), "a task is at work on it"
+    monkeypatch.setattr(session, "_current", None)
+    session._saved()
     moved = folders.frame_folder(scene, 1)
     assert not older.exists() and moved == tmp_path / "lightfield" / "late" / "Scene" / "0001"
     assert read_json(moved / "frame.json", "a frame") == {"source": folders.source_of(scene), "spp": 3}
