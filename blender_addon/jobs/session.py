@@ -343,7 +343,9 @@ def _opened(*_: object) -> None:
     state = bpy.context.window_manager.lfsr  # stays with Load UI off
     state.message = state.outcome = state.outcome_folder = state.plan_scene = state.probe_scene = ""
     if _current is not None:
-        _current.job = dataclasses.replace(_current.job, finish=lambda _: None, notice=lambda _: False)
+        _current.notices.clear()
+        _current.job = dataclasses.replace(_current.job, finish=lambda _: setattr(
+            bpy.context.window_manager.lfsr, "outcome", ""), notice=lambda _: True, kept=lambda: "")
 
 
 def register() -> None:

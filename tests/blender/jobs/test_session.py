@@ -109,6 +109,7 @@ def test_a_file_that_is_opened_meanwhile_stays_as_it_is(scene):
     assert not any(getattr(bpy.context.window_manager.lfsr, name) for name in told), "they are of the other scene"
     panel.wait_for(lambda: session.current() is None)
     assert task.ended and (folders.frame_folder(bpy.context.scene) / "eia.png").is_file(), "but its image is saved"
+    assert not any(getattr(bpy.context.window_manager.lfsr, name) for name in told) and task.job.notice(Notice("any"))
 
 
 def test_a_cancelled_animation_can_be_continued_and_saving_is_announced_before_blender_stops_for_it(scene, monkeypatch):
