@@ -156,6 +156,7 @@ def _new_array(scene: bpy.types.Scene) -> bpy.types.Object:
     data.sensor_fit, data.show_passepartout = "HORIZONTAL", False  # its frame is the scene's, not the display's
     array = bpy.data.objects.new(ARRAY_NAME, data)
     array[rig.SPACING] = 1.0
+    array.property_overridable_library_set(f'["{rig.SPACING}"]', True)
     array.id_properties_ui(rig.SPACING).update(min=0.01, soft_max=1.0, default=1.0, description=SPACING_HELP)
     # The scene's own collection cannot be excluded or hidden.
     scene.collection.objects.link(array)

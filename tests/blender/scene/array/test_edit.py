@@ -29,6 +29,7 @@ def test_add_takes_the_place_of_the_camera_and_keeps_the_selection(artist):
     for name in ("distance", "half_width", "half_height", "spacing"):
         assert getattr(array, name) == pytest.approx(getattr(expected[0], name), rel=1e-5), name
     assert artist.camera.name != "Light Field Array"
+    assert rig.find(artist).is_property_overridable_library(f'["{rig.SPACING}"]'), "else an override's is lost"
     edit.remove(artist)
     bpy.context.view_layer.objects.active = box = bpy.data.objects["Box"]
     box.select_set(True)
