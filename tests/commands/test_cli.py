@@ -307,10 +307,9 @@ def test_ctrl_c_while_modules_load_and_a_closed_standard_error_show_no_traceback
     assert done.returncode == 0 and "mini" in done.stdout
 
 
-@pytest.mark.parametrize(("name", "message"), [
-    ("link", "is a link to .*nowhere, which does not exist"), ("link/frame", "link is a link to"),
-    ("x" * 256, "too long"), ("ä" * 128, "too long"), (os.fsdecode(b"r\xff"), "not UTF-8"),
-    ("/".join(["y" * 99] * 41), "too long")])
+@pytest.mark.parametrize(("name", "message"), [("link", "is a link to .*nowhere, which does not exist"),
+    ("link/frame", "link is a link to"), ("x" * 256, "too long"), ("ä" * 128, "too long"),
+    (os.fsdecode(b"r\xff"), "not UTF-8"), ("/".join(["y" * 99] * 41), "too long")])
 @pytest.mark.parametrize("verb", ["render", "reference", "plan"])
 def test_output_that_cannot_be(tmp_path, capsys, verb, name, message):
     scene = tmp_path / "scene.glb"
@@ -353,8 +352,7 @@ def folder(tmp_path):
     return finished(tmp_path / "frame")
 
 
-@pytest.mark.parametrize(("options", "names"), [
-    (["quilt"], ["two_depths_qs2x4a1.333.png"]),
+@pytest.mark.parametrize(("options", "names"), [(["quilt"], ["two_depths_qs2x4a1.333.png"]),
     (["quilt", "--views", "6", "--grid", "6x1"], ["two_depths_qs6x1a1.333.png"]),
     (["views", "--views", "2"], ["view_000_000.png", "view_000_001.png", "view_001_000.png", "view_001_001.png"]),
     (["stereo", "--eyes-mm", "30", "--width", "64"], ["two_depths_stereo_30mm.png"])])

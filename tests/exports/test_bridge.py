@@ -49,9 +49,8 @@ def test_each_show_replaces_the_last_once_it_is_complete_and_bridge_is_told_all_
 
 
 @pytest.mark.parametrize("endpoint", CALLS)
-@pytest.mark.parametrize(("fault", "message"), [
-    ("drop", "broke the connection at {}"), ("refuse", r"refuses {} \(Failure: display is in use\)"),
-    ("empty", "answers {} with nothing")])
+@pytest.mark.parametrize(("fault", "message"), [("drop", "broke the connection at {}"),
+    ("refuse", r"refuses {} \(Failure: display is in use\)"), ("empty", "answers {} with nothing")])
 def test_each_call_can_fail(bridge, endpoint, fault, message):
     stand_in = bridge(f"{fault}:{endpoint}")
     if endpoint == "enter_orchestration" and fault in ("refuse", "empty"):

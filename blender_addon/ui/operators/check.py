@@ -222,9 +222,8 @@ class LFSR_OT_choose_output(AsksForFile, bpy.types.Operator):
     bl_label = "Choose Output Folder"
     bl_options = UNDO
 
-    directory: bpy.props.StringProperty(
-        name="Folder", description="Folder for the images of this scene", subtype="DIR_PATH",
-        options={"SKIP_SAVE", "PATH_SUPPORTS_BLEND_RELATIVE"})
+    directory: bpy.props.StringProperty(name="Folder", description="Folder for the images of this scene",
+        subtype="DIR_PATH", options={"SKIP_SAVE", "PATH_SUPPORTS_BLEND_RELATIVE"})
     filter_folder: bpy.props.BoolProperty(
         name="Folders", description="Show folders only", default=True, options={"HIDDEN"})
 

@@ -138,9 +138,8 @@ class LFSR_OT_calibrate(AsksForFile, bpy.types.Operator):
     bl_idname = "lfsr.calibrate"
     bl_label = "Calibrate from Photographs"
 
-    files: bpy.props.CollectionProperty(
-        name="Photographs", description="Photographs of the test picture", type=bpy.types.OperatorFileListElement,
-        options={"HIDDEN", "SKIP_SAVE"})
+    files: bpy.props.CollectionProperty(name="Photographs", description="Photographs of the test picture",
+        type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
     directory: bpy.props.StringProperty(
         name="Folder", description="Folder of the photographs", subtype="DIR_PATH", options={"HIDDEN"})
     filter_image: bpy.props.BoolProperty(
