@@ -119,10 +119,14 @@ def _moved(scene: bpy.types.Scene, placed: Placement) -> bpy.types.Object:
 
 
 def _following(array: bpy.types.Object, camera: bpy.types.Object | None) -> bpy.types.Object:
-    """Return ``array``, as a child of ``camera`` if that moves."""
+    """Return ``array``, as a child of ``camera`` if that moves, with a lens that follows if that zooms."""
     if camera is not None and placement.moves(camera):
         array.parent, array.matrix_parent_inverse = camera, camera.matrix_world.inverted_safe()
-        bpy.context.view_layer.update()
+    if camera is not None and camera.data.type == "PERSP" and camera.data.animation_data:
+        driver = array.data.driver_add("lens").driver
+        target, driver.expression = driver.variables.new().targets[0], f"var * {array.data.lens / camera.data.lens}"
+        target.id_type, target.id, target.data_path = "CAMERA", camera.data, "lens"
+    bpy.context.view_layer.update()
     return array
 
 
@@ -131,6 +135,7 @@ def put(array: bpy.types.Object, placed: Placement) -> None:
     layout, matrix = placed
     if array.parent is not None and array.parent.type == "CAMERA":
         array.parent = None
+    array.data.driver_remove("lens")
     if (plane := rig.plane_of(array)) is None:
         plane = bpy.data.objects.new(PLANE_NAME, None)
         plane.empty_display_type, plane[rig.PLANE] = "SINGLE_ARROW", True

@@ -43,14 +43,17 @@ def test_at_a_camera_that_moves_it_moves_along_and_what_has_no_key_yet_stays(art
     for item, frame, x in ((camera, 1, 0), (camera, 20, 0.5), (box, 1, 0), (box, 20, 0.1)):
         item.location.x = x
         item.keyframe_insert("location", frame=frame)
+    for camera.data.lens, frame in ((30, 1), (60, 20)):  # it zooms, too
+        camera.data.keyframe_insert("lens", frame=frame)
     artist.frame_set(1)
     box.location.z = 0.2
     assert list(placement.sample_frames(artist))[-1] == 20 and box.location.z == pytest.approx(0.2)
     array = edit.add(artist, MINI)
-    for frame, x in ((1, 0), (20, 0.5)):
+    for frame, x, half_width in ((1, 0, place(artist)[0].half_width), (20, 0.5, place(artist)[0].half_width / 2)):
         artist.frame_set(frame)
         assert tuple(array.matrix_world.translation) == pytest.approx((x, -6, 0), abs=1e-5)
-    assert edit.fit(artist, MINI, [box]).parent is None
+        assert place(artist)[0].half_width == pytest.approx(half_width)
+    assert edit.fit(artist, MINI, [box]).parent is None and not array.data.animation_data.drivers
     for name in "AB":
         artist.timeline_markers.new(name, frame=1).camera = bpy.data.objects.new(name, camera.data)
     assert contents.left_out(artist) == [Notice("markers-ignored", {"names": ["A", "B"]})]
