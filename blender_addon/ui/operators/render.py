@@ -59,7 +59,8 @@ class LFSR_OT_render_eia(Mends, TaskOperator, bpy.types.Operator):
 
     def questions(self, context: bpy.types.Context) -> list[Question]:
         """Ask before another scene's image is overwritten, where the method cannot run, and on what is left out."""
-        return _asked(context.scene, (context.scene.frame_current,))
+        self.frame = context.scene.frame_current  # the timeline may play while a dialog is open
+        return _asked(context.scene, (self.frame,))
 
     shows_first = False
 
@@ -70,7 +71,7 @@ class LFSR_OT_render_eia(Mends, TaskOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Job:
         """Render one frame, then show its image. A scene without a camera array gets one."""
-        return image_job(context.scene, self.shows_first)
+        return image_job(context.scene, self.shows_first, self.frame)
 
 
 class LFSR_OT_render_animation(Mends, TaskOperator, bpy.types.Operator):
@@ -190,14 +191,14 @@ class LFSR_OT_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def image_job(scene: bpy.types.Scene, shows_first: bool = False) -> Job:
-    """Return the job that renders the current frame and shows it; LfsrError where it cannot be rendered.
+def image_job(scene: bpy.types.Scene, shows_first: bool = False, number: int | None = None) -> Job:
+    """Return the job that renders a frame, by default the current one, and shows it; LfsrError where it cannot be.
 
     ``shows_first``: a rough view of its middle, before the image is rendered.
     """
     folders.try_output(scene)
     add_missing_array(scene)
-    request, finish = folders.requested(scene)
+    request, finish = folders.requested(scene, number)
     finish = dataclasses.replace(finish, temporal_averaging=0)  # only an animation has neighbouring frames
     folder, name = Path(request.output), scene.name_full
     if shows_first:
@@ -335,9 +336,8 @@ class LFSR_OT_submit(DescribedByItem, AsksForFile, bpy.types.Operator):
     item = "farm"
 
     farm: bpy.props.EnumProperty(name="Farm", description="Render farm that the job is for", items=FARM_ITEMS)
-    directory: bpy.props.StringProperty(
-        name="Folder", description="Folder for the job's files; every machine must see it under the same path",
-        subtype="DIR_PATH", options={"SKIP_SAVE", "PATH_SUPPORTS_BLEND_RELATIVE"})
+    directory: bpy.props.StringProperty(name="Folder", subtype="DIR_PATH", description="Folder for the job's files; "
+        "every machine must see it under the same path", options={"SKIP_SAVE", "PATH_SUPPORTS_BLEND_RELATIVE"})
     parts: bpy.props.IntProperty(
         name="Parts", description="Number of parts, by rows of lenses, of each frame", min=1, soft_max=64, default=1)
     filter_folder: bpy.props.BoolProperty(

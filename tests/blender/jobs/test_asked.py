@@ -23,7 +23,8 @@ def test_an_animation_is_averaged_as_the_panel_says_and_chooses_one_scale_by_som
         arguments = render.animation_job(scene).arguments
         assert arguments["finish"].temporal_averaging == count
         assert arguments["request"].seed == scene.lfsr.seed, "each frame's follows from it"
-        assert render.image_job(scene).arguments["finish"].temporal_averaging == 0
+        assert render.image_job(scene, number=7).arguments["finish"].temporal_averaging == 0
+    assert folders.frame_folder(scene) != render.image_job(scene, number=7).output == folders.frame_folder(scene, 7)
     scene.frame_end = 9
     assert render.animation_job(scene).arguments["request"].sampling.frames == ()
     scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.rays = "AUTO", 0, 0.5
