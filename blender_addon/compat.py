@@ -1,6 +1,6 @@
 """The Blender that this runs in: its version, what it was built with, its devices; changes for one render.
 
-Versions are 4.5, 5.0 and 5.2; no other module asks for them.
+Versions are 4.5, 5.0, 5.2 and 5.3; no other module asks for them.
 """
 
 from __future__ import annotations
@@ -202,6 +202,11 @@ def use_nodes(owner: bpy.types.Material | bpy.types.World) -> None:
 def known(owner: Any, **values: Any) -> dict[str, Any]:
     """Return those of the settings ``values`` that ``owner`` has in this Blender."""
     return {name: value for name, value in values.items() if hasattr(owner, name)}
+
+
+def path_from_camera() -> bool:
+    """Return True if a perspective camera's paths begin at the camera, not where its clip starts: since 5.3."""
+    return bpy.app.version >= (5, 3, 0)
 
 
 def whole_textures() -> dict[str, Any]:

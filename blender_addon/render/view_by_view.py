@@ -49,11 +49,19 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
           overridden(scene.cycles, window),
           tempfile.TemporaryDirectory(prefix=".views-", dir=target.parent) as folder, listed(Path(folder))):
         for number in range(count):
-            aim(camera, shot, (number % layout.views[0], number // layout.views[0]))
+            view = number % layout.views[0], number // layout.views[0]
+            aim(camera, shot, view)
             # Each view needs its own random numbers, as each pixel of a one-pass render has.
             scene.cycles.seed = (settings.seed * 65537 + number) % 2**31
             render_to(scene, Path(folder, "view.exr"), one_of(follow, number, count))
             images.append(image_files.read_layers(Path(folder, "view.exr")))
+            if "path" in images[-1] and compat.path_from_camera():
+                across, down = ((np.linspace(1 / lenses - 1, 1 - 1 / lenses, lenses) * half - view_offset(
+                    np.array(index), many, layout.spacing, layout.convention)) / layout.array.distance
+                                for lenses, half, index, many in zip(layout.lenses, layout.array.half_size, view,
+                                                                     layout.views, strict=True))
+                clipped = camera.data.clip_start * np.sqrt(1 + across**2 + down[:, None]**2)
+                images[-1]["path"] = np.maximum(images[-1]["path"] - clipped[..., None], 0, dtype=np.float32)
         assembled = {}
         for name in images[0]:  # (py, px, sy, sx, C); listed lenses become tiles, row by row
             views = np.stack([layers[name] for layers in images])

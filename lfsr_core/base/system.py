@@ -150,7 +150,8 @@ def staging_folder(target: Path) -> Iterator[Path]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         remove_dead(target)
-        folder = Path(tempfile.mkdtemp(prefix=f".{target.name}-lfsr-", dir=_place(target)))
+        place = _place(target)  # from Python 3.12 on, mkdtemp resolves a ".." in what it returns
+        folder = place / Path(tempfile.mkdtemp(prefix=f".{target.name}-lfsr-", dir=place)).name
     except OSError as error:
         raise LfsrError(f"{target} cannot be made ({error.strerror}): choose another folder") from None
     try:

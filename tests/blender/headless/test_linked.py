@@ -101,7 +101,9 @@ def an_instance(library: Path) -> None:
 def an_override(library: Path) -> None:
     scene, collections = link_collections(library)
     for collection in collections:
+        scene.collection.children.link(collection)  # Blender 5.3 needs it there
         collection.override_hierarchy_create(scene, bpy.context.view_layer)
+        scene.collection.children.unlink(collection)
     assert all(item.override_library for item in bpy.data.objects if item.library is None and item.name in OBJECTS)
 
 

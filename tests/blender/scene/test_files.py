@@ -139,6 +139,7 @@ def bake(item, folder):
     modifier.node_group, modifier.bake_target = tree, "DISK"
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
     bpy.context.view_layer.update()
+    bpy.context.view_layer.objects.active = item
     bpy.ops.object.geometry_node_bake_single(session_uid=item.session_uid, modifier_name="bake",
                                              bake_id=modifier.bakes[0].bake_id)
     (path,) = folder.glob("blendcache_scene/*/*/meta/*.json")

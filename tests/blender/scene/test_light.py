@@ -41,7 +41,7 @@ def test_a_world_image_lights_a_floor_as_its_view_transform_can_show(scene, tmp_
     scene.view_settings.view_transform = view
     frame_folder.render_job(scene, make_request(str(tmp_path), MINI, samples=16, light=light.DEFAULT_LIGHT))
     color = image_files.read_layers(tmp_path / "lr_eia.exr")["color"]
-    assert least < np.median(color[color[..., 3] == 1][:, :3].max(1)) < most
+    assert least < np.quantile(color[color[..., 3] == 1][:, :3].max(1), 0.75) < most, "half of it is seen from below"
 
 
 def test_own_black_world_is_put_back(scene, tmp_path):

@@ -54,7 +54,8 @@ def test_an_importers_long_traceback_is_one_short_sentence(tmp_path):
 @pytest.mark.parametrize(("extension", "name", "command"), [
     pytest.param("EXT_meshopt_compression", "Meshopt", "copy",
                  marks=pytest.mark.skipif(bpy.app.version >= (5, 2, 0), reason="Blender 5.2 reads Meshopt")),
-    ("KHR_texture_basisu", "KTX 2", "ktxdecompress")])
+    pytest.param("KHR_texture_basisu", "KTX 2", "ktxdecompress",
+                 marks=pytest.mark.skipif(bpy.app.version >= (5, 3, 0), reason="Blender 5.3 reads KTX 2"))])
 def test_a_compression_that_blender_cannot_read_is_named(tmp_path, extension, name, command):
     path = tmp_path / "scene.gltf"
     path.write_text(json.dumps({"asset": {"version": "2.0"}, "extensionsUsed": [extension],
@@ -67,7 +68,9 @@ def test_draco_is_read_where_blender_has_its_library(tmp_path, monkeypatch, libr
     add_box(fresh_scene(), (0, 0, 0), (0.5, 0.5, 0.5))
     path = tmp_path / "scene.glb"
     bpy.ops.export_scene.gltf(filepath=str(path), export_draco_mesh_compression_enable=True)
-    assert b"KHR_draco_mesh_compression" in path.read_bytes() and find_subject(open_scene(path))
+    if b"KHR_draco_mesh_compression" not in path.read_bytes():
+        pytest.skip("the bpy wheel of Blender 5.3 has no library for Draco")
+    assert find_subject(open_scene(path))
     decoder = importlib.import_module("io_scene_gltf2.blender.imp.draco_compression_extension")
     monkeypatch.setattr(decoder, "dll_path", lambda: tmp_path / library)
     refuses("compressed with Draco, .*gltf-transform copy scene.glb", open_scene, path)
@@ -77,9 +80,12 @@ def save_cameras(path, names):
     """A glTF file with a box and cameras before it, none of them active."""
     scene = fresh_scene()
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
-    for number, name in enumerate(names):
+    ours = [f"{number}{name}"[:len(name)] for number, name in enumerate(names)]  # Blender 5.3 writes them by name
+    for number, name in enumerate(ours):
         add_camera(scene, (0.1 * number, -5, 0)).name = name
     bpy.ops.export_scene.gltf(filepath=str(path), export_cameras=True)
+    for own, name in zip(ours, names, strict=True):
+        path.write_bytes(path.read_bytes().replace(f'"{own}"'.encode(), f'"{name}"'.encode()))
     return path
 
 

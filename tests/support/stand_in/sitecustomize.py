@@ -105,6 +105,7 @@ def become(system: str) -> None:
     for name in LACKING[system]:
         if hasattr(os, name):
             delattr(os, name)
+    os.process_cpu_count = os.cpu_count  # since Python 3.13, by sched_getaffinity
     if system == "win32":
         become_windows()
     sys.platform = system
