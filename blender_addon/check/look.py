@@ -24,7 +24,7 @@ from ..compat import overridden
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
 from ..scene.array.placement import Rays, as_rendered
-from ..scene.contents import GEOMETRY, find_subject, nodes_of, rendered, rendered_layer, with_instanced
+from ..scene.contents import GEOMETRY, find_subject, nodes_of, rendered, rendered_layer, with_copied
 from ..scene.files import image_paths
 from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance
 from ..scene.settings import length
@@ -238,7 +238,7 @@ def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list
 
 def depths_of(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.types.Object]) -> tuple[float, ...]:
     """Nearest and farthest depth at which the middle of an array sees the main objects; empty where it sees none."""
-    depths = placement.seen_depths(scene, placed, with_instanced(set(main)))
+    depths = placement.seen_depths(scene, placed, with_copied(set(main)))
     return tuple(map(float, np.percentile(depths, (2, 98)))) if len(depths) else ()
 
 
@@ -248,7 +248,7 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
     if not (boxes := edit.boxes_now(set(main))):
         return "", None
     array, eye = placed[0], mathutils.Matrix(placed[1])
-    hits, shown = edit.through(rays, placed), with_instanced(set(main))
+    hits, shown = edit.through(rays, placed), with_copied(set(main))
     seen = [hit for hit in hits if hit is not None and hit[2] in shown]
     share = len(seen) / len(hits)
     is_unaimed = _is_unaimed(scene) and (eye.translation - scene.camera.matrix_world.translation).length < 1e-3
@@ -371,7 +371,7 @@ def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
 
 def _lost_glass(rays: Rays, placed: rig.Placement, main: list[bpy.types.Object]) -> str:
     """Name of a main object of glass, if nothing is behind much of what the array sees of the main objects, else ""."""
-    eye, shown = mathutils.Matrix(placed[1]).translation, with_instanced(set(main))
+    eye, shown = mathutils.Matrix(placed[1]).translation, with_copied(set(main))
     hits = [hit for hit in edit.through(rays, placed) if hit is not None and hit[2] in shown]
 
     def is_lost(place: mathutils.Vector, way: mathutils.Vector, item: bpy.types.Object, number: int) -> bool:

@@ -78,12 +78,12 @@ def rendered(scene: bpy.types.Scene) -> set[bpy.types.Object]:
     return with_instanced(_switched_on([scene.collection]))
 
 
-def with_copied(scene: bpy.types.Scene) -> set[bpy.types.Object]:
-    """Return ``rendered`` and what geometry nodes and particles copy, whose own collections may be off."""
-    found = rendered(scene)
+def with_copied(items: set[bpy.types.Object]) -> set[bpy.types.Object]:
+    """Return ``with_instanced`` and what geometry nodes and particles of these copy, whose collections may be off."""
+    found = with_instanced(items)
     if any(modifier.type in ("NODES", "PARTICLE_SYSTEM") for item in found for modifier in item.modifiers):
         instances = bpy.context.evaluated_depsgraph_get().object_instances
-        found |= {instance.object.original for instance in instances if instance.is_instance}
+        found |= {each.object.original for each in instances if each.is_instance and each.parent.original in found}
     return found
 
 
@@ -168,7 +168,7 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
 
 def materials(scene: bpy.types.Scene) -> list[bpy.types.Material]:
     """Return the materials of objects that are rendered, by name."""
-    slots = (slot.material for item in with_copied(scene) for slot in item.material_slots)
+    slots = (slot.material for item in with_copied(rendered(scene)) for slot in item.material_slots)
     return sorted(set(filter(None, slots)), key=lambda material: material.name)
 
 

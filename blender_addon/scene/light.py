@@ -49,7 +49,7 @@ def light_items() -> list[tuple[str, str, str, int]]:
 
 def has_light(scene: bpy.types.Scene) -> bool:
     """Return True if anything in the scene emits light: a lamp, a world, or a material in use."""
-    lamps = any(item.type == "LIGHT" and item.data.energy for item in with_copied(scene))
+    lamps = any(item.type == "LIGHT" and item.data.energy for item in with_copied(rendered(scene)))
     return world_radiance(scene.world) > 0 or lamps or has_emission(scene)
 
 

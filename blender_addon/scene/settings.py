@@ -21,7 +21,7 @@ from lfsr_core.reconstruct.methods import AS_RENDERED, DEFAULT_METHOD, MENU, MOR
 
 from .. import compat
 from .array import rig
-from .contents import GEOMETRY, find_subject, with_copied
+from .contents import GEOMETRY, find_subject, rendered, with_copied
 from .light import FILE_LIGHT, NAMES
 from .words import DIRECT
 
@@ -148,7 +148,7 @@ def color_settings(scene: bpy.types.Scene, world_visible: bool = False) -> Color
         catchers = {item for item in scene.objects if item.is_shadow_catcher} | {
             instance.object.original for instance in bpy.context.evaluated_depsgraph_get().object_instances
             if instance.is_instance and (instance.object.is_shadow_catcher or instance.parent.is_shadow_catcher)}
-        if names := sorted(item.name for item in catchers & with_copied(scene) if item.type in GEOMETRY):
+        if names := sorted(item.name for item in catchers & with_copied(rendered(scene)) if item.type in GEOMETRY):
             raise LfsrError(f"{names[0]!r} is a shadow catcher in front of a visible world, which would render too "
                             "dark: make the film transparent or switch Shadow Catcher off")
     config = os.environ.get("OCIO") or str(

@@ -16,7 +16,7 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..contents import find_subject, with_instanced
+from ..contents import find_subject, with_copied
 from . import placement, rig
 from .placement import MOST_REACH, PROBES, Rays, View, as_rendered
 from .rig import Placement, from_blender, to_blender, upright
@@ -211,7 +211,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             break
     if not len(points):
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
-    rays, shown = Rays(scene, sky), with_instanced(set(chosen))
+    rays, shown = Rays(scene, sky), with_copied(set(chosen))
     low, high = points.min(0), points.max(0)
     most, view = 0, view_inside(rays, low, high)
     if len(chosen) <= FEW_OBJECTS:  # the boxes of others are small enough

@@ -56,12 +56,14 @@ def as_rendered(*left_out: bpy.types.Object | None) -> Iterator[None]:
             changes.enter_context(overridden(item, {"hide_render": True}))
         seen = {item for item in rendered(bpy.context.scene) if item.visible_camera}
         for layer in layer_collections(bpy.context.view_layer.layer_collection):
-            for owner in filter(lambda each: each.hide_viewport, (layer, layer.collection)):
-                changes.enter_context(overridden(owner, {"hide_viewport": False}))
+            for owner, is_hidden in ((layer, False), (layer.collection, layer.collection.hide_render)):
+                if owner.hide_viewport != is_hidden:
+                    changes.enter_context(overridden(owner, {"hide_viewport": is_hidden}))
         for item in bpy.context.view_layer.objects:
             if item.type in GEOMETRY and item.visible_get() == (is_hidden := item not in seen):
                 changes.callback(item.select_set, item.select_get())  # which Blender does not keep of what is hidden
-                changes.enter_context(overridden(item, {"hide_viewport": is_hidden}))
+                # What is off only with its collection may be copied by particles and geometry nodes.
+                changes.enter_context(overridden(item, {"hide_viewport": item.hide_render or not item.visible_camera}))
                 changes.callback(item.hide_set, item.hide_get())
                 item.hide_set(is_hidden)
         bpy.context.view_layer.update()

@@ -103,7 +103,7 @@ def test_what_helps_while_modelling_is_left_out(startup):
 
 
 def test_what_is_rendered_is_looked_at_whatever_the_viewport_hides(startup):
-    aimed(startup)
+    wall = aimed(startup)
     blocker, folder = add_box((0, -6, 1), (0.1, 0.1, 0.1)), bpy.data.collections.new("Folder")
     startup.collection.children.link(folder)
     folder.objects.link(blocker)
@@ -133,6 +133,12 @@ def test_what_is_rendered_is_looked_at_whatever_the_viewport_hides(startup):
     other.use, other.layer_collection.children["Above"].exclude = False, True
     bpy.context.window.view_layer = other
     assert "stands inside" in looked(startup)["frame"]
+    above.hide_render, hair = True, wall.modifiers.new("Hair", "PARTICLE_SYSTEM").particle_system.settings
+    hair.type, hair.render_type, hair.instance_object, hair.particle_size = "HAIR", "OBJECT", blocker, 1
+    assert "stands inside" not in looked(startup).get("frame", "")
+    with placement.as_rendered():
+        placed = rig.placement(startup, scene_settings.display_of(startup))
+        assert look.depths_of(startup, placed, [wall])[0] < 5.45, "what is copied stands before the wall"
 
 
 def test_what_shows_its_back_is_left_out_as_eevee_leaves_it_out(startup):
@@ -338,8 +344,7 @@ def test_a_shell_is_seen_from_its_front_and_a_solid_thing_whose_normals_point_in
     for items, (row, column), more in (({shell}, (1, 2), False), ({*parts}, (1, 2), True), ({hill}, (2, 3), True)):
         for item in (shell, *parts, hill):
             item.hide_render = item not in items
-        matrix = edit.in_front(startup, scene_settings.display_of(startup), items)[1]
-        assert (matrix[row][column] > 0.5) == more
+        assert (edit.in_front(startup, scene_settings.display_of(startup), items)[1][row][column] > 0.5) == more
 
 
 def test_what_travels_far_is_fitted_where_it_is(startup):
