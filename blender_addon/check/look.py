@@ -24,7 +24,7 @@ from ..compat import overridden
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
 from ..scene.array.placement import Rays, as_rendered
-from ..scene.contents import GEOMETRY, find_subject, nodes_of, rendered, rendered_layer, with_copied
+from ..scene.contents import GEOMETRY, find_subject, has_output, nodes_of, rendered, rendered_layer, with_copied
 from ..scene.files import image_paths
 from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance
 from ..scene.settings import length
@@ -115,10 +115,10 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
            or (item.matrix_world.translation - mathutils.Vector(STARTUP_LAMP)).length > 1e-3]
     startup = next((item for item in lamps if item not in own), None)
     exposed, is_plain = 2.0**scene.view_settings.exposure, not own and not has_emission(scene)
-    is_alone = not own and world_radiance(scene.world) * exposed < DIM
+    is_alone = is_plain and world_radiance(scene.world) * exposed < DIM
     light = [radiance * exposed for radiance in _light(scene, rays, placed, own)]
-    if not (is_plain and is_alone) and (is_glaring(scene, light[1]) or (
-            is_dim(light[0] / UNSURE, light[1]) and not (is_plain and is_new))):
+    if not is_alone and (is_glaring(scene, light[1]) or (
+            is_dim(light[0] / UNSURE, light[1]) and not (is_plain and is_new)) or has_output(scene, "Displacement")):
         from ..render.frame_folder import light_seen  # reads EXR files, which the panel starts without
 
         # A tiny render without that lamp, in the last slot of Blender's own result, so that the artist's stays.
@@ -128,7 +128,10 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     is_dark, sky = is_dim(*light), 0.0
     if is_dark and not scene.render.film_transparent and world_radiance(scene.world) * exposed >= DIM:
         sky = edit.through(rays, placed, *edit.FEWER).count(None) / math.prod(edit.FEWER)
-    if (is_plain and is_alone) or (is_dark and (pictures or sky < BRIGHT)):  # what a picture shows is not known
+    if is_dark and not is_alone and has_output(scene, "Volume"):
+        yield _problem("fog", scene.name, "Hardly any light comes from what the array sees: the image will be dark. "
+                       "Light from all sides would show a volume alone: aim lamps at the objects.")
+    elif is_alone or (is_dark and (pictures or sky < BRIGHT)):  # what a picture shows is not known
         source = "a dim world" if startup is None else "the lamp of Blender's new file"
         yield _problem("dark", scene.name, f"Only {source} lights it. Images only are lit."
                        if is_alone else "Hardly any light comes from what the array sees: the image will be almost "
@@ -144,7 +147,7 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
 
 
 def _problem(code: str, target: str, reason: str, placed: rig.Placement | None = None) -> Problem:
-    title = {"plane": "Depth", "deep": "Depth", "dark": "Light", "bright": "Light"}.get(code, "")
+    title = {"plane": "Depth", "deep": "Depth", "dark": "Light", "bright": "Light", "fog": "Light"}.get(code, "")
     return Problem(code, target, reason, MENDS.get(code, ("", "", ""))[1], asks=True, title=title, placed=placed)
 
 
@@ -266,11 +269,16 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
         best = edit.in_front(scene, display, set(main))
         if not is_in_box(best):
             return f"The array stands inside {inner[0][2].name}.", best
-    if not seen:
-        return f"The array sees nothing of {name}." if is_unaimed or hits.count(None) > len(hits) / 2 else "", None
+    # A camera that was aimed stays where rays do not meet what it shows, or where the objects would be no larger.
+    if not (seen or is_unaimed) and (hits.count(None) <= len(hits) / 2 or has_output(scene, "Displacement")):
+        return "", None
     if share < (SMALL if is_unaimed else TINY):
-        part = f"{share:.0%}" if share >= 0.01 else "less than 1%"
-        return f"{name} fills {part} of the picture." + (f" {UNAIMED}." if is_unaimed else ""), None
+        best = edit.in_front(scene, display, set(main))
+        if not is_unaimed and [hit and hit[2] in shown for hit in edit.through(rays, best)].count(True) <= len(seen):
+            return "", None
+        part = "less than 1%" if share < 0.01 else f"{share:.0%}"
+        return (f"The array sees nothing of {name}." if not seen else f"{name} fills {part} of the picture."
+                + f" {UNAIMED}." * is_unaimed), best
     if is_unaimed:
         toward = np.array(eye.inverted())
         local = points @ toward[:3, :3].T + toward[:3, 3]

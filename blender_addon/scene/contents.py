@@ -172,6 +172,12 @@ def materials(scene: bpy.types.Scene) -> list[bpy.types.Material]:
     return sorted(set(filter(None, slots)), key=lambda material: material.name)
 
 
+def has_output(scene: bpy.types.Scene, name: str) -> bool:
+    """Return True if a material in use fills a "Volume", or moves its surface in renders alone: "Displacement"."""
+    return any(node.type == "OUTPUT_MATERIAL" and node.inputs[name].is_linked for material in materials(scene)
+               if name == "Volume" or material.displacement_method != "BUMP" for node in nodes_of(material.node_tree))
+
+
 def nodes_of(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:
     """Yield the nodes of a shader's tree and of the groups in it that are not muted."""
     for node in tree.nodes if tree is not None else ():

@@ -386,7 +386,7 @@ def test_the_lamp_of_the_new_file_is_not_all_the_light_of_what_was_imported(star
     inputs, soot = shining.node_tree.nodes["Principled BSDF"].inputs, shining.node_tree.nodes.new("ShaderNodeRGB")
     inputs["Emission Strength"].default_value, soot.outputs[0].default_value = 1e-3, (1e-4, 1e-4, 1e-4, 1)
     link, startup.objects["Light"].data.energy = shining.node_tree.links.new(soot.outputs[0], inputs["Base Color"]), 1e5
-    assert "new file" in looked(startup)["dark"], "it shines too little"
+    assert "Hardly any" in looked(startup)["dark"], "it shines too little"
     shining.node_tree.links.remove(link)
     startup.objects["Light"].location = (88, 37, 5)
     assert "dark" not in looked(startup)
@@ -397,6 +397,22 @@ def aimed(scene, place=(0, -6, 1), half=(1, 0.5, 1)):
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     scene.camera, scene.objects["Light"].location = add_camera(scene, place), (1, -5, 4)
     return add_box((0, 0, 1), half) if half else None
+
+
+def test_an_aimed_camera_stays_where_nothing_is_larger_or_rays_do_not_tell_and_fog_gets_no_light(startup):
+    near, far = aimed(startup, half=(0.05, 0.05, 0.05)), add_box((0, 90, 1), (0.05, 0.05, 0.05))
+    assert "frame" not in looked(startup), "the array would see less of what is so deep"
+    near.location.z, far.location = -9, (0, 1, -9)
+    assert "sees nothing" in looked(startup)["frame"]
+    near.active_material = made = bpy.data.materials.new("Made")
+    made.displacement_method, nodes, link = "BOTH", made.node_tree.nodes, made.node_tree.links.new
+    link(nodes.new("ShaderNodeDisplacement").outputs[0], nodes["Material Output"].inputs["Displacement"])
+    assert "frame" not in looked(startup)
+    made.displacement_method, near.location.z, near.scale = "BUMP", 1, (1, 1, 1)
+    startup.objects["Light"].data.energy = 0.1
+    assert "dark" in looked(startup)
+    link(nodes.new("ShaderNodeVolumeScatter").outputs[0], nodes["Material Output"].inputs["Volume"])
+    assert {*looked(startup)} & {"dark", "fog"} == {"fog"}
 
 
 def test_too_much_depth_names_its_numbers_and_is_flattened(startup):
