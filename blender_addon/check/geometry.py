@@ -3,8 +3,6 @@
 Scenes can have tens of thousands of objects: what is measured of all of them is measured at once.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """Check a scene: what the last check found, and whether the scene has changed since."""
 
-from __future__ import annotations
-
 import bpy
 
 from ..jobs import images

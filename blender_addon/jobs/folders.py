@@ -3,8 +3,6 @@
 How long an image takes follows from a render of its scene or of a few of its lenses, else from this machine's last.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import math

@@ -5,8 +5,6 @@ panel's subpixels. The functions of ``tests/support/card_rays.py`` are the
 references; both must stay the same formulas. The clip plane and the live view are made of the same parts.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Iterator, Mapping

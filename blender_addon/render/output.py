@@ -5,8 +5,6 @@ its random numbers from a pixel's place in the full frame, so the bands together
 in 5.0, every layer, bands of one row too).
 """
 
-from __future__ import annotations
-
 import dataclasses
 import re
 import shutil

@@ -5,8 +5,6 @@ The world depends on a ray's direction only, so one small image holds what every
 ``environment`` holds the fraction of the world that shows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

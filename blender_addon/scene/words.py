@@ -1,7 +1,5 @@
 """Texts as Blender shows them: the sentences of notices, names, numbers and times."""
 
-from __future__ import annotations
-
 import re
 
 from lfsr_core.base.messages import Notice, cleaned

@@ -12,8 +12,6 @@ An eye's card shows the same in a viewport: a lens card on which every lens of t
 sees. Its rays are those of the rendered views, with one colour per lens, and it costs one pixel per lens.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import math

@@ -76,8 +76,7 @@ def agree(profile, wanted, flipped=False):
         row, column = (random.integers(0, size, 2000) for size in profile.panel_pixels[::-1])
         rays = subpixel_rays(profile, channel, row, column)
         assert np.corrcoef(row, rays.row)[0, 1] * (-1 if flipped else 1) > 0.9999
-        ours = (rays.view_x + 0.5) / profile.views[0]
-        off = np.abs(ours - wanted(channel, row, column))
+        off = np.abs((rays.view_x + 0.5) / profile.views[0] - wanted(channel, row, column))
         assert np.minimum(off, 1 - off).max() < 1e-9
 
 

@@ -108,8 +108,7 @@ def test_without_loss_the_pixels_are_the_images_and_smooth_is_the_view_where_a_c
     field = read_light_field(folders["mini"])
     offset, middles = view_offset(np.arange(8), 8, MINI.camera_spacing_mm), np.s_[1::3, 1::3]
     for row, column in ((0, 0), (2, 5), (7, 3)):
-        eye = (offset[column], -offset[row], MINI.viewing_distance_mm)
-        pixels = shown(page, 48, mode="smooth", eye=eye)
+        pixels = shown(page, 48, mode="smooth", eye=(offset[column], -offset[row], MINI.viewing_distance_mm))
         assert np.abs(pixels[middles].astype(int) - field.views[row, column]).max() <= 1
     eye = (offset[5] + MINI.camera_spacing_mm / 2, -offset[2], MINI.viewing_distance_mm)
     mixed, pixels = (field.views[2, 5].astype(float) + field.views[2, 6]) / 2, shown(page, 48, mode="smooth", eye=eye)

@@ -276,8 +276,7 @@ def test_nothing_to_denoise_stays_as_it_is():
             assert part.start * 8 % 16 == 0, "the library pools the same pixels as in the whole image"
     for pixels in [4, 10, 20, 32]:
         for first in range(20):
-            wanted = np.arange(30) == first
-            found = denoise.span(wanted, pixels)
+            found = denoise.span(np.arange(30) == first, pixels)
             assert found.start * pixels % 16 == 0 and found.stop == min(30, first + 1 + -(-32 // pixels))
             assert found.start <= max(first - 32 // pixels, 0)
         assert denoise.span(np.zeros(5, bool), pixels) == slice(0, 0)

@@ -42,8 +42,7 @@ class Handler(BaseHTTPRequestHandler):
     do_POST = do_GET
 
     def do_PUT(self) -> None:
-        endpoint = self.path.strip("/")
-        body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+        endpoint, body = self.path.strip("/"), json.loads(self.rfile.read(int(self.headers["Content-Length"])))
         with self.server.lock:
             answer = self.server.answer(endpoint, body)
             self.server.requests.append({"endpoint": endpoint, "body": body, "shown": self.server.shown,

@@ -23,8 +23,7 @@ def lens_card_rays(card: LensCard, cells: Array, targets: Array, distance: float
     views = np.floor(cells)
     place = cells - views if card.place_in_pixel else cells
     start = card.first_view + views * card.view_step + np.multiply(card.aperture, np.asarray(random) - 0.5)
-    end = targets + place * card.lens_step
-    depth = np.full((*start.shape[:-1], 1), float(distance))
+    end, depth = targets + place * card.lens_step, np.full((*start.shape[:-1], 1), float(distance))
     direction = np.concatenate([end - start, depth], axis=-1)
     origin = np.concatenate([start, np.zeros_like(depth)], axis=-1)
     return origin, direction / np.linalg.norm(direction, axis=-1, keepdims=True)

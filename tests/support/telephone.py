@@ -46,8 +46,7 @@ class Shot:
 
 def jpeg(panel: Array, real: DisplayProfile, shot: Shot) -> bytes:
     """JPEG of ``panel`` (H, W, 3) uint8 seen through the sheet of ``real``."""
-    picture = Image.fromarray(np.rint(photograph(panel, real, shot) * 255).astype(np.uint8))
-    exif = Image.Exif()
+    picture, exif = Image.fromarray(np.rint(photograph(panel, real, shot) * 255).astype(np.uint8)), Image.Exif()
     if shot.flagged:
         exif[ORIENTATION] = shot.orientation
     file = io.BytesIO()

@@ -82,8 +82,7 @@ def test_task_takes_its_render_along_when_it_ends(tmp_path, how, name):
         time.sleep(0.2)  # until it listens to what it started
         process.send_signal(signal.SIGTERM) if how == "signal" else process.stdin.close()
         assert process.wait(10) == EXIT_CANCELLED
-    pid = int((tmp_path / "pid").read_text())
-    assert not Path(f"/proc/{pid}").exists()
+    assert not Path(f"/proc/{int((tmp_path / 'pid').read_text())}").exists()
     assert not list(tmp_path.glob("film/*")) and not list(tmp_path.glob("film/.*"))
 
 

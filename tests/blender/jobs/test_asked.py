@@ -102,8 +102,7 @@ def test_a_long_image_is_asked_about_until_accepted_and_other_settings_need_no_o
     display = load_display("mini")
     remembered(scene)
     scene.lfsr.samples = 100
-    pixels = display.eia_pixels[0] * display.eia_pixels[1] / 4
-    few = folders.expected_seconds(scene)
+    pixels, few = display.eia_pixels[0] * display.eia_pixels[1] / 4, folders.expected_seconds(scene)
     scene.lfsr.samples = 1100
     assert folders.expected_seconds(scene) - few == pytest.approx(1000 * pixels * 1e-5, rel=1e-3)
     state, slow = bpy.context.window_manager.lfsr, frame_of(4, samples=10**4, seconds={"render": 900.0})

@@ -341,8 +341,7 @@ def test_our_images_stay_out_of_the_file(scene, tmp_path):
     np.save(tmp_path / "views.npy", np.full((2, 2, 3, 4, 3), 255, np.uint8))
     write_png(tmp_path / "panel.png", np.zeros((4, 4, 3), np.uint8))
     images.load(scene, tmp_path / "views.npy")
-    own = [images.show(scene, (0, 0)), images.open_file(tmp_path / "panel.png")]
-    for image in own:
+    for image in (images.show(scene, (0, 0)), images.open_file(tmp_path / "panel.png")):
         image.use_fake_user = True  # as if an editor showed it
     (tmp_path / "panel.png").unlink()
     assert not unreadable(bpy.context.scene)

@@ -97,8 +97,7 @@ def test_output_that_cannot_be(scene, tmp_path, folder, sentence):
 
 def test_a_full_disk_is_noticed_before_anything_is_rendered(scene, tmp_path):
     """With a limit on the size of files, as a quota sets it."""
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    limits, handler = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (folders.PROBE_BYTES // 2, limits[1]))
     try:
         refuses("cannot be written to .*free some space", folders.try_output, scene)

@@ -36,8 +36,7 @@ LOOK = "bpy.ops.lfsr.look_through('INVOKE_DEFAULT', True)"
 @pytest.fixture(scope="module")
 def window(tmp_path_factory):
     """One Blender with its new file, and the tab open."""
-    folder = tmp_path_factory.mktemp("first")
-    with blender_window(folder) as window:
+    with blender_window(tmp_path_factory.mktemp("first")) as window:
         window.open_tab()
         yield window
 

@@ -46,8 +46,7 @@ LIVE = "next(s for s in bpy.data.scenes if 'lfsr_live' in s)"
 @pytest.fixture(scope="module")
 def blender(tmp_path_factory):
     """One Blender for all tests."""
-    folder = tmp_path_factory.mktemp("live")
-    with blender_window(folder) as window:
+    with blender_window(tmp_path_factory.mktemp("live")) as window:
         window.run(IMPORTS + SCENE + STATE)
         yield window
 

@@ -358,8 +358,7 @@ def texts_of(cls) -> list[str]:
 
 def enum_texts(item) -> list[str]:
     """The same of an enumeration's items; a display is called by its profile's own name."""
-    items = getattr(item, "enum_items", ())
-    return [text for each in items if each.name != each.identifier
+    return [text for each in getattr(item, "enum_items", ()) if each.name != each.identifier
             for text in (wrong_label(each.name), wrong_tooltip(each.description))]
 
 

@@ -39,8 +39,7 @@ def rewrite(path, rehashed=False, header=None, **tensors):
     """The same file with another header or other tensors, its hash left as it was or made right."""
     before, values = checkpoint.read(path)
     values |= tensors
-    fitting = {"sha256": checkpoint.digest(values)} if rehashed else {}
-    save_file(values, path, before | (header or {}) | fitting)
+    save_file(values, path, before | (header or {}) | ({"sha256": checkpoint.digest(values)} if rehashed else {}))
 
 
 def test_what_is_saved_is_loaded_and_its_provenance_lies_beside(path):

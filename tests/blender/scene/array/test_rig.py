@@ -140,8 +140,7 @@ def test_another_scene(scene):
 
 
 def test_an_array_that_is_unlinked_or_becomes_an_ordinary_camera(scene):
-    array = rig.find(scene)
-    objects = scene.collection.objects
+    array, objects = rig.find(scene), scene.collection.objects
     for taken, given_back in ((lambda: objects.unlink(array), lambda: objects.link(array)),
                               (lambda: rig.forget(scene), lambda: operator.setitem(array, rig.SPACING, 1.0))):
         scene.camera = None

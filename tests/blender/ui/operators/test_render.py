@@ -51,8 +51,7 @@ def test_preview_shows_the_view_of_the_eye_and_in_another_file_not_the_old_ones(
     assert views.shape == (8, 8, 12, 16, 3)
     for eye, index in {(-1, 1): (0, 0), (1, 1): (0, 7), (1, -1): (7, 7)}.items():
         opened.lfsr.eye_right, opened.lfsr.eye_up = eye
-        pixels = np.array(image.pixels).reshape(image.size[1], image.size[0], 4)
-        times = image.size[0] // 16
+        pixels, times = np.array(image.pixels).reshape(image.size[1], image.size[0], 4), image.size[0] // 16
         shown = pixels[::-1, :, :3][times // 2::times, times // 2::times]
         assert np.allclose(shown, views[index] / 255, atol=0.01), eye
     assert images.show(opened, (0, 0))

@@ -31,8 +31,7 @@ HALVES = clean() + noise(0.05), clean() + noise(0.05)
 
 def late(fraction):
     """Frames whose light is that of ``fraction`` of a frame before."""
-    before = np.concatenate([clean()[:1], clean()[:-1]])
-    return (1 - fraction) * clean() + fraction * before
+    return (1 - fraction) * clean() + fraction * np.concatenate([clean()[:1], clean()[:-1]])
 
 
 @pytest.mark.parametrize(("image", "expected"), [

@@ -149,8 +149,7 @@ def test_two_charts_at_once_scenes_of_one_name_and_none_at_all_are_refused(tmp_p
     folder = experiment_folder(tmp_path)
     with staging_folder(folder / "chart"):
         assert "another process is writing" in main_fails(arguments(folder), capsys)
-    changed = {"scene": "vase.blend", "content": "1 other"}
-    for samples, changes in ((1, {"scene": "vase.glb"}), (4, changed)):
+    for samples, changes in ((1, {"scene": "vase.glb"}), (4, {"scene": "vase.blend", "content": "1 other"})):
         write_render(folder / "vase" / "s2-spp4", samples=samples, **changes)
         (tmp_path / "vase.blend").write_text("a scene")
         said = main_fails(arguments(folder, scenes=(str(tmp_path / "vase.blend"),)), capsys)

@@ -79,8 +79,7 @@ def meet(layout, raster_x, random_x, y):
 def test_holes_gratings_and_what_no_display_shows():
     space = Space.of(DISPLAYS[0], 4)
     y = space.depth(1)
-    low_pixel = space.scale * space.spacing * y / space.distance  # through one point of a lens
-    assert space.nyquist(y) * low_pixel == pytest.approx(0.5)
+    assert space.nyquist(y) * space.scale * space.spacing * y / space.distance == pytest.approx(0.5)
     for fraction in (1, 0.75, 0.5, 0.25, 0.1, 0.05, 0.02):
         columns, rows = hole((12, 8), fraction)
         assert 1 <= columns <= 12 and 1 <= rows <= 8
