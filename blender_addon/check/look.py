@@ -138,9 +138,9 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
                        f"black. Images only are lit{', and do not show the sky then' if sky else ''}; the scene keeps "
                        "its own light.")
     elif is_glaring(scene, light[1]):
-        yield _problem("bright", scene.name, "Much of what the array sees is lit far brighter than white, and the view "
-                       f"transform {scene.view_settings.view_transform} shows it as white: weaken the lamps, or lower "
-                       "the exposure in Color Management.")
+        yield _problem("bright", scene.name, "Much of the objects that the array sees is far brighter than white, and "
+                       f"the view transform {scene.view_settings.view_transform} shows it as white: weaken the lamps, "
+                       "or lower the exposure in Color Management.")
     elif world_radiance(scene.world, 0) and (glass := _lost_glass(rays, placed, main)):
         yield _problem("dark", scene.name, f"{glass} is of glass, which shows what is around it: hardly anything in a "
                        "world of one color. Images only are lit; the scene keeps its own light.")
