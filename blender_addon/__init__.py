@@ -4,8 +4,6 @@ Blender loads this package as an extension, under a name of Blender's choice, so
 zip has lfsr_core inside it (scripts/build_extension.py); in a clone it lies beside it.
 """
 
-from __future__ import annotations
-
 import importlib
 
 # Each of these may list in CLASSES what Blender registers, in HANDLERS what it calls after changes (name, function), in

@@ -3,8 +3,6 @@
 Versions are 4.5, 5.0, 5.2 and 5.3; no other module asks for them.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress

@@ -69,8 +69,7 @@ def use_picture(folder: Path) -> None:
 
 def write_film(path: Path) -> None:
     """A film of two quilts."""
-    pixels = np.rint(np.clip(light_field()[..., :3], 0, 1) * 255).astype(np.uint8)
-    images.write_film(path, iter([pixels] * 2), 10)
+    images.write_film(path, iter([np.rint(np.clip(light_field()[..., :3], 0, 1) * 255).astype(np.uint8)] * 2), 10)
 
 
 REPORT = Report(Finish("bilinear"), "bilinear", "mini", 2, 16, {"render": 1.0}, None, 0.3,

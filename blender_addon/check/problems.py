@@ -1,7 +1,5 @@
 """One finding of the scene check, rows of several ("4,998 objects are too thin"), and what settings and files give."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import shutil

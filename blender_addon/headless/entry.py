@@ -7,8 +7,6 @@
 From the repository ``from_sources.py`` does the same.
 """
 
-from __future__ import annotations
-
 import importlib
 import os
 import shutil

@@ -6,8 +6,6 @@
 This file is not in the zip: an extension must not change where Python finds modules.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

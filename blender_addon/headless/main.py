@@ -1,7 +1,5 @@
 """Run requests inside Blender, renders or the encoding of a film, with their progress on standard output."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import os

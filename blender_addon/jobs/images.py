@@ -5,8 +5,6 @@ file. The file is mapped while a view is read, so that showing one reads a few k
 because Windows replaces no mapped file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

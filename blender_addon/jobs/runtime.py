@@ -8,8 +8,6 @@ early it is used again if the scene was not edited since, saved or not, and the 
 the file is open; the scene of a file that was opened has the stamp of that file.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import fnmatch

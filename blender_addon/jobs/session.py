@@ -5,8 +5,6 @@ image is done) nor let the artist edit the scene, and a crash would take the art
 copy of the scene in memory and the seconds that it takes to open.
 """
 
-from __future__ import annotations
-
 import atexit
 import collections
 import contextlib

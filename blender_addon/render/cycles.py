@@ -1,7 +1,5 @@
 """Render a camera array with Cycles into EXR files; every setting is restored afterwards."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import os

@@ -1,7 +1,5 @@
 """Render a request into its frame folder: place the array, render, write ``frame.json``."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import os

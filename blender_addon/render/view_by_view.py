@@ -4,8 +4,6 @@ A pixel of a view sees through one lens (Cycles' box filter) and, as a thin lens
 the display plane, over its whole cell of views: in expectation the same image as the one-pass render's.
 """
 
-from __future__ import annotations
-
 import math
 import tempfile
 import time

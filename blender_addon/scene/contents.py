@@ -1,7 +1,5 @@
 """What a scene holds: its subject and background, collections, materials, and what a light field leaves out of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 import bpy

@@ -1,7 +1,5 @@
 """Scene files (.blend, glTF and OBJ): how they are opened, what an image of them depends on, what cannot be read."""
 
-from __future__ import annotations
-
 import functools
 import json
 import math

@@ -1,7 +1,5 @@
 """The light of a scene: the panel's menu, whether there is any, and light for scenes that have none."""
 
-from __future__ import annotations
-
 import math
 import zlib
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Resolve a scene's settings, its file and its display into one record that panel, checks and render jobs read."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import math

@@ -3,8 +3,6 @@
 Who looks through the array sees the view of the display's centre, with the display's own frame.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

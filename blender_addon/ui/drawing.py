@@ -1,7 +1,5 @@
 """What panels share: labels beside values, sentences over several lines, and the numbers that they show."""
 
-from __future__ import annotations
-
 import functools
 import math
 import textwrap

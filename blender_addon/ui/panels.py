@@ -3,8 +3,6 @@
 What an artist needs first is open, all else is closed.
 """
 
-from __future__ import annotations
-
 import contextlib
 
 import bpy

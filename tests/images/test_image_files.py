@@ -114,8 +114,7 @@ def test_missing_and_unreadable_files_and_layers(tmp_path):
     for names, shape in [
         (["ViewLayer.Denoising Albedo.R", "ViewLayer.Denoising Albedo.G", "ViewLayer.Denoising Albedo.B"], (2, 9, 3)),
         (["ViewLayer.Denoising Normal.X", "ViewLayer.Denoising Normal.Y"], (6, 9, 2))]:
-        color = some_layers()["color"]
-        write_exr(tmp_path / "a.exr", [([f"ViewLayer.Combined.{c}" for c in "RGBA"], color),
+        write_exr(tmp_path / "a.exr", [([f"ViewLayer.Combined.{c}" for c in "RGBA"], some_layers()["color"]),
                                        (names, np.zeros(shape, np.float32))])
         refuses("its layer (albedo has 9×|normal has the channels X, Y instead)", image_files.read_layers,
                 tmp_path / "a.exr")

@@ -121,8 +121,7 @@ def test_intervals_hold_the_truth_about_95_times_in_100(without_flip):
     foreground, background = np.argwhere(MASK), np.argwhere(~MASK)
     hits = {name: 0 for name in ("ssim_lens", "ssim_lens_fg", "psnr_fg")}
     for _ in range(60):
-        chosen = [*random.permutation(foreground)[:25], *random.permutation(background)[:12]]
-        found = sampled(chosen, x, a, b)
+        found = sampled([*random.permutation(foreground)[:25], *random.permutation(background)[:12]], x, a, b)
         for name in hits:
             hits[name] += abs(found[name] - truth[name]) <= found["ci95"][name]
     assert all(50 <= count <= 60 for count in hits.values()), hits

@@ -26,9 +26,8 @@ def record(name: str) -> Any:
 @functools.cache
 def text_of(document: str) -> str:
     """Return a document in which code and links are blank, so that places stay."""
-    text = (ROOT / document).read_text(encoding="utf-8")
     return CODE.sub(lambda found: re.sub(r"[^\n`]", " ", found[0]) if "\n" in found[0] or found[0][0] != "`"
-                    else found[0], text)
+                    else found[0], (ROOT / document).read_text(encoding="utf-8"))
 
 
 def agrees(quoted: str, value: float | None) -> bool:

@@ -114,8 +114,7 @@ def _axes(real: DisplayProfile, shot: Shot) -> tuple[Array, Array, Array, float]
     (width, height), eye = real.panel_mm, np.array(shot.eye_mm)
     target = np.array([shot.aim[0] * width, shot.aim[1] * height, 0])
     aim = (target - eye) / np.linalg.norm(target - eye)
-    upright = np.array([-math.sin(math.radians(shot.roll_deg)), math.cos(math.radians(shot.roll_deg)), 0])
-    right = np.cross(aim, upright)
+    right = np.cross(aim, np.array([-math.sin(math.radians(shot.roll_deg)), math.cos(math.radians(shot.roll_deg)), 0]))
     right /= np.linalg.norm(right)
     columns, rows = shot.size
     seen = max(width, height * columns / rows) / shot.fill  # of the panel's plane across the sensor

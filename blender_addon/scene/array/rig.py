@@ -4,8 +4,6 @@ The camera's horizontal field of view frames the display; its child, the empty, 
 Custom properties mark both, so that the array is also found where this add-on is not enabled (a render farm).
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """Buttons of the camera array: add, fit, remove, select its display plane."""
 
-from __future__ import annotations
-
 import bpy
 
 from lfsr_core.base.messages import LfsrError

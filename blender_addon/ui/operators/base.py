@@ -1,7 +1,5 @@
 """Base of the buttons: errors become reports, and a task is started or waited for."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Buttons of the scene check: run it, select an object, fix a problem; what fixes do, by the code of the problem."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

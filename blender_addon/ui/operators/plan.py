@@ -1,7 +1,5 @@
 """Buttons that measure what an image costs, find the cheapest settings for a scene, and use them."""
 
-from __future__ import annotations
-
 import bpy
 
 from lfsr_core.base.messages import LfsrError

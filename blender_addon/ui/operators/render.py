@@ -1,7 +1,5 @@
 """Buttons that render, here or on a farm, compare and preview: read the settings, start a task, show its result."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import shutil

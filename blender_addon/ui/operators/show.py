@@ -1,7 +1,5 @@
 """Buttons that show or export a finished frame, calibrate its display, and show the light field live."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import shutil

@@ -43,6 +43,9 @@ from lfsr_core.reconstruct.upscaler import LowResEIA
 CONTEXT = 32  # pixels around the wanted ones that the denoiser sees too
 LEAST_LEFT, MOST_LOST = 0.1, 0.1  # of an elemental image's light, and fraction of those that may keep less
 POOLED = 16  # pixels that the denoiser's network pools into one
+# Lenses per rendered view from which, and up to which, samples are denoised in views rather than in elemental images;
+# least mean fraction of the samples of an image that it is done for; samples up to which an edge is from what is known.
+DEEP, LEAST_DEEP, EDGE = (1.0, 1.5), 0.02, 2
 
 Box = tuple[slice, slice]  # rows and columns of lenses
 WEIGHTS = Path(__file__).parents[1] / "weights" / "denoiser.tza"
@@ -137,26 +140,54 @@ def denoise_low_resolution(low: LowResEIA, weights: str | Path | None = WEIGHTS)
     that show it in their own and in the neighbouring lenses keep its colour. LfsrError where the file is missing or
     damaged.
     """
-    loaded, part = None if weights is None else load(weights), shown_part(low.color)
-    notes, images = list(low.notes), mirrored(low.color)
-    rows, columns = images[part].shape[:2]
-    if rows * columns:
-        guides = None
-        if loaded is not None and loaded.guided and low.guides is not None:
-            guides = from_elemental_images(mirrored(low.guides)[part])
-        denoised = denoise_eia(from_elemental_images(images[part]), guides, weights=loaded, exposure=low.exposure,
-                               device=Wanted.of(low.device, low.gpus), note=notes.append)
-        made = to_elemental_images(denoised, (columns, rows))
-        before, after = (each.mean((2, 3, 4)) for each in (images[part], made))
-        shine, kept = before > 0, (after > LEAST_LEFT * before) & np.isfinite(after)
-        lost = (shine & ~kept).sum()
-        if weights is not None and Path(weights) != WEIGHTS and lost > MOST_LOST * shine.sum():
-            raise LfsrError(f"weights {weights} make {lost} of {shine.sum()} elemental images black or infinite: "
-                            "their numbers overflow. Train them again, or use others")
-        images[part] = made
-    color = mirrored(images)
+    loaded, notes = None if weights is None else load(weights), list(low.notes)
+    guides = low.guides if loaded is not None and loaded.guided else None
+
+    def side_by_side(color: Array, guides: Array | None) -> Array:
+        """Denoise images (rows, columns, h, w, 3), every other one of them mirrored."""
+        images, part = mirrored(color), shown_part(color)
+        rows, columns = images[part].shape[:2]
+        if rows * columns:
+            seen = None if guides is None else from_elemental_images(mirrored(guides)[part])
+            denoised = denoise_eia(from_elemental_images(images[part]), seen, weights=loaded, exposure=low.exposure,
+                                   device=Wanted.of(low.device, low.gpus), note=notes.append)
+            images[part] = to_elemental_images(denoised, (columns, rows))
+        return mirrored(images)
+
+    color, deep = side_by_side(low.color, guides), _deep(low)
+    before, after = (each.mean((2, 3, 4)) for each in (low.color, color))
+    shine, kept = before > 0, (after > LEAST_LEFT * before) & np.isfinite(after)
+    lost = (shine & ~kept).sum()
+    if weights is not None and Path(weights) != WEIGHTS and lost > MOST_LOST * shine.sum():
+        raise LfsrError(f"weights {weights} make {lost} of {shine.sum()} elemental images black or infinite: "
+                        "their numbers overflow. Train them again, or use others")
+    if deep.mean() > LEAST_DEEP:
+        turned = (2, 3, 0, 1, 4)  # from elemental images to views, and back
+        views = side_by_side(low.color.transpose(turned), None if guides is None else guides.transpose(turned))
+        color += deep * (views.transpose(turned) - color)
     np.copyto(color, low.color, where=(low.alpha == 0) & is_even(low.alpha) & is_even(low.color))
     return dataclasses.replace(low, color=color, noisy=low.color, notes=tuple(notes))
+
+
+def _deep(low: LowResEIA) -> Array:
+    """How much of each sample (sy, sx, h, w, 1), 0 to 1, is denoised beside its neighbours in a view.
+
+    From one rendered view to the next a point moves by its slope, from one lens to the next by one: beyond a slope of
+    1 a view has more detail than an elemental image. Edges, whose slope is unknown, take the steepest one beside them.
+    Blocks of lenses are too small for views.
+    """
+    if low.slope is None or low.block is not None:
+        return np.zeros((1,) * 5, np.float32)
+    first = low.slope[..., 0]
+    slope = np.where(np.isfinite(first), np.abs(first), np.float32(-1))
+    for _ in range(EDGE if low.samples > 1 else 0):
+        steepest = slope.copy()
+        for axis in range(4):
+            here, there = np.moveaxis(steepest, axis, 0), np.moveaxis(slope, axis, 0)
+            np.maximum(here[1:], there[:-1], out=here[1:])
+            np.maximum(here[:-1], there[1:], out=here[:-1])
+        slope = np.where(slope < 0, steepest, slope)
+    return np.clip((slope - DEEP[0]) / (DEEP[1] - DEEP[0]), 0, 1)[..., None]
 
 
 def denoised_opacity(low: LowResEIA, opacity: Array) -> Array:
