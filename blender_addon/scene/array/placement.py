@@ -52,6 +52,8 @@ def as_rendered(*left_out: bpy.types.Object | None) -> Iterator[None]:
     with ExitStack() as changes:
         # Renders show the first view layer that is used, whichever the window shows.
         changes.enter_context(bpy.context.temp_override(view_layer=rendered_layer(bpy.context.scene)))
+        for item in [each for each in bpy.context.view_layer.objects if each and each.select_get()]:
+            changes.callback(item.select_set, True)  # last of all: Blender does not keep it of what is hidden
         for item in filter(None, left_out):
             changes.enter_context(overridden(item, {"hide_render": True}))
         seen = {item for item in rendered(bpy.context.scene) if item.visible_camera}
@@ -61,7 +63,6 @@ def as_rendered(*left_out: bpy.types.Object | None) -> Iterator[None]:
                     changes.enter_context(overridden(owner, {"hide_viewport": is_hidden}))
         for item in bpy.context.view_layer.objects:
             if item.type in GEOMETRY and item.visible_get() == (is_hidden := item not in seen):
-                changes.callback(item.select_set, item.select_get())  # which Blender does not keep of what is hidden
                 # What is off only with its collection may be copied by particles and geometry nodes.
                 changes.enter_context(overridden(item, {"hide_viewport": item.hide_render or not item.visible_camera}))
                 changes.callback(item.hide_set, item.hide_get())

@@ -116,9 +116,10 @@ def test_what_is_rendered_is_looked_at_whatever_the_viewport_hides(startup):
         assert ("stands inside" in looked(startup).get("frame", "")) == is_hidden == blocker.hide_get()
         assert blocker.select_get() != is_hidden
     blocker.hide_render = False
-    for owner, is_hidden in itertools.product((layer, folder), (True, False)):
+    for is_hidden, owner in itertools.product((False, True), (layer, folder)):
         owner.hide_viewport, folder.hide_render = is_hidden, not is_hidden
         assert ("stands inside" in looked(startup).get("frame", "")) == is_hidden == owner.hide_viewport
+        assert is_hidden or blocker.select_get()
         owner.hide_viewport = False
     folder.hide_render, above = False, bpy.data.collections.new("Above")
     startup.collection.children.link(above)
@@ -129,15 +130,14 @@ def test_what_is_rendered_is_looked_at_whatever_the_viewport_hides(startup):
         setattr(owner, name, value)
         assert "frame" not in looked(startup), name
         setattr(owner, name, not value)
-    other = startup.view_layers.new("Other")  # the window's, but not the one that is rendered
+    bpy.context.window.view_layer = other = startup.view_layers.new("Other")  # not the one that is rendered
     other.use, other.layer_collection.children["Above"].exclude = False, True
-    bpy.context.window.view_layer = other
     assert "stands inside" in looked(startup)["frame"]
     above.hide_render, hair = True, wall.modifiers.new("Hair", "PARTICLE_SYSTEM").particle_system.settings
     hair.type, hair.render_type, hair.instance_object, hair.particle_size = "HAIR", "OBJECT", blocker, 1
     assert "stands inside" not in looked(startup).get("frame", "")
+    placed = rig.placement(startup, scene_settings.display_of(startup))
     with placement.as_rendered():
-        placed = rig.placement(startup, scene_settings.display_of(startup))
         assert look.depths_of(startup, placed, [wall])[0] < 5.45, "what is copied stands before the wall"
 
 
