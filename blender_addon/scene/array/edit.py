@@ -122,7 +122,8 @@ def _following(array: bpy.types.Object, camera: bpy.types.Object | None) -> bpy.
     """Return ``array``, as a child of ``camera`` if that moves, with a lens that follows if that zooms."""
     if camera is not None and placement.moves(camera):
         array.parent, array.matrix_parent_inverse = camera, camera.matrix_world.inverted_safe()
-    if camera is not None and camera.data.type == "PERSP" and camera.data.animation_data:
+    # Linked data cannot depend on this file's.
+    if camera and camera.data.type == "PERSP" and camera.data.animation_data and not array.data.library:
         driver = array.data.driver_add("lens").driver
         target, driver.expression = driver.variables.new().targets[0], f"var * {array.data.lens / camera.data.lens}"
         target.id_type, target.id, target.data_path = "CAMERA", camera.data, "lens"
