@@ -175,7 +175,7 @@ class Method:
 
         LfsrError where there is a world, but no opacity.
         """
-        ready = low if self.upscaler.follows_depth else dataclasses.replace(low, slope=None)
+        ready = low = low if self.upscaler.follows_depth else dataclasses.replace(low, slope=None)
         for prefilter in self.prefilters:
             ready = prefilter(ready)
         ready = self.upscaler.prepare(ready)
