@@ -154,8 +154,8 @@ def denoise_low_resolution(low: LowResEIA, weights: str | Path | None = WEIGHTS)
             images[part] = to_elemental_images(denoised, (columns, rows))
         return mirrored(images)
 
-    color, deep = side_by_side(low.color, guides), _deep(low)
-    before, after = (each.mean((2, 3, 4)) for each in (low.color, color))
+    color, deep, part = side_by_side(low.color, guides), _deep(low), shown_part(low.color)
+    before, after = (each[part].mean((2, 3, 4)) for each in (low.color, color))
     shine, kept = before > 0, (after > LEAST_LEFT * before) & np.isfinite(after)
     lost = (shine & ~kept).sum()
     if weights is not None and Path(weights) != WEIGHTS and lost > MOST_LOST * shine.sum():
