@@ -175,7 +175,8 @@ class Method:
 
         LfsrError where there is a world, but no opacity.
         """
-        ready = low = low if self.upscaler.follows_depth else dataclasses.replace(low, slope=None)
+        low = low if self.upscaler.follows_depth else dataclasses.replace(low, slope=None)
+        ready = low
         for prefilter in self.prefilters:
             ready = prefilter(ready)
         ready = self.upscaler.prepare(ready)

@@ -164,7 +164,7 @@ def denoise_low_resolution(low: LowResEIA, weights: str | Path | None = WEIGHTS)
     if deep.mean() > LEAST_DEEP:
         turned = (2, 3, 0, 1, 4)  # from elemental images to views, and back
         views = side_by_side(low.color.transpose(turned), None if guides is None else guides.transpose(turned))
-        color += deep * (views.transpose(turned) - color)
+        color = np.where(deep > 0, color + deep * (views.transpose(turned) - color), color)
     np.copyto(color, low.color, where=(low.alpha == 0) & is_even(low.alpha) & is_even(low.color))
     return dataclasses.replace(low, color=color, noisy=low.color, notes=tuple(notes))
 
