@@ -93,8 +93,7 @@ class Task:
     def fraction(self) -> float:
         """Fraction of the whole task that is done, 0 to 1: as its time goes, and at least what was told."""
         done, left, passed = self.progress.fraction, self.seconds_left, time.monotonic() - self._heard
-        share = done if left is None else done + (1 - done) * passed / (passed + left)
-        self._shown = min(1.0, max(self._shown, share))
+        self._shown = min(1.0, max(self._shown, done if left is None else done + (1 - done) * passed / (passed + left)))
         return self._shown
 
     def poll(self) -> bool:

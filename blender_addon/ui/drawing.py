@@ -129,8 +129,7 @@ def plan_cost(scene: bpy.types.Scene) -> str:
         return f"Takes {duration(paths * state.probe_per_path)} at most"
     display, sampling = settings.display, settings.sampling
     rays = sampling.samples / display.finished_pixels(sampling.scale) if settings.rays is None else settings.rays
-    images = max(1, round(paths / (math.prod(display.eia_pixels) * rays)))
-    return f"Takes as long as {counted(images, 'image')} at most"
+    return f"Takes as long as {counted(max(1, round(paths / (math.prod(display.eia_pixels) * rays))), 'image')} at most"
 
 
 @functools.lru_cache(maxsize=8)

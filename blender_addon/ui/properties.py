@@ -94,16 +94,22 @@ class LfsrPreferences(bpy.types.AddonPreferences):
 
     bl_idname = runtime.PACKAGE
 
-    oidn_path: StringProperty(name="Open Image Denoise", subtype="FILE_PATH", description="Library that denoises, such "
-        "as libOpenImageDenoise.so.2 of a download from openimagedenoise.org; empty for Blender's own")
+    oidn_path: StringProperty(
+        name="Open Image Denoise", subtype="FILE_PATH",
+        description="Library that denoises, such as libOpenImageDenoise.so.2 of a download from openimagedenoise.org; "
+                    "empty for Blender's own")
 
-    free_cores: IntProperty(name="Free Cores", default=1, min=0, soft_max=8, description="Processor cores that renders "
-        "and the second stage leave to Blender and other programs")
+    free_cores: IntProperty(
+        name="Free Cores", default=1, min=0, soft_max=8,
+        description="Processor cores that renders and the second stage leave to Blender and other programs")
 
-    without_denoiser: BoolProperty(name="Render Without Denoiser", description="Give new scenes a method that a "
-        "Blender without Open Image Denoise can run, instead of asking; the answer to that question sets it")
+    without_denoiser: BoolProperty(
+        name="Render Without Denoiser",
+        description="Give new scenes a method that a Blender without Open Image Denoise can run, instead of asking; "
+                    "the answer to that question sets it")
 
-    seconds_per_path: FloatProperty(name="Time per Path", default=0.0, min=0.0, precision=8, options={"HIDDEN"},
+    seconds_per_path: FloatProperty(
+        name="Time per Path", default=0.0, min=0.0, precision=8, options={"HIDDEN"},
         description="Seconds of a path sample on this machine, measured with the last image; 0 before the first")
 
     def draw(self, _context: bpy.types.Context) -> None:
@@ -115,10 +121,12 @@ class LfsrPreferences(bpy.types.AddonPreferences):
 class SceneSettings(bpy.types.PropertyGroup):
     """Light-field settings of one scene."""
 
-    display: EnumProperty(name="Display", description="Light-field display that will show the image",
+    display: EnumProperty(
+        name="Display", description="Light-field display that will show the image",
         items=profile_items(), default=DEFAULT_DISPLAY, update=_display_changed)
-    profile_file: StringProperty(name="Profile", description="Display profile (.toml) of a display that is not built "
-        "in", subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_display_changed)
+    profile_file: StringProperty(
+        name="Profile", description="Display profile (.toml) of a display that is not built in",
+        subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_display_changed)
     subpixels: BoolProperty(
         name=DIRECT, description="Render the panel's own image, one ray direction per subpixel, instead of a light "
         "field. It is more accurate and needs a quarter of the samples, but has no views to preview, compare or "
@@ -129,14 +137,17 @@ class SceneSettings(bpy.types.PropertyGroup):
                *((f"{s}", f"{s}×", f"Render 1 of {s}×{s} views" if s > 1 else "Render every view", s) for s in SCALES)],
         default=AUTO_SCALE, update=_draws)
 
-    distance: FloatProperty(name="Distance", description="Distance from the viewing position to the display plane, "
-        "where objects have no parallax", subtype="DISTANCE", unit="LENGTH", min=1e-4, soft_min=0.01, soft_max=100.0,
+    distance: FloatProperty(
+        name="Distance", description="Distance from the viewing position to the display plane, where objects have no "
+        "parallax", subtype="DISTANCE", unit="LENGTH", min=1e-4, soft_min=0.01, soft_max=100.0,
         get=_get_distance, set=_set_distance)
-    spacing: FloatProperty(name="Array Spacing", description="Spacing of the cameras as a fraction of the one that "
-        "fills the display's viewing angle. Less of it flattens the scene and makes more depth usable",
+    spacing: FloatProperty(
+        name="Array Spacing", description="Spacing of the cameras as a fraction of the one that fills the display's "
+        "viewing angle. Less of it flattens the scene and makes more depth usable",
         subtype="FACTOR", min=0.01, max=2.0, soft_max=1.0, precision=2, get=_get_spacing, set=_set_spacing)
-    show_frustum: BoolProperty(name="Show Frustum", description="Draw the display rectangle, the frustum and the "
-        "limits of usable depth in the 3D views", default=True, update=_draws)
+    show_frustum: BoolProperty(
+        name="Show Frustum", description="Draw the display rectangle, the frustum and the limits of usable depth "
+        "in the 3D views", default=True, update=_draws)
 
     quality: EnumProperty(
         name="Quality", description="How much time to spend on an image",
@@ -144,60 +155,78 @@ class SceneSettings(bpy.types.PropertyGroup):
                ("BALANCED", "Balanced", "Few rays, denoised: for most images"),
                ("FINAL", "Final", "Many rays, denoised: for final images"),
                ("CUSTOM", "Custom", "Rays and method are set by hand")], default="BALANCED", update=_apply_quality)
-    rays: FloatProperty(name="Rays per Pixel", description="Paths per pixel of the finished image, which decide noise "
-        "and time: 1 is 16 samples per rendered pixel at scale 4×, 4 at 2×", min=0.01, soft_max=64.0, precision=2,
-        step=25, default=1.0, update=_is_custom)
-    samples: IntProperty(name="Fixed Samples", description="Paths per rendered pixel, whatever the scale; 0 for those "
-        "that follow from Rays per Pixel", min=0, soft_max=1024, default=0, update=_is_custom)
-    method: EnumProperty(name="Method", description="How the image is denoised and the missing views are made",
-        items=method_items(), default=DEFAULT_METHOD, update=_is_custom)
-    light: EnumProperty(name="Light", description="What lights the scene in light-field renders; the scene itself "
-        "stays as it is", items=light_items(), default=AUTO_LIGHT)
-    light_file: StringProperty(name="Light File", description="World image (.hdr or .exr) that lights the scene",
+    rays: FloatProperty(
+        name="Rays per Pixel", description="Paths per pixel of the finished image, which decide noise and time: 1 is "
+        "16 samples per rendered pixel at scale 4×, 4 at 2×", min=0.01, soft_max=64.0, precision=2, step=25,
+        default=1.0, update=_is_custom)
+    samples: IntProperty(
+        name="Fixed Samples", description="Paths per rendered pixel, whatever the scale; 0 for those that follow from "
+        "Rays per Pixel", min=0, soft_max=1024, default=0, update=_is_custom)
+    method: EnumProperty(
+        name="Method", description="How the image is denoised and the missing views are made", items=method_items(),
+        default=DEFAULT_METHOD, update=_is_custom)
+    light: EnumProperty(
+        name="Light", description="What lights the scene in light-field renders; the scene itself stays as it is",
+        items=light_items(), default=AUTO_LIGHT)
+    light_file: StringProperty(
+        name="Light File", description="World image (.hdr or .exr) that lights the scene",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"})
     seed: IntProperty(name="Seed", description="Seed of the noise: another value renders other noise", min=0, default=0)
-    output: StringProperty(name="Output", description="Folder for the images of this scene; // is the folder of the "
-        ".blend file", subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, default="//lightfield/")
-    use_overwrite: BoolProperty(name="Overwrite", description="Also render frames of an animation that are complete, "
-        "and overwrite images of other files without a question", default=False)
-    temporal_averaging: IntProperty(name="Temporal Averaging", description="Number of frames before and after each "
-        "frame of an animation that are averaged with it against noise, where nothing has changed; 0 for none, 2 is a "
-        "good value. Frames are not averaged while the camera array moves", min=0, max=MOST_AVERAGED, default=0)
+    output: StringProperty(
+        name="Output", description="Folder for the images of this scene; // is the folder of the .blend file",
+        subtype="DIR_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, default="//lightfield/")
+    use_overwrite: BoolProperty(
+        name="Overwrite", description="Also render frames of an animation that are complete, and overwrite images of "
+        "other files without a question", default=False)
+    temporal_averaging: IntProperty(
+        name="Temporal Averaging", description="Number of frames before and after each frame of an animation that are "
+        "averaged with it against noise, where nothing has changed; 0 for none, 2 is a good value. Frames are not "
+        "averaged while the camera array moves", min=0, max=MOST_AVERAGED, default=0)
     linear_exr: BoolProperty(
         name="Linear EXR", description="Also save the scene-linear image, before the view transform, as OpenEXR")
 
-    plan_target: FloatProperty(name="Target", description="Accuracy to reach: SSIM over the foreground, 1 is perfect",
+    plan_target: FloatProperty(
+        name="Target", description="Accuracy to reach: SSIM over the foreground, 1 is perfect",
         min=0.5, max=0.999, soft_min=0.8, precision=3, step=1, default=0.95)
 
-    reference_samples: IntProperty(name="Samples", description="Paths per pixel of the reference, half of them in each "
-        "of its two images", min=2, soft_max=4096, default=256)
-    reference_lenses: IntProperty(name="Lenses", description="Number of random lenses that are rendered of the "
-        "reference; 0 for all", min=0, soft_max=256, default=16)
+    reference_samples: IntProperty(
+        name="Samples", description="Paths per pixel of the reference, half of them in each of its two images",
+        min=2, soft_max=4096, default=256)
+    reference_lenses: IntProperty(
+        name="Lenses", description="Number of random lenses that are rendered of the reference; 0 for all",
+        min=0, soft_max=256, default=16)
 
-    eye_right: FloatProperty(name="Eye Right", description="Position of the eye in the viewing zone, from its left "
-        "(-1) to its right (1)", subtype="FACTOR", min=-1.0, max=1.0, step=10, update=_show_view, options={"SKIP_SAVE"})
-    eye_up: FloatProperty(name="Eye Up", description="Position of the eye in the viewing zone, from its bottom (-1) to "
-        "its top (1)", subtype="FACTOR", min=-1.0, max=1.0, step=10, update=_show_view, options={"SKIP_SAVE"})
+    eye_right: FloatProperty(
+        name="Eye Right", description="Position of the eye in the viewing zone, from its left (-1) to its right (1)",
+        subtype="FACTOR", min=-1.0, max=1.0, step=10, update=_show_view, options={"SKIP_SAVE"})
+    eye_up: FloatProperty(
+        name="Eye Up", description="Position of the eye in the viewing zone, from its bottom (-1) to its top (1)",
+        subtype="FACTOR", min=-1.0, max=1.0, step=10, update=_show_view, options={"SKIP_SAVE"})
 
     live_scale: EnumProperty(
         name="Pixel Size", description="Scale of the live view: one of this many views in each direction is rendered",
         items=[(f"{s}", f"{s}×", f"Render 1 of {s}×{s} views" if s > 1 else "Render every view", s)
                for s in LIVE_SCALES], default="4")
-    live_rays: FloatProperty(name="Rays per Pixel", description="Paths per pixel of the display after which the live "
-        "view stops rendering; 0 for no limit", min=0.0, soft_max=256.0, precision=2, step=100, default=16.0)
+    live_rays: FloatProperty(
+        name="Rays per Pixel", description="Paths per pixel of the display after which the live view stops rendering; "
+        "0 for no limit", min=0.0, soft_max=256.0, precision=2, step=100, default=16.0)
     live_samples: IntProperty(
         name="Fixed Samples", description="Paths per rendered pixel after which the live view stops rendering, "
         "whatever the pixel size; 0 for those that follow from Rays per Pixel", min=0, soft_max=4096, default=0)
-    live_smooth: BoolProperty(name="Interpolate", description="Interpolate the views between the rendered ones, inside "
-        "each elemental image", default=True)
+    live_smooth: BoolProperty(
+        name="Interpolate", description="Interpolate the views between the rendered ones, inside each elemental image",
+        default=True)
     live_denoise: BoolProperty(
         name="Denoise", description="Denoise the rendered views with Cycles' viewport denoiser", default=True)
-    live_eye_right: FloatProperty(name="Eye Right", description="Position of the eye; the viewing zone is from -1, its "
-        "left, to 1, its right", min=-4.0, max=4.0, soft_min=-1.0, soft_max=1.0, step=10)
-    live_eye_up: FloatProperty(name="Up", description="Position of the eye; the viewing zone is from -1, its bottom, "
-        "to 1, its top", min=-4.0, max=4.0, soft_min=-1.0, soft_max=1.0, step=10)
-    live_eye_near: FloatProperty(name="Distance", description="Distance of the eye as a fraction of the display's "
-        "viewing distance", min=0.1, max=10.0, soft_min=0.5, soft_max=2.0, step=10, default=1.0)
+    live_eye_right: FloatProperty(
+        name="Eye Right", description="Position of the eye; the viewing zone is from -1, its left, to 1, its right",
+        min=-4.0, max=4.0, soft_min=-1.0, soft_max=1.0, step=10)
+    live_eye_up: FloatProperty(
+        name="Up", description="Position of the eye; the viewing zone is from -1, its bottom, to 1, its top",
+        min=-4.0, max=4.0, soft_min=-1.0, soft_max=1.0, step=10)
+    live_eye_near: FloatProperty(
+        name="Distance", description="Distance of the eye as a fraction of the display's viewing distance",
+        min=0.1, max=10.0, soft_min=0.5, soft_max=2.0, step=10, default=1.0)
 
     applying: BoolProperty(name="Applying", description="A preset is being applied", options={"HIDDEN", "SKIP_SAVE"})
 

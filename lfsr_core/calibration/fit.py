@@ -81,8 +81,7 @@ def find_fringes(picture: Picture, expected: Array, other: Array) -> Fringes:
         row, column = np.unravel_index(sums.argmax(), sums.shape)
         wave, step, around = np.array([right[column], up[row]]), step / 4, 5
     contrast = 2 * abs(_spectrum(weighted, picture, wave[:1], wave[1:])[0, 0] / window.sum())
-    variation = float((light ** 2 * window).sum() / window.sum())
-    fraction = contrast ** 2 / 2 / max(variation, 1e-12)
+    fraction = contrast ** 2 / 2 / max(float((light ** 2 * window).sum() / window.sum()), 1e-12)
     if contrast < MIN_CONTRAST or fraction < MIN_FRACTION or np.linalg.norm(wave - expected) > 0.95 * reach:
         raise LfsrError(f"no clear fringes are seen (contrast {contrast:.3f}, {fraction:.0%} of the variation): the "
                         "photograph may be blurred, the lenses too small in it, or the profile too far from the sheet")

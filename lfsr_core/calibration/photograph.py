@@ -233,8 +233,7 @@ def fit_homography(points: Array, images: Array) -> Array:
     one, none = np.ones_like(x), np.zeros_like(x)
     rows = np.concatenate([np.stack([x, y, one, none, none, none, -u * x, -u * y, -u], -1),
                            np.stack([none, none, none, x, y, one, -v * x, -v * y, -v], -1)])
-    solved = np.linalg.svd(rows)[2][-1].reshape(3, 3)
-    result: Array = np.linalg.inv(after) @ solved @ before
+    result: Array = np.linalg.inv(after) @ np.linalg.svd(rows)[2][-1].reshape(3, 3) @ before
     return np.divide(result, result[2, 2])
 
 
@@ -312,13 +311,11 @@ def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wid
         # What is seen changes with each number of the view as the light that is expected; the photograph's own slopes
         # would do but for its noise, which is in what they explain too. How places change along y and x; its inverse,
         # how points change with places.
-        steps = np.stack(np.gradient(places, *axes, axis=(0, 1))[::-1], -1)
         slope = np.einsum("...i,...ij->...j", np.stack(np.gradient(fitted.reshape(points.shape[:2]), *axes)[::-1], -1),
-                          np.linalg.inv(steps))
+                          np.linalg.inv(np.stack(np.gradient(places, *axes, axis=(0, 1))[::-1], -1)))
         changes = [(((_moved(view, delta, size, bend).places(points) - places) / 1e-5) * slope).sum(-1).ravel()
                    for delta in 1e-5 * np.eye(12 if bend else 8)]
-        slopes = np.stack(changes, -1)
-        solved = _solved(np.concatenate([known, -slopes], -1), seen)
+        solved = _solved(np.concatenate([known, -np.stack(changes, -1)], -1), seen)
         moved = _moved(view, solved[known.shape[1]:], size, bend)
         step, view = np.abs(moved.places(points) - places).max() * image.half, moved
         if not step < 1e3 or step < STILL:
@@ -358,5 +355,4 @@ def _solved(known: Array, values: Array) -> Array:
     """Factors of the columns of ``known`` that come nearest to ``values``."""
     scale = np.sqrt((known ** 2).sum(0)) + 1e-12
     scaled = known / scale
-    square = scaled.T @ scaled + 1e-10 * np.eye(len(scale))
-    return np.asarray((np.linalg.solve(square, scaled.T @ values).T / scale).T)
+    return np.asarray((np.linalg.solve(scaled.T @ scaled + 1e-10 * np.eye(len(scale)), scaled.T @ values).T / scale).T)

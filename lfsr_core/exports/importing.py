@@ -203,8 +203,7 @@ def read_film(path: Path, quilt: Quilt) -> Iterator[tuple[Array, int]]:
             for frame in film.decode(stream):
                 _check_quilt(path, (frame.width, frame.height), quilt)
                 matrix = BT709 if frame.colorspace == UNKNOWN and frame.height >= HIGH_DEFINITION else None
-                pixels = frame.reformat(format="rgb24", src_colorspace=matrix).to_ndarray()
-                yield _tiles(pixels, quilt), stream.frames
+                yield _tiles(frame.reformat(format="rgb24", src_colorspace=matrix).to_ndarray(), quilt), stream.frames
                 left -= float((frame.duration or 0) * (frame.time_base or 0))
             if left > 0.5 / float(stream.average_rate or 1):
                 raise LfsrError(f"{path} ends {left:.1f} s earlier than it says: replace it")

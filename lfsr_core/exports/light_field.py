@@ -100,8 +100,7 @@ def write_views(folder: str | Path, eye_mm: tuple[float, float, float] | None = 
     images = dict(zip((HORIZONTAL_EPI_FILE, VERTICAL_EPI_FILE), epi_pair(image, display.lenses), strict=True))
     images[SHEET_FILE] = contact_sheet(image, display.lenses)
     if eye_mm is not None:
-        shown = read_png(folder / PANEL_FILE) if display.is_woven else panel
-        images[EYE_FILE] = eye_view(shown, display, eye_mm)
+        images[EYE_FILE] = eye_view(read_png(folder / PANEL_FILE) if display.is_woven else panel, display, eye_mm)
     for name, pixels in images.items():
         write_png(folder / name, pixels)
     return [folder / name for name in images]
@@ -155,8 +154,7 @@ def view_between(views: Array, column: float, row: float) -> Array:
         return np.asarray(views[top, left])
     corners = (((1 - y) * (1 - x), top, left), ((1 - y) * x, top, right),
                (y * (1 - x), bottom, left), (y * x, bottom, right))
-    mixed = sum(np.float32(weight) * views[j, i] for weight, j, i in corners if weight)
-    return np.asarray(np.rint(mixed), np.uint8)
+    return np.asarray(np.rint(sum(np.float32(weight) * views[j, i] for weight, j, i in corners if weight)), np.uint8)
 
 
 def camera_places(count: int, wanted: int) -> Array:

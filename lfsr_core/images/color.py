@@ -176,8 +176,7 @@ def find_config(settings: ColorSettings) -> Path:
     named = [Path(name) for name in (settings.config, os.environ.get("OCIO", "")) if name]
     spec = importlib.util.find_spec("bpy")
     folders = spec.submodule_search_locations or () if spec else ()
-    in_wheel = [path for folder in folders for path in sorted(Path(folder).glob(f"*/{CONFIG_IN_BLENDER}"))]
-    for path in named + in_wheel:
+    for path in named + [path for folder in folders for path in sorted(Path(folder).glob(f"*/{CONFIG_IN_BLENDER}"))]:
         if path.is_file():
             return path
     raise LfsrError(f"Blender's colour configuration is not at {settings.config or 'a known place'}: install the "

@@ -180,8 +180,7 @@ def _output(path: str | Path, layers: Mapping[str, Array], height: int, half: bo
             raise LfsrError(f"layer is {layer!r}, but it must be one of {', '.join(LAYER_CHANNELS)}")
         prefix = "" if layer == "color" else f"{layer}."
         names += [prefix + component for component in LAYER_CHANNELS[layer][:pixels.shape[2]]]
-    width = next(iter(layers.values())).shape[1]
-    spec = oiio.ImageSpec(width, height, len(names), "half" if half else "float")
+    spec = oiio.ImageSpec(next(iter(layers.values())).shape[1], height, len(names), "half" if half else "float")
     spec.channelnames = tuple(names)
     spec.attribute("compression", "zip")
     spec.attribute("DateTime", "")  # so that equal images are equal files, whenever they were written

@@ -396,8 +396,7 @@ def stacked_ssim(images: Array, halves_a: Array, halves_b: Array) -> Array:
         # As channels of one image, each is filtered on its own, all in one call.
         x, a, b = (np.moveaxis(stack[start:start + step], 0, 2).reshape(height, width, -1)
                    for stack in (images, halves_a, halves_b))
-        local = split_ssim_map(x, a, b).reshape(height, width, -1, channels).mean(-1)
-        parts.append(np.moveaxis(local, 2, 0))
+        parts.append(np.moveaxis(split_ssim_map(x, a, b).reshape(height, width, -1, channels).mean(-1), 2, 0))
     return np.concatenate(parts)
 
 

@@ -55,8 +55,7 @@ def disparities(display: DisplayProfile, array: CameraArray, depths: Array) -> A
     """Lenses by which neighbouring views of the display move points at ``depths`` (n,) from the camera plane."""
     pitches = [2 * half / lenses for half, lenses, many in zip(
         array.half_size, display.lenses, display.parallax, strict=True) if many]
-    nearest = 1e-6 * array.distance
-    off_plane: Array = np.abs(array.distance / np.maximum(depths, nearest) - 1)
+    off_plane: Array = np.abs(array.distance / np.maximum(depths, 1e-6 * array.distance) - 1)
     return np.divide(off_plane * array.spacing, min(pitches, default=math.inf))
 
 
@@ -75,6 +74,5 @@ def choose_scale(display: DisplayProfile, moves: Array, scales: Collection[int],
     if not len(moves):
         return ScaleChoice(scale, Notice("scale-unseen", {"scale": scale}))
     # Half of the subject moves by at least so many lenses between neighbouring views of the display.
-    moved = float(np.median(moves))
     return ScaleChoice(scale, Notice("scale-chosen", {"scale": scale, "largest": largest, "rays": rays,
-                                                      "moved": moved}))
+                                                      "moved": float(np.median(moves))}))

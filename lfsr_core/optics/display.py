@@ -72,8 +72,7 @@ class Subpixels:
         ``rows_from_bottom`` (n, 1), ``columns`` (m,) -> two arrays that broadcast to (n, m).
         """
         if not self.cells:
-            across = {"rgb": channel - 1, "bgr": 1 - channel, "white": 0}[self.stripes] / 3
-            return np.array(across), np.array(0.0)
+            return np.array({"rgb": channel - 1, "bgr": 1 - channel, "white": 0}[self.stripes] / 3), np.array(0.0)
         cell = cell_of(self.cell_rule, rows_from_bottom, columns)
         table = np.asarray(self.cells, float)
         return table[cell, 2 * channel], table[cell, 2 * channel + 1]

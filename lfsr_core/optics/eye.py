@@ -209,8 +209,7 @@ def view_spread(profile: DisplayProfile) -> ViewSpread:
             rays = subpixel_rays(profile, channel, seen.row, seen.column)
             chosen = seen.channel == channel if seen.channel.min() >= 0 else np.arange(POINTS) % 3 == channel
             for axis, shown in enumerate((rays.view_x, rays.view_y)):
-                inside = np.clip(shown, 0, profile.views[axis] - 1)
-                off[axis] = np.where(chosen, inside - view[axis], off[axis])
+                off[axis] = np.where(chosen, np.clip(shown, 0, profile.views[axis] - 1) - view[axis], off[axis])
         off = off[:, seen.on_panel]
         on_place = np.clip(1 - np.abs(off), 0, None).prod(0)
         beside = sum(np.clip(1 - np.abs(off - step), 0, None) for step in (-1, 0, 1)).prod(0)

@@ -57,8 +57,7 @@ class CameraArray:
         height = width * profile.panel_mm[1] / profile.panel_mm[0]
         if distance is None:
             distance = width * profile.viewing_distance_mm / profile.panel_mm[0]
-        spacing = profile.camera_spacing_mm * distance / profile.viewing_distance_mm
-        return cls(distance, width / 2, height / 2, spacing)
+        return cls(distance, width / 2, height / 2, profile.camera_spacing_mm * distance / profile.viewing_distance_mm)
 
     @property
     def half_size(self) -> tuple[float, float]:

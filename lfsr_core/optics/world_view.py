@@ -98,8 +98,7 @@ def slopes(layout: RayLayout, axis: int) -> Array:
     lenses, views, half = layout.lenses[axis], layout.views[axis], layout.array.half_size[axis]
     lens, view = np.arange(lenses)[:, None], np.arange(views)
     place = (lens * views + view + 0.5) / views if layout.convention == "paper" else lens + 0.5
-    target = (place / lenses * 2 - 1) * half
-    steps: Array = target - view_offset(view, views, layout.spacing, layout.convention)
+    steps: Array = (place / lenses * 2 - 1) * half - view_offset(view, views, layout.spacing, layout.convention)
     return np.divide(steps, layout.array.distance)
 
 

@@ -133,7 +133,6 @@ def _merged(parts: list[_Part], **changes: int | None) -> Frame:
     seconds = {name: round(sum(frame.seconds.get(name, 0.0) for frame in frames), 3) for name in frames[0].seconds}
     devices = {name for frame in frames for name in frame.device.split(DEVICES_JOINED)}
     notes = tuple({str(note): note for frame in frames for note in frame.notes}.values())
-    gpus = tuple(sorted({address for frame in frames for address in frame.gpus}))
     fields = {**changes, "notes": notes, "seconds": seconds, "device": DEVICES_JOINED.join(sorted(devices)),
-              "gpus": gpus}
+              "gpus": tuple(sorted({address for frame in frames for address in frame.gpus}))}
     return Frame(**(vars(frames[0]) | fields))

@@ -289,8 +289,7 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
         started = time.perf_counter()
         for row in open_rows:
             try:
-                values = scores(rendered, row.method, blocks, quarters)
-                found = estimate(values, counts, int(places.sum()))
+                found = estimate(scores(rendered, row.method, blocks, quarters), counts, int(places.sum()))
                 rows[row.candidate] = dataclasses.replace(row, estimate=found)
                 means[group] = max(found.mean, means.get(group, 0.0))
             except LfsrError as error:

@@ -88,8 +88,7 @@ def unchanged(difference: Array) -> Array:
     mean, own = _pooled(difference.mean((2, 3)), 2), _pooled(energy.mean((2, 3)), 2)
     count = energy.shape[2] * energy.shape[3] * _counts(energy.shape[:2])
     change = (np.einsum("...c,...c->...", mean, mean) * count - own) / np.maximum(count - 1, 1)
-    wide = _excess(change, own, WIDE_SPREAD / count * own)
-    return np.asarray(1 / (1 + (NEAR * near + WIDE * wide[..., None, None])))
+    return np.asarray(1 / (1 + (NEAR * near + WIDE * _excess(change, own, WIDE_SPREAD / count * own)[..., None, None])))
 
 
 def _excess(change: Array, energy: Array, spread: Array) -> Array:

@@ -103,8 +103,7 @@ def over_background(layers: Mapping[str, Array], frame: Frame, name: str = LOW_R
     if frame.world_visible and not frame.world_apart:
         pixels = pixels + layers["environment"]
     elif not frame.world_visible and any(frame.display.background):
-        background = np.asarray(frame.display.background, np.float32)
-        pixels = pixels + (1 - np.clip(color[..., 3:], 0, 1)) * background
+        pixels = pixels + (1 - np.clip(color[..., 3:], 0, 1)) * np.asarray(frame.display.background, np.float32)
     clipped: Array = np.maximum(pixels, 0)
     return clipped
 
@@ -184,8 +183,7 @@ def foreground_mask(layers: Mapping[str, Array], lenses: tuple[int, int], dilate
     ``layers``: as of ``image_files.read_layers``; ``lenses``: (sx, sy); ``dilate``: lenses by which the mask grows in
     every direction, for parts so thin that they fall between sparse views.
     """
-    hit = foreground_pixels(layers)
-    mask: Mask = to_elemental_images(hit[..., None], lenses).any(axis=(2, 3, 4))
+    mask: Mask = to_elemental_images(foreground_pixels(layers)[..., None], lenses).any(axis=(2, 3, 4))
     for _ in range(2 if dilate else 0):  # up and down, then sideways
         reach = min(dilate, len(mask))
         padded = np.pad(mask, ((reach, reach), (0, 0)))

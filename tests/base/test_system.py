@@ -178,8 +178,8 @@ def test_it_is_gone_after_the_block_also_after_an_error_and_strangers_stay(tmp_p
         raise ZeroDivisionError
     assert names(tmp_path / "deep") == []
     (tmp_path / ".frame-original" / "film").mkdir(parents=True)
-    make = tempfile.mkdtemp
-    monkeypatch.setattr(tempfile, "mkdtemp", lambda **of: os.path.abspath(make(**of)))  # as from Python 3.12 on
+    # As from Python 3.12 on.
+    monkeypatch.setattr(tempfile, "mkdtemp", lambda make=tempfile.mkdtemp, **of: os.path.abspath(make(**of)))
     with staging_folder(tmp_path / "deep" / ".." / "frame"):
         pass
     assert names(tmp_path) == [".frame-original", "deep"] and names(tmp_path / ".frame-original") == ["film"]

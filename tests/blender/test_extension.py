@@ -140,8 +140,9 @@ def test_imports_are_rewritten_and_nothing_else():
     source = ('"""from lfsr_core.base.messages import LfsrError"""\n'
               "from lfsr_core.base.messages import (\n    LfsrError)\n"
               "def f():\n    from lfsr_core.base.system import read_json  # from lfsr_core.base.system\n")
-    assert builder.with_relative_imports(source, PurePosixPath("ui/panels.py")) == source.replace("\nfrom lfsr_core",
-        "\nfrom ..packages.lfsr_core").replace("    from lfsr_core", "    from ..packages.lfsr_core")
+    assert builder.with_relative_imports(source, PurePosixPath("ui/panels.py")) == source.replace(
+        "\nfrom lfsr_core", "\nfrom ..packages.lfsr_core").replace(
+        "    from lfsr_core", "    from ..packages.lfsr_core")
     with pytest.raises(LfsrError, match=r"ui/panels\.py, line 1 imports lfsr_core itself"):
         builder.with_relative_imports("import lfsr_core.base.messages", PurePosixPath("ui/panels.py"))
 
@@ -273,29 +274,33 @@ def test_a_release_that_is_not_ready_is_refused(tmp_path, project, values, said)
 
 
 # What breaks each rule: the check, a file of the zip, and what is put into it.
-BROKEN = [("check_manifest", "blender_manifest.toml", lambda text: text.replace("clipboard = ", "network = ")),
-    ("check_manifest", "blender_manifest.toml", lambda text: text.replace("copyright = ", "x = ")), ("check_manifest",
-    "blender_manifest.toml", lambda text: text.replace("GPL-3.0-or-later", "MIT")), ("check_manifest",
-    "blender_manifest.toml", lambda text: text.replace(', "SPDX:Apache-2.0"', "")), ("check_manifest",
-    "packages/lfsr_core/reconstruct/weights/LICENSE-Apache-2.0.txt", lambda _: ""), ("check_manifest",
-    "blender_manifest.toml", lambda text: text.replace("LFSR Light", "Blender Light")), ("check_search_path",
-    "__init__.py", "import sys\nsys.path.append('x')"), ("check_search_path", "__init__.py",
-    "import sys\ndef f():\n    sys.modules['x'] = None"), ("check_search_path", "__init__.py", "from sys import path"),
-    ("check_search_path", "__init__.py", "import site\nsite.addsitedir('x')"), ("check_imports", "__init__.py",
-    "import lfsr_core"), ("check_imports", "__init__.py", "from blender_addon import compat"), ("check_imports",
-    "__init__.py", "def f():\n    import torch.nn"), ("check_imports", "__init__.py",
-    "import importlib\nimportlib.import_module('lfsr_lab')"), ("check_imports",
-    "packages/lfsr_core/reconstruct/blas.py", "import threadpoolctl"), ("check_wheels", "blender_manifest.toml", lambda
-    text: 'wheels = ["./wheels/a.whl"]\n' + text), ("check_wheels", "wheels/a-1-py3-none-any.whl", "x"),
-    ("check_contents", "render/ray_layout.oso", "x"), ("check_contents", "packages/lfsr_core/commands/render.py",
-    "x = 1"), ("check_contents", "test_all.py", "x = 1"), ("check_contents", "compat.py", "x = '" + 300 * "x" + "'"),
-    ("check_hidden_code", "compat.py", "exec('x = 1')"), ("check_hidden_code", "compat.py",
-    "import base64\nbase64.b64decode(b'')"), ("check_network", "compat.py", "import urllib.request"), ("check_network",
-    "compat.py", "def f():\n    from http import client"), ("check_network", "packages/lfsr_core/exports/loopback.py",
-    'ADDRESSES = ("127.0.0.1", "192.0.2.1")'), ("check_self_contained", "compat.py",
-    "import bpy\nbpy.ops.preferences.addon_enable(module='x')"), ("check_self_contained", "compat.py",
-    "import subprocess\nsubprocess.run(['python', '-m', 'pip'])"), ("check_own_folder", "compat.py",
-    "open(__file__, 'a')")]
+BROKEN = [
+    ("check_manifest", "blender_manifest.toml", lambda text: text.replace("clipboard = ", "network = ")),
+    ("check_manifest", "blender_manifest.toml", lambda text: text.replace("copyright = ", "x = ")),
+    ("check_manifest", "blender_manifest.toml", lambda text: text.replace("GPL-3.0-or-later", "MIT")),
+    ("check_manifest", "blender_manifest.toml", lambda text: text.replace(', "SPDX:Apache-2.0"', "")),
+    ("check_manifest", "packages/lfsr_core/reconstruct/weights/LICENSE-Apache-2.0.txt", lambda _: ""),
+    ("check_manifest", "blender_manifest.toml", lambda text: text.replace("LFSR Light", "Blender Light")),
+    ("check_search_path", "__init__.py", "import sys\nsys.path.append('x')"),
+    ("check_search_path", "__init__.py", "import sys\ndef f():\n    sys.modules['x'] = None"),
+    ("check_search_path", "__init__.py", "from sys import path"),
+    ("check_search_path", "__init__.py", "import site\nsite.addsitedir('x')"),
+    ("check_imports", "__init__.py", "import lfsr_core"),
+    ("check_imports", "__init__.py", "from blender_addon import compat"),
+    ("check_imports", "__init__.py", "def f():\n    import torch.nn"),
+    ("check_imports", "__init__.py", "import importlib\nimportlib.import_module('lfsr_lab')"),
+    ("check_imports", "packages/lfsr_core/reconstruct/blas.py", "import threadpoolctl"),
+    ("check_wheels", "blender_manifest.toml", lambda text: 'wheels = ["./wheels/a.whl"]\n' + text),
+    ("check_wheels", "wheels/a-1-py3-none-any.whl", "x"), ("check_contents", "render/ray_layout.oso", "x"),
+    ("check_contents", "packages/lfsr_core/commands/render.py", "x = 1"), ("check_contents", "test_all.py", "x = 1"),
+    ("check_contents", "compat.py", "x = '" + 300 * "x" + "'"), ("check_hidden_code", "compat.py", "exec('x = 1')"),
+    ("check_hidden_code", "compat.py", "import base64\nbase64.b64decode(b'')"),
+    ("check_network", "compat.py", "import urllib.request"),
+    ("check_network", "compat.py", "def f():\n    from http import client"),
+    ("check_network", "packages/lfsr_core/exports/loopback.py", 'ADDRESSES = ("127.0.0.1", "192.0.2.1")'),
+    ("check_self_contained", "compat.py", "import bpy\nbpy.ops.preferences.addon_enable(module='x')"),
+    ("check_self_contained", "compat.py", "import subprocess\nsubprocess.run(['python', '-m', 'pip'])"),
+    ("check_own_folder", "compat.py", "open(__file__, 'a')")]
 
 
 @pytest.mark.parametrize(("check", "name", "change"), BROKEN)

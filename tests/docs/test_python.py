@@ -17,8 +17,9 @@ PAGE = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
 PROGRAMS = dict(re.findall(r"^## ([^\n]+)\n(?:(?!^## ).)*?^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL))
 NEED_BLENDER = {"Render a scene", "Compare methods"}
 FILES = {"Render a scene": ["frame/eia.png", "frame/eia.exr"], "Compare methods": ["reference/reference_a.exr"],
-         "Work on the views": ["middle.png", "epi.png", "without-parallax.png"], "See through an eye": ["eye-left.png",
-         "eye-middle.png", "eye-right.png"], "Hand it on": ["frame/view.html", "imported/eia.png"]}
+         "Work on the views": ["middle.png", "epi.png", "without-parallax.png"],
+         "See through an eye": ["eye-left.png", "eye-middle.png", "eye-right.png"],
+         "Hand it on": ["frame/view.html", "imported/eia.png"]}
 
 
 def run(folder: Path, *command: str | Path) -> str:

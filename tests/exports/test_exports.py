@@ -324,8 +324,9 @@ def test_hci_has_its_views_and_parameters_and_disparity_the_depth_that_is_there(
     inside, outside = parameters["intrinsics"], parameters["extrinsics"]
     assert (inside["image_resolution_x_px"], inside["image_resolution_y_px"]) == ("16", "12")
     assert (outside["num_cams_x"], outside["num_cams_y"]) == ("7", "7")
-    focal, sensor, baseline, focus = (float(section[name]) for section, name in ((inside, "focal_length_mm"), (inside,
-        "sensor_size_mm"), (outside, "baseline_mm"), (outside, "focus_distance_m")))
+    focal, sensor, baseline, focus = (float(section[name]) for section, name in (
+        (inside, "focal_length_mm"), (inside, "sensor_size_mm"), (outside, "baseline_mm"),
+        (outside, "focus_distance_m")))
     assert (baseline, focus * 1000, focus * 1000 * sensor / focal) == pytest.approx(
         (MINI.camera_spacing_mm * 8 / 7, MINI.viewing_distance_mm, MINI.panel_mm[0]))
     assert float(outside["offset"]) == pytest.approx(baseline * focal / focus / 1000 / sensor * 16)

@@ -194,10 +194,8 @@ PORTRAIT = dataclasses.replace(load_display("looking-glass-portrait"), lenses=(1
 
 
 def landscape(angle_deg: float = 50.0):
-    """A 16-inch display of the third generation with a quarter of its pixels and lenses.
-
-    A picture of its height is seen from as many of its own widths as ``PORTRAIT``.
-    """
+    """A 16-inch display of the third generation with a quarter of its pixels and lenses; a picture of its height is
+    seen from as many of its own widths as ``PORTRAIT``."""
     wide = load_display("looking-glass-16-gen3")
     sheet = dataclasses.replace(wide.lenticular, pitch_mm=4 * wide.lenticular.pitch_mm)
     return dataclasses.replace(wide, lenses=(214, 120), panel_pixels=(960, 540), lenticular=sheet,

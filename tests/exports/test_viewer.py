@@ -405,10 +405,8 @@ SIZE = 600, 300  # divisible by every scaling below
 
 @pytest.fixture
 def screen(browser, tmp_path):
-    """Open the page in a window that fills a screen of ``size`` pixels at a system's ``scaling``; it and its images.
-
-    ``whole``: pixels of the screen where the window is smaller.
-    """
+    """Open the page in a window that fills a screen of ``size`` pixels, or ``whole`` ones, at a ``scaling``; and its
+    images."""
     pages = []
 
     def opening(size=SIZE, scaling=1.0, whole=None, count=1, seconds=1.0):

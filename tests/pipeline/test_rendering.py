@@ -119,8 +119,7 @@ def test_progress_lines(line, record):
 
 
 def test_job_file_asks_for_the_job_and_its_render_is_moved_in_whole(blender, job, tmp_path):
-    body = f"Path({str(tmp_path / 'copy.json')!r}).write_text(json.dumps(job))" + GOOD
-    render_all([job], Blender(blender(body)))
+    render_all([job], Blender(blender(f"Path({str(tmp_path / 'copy.json')!r}).write_text(json.dumps(job))" + GOOD)))
     asked = json.loads((tmp_path / "copy.json").read_text())
     assert Path(asked.pop("output")).is_absolute() and asked.pop("parts") == str(FrameFolder(job.output).parts)
     assert asked == {key: value for key, value in to_data(job).items() if key not in ("output", "parts")}

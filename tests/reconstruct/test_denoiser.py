@@ -237,24 +237,21 @@ def test_only_what_shows_something_is_denoised(monkeypatch, weights):
     outside[part] = 0
     assert outside.max() < 0.3, "only what spills over a border"
     monkeypatch.setattr(denoise, "shown_part", lambda _: (slice(None), slice(None)))
-    expected = denoise_low_resolution(low, weights).color
-    np.testing.assert_allclose(denoised[part], expected[part], rtol=0.1, atol=0.05)
+    np.testing.assert_allclose(denoised[part], denoise_low_resolution(low, weights).color[part], rtol=0.1, atol=0.05)
 
 
-@pytest.mark.parametrize(("slope", "gain"), [(2.4, 0.8), (0.5, 1.0), (np.nan, 1.0)])
-@pytest.mark.parametrize("name", ["denoise+pool", "denoise+bilinear"])
-def test_deep_samples_are_denoised_beside_their_neighbours_in_a_view(slope, gain, name):
-    """Stripes on a plane with a spot whose depth is unknown; what interpolates inside a lens changes for no depth."""
-    place = np.arange(24)[:, None] + (np.nan_to_num(slope, nan=2.4) * np.arange(6))[None]  # lens and view
-    stripes = np.broadcast_to(0.4 + 0.3 * np.sin(0.9 * place)[None, :, None], (10, 24, 6, 6))[..., None]
-    clean = np.repeat(stripes, 3, -1).astype(np.float32)
+@pytest.mark.parametrize(("name", "slope", "gain"), [
+    ("denoise+pool", 2.4, 0.8), ("oidn+pool", 2.4, 0.8), ("denoise+pool", 0.5, 1), ("denoise+bilinear", 2.4, 1)])
+def test_deep_samples_are_denoised_beside_their_neighbours_in_a_view(name, slope, gain):
+    """Stripes on a plane with a spot whose depth is unknown; what interpolates inside a lens follows no depth."""
+    stripes = 0.4 + 0.3 * np.sin(0.9 * (np.arange(24)[:, None] + slope * np.arange(6)))  # by lens and view
+    clean = np.tile(stripes[None, :, None, :, None], (10, 1, 6, 1, 3)).astype(np.float32)
     noisy = (clean * np.random.default_rng(0).gamma(4, 0.25, clean.shape)).astype(np.float32)
-    slopes = np.full((*stripes.shape[:4], 1), slope, np.float32)
-    slopes[4:6, 8:10, 2:4, 2:4] = np.nan
-    low = LowResEIA(noisy, np.ones_like(slopes), 4, 4, slope=slopes)
-    errors = [((load_method(name).prepare(each).color - clean) ** 2).mean((0, 1, 2, 3)).sum()
-              for each in (low, dataclasses.replace(low, slope=None))]
-    assert errors[0] < gain * errors[1] if name == "denoise+pool" and gain < 1 else errors[0] == errors[1]
+    low = LowResEIA(noisy, np.ones_like(clean[..., :1]), 4, 4, slope=np.full_like(clean[..., :1], slope))
+    low.slope[4:6, 8:10, 2:4, 2:4] = np.nan
+    deep, plain = (((load_method(name).prepare(each).color - clean) ** 2).mean()
+                   for each in (low, dataclasses.replace(low, slope=None)))
+    assert deep < gain * plain if gain < 1 else deep == plain
 
 
 @pytest.mark.parametrize("factor", [1e3, 3e4])

@@ -292,8 +292,7 @@ def test_mask_and_dilation_are_written_and_edges_of_background_meshes_no_foregro
 def test_lenses_without_subject_see_the_world_alone(tmp_path, name):
     write_apart(tmp_path)
     result = to_elemental_images(finished_linear(tmp_path, name), MINI.lenses)
-    alpha = to_elemental_images(read_layers(tmp_path / LOW_RES_FILE)["color"][..., 3:], MINI.lenses)
-    empty = ~alpha.any((2, 3, 4))
+    empty = ~to_elemental_images(read_layers(tmp_path / LOW_RES_FILE)["color"][..., 3:], MINI.lenses).any((2, 3, 4))
     assert 0.1 < empty.mean() < 0.9
     world = read_world(tmp_path, read_frame(tmp_path)).elemental_images(np.argwhere(empty))
     # A denoiser leaves next to nothing where there was nothing.

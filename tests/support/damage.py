@@ -117,16 +117,13 @@ def _line(data: bytes, dice: random.Random) -> bytes:
         number = dice.randrange(len(lines)) if lines else 0
         change, value = dice.random(), dice.choice([*TOKENS, json.dumps(dice.choice(VALUES))])
         if change < 0.7:
-            lines[number:number + 1] = [_with_value(line, value) for line in lines[number:number + 1]]
+            lines[number:number + 1] = [re.sub(r"([=:]\s*)[^,}]*", lambda found, new=value: found[1] + new,
+                                               line, count=1) for line in lines[number:number + 1]]
         elif change < 0.85:
             del lines[number:number + 1]
         else:
             lines[number:number] = lines[number:number + 1]
     return "\n".join(lines).encode()
-
-
-def _with_value(line: str, value: str) -> str:
-    return re.sub(r"([=:]\s*)[^,}]*", lambda found: found[1] + value, line, count=1)
 
 
 def _bytes(data: bytes, dice: random.Random) -> bytes:

@@ -54,8 +54,7 @@ def whole(kind: str, **changes) -> DisplayProfile:
              "lenses": [16, 12 if kind == "lenslet" else 96], "views": [8, 8 if kind == "lenslet" else 1]}
     if kind == "lenticular":
         return profile(lenticular={"pitch_mm": 8.0}, **given | changes)
-    gap = 4 / math.tan(math.radians(20))
-    pitch = 8 * 180 / (180 + gap)
+    pitch = 8 * 180 / (180 + 4 / math.tan(math.radians(20)))
     return profile(lenslet={"lenses": {"pitch_mm": [pitch, pitch], "shift_mm": [pitch / 2, pitch / 2]}},
                    **given | changes)
 

@@ -81,8 +81,7 @@ def cached_gather_map(profile: DisplayProfile) -> GatherMap:
     if np.prod(size) < MIN_SUBPIXELS:
         return gather_map(profile, profile.weave)
     data = {key: value for key, value in profile.to_dict().items() if key not in APPEARANCE} | {"version": VERSION}
-    name = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:32]
-    folder = cache_folder() / "weave" / name
+    folder = cache_folder() / "weave" / hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:32]
     with contextlib.suppress(OSError, LfsrError, ValueError, KeyError):
         strides = parse_json((folder / ABOUT).read_bytes())["strides"]
         first, *weights = (np.load(folder / file, mmap_mode="r", allow_pickle=False)

@@ -103,8 +103,7 @@ class Wanted:
     @classmethod
     def of(cls, device: str, addresses: tuple[str, ...] = ()) -> Wanted:
         """The device that ``frame.device`` names: a GPU where there is one, the CPU where the name says nothing."""
-        gpus = (kind for kind in device.split(DEVICES_JOINED) if kind in DEVICE_TYPES and kind != "CPU")
-        kind = next(gpus, "CPU")
+        kind = next((kind for kind in device.split(DEVICES_JOINED) if kind in DEVICE_TYPES and kind != "CPU"), "CPU")
         return cls() if kind == "CPU" else cls(kind, addresses)
 
 

@@ -181,9 +181,10 @@ def test_a_solid_box_of_wires_around_much_of_the_picture_is_left_out(startup):
 
 def make_room(scene, lamp: bool) -> list[bpy.types.Object]:
     """Walls around 5 × 7 × 2.7 m, with a table and a bench, beside the new file's camera."""
-    items = [add_box(*place) for place in (((0, 0, -0.1), (2.5, 3.5, 0.1)), ((0, 0, 2.8), (2.5, 3.5, 0.1)), ((-2.6, 0,
-        1.35), (0.1, 3.5, 1.6)), ((2.6, 0, 1.35), (0.1, 3.5, 1.6)), ((0, -3.6, 1.35), (2.7, 0.1, 1.6)), ((0, 3.6, 1.35),
-        (2.7, 0.1, 1.6)), ((0, 1, 0.7), (0.7, 0.4, 0.03)), ((1.5, 1, 0.2), (0.3, 1.5, 0.2)))]
+    items = [add_box(*place) for place in (
+        ((0, 0, -0.1), (2.5, 3.5, 0.1)), ((0, 0, 2.8), (2.5, 3.5, 0.1)), ((-2.6, 0, 1.35), (0.1, 3.5, 1.6)),
+        ((2.6, 0, 1.35), (0.1, 3.5, 1.6)), ((0, -3.6, 1.35), (2.7, 0.1, 1.6)), ((0, 3.6, 1.35), (2.7, 0.1, 1.6)),
+        ((0, 1, 0.7), (0.7, 0.4, 0.03)), ((1.5, 1, 0.2), (0.3, 1.5, 0.2)))]
     for item in items:
         item.select_set(True)
         item.data.materials.append(bpy.data.materials.new(item.name))

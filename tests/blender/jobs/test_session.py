@@ -255,13 +255,15 @@ def there_and_back(scene):
     bpy.data.objects["Box"].location.z -= 0.01
 
 
-CHANGES = {"move": lambda scene: edit(), "without collection": without_collection, "paint": paint, "back":
-    there_and_back, "bounces": lambda scene: setattr(scene.cycles, "max_bounces", scene.cycles.max_bounces + 1), "cut":
-    lambda scene: setattr(scene.timeline_markers.new("cut", frame=1), "camera", scene.camera), "hair": lambda scene:
-    setattr(scene.cycles_curves, "shape", "THICK"), "exposure": lambda scene: setattr(scene.view_settings, "exposure",
-    1.0), "hide": lambda scene: setattr(bpy.data.objects["Box"], "hide_render", True), "dent": lambda scene:
-    setattr(bpy.data.objects["Box"].data.vertices[0], "co", (9, 9, 9)), "key": lambda scene:
-    bpy.data.objects["Box"].keyframe_insert("location", frame=3)}
+CHANGES = {
+    "move": lambda scene: edit(), "without collection": without_collection, "paint": paint, "back": there_and_back,
+    "bounces": lambda scene: setattr(scene.cycles, "max_bounces", scene.cycles.max_bounces + 1),
+    "cut": lambda scene: setattr(scene.timeline_markers.new("cut", frame=1), "camera", scene.camera),
+    "hair": lambda scene: setattr(scene.cycles_curves, "shape", "THICK"),
+    "exposure": lambda scene: setattr(scene.view_settings, "exposure", 1.0),
+    "hide": lambda scene: setattr(bpy.data.objects["Box"], "hide_render", True),
+    "dent": lambda scene: setattr(bpy.data.objects["Box"].data.vertices[0], "co", (9, 9, 9)),
+    "key": lambda scene: bpy.data.objects["Box"].keyframe_insert("location", frame=3)}
 
 
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)

@@ -352,14 +352,10 @@ def texts_of(cls) -> list[str]:
         found.append(wrong_label(cls.bl_label))
     for item in rna.properties:
         if item.identifier in cls.__annotations__:
-            found += [wrong_label(item.name), wrong_tooltip(item.description), *enum_texts(item)]
+            for each in (item, *getattr(item, "enum_items", ())):
+                if each is item or each.name != each.identifier:  # a display is called by its profile's own name
+                    found += [wrong_label(each.name), wrong_tooltip(each.description)]
     return [f"{cls.__name__}: {text}" for text in found if text]
-
-
-def enum_texts(item) -> list[str]:
-    """The same of an enumeration's items; a display is called by its profile's own name."""
-    return [text for each in getattr(item, "enum_items", ()) if each.name != each.identifier
-            for text in (wrong_label(each.name), wrong_tooltip(each.description))]
 
 
 @pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)

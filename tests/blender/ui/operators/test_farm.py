@@ -45,9 +45,10 @@ def test_the_openjd_job_is_valid_and_says_what_the_panel_says(scene, tmp_path, c
     assert sorted(path.name for path in job.iterdir()) == ["parameter_values.json", "parameters.json",
                                                            "scene.farm.blend", "template.yaml"]
     values = read_json(job / "parameters.json", "parameters")
-    assert values == {"Scene": str(job / "scene.farm.blend"), "Output": str(tmp_path / "lightfield" / "scene" /
-        "Scene"), "Frames": "2-6:2", "Parts": 3, "Display": "mini", "Scale": "2", "Rays": 0.25, "Seed": 7, "Light":
-        "sunset", "Device": "CPU", "Method": "bicubic", "Linear": "--linear-exr", "TemporalAveraging": 2}
+    assert values == {
+        "Scene": str(job / "scene.farm.blend"), "Output": str(tmp_path / "lightfield" / "scene" / "Scene"),
+        "Frames": "2-6:2", "Parts": 3, "Display": "mini", "Scale": "2", "Rays": 0.25, "Seed": 7, "Light": "sunset",
+        "Device": "CPU", "Method": "bicubic", "Linear": "--linear-exr", "TemporalAveraging": 2}
     bundle = read_json(job / "parameter_values.json", "parameters")["parameterValues"]
     assert {entry["name"]: entry["value"] for entry in bundle} == values
     said = capsys.readouterr().out
