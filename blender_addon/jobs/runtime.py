@@ -210,8 +210,7 @@ def file_copy(output: Path | None = None) -> Iterator[Path]:
     stays = False
     try:
         path = _kept_copy(folder) if kept else save_copy(folder / f"{file_stem()}.blend")
-        if (cache := disk_cache(Path(bpy.data.filepath))).is_dir():  # no link: Blender may write there
-            shutil.copytree(cache, disk_cache(path), dirs_exist_ok=True)
+        copy_simulations(path)
         yield path
     except BaseException:
         stays = bool(kept and output and any(map(has_parts, (kept.parent, *output.glob(".*-parts")))))
@@ -224,6 +223,13 @@ def file_copy(output: Path | None = None) -> Iterator[Path]:
         if kept:
             with contextlib.suppress(OSError):
                 kept.parent.rmdir()  # if it is empty
+
+
+def copy_simulations(copy: Path) -> None:
+    """Copy the simulations on the disk beside the open file to beside a ``copy`` of it: Blender may write there."""
+    if (cache := disk_cache(Path(bpy.data.filepath))).is_dir():
+        shutil.rmtree(disk_cache(copy), ignore_errors=True)  # of an older copy
+        shutil.copytree(cache, disk_cache(copy))
 
 
 def save_copy(path: Path) -> Path:
@@ -277,8 +283,7 @@ def _unreported() -> list[Any]:
     """Return what may decide pixels of a render and can change without a report to ``_updated``."""
     layers = [layer for scene in bpy.data.scenes for layer in scene.view_layers]
     owners = [owner for scene in bpy.data.scenes for owner in (
-        scene, scene.render, scene.view_settings, getattr(scene, "cycles", None),
-        getattr(scene, "cycles_curves", None))]
+        scene, scene.render, scene.view_settings, getattr(scene, "cycles", None), getattr(scene, "cycles_curves", None))]
     owners += [owner for layer in layers for owner in (
         layer, getattr(layer, "cycles", None), layer.layer_collection, *layer_collections(layer.layer_collection))]
     used = bpy.data.user_map(key_types={"IMAGE"}, value_types={"MATERIAL", "WORLD", "LIGHT", "NODETREE", "TEXTURE"})

@@ -225,8 +225,7 @@ def _interpolation(region: LiveRegion) -> bpy.types.NodeTree:
     step = (region.scale,) * 3
     # Lower left corner of the pixel's elemental image on the panel, and the pixel's place in it in rendered views.
     coordinates = wiring.node("CompositorNodeImageCoordinates", Image=wiring.source)
-    pixel = wiring.vector("SUBTRACT", coordinates.outputs["Pixel"], corner)
-    middle = wiring.vector("ADD", pixel, (0.5, 0.5, 0))
+    middle = wiring.vector("ADD", wiring.vector("SUBTRACT", coordinates.outputs["Pixel"], corner), (0.5, 0.5, 0))
     tile = wiring.vector("MULTIPLY", wiring.vector("FLOOR", wiring.vector("DIVIDE", middle, views)), views)
     inside = wiring.vector("DIVIDE", wiring.vector("SUBTRACT", middle, tile), step)
     place = wiring.vector("SUBTRACT", inside, (0.5, 0.5, 0))

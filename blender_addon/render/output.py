@@ -184,6 +184,5 @@ def border(band: Part, rows: int) -> dict[str, object]:
     """Return the render settings that render only ``band`` of an image of ``rows`` rows."""
     # Blender counts rows from below and cuts to whole pixels: the middle of a pixel cannot round to its neighbour.
     low = 0.0 if band.last == rows else (rows - band.last + 0.5) / rows
-    high = 1.0 if band.first == 0 else (rows - band.first + 0.5) / rows
     return {"use_border": True, "use_crop_to_border": True, "border_min_x": 0.0, "border_max_x": 1.0,
-            "border_min_y": low, "border_max_y": high}
+            "border_min_y": low, "border_max_y": 1.0 if band.first == 0 else (rows - band.first + 0.5) / rows}

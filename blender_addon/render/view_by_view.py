@@ -53,7 +53,7 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
             scene.cycles.seed = (settings.seed * 65537 + number) % 2**31
             render_to(scene, Path(folder, "view.exr"), one_of(follow, number, count))
             images.append(image_files.read_layers(Path(folder, "view.exr")))
-            if "path" in images[-1] and compat.path_from_camera():
+            if "path" in images[-1] and compat.path_from_camera():  # paths of all layouts begin where the clip starts
                 across, down = ((np.linspace(1 / lenses - 1, 1 - 1 / lenses, lenses) * half - view_offset(
                     np.array(index), many, layout.spacing, layout.convention)) / layout.array.distance
                                 for lenses, half, index, many in zip(layout.lenses, layout.array.half_size, view,

@@ -172,8 +172,9 @@ def materials(scene: bpy.types.Scene) -> list[bpy.types.Material]:
 
 def has_output(scene: bpy.types.Scene, name: str) -> bool:
     """Return True if a material in use fills a "Volume", or moves its surface in renders alone: "Displacement"."""
-    return any(node.type == "OUTPUT_MATERIAL" and node.inputs[name].is_linked for material in materials(scene)
-               if name == "Volume" or material.displacement_method != "BUMP" for node in nodes_of(material.node_tree))
+    used = [material.node_tree.get_output_node("CYCLES") for material in materials(scene) if material.node_tree
+            and (name == "Volume" or material.displacement_method != "BUMP")]
+    return any(node.inputs[name].is_linked for node in used if node is not None)
 
 
 def nodes_of(tree: bpy.types.NodeTree | None) -> Iterator[bpy.types.Node]:

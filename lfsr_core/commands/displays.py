@@ -48,9 +48,8 @@ def run_displays(arguments: argparse.Namespace) -> Any:
         devices = Bridge().devices()
         for device in devices:
             try:
-                numbers = device.calibration.numbers
                 told = ("{screenW:g}×{screenH:g} px, {viewCone:g}° cone, {pitch:.4f} cylinders per "
-                        "inch".format(**numbers))
+                        "inch".format(**device.calibration.numbers))
             except LfsrError as error:
                 told = str(error)
             quilt = [device.quilt.get(name, "?") for name in ("tileX", "tileY", "quiltX", "quiltY")]

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -190,9 +191,10 @@ def read_film(path: Path, quilt: Quilt) -> Iterator[tuple[Array, int]]:
         import av
     except ImportError:
         raise LfsrError("films need the package av: pip install 'lfsr[video]', or import single images") from None
+    # From 19 on PyAV reads any bytes there.
+    damaged: dict[str, Any] = {} if int(av.__version__.split(".")[0]) >= 19 else {"metadata_errors": "replace"}
     try:
-        with (reading(path, "a film"),
-              av.open(str(path), format=FILMS[path.suffix.lower()], metadata_errors="replace") as film):
+        with reading(path, "a film"), av.open(str(path), format=FILMS[path.suffix.lower()], **damaged) as film:
             stream = next((stream for stream in film.streams.video if stream.codec_context), None)
             if stream is None:
                 raise LfsrError(f"{path} has no images that can be read: give a film of quilts")

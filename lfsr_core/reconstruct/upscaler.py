@@ -274,8 +274,7 @@ def cubic(distance: Array) -> Array:
     """Keys' cubic convolution, four samples wide."""
     a, x = -0.75, np.abs(distance)  # OpenCV's and Blender's choice of Keys' a (1981)
     inner = ((a + 2) * x - (a + 3)) * x * x + 1
-    outer = ((a * x - 5 * a) * x + 8 * a) * x - 4 * a
-    return np.where(x <= 1, inner, np.where(x < 2, outer, 0))
+    return np.where(x <= 1, inner, np.where(x < 2, ((a * x - 5 * a) * x + 8 * a) * x - 4 * a, 0))
 
 
 KERNELS: dict[str, tuple[int, Callable[[Array], Array]]] = {

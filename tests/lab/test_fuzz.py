@@ -154,9 +154,8 @@ def trained(folder: Path) -> None:
 
 
 def train_words(folder: Path, epochs: int) -> list[str]:
-    resumed = ["--resume"] if (folder / "run").exists() else []
     return ["train", f"{folder}/config.toml", *TRAIN, f"--set=photographs={folder}/photographs", "--set=validation=",
-            f"--set=epochs={epochs}", "--output", f"{folder}/run", *resumed]
+            f"--set=epochs={epochs}", "--output", f"{folder}/run", *["--resume"] * (folder / "run").exists()]
 
 
 def export(*words: str) -> Callable[[Path], list[str]]:

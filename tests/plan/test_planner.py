@@ -383,8 +383,7 @@ def test_plans_of_the_recorded_scenes_meet_their_target_at_little_more_than_the_
             # The default of that time ended in "epi", which a name of today does not have.
             actual[scene][Candidate(int(scale), int(samples), method.replace("bilinear+epi", "pool"))] = accuracy
         if sampled < counts[scene]:  # its bound was about 2.5 standard errors wide
-            error = (plan["estimate"] - plan["bound"]) / 2.5
-            spreads[scene].append(error / math.sqrt(1 / sampled - 1 / counts[scene]))
+            spreads[scene].append((plan["estimate"] - plan["bound"]) / 2.5 / math.sqrt(1 / sampled - 1 / counts[scene]))
     usual, met, cheap, plans = np.median(np.concatenate([*spreads.values()])), [], [], 0
     for scene, found in actual.items():
         spread, count = np.median(spreads[scene]) if spreads[scene] else usual, counts[scene]

@@ -50,10 +50,9 @@ def cold_blender(path: Path) -> str:
 
 def changed_blender(path: Path, code: str) -> str:
     """One that runs ``code`` before each render; ``here`` is its path."""
-    inner = played_blender(path.with_name("inner"))
     return _executable(path, f"#!{sys.executable}\nimport json, os, signal, sys, time\nfrom pathlib import Path\n"
                              f"here = {str(path)!r}\nif '--version' not in sys.argv:\n{textwrap.indent(code, '    ')}\n"
-                             f"os.execv({inner!r}, sys.argv)\n")
+                             f"os.execv({played_blender(path.with_name('inner'))!r}, sys.argv)\n")
 
 
 def warm_lfsr(folder: Path) -> Path:

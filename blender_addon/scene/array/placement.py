@@ -335,8 +335,7 @@ def array_of_view(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[
 
 def _array_at(sight: _Sight, profile: DisplayProfile, half_width: float, distance: float, free: Array) -> Placement:
     """Array at the start of a sight, whose display is ``2 * half_width`` wide at depth 1, and fits between walls."""
-    array = CameraArray.for_display(profile, 2 * half_width * distance, distance)
-    distance *= _free_fraction(free, profile, array)
+    distance *= _free_fraction(free, profile, CameraArray.for_display(profile, 2 * half_width * distance, distance))
     return CameraArray.for_display(profile, 2 * half_width * distance, distance), from_blender(sight.matrix)
 
 

@@ -22,13 +22,12 @@ from ...check import look
 from ...check.look import MENDS
 from ...check.problems import ASKING, MOST_ROWS, Problem, disks, grouped
 from ...jobs import folders, images, runtime, session
-from ...jobs.runtime import save_copy
+from ...jobs.runtime import copy_simulations, save_copy
 from ...jobs.session import Job
 from ...scene import settings as scene_settings
 from ...scene.array import edit, rig
 from ...scene.array.placement import scale_of
 from ...scene.contents import find_subject
-from ...scene.files import disk_cache
 from ...scene.settings import PROFILE_FILE, title
 from ...scene.words import counted
 from .base import AsksForFile, DescribedByItem, Question, Result, TaskOperator, add_missing_array, reports_errors
@@ -377,8 +376,7 @@ def submit(scene: bpy.types.Scene, farm: str, folder: Path, parts: int) -> tuple
     copy = folder / f"{scene_settings.file_stem()}{COPY_SUFFIX}"
     with atomic_path(copy) as temporary:
         save_copy(temporary)
-    if (cache := disk_cache(Path(bpy.data.filepath))).is_dir():
-        shutil.copytree(cache, disk_cache(copy), dirs_exist_ok=True)
+    copy_simulations(copy)
     request = dataclasses.replace(request, scene=str(copy))
     return write_job(farm, folder, request, finish, frames, parts, display)
 

@@ -240,4 +240,5 @@ def test_at_the_corner_of_an_8k_panel_the_phase_is_right_to_a_thousandth_of_a_cy
     error = hits - where_they_meet(plane, *panel_rays(layout, (first[0] + columns + CENTRE[0]) / layout.size[0],
                                                       (first[1] + len(hits) - rows - CENTRE[1]) / layout.size[1]))
     phase = error @ ARRAY_TO_WORLD[:3, 0] / (display.views[0] * layout.array.spacing)
-    assert hits.shape[:2] == (24, 96) and np.quantile(np.abs(phase), 0.999) < 1e-3, "of one cylinder"
+    beside = bpy.app.version >= (5, 3, 0)  # rays that a rounding puts on the next cylinder
+    assert hits.shape[:2] == (24, 96) and (np.abs(phase) >= 1e-3).sum() <= beside, "of one cylinder"

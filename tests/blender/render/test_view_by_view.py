@@ -38,11 +38,11 @@ def t_values(first, second):
     return np.where(still, np.where(np.abs(difference) < 1e-5, 0.0, np.inf), difference / np.where(still, 1, error))
 
 
-def same_image(first, second):
+def same_image(first, second, widest=1.25):
     """Share of pixels beyond the one-in-1000 t is at most five in 1000, and the mean is not shifted."""
     t = t_values(first, second)[..., :3]
     finite = t[np.isfinite(t) & (t != 0)]
-    return np.mean(np.abs(t) > T_ONE_IN_1000) < 0.005 and abs(finite.mean()) < 0.2 and finite.std() < 1.3
+    return np.mean(np.abs(t) > T_ONE_IN_1000) < 0.005 and abs(finite.mean()) < 0.2 and finite.std() < widest
 
 
 @pytest.mark.parametrize(("display", "scale"), [(MINI, SCALE), (FLAT, 2)])
@@ -140,20 +140,21 @@ def catcher_and_hair():
 
 @pytest.mark.parametrize("make", [glass_film_and_mirror, fog_around_the_viewer, catcher_and_hair])
 def test_every_layer_is_the_osl_cameras(tmp_path, make):
-    scene = make()
+    scene, is_newest = make(), bpy.app.version >= (5, 3, 0)
 
     def renders(way, first, layout=LAYOUT, layers=LAYERS):
         """Layers of SEEDS renders, each (SEEDS, H, W, C)."""
         found = [encoded(scene, layout, tmp_path, way=way, samples=SAMPLES, layers=layers, world_visible=True,
                          seed=seed + first) for seed in range(SEEDS)]
-        for each in [each for each in found if layers]:
+        for each in [each for each in found if layers and is_newest]:
             each["path"] *= each["color"][..., 3:] == 1  # used there alone; since Blender 5.3 rays that miss have one
         return {name: np.stack([each[name] for each in found]).round(4) for name in found[0]}
 
     osl, card = renders("one-pass", 0), renders("lens-card", 100)
     assert set(osl) == set(card) == {"color", "environment", "path", *LAYERS}
     for name in set(osl) - {"index", "environment"}:
-        assert same_image(osl[name], card[name]), name
+        # In the fog of Blender 5.3 albedo has few values, whose t are wider.
+        assert same_image(osl[name], card[name], 1.3 if is_newest and name == "albedo" else 1.25), name
     if make is glass_film_and_mirror:
         wrong = renders("lens-card", 100, dataclasses.replace(LAYOUT, spacing=1.2 * LAYOUT.spacing), ())
         assert not same_image(osl["color"], wrong["color"]), "a wrong spacing is noticed"

@@ -180,8 +180,7 @@ def test_color_and_environment_add_up_to_blenders_own_image(scene, tmp_path, way
             scene.render.film_transparent = False
             output.render_to(scene, tmp_path / "whole.exr")
     apart, whole = (image_files.read_layers(tmp_path / f"{name}.exr") for name in ("apart", "whole"))
-    partly = (apart["color"][..., 3] > 0.1) & (apart["color"][..., 3] < 0.9)
-    assert partly.sum() > 10, "edges are what could go wrong"
+    assert ((apart["color"][..., 3] > 0.1) & (apart["color"][..., 3] < 0.9)).sum() > 10, "edges are what could go wrong"
     assert apart["color"][..., :3] + apart["environment"] == pytest.approx(whole["color"][..., :3], abs=2e-3)
 
 

@@ -78,31 +78,34 @@ def save_cameras(path, names):
     """A glTF file with a box and cameras before it, none of them active."""
     scene = fresh_scene()
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
-    for number, name in enumerate(names):
+    ours = [f"{number}{name}"[:len(name)] for number, name in enumerate(names)]  # Blender 5.3 writes them by name
+    for number, name in enumerate(ours):
         add_camera(scene, (0.1 * number, -5, 0)).name = name
     bpy.ops.export_scene.gltf(filepath=str(path), export_cameras=True)
+    for own, name in zip(ours, names, strict=True):
+        path.write_bytes(path.read_bytes().replace(f'"{own}"'.encode(), f'"{name}"'.encode()))
     return path
 
 
 def test_first_camera_of_a_gltf_file_is_used_and_others_by_name(tmp_path):
-    scene = open_scene(save_cameras(tmp_path / "cameras.glb", ("alpha", "zeta")))
-    assert scene.camera.name == "alpha"
-    (notice,) = camera_notices(scene, None, is_imported=True)
-    assert "'alpha'" in sentence(notice) and "zeta" in sentence(notice)
-    assert camera_notices(scene, None, is_imported=False) == camera_notices(scene, "alpha", is_imported=True) == []
-    scene.timeline_markers.new("cut", frame=1).camera = scene.camera
-    choose_camera(scene, "zeta")
-    scene.frame_set(1)
+    scene = open_scene(save_cameras(tmp_path / "cameras.glb", ("zeta", "alpha")))
     assert scene.camera.name == "zeta"
-    refuses(r"no camera 'alhpa': did you mean 'alpha'\? Choose one of alpha, zeta", choose_camera, scene, "alhpa")
+    (notice,) = camera_notices(scene, None, is_imported=True)
+    assert "'zeta'" in sentence(notice) and "alpha" in sentence(notice)
+    assert camera_notices(scene, None, is_imported=False) == camera_notices(scene, "zeta", is_imported=True) == []
+    scene.timeline_markers.new("cut", frame=1).camera = scene.camera
+    choose_camera(scene, "alpha")
+    scene.frame_set(1)
+    assert scene.camera.name == "alpha"
+    refuses(r"no camera 'alhpa': did you mean 'alpha'\? Choose one of zeta, alpha", choose_camera, scene, "alhpa")
     choose_camera(scene, "fit")
     assert scene.camera is None
 
 
 def test_a_scene_without_an_active_camera_is_said(tmp_path):
-    (scene := open_scene(save_cameras(tmp_path / "cameras.glb", ("alpha", "zeta")))).camera = None
+    (scene := open_scene(save_cameras(tmp_path / "cameras.glb", ("zeta", "alpha")))).camera = None
     said = sentence(*camera_notices(scene, None, is_imported=True))
-    assert "no active camera" in said and "--camera (alpha, zeta), or" in said and len(said) <= 300
+    assert "no active camera" in said and "--camera (zeta, alpha), or" in said and len(said) <= 300
     assert camera_notices(scene, "fit", is_imported=True) == []
     bpy.data.batch_remove([item for item in scene.objects if item.type == "CAMERA"])
     said = sentence(*camera_notices(scene, None, is_imported=False))

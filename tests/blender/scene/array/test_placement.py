@@ -154,8 +154,8 @@ def test_array_is_fitted_to_the_whole_animation_whatever_the_frame(scene):
         found.append(placement.place_array(scene, SMALL, {box}))
         assert (scene.frame_current, scene.frame_subframe) == (number, 0.25)
     low, high = np.array((-0.5, -0.5, -0.5)), np.array((6.5, 0.5, 0.5))
-    (array, _), (expected, _) = found[0], placement.fit_array(low, high, SMALL)
-    assert found[0] == found[1] == found[2] and array.distance == pytest.approx(expected.distance)
+    (array, matrix), (expected, at) = found[0], placement.fit_array(low, high, SMALL)
+    assert found[0] == found[1] == found[2] and np.allclose(matrix, at) and vars(array) == pytest.approx(vars(expected))
 
 
 def test_frames_that_stand_for_an_animation(scene):

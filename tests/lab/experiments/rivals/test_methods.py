@@ -190,8 +190,7 @@ def test_views_between_come_back_in_their_places(clones, task):
     for name in set(methods(task, views)) & {"bilinear", "bicubic", "EPICNN"}:
         shown = made(views, task, name, clones).astype(float)
         # The kernels of ours and cubic ones in the networks round the corners of a ramp that ends.
-        tolerance = 3 if "bicubic" in name else 1.01
-        assert np.abs(shown - views)[..., 10:-10, 10:-10, :].max() <= tolerance, name
+        assert np.abs(shown - views)[..., 10:-10, 10:-10, :].max() <= (3 if "bicubic" in name else 1.01), name
     assert ("Sheared-EPI" in methods(task, views)) == (task.shear > 0)
 
 
