@@ -282,8 +282,8 @@ def _state() -> _State:
 def _unreported() -> list[Any]:
     """Return what may decide pixels of a render and can change without a report to ``_updated``."""
     layers = [layer for scene in bpy.data.scenes for layer in scene.view_layers]
-    owners = [owner for scene in bpy.data.scenes for owner in (
-        scene, scene.render, scene.view_settings, getattr(scene, "cycles", None), getattr(scene, "cycles_curves", None))]
+    owners = [owner for scene in bpy.data.scenes for owner in (scene, scene.render, scene.view_settings)]
+    owners += [getattr(scene, name, None) for scene in bpy.data.scenes for name in ("cycles", "cycles_curves")]
     owners += [owner for layer in layers for owner in (
         layer, getattr(layer, "cycles", None), layer.layer_collection, *layer_collections(layer.layer_collection))]
     used = bpy.data.user_map(key_types={"IMAGE"}, value_types={"MATERIAL", "WORLD", "LIGHT", "NODETREE", "TEXTURE"})
