@@ -65,6 +65,8 @@ def test_the_stand_in_refuses_what_the_system_does(tmp_path, system, monkeypatch
     assert said[3] == ("False False" if refused else "True True")
 
 
+@pytest.mark.parametrize("system", [SYSTEMS[0], pytest.param(SYSTEMS[1], marks=pytest.mark.long)], indirect=True,
+                         ids=lambda system: system.name)
 def test_render_again_upscale_view_and_frames(folder, system):
     render = words(folder, cold_blender(folder / "blender"))
     said = system.lfsr(render, render)

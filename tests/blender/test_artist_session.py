@@ -50,7 +50,7 @@ def act(name, chance):
         bpy.ops.ed.undo_push(message=name)
 
 
-@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(3, 40))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 40))])
 def test_random_buttons_leave_nothing_of_ours(artist, seed):
     chance, done = random.Random(seed), []
     bpy.ops.ed.undo_push(message="start")

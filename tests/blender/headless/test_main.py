@@ -200,7 +200,7 @@ def animated(scene, tmp_path):
     return tmp_path / "scene.blend"
 
 
-@pytest.mark.parametrize("layout", ["one-pass", "lens-card"])
+@pytest.mark.parametrize("layout", [pytest.param("one-pass", marks=pytest.mark.long), "lens-card"])
 def test_frames_of_one_blender_are_those_of_several(animated, tmp_path, layout):
     def job(name, frame):
         return make_request(str(tmp_path / name), MINI, str(animated), scale=2, samples=4, frame=frame, layout=layout,
@@ -239,8 +239,7 @@ def test_demo_scene_stands_the_right_way_round_and_moves_against_the_eye(tmp_pat
     said = run_lfsr("render", tmp_path / "demo.blend", "-o", tmp_path / "frame", "--display", "small", "--scale", 4,
                     "--spp", 4)
     assert re.search(r"^render +\d+%", said, re.M) and "write      100%" in said
-    views = read_views(tmp_path / "frame").astype(int)
-    middle = views[20, 20]
+    middle = (views := read_views(tmp_path / "frame").astype(int))[20, 20]
     bluest = (middle[..., 2] - middle[..., 0]).argmax()
     greenest = (2 * middle[..., 1] - middle[..., 0] - middle[..., 2]).argmax()
     rows, columns = np.unravel_index([bluest, greenest], middle.shape[:2])

@@ -77,8 +77,7 @@ def test_a_button_measures_as_long_as_an_image_takes_also_of_subpixels(scene, tm
     scene.lfsr.samples = 16
     assert folders.expected_seconds(scene) - expected == pytest.approx(
         8 * 120 * 3 * 80 * bpy.context.window_manager.lfsr.probe_per_path, rel=1e-3)
-    for lenses, scale in (((8, 1), "4"), ((1, 1), "2")):  # of which few are enough pixels for Blender
-        size = (lenses[0] * 8, lenses[1] * 8)
+    for size, lenses, scale in (((64, 8), (8, 1), "4"), ((8, 8), (1, 1), "2")):  # few are enough pixels for Blender
         write_profile(tmp_path / f"{scale}.toml", DisplayProfile("few", size, size, lenses, (8, 8), 180.0, 40.0))
         scene.lfsr.profile_file, scene.lfsr.scale = str(tmp_path / f"{scale}.toml"), scale
         assert bpy.ops.lfsr.estimate_time() == {"FINISHED"}

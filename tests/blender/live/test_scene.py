@@ -119,7 +119,7 @@ def cell_of(live):
     return tuple(next(item for item in live.objects if item.type == "MESH").data.attributes[CELL].data[0].vector)
 
 
-@pytest.mark.parametrize("make", [cells, hexagonal])
+@pytest.mark.parametrize("make", [pytest.param(cells, marks=pytest.mark.long), hexagonal])
 def test_a_panel_with_a_lens_sheet_shows_its_subpixels(scene, tmp_path, make):
     """The panel's image as direct subpixel rendering makes it, from a pixel per pixel."""
     display = dataclasses.replace(small(make()), panel_pixels=(72, 48), panel_mm=(36.0, 24.0))

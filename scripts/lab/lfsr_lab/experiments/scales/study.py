@@ -130,10 +130,10 @@ def fit(groups: list[Group]) -> Fit:
     """
     lost, errors, models = (np.concatenate(part) for part in zip(*_grid(groups), strict=True))
     weighed = lost + TOO_MUCH * np.maximum(lost - ENOUGH, 0)
-    left_out = {}
-    for index, group in enumerate(groups):
-        others = [other.scene != group.scene for other in groups]
-        left_out[group.scene, group.rays] = float(lost[_best(weighed[:, others], errors[:, others]), index])
+    scenes, left_out = np.array([group.scene for group in groups]), {}
+    for scene in set(scenes):
+        chosen = lost[_best(weighed[:, scenes != scene], errors[:, scenes != scene])]
+        left_out |= {(scene, groups[index].rays): float(chosen[index]) for index in np.flatnonzero(scenes == scene)}
     detail, lenses, noise, power = models[_best(weighed, errors)].tolist()
     return Fit(LossModel(detail, lenses, noise, power), left_out)
 
@@ -147,29 +147,29 @@ def _best(weighed: Array, errors: Array) -> int:
 
 def _grid(groups: list[Group]) -> Iterator[tuple[Array, Array, Array]]:
     """Yield, for models of a grid, losses and squared errors (m, groups) and the models' numbers (m, 4)."""
-    for lenses, power in itertools.product(LENSES, POWERS):
-        lost, errors = np.empty((2, len(RATIOS), len(groups)))
-        products, squares, predictions = *np.zeros((2, len(RATIOS))), list[tuple[Array, Array]]()
+    for lenses in LENSES:  # arrays by power and ratio
+        lost, errors = np.empty((2, len(POWERS), len(RATIOS), len(groups)))
+        products, squares, predictions = *np.zeros((2, *lost.shape[:2])), list[tuple[Array, Array]]()
         for index, group in enumerate(groups):
             scales = sorted(group.ssims, reverse=True)
             enough = [scale for scale in scales if group.rays * scale**2 >= LEAST_SAMPLES] or scales[:1]
             ssims = np.array([group.ssims[scale] for scale in enough])
             detail = np.array([np.log1p(group.moves * scale / lenses).mean() for scale in enough])
-            noise = (group.rays * np.square(enough, dtype=float)) ** -power
+            noise = (group.rays * np.square(enough, dtype=float)) ** -POWERS[:, None, None]
             losses = RATIOS[:, None] * detail + noise
-            lost[:, index] = max(group.ssims.values()) - ssims[losses.argmin(1)]
+            lost[..., index] = max(group.ssims.values()) - ssims[losses.argmin(-1)]
             # Only differences between scales count: how accurate a scene is at all is not known. One sample is worse
             # than any power of the samples says; with it the numbers would not be losses in SSIM at others.
             usual = [place for place, scale in enumerate(enough) if group.rays * scale**2 >= 2]
-            losses, wanted = losses[:, usual], ssims[usual]
-            losses, wanted = losses - losses.mean(1, keepdims=True), wanted.mean() - wanted
-            products, squares = products + losses @ wanted, squares + np.square(losses).sum(1)
+            losses, wanted = losses[..., usual], ssims[usual]
+            losses, wanted = losses - losses.mean(-1, keepdims=True), wanted.mean() - wanted
+            products, squares = products + losses @ wanted, squares + np.square(losses).sum(-1)
             predictions.append((losses, wanted))
         factors = np.maximum(products, 1e-9) / np.maximum(squares, 1e-9)
         for index, (losses, wanted) in enumerate(predictions):
-            errors[:, index] = np.square(factors[:, None] * losses - wanted).mean(1)
-        yield lost, errors, np.stack([factors * RATIOS, np.full(len(RATIOS), lenses), factors,
-                                      np.full(len(RATIOS), power)], 1)
+            errors[..., index] = np.square(factors[..., None] * losses - wanted).mean(-1)
+        models = np.broadcast_arrays(factors * RATIOS, lenses, factors, POWERS[:, None])
+        yield lost.reshape(-1, len(groups)), errors.reshape(-1, len(groups)), np.stack(models, -1).reshape(-1, 4)
 
 
 NEEDS_OUTPUT = False  # with a table alone
