@@ -46,6 +46,9 @@ def test_progress_goes_to_whoever_asks_for_it(frame, tmp_path):
     lfsr_core.render(frame.folder.path.with_name("scene.glb"), tmp_path / "frame", display="mini", rays=1,
                      method="none", scale=1, blender=str(frame.folder.path.with_name("blender")), progress=told.append)
     assert told and told[-1].fraction == 1
+    with pytest.raises(LfsrError, match="kind is 'reference', expected 'render'"):
+        lfsr_core.render(frame.folder.path.with_name("scene.glb"), tmp_path / "other", display="mini", scale=1,
+                         samples=2, kind="reference", blender=str(frame.folder.path.with_name("blender")))
 
 
 def test_depth_is_that_of_what_is_covered(tmp_path):

@@ -15,7 +15,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.base.system import check_name, is_forbidden, read_json, write_json
+from lfsr_core.base.system import check_name, is_forbidden, read_json, system_errors, write_json
 from lfsr_core.frames.folder import FrameFolder, is_of, is_same
 from lfsr_core.frames.frame import EIA_FILE, FRAME_FILE, PANEL_FILE, Finish, Frame, Request, samples_at, spread
 from lfsr_core.optics.panel.subpixel_rays import rendered_size
@@ -49,12 +49,10 @@ def try_output(scene: bpy.types.Scene) -> None:
     folder = scene_folder(scene)
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder) as file:
-            file.write(bytes(PROBE_BYTES))
-    except OSError as error:
-        raise LfsrError(f"images cannot be written to {folder} ({error.strerror}): free some space there, or choose "
-                        "another output folder") from None
+        with system_errors(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder) as file:
+                file.write(bytes(PROBE_BYTES))
     finally:
         for path in missing:
             with contextlib.suppress(OSError):

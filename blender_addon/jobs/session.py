@@ -154,11 +154,7 @@ class Task:
         command = runtime.second_stage_command("-m", runtime.RUNNER, str(task))
         # What a process that is killed leaves goes with the folder.
         environment = runtime.environment() | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(temporary))
-        try:
-            self.child = Child(command, environment, low_priority=True)
-        except OSError as error:
-            raise LfsrError(f"{self.title} cannot start {command[0]!r} ({error.strerror}): check the add-on's "
-                            "preferences") from None
+        self.child = Child(command, environment, low_priority=True)
         self.progress = Progress("open") if requests else Progress(self.job.task)
         records = ((time.monotonic(), record) for record in self.child.records())
         self._reader = threading.Thread(target=self._records.extend, args=(records,), daemon=True)
@@ -194,11 +190,12 @@ def current() -> Task | None:
 
 
 def check_idle() -> None:
-    """LfsrError if something renders already, here or in Blender itself."""
+    """LfsrError if something renders already, here or in Blender itself. Its temporary folder is there afterwards."""
     if _current is not None:
         raise LfsrError(f"{_current.title} is still running: wait for it or cancel it")
     if bpy.app.is_job_running("RENDER"):
         raise LfsrError("Blender is rendering: wait for it or cancel it")
+    Path(bpy.app.tempdir).mkdir(parents=True, exist_ok=True)  # programs that tidy the system's remove it
 
 
 def start(title: str, job: Job) -> Task:

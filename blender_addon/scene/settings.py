@@ -11,6 +11,7 @@ from pathlib import Path
 import bpy
 
 from lfsr_core.base.messages import LfsrError
+from lfsr_core.base.system import file_stamp
 from lfsr_core.frames import frame as files
 from lfsr_core.frames.frame import Finish, Request, Sampling, check_light, is_light_file, scales_up_to
 from lfsr_core.images.color import ColorSettings
@@ -179,12 +180,7 @@ def display_of(scene: bpy.types.Scene) -> DisplayProfile:
     path = absolute(settings.profile_file, "the display profile")
     if path.suffix != ".toml":
         raise LfsrError(f"display profile {path.name} is not a .toml file: choose another")
-    try:
-        changed = path.stat().st_mtime_ns
-    except OSError as error:
-        raise LfsrError(f"display profile {path} cannot be read ({error.strerror}): "
-                        "choose another file or a built-in display") from None
-    return _read(str(path), changed)
+    return _read(str(path), file_stamp(path))
 
 
 def readable_display(scene: bpy.types.Scene) -> DisplayProfile | None:
@@ -196,7 +192,7 @@ def readable_display(scene: bpy.types.Scene) -> DisplayProfile | None:
 
 
 @functools.lru_cache(maxsize=32)
-def _read(name: str, _changed: int = 0) -> DisplayProfile:
+def _read(name: str, _changed: str = "") -> DisplayProfile:
     """Read a display; panels ask on every redraw, and a file is read once per change."""
     return load_display(name)
 

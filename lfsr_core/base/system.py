@@ -40,7 +40,7 @@ MOST_JSON_BYTES = 16_000_000
 MOST_BRACKETS = 50  # one inside the other
 WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)  # of a file system, as some network folders are
 ADVICE = {errno.EPIPE: "send it to a file or a terminal",
-          **dict.fromkeys((errno.EACCES, errno.EROFS), "choose a folder you may write to"),
+          **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), "choose a folder you may write to"),
           **dict.fromkeys((errno.ENOSPC, errno.EFBIG, errno.EDQUOT), "free some space or choose another folder")}
 CORES = "LFSR_CORES"  # environment variable of processes that leave some cores to others
 MOST_THREADS = 8  # more of them wait for memory
@@ -147,13 +147,11 @@ def staging_folder(target: Path) -> Iterator[Path]:
     there those of dead processes stay. LfsrError where it cannot be made, or another process has one for ``target``.
     """
     target = target.absolute()  # "." has no name
-    try:
+    with system_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         remove_dead(target)
         place = _place(target)  # from Python 3.12 on, mkdtemp resolves a ".." in what it returns
         folder = place / Path(tempfile.mkdtemp(prefix=f".{target.name}-lfsr-", dir=place)).name
-    except OSError as error:
-        raise LfsrError(f"{target} cannot be made ({error.strerror}): choose another folder") from None
     try:
         folder.mkdir(exist_ok=True)  # another process removes empty folders
         with (folder / LOCK_FILE).open("wb") as lock:

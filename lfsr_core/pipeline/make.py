@@ -107,6 +107,8 @@ def make(request: Request | Sequence[Request], finish: Finish | None = None, fra
 
     first = several[0]
     if finish is not None and (waiting or ready):  # before a render, which may be long
+        if first.kind != "render":
+            raise LfsrError(f"kind is {first.kind!r}, expected 'render': make references with `lfsr reference`")
         if first.layout == SUBPIXELS:
             check_subpixels_finish(finish)
         check_runs(finish.method, finish.weights)

@@ -325,7 +325,7 @@ def test_name_with_no_room_for_a_hidden_one_beside_it(tmp_path, capsys, length):
     scene = tmp_path / "scene.glb"
     scene.touch()
     sentence = fails(["render", str(scene), "-o", str(tmp_path / ("x" * length)), "--display", "mini"], capsys)
-    assert "cannot be made (File name too long)" in sentence
+    assert "cannot be written (File name too long)" in sentence
 
 
 @pytest.mark.parametrize("verb", [["displays"], ["render", "scene.glb", "-o", "out", "--blender", "/must/not/run"]])

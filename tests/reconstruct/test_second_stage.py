@@ -167,11 +167,8 @@ def test_prefilters_see_the_eia_before_an_upscaler_that_may_run_alone_in_steps(t
     assert sum(upscaler.calls) == foreground_mask(read_layers(tmp_path / LOW_RES_FILE), MINI.lenses).sum()
     write_render(tmp_path)
     expected = 2 * second_stage.finished_linear(tmp_path, "nearest")
-
-    def doubled(low):
-        return dataclasses.replace(low, color=2 * low.color)
-
-    monkeypatch.setitem(METHODS, "oidn", dataclasses.replace(METHODS["oidn"], make=lambda _: doubled))
+    monkeypatch.setitem(METHODS, "oidn", dataclasses.replace(
+        METHODS["oidn"], make=lambda _: lambda low: dataclasses.replace(low, color=2 * low.color)))
     np.testing.assert_allclose(second_stage.finished_linear(tmp_path, "oidn+nearest"), expected, rtol=1e-6)
 
 

@@ -91,12 +91,15 @@ def fit_to_view(scene: bpy.types.Scene, profile: DisplayProfile, view: View) -> 
 
 
 def remove(scene: bpy.types.Scene) -> None:
-    """Remove the scene's camera array with its data, and display planes whose array was deleted by hand."""
+    """Remove the scene's camera array, from the file unless another scene shows it, and planes without an array."""
     if (array := rig.find(scene)) is None:
         raise LfsrError(f"scene {scene.name!r} has no camera array to remove")
     rig.check_editable(array)
     camera = array.data
-    bpy.data.objects.remove(array)
+    for item in filter(None, (rig.plane_of(array), array)):
+        is_shared = len(item.users_scene) > 1 and scene.collection in item.users_collection
+        scene.collection.objects.unlink(item) if is_shared else bpy.data.objects.remove(item)
+    scene.camera = None if rig.is_array(scene.camera) else scene.camera
     if camera.users == 0:
         bpy.data.cameras.remove(camera)
     remove_planes(scene)

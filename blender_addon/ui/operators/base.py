@@ -11,6 +11,7 @@ from lfsr_core.base.system import system_errors
 
 from ...jobs import session
 from ...jobs.session import Job
+from ...live.scene import MARK
 from ...scene import settings as scene_settings
 from ...scene.array import edit, rig
 from ...scene.words import capitalized, for_panel
@@ -163,6 +164,8 @@ class AsksForFile:
 
 def add_missing_array(scene: bpy.types.Scene) -> None:
     """Add a camera array where the scene has none, with an undo step of its own; LfsrError where that cannot be."""
+    if MARK in scene:
+        raise LfsrError("this window shows the light field itself: press the button in a window of your own scene")
     if rig.find(scene) is None:
         edit.add(scene, scene_settings.display_of(scene))
         bpy.ops.ed.undo_push(message="Add Camera Array")

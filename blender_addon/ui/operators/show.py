@@ -1,9 +1,8 @@
 """Buttons that show or export a finished frame, calibrate its display, and show the light field live."""
 
+import functools
 import os
-import shlex
-import shutil
-import sys
+import subprocess
 from pathlib import Path
 
 import bpy
@@ -13,9 +12,10 @@ from lfsr_core.calibration.patterns import pattern
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.exports.options import FILMS, FORMATS, QUILT_FILM, default_target
 from lfsr_core.frames.folder import FrameFolder, frame_folders
+from lfsr_core.process.child import START
 
 from ... import compat
-from ...jobs import folders, images, session
+from ...jobs import folders, images, runtime, session
 from ...jobs.session import Job
 from ...live import session as live
 from ...live.scene import EYE, PANEL
@@ -23,8 +23,7 @@ from ...scene import settings as scene_settings
 from ...scene.settings import PROFILE_FILE
 from .base import AsksForFile, DescribedByItem, Result, TaskOperator, add_missing_array, reports_errors
 
-# What opens pages on Linux. Windows and macOS have a browser.
-BROWSERS = ("xdg-open", "gio", "firefox", "chromium", "google-chrome", "brave-browser", "epiphany")
+OPENS = "import sys, webbrowser; sys.exit(not webbrowser.open(sys.argv[1]))"
 PURPOSE = "to show or export"
 LIVE_ITEMS = [(PANEL, "Live", "Open or close a window for the display, which shows the light field as it renders"),
               (EYE, "One Eye", "Open or close a window that shows what an eye in front of the display sees")]
@@ -63,7 +62,7 @@ class LFSR_OT_export(DescribedByItem, TaskOperator, bpy.types.Operator):
             bpy.context.window_manager.lfsr.outcome_folder = str(target)
             print(f"Light Field: exported to {target}")
 
-        fps = None if self.format in FILMS else _rate(context)
+        fps = None if self.format in FILMS else context.scene.render.fps / context.scene.render.fps_base
         return Job("export", {"folder": str(folder), "name": self.format, "target": str(target), "fps": fps}, say_where)
 
 
@@ -85,6 +84,7 @@ class LFSR_OT_show(TaskOperator, bpy.types.Operator):
 
     def prepare(self, context: bpy.types.Context) -> Job:
         folder, display = folders.shown_frame(context.scene, "to show"), scene_settings.display_of(context.scene)
+        render = context.scene.render
         made = FrameFolder(folder).rendered.display
         if (made.name, made.views, made.panel_pixels) != (display.name, display.views, display.panel_pixels):
             raise LfsrError(f"the image in {folder} is for the display {made.title or made.name}, but the scene's is "
@@ -96,7 +96,7 @@ class LFSR_OT_show(TaskOperator, bpy.types.Operator):
                 _open(Path(shown["page"]))
 
         return Job("show", {"path": str(folder.parent if self.animation else folder), "full_screen": self.full_screen,
-                            "fps": _rate(context)}, say_what_is_shown)
+                            "fps": render.fps / render.fps_base}, say_what_is_shown)
 
 
 class LFSR_MT_export(bpy.types.Menu):
@@ -203,23 +203,26 @@ class LFSR_OT_live_full_screen(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def _rate(context: bpy.types.Context) -> float:
-    """Frames a second of the scene."""
-    rate: float = context.scene.render.fps / context.scene.render.fps_base
-    return rate
-
-
 def _open(page: Path) -> None:
     print(f"Light Field: {page}")
-    # $BROWSER is a list of commands, each with arguments, as for Python's webbrowser.
-    chosen = filter(None, map(shlex.split, os.environ.get("BROWSER", "").split(os.pathsep)))
-    names = (*(command[0] for command in chosen), *BROWSERS)
-    if sys.platform not in {"win32", "darwin"} and not any(map(shutil.which, names)):
-        session.say(f"there is no browser here: open {page.name}, which lies in the folder {page.parent.name}, in one")
-        bpy.context.window_manager.lfsr.outcome_folder = str(page.parent)
-        return
     if not bpy.app.background:
-        bpy.ops.wm.url_open(url=page.as_uri())
+        bpy.app.timers.register(functools.partial(_look, _browser(page), page), persistent=True)
+
+
+def _browser(page: Path) -> subprocess.Popen[bytes]:
+    """Open a page in the browser, in a process: Python waits for the end of some browsers. None in a terminal."""
+    return subprocess.Popen(runtime.second_stage_command("-c", OPENS, page.as_uri()), stdin=subprocess.DEVNULL,
+                            env={**os.environ, "TERM": ""}, **START)
+
+
+def _look(process: subprocess.Popen[bytes], page: Path) -> float | None:
+    """Timer: say where the page is if no browser has opened it."""
+    is_running = process.poll() is None
+    if process.returncode:
+        session.say(f"no browser has opened {page.name}, which lies in the folder {page.parent.name}: open it in one")
+        bpy.context.window_manager.lfsr.outcome_folder = str(page.parent)
+        session.redraw()
+    return session.SECONDS_BETWEEN_LOOKS if is_running else None
 
 
 CLASSES = (LFSR_OT_open_viewer, LFSR_OT_export, LFSR_OT_show, LFSR_MT_export, LFSR_OT_test_picture, LFSR_OT_calibrate,

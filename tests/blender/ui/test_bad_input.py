@@ -57,6 +57,7 @@ def link(path: str, scene) -> bpy.types.Collection:
     (lambda scene: setattr(scene.lfsr, "display", "FILE"), "No display profile is chosen"),
     (lambda scene: setattr(scene.lfsr, "scale", "5"), "Scale is 5, .* choose a scale that divides both"),
     (lambda scene: setattr(scene.lfsr, "method", "denoise"), "Method 'denoise' upscales nothing, but scale 2"),
+    (lambda scene: scene.__setitem__("lfsr_live", "panel"), "shows the light field itself: press"),
     (lambda scene: setattr(scene.view_settings, "use_curve_mapping", True), "view uses curves, .*: switch off curves")])
 def test_what_cannot_be_rendered_is_refused_before_the_render(scene, monkeypatch, spoil, sentence):
     monkeypatch.setattr(session, "run", lambda *_: pytest.fail("it renders"))
@@ -85,8 +86,9 @@ def test_unsaved_file(tmp_path):
 
 
 @pytest.mark.parametrize(("folder", "sentence"), [
-    ("/proc/lfsr", "cannot be written to"),  # not even the superuser can make files there
-    ("taken", "cannot be written to"), ("x" * 256, "is too long"), ("link", "is a link to .*nowhere")])
+    # Not even the superuser can make files there.
+    ("/sys/lfsr", "cannot be written .*: choose a folder you may write to"), ("taken", "cannot be written"),
+    ("x" * 256, "is too long"), ("link", "is a link to .*nowhere")])
 def test_output_that_cannot_be(scene, tmp_path, folder, sentence):
     (tmp_path / "taken").write_text("x")
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
@@ -100,7 +102,7 @@ def test_a_full_disk_is_noticed_before_anything_is_rendered(scene, tmp_path):
     limits, handler = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (folders.PROBE_BYTES // 2, limits[1]))
     try:
-        refuses("cannot be written to .*free some space", folders.try_output, scene)
+        refuses("cannot be written .*free some space", folders.try_output, scene)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         signal.signal(signal.SIGXFSZ, handler)

@@ -15,6 +15,7 @@ from tests.calibration.test_fit import CYLINDERS, GOOD, PLACE
 from tests.calibration.test_makers import OLD
 from tests.support.bridge import device, stand_in
 from tests.support.panels import cells, lenticular, small
+from tests.support.processes import wait_for
 from tests.support.telephone import jpeg
 from tests.support.window.desktop import NEEDS_WINDOW, SECONDS_TO_RENDER, STATE, TASK, monkey_window
 
@@ -98,7 +99,9 @@ def test_a_lens_array_is_opened_in_the_browser(window):
     press(window)
     assert shown(window).startswith("The browser shows it full screen: move its window")
     page = window.folder / "lightfield" / "scene" / "Scene" / "0001" / "show.html"
-    assert (window.folder / "opened.txt").read_text().split() == [page.as_uri()] and page.is_file()
+    opened = window.folder / "opened.txt"
+    wait_for(opened.is_file, SECONDS_TO_ANSWER)
+    assert opened.read_text().split() == [page.as_uri()] and page.is_file()
     window.scroll_down()
     window.screenshot("show-lens-array")
 

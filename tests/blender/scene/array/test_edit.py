@@ -30,6 +30,9 @@ def test_add_takes_the_place_of_the_camera_and_keeps_the_selection(artist):
         assert getattr(array, name) == pytest.approx(getattr(expected[0], name), rel=1e-5), name
     assert artist.camera.name != "Light Field Array"
     assert rig.find(artist).is_property_overridable_library(f'["{rig.SPACING}"]'), "else an override's is lost"
+    edit.remove(copy := artist.copy())
+    assert rig.find(copy) is None and place(artist) is not None, "the other scene keeps its array and its plane"
+    bpy.data.scenes.remove(copy)
     edit.remove(artist)
     bpy.context.view_layer.objects.active = box = bpy.data.objects["Box"]
     box.select_set(True)

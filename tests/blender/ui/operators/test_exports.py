@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from blender_addon.jobs import folders
+from blender_addon.ui.operators import show
 from lfsr_core.calibration.patterns import pattern
 from lfsr_core.exports import loopback
 from lfsr_core.exports.images import eye_place
@@ -23,13 +24,6 @@ from tests.support.bridge import device
 from tests.support.finished import finished
 from tests.support.panels import lenticular, small
 from tests.support.telephone import jpeg
-
-
-@pytest.fixture(autouse=True)
-def browser(monkeypatch):
-    """A browser that shows nothing."""
-    monkeypatch.setenv("BROWSER", "none:true %s")
-    return monkeypatch
 
 
 @pytest.fixture
@@ -110,12 +104,13 @@ def test_a_quilt_is_shown_through_bridge_and_without_it_the_panel_full_screen(le
     assert said().endswith("a1.5.png is shown on LKG-S3 (small)")
 
 
-@pytest.mark.parametrize("press", [lambda: bpy.ops.lfsr.open_viewer(), lambda: bpy.ops.lfsr.show()])
-def test_without_a_browser_it_says_where_the_page_is(frame, browser, press, tmp_path):
-    browser.delenv("BROWSER")
-    browser.setenv("PATH", str(tmp_path))
-    assert press() == {"FINISHED"}
-    assert said().startswith("There is no browser here: open ") and said().endswith(", in one")
+@pytest.mark.parametrize("command", ["missing", "/bin/false %s", "'no end %s"])
+def test_where_no_browser_opens_a_page_it_says_where_that_is(add_on, tmp_path, monkeypatch, command):
+    monkeypatch.setenv("BROWSER", command)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    process = show._browser(page := tmp_path / "view.html")
+    assert process.wait() and show._look(process, page) is None
+    assert said().startswith("No browser has opened view.html, which lies in the folder ")
 
 
 def test_a_lens_array_is_shown_full_screen_and_an_image_for_another_display_is_not(frame):
