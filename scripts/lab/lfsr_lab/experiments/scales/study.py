@@ -130,7 +130,7 @@ def fit(groups: list[Group]) -> Fit:
     """
     lost, errors, models = (np.concatenate(part) for part in zip(*_grid(groups), strict=True))
     weighed = lost + TOO_MUCH * np.maximum(lost - ENOUGH, 0)
-    scenes, left_out = np.array([group.scene for group in groups]), {}
+    scenes, left_out = np.array([group.scene for group in groups]), dict[tuple[str, float], float]()
     for scene in set(scenes):
         chosen = lost[_best(weighed[:, scenes != scene], errors[:, scenes != scene])]
         left_out |= {(scene, groups[index].rays): float(chosen[index]) for index in np.flatnonzero(scenes == scene)}
