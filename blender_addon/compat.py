@@ -187,8 +187,8 @@ def compositor(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
 
 
 def literal_path(path: str) -> str:
-    """Return ``path`` for a render's output: since 5.0 single braces there are templates."""
-    return path.replace("{", "{{").replace("}", "}}") if bpy.app.version >= (5, 0, 0) else path
+    """Return ``path`` for a render's output: since 4.5 single braces there are templates."""
+    return path.replace("{", "{{").replace("}", "}}")
 
 
 def use_nodes(owner: bpy.types.Material | bpy.types.World) -> None:

@@ -195,7 +195,7 @@ def check_cube(folder):
 
 def test_the_panel_starts_without_openimageio():
     """Blender's Python need not find it; the second stage does."""
-    code = "import sys; sys.modules['OpenImageIO'] = None; import bpy, blender_addon; blender_addon.register()"
+    code = "import os, sys, bpy; sys.modules['OpenImageIO']=None; import blender_addon as a; a.register(); os._exit(0)"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
