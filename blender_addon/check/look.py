@@ -94,11 +94,11 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
 def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, subject: set[bpy.types.Object],
            main: list[bpy.types.Object]) -> Iterator[Problem]:
     is_new, rays = _is_unaimed(scene), Rays(scene)  # where nobody has aimed the camera, nobody has placed lamps
-    reason, best = _out_of_frame(scene, rays, placed, display, main)
+    reason, best = _out_of_frame(scene, rays, placed, display, main, shown := with_copied(set(main)))
     if reason:
         is_new, placed = True, best or edit.in_front(scene, display, set(main))
         yield _problem("frame", main[0].name if main else scene.name, reason, placed)
-    if depths := depths_of(scene, placed, main):
+    if depths := depths_of(rays, placed, shown):
         yield from _deep(scene, placed, display, *depths)
     if scene.lfsr.light not in SCENE_LIGHTS or not has_light(scene):
         return
@@ -141,7 +141,7 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
         yield _problem("bright", scene.name, "Much of the objects that the array sees is far brighter than white, and "
                        f"the view transform {scene.view_settings.view_transform} shows it as white: weaken the lamps, "
                        "or lower the exposure in Color Management.")
-    elif world_radiance(scene.world, 0) and (glass := _lost_glass(rays, placed, main)):
+    elif world_radiance(scene.world, 0) and (glass := _lost_glass(rays, placed, shown)):
         yield _problem("dark", scene.name, f"{glass} is of glass, which shows what is around it: hardly anything in a "
                        "world of one color. Images only are lit; the scene keeps its own light.")
 
@@ -239,19 +239,19 @@ def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list
     return [chosen[number] for number in np.argsort(-sizes, kind="stable")]
 
 
-def depths_of(scene: bpy.types.Scene, placed: rig.Placement, main: list[bpy.types.Object]) -> tuple[float, ...]:
-    """Nearest and farthest depth at which the middle of an array sees the main objects; empty where it sees none."""
-    depths = placement.seen_depths(scene, placed, with_copied(set(main)))
+def depths_of(rays: Rays, placed: rig.Placement, shown: set[bpy.types.Object]) -> tuple[float, ...]:
+    """Nearest and farthest depth at which the middle of an array sees what is ``shown``; empty where it sees none."""
+    depths = placement.seen_depths(rays.scene, placed, shown, rays)
     return tuple(map(float, np.percentile(depths, (2, 98)))) if len(depths) else ()
 
 
 def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, display: DisplayProfile,
-                  main: list[bpy.types.Object]) -> tuple[str, rig.Placement | None]:
+                  main: list[bpy.types.Object], shown: set[bpy.types.Object]) -> tuple[str, rig.Placement | None]:
     """Why the picture does not show the main objects as it should, "" if it does, and a better place if known."""
     if not (boxes := edit.boxes_now(set(main))):
         return "", None
     array, eye = placed[0], mathutils.Matrix(placed[1])
-    hits, shown = edit.through(rays, placed), with_copied(set(main))
+    hits = edit.through(rays, placed)
     seen = [hit for hit in hits if hit is not None and hit[2] in shown]
     share = len(seen) / len(hits)
     is_unaimed = _is_unaimed(scene) and (eye.translation - scene.camera.matrix_world.translation).length < 1e-3
@@ -336,7 +336,8 @@ def move_plane(scene: bpy.types.Scene) -> None:
 
 def _seen(scene: bpy.types.Scene) -> tuple[CameraArray, float, float]:
     placed = rig.placement(scene, scene_settings.display_of(scene))
-    depths = depths_of(scene, placed, main_objects(scene, find_subject(scene))) if placed else ()
+    main = main_objects(scene, find_subject(scene))
+    depths = depths_of(Rays(scene), placed, with_copied(set(main))) if placed else ()
     if placed is None or not depths:
         raise LfsrError("the camera array sees nothing of the subject: fit it to the objects first")
     return placed[0], depths[0], depths[1]
@@ -377,9 +378,9 @@ def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
     return np.array(arriving), np.array(seen)
 
 
-def _lost_glass(rays: Rays, placed: rig.Placement, main: list[bpy.types.Object]) -> str:
-    """Name of a main object of glass, if nothing is behind much of what the array sees of the main objects, else ""."""
-    eye, shown = mathutils.Matrix(placed[1]).translation, with_copied(set(main))
+def _lost_glass(rays: Rays, placed: rig.Placement, shown: set[bpy.types.Object]) -> str:
+    """Name of an object of glass, if nothing is behind much of what the array sees of what is ``shown``, else ""."""
+    eye = mathutils.Matrix(placed[1]).translation
     hits = [hit for hit in edit.through(rays, placed) if hit is not None and hit[2] in shown]
 
     def is_lost(place: mathutils.Vector, way: mathutils.Vector, item: bpy.types.Object, number: int) -> bool:

@@ -149,12 +149,15 @@ def _images(scene: bpy.types.Scene) -> Iterator[Problem]:
         if image.is_dirty and image.users and image.name != images.IMAGE_NAME:
             yield Problem("dirty", image.name, "The image has unsaved changes, which the render would not show.",
                           "Pack", asks=True)
+    number = scene.frame_current
     for item in sorted(rendered(scene) & {*rendered_layer(scene).objects}, key=lambda item: item.name):
         for domain in (each.domain_settings for each in item.modifiers if each.type == "FLUID"):
             folder = domain and Path(bpy.path.abspath(domain.cache_directory, library=item.library))
-            if folder and not any(folder.glob("data/*")):
-                yield Problem("simulation", item.name, "The simulation is not baked, or its cache is missing: bake it, "
-                              "else a liquid is rendered as a block, and no smoke.", is_object=True, asks=True)
+            kept = folder and any(folder.glob("data/*" if domain.cache_frame_offset else f"data/*_{number:04d}.*"))
+            if folder and (not kept or (domain.domain_type == "GAS" and number == domain.cache_frame_start)):
+                yield Problem("simulation", item.name, f"The simulation of frame {number} is not baked, lacks its "
+                              "cache, or has hardly begun: bake it, or choose a later frame, else a liquid is rendered "
+                              "as a block, and no smoke.", is_object=True, asks=True)
 
 
 def denoiser(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -226,9 +229,7 @@ def _ignored(scene: bpy.types.Scene) -> Iterator[Problem]:
 def _shows_world(scene: bpy.types.Scene) -> bool:
     """True if the scene's own world is seen behind a subject that may catch shadows."""
     is_own = scene.lfsr.light in (OWN_LIGHT, EVEN.upper()) or (scene.lfsr.light == AUTO_LIGHT and has_light(scene))
-    # Whether any object catches shadows is asked here, since finding those of instances takes long.
-    return is_own and scene.world is not None and not scene.render.film_transparent and any(
-        item.is_shadow_catcher for item in bpy.data.objects)
+    return is_own and scene.world is not None and not scene.render.film_transparent
 
 
 # What takes no longer in a scene of many objects than looking at each of them once; of these, what a render asks about.

@@ -47,8 +47,8 @@ def light_items() -> list[tuple[str, str, str, int]]:
 
 def has_light(scene: bpy.types.Scene) -> bool:
     """Return True if anything in the scene emits light: a lamp, a world, or a material in use."""
-    lamps = any(item.type == "LIGHT" and item.data.energy for item in with_copied(rendered(scene)))
-    return world_radiance(scene.world) > 0 or lamps or has_emission(scene)
+    return world_radiance(scene.world) > 0 or has_emission(scene) or any(
+        item.type == "LIGHT" and item.data.energy for item in with_copied(rendered(scene)))
 
 
 def _shines(tree: bpy.types.NodeTree | None, plain: tuple[float, ...]) -> bool:

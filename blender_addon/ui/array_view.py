@@ -197,17 +197,12 @@ def rectangle(array: CameraArray, distance: float) -> Array:
     return CORNERS * (x, y, distance)
 
 
-def viewing_zone(array: CameraArray, display: DisplayProfile) -> Array:
-    """Corners (4, 3) of the cameras' rectangle at the viewing position."""
-    x, y = (count * array.spacing / 2 for count in display.views)
-    return CORNERS * (x, y, 0)
-
-
 def lines(array: CameraArray, display: DisplayProfile, scale: int) -> list[Lines]:
     """(colour, opacity, width in pixels, points (2n, 3) in array space) of each set of lines."""
     near, far = rig.usable_depth(array, display)
     seen_far = far if math.isfinite(far) else BEYOND * array.distance
-    plane, zone = rectangle(array, array.distance), viewing_zone(array, display)
+    plane = rectangle(array, array.distance)
+    zone = CORNERS * (*np.multiply(display.views, array.spacing / 2), 0)  # of the cameras, at the viewing position
     edges = np.stack([rectangle(array, near), rectangle(array, seen_far)], axis=1).reshape(-1, 3)
     sight = np.stack([np.zeros((4, 3)), rectangle(array, near)], axis=1).reshape(-1, 3)
     drawn: list[Lines] = [

@@ -2,14 +2,11 @@
 
 import importlib.util
 import os
-import shutil
 import tempfile
 
 import pytest
 
 MISSING = importlib.util.find_spec("bpy") is None and os.environ.get("CI") != "true"
-
-OWN_FOLDERS: list[str] = []
 
 if MISSING:
     collect_ignore_glob = ["test_*.py"]
@@ -17,7 +14,6 @@ else:
     # Before bpy is imported: start-up files and preferences of the user would change the renders.
     for _name in ("BLENDER_USER_RESOURCES", "BLENDER_USER_CONFIG", "BLENDER_USER_SCRIPTS"):
         os.environ[_name] = tempfile.mkdtemp(prefix="lfsr-blender-")
-        OWN_FOLDERS.append(os.environ[_name])
     import bpy
 
     import blender_addon
@@ -27,11 +23,6 @@ else:
 
 def pytest_report_header() -> str:
     return "Blender tests: left out, the bpy module is not installed" if MISSING else f"bpy {bpy.app.version_string}"
-
-
-def pytest_unconfigure() -> None:
-    for folder in OWN_FOLDERS:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 @pytest.fixture

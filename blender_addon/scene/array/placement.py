@@ -82,13 +82,12 @@ class Rays:
     def __init__(self, scene: bpy.types.Scene, sky: bpy.types.Object | None = None) -> None:
         """Note the bounding boxes of all meshes where there are more than FEW objects; ``sky`` lets all rays pass."""
         self.scene, self.depsgraph = scene, bpy.context.evaluated_depsgraph_get()
-        self.items: list[tuple[bpy.types.Object, mathutils.Matrix, BVHTree | None]] = []
+        self.items: list[tuple[bpy.types.Object, Array, BVHTree | None]] = []
         if len(self.depsgraph.object_instances) <= FEW and sky is None:
             return
         import bmesh  # which is there after bpy alone
         boxes, shapes, trees = [], dict[int, list[tuple[float, ...]]](), dict[int, BVHTree | None]()
-        for instance in self.depsgraph.object_instances:
-            item = instance.object
+        for item, _, place in instances(set(bpy.data.objects)):
             if item.type == "MESH" and item.original != sky:
                 key = item.data.as_pointer()  # which an object has alone where modifiers change it
                 if key not in shapes:
@@ -99,7 +98,7 @@ class Rays:
                         trees[key] = BVHTree.FromBMesh(shape)
                         shape.free()
                 boxes.append(shapes[key])
-                self.items.append((item.original, instance.matrix_world.copy(), trees[key]))
+                self.items.append((item.original, place, trees[key]))
         if self.items:
             matrices = np.array([matrix for _, matrix, _ in self.items])
             points = np.einsum("nij,nkj->ink", matrices[:, :3, :3], np.array(boxes)) + matrices[:, :3, 3].T[..., None]
@@ -127,9 +126,9 @@ class Rays:
         for index in met[np.argsort(enters[met])]:
             if enters[index] > nearest:
                 break
-            item, matrix, tree = self.items[near[index]]
+            item, world, tree = self.items[near[index]]
             with suppress(RuntimeError, ValueError):  # it has no mesh of its own, or no size
-                inverse = matrix.inverted()
+                inverse = (matrix := mathutils.Matrix(world)).inverted()
                 ray = inverse @ start, inverse.to_3x3() @ way
                 at, normal, face = (tree.ray_cast(*ray)[:3] if tree is not None
                                     else item.evaluated_get(self.depsgraph).ray_cast(*ray)[1:])
@@ -173,10 +172,11 @@ def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bp
     return fit_array(np.min(corners, axis=0), np.max(corners, axis=0), profile)
 
 
-def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.types.Object]) -> Array:
+def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.types.Object],
+                rays: Rays | None = None) -> Array:
     """Return depths (n,) from the camera plane at which the middle of a ``placed`` array sees the subject."""
     array, matrix = placed
-    sight = _Sight(Rays(scene), to_blender(matrix), clip_of(scene))
+    sight = _Sight(rays or Rays(scene), to_blender(matrix), clip_of(scene))
     return np.array(_depths(sight, (array.half_width / array.distance, array.half_height / array.distance), subject))
 
 
@@ -365,7 +365,7 @@ def boxes(subject: set[bpy.types.Object]) -> tuple[list[bpy.types.Object], Array
     shapes = dict[int, Array]()  # by the geometry, which is an object's own where modifiers change it
     owners, corners, places = [], [], []
     for item, owner, place in instances(subject):
-        if item.type in BOXED | {"MESH"} and not owner.hide_render:
+        if (item.type == "MESH" or item.type in BOXED) and not owner.hide_render:
             if (geometry := item.data.as_pointer()) not in shapes:
                 shapes[geometry] = np.array(item.bound_box)
             owners.append(owner)
@@ -381,11 +381,14 @@ def instances(subject: set[bpy.types.Object]) -> Iterator[tuple[bpy.types.Object
 
     Curves, surfaces, texts and metaballs come with an instance of their mesh, unless they are bare, such as a path.
     """
-    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+    found = bpy.context.evaluated_depsgraph_get().object_instances
+    matrices = np.empty(16 * len(found), np.float32)
+    found.foreach_get("matrix_world", matrices)  # in columns; one by one, those of thousands take long
+    for instance, place in zip(found, matrices.reshape(-1, 4, 4).swapaxes(1, 2).astype(float), strict=True):
         item = instance.object
         owner = (instance.parent if instance.is_instance else item).original
         if owner in subject or item.original in subject:
-            yield item, owner, np.array(instance.matrix_world)
+            yield item, owner, place
 
 
 def _focus(camera: bpy.types.Object) -> float | None:

@@ -13,7 +13,7 @@ from blender_addon.jobs import session
 from blender_addon.scene import settings as scene_settings
 from blender_addon.scene.array import edit, placement, rig
 from blender_addon.scene.array.placement import Rays
-from blender_addon.scene.contents import find_subject
+from blender_addon.scene.contents import find_subject, with_copied
 from blender_addon.scene.light import add_light
 from blender_addon.ui.operators.check import FIXES
 from blender_addon.ui.operators.render import check_questions
@@ -138,7 +138,8 @@ def test_what_is_rendered_is_looked_at_whatever_the_viewport_hides(startup):
     assert "stands inside" not in looked(startup).get("frame", "")
     placed = rig.placement(startup, scene_settings.display_of(startup))
     with placement.as_rendered():
-        assert look.depths_of(startup, placed, [wall])[0] < 5.45, "what is copied stands before the wall"
+        depths = look.depths_of(Rays(startup), placed, with_copied({wall}))
+    assert depths[0] < 5.45, "what is copied stands before the wall"
 
 
 def test_what_shows_its_back_is_left_out_as_eevee_leaves_it_out(startup):

@@ -90,6 +90,10 @@ def test_a_simulation_without_a_cache_is_named(scene, tmp_path):
     assert found(scene, "simulation") in to_ask(scene)
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "fluid_data_0001.vdb").touch()
+    assert found(scene, "simulation"), "its smoke has hardly begun"
+    scene.frame_set(2)
+    assert "of frame 2 is not baked" in found(scene, "simulation").reason, "playing a file writes a cache as far"
+    (tmp_path / "data" / "fluid_data_0001.vdb").rename(tmp_path / "data" / "fluid_data_0002.vdb")
     assert found(scene, "simulation") is None
 
 
