@@ -39,7 +39,7 @@ IN_USE = (5, 32, 33, 1224)  # errors of Windows: refused, open in another progra
 MOST_JSON_BYTES = 16_000_000
 MOST_BRACKETS = 50  # one inside the other
 WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)  # of a file system, as some network folders are
-ADVICE = {errno.EPIPE: "send it to a file or a terminal",
+ADVICE = {errno.EPIPE: "send it to a file or a terminal", errno.EEXIST: "choose another folder",
           **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), "choose a folder you may write to"),
           **dict.fromkeys((errno.ENOSPC, errno.EFBIG, errno.EDQUOT), "free some space or choose another folder")}
 CORES = "LFSR_CORES"  # environment variable of processes that leave some cores to others
