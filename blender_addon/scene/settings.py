@@ -142,7 +142,7 @@ def color_settings(scene: bpy.types.Scene, world_visible: bool = False) -> Color
     if (space := compat.working_space()) != WORKING_SPACE:
         raise LfsrError(f"the file's working space is {space}, but renders must be in {WORKING_SPACE}: choose "
                         f"{WORKING_SPACE} in Render Properties, Color Management")
-    if world_visible and any(item.is_shadow_catcher for item in bpy.data.objects):  # of instances it takes long
+    if world_visible and any(item.is_shadow_catcher for item in bpy.data.objects):  # quick; instances are not
         # Objects whose instancer catches shadows do so, too. In 5.2 lights have the same switch with another meaning.
         catchers = {item for item in scene.objects if item.is_shadow_catcher} | {
             instance.object.original for instance in bpy.context.evaluated_depsgraph_get().object_instances

@@ -100,7 +100,7 @@ def test_a_lens_array_is_opened_in_the_browser(window):
     assert shown(window).startswith("The browser shows it full screen: move its window")
     page = window.folder / "lightfield" / "scene" / "Scene" / "0001" / "show.html"
     opened = window.folder / "opened.txt"
-    wait_for(opened.is_file, SECONDS_TO_ANSWER)
+    wait_for(lambda: opened.is_file() and opened.read_text(), SECONDS_TO_ANSWER)
     assert opened.read_text().split() == [page.as_uri()] and page.is_file()
     window.scroll_down()
     window.screenshot("show-lens-array")
