@@ -6,12 +6,13 @@ this platform alone.
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 
-from setup import program, ready, run
+from setup import ROOT, program, ready, run
 
-IN_TWO = ("--numprocesses=2", "--dist=worksteal")
+IN_THREE = ("--numprocesses=3", "--dist=worksteal")  # of which one waits for a browser, a disk or a child process
 FAST = ("base", "commands", "docs", "exports", "frames", "images", "metrics", "optics", "pipeline", "plan", "process",
         "reconstruct")
 NOT_FAST = ("docs/test_python.py", "exports/test_viewer.py", "pipeline/test_cluster.py")
@@ -29,14 +30,17 @@ def main(arguments: list[str]) -> None:
     others = [] if is_fast or chosen else [name for name in ("linux", "win32", "darwin") if name != sys.platform]
     types = ([python, "-m", "mypy", "--platform", name, "--cache-dir", f".mypy_cache/{name}", *files]
              for name, *files in ([sys.platform], *([name, "lfsr_core", "blender_addon"] for name in others)))
-    with ThreadPoolExecutor(2) as threads:  # this platform takes as long as both others
+    with ThreadPoolExecutor(2) as threads:
+        if others:  # Python keeps what it compiles of all tests, which otherwise each of their processes would do
+            threads.submit(subprocess.run, [python, "-m", "pytest", "--collect-only"], cwd=ROOT,
+                           stdout=subprocess.DEVNULL)
         list(threads.map(run, types))
-    # All tests run in two processes, half of the files in each until one is done and takes from the other's rest; tests
-    # chosen by arguments run in one.
+    # All tests run in three processes, a third of the files in each until one is done and takes from the others' rest;
+    # tests chosen by arguments run in one.
     if is_fast:
-        chosen += [*IN_TWO, "-m", "not long and not slow", *(f"--ignore=tests/{name}" for name in NOT_FAST),
+        chosen += [*IN_THREE, "-m", "not long and not slow", *(f"--ignore=tests/{name}" for name in NOT_FAST),
                    *(f"tests/{name}" for name in FAST)]
-    run([python, "-m", "pytest", *(chosen or IN_TWO)])
+    run([python, "-m", "pytest", *(chosen or IN_THREE)])
 
 
 if __name__ == "__main__":
