@@ -128,8 +128,8 @@ def build(output: Path, publisher: Publisher | None = None) -> Path:
         stage(staged)
         write_manifest(staged / MANIFEST, publisher)
         pack(staged, archive)
-        if found := review(archive, is_release=publisher is not None):
-            raise LfsrError(f"the zip would not pass review: {found[0]}: run scripts/review_extension.py for all")
+        if findings := review(archive, is_release=publisher is not None):
+            raise LfsrError(f"the zip would not pass review: {findings[0]}: run scripts/review_extension.py for all")
         validate(archive)
         path = output / archive.name
         with atomic_path(path) as temporary:
@@ -156,7 +156,7 @@ def with_relative_imports(source: str, place: PurePosixPath) -> str:
         if isinstance(node, ast.Import) and any(alias.name.split(".")[0] == CORE for alias in node.names):
             raise LfsrError(f"{place}, line {node.lineno} imports {CORE} itself: write `from {CORE}.… import …`")
         if isinstance(node, ast.ImportFrom) and not node.level and (node.module or "").split(".")[0] == CORE:
-            lines[node.lineno - 1] = TOKEN.sub(lambda found: f"from {relative_name(found[1], place)}",
+            lines[node.lineno - 1] = TOKEN.sub(lambda match: f"from {relative_name(match[1], place)}",
                                                lines[node.lineno - 1], count=1)
     return "".join(lines)
 

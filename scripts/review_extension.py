@@ -78,8 +78,8 @@ def check_search_path(files: Files) -> Iterator[str]:
     """Nothing changes where Python finds modules, or reads it."""
     for path, node in _nodes(files):
         names = [alias.name for alias in node.names] if isinstance(node, ast.ImportFrom) else []
-        if found := {_dotted(node), *(f"{getattr(node, 'module', '')}.{each}" for each in names)} & SEARCH_PATH:
-            yield f"{path}, line {getattr(node, 'lineno', 0)} uses {found.pop()}"
+        if uses := {_dotted(node), *(f"{getattr(node, 'module', '')}.{name}" for name in names)} & SEARCH_PATH:
+            yield f"{path}, line {getattr(node, 'lineno', 0)} uses {uses.pop()}"
 
 
 def check_imports(files: Files) -> Iterator[str]:
@@ -116,8 +116,8 @@ def check_contents(files: Files) -> Iterator[str]:
 def check_hidden_code(files: Files) -> Iterator[str]:
     """No code that is made or unpacked while it runs."""
     for path, node in _nodes(files):
-        for found in {_dotted(node), *_imported(node)} & HIDDEN:
-            yield f"{path}, line {getattr(node, 'lineno', 0)} uses {found}"
+        for name in {_dotted(node), *_imported(node)} & HIDDEN:
+            yield f"{path}, line {getattr(node, 'lineno', 0)} uses {name}"
 
 
 def check_network(files: Files) -> Iterator[str]:
@@ -200,9 +200,9 @@ def main() -> int:
     parser.add_argument("archive", type=Path, metavar="ZIP")
     parser.add_argument("--release", action="store_true", help="ask for website and maintainer too")
     words = parser.parse_args()
-    found = review(words.archive, words.release)
-    print(*found or [f"{words.archive}: {len(CHECKS) + words.release} checks passed"], sep="\n")
-    return 1 if found else 0
+    findings = review(words.archive, words.release)
+    print(*findings or [f"{words.archive}: {len(CHECKS) + words.release} checks passed"], sep="\n")
+    return 1 if findings else 0
 
 
 if __name__ == "__main__":

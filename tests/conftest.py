@@ -39,7 +39,7 @@ def bridge(monkeypatch):
 
     with contextlib.ExitStack() as stack:
         def start(*faults, devices=DEVICES):
-            found = stack.enter_context(stand_in(devices, *faults))
-            monkeypatch.setenv(loopback.PORT_VARIABLE, str(found.server_port))
-            return found
+            server = stack.enter_context(stand_in(devices, *faults))
+            monkeypatch.setenv(loopback.PORT_VARIABLE, str(server.server_port))
+            return server
         yield start

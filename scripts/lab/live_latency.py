@@ -88,16 +88,16 @@ class Screen:
     def record(self, seconds: float) -> Pictures:
         """Every picture of this long, the first at once; times are of ``time.monotonic``."""
         began, shown = time.monotonic(), np.array(self._pixels)
-        found = [(began, shown)]
+        pictures = [(began, shown)]
         while time.monotonic() < began + seconds:
             if not np.array_equal(self._pixels, shown):
                 changed = time.monotonic()
                 time.sleep(0.003)  # one that is half drawn is read again
                 shown = np.array(self._pixels)
-                found.append((changed, shown))
+                pictures.append((changed, shown))
             time.sleep(1 / 120)
         return [(since, np.stack([(pixels >> shift & 255).astype(np.uint8) for shift in (16, 8, 0)], -1))
-                for since, pixels in found]
+                for since, pixels in pictures]
 
 
 def measure(folder: Path, display: str, edits: int, samples: int) -> list[Line]:
@@ -123,9 +123,9 @@ def reference(window: Window, state: int, samples: int) -> Halves:
     pressed(window, "render_eia")
     pressed(window, "render_reference")
     [folder] = window.folder.glob(f"state{state}/**/*_reference")
-    found = Reference.read(folder)
-    show, lenses = ViewTransform(found.frame.color), found.frame.display.lenses
-    first, second = (flip_order(np.clip(show(half), 0, 1), lenses) for half in (found.half_a, found.half_b))
+    reference = Reference.read(folder)
+    show, lenses = ViewTransform(reference.frame.color), reference.frame.display.lenses
+    first, second = (flip_order(np.clip(show(half), 0, 1), lenses) for half in (reference.half_a, reference.half_b))
     return first, second
 
 

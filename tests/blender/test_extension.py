@@ -70,7 +70,7 @@ def blender(request, tmp_path_factory):
                                   "BLENDER_USER_RESOURCES": str(folder / "resources"), "HOME": str(folder),
                                   "PATH": os.defpath, "TMPDIR": str(folder)})
         assert done.returncode == 0, done.stdout + done.stderr
-        return json.loads((folder / "found.json").read_text())
+        return json.loads((folder / "result.json").read_text())
 
     run.folder, run.python = folder, python
     return run

@@ -97,9 +97,9 @@ MOVING = {"an object moves": "object", "the light moves": "light", "a figure dan
 
 
 def shot(name: str, way: str, samples: int) -> dict[str, float]:
-    [found] = [each["figures"] for each in record("shots")["found"]
-               if (each["shot"], each["way"], each["samples"]) == (name, WAYS[way], samples)]
-    return found
+    [figures] = [row["figures"] for row in record("shots")["rows"]
+                 if (row["shot"], row["way"], row["samples"]) == (name, WAYS[way], samples)]
+    return figures
 
 
 def shot_rows() -> Any:

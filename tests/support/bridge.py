@@ -126,15 +126,15 @@ class StandIn(ThreadingHTTPServer):
         """Answer to a PUT, None for an unknown endpoint."""
         if endpoint == "enter_orchestration":
             return {"name": endpoint, "payload": wrapped(TOKEN), "status": wrapped("Completion")}
-        if (found := getattr(self, f"_{endpoint}", None)) is None:
+        if (method := getattr(self, f"_{endpoint}", None)) is None:
             return None
         if body.get("orchestration") != TOKEN:
             return {"name": endpoint, "status": wrapped("UnknownOrchestration")}
-        return {"name": endpoint, "orchestration": wrapped(TOKEN)} | found(body)
+        return {"name": endpoint, "orchestration": wrapped(TOKEN)} | method(body)
 
     def _available_output_devices(self, _: dict) -> dict:
-        found = {str(number): entry for number, entry in enumerate(self.devices)}
-        return {"payload": wrapped(found), "status": wrapped("Completion")}
+        devices = {str(number): entry for number, entry in enumerate(self.devices)}
+        return {"payload": wrapped(devices), "status": wrapped("Completion")}
 
     def _instance_playlist(self, body: dict) -> dict:
         self.playlists.setdefault(body["name"], [])

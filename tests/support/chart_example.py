@@ -42,8 +42,8 @@ def point(role: str, method: str, samples: int, slowness: float = 1.0, timed: bo
     """One point by the formulas above."""
     best, noise, second = (DIRECT_METHODS if role == DIRECT else LOW_METHODS)[method]
     render = slowness * (0.8 + 0.09 * samples * (16 if role == DIRECT else 1))
-    each = (1 + 0.1 * np.arange(LENSES)) * (1 + 0.02 * np.arange(SEEDS)[:, None])
-    error = each * (best + noise * (0.7 + 0.1 * slowness) * samples**-0.5)
+    factors = (1 + 0.1 * np.arange(LENSES)) * (1 + 0.02 * np.arange(SEEDS)[:, None])
+    error = factors * (best + noise * (0.7 + 0.1 * slowness) * samples**-0.5)
     values = {name: error.tolist() for name in MEASURES} | dict.fromkeys(PARTS, (error[0] / 2).tolist())
     rows = {name: tuple(map(tuple, np.atleast_2d(value).tolist())) for name, value in values.items()}
     times = analysis.Times((render, 1.1 * render), (second, second * 1.1, second * 1.2), 0.5) if timed else None

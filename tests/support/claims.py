@@ -26,8 +26,8 @@ def record(name: str) -> Any:
 @functools.cache
 def text_of(document: str) -> str:
     """Return a document in which code and links are blank, so that places stay."""
-    return CODE.sub(lambda found: re.sub(r"[^\n`]", " ", found[0]) if "\n" in found[0] or found[0][0] != "`"
-                    else found[0], (ROOT / document).read_text(encoding="utf-8"))
+    return CODE.sub(lambda match: re.sub(r"[^\n`]", " ", match[0]) if "\n" in match[0] or match[0][0] != "`"
+                    else match[0], (ROOT / document).read_text(encoding="utf-8"))
 
 
 def agrees(quoted: str, value: float | None) -> bool:
@@ -58,9 +58,9 @@ class Claim:
     def place(self) -> re.Match[str]:
         """Where the words stand, once; AssertionError where they do not."""
         parts = [r"\s+".join(map(re.escape, part.split(" "))) for part in self.words.split("{}")]
-        found = list(re.finditer(f"([+]?{NUMBER})".join(parts), text_of(self.document)))
-        assert len(found) == 1, f"{self.document} has {len(found)} times: {self.words}"
-        return found[0]
+        matches = list(re.finditer(f"([+]?{NUMBER})".join(parts), text_of(self.document)))
+        assert len(matches) == 1, f"{self.document} has {len(matches)} times: {self.words}"
+        return matches[0]
 
     def wrong(self) -> list[tuple[str, float]]:
         """Return the numbers that do not agree, with what the record says."""
@@ -94,11 +94,11 @@ class TableClaim:
 
     def wrong(self) -> list[tuple[str, float]]:
         """Return the numbers that do not agree, with what the record says."""
-        found = list[tuple[str, float]]()
+        disagreeing = list[tuple[str, float]]()
         for _, cells in self.rows():
             values = self.expected(cells)  # may leave out cells
-            found += _wrong([number for cell in cells[self.first:] for number in row_numbers(cell)], values)
-        return found
+            disagreeing += _wrong([number for cell in cells[self.first:] for number in row_numbers(cell)], values)
+        return disagreeing
 
     def spans(self) -> Iterator[tuple[int, int]]:
         """Yield the places of its rows."""
@@ -113,12 +113,12 @@ def _wrong(quoted: Sequence[str], values: Values) -> list[tuple[str, float]]:
 def uncovered(document: str, claims: Sequence[Claim | TableClaim], without: Sequence[str]) -> list[str]:
     """Return the lines of the numbers with a point that neither a claim nor words of ``without`` cover."""
     text = text_of(document)
-    known = [span for claim in claims if claim.document == document for span in claim.spans()]
+    spans = [span for claim in claims if claim.document == document for span in claim.spans()]
     for words in without:
-        places = [found.span() for found in re.finditer(r"\s+".join(map(re.escape, words.split())), text)]
+        places = [match.span() for match in re.finditer(r"\s+".join(map(re.escape, words.split())), text)]
         assert places, f"{document} does not say any more: {words}"
-        known += places
-    shown = INLINE.sub(lambda found: " " * len(found[0]), text)
-    return [f"{found[0]}: {text[text.rfind(chr(10), 0, found.start()) + 1:text.find(chr(10), found.end())]}"
-            for found in MEASURED.finditer(shown) if found[0] not in VERSIONS
-            and not any(start <= found.start() and found.end() <= end for start, end in known)]
+        spans += places
+    shown = INLINE.sub(lambda match: " " * len(match[0]), text)
+    return [f"{match[0]}: {text[text.rfind(chr(10), 0, match.start()) + 1:text.find(chr(10), match.end())]}"
+            for match in MEASURED.finditer(shown) if match[0] not in VERSIONS
+            and not any(start <= match.start() and match.end() <= end for start, end in spans)]

@@ -117,7 +117,7 @@ def _line(data: bytes, dice: random.Random) -> bytes:
         number = dice.randrange(len(lines)) if lines else 0
         change, value = dice.random(), dice.choice([*TOKENS, json.dumps(dice.choice(VALUES))])
         if change < 0.7:
-            lines[number:number + 1] = [re.sub(r"([=:]\s*)[^,}]*", lambda found, new=value: found[1] + new,
+            lines[number:number + 1] = [re.sub(r"([=:]\s*)[^,}]*", lambda match, new=value: match[1] + new,
                                                line, count=1) for line in lines[number:number + 1]]
         elif change < 0.85:
             del lines[number:number + 1]
@@ -127,28 +127,28 @@ def _line(data: bytes, dice: random.Random) -> bytes:
 
 
 def _bytes(data: bytes, dice: random.Random) -> bytes:
-    found = bytearray(data)
+    damaged = bytearray(data)
     for _ in range(dice.choice((1, 1, 1, 2, 4))):
-        at = dice.randrange(min(len(found), 700) + 1 if dice.random() < 0.6 else len(found) + 1)
+        at = dice.randrange(min(len(damaged), 700) + 1 if dice.random() < 0.6 else len(damaged) + 1)
         piece = dice.choice([dice.randbytes(dice.randint(1, 8)), b"\xff" * 4, b"\0" * 4, b"\x7f\xff\xff\xff"])
         if (change := dice.choice(["set", "set", "flip", "flip", "cut", "double", "end"])) == "set":
-            found[at:at + len(piece)] = piece
+            damaged[at:at + len(piece)] = piece
         elif change == "flip":
-            found[at:at + 1] = bytes(byte ^ 1 << dice.randrange(8) for byte in found[at:at + 1])
+            damaged[at:at + 1] = bytes(byte ^ 1 << dice.randrange(8) for byte in damaged[at:at + 1])
         elif change == "cut":
-            del found[at:at + len(piece)]
+            del damaged[at:at + len(piece)]
         elif change == "double":
-            found[at:at] = found[at:at + 50]
+            damaged[at:at] = damaged[at:at + 50]
         else:
-            del found[at:]
-    return bytes(found)
+            del damaged[at:]
+    return bytes(damaged)
 
 
 def attempt(case: Case, folder: Path) -> Result:
     """Run a case's command on the files in ``folder``; a library may take the end of a long wait for a bad file."""
     with _alarm() as rung:
-        found = _attempt(case, folder)
-    return Result(HANG, f"more than {MOST_SECONDS} s, then {found.said}") if rung else found
+        result = _attempt(case, folder)
+    return Result(HANG, f"more than {MOST_SECONDS} s, then {result.said}") if rung else result
 
 
 def _attempt(case: Case, folder: Path) -> Result:
@@ -174,13 +174,13 @@ def _attempt(case: Case, folder: Path) -> Result:
                                      for path in sorted(folder.glob(pattern))))
 
 
-def judged(case: Case, kind: str, good: Result, found: Result) -> Result:
+def judged(case: Case, kind: str, good: Result, damaged: Result) -> Result:
     """What became of the pictures, where the command made any."""
-    if found.outcome != READ or not case.pictures or kind in case.facts:
-        return found
-    if found.pictures == good.pictures:
-        return Result(SAME, found.said)
-    return Result(SAID if found.said and found.said != good.said else SILENT, found.said)
+    if damaged.outcome != READ or not case.pictures or kind in case.facts:
+        return damaged
+    if damaged.pictures == good.pictures:
+        return Result(SAME, damaged.said)
+    return Result(SAID if damaged.said and damaged.said != good.said else SILENT, damaged.said)
 
 
 def outcomes(case: Case, folder: Path, inputs: int, seed: object) -> Iterator[tuple[str, int, Result]]:

@@ -1,6 +1,6 @@
 """What an artist does with the extension, in a Blender of its own: extension_steps.py STEP FOLDER [ZIP]
 
-tests/blender/test_extension.py runs it with Blender's Python alone. What it finds goes to FOLDER/found.json.
+tests/blender/test_extension.py runs it with Blender's Python alone. What it finds goes to FOLDER/result.json.
 """
 
 import importlib
@@ -21,20 +21,20 @@ FOREIGN = ("cv2", "torch", "pyoidn", "onnxruntime", "av", "PIL", "lfsr_core", "f
 
 def install(folder: Path, archive: str) -> dict[str, object]:
     """Install and enable the zip, ask what the second stage finds, switch off and on again."""
-    found: dict[str, object] = {"foreign": [name for name in FOREIGN if importlib.util.find_spec(name)]}
+    states: dict[str, object] = {"foreign": [name for name in FOREIGN if importlib.util.find_spec(name)]}
     before, modules = list(sys.path), set(sys.modules)
     done = bpy.ops.extensions.package_install_files(filepath=archive, repo=REPOSITORY, enable_on_install=True)
-    found |= {"install": sorted(done), "enabled": state(), "warnings": policy_warnings()}
-    found["added_paths"] = [path for path in sys.path if path not in before]
-    found["added_modules"] = sorted({name.split(".")[0] for name in set(sys.modules) - modules if NAME in name})
-    found["core"] = importlib.import_module(CORE).__file__
-    found["second_stage"] = second_stage()
+    states |= {"install": sorted(done), "enabled": state(), "warnings": policy_warnings()}
+    states["added_paths"] = [path for path in sys.path if path not in before]
+    states["added_modules"] = sorted({name.split(".")[0] for name in set(sys.modules) - modules if NAME in name})
+    states["core"] = importlib.import_module(CORE).__file__
+    states["second_stage"] = second_stage()
     bpy.ops.preferences.addon_disable(module=MODULE)
-    found["disabled"] = state()
+    states["disabled"] = state()
     bpy.ops.preferences.addon_enable(module=MODULE)
-    found["enabled_again"] = state()
+    states["enabled_again"] = state()
     bpy.ops.wm.save_userpref()
-    return found
+    return states
 
 
 def press(folder: Path) -> dict[str, object]:
@@ -99,4 +99,4 @@ if __name__ == "__main__":
         # A Blender application does so on its own when it starts.
         bpy.ops.wm.read_userpref()
     result = step(Path(sys.argv[2]), *sys.argv[3:])
-    Path(sys.argv[2], "found.json").write_text(json.dumps(result), encoding="utf-8")
+    Path(sys.argv[2], "result.json").write_text(json.dumps(result), encoding="utf-8")

@@ -65,13 +65,13 @@ def wait_for(condition: Callable[[], bool], look: bool = True) -> None:
     processes.wait_for(lambda: (look and session._look(), condition())[1], SECONDS_TO_RENDER)
 
 
-def found(scene, code: str) -> Problem | None:
+def problem_of(scene, code: str) -> Problem | None:
     """The first problem of ``code``, or None."""
     return next((problem for problem in check_scene(scene) if problem.code == code), None)
 
 
 def fix(scene, code: str) -> None:
     """Press the button of ``code``; the problem is gone afterwards."""
-    problem = found(scene, code)
+    problem = problem_of(scene, code)
     assert problem is not None and problem.fix
-    assert bpy.ops.lfsr.check_fix(code=code, target=problem.target) == {"FINISHED"} and found(scene, code) is None
+    assert bpy.ops.lfsr.check_fix(code=code, target=problem.target) == {"FINISHED"} and problem_of(scene, code) is None

@@ -35,8 +35,8 @@ class RecordingLayout:
         parameters = [item for item in LAYOUT.functions[name].parameters if not item.is_output]
         for argument, parameter in zip(arguments, parameters, strict=False):
             named[parameter.identifier] = argument
-        known = {item.identifier for item in parameters}
-        assert set(named) <= known, f"{name} has no arguments {set(named) - known}"
+        names = {item.identifier for item in parameters}
+        assert set(named) <= names, f"{name} has no arguments {set(named) - names}"
         missing = {item.identifier for item in parameters if item.is_required} - set(named)
         assert not missing, f"{name} needs {missing}"
         assert named.get("icon", "NONE") in ICONS, f"there is no icon {named['icon']!r}"

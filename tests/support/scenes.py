@@ -150,27 +150,27 @@ def mixed(*shaders: tuple[str, dict], output: str = "Surface") -> bpy.types.Mate
 
 def snapshot() -> dict[str, str]:
     """Every plain setting of every data-block but images, and which data-blocks there are."""
-    found = {"file": bpy.data.filepath}
+    values = {"file": bpy.data.filepath}
     for name in ("scenes", "objects", "cameras", "worlds", "meshes", "materials", "collections", "lights",
                  "node_groups", "texts"):
         for block in getattr(bpy.data, name):
-            _record(f"{name}/{block.name}", block, found)
+            _record(f"{name}/{block.name}", block, values)
     for scene in bpy.data.scenes:
         for part in ("render", "render.image_settings", "view_settings", "display_settings",
                      *(["cycles"] if hasattr(scene, "cycles") else [])):
-            _record(f"scenes/{scene.name}.{part}", scene.path_resolve(part), found)
+            _record(f"scenes/{scene.name}.{part}", scene.path_resolve(part), values)
         for layer in scene.view_layers:
-            _record(f"scenes/{scene.name}/{layer.name}", layer, found)
+            _record(f"scenes/{scene.name}/{layer.name}", layer, values)
             if hasattr(layer, "cycles"):
-                _record(f"scenes/{scene.name}/{layer.name}.cycles", layer.cycles, found)
+                _record(f"scenes/{scene.name}/{layer.name}.cycles", layer.cycles, values)
     for camera in bpy.data.cameras:
-        _record(f"cameras/{camera.name}.dof", camera.dof, found)
+        _record(f"cameras/{camera.name}.dof", camera.dof, values)
     if "cycles" in bpy.context.preferences.addons:
-        _record("cycles preferences", bpy.context.preferences.addons["cycles"].preferences, found)
-    return found
+        _record("cycles preferences", bpy.context.preferences.addons["cycles"].preferences, values)
+    return values
 
 
-def _record(key: str, owner: bpy.types.bpy_struct, found: dict[str, str]) -> None:
+def _record(key: str, owner: bpy.types.bpy_struct, values: dict[str, str]) -> None:
     for item in owner.bl_rna.properties:
         if item.identifier == "use_nodes":  # deprecated
             continue
@@ -181,7 +181,7 @@ def _record(key: str, owner: bpy.types.bpy_struct, found: dict[str, str]) -> Non
             value = len(value)
         elif getattr(item, "is_array", False):
             value = tuple(tuple(row) if hasattr(row, "__len__") else row for row in value)
-        found[f"{key}.{item.identifier}"] = str(value)
+        values[f"{key}.{item.identifier}"] = str(value)
 
 
 WAYS = ("one-pass", "lens-card")   # of tracing all views at once

@@ -18,7 +18,7 @@ from blender_addon.ui.operators.check import OPERATORS
 from blender_addon.ui.operators.render import check_questions, to_ask
 from tests.blender.ui.test_panels import draw
 from tests.support import panel
-from tests.support.panel import fix, found
+from tests.support.panel import fix, problem_of
 from tests.support.scenes import MINI, add_box, compositing
 
 
@@ -35,22 +35,22 @@ def test_no_light_and_colors_that_cannot_be_shown(scene):
     fix(scene, "light")
     assert scene.world.name == "Light Field World"
     scene.view_settings.use_curve_mapping = True
-    assert found(scene, "view").severity == "ERROR"
+    assert problem_of(scene, "view").severity == "ERROR"
     fix(scene, "view")
     scene.world, bpy.data.objects["Box"].is_shadow_catcher = bpy.data.worlds.new("World"), True
-    assert "shadow catcher" in found(scene, "catcher").reason
+    assert "shadow catcher" in problem_of(scene, "catcher").reason
     fix(scene, "catcher")
 
 
 def test_the_world_of_a_new_file_alone(scene):
     scene.collection.objects.unlink(bpy.data.objects["Sun"])
     scene.world = bpy.data.worlds.new("World")
-    assert found(scene, "light") is None and "a dim world" in found(scene, "dark").reason
+    assert problem_of(scene, "light") is None and "a dim world" in problem_of(scene, "dark").reason
     for name in ("EVEN", "OWN"):
         scene.lfsr.light = name
-        assert (found(scene, "dark") is None) == (name == "EVEN")
+        assert (problem_of(scene, "dark") is None) == (name == "EVEN")
     scene.world = None
-    assert "will be black" in found(scene, "light").reason
+    assert "will be black" in problem_of(scene, "light").reason
     scene.world, scene.lfsr.light = bpy.data.worlds["World"], "AUTO"
     fix(scene, "dark")
 
@@ -64,37 +64,37 @@ def test_materials_that_do_not_show_are_named(scene):
     bpy.data.objects["Box"].data.materials.append(material)
     nodes = material.node_tree.nodes
     material.node_tree.links.new(nodes["Group"].outputs[0], nodes["Principled BSDF"].inputs["Base Color"])
-    assert found(scene, "eevee") is None, "it leads nowhere"
+    assert problem_of(scene, "eevee") is None, "it leads nowhere"
     group.links.new(shader.outputs[0], out.inputs[0])
-    assert "ode Shader to RGB" in found(scene, "eevee").reason and found(scene, "eevee").target == "Toon"
+    assert "ode Shader to RGB" in problem_of(scene, "eevee").reason and problem_of(scene, "eevee").target == "Toon"
     group.nodes["Shader to RGB"].mute = True
-    assert found(scene, "eevee") is None
+    assert problem_of(scene, "eevee") is None
     material.node_tree.nodes["Material Output"].target = "EEVEE"
-    assert "ode Material Output" in found(scene, "eevee").reason
+    assert "ode Material Output" in problem_of(scene, "eevee").reason
     alpha = material.node_tree.nodes["Principled BSDF"].inputs["Alpha"]
-    assert found(scene, "clear") is None
+    assert problem_of(scene, "clear") is None
     alpha.default_value = 0.0
-    assert found(scene, "clear").target == "Toon" and found(scene, "clear").asks
+    assert problem_of(scene, "clear").target == "Toon" and problem_of(scene, "clear").asks
     material.node_tree.nodes.new("ShaderNodeEmission")
-    assert found(scene, "clear") is None, "it may be mixed with another shader"
+    assert problem_of(scene, "clear") is None, "it may be mixed with another shader"
     (material := bpy.data.materials.new("Scripted")).use_nodes = True
     material.node_tree.nodes.new("ShaderNodeScript")
     bpy.data.objects["Box"].data.materials.append(material)
-    assert found(scene, "script").target == "Scripted"
+    assert problem_of(scene, "script").target == "Scripted"
     fix(scene, "script")
 
 
 def test_a_simulation_without_a_cache_is_named(scene, tmp_path):
     (fluid := bpy.data.objects["Box"].modifiers.new("Fluid", "FLUID")).fluid_type = "DOMAIN"
     fluid.domain_settings.cache_directory = str(tmp_path)
-    assert found(scene, "simulation") in to_ask(scene)
+    assert problem_of(scene, "simulation") in to_ask(scene)
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "fluid_data_0001.vdb").touch()
-    assert found(scene, "simulation"), "its smoke has hardly begun"
+    assert problem_of(scene, "simulation"), "its smoke has hardly begun"
     scene.frame_set(2)
-    assert "of frame 2 is not baked" in found(scene, "simulation").reason, "playing a file writes a cache as far"
+    assert "of frame 2 is not baked" in problem_of(scene, "simulation").reason, "playing a file writes a cache as far"
     (tmp_path / "data" / "fluid_data_0001.vdb").rename(tmp_path / "data" / "fluid_data_0002.vdb")
-    assert found(scene, "simulation") is None
+    assert problem_of(scene, "simulation") is None
 
 
 def switch_on(switch):
@@ -108,15 +108,15 @@ def switch_on(switch):
 
 def test_the_only_subject_is_not_background_and_an_empty_collection_no_problem(scene):
     switch_on(SWITCHES[0])(scene)
-    assert found(scene, SWITCHES[0])
+    assert problem_of(scene, SWITCHES[0])
     bpy.data.objects.remove(bpy.data.objects["Chair"])
-    assert found(scene, SWITCHES[0]) is None
+    assert problem_of(scene, SWITCHES[0]) is None
     bpy.data.objects["Box"].scale = 60, 60, 60
     bpy.context.view_layer.update()
-    assert found(scene, "background") is None
+    assert problem_of(scene, "background") is None
     add_box(scene, (0, 0, 0), (0.1, 0.1, 0.1))
     bpy.context.view_layer.update()
-    assert found(scene, "background").target == "Box"
+    assert problem_of(scene, "background").target == "Box"
 
 
 IGNORED = {"filter", "engine", "clamp", "shift"}  # and not asked about
@@ -138,9 +138,9 @@ IGNORED = {"filter", "engine", "clamp", "shift"}  # and not asked about
     ("sequencer", lambda scene: scene.sequence_editor_create().strips.new_effect("x", "COLOR", 1, frame_start=1,
                                                                                  length=10))])
 def test_what_renders_leave_out_has_a_button_and_is_asked_before(scene, code, spoil):
-    assert found(scene, code) is None
+    assert problem_of(scene, code) is None
     spoil(scene)
-    problem = found(scene, code)
+    problem = problem_of(scene, code)
     assert problem.severity == "INFO" and (problem in to_ask(scene)) == (code not in IGNORED)
     fix(scene, code)
 
@@ -152,7 +152,8 @@ def test_what_renders_leave_out_has_a_button_and_is_asked_before(scene, code, sp
 def test_without_a_subject_or_an_array(scene, code, spoil):
     """A broken array is added again."""
     spoil(scene)
-    assert (found(scene, code).severity == "INFO") == (code == "array") and (code == "rig" or not found(scene, "rig"))
+    assert (problem_of(scene, code).severity == "INFO") == (code == "array")
+    assert code == "rig" or not problem_of(scene, "rig")
     fix(scene, code)
 
 
@@ -180,16 +181,16 @@ def test_textures_that_cannot_be_read_and_unsaved_paint(scene, tmp_path):
     (image := bpy.data.images.new("Paint", 4, 4)).use_fake_user = True
     image.pixels[0] = 0.5
     image.update()
-    assert found(scene, "dirty").target == "Paint"
+    assert problem_of(scene, "dirty").target == "Paint"
     fix(scene, "dirty")
     gone = bpy.data.images.new("Gone", 4, 4)
     gone.source, gone.filepath = "FILE", "//textures/gone.png"
     (texture := bpy.data.textures.new("Bumps", "IMAGE")).image = gone
     bpy.data.objects["Box"].modifiers.new("Bumps", "DISPLACE").texture = texture
-    assert found(scene, "texture").target == "gone.png"
+    assert problem_of(scene, "texture").target == "gone.png"
     (tmp_path / "cut.png").write_bytes(b"\x89PNG")
     gone.filepath = str(tmp_path / "cut.png")
-    assert "cut.png is damaged" in found(scene, "texture").reason
+    assert "cut.png is damaged" in problem_of(scene, "texture").reason
 
 
 def test_settings_that_do_not_go_together_and_unknown_problems_are_refused(scene):
@@ -214,7 +215,7 @@ def test_outside_the_usable_depth(scene, side):
     near, far = rig.usable_depth(placed, MINI)
     at_depth(scene, near * 0.8 if side == "near" else far * 1.3, placed.half_width * 0.15).name = "Stray"
     scene.objects["Stray"].hide_viewport = True  # renders show it
-    problem = found(scene, "depth")
+    problem = problem_of(scene, "depth")
     assert problem.target == "Stray" and problem.is_object and " m" in problem.reason
 
 
@@ -223,7 +224,7 @@ def test_objects_out_of_sight_are_no_problem_and_walls_become_background_by_one_
     at_depth(scene, -placed.distance, 0.1)
     at_depth(scene, placed.distance * 50, 0.1, lift=4)
     bpy.context.view_layer.update()
-    assert found(scene, "depth") is None
+    assert problem_of(scene, "depth") is None
     _, far = rig.usable_depth(rig.placement(scene, MINI)[0], MINI)
     add_box(scene, (0, 0, -1), (far * 3, far * 3, 0.01)).name = "Floor"
     at_depth(scene, far * 1.5, far * 2).name = "Wall"
@@ -269,7 +270,7 @@ def test_many_objects_that_are_thinner_than_a_view_shows_are_one_row_that_opens(
     for rod in rods:
         rod.scale = (15, 15, 1)
     bpy.context.view_layer.update()
-    assert found(scene, "thin") is None
+    assert problem_of(scene, "thin") is None
 
 
 def spoil(scene) -> None:

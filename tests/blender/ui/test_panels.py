@@ -25,7 +25,7 @@ from blender_addon.ui.panels import LFSR_MT_scale
 from lfsr_core.base.messages import Progress
 from lfsr_core.frames.frame import LIGHTS, Finish, Report, write_report
 from tests.support import panel
-from tests.support.panel import found
+from tests.support.panel import problem_of
 from tests.support.recording_layout import RecordingLayout
 from tests.support.scenes import MINI
 from tests.support.synthetic import write_render
@@ -132,7 +132,7 @@ def test_the_light_of_the_menu_is_the_jobs(scene, tmp_path):
     for path, sentence in (("", "no light file is chosen"), ("//gone.hdr", "does not exist"), ("//x.jpg", "light is")):
         scene.lfsr.light_file = path
         refuses(sentence, scene_settings.resolve_for_render, scene)
-        assert sentence in found(scene, "display").reason.lower()
+        assert sentence in problem_of(scene, "display").reason.lower()
     (tmp_path / "sky.hdr").touch()
     scene.lfsr.light_file = "//sky.hdr"
     assert scene_settings.resolve_for_render(scene).request.light == str(tmp_path / "sky.hdr")

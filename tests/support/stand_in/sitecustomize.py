@@ -62,8 +62,8 @@ def held(path, dir_fd=None) -> bool:
         with contextlib.suppress(OSError):  # ended since
             for number in os.listdir(process / "fd"):
                 with contextlib.suppress(OSError):  # closed since
-                    found = os.readlink(process / "fd" / number)
-                    if (found == real or found.startswith(f"{real}/")) and os.path.isfile(found):
+                    target = os.readlink(process / "fd" / number)
+                    if (target == real or target.startswith(f"{real}/")) and os.path.isfile(target):
                         return True
             lines = (process / "maps").read_text(encoding="utf-8", errors="replace")
             if f" {real}\n" in lines or f" {real}/" in lines:

@@ -99,9 +99,9 @@ class Window:
 
     def windows(self) -> list[str]:
         """Numbers of Blender's windows on the screen, the newest last."""
-        found = subprocess.run(inside("xdotool", "search", "--onlyvisible", "--class", "Blender"),
+        ended = subprocess.run(inside("xdotool", "search", "--onlyvisible", "--class", "Blender"),
                                env=self._environment, check=True, timeout=30, capture_output=True, text=True)
-        return found.stdout.split()
+        return ended.stdout.split()
 
     def place(self, number: str, width: int, height: int) -> None:
         """Move a window to the screen's upper left corner and give it this size, as a window manager does."""

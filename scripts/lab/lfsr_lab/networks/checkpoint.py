@@ -82,10 +82,10 @@ def load_into(network: nn.Module, path: str | Path, scale: int) -> nn.Module:
             raise LfsrError(f"{path} holds weights for {key} {header.get(key)!r}, expected {value!r}: "
                             f"choose the file that fits or train it again")
     wanted = {name: tuple(value.shape) for name, value in network.state_dict().items()}
-    found = {name: tuple(value.shape) for name, value in tensors.items()}
-    for name in sorted(wanted.keys() | found.keys()):
-        if wanted.get(name) != found.get(name):
-            raise LfsrError(f"{path} has tensor {name!r} of shape {found.get(name, 'missing')}, expected "
+    stored = {name: tuple(value.shape) for name, value in tensors.items()}
+    for name in sorted(wanted.keys() | stored.keys()):
+        if wanted.get(name) != stored.get(name):
+            raise LfsrError(f"{path} has tensor {name!r} of shape {stored.get(name, 'missing')}, expected "
                             f"{wanted.get(name, 'no such tensor')}: choose the file that fits or train it again")
     network.load_state_dict({name: torch.from_numpy(value) for name, value in tensors.items()})
     return network

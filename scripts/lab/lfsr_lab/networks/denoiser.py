@@ -104,7 +104,7 @@ def normal_encode(normal: Tensor) -> Tensor:
 CORE = "*OpenImageDenoise_core*"  # holds the weights
 NAMES = {"hdr": (2, 3), "hdr-guided": (6, 7)}  # place of "base" and "small"
 SIZES = ("base", "small")
-KNOWN = 23  # weights in libraries 2.3 to 2.5
+NETWORKS = 23  # weights in libraries 2.3 to 2.5
 START = denoise.HEADER.pack(denoise.MAGIC, denoise.VERSION, denoise.MINOR, 0)[:4]
 
 
@@ -123,11 +123,11 @@ def stock_weights(name: str = "hdr", size: str = "small") -> dict[str, Array]:
 
 @functools.lru_cache(maxsize=1)
 def _blobs(path: Path) -> tuple[dict[str, Array], ...]:
-    content, found, start = path.read_bytes(), list[dict[str, Array]](), 0
+    content, networks, start = path.read_bytes(), list[dict[str, Array]](), 0
     while (start := content.find(START, start)) >= 0:
         with contextlib.suppress(LfsrError):  # bytes that happen to be the same
-            found.append(denoise.parse_tza(content[start:start + denoise.MOST_BYTES], path))
+            networks.append(denoise.parse_tza(content[start:start + denoise.MOST_BYTES], path))
         start += len(START)
-    if len(found) != KNOWN:
-        raise LfsrError(f"{path} holds {len(found)} networks, expected {KNOWN}: install pyoidn 2.5")
-    return tuple(found)
+    if len(networks) != NETWORKS:
+        raise LfsrError(f"{path} holds {len(networks)} networks, expected {NETWORKS}: install pyoidn 2.5")
+    return tuple(networks)

@@ -38,12 +38,12 @@ def build(models: Path, light: str, items: list[Item]) -> None:
     bpy.context.scene.render.film_transparent = True
     for name, at, size, turn in items:
         holder = add_object(None, None, name)
-        load(found(models, name)).parent = holder
+        load(model_path(models, name)).parent = holder
         settle(holder, at, size, (0, 0, turn))
     bpy.ops.file.pack_all()
 
 
-def found(models: Path, name: str) -> Path:
+def model_path(models: Path, name: str) -> Path:
     """The file ``name`` somewhere in ``models``."""
     paths = sorted(models.rglob(name))
     if not paths:

@@ -232,10 +232,10 @@ def corners(things: Sequence[bpy.types.Object], outside: float = 0.5) -> tuple[A
     graph, points = bpy.context.evaluated_depsgraph_get(), []
     for item in (item.evaluated_get(graph) for item in things if item.type == "MESH" and item.data.vertices):
         mesh = item.to_mesh()
-        found = np.empty(len(mesh.vertices) * 3, np.float32)
-        mesh.vertices.foreach_get("co", found)
+        coordinates = np.empty(len(mesh.vertices) * 3, np.float32)
+        mesh.vertices.foreach_get("co", coordinates)
         matrix = np.array(item.matrix_world)
-        points.append(found.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3])
+        points.append(coordinates.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3])
     every = np.concatenate(points)
     return np.percentile(every, outside, 0), np.percentile(every, 100 - outside, 0)
 

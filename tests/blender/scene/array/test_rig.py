@@ -8,7 +8,6 @@ import pytest
 
 from blender_addon.scene.array import edit, rig
 from tests.support import panel
-from tests.support.panel import found
 from tests.support.scenes import MINI
 from tests.support.told import refuses
 
@@ -36,7 +35,7 @@ def test_an_array_without_a_direction_is_one_sentence_and_moves_along_its_view(s
     assert scene.lfsr.distance == 0
     refuses("has no direction.*set the scale to 1", place, scene)
     panel.refused("has no direction", bpy.ops.lfsr.array_fit)
-    assert "has no direction" in found(scene, "rig").reason
+    assert "has no direction" in panel.problem_of(scene, "rig").reason
 
 
 @pytest.mark.parametrize("whose", ["array", "parent"])
@@ -52,7 +51,7 @@ def test_mirror_of_an_array_is_undone(scene, whose):
     assert np.array(matrix)[:3, 2] == pytest.approx(np.array(before[1])[:3, 2], abs=1e-6)
     scene.lfsr.distance = 3.0
     assert scene.lfsr.distance == pytest.approx(3.0, rel=1e-5)
-    assert f"{array.name!r} is mirrored" in found(scene, "mirror").reason
+    assert f"{array.name!r} is mirrored" in panel.problem_of(scene, "mirror").reason
 
 
 def test_usable_depth_is_the_displays_the_plane_keeps_the_framing_and_spacing_flattens_and_deepens(scene):

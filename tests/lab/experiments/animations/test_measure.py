@@ -59,9 +59,9 @@ def test_renders_differ_by_their_seeds_references_share_none_and_the_cost_is_sai
 
 
 def test_tables_and_chart_show_every_figure_of_a_report():
-    found = tuple(study.Found("object", way.name, spp, study.Motion(0.9, 1.0, 0.5, 0.25, 0.1, 1.1))
-                  for way in (study.FIXED_ALONE, study.ALONE, study.AVERAGED) for spp in (4, 16))
-    assert f"| {study.ALONE.name} | 4 | 0.9000 | 1.00 | 0.50 | 0.25 | 1.10 |" in study.markdown(found).splitlines()
+    rows = tuple(study.Row("object", way.name, spp, study.Motion(0.9, 1.0, 0.5, 0.25, 0.1, 1.1))
+                 for way in (study.FIXED_ALONE, study.ALONE, study.AVERAGED) for spp in (4, 16))
+    assert f"| {study.ALONE.name} | 4 | 0.9000 | 1.00 | 0.50 | 0.25 | 1.10 |" in study.markdown(rows).splitlines()
     published = Path(__file__).parents[4] / "docs" / "results" / "measured" / "shots.json"
-    kept = read_record(published, study.Report, "a report").found
+    kept = read_record(published, study.Report, "a report").rows
     assert {"a figure dances", "the light moves"} <= set(re.findall(r"[a-z ]+(?=: split)", svg(study.chart(kept))))

@@ -43,7 +43,7 @@ for piece in range(3):
     while (folder / "wait").exists(): time.sleep(0.05)
 (folder / "images").mkdir(exist_ok=True)
 (folder / "images" / f"{folder.name}.png").write_bytes(b"an image")
-(folder / "record.json").write_text(json.dumps({"found": [folder.name]}))
+(folder / "record.json").write_text(json.dumps({"rows": [folder.name]}))
 """
 DRIVER = """
 import sys
@@ -66,19 +66,19 @@ kind = "chart"
 title = "A study"
 question = "Does it run?"
 record = "record.json"
-joined = "found"
+joined = "rows"
 [study.short]
 minutes = 1
-each = [{each}]
+units = [{units}]
 command = "python {script} {{out}} {more}"
 """
 
 
-def work_of(folder: Path, *each: str, more: str = "", command: str = COMMAND) -> Work:
+def work_of(folder: Path, *names: str, more: str = "", command: str = COMMAND) -> Work:
     """Units of these names in ``folder``/out, whose table and command are in ``folder``."""
     (folder / "command.py").write_text(command, encoding="utf-8")
     assets = ASSET.format(name="vase", file="vase/vase.gltf") + ASSET.format(name="b", file="b.blend")
-    study = STUDY.format(each=", ".join(f'"{name}"' for name in each), script=folder / "command.py", more=more)
+    study = STUDY.format(units=", ".join(f'"{name}"' for name in names), script=folder / "command.py", more=more)
     (folder / "table.toml").write_text(assets + study, encoding="utf-8")
     return Work(folder / "out", read_table(folder / "table.toml"), folder / "assets")
 
@@ -146,7 +146,7 @@ def test_a_missing_asset_is_one_sentence_and_the_others_go_on(tmp_path):
                                 "--assets names")
     assert there.sentence == "" and there.inputs == {"b": {"b.blend": hashlib.sha256(b"a scene").hexdigest()}}
     work.gather(every(work.table))
-    assert json.loads((work.folder / "measured/study.json").read_text(encoding="utf-8")) == {"found": ["b"]}
+    assert json.loads((work.folder / "measured/study.json").read_text(encoding="utf-8")) == {"rows": ["b"]}
     assert (work.folder / "images/b.png").read_bytes() == b"an image"
     (tmp_path / "assets" / "vase").mkdir()
     (tmp_path / "assets" / "vase" / "vase.gltf").write_bytes(b"a vase")
@@ -189,9 +189,9 @@ def test_parts_cover_all_units_once_and_a_folder_keeps_its_form(tmp_path):
 @pytest.mark.parametrize(("parts", "whole"), [(([1], [2, 3]), [1, 2, 3]), (({"x": 1}, {"y": 2}), {"x": 1, "y": 2})])
 def test_records_of_units_are_joined_by_list_or_by_name(tmp_path, parts, whole):
     study, files = work_of(tmp_path, "a").table.study[0], [tmp_path / "1.json", tmp_path / "2.json"]
-    for file, found in zip(files, parts, strict=True):
-        file.write_text(json.dumps({"settings": "same", "found": found}), encoding="utf-8")
-    assert joined(study, files) == {"settings": "same", "found": whole}
+    for file, rows in zip(files, parts, strict=True):
+        file.write_text(json.dumps({"settings": "same", "rows": rows}), encoding="utf-8")
+    assert joined(study, files) == {"settings": "same", "rows": whole}
 
 
 RESULTS = ROOT / "docs" / "results"
@@ -263,12 +263,12 @@ def test_commands_of_the_table_are_accepted_and_the_short_form_is_meant_to_end_i
     for unit in (*short, *long):
         _, *words = shlex.split(shown(unit))
         assert build_parser().parse_args(words).verb == "study", unit.title
-    units_of = {study.name: set(study.long.each) for study in TABLE.study if study.long}
+    units_of = {study.name: set(study.long.units) for study in TABLE.study if study.long}
     assert units_of["stress"] == {sweep.name for sweep in SWEEPS} and units_of["shots"] <= set(ANIMATIONS)
     chart, stress = TABLE.study[0], next(study for study in TABLE.study if study.name == "stress")
-    names = ",".join(stress.short.each)
+    names = ",".join(stress.short.units)
     assert f"--sweeps {names} " in shown(Unit(stress, names, SHORT)), "the command of a study names all its units"
-    assert "chart SCENE -o DIR" in shown(Unit(chart, ",".join(chart.long.each), LONG))
+    assert "chart SCENE -o DIR" in shown(Unit(chart, ",".join(chart.long.units), LONG))
 
 
 def test_the_report_of_the_documents_shows_the_records_as_they_are_and_can_be_read_alone():

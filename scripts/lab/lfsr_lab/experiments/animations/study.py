@@ -192,7 +192,7 @@ def run(arguments: argparse.Namespace) -> None:
     store.claim(settings)
     store.build("animation_scenes.py", {store.folder / name / SCENE_FILE: {"name": name} for name in NAMES},
                 display=settings.display.to_dict(), scale=SCENE_SCALE, frames=settings.frames)
-    found = []
+    rows = []
     for name in arguments.only:
         animation = Animation(store, settings, name)
         records = Records(animation.folder / "cells", Motion)
@@ -201,10 +201,10 @@ def run(arguments: argparse.Namespace) -> None:
                 print(f"{name}, {way.name}, {spp} samples: split SSIM {figures.ssim:.4f}, flicker "
                       f"{figures.flicker:.2f}, low-frequency error {figures.offset:.2f}, lag {figures.lag:.2f}",
                       flush=True)
-                found.append(Found(name, way.name, spp, figures))
-    write_report(store.folder, STEM, Report(settings, environment(), arguments.command, tuple(found)),
-                 {".md": lambda: markdown(found), ".svg": lambda: svg(chart(found))})
-    print(markdown(found))
+                rows.append(Row(name, way.name, spp, figures))
+    write_report(store.folder, STEM, Report(settings, environment(), arguments.command, tuple(rows)),
+                 {".md": lambda: markdown(rows), ".svg": lambda: svg(chart(rows))})
+    print(markdown(rows))
 
 
 STEM = "shots"  # of the files
@@ -216,7 +216,7 @@ DRAWN = {FIXED_ALONE.name: "fixed seeds", ALONE.name: "changing seeds", AVERAGED
 
 
 @dataclasses.dataclass(frozen=True)
-class Found:
+class Row:
     """The figures of one way of one animation."""
 
     animation: str = dataclasses.field(metadata={"key": "shot"})
@@ -230,28 +230,28 @@ class Report:
     settings: Settings
     environment: Environment
     command: str
-    found: tuple[Found, ...]
+    rows: tuple[Row, ...]
 
 
-def markdown(found: Sequence[Found]) -> str:
+def markdown(rows: Sequence[Row]) -> str:
     lines: list[str] = []
-    for name in dict.fromkeys(each.animation for each in found):
-        rows = [(each.way, each.samples, f"{each.figures.ssim:.4f}", f"{each.figures.flicker:.2f}",
-                 f"{each.figures.offset:.2f}", f"{each.figures.lag:.2f}", f"{each.figures.change:.2f}")
-                for each in found if each.animation == name]
-        lines += [f"**{TITLES[name]}**", "", *markdown_table(HEADER, rows, "lr"), ""]
+    for name in dict.fromkeys(row.animation for row in rows):
+        cells = [(row.way, row.samples, f"{row.figures.ssim:.4f}", f"{row.figures.flicker:.2f}",
+                  f"{row.figures.offset:.2f}", f"{row.figures.lag:.2f}", f"{row.figures.change:.2f}")
+                 for row in rows if row.animation == name]
+        lines += [f"**{TITLES[name]}**", "", *markdown_table(HEADER, cells, "lr"), ""]
     return "\n".join(lines)
 
 
-def chart(found: Sequence[Found]) -> Any:
+def chart(rows: Sequence[Row]) -> Any:
     """Draw a column per animation: split SSIM above, flicker below, over the samples."""
-    names = [name for name in NAMES if any(each.animation == name for each in found)]
+    names = [name for name in NAMES if any(row.animation == name for row in rows)]
     figure, grid = plots.panel_sheet(len(SHOWN) * len(names), columns=len(names))
     for axes, (kind, name) in zip(grid, [(kind, name) for kind in SHOWN for name in names], strict=True):
         curves = []
         for number, way in enumerate(DRAWN):
-            points = sorted((each.samples, getattr(each.figures, kind)) for each in found
-                            if each.animation == name and each.way == way)
+            points = sorted((row.samples, getattr(row.figures, kind)) for row in rows
+                            if row.animation == name and row.way == way)
             x, y = zip(*points, strict=True)
             curves.append(plots.Curve(DRAWN[way], plots.COLORS[number], plots.MARKERS[number], x, y,
                                       bold=way == AVERAGED.name))

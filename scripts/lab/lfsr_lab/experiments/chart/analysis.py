@@ -182,9 +182,9 @@ class Chart:
 def read_chart(path: Path) -> Chart:
     """Read a chart; LfsrError, one sentence, for the first thing in it that is not as it should be."""
     data = read_json(path, "a chart")
-    found = data.get("format") if isinstance(data, dict) else None
-    if found != FORMAT:
-        raise LfsrError(f"{path} has format {found!r}, but this version reads {FORMAT}: measure the chart again")
+    file_format = data.get("format") if isinstance(data, dict) else None
+    if file_format != FORMAT:
+        raise LfsrError(f"{path} has format {file_format!r}, but this version reads {FORMAT}: measure the chart again")
     return from_data(Chart, data, str(path))
 
 
@@ -248,10 +248,10 @@ def drawn_seconds(times: Times) -> Array:
 
 def curves(points: Iterable[Point]) -> dict[Key, list[Point]]:
     """Return points by role and method, each curve by samples."""
-    found: dict[Key, list[Point]] = {}
+    by_key: dict[Key, list[Point]] = {}
     for point in sorted(points, key=lambda point: point.samples):
-        found.setdefault(point.key, []).append(point)
-    return found
+        by_key.setdefault(point.key, []).append(point)
+    return by_key
 
 
 def reach(costs: Array, errors: Array, target: Array) -> tuple[Array, Array]:
@@ -273,13 +273,13 @@ def reach(costs: Array, errors: Array, target: Array) -> tuple[Array, Array]:
     before = np.maximum(after - 1, 0)
     step = best[before, draw] - best[after, draw]
     part = np.divide(best[before, draw] - wanted, step, out=np.ones_like(step), where=step > 0)
-    found = np.exp(prices[before, draw] * (1 - part) + prices[after, draw] * part)
-    return np.where(met.any(0), found, np.inf), met[0] & (best[0] < wanted)
+    interpolated = np.exp(prices[before, draw] * (1 - part) + prices[after, draw] * part)
+    return np.where(met.any(0), interpolated, np.inf), met[0] & (best[0] < wanted)
 
 
 def cost(drawn: Array, bound: bool) -> Cost:
     """Return the value of draws (1 + DRAWS,) and its interval."""
-    value, low, high = (short(found) if np.isfinite(found) else None for found in (drawn[0], *interval(drawn[1:])))
+    value, low, high = (short(figure) if np.isfinite(figure) else None for figure in (drawn[0], *interval(drawn[1:])))
     return Cost(value, low, high, bound)
 
 
@@ -292,9 +292,9 @@ def stack(curve: Sequence[Point], measure: str) -> tuple[Array, Array, Array | N
 
 def duels(points: Sequence[Point], ours: Key) -> list[Duel]:
     """Return what ours needs for the error of every measured point of every other method, by every measure."""
-    found = curves(points)
-    mine = found.get(ours, [])
-    others = [point for key, curve in found.items() if key != ours for point in curve]
+    by_key = curves(points)
+    mine = by_key.get(ours, [])
+    others = [point for key, curve in by_key.items() if key != ours for point in curve]
     fought = []
     for measure, point in itertools.product(MEASURES, others if mine else ()):
         rays, errors, seconds = stack(mine, measure)
@@ -307,23 +307,23 @@ def duels(points: Sequence[Point], ours: Key) -> list[Duel]:
 
 
 def reaches(points: Sequence[Point], fixed: Mapping[str, float]) -> list[Reach]:
-    found = []
+    reached = []
     for (measure, error), ((role, method), curve) in itertools.product(fixed.items(), curves(points).items()):
         rays, errors, seconds = stack(curve, measure)
         target = np.full(errors.shape[1], error)
         needed, bound = reach(rays, errors, target)
         times = None if seconds is None else cost(reach(seconds, errors, target)[0], bool(bound[0]))
-        found.append(Reach(measure, error, role, method, cost(needed, bool(bound[0])), times))
-    return found
+        reached.append(Reach(measure, error, role, method, cost(needed, bool(bound[0])), times))
+    return reached
 
 
 def mean_duels(scenes: Sequence[SceneRow]) -> list[MeanDuel]:
     """Return the geometric means of the duels that every scene has, over the scenes in which ours gets there."""
-    found: dict[tuple[str, Role, str, int], list[Duel]] = {}
+    by_key: dict[tuple[str, Role, str, int], list[Duel]] = {}
     for duel in (duel for scene in scenes for duel in scene.duels):
-        found.setdefault((duel.measure, duel.role, duel.method, duel.samples), []).append(duel)
+        by_key.setdefault((duel.measure, duel.role, duel.method, duel.samples), []).append(duel)
     means = []
-    for key, every in found.items():
+    for key, every in by_key.items():
         if len(every) == len(scenes):
             reached = [duel for duel in every if duel.rays.value is not None]
             seconds = [duel.seconds for duel in reached if duel.seconds is not None]
@@ -337,20 +337,20 @@ def geometric_mean(costs: Sequence[Cost]) -> Cost:
 
     Each draw takes as many scenes anew, each moved at random by what its own interval leaves open.
     """
-    values = [each.value for each in costs if each.value is not None]
+    values = [cost.value for cost in costs if cost.value is not None]
     if len(values) < 2:
         return costs[0] if costs else Cost(None, None, None, False)
     logs, count, random = np.log(values), len(values), np.random.default_rng(len(values))
     open_ = []  # standard errors of the logarithms; those of the lower half where there is no upper end
-    for each, value in zip(costs, values, strict=True):
-        low = each.low or value
-        open_.append(float(np.log((each.high or value**2 / low) / low)) / (2 * NORMAL_95))
+    for cost, value in zip(costs, values, strict=True):
+        low = cost.low or value
+        open_.append(float(np.log((cost.high or value**2 / low) / low)) / (2 * NORMAL_95))
     chosen = random.integers(0, count, (DRAWS, count))
     drawn = np.exp((logs[chosen] + np.array(open_)[chosen] * random.normal(size=(DRAWS, count))).mean(1))
     low, high = interval(drawn)
-    certain = all(each.high is not None for each in costs)
+    certain = all(cost.high is not None for cost in costs)
     return Cost(short(np.exp(logs.mean())), short(low), short(high) if certain else None,
-                any(each.bound for each in costs))
+                any(cost.bound for cost in costs))
 
 
 def mean_cells(scenes: Sequence[SceneRow]) -> list[Cell]:
@@ -363,8 +363,8 @@ def mean_cells(scenes: Sequence[SceneRow]) -> list[Cell]:
                   if all(name in cell.errors for cell in cells)}
         seconds = None
         if all(cell.seconds for cell in cells):
-            logs = mean_estimate([Estimate(math.log(each.mean), math.log(each.low), math.log(each.high), None)
-                                  for cell in cells if (each := cell.seconds)])
+            logs = mean_estimate([Estimate(math.log(cost.mean), math.log(cost.low), math.log(cost.high), None)
+                                  for cell in cells if (cost := cell.seconds)])
             seconds = Estimate(short(math.exp(logs.mean)), short(math.exp(logs.low)), short(math.exp(logs.high)), None)
         means.append(dataclasses.replace(cells[0], errors=errors, seconds=seconds, second_stage=None,
                                          load_average=None))
@@ -373,8 +373,8 @@ def mean_cells(scenes: Sequence[SceneRow]) -> list[Cell]:
 
 def mean_estimate(every: Sequence[Estimate]) -> Estimate:
     """Return the mean of independent estimates, as for these very scenes."""
-    mean, low, high = (np.array([vars(each)[name] for each in every]) for name in ("mean", "low", "high"))
-    spreads = [each.spread for each in every if each.spread is not None]
+    mean, low, high = (np.array([vars(estimate)[name] for estimate in every]) for name in ("mean", "low", "high"))
+    spreads = [estimate.spread for estimate in every if estimate.spread is not None]
     below, above = (np.sqrt(np.sum(part**2)) / len(mean) for part in (mean - low, high - mean))
     return Estimate(short(mean.mean()), short(mean.mean() - below), short(mean.mean() + above),
                     short(float(np.mean(spreads))) if spreads else None)

@@ -71,8 +71,8 @@ def default_methods() -> tuple[str, ...]:
     Networks are among them where PyTorch is installed.
     """
     upscalers = [*names(UPSCALER), *(NETWORKS if importlib.util.find_spec("torch") else ())]
-    found = [name for upscaler in upscalers if upscaler != AS_RENDERED for name in (upscaler, f"denoise+{upscaler}")]
-    return tuple(dict.fromkeys([DEFAULT_METHOD, *COMPARED, *found]))
+    upscaled = [name for upscaler in upscalers if upscaler != AS_RENDERED for name in (upscaler, f"denoise+{upscaler}")]
+    return tuple(dict.fromkeys([DEFAULT_METHOD, *COMPARED, *upscaled]))
 
 
 CELL_FOLDER, TIMES_FOLDER = "cells", "times"
@@ -124,9 +124,9 @@ def measured(render: Render, name: str, truth: Truth) -> Measured:
     def measure() -> Measured:
         for folder in render.folders:
             check_reference(read_frame(folder), truth.reference.frame)
-        found = errors(np.array([truth.finished(folder, name) for folder in render.folders]), *truth.halves)
+        lens_errors = errors(np.array([truth.finished(folder, name) for folder in render.folders]), *truth.halves)
         return Measured({measure: tuple(tuple(short(float(value)) for value in row) for row in np.atleast_2d(values))
-                         for measure, values in found.items()})
+                         for measure, values in lens_errors.items()})
 
     return records.get(f"{render.name}-{name}", facts, measure)
 

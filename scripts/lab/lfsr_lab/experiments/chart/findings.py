@@ -35,11 +35,11 @@ def label(key: Key, ours: str) -> str:
 
 def headline(chart: Chart) -> str:
     """Return in one sentence what ours needs for the SSIM of rendering all views with OIDN."""
-    found = [duel for duel in mean_duels(chart.scenes) if (duel.measure, duel.role, duel.method) == (SSIM, *RIVAL)]
-    if not found:
+    means = [duel for duel in mean_duels(chart.scenes) if (duel.measure, duel.role, duel.method) == (SSIM, *RIVAL)]
+    if not means:
         return "Direct high-resolution rendering with OIDN was not measured."
     parts = []
-    for duel in found:
+    for duel in means:
         ratios = [cost.value for scene in chart.scenes for one in scene.duels
                   if (one.measure, one.key, one.samples) == (duel.measure, (duel.role, duel.method), duel.samples)
                   and (cost := one.seconds or one.rays).value is not None]
@@ -128,13 +128,13 @@ def duels(chart: Chart) -> list[Table]:
 def fixed(chart: Chart) -> Iterator[Table]:
     """Yield what every method needs to reach a fixed error on every scene."""
     for measure in MEASURES:
-        found = {(scene.scene, (reach.role, reach.method)): reach for scene in chart.scenes for reach in scene.reaches
-                 if reach.measure == measure}
-        keys, error = dict.fromkeys(key for _, key in found), next(iter(found.values())).error
+        reaches = {(scene.scene, (reach.role, reach.method)): reach for scene in chart.scenes for reach in scene.reaches
+                   if reach.measure == measure}
+        keys, error = dict.fromkeys(key for _, key in reaches), next(iter(reaches.values())).error
         header = ("method", *(scene.scene for scene in chart.scenes))
         yield Table(f"To reach {SHORT[measure]} of {error:g}, {cost_name(chart)}", header, [
             [label(key, chart.settings.ours), *(
-                cost_text(reach.seconds, time_text) if (reach := found[scene.scene, key]).seconds
+                cost_text(reach.seconds, time_text) if (reach := reaches[scene.scene, key]).seconds
                 else cost_text(reach.rays) for scene in chart.scenes)] for key in keys])
 
 

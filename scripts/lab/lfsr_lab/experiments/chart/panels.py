@@ -68,12 +68,12 @@ def chosen_crops(chart: Chart, settings: Settings, scenes: Sequence[Path]) -> Cr
         return None
     rows = []
     for kind in pairs[0]:
-        found = [(difference, path, pair[kind], index) for path, pair in zip(scenes, pairs, strict=True)
-                 for index, difference in enumerate(np.subtract(
+        candidates = [(difference, path, pair[kind], index) for path, pair in zip(scenes, pairs, strict=True)
+                      for index, difference in enumerate(np.subtract(
                      *(_flips(settings, path, cell) for cell in reversed(pair[kind]))))]
-        found.sort(key=lambda each: each[0])
+        candidates.sort(key=lambda candidate: candidate[0])
         for rule, share in RULES.items():
-            _, path, pair, index = found[-1 if share < 0 else math.floor(share * (len(found) - 1))]
+            _, path, pair, index = candidates[-1 if share < 0 else math.floor(share * (len(candidates) - 1))]
             rows.append(_row(settings, path, pair, index, f"{kind}\n{rule} difference", chart.settings.ours))
     return Crops(tuple(rows))
 
@@ -107,11 +107,11 @@ def _render(settings: Settings, scene: Path, cell: Cell) -> cells.Render:
 
 
 def _row(settings: Settings, scene: Path, pair: Pair, index: int, title: str, ours: str) -> Row:
-    known = truth.Truth(settings.output / scene.stem / REFERENCE)
-    images = [known.finished(_render(settings, scene, cell).folders[0], cell.method)[index] for cell in pair]
+    reference = truth.Truth(settings.output / scene.stem / REFERENCE)
+    images = [reference.finished(_render(settings, scene, cell).folders[0], cell.method)[index] for cell in pair]
     names = [f"{name}, {cell.samples} samples" for name, cell in zip(("ours", label(RIVAL, ours)), pair, strict=True)]
     errors = [float(_flips(settings, scene, cell)[index]) for cell in pair]
-    mean = (known.halves[0][index] + known.halves[1][index]) / 2
+    mean = (reference.halves[0][index] + reference.halves[1][index]) / 2
     return Row(f"{title}\n{scene.stem}", (names[0], names[1]), (errors[0], errors[1]), mean, (images[0], images[1]))
 
 
@@ -212,7 +212,7 @@ def _curves(chart: Chart, panel: Panel, key: Key, look: tuple[str, str]) -> list
     us: Key = (LOW, chart.settings.ours)
     if panel.parts and key not in (us, RIVAL):
         return []
-    name, found = "ours" if key == us else findings.label(key, chart.settings.ours), []
+    name, curves = "ours" if key == us else findings.label(key, chart.settings.ours), []
     for measure in truth.PARTS if panel.parts else (panel.measure,):
         cells = [cell for cell in panel.cells if cell.key == key and measure in cell.errors
                  and cell.errors[measure].mean > 0]
@@ -221,12 +221,12 @@ def _curves(chart: Chart, panel: Panel, key: Key, look: tuple[str, str]) -> list
         if cells:
             errors = [cell.errors[measure] for cell in cells]
             bottom = min(error.mean for error in errors) / 10
-            found.append(Curve(
+            curves.append(Curve(
                 words, color, marker, [_cost(panel, cell) for cell in cells], [error.mean for error in errors],
                 [(cell.seconds.low, cell.seconds.high) for cell in cells if cell.seconds] if panel.seconds else [],
                 [(max(error.low, bottom), max(error.high, bottom)) for error in errors],
                 [str(cell.samples) for cell in cells] if key in (us, RIVAL) and not panel.parts else (), key == us))
-    return found
+    return curves
 
 
 def _cost(panel: Panel, cell: Cell) -> float:

@@ -77,11 +77,11 @@ def run(arguments: argparse.Namespace) -> None:
         for scene in scenes:  # renders of another file, or from before it was changed, are refused
             content = scene_stamp(scene) if scene.is_file() else ""
             for path in sorted((settings.output / scene.stem).glob(f"*/{FRAME_FILE}")):
-                found = read_frame(path.parent)
-                if found.scene and found.scene != scene.name:
-                    raise LfsrError(f"{path.parent} was rendered of {found.scene}, but this chart is of {scene}: give "
+                frame = read_frame(path.parent)
+                if frame.scene and frame.scene != scene.name:
+                    raise LfsrError(f"{path.parent} was rendered of {frame.scene}, but this chart is of {scene}: give "
                                     "another --output")
-                if is_changed(found.content, content):
+                if is_changed(frame.content, content):
                     raise LfsrError(f"{path.parent} was rendered before {scene} was changed: give another --output")
         measuring = _Run(settings, Store(settings.output, settings.blender, not settings.only_measure),
                          len(scenes) * settings.steps)

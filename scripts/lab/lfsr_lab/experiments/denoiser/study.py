@@ -87,10 +87,10 @@ def measure(render: Path, truth: Truth, candidate: Candidate) -> Figures:
 
 def figures(truth: Truth, images: Array, seconds: float) -> Figures:
     """Return the figures of scene-linear images as ``Truth.shown``."""
-    found = errors(images[None], *truth.halves)
+    lens_errors = errors(images[None], *truth.halves)
     x, a, b = (srgb_encode(values) for values in (images, *truth.halves))
-    return Figures(_values(1 - found[SSIM][0]), _values(((x - a) * (x - b)).mean((1, 2, 3), dtype=np.float64)),
-                   round(seconds, 3), _values(found[FLIP][0]), _values(found[RELMSE][0]))
+    return Figures(_values(1 - lens_errors[SSIM][0]), _values(((x - a) * (x - b)).mean((1, 2, 3), dtype=np.float64)),
+                   round(seconds, 3), _values(lens_errors[FLIP][0]), _values(lens_errors[RELMSE][0]))
 
 
 def _values(values: Any) -> tuple[float, ...]:
@@ -195,9 +195,9 @@ def read_settings(path: Path) -> Settings:
 def places(store: Store, settings: Settings, folders: Iterable[Path]) -> Iterator[Place]:
     """Yield the scenes whose files are below one of ``folders``."""
     for scene in settings.scenes:
-        found = next((file for folder in folders if (file := folder / scene.file).is_file()), None)
-        if found:
-            yield Place(store, scene, found)
+        path = next((file for folder in folders if (file := folder / scene.file).is_file()), None)
+        if path:
+            yield Place(store, scene, path)
 
 
 Key = tuple[str, Render, str]  # scene, render, method
@@ -226,23 +226,23 @@ class Record:
 
     def mean(self, scene: str, samples: int, method: str, metric: str = "ssim") -> float | None:
         """Return the mean over the seeds of a scene, at the scale at which methods are compared."""
-        found = [getattr(each, metric) for each in self.means
-                 if (each.scene, each.samples, each.method, each.compared) == (scene, samples, method, True)]
-        return fmean(found) if found else None
+        figures = [getattr(mean, metric) for mean in self.means
+                   if (mean.scene, mean.samples, mean.method, mean.compared) == (scene, samples, method, True)]
+        return fmean(figures) if figures else None
 
     def group_mean(self, group: str, samples: int, method: str, metric: str = "ssim") -> float | None:
         """Return the mean over the scenes of a group that ``method`` can finish."""
-        scenes = dict.fromkeys(each.scene for each in self.means if each.group == group)
-        known = [value for scene in scenes if (value := self.mean(scene, samples, method, metric)) is not None]
-        return fmean(known) if known else None
+        scenes = dict.fromkeys(mean.scene for mean in self.means if mean.group == group)
+        means = [value for scene in scenes if (value := self.mean(scene, samples, method, metric)) is not None]
+        return fmean(means) if means else None
 
 
 def markdown(record: Record) -> str:
     """Return a table of the means of every group, and one of every scene."""
-    methods = list(dict.fromkeys(each.method for each in record.means))
-    samples = sorted({each.samples for each in record.means if each.compared})
-    groups = list(dict.fromkeys(each.group for each in record.means))
-    scenes = list(dict.fromkeys(each.scene for each in record.means))
+    methods = list(dict.fromkeys(mean.method for mean in record.means))
+    samples = sorted({mean.samples for mean in record.means if mean.compared})
+    groups = list(dict.fromkeys(mean.group for mean in record.means))
+    scenes = list(dict.fromkeys(mean.scene for mean in record.means))
     tables = [[[count, name, *(" / ".join(number(get(name, count, method, metric)) for metric in METRICS)
                                for method in methods)] for count in samples for name in names]
               for names, get in ((groups, record.group_mean), (scenes, record.mean))]
@@ -267,35 +267,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Render and measure what is missing, then write and print the tables."""
     settings, store = read_settings(arguments.settings), Store(arguments.output, arguments.blender)
-    candidates = {each.label: each for each in map(Candidate.parse, [*arguments.method, *BASELINES])}
+    candidates = {candidate.label: candidate for candidate in map(Candidate.parse, [*arguments.method, *BASELINES])}
     chosen = [place for place in places(store, settings, arguments.scenes)
               if not arguments.only or {place.scene.name, place.scene.group} & {*arguments.only}]
-    found: dict[Key, Figures] = {}
+    by_key: dict[Key, Figures] = {}
     for place in chosen:
         renders = settings.renders(place.scene)
         if not arguments.only_measure:
             place.fill(settings.reference_samples, renders)
         if FrameFolder(place.folder / REFERENCE).holds("reference"):
-            found |= measured(place, renders, list(candidates.values()))
+            by_key |= measured(place, renders, list(candidates.values()))
     scenes = {place.scene.name: place.scene for place in chosen}
     record = Record(environment(), tuple(
         Mean(name, scenes[name].group, render.scale, render.samples, render.seed, method,
              render.scale == scenes[name].scale, *(round(fmean(getattr(figures, metric)), 5) for metric in METRICS))
-        for (name, render, method), figures in found.items()))
+        for (name, render, method), figures in by_key.items()))
     print(write_report(arguments.output, "denoiser", record, {".md": lambda: markdown(record)})[1].read_text("utf-8"))
 
 
 def measured(place: Place, renders: Iterable[Render],
              candidates: Sequence[Candidate]) -> dict[Key, Figures]:
     """Return the figures of what is rendered of a scene; each that is missing is measured now and stored at once."""
-    found, truth = {}, Truth(place.folder / REFERENCE)
+    by_key, truth = {}, Truth(place.folder / REFERENCE)
     for render in renders:
         folder, records = place.folder / render.folder, Records(place.folder / CELLS / render.folder, Figures)
         if FrameFolder(folder).holds():
             frame = read_frame(folder)
-            for label, own in ((each.label, each.at(frame)) for each in candidates):
+            for label, own in ((candidate.label, candidate.at(frame)) for candidate in candidates):
                 if own:
-                    found[place.scene.name, render, label] = records.get(
+                    by_key[place.scene.name, render, label] = records.get(
                         label, own.facts(folder, truth.folder),
                         functools.partial(measure, folder, truth, own))
-    return found
+    return by_key

@@ -56,17 +56,17 @@ class Comparison:
     rows: tuple[Row, ...]
 
 
-def markdown(found: Comparison) -> str:
+def markdown(comparison: Comparison) -> str:
     rows = []
-    for row in found.rows:
+    for row in comparison.rows:
         for point in row.points:
             seconds = (number(value, digits=1) for value in (point.render_cpu, point.finish_cpu, point.cpu))
             rows.append((row.scene, row.kind, point.way, point.samples, point.scale, *seconds,
                          *_figures(point.accuracy), *_figures(point.traced)))
-    lines = [f"{found.environment.machine}; {found.environment.packages}.", "",
+    lines = [f"{comparison.environment.machine}; {comparison.environment.packages}.", "",
              *(f"- {way.name}: {way.meaning}." for way in measure.WAYS), "",
              *markdown_table(("scene", "display", "reference", "against", "at samples", "its SSIM eye", "its CPU s",
-                              "ours CPU s", "times"), _verdicts(found), "llll"), "",
+                              "ours CPU s", "times"), _verdicts(comparison), "llll"), "",
              *markdown_table(HEADER, rows, "lll")]
     return "\n".join(lines) + "\n"
 
@@ -91,15 +91,15 @@ def seconds_for(points: Sequence[measure.Point], value: float, reference: str = 
     return math.exp(np.interp(value, values, np.log(times)))
 
 
-def figure(found: Comparison, reference: str = WOVEN) -> Figure | None:
+def figure(comparison: Comparison, reference: str = WOVEN) -> Figure | None:
     """A panel per scene and display: what eyes see, by processor seconds; None where no display has that reference."""
-    rows = [row for row in found.rows if reference in row.references]
+    rows = [row for row in comparison.rows if reference in row.references]
     if not rows:
         return None
     made = {WOVEN: "every view", TRACED: "the panel's subpixels"}[reference]
     figure, grid = plots.panel_sheet(len(rows), len({row.kind for row in rows}),
                                      f"Up and left is better: split SSIM of what eyes see, against {made} traced with "
-                                     f"{found.reference_spp} samples; processor seconds on all cores, of one run")
+                                     f"{comparison.reference_spp} samples; processor seconds on all cores, of one run")
     for axes, row in zip(grid, rows, strict=True):
         _panel(axes, row, reference)
     return figure
@@ -114,9 +114,9 @@ def _figures(close: measure.Accuracy | None) -> tuple[str, ...]:
     return tuple(number(value, digits=digits) for value, digits in zip(values, (2, 2, 4), strict=True))
 
 
-def _verdicts(found: Comparison) -> Iterator[tuple]:
+def _verdicts(comparison: Comparison) -> Iterator[tuple]:
     """Yield what each point of the other ways costs us."""
-    for row in found.rows:
+    for row in comparison.rows:
         rivals = [point for way in OTHERS for point in _of(row, way)]
         for reference, rival in itertools.product(row.references, rivals):
             its = judged(rival, reference).ssim_eye
@@ -153,29 +153,29 @@ def run(arguments: argparse.Namespace) -> None:
     for name in measure.FULL_WIDTH:
         measure.kind(name, arguments.width)
     store = Store(arguments.output, arguments.blender)
-    found = compare(store, arguments.width, arguments.reference_spp, arguments.scenes)
-    print("\n".join(map(str, write_pages(arguments.output, found))))
+    comparison = compare(store, arguments.width, arguments.reference_spp, arguments.scenes)
+    print("\n".join(map(str, write_pages(arguments.output, comparison))))
 
 
 def compare(store: Store, width: int | None, reference_spp: int, scenes: Sequence[Path]) -> Comparison:
     """Measure every scene on every kind of display, its panel ``width`` pixels wide; each result is stored at once."""
     rows: list[Row] = []
-    found = Comparison(width, reference_spp, environment(), ())
+    comparison = Comparison(width, reference_spp, environment(), ())
     for scene in scenes:
         for name in measure.FULL_WIDTH:
             shown = measure.kind(name, width)
             points = tuple(_points(measure.Renders(store, scene, shown, reference_spp)))
             rows.append(Row(scene.stem, name, shown.panel_pixels, points))
-            found = Comparison(width, reference_spp, environment(), tuple(rows))
-            write_record(store.folder / f"{STEM}.json", found)
-    return found
+            comparison = Comparison(width, reference_spp, environment(), tuple(rows))
+            write_record(store.folder / f"{STEM}.json", comparison)
+    return comparison
 
 
-def write_pages(folder: Path, found: Comparison) -> list[Path]:
+def write_pages(folder: Path, comparison: Comparison) -> list[Path]:
     """Write what people read beside the results, and return the paths of all files."""
-    figures = {end: figure(found, reference) for reference, end in FIGURES.items()}
+    figures = {end: figure(comparison, reference) for reference, end in FIGURES.items()}
     texts = {end: functools.partial(svg, drawn) for end, drawn in figures.items() if drawn}
-    return write_report(folder, STEM, None, {".md": lambda: markdown(found)} | texts)
+    return write_report(folder, STEM, None, {".md": lambda: markdown(comparison)} | texts)
 
 
 def _points(renders: measure.Renders) -> Iterator[measure.Point]:

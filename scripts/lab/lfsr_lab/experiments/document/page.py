@@ -47,8 +47,8 @@ class Drawn:
     @property
     def is_wide(self) -> bool:
         """Whether it has several panels beside each other, so that it needs the page's width."""
-        found = re.search(r'viewBox="0 0 ([\d.]+)', self.image)
-        return found is not None and float(found[1]) > WIDE
+        match = re.search(r'viewBox="0 0 ([\d.]+)', self.image)
+        return match is not None and float(match[1]) > WIDE
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,20 +78,20 @@ def _sweeps(record: Path, _images: Path) -> Shown:
 
 
 def _animations(record: Path, _images: Path) -> Shown:
-    found = read_record(record, animations.Report, "animations").found
-    of_each = {animations.TITLES[name]: [each for each in found if each.animation == name]
-               for name in dict.fromkeys(each.animation for each in found)}
+    rows = read_record(record, animations.Report, "animations").rows
+    by_title = {animations.TITLES[name]: [row for row in rows if row.animation == name]
+                for name in dict.fromkeys(row.animation for row in rows)}
     words = "Split SSIM (higher is better) and flicker (lower is better) by samples."
-    return Shown([Drawn(title, inline_svg(plots.svg(animations.chart(of_one)), title), words)
-                  for title, of_one in of_each.items()], animations.markdown(found))
+    return Shown([Drawn(title, inline_svg(plots.svg(animations.chart(own)), title), words)
+                  for title, own in by_title.items()], animations.markdown(rows))
 
 
 def _displays(record: Path, _images: Path) -> Shown:
-    found = read_record(record, displays.Comparison, "a comparison of displays")
+    comparison = read_record(record, displays.Comparison, "a comparison of displays")
     drawn = {"Against every view": displays.WOVEN, "Against the panel's own subpixels": displays.TRACED}
-    figures = {title: displays.figure(found, reference) for title, reference in drawn.items()}
+    figures = {title: displays.figure(comparison, reference) for title, reference in drawn.items()}
     return Shown([Drawn(title, inline_svg(plots.svg(figure), title)) for title, figure in figures.items() if figure],
-                 displays.markdown(found))
+                 displays.markdown(comparison))
 
 
 def _plans(record: Path, _images: Path) -> Shown:
@@ -123,15 +123,15 @@ def _rivals(record: Path, _images: Path) -> Shown:
 
 def _seed_paper(record: Path, images: Path) -> Shown:
     data = read_json(record, "the figures of a paper")["figures"]
-    results = {name: from_data(Results, found, str(record)) for name, found in data.items()}
-    known = [(seed_paper.FIGURES[name], found) for name, found in results.items()]
-    tables = ["\n".join([f"## {figure.title}", "", f"Claim: {figure.claim}", "", f"Here: {figure.line(found)}", "",
-                         *figure.table(found.rows)]) for figure, found in known]
+    results = {name: from_data(Results, entry, str(record)) for name, entry in data.items()}
+    figures = [(seed_paper.FIGURES[name], measured) for name, measured in results.items()]
+    tables = ["\n".join([f"## {figure.title}", "", f"Claim: {figure.claim}", "", f"Here: {figure.line(measured)}", "",
+                         *figure.table(measured.rows)]) for figure, measured in figures]
     drawn = []
-    for figure, found in known:
-        file, words = images / figure.image, f"{figure.claim} {figure.line(found)}"
-        if figure.draw and not any(row.image for row in found.rows):
-            image = inline_svg(plots.svg(figure.draw(found.rows, images)), figure.title)
+    for figure, measured in figures:
+        file, words = images / figure.image, f"{figure.claim} {figure.line(measured)}"
+        if figure.draw and not any(row.image for row in measured.rows):
+            image = inline_svg(plots.svg(figure.draw(measured.rows, images)), figure.title)
             drawn.append(Drawn(figure.title, image, words))
         elif figure.draw and file.exists():
             drawn.append(Drawn(figure.title, embedded(file, figure.title), words))
@@ -169,7 +169,7 @@ class Section:
     id: str
     study: Study
     of: Kept
-    found: Shown
+    shown: Shown
     failure: str = ""  # why it could not be drawn
 
 
@@ -177,11 +177,11 @@ def section(study: Study, kept: Kept, record: Path, images: Path) -> Section:
     """Draw one record; what cannot be drawn says so in its place, so that the others are shown."""
     name = re.sub(r"\W+", "-", kept.file).strip("-")
     try:
-        found = KINDS[kept.kind or study.kind](record, images)
+        shown = KINDS[kept.kind or study.kind](record, images)
         figures = [dataclasses.replace(figure, image=_own_ids(figure.image, f"{name}-{number}-"))
-                   for number, figure in enumerate(found.figures)]
-        found = dataclasses.replace(found, figures=figures, tables=html(found.tables), lead=html(found.lead))
-        return Section(name, study, kept, found)
+                   for number, figure in enumerate(shown.figures)]
+        shown = dataclasses.replace(shown, figures=figures, tables=html(shown.tables), lead=html(shown.lead))
+        return Section(name, study, kept, shown)
     except Exception as error:  # of a library, or a record of another time
         return Section(name, study, kept, Shown([], html("")), f"{type(error).__name__}: {error}")
 
@@ -253,5 +253,5 @@ def _inline(text: str) -> Markup:
 def _own_ids(image: Markup, start: str) -> Markup:
     """Return an SVG whose ids no other has; those that nothing points to go."""
     used = set(re.findall(r'(?:href="#|url\(#)([^")]+)', image))
-    kept = re.sub(r' id="([^"]+)"', lambda found: f' id="{start}{found[1]}"' if found[1] in used else "", image)
+    kept = re.sub(r' id="([^"]+)"', lambda match: f' id="{start}{match[1]}"' if match[1] in used else "", image)
     return type(image)(re.sub(r'(href="#|url\(#)', rf"\g<1>{start}", kept))

@@ -60,8 +60,8 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _part(text: str) -> tuple[int, int]:
-    found = re.fullmatch(r"(\d+)/(\d+)", text)
-    index, count = map(int, found.groups()) if found else (0, 0)
+    match = re.fullmatch(r"(\d+)/(\d+)", text)
+    index, count = map(int, match.groups()) if match else (0, 0)
     if not 1 <= index <= count:
         raise argparse.ArgumentTypeError(f"{text!r} is not a part such as 2/3: which one, and how many there are")
     return index, count
@@ -89,20 +89,20 @@ def draw(work: Work) -> Iterator[Path]:
     form = before.get("form", KEPT)
     every = [] if form == KEPT else units(work.table.study, form)
     work.gather(every)
-    found = {unit: ended for unit in every if (ended := work.ended(unit))}
+    finished = {unit: ended for unit in every if (ended := work.ended(unit))}
     if not (rows := [*_records(work, form)]) and form == KEPT:
         raise LfsrError(f"{work.folder} holds no records to draw: measure some first, with --short or --long")
-    known = {name: files for ended in found.values() for name, files in ended.inputs.items()}
+    asset_digests = {name: files for ended in finished.values() for name, files in ended.inputs.items()}
     if work.assets is not None:
-        known |= {asset.name: digests(path) for asset in work.table.asset
-                  if not asset.script and (path := work.assets / asset.file).is_file()}
+        asset_digests |= {asset.name: digests(path) for asset in work.table.asset
+                          if not asset.script and (path := work.assets / asset.file).is_file()}
     facts = {"form": form, "words": WORDS.get(form) or f"The {form} form: {FORMS[form]}. {SECONDS_ARE_ROUGH}",
              "commit": None if form == KEPT else commit(), "units": [
                  {"unit": unit.title, "state": (ended.sentence or "whole") if ended else "not measured",
                   "seconds": ended.seconds if ended else None, "load": ended.load if ended else None,
                   "threads": ended.threads if ended else "", "machine": ended.environment.machine if ended else "",
-                  "command": ended.command if ended else ""} for unit in every for ended in [found.get(unit)]],
-             "inputs": inputs(work.table, known, before.get("inputs", [])),
+                  "command": ended.command if ended else ""} for unit in every for ended in [finished.get(unit)]],
+             "inputs": inputs(work.table, asset_digests, before.get("inputs", [])),
              "records": [record_facts(work.folder / MEASURED / kept.file, kept.command) for _, kept in rows]}
     write_json(work.folder / MANIFEST, facts)
     yield work.folder / MANIFEST

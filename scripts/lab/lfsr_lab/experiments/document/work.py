@@ -57,13 +57,13 @@ class Form:
     """How a study is measured: a command per unit, each of which one process measures at a time.
 
     In a command {out} is the unit's own folder, {all} that of all studies, {assets} that of the assets, {here} that of
-    document.toml, {each} the unit's name, and {NAME} the file of an asset, {scene} that of the asset named like the
+    document.toml, {unit} the unit's name, and {NAME} the file of an asset, {scene} that of the asset named like the
     unit.
     """
 
     command: str
     minutes: float  # of each unit on two cores, as far as it is known
-    each: tuple[str, ...] = ("all",)  # names of the units
+    units: tuple[str, ...] = ("all",)  # names of the units
     assets: tuple[str, ...] = ()  # that every unit needs
     after: str = ""  # study whose units it reads
 
@@ -109,9 +109,9 @@ class Unit:
         return f"{self.study.name}/{self.name}"
 
     def assets(self, table: Table) -> list[Asset]:
-        known = {asset.name: asset for asset in table.asset}
+        by_name = {asset.name: asset for asset in table.asset}
         own = (self.name,) if "{scene}" in self.form.command else ()
-        return [known[name] for name in (*own, *self.form.assets)]
+        return [by_name[name] for name in (*own, *self.form.assets)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,11 +121,11 @@ class Table:
 
     def chosen(self, names: Sequence[str] | None) -> list[Study]:
         """Return the studies of these names, all for None; LfsrError for an unknown name."""
-        known = {study.name: study for study in self.study}
+        by_name = {study.name: study for study in self.study}
         for name in names or ():
-            if name not in known:
-                raise LfsrError(f"there is no study {name!r}; {did_you_mean(name, known)}choose from "
-                                f"{', '.join(known)}")
+            if name not in by_name:
+                raise LfsrError(f"there is no study {name!r}; {did_you_mean(name, by_name)}choose from "
+                                f"{', '.join(by_name)}")
         return [study for study in self.study if names is None or study.name in names]
 
 
@@ -139,7 +139,7 @@ def read_table(path: Path = TABLE) -> Table:
 def units(studies: Iterable[Study], length: str) -> list[Unit]:
     """Return the units of a form, in the order in which they are measured."""
     return [Unit(study, name, length) for study in studies if getattr(study, length)
-            for name in getattr(study, length).each]
+            for name in getattr(study, length).units]
 
 
 Digests = dict[str, str]  # SHA-256 by the file's path below the asset's folder
@@ -159,9 +159,9 @@ def digests(scene: Path) -> Digests:
     return {path.relative_to(folder).as_posix(): sha256(path) for path in files}
 
 
-def inputs(table: Table, known: Mapping[str, Digests], before: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def inputs(table: Table, digests: Mapping[str, Digests], before: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return name, licence, source and digests of every asset that was read, now or by an earlier manifest."""
-    files = {entry["name"]: entry["files"] for entry in before} | dict(known)
+    files = {entry["name"]: entry["files"] for entry in before} | dict(digests)
     return [{"name": asset.name, "licence": asset.licence, "source": asset.source, "files": files[asset.name]}
             for asset in table.asset if asset.name in files]
 
@@ -183,11 +183,11 @@ def record_facts(path: Path, command: str) -> dict[str, Any]:
 def commit() -> str | None:
     """Return the commit of the clone that this is, None where it is none."""
     try:
-        found = subprocess.run(["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"], check=True,
+        ended = subprocess.run(["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"], check=True,
                                capture_output=True, text=True)
     except (OSError, subprocess.SubprocessError):
         return None
-    return found.stdout.strip()
+    return ended.stdout.strip()
 
 
 def _seeds(data: Any) -> Iterator[int]:
@@ -230,7 +230,7 @@ class Work:
         """Measure all units that are not whole and that nobody else measures; a unit that fails keeps its sentence."""
         left = [unit for unit in units if not self.is_whole(unit)]
         for index, unit in enumerate(left):
-            minutes = sum(each.form.minutes for each in left[index:])
+            minutes = sum(remaining.form.minutes for remaining in left[index:])
             to_stderr(f"{unit.title}: {index + 1} of {len(left)}, about {duration(60 * minutes)} left on two cores")
             with _claimed(self._folder(unit)) as lock:
                 if lock is None:
@@ -241,16 +241,16 @@ class Work:
     def ended(self, unit: Unit) -> Ended | None:
         """Return what is known of a unit, None where its command has not ended or was another one."""
         path = self._folder(unit) / UNIT_FILE
-        found = read_record(path, Ended, "the end of a unit") if path.exists() else None
-        return found if found and found.command == self.shown(unit) else None
+        record = read_record(path, Ended, "the end of a unit") if path.exists() else None
+        return record if record and record.command == self.shown(unit) else None
 
     def is_whole(self, unit: Unit) -> bool:
-        found = self.ended(unit)
-        return found is not None and not found.sentence
+        ended = self.ended(unit)
+        return ended is not None and not ended.sentence
 
     def shown(self, unit: Unit) -> str:
         """Return its command as a person would type it, without this machine's folders."""
-        files = {asset.name: Path(asset.file).name for asset in self.table.asset} | {",".join(unit.form.each): "SCENE"}
+        files = {asset.name: Path(asset.file).name for asset in self.table.asset} | {",".join(unit.form.units): "SCENE"}
         return _filled(unit, files, {"out": "DIR", "all": "ALL", "assets": "ASSETS", "here": "document"})
 
     def gather(self, units: Sequence[Unit]) -> None:
@@ -309,11 +309,11 @@ class Work:
         except LfsrError as error:
             sentence = str(error)
             to_stderr(f"{unit.title}: {sentence}")
-        known = {name: digests(path) for name, path in files.items()}
+        asset_digests = {name: digests(path) for name, path in files.items()}
         allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
         write_record(self._folder(unit) / UNIT_FILE,
                      Ended(self.shown(unit), sentence, round(time.monotonic() - started, 1), load_average(),
-                           os.environ.get("OMP_NUM_THREADS") or str(allowed), environment(), known))
+                           os.environ.get("OMP_NUM_THREADS") or str(allowed), environment(), asset_digests))
 
     def _file(self, asset: Asset) -> Path:
         """Return the file of an asset, made now where a script makes it; LfsrError where it is missing."""
@@ -333,8 +333,8 @@ class Work:
                     made = Path(name, asset.file)
                     run_script(find_blender(self.blender), scene_script(asset.script), Path(name, asset.argument),
                                [made])
-                    for each in Path(name).glob("*.blend"):
-                        replace(each, path.parent / each.name)
+                    for blend in Path(name).glob("*.blend"):
+                        replace(blend, path.parent / blend.name)
         return path
 
     def _folder(self, unit: Unit) -> Path:
@@ -355,7 +355,7 @@ def joined(study: Study, paths: Sequence[Path]) -> Any:
 
 def _filled(unit: Unit, files: Mapping[str, object], folders: Mapping[str, object]) -> str:
     """Return the command with files and folders; quoted where that is needed."""
-    values = {**files, **folders, "each": unit.name, "scene": files.get(unit.name, "")}
+    values = {**files, **folders, "unit": unit.name, "scene": files.get(unit.name, "")}
     return unit.form.command.format_map({name: shlex.quote(str(value)) for name, value in values.items()})
 
 

@@ -180,9 +180,9 @@ def value_axis(axes: Axes, low: float, high: float) -> None:
     """Set an axis of values up to 1 on which equal steps up halve 1 − value; ``low`` and ``high`` as of ``height``."""
     axes.set_yscale("function", functions=(height, lambda heights: 1 - 0.5 ** np.asarray(heights)))
     axes.set_ylim(1 - 0.5**low, 1 - 0.5**high)
-    known = [tick for tick in TICKS_TOWARD_ONE if low <= height(tick) <= high]
-    known = [tick for tick in known if tick in WIDE_TICKS] if len(known) > MOST_Y_TICKS else known
-    axes.set_yticks(known, [f"{tick:g}" for tick in known])
+    ticks = [tick for tick in TICKS_TOWARD_ONE if low <= height(tick) <= high]
+    ticks = [tick for tick in ticks if tick in WIDE_TICKS] if len(ticks) > MOST_Y_TICKS else ticks
+    axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
 
 
 def height(values: Any) -> Any:

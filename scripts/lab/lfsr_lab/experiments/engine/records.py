@@ -41,9 +41,9 @@ class Store:
         """Record the settings of a new folder; LfsrError if it was begun with other ones."""
         path = self.folder / SETTINGS_FILE
         if path.exists():
-            found = read_record(path, type(settings), "the settings of a study")
+            recorded = read_record(path, type(settings), "the settings of a study")
             for field in dataclasses.fields(settings):
-                if getattr(found, field.name) != getattr(settings, field.name):
+                if getattr(recorded, field.name) != getattr(settings, field.name):
                     raise LfsrError(f"{self.folder} was begun with other settings ({field.name} differs, see "
                                     f"{SETTINGS_FILE} there): choose another folder or the same settings")
         write_record(path, settings)
@@ -145,13 +145,13 @@ class Records(Generic[Record]):
     def read(self, name: str, fingerprint: Fingerprint) -> Record | None:
         """Return the record ``name``, None if it is missing or damaged or has another fingerprint."""
         try:
-            found = read_json(self.path(name), "a measurement")
-            if not isinstance(found, dict) or found.get("fingerprint") != fingerprint:
+            stored = read_json(self.path(name), "a measurement")
+            if not isinstance(stored, dict) or stored.get("fingerprint") != fingerprint:
                 return None
-            record = from_data(self.kind, found.get("record"), str(self.path(name)))
+            record = from_data(self.kind, stored.get("record"), str(self.path(name)))
         except LfsrError:  # it can be measured again
             return None
-        self._note(found.get("load"))
+        self._note(stored.get("load"))
         return record
 
     def write(self, name: str, fingerprint: Fingerprint, record: Record) -> None:
@@ -162,14 +162,14 @@ class Records(Generic[Record]):
 
     def get(self, name: str, fingerprint: Fingerprint, measure: Callable[[], Record]) -> Record:
         """Return the record ``name``, measured and stored now unless it is there with this fingerprint."""
-        found = self.read(name, fingerprint)
-        if found is None:
-            found = measure()
-            self.write(name, fingerprint, found)
-        return found
+        record = self.read(name, fingerprint)
+        if record is None:
+            record = measure()
+            self.write(name, fingerprint, record)
+        return record
 
     def _note(self, load: float | None) -> None:
-        self.load = max((each for each in (self.load, load) if each is not None), default=None)
+        self.load = max((average for average in (self.load, load) if average is not None), default=None)
 
 
 def method_facts(name: str) -> dict[str, Any]:
@@ -211,10 +211,10 @@ def measured(cells: Iterable[Cell[Record]], records: Records[Record], store: Sto
     store : where renders are
     """
     for cell in cells:
-        found = records.read(cell.name, cell.inputs)
-        if found is None:
+        record = records.read(cell.name, cell.inputs)
+        if record is None:
             store.render_all(cell.jobs)
             to_stderr(f"measuring {records.folder / cell.name}")
-            found = cell.measure()
-            records.write(cell.name, cell.inputs, found)
-        yield found
+            record = cell.measure()
+            records.write(cell.name, cell.inputs, record)
+        yield record

@@ -62,15 +62,15 @@ def errors(images: Array, half_a: Array, half_b: Array) -> dict[str, Array]:
     def lenses(squares: Array) -> Array:
         return _lens_means(squares * weights, kept)
 
-    found = {SSIM: np.array([1 - lens_ssims(srgb_encode(image), *shown) for image in images]),
-             RELMSE: np.array([lenses((image - half_a) * (image - half_b)) for image in images]),
-             SMAPE: np.array([_smape(image, mean) for image in images]),
-             FLIP: np.array([_flips(image, mean) for image in images])}
+    by_measure = {SSIM: np.array([1 - lens_ssims(srgb_encode(image), *shown) for image in images]),
+                  RELMSE: np.array([lenses((image - half_a) * (image - half_b)) for image in images]),
+                  SMAPE: np.array([_smape(image, mean) for image in images]),
+                  FLIP: np.array([_flips(image, mean) for image in images])}
     if len(images) > 1:
         middle, variance = images.mean(0, dtype=np.float64), images.var(0, ddof=1, dtype=np.float64)
-        found[BIAS] = lenses((middle - half_a) * (middle - half_b) - variance / len(images))
-        found[VARIANCE] = lenses(variance)
-    return found
+        by_measure[BIAS] = lenses((middle - half_a) * (middle - half_b) - variance / len(images))
+        by_measure[VARIANCE] = lenses(variance)
+    return by_measure
 
 
 def reference_noise(half_a: Array, half_b: Array) -> dict[str, float]:
@@ -204,15 +204,15 @@ class Truth:
         finish, upscaler = ready(finish) if isinstance(finish, str) else (finish, None)
         return self.shown(finished_lenses(low, mask, finish, self.lenses, upscaler=upscaler))
 
-    def metrics(self, image: Array, found: Mask | None = None) -> Metrics:
+    def metrics(self, image: Array, foreground: Mask | None = None) -> Metrics:
         """Return every metric of docs/reference/metrics.md of an EIA (H, W, 3), scene-linear, in view order.
 
-        ``found`` (sy, sx): the foreground that a render found, for its recall.
+        ``foreground`` (sy, sx): that which a render found, for its recall.
         """
         metrics: dict[str, Any] = compare(image, self.whole, self.reference.frame.display.lenses, self.mask)
-        metrics["recall"] = None if found is None else recall(found, self.mask)
-        known = {name: metrics[name] for name in (*METRIC_NAMES, *metrics) if name in metrics}
-        return {name: finite(value) for name, value in known.items() if name not in ("lenses", "notes", "ci95")}
+        metrics["recall"] = None if foreground is None else recall(foreground, self.mask)
+        ordered = {name: metrics[name] for name in (*METRIC_NAMES, *metrics) if name in metrics}
+        return {name: finite(value) for name, value in ordered.items() if name not in ("lenses", "notes", "ci95")}
 
     def lens_ssim(self, image: Array) -> Array:
         """Return the split SSIM (n,) of an EIA's foreground lenses, each on its own."""

@@ -132,15 +132,15 @@ class GPU:
 
 
 def read_gpus() -> list[GPU]:
-    found = tomllib.loads(GPUS.read_text(encoding="utf-8"))["gpu"]
+    tables = tomllib.loads(GPUS.read_text(encoding="utf-8"))["gpu"]
     return [GPU(**{**fields, "samples_per_second": tuple(fields["samples_per_second"]),
-                   "sources": tuple(fields["sources"])}) for fields in found]
+                   "sources": tuple(fields["sources"])}) for fields in tables]
 
 
 def frame_ms(gpu: GPU, steps: Sequence[Work]) -> tuple[float, float]:
     """Least milliseconds of a whole frame, its steps one after another."""
-    each = [gpu.least_ms(work) for work in steps]
-    return sum(low for low, _ in each), sum(high for _, high in each)
+    times = [gpu.least_ms(work) for work in steps]
+    return sum(low for low, _ in times), sum(high for _, high in times)
 
 
 def fitting_samples(gpu: GPU, display: DisplayProfile, scale: int) -> tuple[float, float]:
@@ -201,14 +201,14 @@ def tensor_steps(images: Array, factors: tuple[int, int], display: DisplayProfil
         larger = torch.nn.functional.interpolate(low, scale_factor=grown, mode="bilinear", align_corners=False)
         return larger.clamp_(0, 1).mul_(255).to(torch.uint8)
 
-    found = {INTERPOLATE: median_ms(interpolated, device)} if factors != (1, 1) else {}
+    milliseconds = {INTERPOLATE: median_ms(interpolated, device)} if factors != (1, 1) else {}
     shown = torch.zeros((*display.panel_pixels[::-1], 4), dtype=torch.uint8, device=device)
     if display.is_woven:
         finished = interpolated().flatten()
         places = torch.randint(finished.numel(), (shown.numel() * 3 // 4,), device=device)
-        found[WEAVE] = median_ms(lambda: finished.take(places), device)
+        milliseconds[WEAVE] = median_ms(lambda: finished.take(places), device)
     target = torch.empty_like(shown)
-    return {**found, SHOW: median_ms(lambda: target.copy_(shown), device)}
+    return {**milliseconds, SHOW: median_ms(lambda: target.copy_(shown), device)}
 
 
 def best_device() -> torch.device:
@@ -247,16 +247,16 @@ def run(arguments: argparse.Namespace) -> None:
     path = arguments.output / f"{STEM}.json"
     record = read_record(path, Record, "measured steps") if path.exists() else Record()
     if arguments.measure:
-        found = measure(Store(arguments.output / "renders", arguments.blender), arguments.measure,
-                        load_display(arguments.display), arguments.scale, arguments.spp)
-        record = Record((*(each for each in record.measured if _place(each) != _place(found)), found))
+        measured = measure(Store(arguments.output / "renders", arguments.blender), arguments.measure,
+                           load_display(arguments.display), arguments.scale, arguments.spp)
+        record = Record((*(earlier for earlier in record.measured if _place(earlier) != _place(measured)), measured))
     write_record(path, record)
     texts = {".md": lambda: markdown(read_gpus(), record.measured)}
     print("\n".join(map(str, report.write_report(arguments.output, STEM, None, texts))))
 
 
-def _place(found: Measured) -> tuple[object, ...]:
-    return found.device, found.environment.machine, found.display, found.scale, found.spp
+def _place(measured: Measured) -> tuple[object, ...]:
+    return measured.device, measured.environment.machine, measured.display, measured.scale, measured.spp
 
 
 DISPLAY, WOVEN = "bupt-32in-8k", "looking-glass-65"
@@ -270,10 +270,10 @@ def markdown(gpus: Sequence[GPU], measured: Sequence[Measured]) -> str:
     steps = frame_work(display, scale, spp)
     weave = next(work.bytes for work in frame_work(woven, 1, 1) if work.step == WEAVE)
     counted, rated, fitting = [], [], []
-    for each in SCALES:
-        by_step = {work.step: work for work in frame_work(display, each, 1)}
+    for factor in SCALES:
+        by_step = {work.step: work for work in frame_work(display, factor, 1)}
         denoised, grown = by_step[DENOISE], by_step.get(INTERPOLATE)
-        counted.append([f"{each}", *(f"{by_step[TRACE].samples * count / 1e6:.1f}" for count in SAMPLES),
+        counted.append([f"{factor}", *(f"{by_step[TRACE].samples * count / 1e6:.1f}" for count in SAMPLES),
                         f"{denoised.operations / 1e9:.1f}", f"{denoised.bytes / 1e6:.0f}",
                         f"{grown.operations / 1e9:.1f}" if grown else report.UNKNOWN,
                         f"{grown.bytes / 1e6:.0f}" if grown else report.UNKNOWN,
@@ -283,13 +283,13 @@ def markdown(gpus: Sequence[GPU], measured: Sequence[Measured]) -> str:
         slowest = max(steps, key=lambda work: gpu.least_ms(work)[0])
         rated.append([gpu.name, *(_span(gpu.least_ms(work), 1) for work in steps), _span((best, worst), 0),
                       _span((1e3 / worst, 1e3 / best), 0), f"{slowest.step} ({gpu.limit(slowest)})"])
-        spans = {each: fitting_samples(gpu, display, each) for each in SCALES}
-        fitting.append([gpu.name, *(f"{_span((low, high), 1)} ({_span((low / each ** 2, high / each ** 2), 2)})"
-                                    for each, (low, high) in spans.items())])
-    rows = [[found.device, found.tensors, f"{found.scale}, {found.spp}", f"{found.samples_per_second / 1e6:.2f}",
-             f"{found.started_ms / 1e3:.1f}", *(
-                 f"{found.milliseconds[work.step]:.0f}" if work.step in found.milliseconds else report.UNKNOWN
-                 for work in steps)] for found in measured]
+        spans = {factor: fitting_samples(gpu, display, factor) for factor in SCALES}
+        fitting.append([gpu.name, *(f"{_span((low, high), 1)} ({_span((low / factor ** 2, high / factor ** 2), 2)})"
+                                    for factor, (low, high) in spans.items())])
+    rows = [[row.device, row.tensors, f"{row.scale}, {row.spp}", f"{row.samples_per_second / 1e6:.2f}",
+             f"{row.started_ms / 1e3:.1f}", *(
+                 f"{row.milliseconds[work.step]:.0f}" if work.step in row.milliseconds else report.UNKNOWN
+                 for work in steps)] for row in measured]
     lines = [
         "# What 30 frames per second at 8K ask of a GPU", "",
         f"`{COMMAND}` counts and writes this page. Milliseconds are the least that published rates allow, "
@@ -308,7 +308,7 @@ def markdown(gpus: Sequence[GPU], measured: Sequence[Measured]) -> str:
         *report.markdown_table(["GPU", *(work.step for work in steps), "frame, ms", "frames per second", "what limits"],
                         rated, "lr"), "",
         "What fits beside the other steps, samples per rendered pixel (rays per finished pixel):", "",
-        *report.markdown_table(["GPU", *(f"scale {each}" for each in SCALES)], fitting, "lr"), "",
+        *report.markdown_table(["GPU", *(f"scale {factor}" for factor in SCALES)], fitting, "lr"), "",
         *_conclusion(gpus, display), "",
         "## Sources", "", *(f"- {gpu.name}: {'; '.join(gpu.sources)}." for gpu in gpus), "",
         "The samples are of scenes of production, with other renderers for two of the three; a frame of ours also "

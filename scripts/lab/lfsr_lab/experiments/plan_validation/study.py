@@ -70,12 +70,12 @@ def scenes(bench: Path) -> list[Path]:
 
 
 def renders(scene: Path) -> dict[tuple[int, int], Path]:
-    found = {}
+    folders = {}
     for path in scene.glob(f"s*-spp*/{FRAME_FILE}"):
         name = RENDER_FOLDER.fullmatch(path.parent.name)
         if name and (path.parent / LOW_RES_FILE).exists():
-            found[int(name[1]), int(name[2])] = path.parent
-    return found
+            folders[int(name[1]), int(name[2])] = path.parent
+    return folders
 
 
 def actuals(scene: Path, candidates: Sequence[Candidate], records: Records[Actual],
@@ -85,16 +85,16 @@ def actuals(scene: Path, candidates: Sequence[Candidate], records: Records[Actua
     A candidate that cannot be made is left out; LfsrError where none can, or where the reference is of sampled lenses
     only: its own uncertainty would be as large as the plan's.
     """
-    found = {}
+    reached = {}
     for candidate in candidates:
         try:
-            found[candidate] = records.get(f"{candidate.name.replace(' ', '-')}-{PlanOptions.metric}", {"rate": rate}
-                                           if rate else {}, functools.partial(_measure, scene, candidate, rate))
+            reached[candidate] = records.get(f"{candidate.name.replace(' ', '-')}-{PlanOptions.metric}", {"rate": rate}
+                                             if rate else {}, functools.partial(_measure, scene, candidate, rate))
         except LfsrError as error:
-            if candidate == candidates[-1] and not found:
+            if candidate == candidates[-1] and not reached:
                 raise
             print(f"{scene.name}, {candidate.name}: {error}", file=sys.stderr)
-    return found
+    return reached
 
 
 def _measure(scene: Path, candidate: Candidate, rate: float | None) -> Actual:
@@ -144,10 +144,10 @@ def replay(scene: Path, job: Request, rate: float | None = None) -> None:
     """
     source = scene / REFERENCE
     if job.kind == "render":  # the one asked for, else of its scale that of nearest samples
-        known = {spp: path for (scale, spp), path in renders(scene).items() if scale == job.sampling.scale}
-        if not known:
+        paths = {spp: path for (scale, spp), path in renders(scene).items() if scale == job.sampling.scale}
+        if not paths:
             raise LfsrError(f"{scene} has no render of scale {job.sampling.scale}, where a plan starts: render one")
-        source = known[min(known, key=lambda spp: abs(spp - job.sampling.samples))]
+        source = paths[min(paths, key=lambda spp: abs(spp - job.sampling.samples))]
     frame, target = timed_frame(source, rate), Path(job.output)
     tiled = dataclasses.replace(frame, lens_list=job.lens_list, seed=job.seed, samples=job.sampling.samples)
     fraction = np.prod(tiled.rays.size) / np.prod(frame.rays.size) * job.sampling.samples / frame.samples
@@ -269,7 +269,7 @@ def validate(scene: Path, plans: PlanOptions, draws: Draws) -> Iterator[Verdict]
     scales = tuple(sorted({scale for scale, _ in there}))
     everywhere = tuple(samples for samples in plans.samples if all((scale, samples) in there for scale in scales))
     plans = dataclasses.replace(plans, scales=scales, samples=everywhere)
-    known = actuals(scene, plans.candidates(display), Records(folder / TRUTH, Actual), draws.rate)
+    reached = actuals(scene, plans.candidates(display), Records(folder / TRUTH, Actual), draws.rate)
     blender = find_blender(draws.blender) if draws.scene_file else None
 
     def render(request: Request, tell: Tell) -> None:
@@ -285,12 +285,12 @@ def validate(scene: Path, plans: PlanOptions, draws: Draws) -> Iterator[Verdict]
             job = Request(output=str(work), display=display, scene=draws.scene_file, seed=seed)
             for target in draws.targets:
                 planned = make_plan(job, dataclasses.replace(plans, target=target), render, work)
-                yield judge(planned, known, display, scene.name, seed, target)
+                yield judge(planned, reached, display, scene.name, seed, target)
 
 
 def judge(planned: Planned, actuals: Actuals, display: DisplayProfile, scene: str, seed: int, target: float) -> Verdict:
     """Compare a plan for a scene, seed of lenses and target with what its candidates reach and take as whole frames."""
-    meeting = [candidate for candidate, found in actuals.items() if found.accuracy >= target]
+    meeting = [candidate for candidate, actual in actuals.items() if actual.accuracy >= target]
     best = min(meeting, key=lambda candidate: actuals[candidate].seconds, default=None)
     measured = [(row, row.estimate, actuals[row.candidate]) for row in planned.candidates
                 if row.estimate is not None and row.candidate in actuals]
@@ -298,20 +298,20 @@ def judge(planned: Planned, actuals: Actuals, display: DisplayProfile, scene: st
     verdict = Verdict(
         scene, seed, target, row.candidate.name if row else None, best.name if best else None,
         sample=to_data(planned.sample), limit=planned.choice.limit.code if planned.choice.limit else "",
-        covered=tuple(estimate.low <= found.accuracy for _, estimate, found in measured),
-        errors=tuple(estimate.mean - found.accuracy for _, estimate, found in measured),
-        times=tuple(row.seconds / found.seconds for row, _, found in measured),
+        covered=tuple(estimate.low <= actual.accuracy for _, estimate, actual in measured),
+        errors=tuple(estimate.mean - actual.accuracy for _, estimate, actual in measured),
+        times=tuple(row.seconds / actual.seconds for row, _, actual in measured),
         measured=tuple(row.candidate.name for row, *_ in measured),
-        actuals=tuple(found.accuracy for *_, found in measured))
+        actuals=tuple(actual.accuracy for *_, actual in measured))
     if row is None or row.estimate is None:
         return verdict
-    found = actuals[row.candidate]
-    verdict = dataclasses.replace(verdict, estimate=row.estimate.mean, bound=row.estimate.low, actual=found.accuracy,
-                                  met=found.accuracy >= target)
+    actual = actuals[row.candidate]
+    verdict = dataclasses.replace(verdict, estimate=row.estimate.mean, bound=row.estimate.low, actual=actual.accuracy,
+                                  met=actual.accuracy >= target)
     if best is None or not verdict.met:
         return verdict
     samples = row.paths(display) / best.paths(display)
-    return dataclasses.replace(verdict, cost=found.seconds / actuals[best].seconds, samples=samples)
+    return dataclasses.replace(verdict, cost=actual.seconds / actuals[best].seconds, samples=samples)
 
 
 def summary(rows: Sequence[Verdict]) -> Summary:
@@ -319,14 +319,14 @@ def summary(rows: Sequence[Verdict]) -> Summary:
     costs = [row.cost for row in rows if row.cost is not None]
     possible = [row for row in rows if row.hindsight is not None]
     return Summary(
-        plans=len(rows), chosen=len(chosen), met=_known(fmean, [bool(row.met) for row in chosen]),
+        plans=len(rows), chosen=len(chosen), met=_if_any(fmean, [bool(row.met) for row in chosen]),
         nothing_chosen_though_possible=sum(row.chosen is None for row in possible), costs=len(costs),
-        median_cost=_known(median, costs), cheap_enough=_known(fmean, [cost <= CHEAP_ENOUGH for cost in costs]),
-        bounds_below_actual=_known(fmean, [covered for row in rows for covered in row.covered]),
-        mean_error=_known(fmean, [error for row in rows for error in row.errors]),
-        median_predicted_over_actual_seconds=_known(median, [time for row in rows for time in row.times]),
-        mean_share_of_seconds=_known(fmean, [row.sample["seconds"] / row.sample["costliest_seconds"] for row in rows]),
-        mean_share_of_samples=_known(fmean, [row.sample["fraction"] for row in rows]),
+        median_cost=_if_any(median, costs), cheap_enough=_if_any(fmean, [cost <= CHEAP_ENOUGH for cost in costs]),
+        bounds_below_actual=_if_any(fmean, [covered for row in rows for covered in row.covered]),
+        mean_error=_if_any(fmean, [error for row in rows for error in row.errors]),
+        median_predicted_over_actual_seconds=_if_any(median, [time for row in rows for time in row.times]),
+        mean_share_of_seconds=_if_any(fmean, [row.sample["seconds"] / row.sample["costliest_seconds"] for row in rows]),
+        mean_share_of_samples=_if_any(fmean, [row.sample["fraction"] for row in rows]),
         met_95=wilson([bool(row.met) for row in chosen]),
         cheap_enough_95=wilson([cost <= CHEAP_ENOUGH for cost in costs]),
         scenes=len({row.scene for row in rows}),
@@ -336,16 +336,16 @@ def summary(rows: Sequence[Verdict]) -> Summary:
 def markdown(rows: Sequence[Verdict]) -> str:
     """Return tables of all plans, of the candidates that they measured, and of the summary."""
     lines = markdown_table(COLUMNS, ([getattr(row, name) for name in COLUMNS] for row in rows))
-    found: dict[tuple[str, str], dict[int, tuple[Any, ...]]] = {}  # of each candidate of a scene, by draw of lenses
+    figures: dict[tuple[str, str], dict[int, tuple[Any, ...]]] = {}  # of each candidate of a scene, by draw of lenses
     for row in rows:
         for name, *values in zip(row.measured, row.actuals, row.errors, row.covered, row.times, strict=True):
-            found.setdefault((row.scene, name), {}).setdefault(row.seed, tuple(values))
+            figures.setdefault((row.scene, name), {}).setdefault(row.seed, tuple(values))
     candidates = []
-    for (scene, name), draws in sorted(found.items()):
+    for (scene, name), draws in sorted(figures.items()):
         actuals, errors, covered, times = zip(*draws.values(), strict=True)
         estimates = np.add(actuals, errors)
         candidates.append([scene, name, actuals[0], estimates.mean(), estimates.min(), estimates.max(),
-                           f"{sum(covered)} of {len(draws)}", _known(median, times)])
+                           f"{sum(covered)} of {len(draws)}", _if_any(median, times)])
     lines += ["", *markdown_table(CANDIDATE_COLUMNS, candidates)]
     whole = dataclasses.asdict(summary(rows))
     lines += ["", *markdown_table(("over all plans", ""),
@@ -363,7 +363,7 @@ def wilson(outcomes: Sequence[bool]) -> tuple[float, float] | None:
     return (middle - half) / (1 + z2 / count), (middle + half) / (1 + z2 / count)
 
 
-def _known(statistic: Callable[[Sequence[float]], float], values: Sequence[float]) -> float | None:
+def _if_any(statistic: Callable[[Sequence[float]], float], values: Sequence[float]) -> float | None:
     """Return the mean or median of ``values``, None without any."""
     return float(statistic(values)) if values else None
 

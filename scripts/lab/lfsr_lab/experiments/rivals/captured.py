@@ -130,8 +130,8 @@ def compared(shown: Array, views: Array, ratio: int) -> Likeness:
     """Compare the views that were left out, (m, n, H, W, 3) uint8 each."""
     left_out = [place for place in np.ndindex(views.shape[:2]) if any(index % ratio for index in place)]
     # Luma in [0, 1], rounded to 8 bits, without its borders.
-    x, y = (np.stack([np.round(to_ycbcr(each[place][CUT:-CUT, CUT:-CUT] / 255)[..., 0] * 255) / 255
-                      for place in left_out])[..., None] for each in (shown, views))
+    x, y = (np.stack([np.round(to_ycbcr(images[place][CUT:-CUT, CUT:-CUT] / 255)[..., 0] * 255) / 255
+                      for place in left_out])[..., None] for images in (shown, views))
     psnr = [-10 * math.log10(max(float(square), 1e-10)) for square in np.mean((x - y)**2, (1, 2, 3))]
     ssim = [stacked_ssim(*(values[None].astype(np.float32) for values in (one, other, other))).mean()
             for one, other in zip(x, y, strict=True)]

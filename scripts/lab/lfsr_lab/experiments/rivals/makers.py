@@ -166,10 +166,10 @@ NORMAL = 0.67448975  # median of the absolute value of a standard normal distrib
 
 def program(clones: Path) -> Path:
     """Return the program, compiled by its own instructions into the clone LFBM5D; LfsrError where it is missing."""
-    found = next((path for path in (clones / "LFBM5D").rglob(PROGRAM) if path.is_file()), None)
-    if found is None:
+    executable = next((path for path in (clones / "LFBM5D").rglob(PROGRAM) if path.is_file()), None)
+    if executable is None:
         raise LfsrError(f"{clones / 'LFBM5D'} has no program {PROGRAM}: compile it as its README says")
-    return found
+    return executable
 
 
 def deviation(image: Array) -> float:
@@ -214,9 +214,9 @@ class LFDnPatch:
     """The network, trained on Gaussian noise of all strengths up to 55 of 255."""
 
     def __init__(self, clones: Path) -> None:
-        found = state(clones, WEIGHTS)
-        names = [name.removesuffix(".weight") for name in found if name.endswith(".weight")]
-        self._layers = [(found[f"{name}.weight"], found[f"{name}.bias"]) for name in names]
+        tensors = state(clones, WEIGHTS)
+        names = [name.removesuffix(".weight") for name in tensors if name.endswith(".weight")]
+        self._layers = [(tensors[f"{name}.weight"], tensors[f"{name}.bias"]) for name in names]
 
     def __call__(self, views: Array) -> Array:
         """Denoise views (m, n, H, W, 3), display values in [0, 1]."""
@@ -239,9 +239,9 @@ def _seen(views: Array, row: int, column: int) -> Array:
     lines = [views[row, column + 1:], views[row, :column][::-1], views[row + 1:, column], views[:row, column][::-1]]
     for top, left in itertools.product(*(range(0, size, PATCH) for size in own.shape[:2])):
         patch = own[top:top + PATCH, left:left + PATCH]
-        found = [each for axis, line in zip((1, 1, 0, 0), lines, strict=True)
-                 for each in _along(line, patch, (top, left), axis)]
-        for number, (_, similar) in enumerate(sorted(found, key=lambda each: each[0])[:SIMILAR]):
+        matches = [match for axis, line in zip((1, 1, 0, 0), lines, strict=True)
+                   for match in _along(line, patch, (top, left), axis)]
+        for number, (_, similar) in enumerate(sorted(matches, key=lambda match: match[0])[:SIMILAR]):
             seen[top:top + PATCH, left:left + PATCH, 3 * number:3 * number + 3] = similar
     return seen
 
@@ -252,10 +252,10 @@ def _along(line: Array, patch: Array, start: tuple[int, int], axis: int) -> Iter
     for view in line:
         most = view.shape[axis] - shape[axis]
         places = range(max(at[axis] - REACH, 0), min(at[axis] + REACH, most) + 1)
-        found = []
+        matches = []
         for place in places:
-            spot = [place if each == axis else at[each] for each in (0, 1)]
+            spot = [place if dim == axis else at[dim] for dim in (0, 1)]
             pixels = view[spot[0]:spot[0] + shape[0], spot[1]:spot[1] + shape[1]]
-            found.append((float(np.abs(pixels - patch).mean()), place, pixels))
-        difference, at[axis], pixels = min(found, key=lambda each: each[0])
+            matches.append((float(np.abs(pixels - patch).mean()), place, pixels))
+        difference, at[axis], pixels = min(matches, key=lambda match: match[0])
         yield difference, pixels

@@ -59,13 +59,13 @@ def moved(values: Array, axis: int, by: float, cubic: bool) -> Array:
     values = np.moveaxis(values, axis, 0)
     places = np.arange(len(values)) + by
     first, reach, weight = np.floor(places).astype(int), (2 if cubic else 1), (keys if cubic else linear)
-    found = np.zeros(values.shape)
+    shifted = np.zeros(values.shape)
     for tap in range(1 - reach, reach + 1):
         of_tap = weight(places - (first + tap))
         if of_tap.any():
-            found += of_tap.reshape(-1, *[1] * (values.ndim - 1)) * values[np.clip(first + tap, 0, len(values) - 1)]
-    found[(places < 0) | (places > len(values) - 1)] = np.nan
-    return np.moveaxis(found, 0, axis)
+            shifted += of_tap.reshape(-1, *[1] * (values.ndim - 1)) * values[np.clip(first + tap, 0, len(values) - 1)]
+    shifted[(places < 0) | (places > len(values) - 1)] = np.nan
+    return np.moveaxis(shifted, 0, axis)
 
 
 def median3(values: Array) -> Array:
@@ -127,15 +127,15 @@ def stored(clones: Path, path: str) -> Path:
 
 def cells(clones: Path, path: str) -> list[tuple[Array, Array]]:
     """Return (weights, biases) of every layer in a MATLAB file with the cell arrays ``weight`` and ``bias``."""
-    found = scipy.io.loadmat(stored(clones, path))
-    return [(weight, bias.ravel()) for weight, bias in zip(found["weight"].ravel(), found["bias"].ravel(), strict=True)]
+    cells = scipy.io.loadmat(stored(clones, path))
+    return [(weight, bias.ravel()) for weight, bias in zip(cells["weight"].ravel(), cells["bias"].ravel(), strict=True)]
 
 
 def parameters(clones: Path, path: str) -> dict[str, Array]:
     """Return the parameters of a MatConvNet DAG in a MATLAB file, by name."""
-    found = scipy.io.loadmat(stored(clones, path))["net"]["params"][0, 0]
+    params = scipy.io.loadmat(stored(clones, path))["net"]["params"][0, 0]
     return {str(name.item()): np.asarray(value) for name, value in
-            zip(found["name"].ravel(), found["value"].ravel(), strict=True)}
+            zip(params["name"].ravel(), params["value"].ravel(), strict=True)}
 
 
 def state(clones: Path, path: str) -> dict[str, Any]:

@@ -72,9 +72,9 @@ VIEWS = tuple(View(scale, samples, width) for scale in SCALES for width in (WIDE
 def place(name: str, store: Store, folders: Sequence[Path]) -> Place | None:
     """Return a scene of SCENES where its file is below one of ``folders``."""
     file, group = SCENES[name]
-    found = next((path for folder in folders if (path := folder / file).is_file()), None)
+    scene_file = next((path for folder in folders if (path := folder / file).is_file()), None)
     scene = Scene(name, file, group, display=DISPLAY, scale=SCALES[0], lenses=LENSES)
-    return Place(store, scene, found) if found else None
+    return Place(store, scene, scene_file) if scene_file else None
 
 
 def folder_of(view: View) -> str:
@@ -123,7 +123,7 @@ def measure(render: Path, truth: Truth, denoiser: str, clones: Path) -> Row:
     names = AFTER_OTHERS if denoiser in OTHERS else FOLLOWERS[low.scale]
     names = tuple(name for name in names if name not in SLOW or denoiser == "denoise")
     made = {name: _timed(functools.partial(finished, without, name, clones)) for name in names}
-    return Row(seconds, {name: _figures(*each, truth, low.scale // 2) for name, each in made.items()})
+    return Row(seconds, {name: _figures(*timed, truth, low.scale // 2) for name, timed in made.items()})
 
 
 def _figures(images: Array, seconds: float, truth: Truth, margin: int) -> Figures:
@@ -196,23 +196,23 @@ def record(rows: Rows, captured: Captured) -> Record:
         default = rows[scene, View(view.scale, view.samples, view.width), "denoise"].followers[UPSCALER]
         of_view = scenes.setdefault(scene, {}).setdefault(view.name, {})
         for follower, figures in row.followers.items():
-            each = np.subtract(figures.ssim, default.ssim)
-            half = student_95(len(each) - 1) * each.std(ddof=1) / math.sqrt(len(each)) if len(each) > 1 else 0.0
+            gains = np.subtract(figures.ssim, default.ssim)
+            half = student_95(len(gains) - 1) * gains.std(ddof=1) / math.sqrt(len(gains)) if len(gains) > 1 else 0.0
             of_view[f"{denoiser}+{follower}"] = [round(float(np.mean(figures.ssim)), 4), round(figures.psnr, 2),
                                                  round(row.cpu_seconds + figures.cpu_seconds, 2),
-                                                 round(float(each.mean()), 4), round(float(half), 4)]
+                                                 round(float(gains.mean()), 4), round(float(half), 4)]
     tasks: Record = {}
-    for (task, method), found in captured.items():
-        tasks.setdefault(task, {})[method] = [round(found.psnr, 2), round(found.ssim, 4)]
+    for (task, method), accuracy in captured.items():
+        tasks.setdefault(task, {})[method] = [round(accuracy.psnr, 2), round(accuracy.ssim, 4)]
     return {"default": DEFAULT_METHOD,
             "columns": ["ssim_lens_fg", "psnr_fg", "cpu_seconds", "ssim_minus_default", "half_width_95"],
             "groups": {name: group for name, (_, group) in SCENES.items() if name in scenes}, "scenes": scenes,
             "captured_columns": ["psnr_y", "ssim_y"], "captured": tasks}
 
 
-def markdown(found: Record) -> str:
+def markdown(record: Record) -> str:
     def cell(view: View, method: str) -> str:
-        ssim, psnr = (mean(found, view, method, place) for place in (SSIM, PSNR))
+        ssim, psnr = (mean(record, view, method, place) for place in (SSIM, PSNR))
         if not math.isfinite(ssim):
             return UNKNOWN
         return f"{ssim:.3f}".removeprefix("0") + (f", {psnr:.1f}" if view.samples == SAMPLES[-1] else "")
@@ -221,29 +221,29 @@ def markdown(found: Record) -> str:
     for scale in SCALES:
         views = [View(scale, samples, width) for samples in SAMPLES[::-1] for width in (WIDE, NARROW)]
         header = [f"scale {scale}", *(f"{view.samples}, {view.width}" for view in views), "CPU s"]
-        rows = [[f"`{name}`", *(cell(view, name) for view in views), f"{mean(found, views[0], name, SECONDS):.1f}"]
-                for name in SHOWN if math.isfinite(mean(found, views[0], name, SSIM))]
+        rows = [[f"`{name}`", *(cell(view, name) for view in views), f"{mean(record, views[0], name, SECONDS):.1f}"]
+                for name in SHOWN if math.isfinite(mean(record, views[0], name, SSIM))]
         tables.append("\n".join(markdown_table(header, rows, "lr")))
-    captured = {task.name: found["captured"][task.name] for task in TASKS if task.name in found["captured"]}
+    captured = {task.name: record["captured"][task.name] for task in TASKS if task.name in record["captured"]}
     decibels = markdown_table(["dB", *captured], [
         [f"`{name}`", *(f"{of_task[name][0]:.1f}" if name in of_task else UNKNOWN for of_task in captured.values())]
         for name in OF_CAPTURED], "lr")
     wide, narrow = (View(SCALES[0], SAMPLES[-1], width) for width in (WIDE, NARROW))
 
     def above(scene: str, method: str, other: str, place: int) -> float:
-        entries = found["scenes"].get(scene, {}).get(narrow.name, {})
+        entries = record["scenes"].get(scene, {}).get(narrow.name, {})
         return entries[method][place] - entries[other][place] if method in entries else math.nan
 
     def gain(task: str, method: str, other: str) -> float:
         entries = captured.get(task, {})
         return entries[method][0] - entries[other][0] if {method, other} <= entries.keys() else math.nan
 
-    name, fine = found["default"], View(SCALES[1], SAMPLES[-1])
+    name, fine = record["default"], View(SCALES[1], SAMPLES[-1])
     ours = next(other for other in (name.removeprefix("denoise+"), "bilinear") if other in OF_CAPTURED)
     return TEMPLATE.read_text(encoding="utf-8").format(
-        scenes=", ".join(found["scenes"]), seven=tables[0], three=tables[1], captured="\n".join(decibels),
-        epicnn=_signed(mean(found, fine, "denoise+EPICNN", SSIM) - mean(found, fine, name, SSIM)),
-        narrow=_signed(mean(found, narrow, name, SSIM) - mean(found, wide, name, SSIM)),
+        scenes=", ".join(record["scenes"]), seven=tables[0], three=tables[1], captured="\n".join(decibels),
+        epicnn=_signed(mean(record, fine, "denoise+EPICNN", SSIM) - mean(record, fine, name, SSIM)),
+        narrow=_signed(mean(record, narrow, name, SSIM) - mean(record, wide, name, SSIM)),
         deep_ssim=_signed(above("deep", "denoise+AngularSR-2", name, SSIM)),
         deep_psnr=_decibels(above("deep", "denoise+AngularSR-2", name, PSNR)),
         figures_ssim=_signed(above("figures", "LFBM5D+AngularSR-2", name, SSIM)),
@@ -251,12 +251,12 @@ def markdown(found: Record) -> str:
         filtered=_signed(above("truck", "LFBM5D+bilinear", "denoise+bilinear", SSIM)),
         sheared=_decibels(gain("antinous 2→7", "Sheared-EPI", "bilinear")),
         row=_decibels(gain("Amethyst 6→16", "EPICNN", ours)),
-        known=", ".join(scene for scene, group in found["groups"].items() if group == "known"))
+        known=", ".join(scene for scene, group in record["groups"].items() if group == "known"))
 
 
-def mean(found: Record, view: View, method: str, place: int) -> float:
+def mean(record: Record, view: View, method: str, place: int) -> float:
     """Return the mean over all scenes of a figure of a method; NaN where it was not measured."""
-    values = [of_scene[view.name][method][place] for of_scene in found["scenes"].values()
+    values = [of_scene[view.name][method][place] for of_scene in record["scenes"].values()
               if method in of_scene.get(view.name, {})]
     return float(np.mean(values)) if values else math.nan
 
@@ -295,7 +295,7 @@ CELLS = "cells"
 
 def rendered_scenes(folders: Sequence[Path], clones: Path, store: Store, only: Sequence[str] = ()) -> Rows:
     """Render and measure what is missing of the scenes that are below one of ``folders``."""
-    found: Rows = {}
+    rows: Rows = {}
     for name in only or SCENES:
         where = place(name, store, folders)
         if where is None:
@@ -311,21 +311,21 @@ def rendered_scenes(folders: Sequence[Path], clones: Path, store: Store, only: S
                     ours = method_facts(f"{denoiser}+pool") if denoiser in names(PREFILTER) else {}
                     facts = {"version": VERSION, "render": frame_digest(render),
                              "reference": frame_digest(truth.folder), "denoiser": denoiser, **ours}
-                    found[name, view, denoiser] = records.get(
+                    rows[name, view, denoiser] = records.get(
                         f"{view.name}-{denoiser}", facts, functools.partial(measure, render, truth, denoiser, clones))
-    return found
+    return rows
 
 
 def captured_views(clones: Path, folder: Path) -> dict[tuple[str, str], Likeness]:
     """Make the views that are left out of captured light fields, and compare them; by task and method."""
-    records, found = Records(folder / CELLS, Likeness), {}
+    records, likenesses = Records(folder / CELLS, Likeness), {}
     for task in TASKS:
         views = read_field(clones, task)
         for name in methods(task, views):
             to_stderr(f"{task.name} {name}")
             facts = {"version": CAPTURED_VERSION, "task": to_data(task), "views": digest(views.tobytes()),
                      "method": name, **(method_facts(name) if name in CAPTURED_OURS else {})}
-            found[task.name, name] = records.get(f"{task.field}-{task.given}-{task.made}-{name}", facts,
-                                                 functools.partial(likeness, views, task, name, clones))
-    return found
+            likenesses[task.name, name] = records.get(f"{task.field}-{task.given}-{task.made}-{name}", facts,
+                                                      functools.partial(likeness, views, task, name, clones))
+    return likenesses
 

@@ -64,9 +64,9 @@ def collect(settings: Settings, store: Store, folders: Iterable[Path], method: s
             renders = [render for render in every if render.scale in allowed]
             figures = measured(place, renders, [candidate])
             rays = max((render.samples / render.scale**2 for render in renders), default=0.0)
-            found = [Cell(name, place.scene.group, rays, render.scale, float(np.mean(figures[key].ssim)))
-                     for render in renders if (key := (name, render, candidate.label)) in figures]
-            cells += found if len(found) > 1 else []
+            compared = [Cell(name, place.scene.group, rays, render.scale, float(np.mean(figures[key].ssim)))
+                        for render in renders if (key := (name, render, candidate.label)) in figures]
+            cells += compared if len(compared) > 1 else []
         if len(cells) > before:
             moves[name] = _moves(place.file, profile, store.blender)
     return Table(candidate.label, moves, tuple(cells))

@@ -95,8 +95,8 @@ def holds(differences: Differences) -> str:
 
 def span(differences: Differences) -> str:
     """Return a single difference with its interval, several as a range."""
-    found = sorted(differences.values(), key=lambda difference: difference.value)
-    return str(found[0]) if len(found) == 1 else f"{found[0].value:+.3g} to {found[-1].value:+.3g}"
+    ordered = sorted(differences.values(), key=lambda difference: difference.value)
+    return str(ordered[0]) if len(ordered) == 1 else f"{ordered[0].value:+.3g} to {ordered[-1].value:+.3g}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,8 +120,8 @@ class Figure:
         records = Records(settings.output / CELLS / self.id, Rows)
         wanted = (dataclasses.replace(cell, inputs={"version": VERSION, **cell.inputs})
                   for cell in self.cells(settings))
-        found = [row for each in measured(wanted, records, store(settings)) for row in each.rows]
-        return Results(tuple(found), records.load, schedules(settings, self.methods))
+        rows = [row for record in measured(wanted, records, store(settings)) for row in record.rows]
+        return Results(tuple(rows), records.load, schedules(settings, self.methods))
 
     def table(self, rows: Iterable[Row]) -> list[str]:
         """Return the lines of a Markdown table of the rows that have values."""
@@ -142,9 +142,9 @@ class Figure:
 
 def gains(rows: Iterable[Row], more: str, less: str, series: str = LENS_SSIM) -> dict[str, Difference]:
     """Return what method ``more`` has more than ``less`` in a series, for every scene that has both."""
-    found = {(row.scene, row.method): row.series[series] for row in rows if row.series.get(series)}
-    return {scene: paired(ours, found[scene, less]) for (scene, method), ours in found.items()
-            if method == more and (scene, less) in found}
+    values = {(row.scene, row.method): row.series[series] for row in rows if row.series.get(series)}
+    return {scene: paired(ours, values[scene, less]) for (scene, method), ours in values.items()
+            if method == more and (scene, less) in values}
 
 
 def scenes_of(rows: Iterable[Row]) -> list[str]:

@@ -330,23 +330,23 @@ def accuracy_cell(settings: Settings, figure: str, view: View, name: str, measur
     key = re.sub(r"\W+", "-", f"{scene}-spp{view.spp}-{label}").strip("-")
 
     truth = Truth(reference(settings, view.scene))
-    known = read_frame(truth.folder)
-    if known.lens_list is not None:
+    reference_frame = read_frame(truth.folder)
+    if reference_frame.lens_list is not None:
         raise LfsrError(f"{truth.folder} shows only some lenses: give --bench a folder whose references show all")
     facts = {"metrics": list(METRIC_NAMES), "scene": scene, "method": name, "scale": view.scale, "spp": view.spp,
-             "layout": view.layout, "display": settings.display.to_dict(), "reference_spp": known.samples,
+             "layout": view.layout, "display": settings.display.to_dict(), "reference_spp": reference_frame.samples,
              "weights": fingerprints(settings, name)}
 
     def run() -> Rows:
-        ready, found = method(settings, name), Row(has_weights=False)
+        ready, row = method(settings, name), Row(has_weights=False)
         if ready is not None:
             folder = rendered(settings, view)
             frame = read_frame(folder)
             truth.check(frame)
             image = finished_linear(folder, ready[0], upscaler=ready[1])
             file = settings.output / CELLS / figure / f"{key}.png"
-            found = measure(Finished(image, folder, frame, ready, truth, file))
-        return Rows((dataclasses.replace(found, scene=scene, method=label, samples=view.spp),))
+            row = measure(Finished(image, folder, frame, ready, truth, file))
+        return Rows((dataclasses.replace(row, scene=scene, method=label, samples=view.spp),))
 
     return Cell(key, facts | inputs, run)
 
@@ -369,8 +369,8 @@ def timed_rows(seconds: Seconds, scene: str = "", how: str = "",
     """Return a row per function that was run in turns: quartiles, ``facts``, and every run."""
     quartiles = {name: 1e3 * np.percentile(times, (50, 25, 75)) for name, times in seconds.items()}
     return Rows(tuple(Row(scene=scene, method=name, how=how, series={SECONDS: seconds[name]},
-                          values={**(facts or {}), **dict(zip(TIME_COLUMNS, map(float, found), strict=True))})
-                      for name, found in quartiles.items()))
+                          values={**(facts or {}), **dict(zip(TIME_COLUMNS, map(float, percentiles), strict=True))})
+                      for name, percentiles in quartiles.items()))
 
 
 def network_times(settings: Settings, steps: Mapping[str, tuple[str, int]]) -> Cell[Rows]:

@@ -120,14 +120,14 @@ def run(arguments: argparse.Namespace) -> None:
     if file.exists():
         data = read_json(file, "the results of an earlier run")
         if data.get("settings") == facts:
-            results = {name: from_data(Results, found, str(file)) for name, found in data["figures"].items()}
+            results = {name: from_data(Results, entry, str(file)) for name, entry in data["figures"].items()}
         else:
             print(f"{file} has other settings: its figures leave the page, their measurements stay", file=sys.stderr)
     for figure in figures:
-        found = results[figure.id] = figure.measure(settings)
+        measured = results[figure.id] = figure.measure(settings)
         write_json(file, {"settings": facts, "environment": to_data(machine), "command": arguments.command,
                           "figures": {name: to_data(of) for name, of in results.items()}})
-        sheet = figure.draw(found.rows, settings.output / measuring.CELLS / figure.id) if figure.draw else None
+        sheet = figure.draw(measured.rows, settings.output / measuring.CELLS / figure.id) if figure.draw else None
         pages = {settings.output: (PAGE_FILE, IMAGES)}
         if arguments.docs:
             pages[arguments.docs] = PAGE_IN_DOCS, f"../{IMAGES}"
@@ -135,5 +135,5 @@ def run(arguments: argparse.Namespace) -> None:
             if sheet:
                 save(sheet, folder / IMAGES / figure.image)
             write_text(folder / page_file, markdown(results, text, pictures))
-        print(f"{figure.title}: {figure.line(found)}", flush=True)
+        print(f"{figure.title}: {figure.line(measured)}", flush=True)
 

@@ -93,14 +93,14 @@ class Scene:
         half_a, half_b = map(srgb_encode, truth.whole)
         of = metrics.Compared(srgb_encode(image), half_a, half_b, self.settings.display.lenses, truth.mask)
         if self.seed:
-            found = self._judged(of)
+            values = self._judged(of)
         else:
-            found = self.truth.metrics(image, records.foreground(Path(self.job().output)))
-            found |= metrics.border_and_centre(of, width=self.settings.scale)
-            found["neighbour_error"] = metrics.neighbour_view_error(of)
-            found |= self._straightness(of) if self.sweep.name == EYE else {}
-            found |= self._flicker(name) if self.sweep.name == MOTION else {}
-        figures = {key: finite(value) for key, value in found.items()}
+            values = self.truth.metrics(image, records.foreground(Path(self.job().output)))
+            values |= metrics.border_and_centre(of, width=self.settings.scale)
+            values["neighbour_error"] = metrics.neighbour_view_error(of)
+            values |= self._straightness(of) if self.sweep.name == EYE else {}
+            values |= self._flicker(name) if self.sweep.name == MOTION else {}
+        figures = {key: finite(value) for key, value in values.items()}
         return Cell(self.value, self.sweep.scene_name(self.value), self.sweep.samples(self.value), name, figures,
                     metrics.worst_lens(of), **records.method_facts(name))
 
@@ -129,10 +129,10 @@ class Scene:
         count = self.settings.frames
         y, half, path = card_of_motion(self.space, int(self.value), count)
         cards = [metrics.card_pixels(self.space, y, card_centre(self.space, y, place, path), half) for place in path]
-        found: Metrics = {}
+        flickers: Metrics = {}
         for kind, changes in (("fixed", False), ("changing", True)):
             folders = [Path(self.job(frame, frame if changes else 0).output) for frame in range(1, count + 1)]
             images = [srgb_encode(finished(folder, name)) for folder in folders]
-            found[f"flicker_{kind}"] = metrics.flicker(images, self.settings.display.lenses, path, cards)
-        known = [value for value in found.values() if value is not None]
-        return found | {"steadiness": 1 - max(known) if known else None}
+            flickers[f"flicker_{kind}"] = metrics.flicker(images, self.settings.display.lenses, path, cards)
+        measured = [value for value in flickers.values() if value is not None]
+        return flickers | {"steadiness": 1 - max(measured) if measured else None}

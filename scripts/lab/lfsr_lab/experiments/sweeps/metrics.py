@@ -55,13 +55,13 @@ def border_and_centre(of: Compared, width: int) -> Metrics:
     down, across = (np.minimum(np.arange(size), np.arange(size)[::-1]) < width if size > 1 else np.zeros(1, bool)
                     for size in shape)
     ring = down[:, None] | across
-    found: Metrics = {}
+    figures: Metrics = {}
     for name, where in (("border", ring), ("centre", ~ring)):
         some = bool(where.any()) and len(errors) > 0
-        found[f"rmse_{name}"] = root(mean_of(errors[:, where])) if some else None
-        found[f"ssim_{name}"] = mean_of(local[:, where]) if some else None
-    border, centre = found["rmse_border"], found["rmse_centre"]
-    return found | {"border_ratio": border / centre if border is not None and centre else None}
+        figures[f"rmse_{name}"] = root(mean_of(errors[:, where])) if some else None
+        figures[f"ssim_{name}"] = mean_of(local[:, where]) if some else None
+    border, centre = figures["rmse_border"], figures["rmse_centre"]
+    return figures | {"border_ratio": border / centre if border is not None and centre else None}
 
 
 def neighbour_view_error(of: Compared) -> float | None:

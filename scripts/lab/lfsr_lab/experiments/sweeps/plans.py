@@ -32,8 +32,8 @@ COLUMNS = ("sweep", "from – to", "default, scores", "target", "plan at", "chos
 
 
 def value_of(sweep: SweepReport) -> float:
-    found = (sweep.breaks.get(name) for name in (_default(sweep), FAST_METHOD))
-    return next((each.value for each in found if each), sweep.values[-1])
+    breaks = (sweep.breaks.get(name) for name in (_default(sweep), FAST_METHOD))
+    return next((broken.value for broken in breaks if broken), sweep.values[-1])
 
 
 def _default(sweep: SweepReport) -> str:
@@ -88,7 +88,7 @@ def _row(sweep: SweepReport, methods: Sequence[str], rows: Sequence[Verdict]) ->
     costs = [row.cost for row in made if row.cost is not None]
     return [*breaks, f"{made[0].target:.2f}", label(value), "; ".join(chosen),
             f"{sum(bool(row.met) for row in made)}/{len(made)}",
-            "–".join(dict.fromkeys(f"{each:.2f}" for each in (min(costs), max(costs)))) if costs else UNKNOWN]
+            "–".join(dict.fromkeys(f"{cost:.2f}" for cost in (min(costs), max(costs)))) if costs else UNKNOWN]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -85,11 +85,11 @@ MOTION, EYE = "motion", "eye"
 
 def choose_sweeps(names: Sequence[str] | None) -> tuple[Sweep, ...]:
     """Return the sweeps of these names in the order above, all without names; LfsrError for an unknown name."""
-    known = [sweep.name for sweep in SWEEPS]
+    choices = [sweep.name for sweep in SWEEPS]
     for name in names or ():
-        if name not in known:
-            hint = did_you_mean(name, known, cutoff=0.4)
-            raise LfsrError(f"there is no sweep {name!r}: {hint}Choose from {', '.join(known)}")
+        if name not in choices:
+            hint = did_you_mean(name, choices, cutoff=0.4)
+            raise LfsrError(f"there is no sweep {name!r}: {hint}Choose from {', '.join(choices)}")
     return tuple(sweep for sweep in SWEEPS if not names or sweep.name in names)
 
 
@@ -134,11 +134,11 @@ def breaking_point(values: Sequence[float], quality: Judged, bicubic: Judged | N
     -------
     None where the method never breaks on the mean over seeds
     """
-    found = list(_margins(values, quality, bicubic or {}))
-    broken = next((margin for margin in found if margin.above.mean <= 0), None)
+    margins = list(_margins(values, quality, bicubic or {}))
+    broken = next((margin for margin in margins if margin.above.mean <= 0), None)
     if broken is None:
         return None
-    sure = [margin for margin in found if margin.above.spread is not None]
+    sure = [margin for margin in margins if margin.above.spread is not None]
     earliest = next((margin.value for margin in sure if margin.above.low <= 0), None)
     latest = next((margin.value for margin in sure if margin.above.high <= 0), None)
     return Break(broken.value, broken.quality, broken.limit, earliest, latest)
@@ -146,7 +146,7 @@ def breaking_point(values: Sequence[float], quality: Judged, bicubic: Judged | N
 
 def near_breaks(values: Sequence[float], breaks: Iterable[Break | None]) -> set[float]:
     """Return the values that decide where methods break: those of ``breaks``, their neighbours, and the start."""
-    places = [values.index(found.value) for found in breaks if found]
+    places = [values.index(broken.value) for broken in breaks if broken]
     return {values[near] for place in places for near in (0, place - 1, place, place + 1) if 0 <= near < len(values)}
 
 
@@ -155,14 +155,14 @@ def _margins(values: Sequence[float], quality: Judged, bicubic: Judged) -> Itera
     start: Sequence[float | None] = ()
     for value in values:
         own = quality.get(value, ())
-        known = [figure for figure in own if figure is not None]
-        start = start or known
+        measured = [figure for figure in own if figure is not None]
+        start = start or measured
         limits = ((BELOW_BICUBIC, bicubic.get(value, ()), TOLERANCE), (BELOW_START, start, DROP - TOLERANCE))
         for limit, others, allowed in limits:
             above = [figure - other + allowed for figure, other in zip(own, others, strict=False)
                      if figure is not None and other is not None]
             if above:
-                yield Margin(value, fmean(known), limit, estimate(np.array(above)[:, None]))
+                yield Margin(value, fmean(measured), limit, estimate(np.array(above)[:, None]))
 
 
 FORMAT = 1
@@ -245,9 +245,9 @@ class SweepReport:
         """One metric of one method along the sweep; the judged one is the mean over the seeds."""
         by_value = {cell.value: cell.metrics.get(metric) for cell in self.cells if cell.method == method}
         if metric == self.judged:
-            known = {value: [each for each in figures if each is not None]
-                     for value, figures in self.figures(method).items()}
-            by_value |= {value: fmean(figures) for value, figures in known.items() if figures}
+            measured = {value: [figure for figure in figures if figure is not None]
+                        for value, figures in self.figures(method).items()}
+            by_value |= {value: fmean(figures) for value, figures in measured.items() if figures}
         return [by_value[value] for value in self.values]
 
     def figures(self, method: str) -> dict[float, tuple[float | None, ...]]:
@@ -258,13 +258,13 @@ class SweepReport:
     def break_text(self, method: str) -> str:
         if all(value is None for value in self.series(method, self.judged)):
             return "?"
-        found = self.breaks[method]
-        if found is None:
+        broken = self.breaks[method]
+        if broken is None:
             return "–"
-        text = f"{label(found.value)} {MARKS[found.reason]}"
-        if found.earliest is None or found.earliest == found.latest:
+        text = f"{label(broken.value)} {MARKS[broken.reason]}"
+        if broken.earliest is None or broken.earliest == broken.latest:
             return text
-        return f"{text} ({label(found.earliest)} to {'?' if found.latest is None else label(found.latest)})"
+        return f"{text} ({label(broken.earliest)} to {'?' if broken.latest is None else label(broken.latest)})"
 
 
 @dataclasses.dataclass(frozen=True)

@@ -33,8 +33,8 @@ def report_of(sweep: Sweep, values: Sequence[float], cells: tuple[records.Cell, 
     for cell in (*cells, *others):
         figures[cell.method].setdefault(cell.value, []).append(cell.metrics.get(sweep.judged))
     breaks = {method: records.breaking_point(values, quality, figures[BASELINE]) for method, quality in figures.items()}
-    repeats = [records.Repeat(value, method, tuple(known)) for method, quality in figures.items()
-               for value, known in quality.items() if len(known) > 1]
+    repeats = [records.Repeat(value, method, tuple(by_seed)) for method, quality in figures.items()
+               for value, by_seed in quality.items() if len(by_seed) > 1]
     return records.SweepReport(sweep.name, sweep.meaning, sweep.unit, sweep.judged, tuple(values), cells, breaks,
                        tuple(repeats))
 
@@ -61,13 +61,13 @@ def curves(sweep: records.SweepReport, methods: Sequence[str]) -> Markup | None:
     figure, (axes,) = panel_sheet(1)
     axes.set_xticks(range(len(sweep.values)), map(label, sweep.values))
     for index, method in enumerate(methods):
-        known = [(place, value) for place, value in enumerate(sweep.series(method, sweep.judged)) if value is not None]
-        if known:
+        points = [(place, value) for place, value in enumerate(sweep.series(method, sweep.judged)) if value is not None]
+        if points:
             color, marker = COLORS[index % len(COLORS)], MARKERS[index // len(COLORS) % len(MARKERS)]
-            x, y = zip(*known, strict=True)
+            x, y = zip(*points, strict=True)
             drawn.append(Curve(method, color, marker, x, y))
-            if found := sweep.breaks[method]:
-                axes.plot(sweep.values.index(found.value), found.quality, "o", ms=13, mfc="none", mec=color)
+            if broken := sweep.breaks[method]:
+                axes.plot(sweep.values.index(broken.value), broken.quality, "o", ms=13, mfc="none", mec=color)
     if not drawn:
         return None
     draw_curves(axes, drawn, sweep.judged)

@@ -27,12 +27,12 @@ def find_models(folder: str | Path | None) -> dict[Path, dict[str, str]]:
     if folder is None:
         return {}
     folder = Path(folder)
-    known = read_json(folder / LICENSES_FILE, "licenses of the models") if (folder / LICENSES_FILE).exists() else {}
-    found = {path: {"file": path.relative_to(folder).as_posix()} for path in sorted(folder.rglob("*"))
-             if path.suffix.lower() in SUFFIXES}
-    if not found:
+    licenses = read_json(folder / LICENSES_FILE, "licenses of the models") if (folder / LICENSES_FILE).exists() else {}
+    models = {path: {"file": path.relative_to(folder).as_posix()} for path in sorted(folder.rglob("*"))
+              if path.suffix.lower() in SUFFIXES}
+    if not models:
         raise LfsrError(f"{folder} holds no .obj, .glb or .gltf file: check --models")
-    return {path: fact | known.get(fact["file"], {"license": "not recorded"}) for path, fact in found.items()}
+    return {path: fact | licenses.get(fact["file"], {"license": "not recorded"}) for path, fact in models.items()}
 
 
 def prepare_models(archives: str | Path, target: str | Path) -> int:
@@ -113,10 +113,10 @@ def find_textures(folder: str | Path | None) -> tuple[Path, ...]:
     """Return the photographs of a folder sorted by name; none without a folder."""
     if folder is None:
         return ()
-    found = tuple(sorted(path for path in Path(folder).glob("*") if path.suffix.lower() in PHOTOGRAPHS))
-    if not found:
+    photographs = tuple(sorted(path for path in Path(folder).glob("*") if path.suffix.lower() in PHOTOGRAPHS))
+    if not photographs:
         raise LfsrError(f"{folder} holds no .jpg or .png file, expected the training photographs: check --textures")
-    return found
+    return photographs
 
 
 def prepare_textures(source: str | Path, target: str | Path) -> int:

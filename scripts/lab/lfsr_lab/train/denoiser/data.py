@@ -74,8 +74,8 @@ def load_scenes(folder: str | Path, count: int = 0) -> list[Scene]:
 def load_scene(path: Path) -> Scene:
     """Read one scene; LfsrError where the file is damaged or of another format."""
     with open_data(path, "a scene of training_scenes.py", "make it again") as content, np.load(content) as file:
-        known = json.loads(str(file["meta"])).items()
-        meta = from_data(_Meta, {name: value for name, value in known if name in _Meta.__dataclass_fields__}, "meta")
+        facts = json.loads(str(file["meta"])).items()
+        meta = from_data(_Meta, {name: value for name, value in facts if name in _Meta.__dataclass_fields__}, "meta")
         names = [*(f"color_{name}" for name in ("target", *RENDERS)), *(f"guides_{count}_0" for count in GUIDED)]
         layers = [file[name] for name in names]
         for name, layer in zip(names, layers, strict=True):
@@ -156,7 +156,7 @@ def crops(scenes: Sequence[Scene], samples: Sequence[int], rng: np.random.Genera
         stops = np.clip(rng.normal(0, EXPOSURE, len(scenes)), -MOST_EXPOSURE, MOST_EXPOSURE)
         gain = torch.tensor(2 ** stops, dtype=torch.float32, device=device)[:, None, None, None]
         order = torch.tensor(np.array([rng.permutation(3) for _ in scenes]), device=device)[:, :, None, None]
-        rendered, clean = (gain * each.gather(1, order.expand_as(each)) for each in (rendered, clean))
+        rendered, clean = (gain * image.gather(1, order.expand_as(image)) for image in (rendered, clean))
         guides = torch.cat([guides[:, :3].gather(1, order.expand_as(clean)), guides[:, 3:]], 1)
     shown = functional.max_pool2d((alpha > 0).float(), SHOWN_AROUND, 1, SHOWN_AROUND // 2)
     images = torch.cat([hdr_encode(rendered), guides[:, :3].clamp(0, 1), normal_encode(guides[:, 3:]),
@@ -175,11 +175,11 @@ def crops(scenes: Sequence[Scene], samples: Sequence[int], rng: np.random.Genera
 
 def _mix(samples: int, rng: np.random.Generator) -> tuple[Array, float]:
     """Weights of RENDERS whose mean has at most ``samples``, and by how much noise is less with all of them."""
-    each = max(count for count in COUNTS if count <= samples)
-    chosen = rng.permutation([place for place, count in enumerate(COUNTS) if count == each])[:samples // each]
+    largest = max(count for count in COUNTS if count <= samples)
+    chosen = rng.permutation([place for place, count in enumerate(COUNTS) if count == largest])[:samples // largest]
     weights = np.zeros(len(RENDERS))
     weights[chosen] = 1 / len(chosen)
-    return weights, math.sqrt(each * len(chosen) / samples)
+    return weights, math.sqrt(largest * len(chosen) / samples)
 
 
 def print_textures(images: Sequence[Tensor], samples: Sequence[int], places: Sequence[Sequence[int]],

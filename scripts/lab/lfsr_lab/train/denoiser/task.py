@@ -60,8 +60,8 @@ def _structure_of_eis(image: Tensor, target: Tensor, part: Crops) -> Tensor:
                        for values in (image, target))
     row, column = (torch.stack([window(length * ENLARGED, ENLARGED * SSIM_SIGMA / scale) for scale in part.scales])
                    .to(image).repeat_interleave(shown.shape[1], 0)[:, None] for length in part.ei)
-    found = (1 - _ssim(images, targets, row, column)).mean((1, 2, 3)).unflatten(0, shown.shape)
-    return (found * shown).sum(1) / shown.sum(1).clamp(min=1)
+    dissimilarity = (1 - _ssim(images, targets, row, column)).mean((1, 2, 3)).unflatten(0, shown.shape)
+    return (dissimilarity * shown).sum(1) / shown.sum(1).clamp(min=1)
 
 
 def _elemental_images(image: Tensor, ei: tuple[int, int]) -> Tensor:
@@ -114,7 +114,7 @@ class DenoiserTask:
         held = [dataclasses.replace(scene, layers=scene.layers.to(device)) for scene in scenes]
         self.scenes = [scene for scene in held if not scene.validates]
         self.validating = [scene for scene in held if scene.validates][:MOST_VALIDATING]
-        self.alike = {each.ei: [scene for scene in self.scenes if scene.ei == each.ei] for each in self.scenes}
+        self.alike = {scene.ei: [other for other in self.scenes if other.ei == scene.ei] for scene in self.scenes}
         self.network = begin(config).to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.average = {name: value.clone() for name, value in self.network.state_dict().items()}
         self.optimiser = torch.optim.Adam(self.network.parameters(), config.rate)
@@ -151,9 +151,9 @@ class DenoiserTask:
         with torch.no_grad():
             chosen = functional.one_hot(torch.as_tensor(levels, device=self.device), len(SAMPLES)).float()
             present = chosen.sum(0)
-            found = loss @ chosen / present.clamp(min=1)
-            before = torch.where(self.levels > 0, self.levels, found)
-            self.levels = torch.where(present > 0, REMEMBERED * before + (1 - REMEMBERED) * found, before)
+            means = loss @ chosen / present.clamp(min=1)
+            before = torch.where(self.levels > 0, self.levels, means)
+            self.levels = torch.where(present > 0, REMEMBERED * before + (1 - REMEMBERED) * means, before)
             weights = chosen @ (self.levels.sum() / (self.levels > 0).sum() / self.levels.clamp(min=1e-6)) ** BALANCE
         self.optimiser.zero_grad()
         (loss * weights).mean().backward()

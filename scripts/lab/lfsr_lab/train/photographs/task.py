@@ -60,8 +60,8 @@ def load_photographs(folder: str | Path, long_side: int | None = None) -> Photog
     images = []
     for path in paths:
         with open_data(path, "a photograph", "remove it or get it again") as file:
-            found: Any = cv2.imdecode(np.frombuffer(file.read(), np.uint8), cv2.IMREAD_COLOR)
-            image = np.ascontiguousarray(found[..., ::-1])
+            decoded: Any = cv2.imdecode(np.frombuffer(file.read(), np.uint8), cv2.IMREAD_COLOR)
+            image = np.ascontiguousarray(decoded[..., ::-1])
         longest = max(image.shape[:2])
         if long_side is not None and longest > long_side:
             size = [round(side * long_side / longest) for side in image.shape[1::-1]]

@@ -65,20 +65,20 @@ def draw_selection(rows: Sequence[measuring.Row], _folder: Path) -> plots.Figure
 
 def rule_fraction(rows: Sequence[measuring.Row]) -> str:
     """Return what selection saves, and whether a smaller foreground saves more."""
-    found = fig.gains(rows, WITHOUT, WITH, measuring.SECONDS)
+    gains = fig.gains(rows, WITHOUT, WITH, measuring.SECONDS)
     least, most = min(rows, key=_p), max(rows, key=_p)
     order = {"": fig.paired(_saved(rows, least), _saved(rows, most))} if _p(least) < _p(most) else {}
     statement = f"It saves more at p = {_p(least):.2f} than at p = {_p(most):.2f}"
-    saves = fig.sentence("Selection saves time", found, "s")
-    return f"{fig.overall(found, order)} {saves} {fig.sentence(statement, order, 's')}"
+    saves = fig.sentence("Selection saves time", gains, "s")
+    return f"{fig.overall(gains, order)} {saves} {fig.sentence(statement, order, 's')}"
 
 
 def rule_scenes(rows: Sequence[measuring.Row]) -> str:
     """Return what selection saves on each scene, also as a fraction of the frame."""
-    found = fig.gains(rows, WITHOUT, WITH, measuring.SECONDS)
+    gains = fig.gains(rows, WITHOUT, WITH, measuring.SECONDS)
     whole = {row.scene: row.value(measuring.RENDER) + row.value("ms") / 1e3 for row in rows if row.method == WITHOUT}
-    percent = [100 * saved.value / whole[scene] for scene, saved in found.items()]
-    return (f"{fig.overall(found)} {fig.sentence('Selection saves time', found, 's')} That is {min(percent):.1f} to "
+    percent = [100 * saved.value / whole[scene] for scene, saved in gains.items()]
+    return (f"{fig.overall(gains)} {fig.sentence('Selection saves time', gains, 's')} That is {min(percent):.1f} to "
             f"{max(percent):.1f} % of a whole frame with its render.")
 
 
@@ -137,14 +137,14 @@ def rule_scales(rows: Sequence[measuring.Row]) -> str:
     """Return direct minus two stages in every cell, and the frame rate."""
     direct = {row.scene: row.value(measuring.TOTAL) for row in rows if row.method == DIRECT}
     ours = [row for row in rows if row.method != DIRECT]
-    found = {f"{row.scene} at {row.method}": fig.single_runs(direct[row.scene], row.value(measuring.TOTAL))
+    saved = {f"{row.scene} at {row.method}": fig.single_runs(direct[row.scene], row.value(measuring.TOTAL))
              for row in ours}
     times = [direct[row.scene] / row.value(measuring.TOTAL) for row in ours]
     best = max(ours, key=lambda row: (row.value("width"), -row.value(measuring.TOTAL)))
     rate = 1 / best.value(measuring.TOTAL)
     # The bound is for 8K; a smaller frame cannot tell.
     realtime = {"": fig.single_runs(rate, REALTIME)} if best.value("width") >= WIDTH_8K else {}
-    return (f"{fig.overall(found, realtime)} {fig.sentence('Two stages take less time', found, 's')} They are "
+    return (f"{fig.overall(saved, realtime)} {fig.sentence('Two stages take less time', saved, 's')} They are "
             f"{min(times):.1f} to {max(times):.1f} times as fast. Renders were timed once: less than "
             f"{100 * fig.SINGLE_RUN:.0f} % of difference does not count. "
             f"{fig.sentence(f'Above {REALTIME} frames per second at 8K', realtime, 'frames per second')} The fastest "
@@ -166,8 +166,8 @@ def rival_cells(settings: measuring.Settings) -> Iterator[Cell[measuring.Rows]]:
 
 
 def _rival(settings: measuring.Settings, made: measuring.Finished) -> measuring.Row:
-    found, seconds = measuring.accuracy(made), measuring.frame_seconds(settings, made.folder, made.method)
-    return dataclasses.replace(found, how=f"s{made.frame.scale}", values={**found.values, **seconds})
+    row, seconds = measuring.accuracy(made), measuring.frame_seconds(settings, made.folder, made.method)
+    return dataclasses.replace(row, how=f"s{made.frame.scale}", values={**row.values, **seconds})
 
 
 def rule_rivals(rows: Sequence[measuring.Row]) -> str:
@@ -183,7 +183,7 @@ def rule_rivals(rows: Sequence[measuring.Row]) -> str:
     # Plain SSIM is the paper's own figure; over all lenses it has no interval.
     enough = {row.scene: fig.Difference(row.value(PLAIN) - ENOUGH_SSIM) for row in mine}
     words = [fig.overall(*faster.values(), enough), f"Of {ours}:"]
-    words += [fig.sentence(f"Faster than {rival}", found, "s") for rival, found in faster.items()]
+    words += [fig.sentence(f"Faster than {rival}", differences, "s") for rival, differences in faster.items()]
     words.append(fig.sentence(f"Plain SSIM above {ENOUGH_SSIM:.2f}", enough, f"from {ENOUGH_SSIM:.2f}"))
     words += [fig.sentence(f"More accurate than {rival}", fig.gains(rows, ours, rival), "split SSIM")
               for rival in (*RIVALS, OURS)]

@@ -79,7 +79,7 @@ def rule(rows: Sequence[Row]) -> str:
     samples = sorted({row.samples or 0 for row in rows})
     parts = {f"{more} above {less} at {spp} samples": gains([row for row in rows if row.samples == spp], more, less)
              for spp in samples for more, less in PARTS}
-    words = [sentence(statement, found, "split SSIM of foreground lenses") for statement, found in parts.items()]
+    words = [sentence(statement, gain, "split SSIM of foreground lenses") for statement, gain in parts.items()]
     return " ".join([overall(*parts.values()), *words])
 
 
@@ -128,7 +128,7 @@ def rule_epis(rows: Sequence[Row]) -> str:
              gains(rows, whole, per_ei, EPI) for per_ei, whole in PAIRS}
     others = {f"{better} is nearer than the generator alone": gains(rows, "paper", better, EPI)
               for better in EPI_METHODS[-2:]}
-    words = [sentence(statement, found, "less squared error") for statement, found in {**claim, **others}.items()]
+    words = [sentence(statement, gain, "less squared error") for statement, gain in {**claim, **others}.items()]
     return " ".join([overall(*claim.values()), *words])
 
 

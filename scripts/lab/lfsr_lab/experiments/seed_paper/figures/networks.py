@@ -69,10 +69,10 @@ def rule_step(rows: Sequence[measuring.Row]) -> str:
     """Return slowest against fastest step; both are chosen on every other run and compared on the rest."""
     order = sorted(rows, key=lambda row: statistics.median(row.series[measuring.SECONDS][::2]))
     fastest, slowest = order[0], order[-1]
-    found = {"": fig.paired(slowest.series[measuring.SECONDS][1::2], fastest.series[measuring.SECONDS][1::2])}
+    slower = {"": fig.paired(slowest.series[measuring.SECONDS][1::2], fastest.series[measuring.SECONDS][1::2])}
     ratio = slowest.value("ms") / fastest.value("ms")
     statement = f"Step {slowest.method} takes longer than step {fastest.method}, {ratio:.2f} times"
-    return f"{fig.overall(found)} {fig.sentence(statement, found, 's')}"
+    return f"{fig.overall(slower)} {fig.sentence(statement, slower, 's')}"
 
 
 def rule_depth(rows: Sequence[measuring.Row]) -> str:
