@@ -64,17 +64,9 @@ def _show_view(settings: SceneSettings, _context: bpy.types.Context) -> None:
 
 
 # Named functions: Blender 5.2 loses a lambda that is written inside an annotation.
-def _get_distance(settings: SceneSettings) -> float:
-    return rig.distance_to(rig.drawn(settings.id_data)[1])
-
-
 def _set_distance(settings: SceneSettings, distance: float) -> None:
     rig.set_distance(settings.id_data, distance)
     forget_message()
-
-
-def _get_spacing(settings: SceneSettings) -> float:
-    return rig.spacing_of(rig.drawn(settings.id_data)[0])
 
 
 def _set_spacing(settings: SceneSettings, spacing: float) -> None:
@@ -140,11 +132,12 @@ class SceneSettings(bpy.types.PropertyGroup):
     distance: FloatProperty(
         name="Distance", description="Distance from the viewing position to the display plane, where objects have no "
         "parallax", subtype="DISTANCE", unit="LENGTH", min=1e-4, soft_min=0.01, soft_max=100.0,
-        get=_get_distance, set=_set_distance)
+        get=lambda settings: rig.distance_to(rig.drawn(settings.id_data)[1]), set=_set_distance)
     spacing: FloatProperty(
         name="Array Spacing", description="Spacing of the cameras as a fraction of the one that fills the display's "
         "viewing angle. Less of it flattens the scene and makes more depth usable",
-        subtype="FACTOR", min=0.01, max=2.0, soft_max=1.0, precision=2, get=_get_spacing, set=_set_spacing)
+        subtype="FACTOR", min=0.01, max=2.0, soft_max=1.0, precision=2,
+        get=lambda settings: rig.spacing_of(rig.drawn(settings.id_data)[0]), set=_set_spacing)
     show_frustum: BoolProperty(
         name="Show Frustum", description="Draw the display rectangle, the frustum and the limits of usable depth "
         "in the 3D views", default=True, update=_draws)

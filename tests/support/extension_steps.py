@@ -10,6 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import addon_utils
 import bpy
 
 REPOSITORY, NAME, OTHER = "user_default", "lfsr", "other"
@@ -24,7 +25,8 @@ def install(folder: Path, archive: str) -> dict[str, object]:
     found: dict[str, object] = {"foreign": [name for name in FOREIGN if importlib.util.find_spec(name)]}
     before, modules = list(sys.path), set(sys.modules)
     done = bpy.ops.extensions.package_install_files(filepath=archive, repo=REPOSITORY, enable_on_install=True)
-    found |= {"install": sorted(done), "enabled": state(), "warnings": policy_warnings()}
+    found |= {"install": sorted(done), "enabled": state(),
+              "warnings": addon_utils._extensions_warnings_get().get(MODULE, [])}
     found["added_paths"] = [path for path in sys.path if path not in before]
     found["added_modules"] = sorted({name.split(".")[0] for name in set(sys.modules) - modules if NAME in name})
     found["core"] = importlib.import_module(CORE).__file__
@@ -83,14 +85,6 @@ def state() -> dict[str, bool]:
     """Whether Blender lists the add-on, its operators and its settings."""
     return {"listed": MODULE in bpy.context.preferences.addons,
             "operators": hasattr(bpy.types, "LFSR_OT_render_eia"), "settings": hasattr(bpy.types.Scene, "lfsr")}
-
-
-def policy_warnings() -> list[str]:
-    """What Blender says against the extension in its preferences."""
-    import addon_utils
-
-    warnings: list[str] = addon_utils._extensions_warnings_get().get(MODULE, [])
-    return warnings
 
 
 if __name__ == "__main__":
