@@ -10,7 +10,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import addon_utils
 import bpy
 
 REPOSITORY, NAME, OTHER = "user_default", "lfsr", "other"
@@ -22,6 +21,7 @@ FOREIGN = ("cv2", "torch", "pyoidn", "onnxruntime", "av", "PIL", "lfsr_core", "f
 
 def install(folder: Path, archive: str) -> dict[str, object]:
     """Install and enable the zip, ask what the second stage finds, switch off and on again."""
+    import addon_utils  # bpy brings it
     found: dict[str, object] = {"foreign": [name for name in FOREIGN if importlib.util.find_spec(name)]}
     before, modules = list(sys.path), set(sys.modules)
     done = bpy.ops.extensions.package_install_files(filepath=archive, repo=REPOSITORY, enable_on_install=True)
