@@ -11,8 +11,6 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.rays import CameraArray
 
 from ..scene import settings as scene_settings
 from ..scene.array import placement, rig
@@ -37,11 +35,6 @@ class Extents:
     def visible(self) -> Array:
         """False (n,) where no eye in front of the display sees an object."""
         return (self.far > 0) & (self.low < 1).all(1) & (self.high > -1).all(1)
-
-    @property
-    def cover(self) -> Array:
-        """True (n,) where an object lies behind most of the display."""
-        return ((np.minimum(self.high, 1) - np.maximum(self.low, -1)) / 2 > COVERS).all(1)
 
 
 def find(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -74,8 +67,12 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
     margin = TOLERANCE * distance
     # A floor or a room begins beside the viewer, or in front of the usable depth, and ends behind the display.
     through = (extents.far > np.where(extents.near <= 0, distance, far)) & (extents.near < near)
-    background = through | (extents.cover & (extents.far > far + margin))
-    least = finest(extents, settings.display, cameras, settings.sampling.scale)
+    covers = ((np.minimum(extents.high, 1) - np.maximum(extents.low, -1)) / 2 > COVERS).all(1)
+    background = through | (covers & (extents.far > far + margin))
+    # Width of one pixel of the rendered array: of a lens, or of a cell of views.
+    depths = np.minimum(np.maximum(distance, extents.near), extents.far)
+    least = np.maximum(2 * cameras.half_width / settings.display.lenses[0] * depths / distance,
+                       settings.sampling.scale * cameras.spacing * np.abs(depths - distance) / distance)
     is_only = not (extents.visible & ~background).any()  # without another subject nothing would be left before it
     for row in np.flatnonzero(extents.visible):
         item = items[row]
@@ -107,10 +104,3 @@ def _lowest(values: Array, rows: Array) -> Array:
 
 def _problem(code: str, item: bpy.types.Object, reason: str, fix: str = "") -> Problem:
     return Problem(code, item.name, reason, fix, is_object=True)
-
-
-def finest(extents: Extents, display: DisplayProfile, array: CameraArray, scale: int) -> Array:
-    """Return the width (n,), at the objects' depths, of one pixel of the rendered array: a lens or a cell of views."""
-    depth = np.minimum(np.maximum(array.distance, extents.near), extents.far)
-    lens = 2 * array.half_width / display.lenses[0] * depth / array.distance
-    return np.maximum(lens, scale * array.spacing * np.abs(depth - array.distance) / array.distance)

@@ -27,7 +27,7 @@ else:
     import fcntl
     import resource
 
-LOCK_FILE, RELEASED_FILE = "in-use", "released"  # in a staging folder
+LOCK_FILE, RELEASED_FILE = "in-use", "released"  # in a staging folder; others may write into the target then
 UNFINISHED, LOCK = ".unfinished", ".lock"  # ends of the names of a file that is being written, and of its lock
 PAUSES = (0.02, 0.1, 0.3, 0.6)  # seconds between attempts to replace a file that a virus scanner may hold
 LONGEST_NAME = 255  # bytes, of the usual file systems
@@ -40,6 +40,7 @@ MOST_JSON_BYTES = 16_000_000
 MOST_BRACKETS = 50  # one inside the other
 WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)  # of a file system, as some network folders are
 ADVICE = {errno.EPIPE: "send it to a file or a terminal", errno.EEXIST: "choose another folder",
+          errno.ENAMETOOLONG: "choose a shorter name",
           **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), "choose a folder you may write to"),
           **dict.fromkeys((errno.ENOSPC, errno.EFBIG, errno.EDQUOT), "free some space or choose another folder")}
 CORES = "LFSR_CORES"  # environment variable of processes that leave some cores to others
@@ -146,12 +147,13 @@ def staging_folder(target: Path) -> Iterator[Path]:
     Folders of dead processes go first. It is the target's lock, by its name alone where the file system has no locks:
     there those of dead processes stay. LfsrError where it cannot be made, or another process has one for ``target``.
     """
-    target = target.absolute()  # "." has no name
+    target = target.resolve()  # "." has no name, and a link is not on the disk of its folder
     with system_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         remove_dead(target)
-        place = _place(target)  # from Python 3.12 on, mkdtemp resolves a ".." in what it returns
-        folder = place / Path(tempfile.mkdtemp(prefix=f".{target.name}-lfsr-", dir=place)).name
+        if target.is_dir():
+            tempfile.TemporaryFile(dir=target).close()  # fails before the work, not after it
+        folder = Path(tempfile.mkdtemp(prefix=f".{target.name}-lfsr-", dir=place_beside(target)))
     try:
         folder.mkdir(exist_ok=True)  # another process removes empty folders
         with (folder / LOCK_FILE).open("wb") as lock:
@@ -173,14 +175,10 @@ def remove(staging: Path) -> None:
     _remove_emptied(staging)
 
 
-def release(staging: Path) -> None:
-    """Let others write into the target of a staging folder, before the folder's block ends."""
-    (staging / RELEASED_FILE).touch()
-
-
 def remove_dead(target: Path) -> list[Path]:
     """Remove the staging folders that dead processes left for ``target``, and return those that are in use."""
-    place, used = _place(target), []
+    target = target.resolve()
+    place, used = place_beside(target), []
     swapped = str(place).swapcase()  # on Windows and macOS the same folder
     flags = re.IGNORECASE if swapped != str(place) and os.path.exists(swapped) else re.NOFLAG
     # The end of a name that tempfile.mkdtemp gives; the user's own folders are called otherwise.
@@ -209,9 +207,14 @@ def _remove_emptied(folder: Path) -> None:
             folder.rmdir()
 
 
-def _place(target: Path) -> Path:
-    """Folder of the hidden folders: files cannot be moved into another file system, as a mounted ``target`` is."""
-    inside = target.is_dir() and (os.path.ismount(target) or not os.access(target.parent, os.W_OK))
+def place_beside(target: Path) -> Path:
+    """Folder of the hidden folders of ``target``, which is no link: files cannot be moved into it if it is mounted."""
+    name, is_apart = secrets.token_hex(8), os.path.ismount(target)  # which does not know a mount of the same disk
+    try:
+        os.rename(target / name, target.parent / name)  # there is no such file
+    except OSError as error:
+        is_apart |= error.errno == errno.EXDEV
+    inside = target.is_dir() and (is_apart or not os.access(target.parent, os.W_OK))
     return target if inside else target.parent
 
 

@@ -4,13 +4,15 @@ import argparse
 import os
 import re
 import shlex
-import webbrowser
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 from lfsr_core.base.messages import LfsrError, Notice, cleaned
 from lfsr_core.commands.common import position, progress
 from lfsr_core.exports.options import FORMATS, PRESETS, ExportOptions
+from lfsr_core.process.child import OPENS
 
 
 def export_arguments(parser: argparse.ArgumentParser) -> None:
@@ -123,9 +125,9 @@ def run_view(arguments: argparse.Namespace) -> Any:
 
     with progress() as bar:
         page = write_page(arguments.folders, arguments.output, arguments.quality, bar)
-    print(f"{page.path}: {page.bytes / 1e6:.1f} MB, opens in a browser")
-    if arguments.open:
-        webbrowser.open(page.path.resolve().as_uri())
+        print(f"{page.path}: {page.bytes / 1e6:.1f} MB, opens in a browser")
+        if arguments.open and subprocess.call([sys.executable, "-c", OPENS, page.path.resolve().as_uri()]):
+            bar(Notice("browser-missing"))
     return page
 
 
@@ -164,6 +166,6 @@ def run_show(arguments: argparse.Namespace) -> Any:
     with progress() as bar:
         shown = show(arguments.path, arguments.display, arguments.fps, bar)
         print(f"{shown.page}: {shown.sentence}" if shown.page else cleaned(shown.sentence))
-        if shown.page and not webbrowser.open(shown.page.resolve().as_uri()):
+        if shown.page and subprocess.call([sys.executable, "-c", OPENS, shown.page.resolve().as_uri()]):
             bar(Notice("browser-missing"))
     return shown

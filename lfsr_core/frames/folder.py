@@ -15,7 +15,7 @@ from typing import Any, Self
 
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.records import to_data
-from lfsr_core.base.system import check_name, file_stamp, reading, replace_files, system_errors
+from lfsr_core.base.system import check_name, file_stamp, place_beside, reading, replace_files, system_errors
 from lfsr_core.frames import frame as files
 from lfsr_core.frames.frame import AUTO, LAYOUTS, SUBPIXELS, TIMES_RAYS, Finish, Frame, Report, Request
 from lfsr_core.optics.display import DisplayProfile
@@ -87,8 +87,8 @@ class FrameFolder:
     @property
     def parts(self) -> Path:
         """Hidden folder for the finished parts of a long render into this one."""
-        path = self.path.absolute()  # "." has no name
-        return path.with_name(f".{path.name}-parts")
+        path = self.path.resolve()  # "." has no name
+        return place_beside(path) / f".{path.name}-parts"
 
     def holds(self, kind: str = "render") -> bool:
         """True if it has all files of a render, or of a reference where that is the ``kind``."""

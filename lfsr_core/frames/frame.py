@@ -257,6 +257,7 @@ class Frame:
     matrix_world: tuple[tuple[float, ...], ...]
     samples: int  # per pixel
     seed: int = 0  # of Cycles' noise
+    seeds: tuple[int, ...] = ()  # of the references whose mean it is, none for a single one
     frame: int = 1  # number of the scene's frame
     # convention, view_aperture, layout: how rays are laid out, see optics.rays
     convention: str = "centred"

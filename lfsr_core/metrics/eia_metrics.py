@@ -88,15 +88,6 @@ class Reference:
         """(n,) bool: which of ``lenses`` show foreground."""
         return self.hits.reshape(-1)[:len(self.lenses)]
 
-    def linear_images(self) -> tuple[Array, Array]:
-        """Return both halves as scene-linear elemental images (n, py, px, 3), in the order of ``lenses``."""
-        return listed_images(self.half_a, self.frame), listed_images(self.half_b, self.frame)
-
-    def elemental_images(self) -> tuple[Array, Array]:
-        """Return both halves as sRGB values in [0, 1], (n, py, px, 3), in the order of ``lenses``."""
-        half_a, half_b = self.linear_images()
-        return srgb_encode(half_a), srgb_encode(half_b)
-
 
 def listed_images(pixels: Array, frame: Frame) -> Array:
     """Return the elemental images (n, py, px, 3) of the lenses in a render (H, W, 3), without spare tiles."""

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from lfsr_core.base.messages import LfsrError, Notice, Progress, Tell, silent
 from lfsr_core.base.records import write_record
-from lfsr_core.base.system import atomic_path, release, remove, remove_dead, staging_folder, system_errors
+from lfsr_core.base.system import RELEASED_FILE, atomic_path, remove, remove_dead, staging_folder, system_errors
 from lfsr_core.frames.folder import FrameFolder, numbered, scene_stamp
 from lfsr_core.frames.frame import LOG_FILE, SUBPIXELS, Finish, Request, check_scene, spread
 from lfsr_core.optics.depth_scale import ScaleChoice
@@ -241,22 +241,29 @@ def render_all(requests: Sequence[Request], blender: Starts, tell: Tell = silent
     parts, and the same request continues from them. LfsrError with Blender's own sentence after bad input; CrashError
     with the last lines of its log, which is then copied into the folder; KeyboardInterrupt once Blender is stopped.
     """
-    for request in requests:
-        FrameFolder(request.output).check_free(request.kind)
     with contextlib.ExitStack() as stack:
-        waiting = [(request, stack.enter_context(staging_folder(Path(request.output)))) for request in requests]
+        waiting = list[tuple[Request, Path]]()
+        for request in requests:
+            try:
+                FrameFolder(request.output).check_free(request.kind)
+                waiting.append((request, stack.enter_context(staging_folder(Path(request.output)))))
+            except LfsrError as error:  # as where another process renders this frame
+                if failed is None:
+                    raise
+                failed(request, error)
+        if not waiting:
+            return
         try:
             with system_errors():
                 last = waiting[-1]
                 for request, staging in waiting:  # Blender fills the folder "frame" beside its request
-                    frame, parts = staging / "frame", FrameFolder(request.output).parts
-                    frame.mkdir()
+                    (frame := staging / "frame").mkdir()
                     write_record(staging / REQUEST_FILE, dataclasses.replace(
-                        request, output=str(frame.resolve()), parts=str(parts.resolve())))
+                        request, output=str(frame), parts=str(FrameFolder(request.output).parts)))
                 files = [staging / REQUEST_FILE for _, staging in waiting]
                 temporary = last[1] / "temporary"  # not the system's, where a Blender that is killed leaves its files
                 temporary.mkdir()
-                environment = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(temporary.resolve()))
+                environment = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(temporary))
                 log_file = last[1] / LOG_FILE
                 with (log_file.open("w", encoding="utf-8") as log,
                       Child(blender.command(*files), environment, log.write) as child):
@@ -264,7 +271,7 @@ def render_all(requests: Sequence[Request], blender: Starts, tell: Tell = silent
                         if record["stage"] == RENDERED_STAGE:
                             request, staging = waiting.pop(0)
                             FrameFolder(request.output).publish(staging / "frame")
-                            release(staging)  # whoever is told of the render may finish it
+                            (staging / RELEASED_FILE).touch()  # whoever is told of the render may finish it
                             if waiting:  # the last staging folder has the log
                                 remove(staging)
                             rendered(request)
@@ -306,10 +313,9 @@ def open_blender(blender: Starts, folder: Path) -> Iterator[Callable[[Request, T
             child, target = opened[0], FrameFolder(request.output)
             target.check_free(request.kind)
             with staging_folder(target.path) as staging, system_errors():
-                frame = staging / "frame"
-                frame.mkdir()
-                write_record(staging / REQUEST_FILE, dataclasses.replace(request, output=str(frame.resolve())))
-                child.ask(str((staging / REQUEST_FILE).resolve()))
+                (frame := staging / "frame").mkdir()
+                write_record(staging / REQUEST_FILE, dataclasses.replace(request, output=str(frame)))
+                child.ask(str(staging / REQUEST_FILE))
                 for record in child.records():
                     if record["stage"] == RENDERED_STAGE:
                         target.publish(frame)

@@ -4,9 +4,9 @@ Rows of lenses are joined: the result has the same bytes as the whole render whe
 References of other seeds are averaged, each half into its own.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,8 +30,7 @@ def part_folders(folders: Sequence[Path]) -> list[Path]:
     return found
 
 
-@dataclasses.dataclass(frozen=True)
-class _Part:
+class _Part(NamedTuple):
     folder: Path
     frame: Frame
     kind: str
@@ -60,7 +59,7 @@ def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent
         if not rows and part.kind != "reference":
             raise LfsrError(f"{part.folder} is a whole render, not a part of one: merge parts of `lfsr render --rows`, "
                             "or references of other seeds")
-    free, (first, *others) = FREE if rows else FREE | {"seed", "samples"}, parts
+    free, (first, *others) = FREE if rows else FREE | {"seed", "seeds", "samples"}, parts
     for part in others:
         if part.kind != kind:
             raise LfsrError(f"{part.folder} holds a {part.kind}, but {first.folder} a {kind}: leave one out")
@@ -85,12 +84,13 @@ def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent
         parts.sort(key=lambda part: rows[part.folder])
         frame = _merged(parts, rows=None)
     else:
-        for part in parts:
-            if part.frame.seed in seeds:
-                raise LfsrError(f"{seeds[part.frame.seed]} and {part.folder} have the same seed {part.frame.seed}, and "
-                                "so the same noise: render one of them with another --seed")
-            seeds[part.frame.seed] = part.folder
-        frame = _merged(parts, samples=sum(part.frame.samples for part in parts), seed=min(seeds))
+        for part, seed in ((each, seed) for each in parts for seed in each.frame.seeds or (each.frame.seed,)):
+            if seed in seeds:
+                raise LfsrError(f"{seeds[seed]} and {part.folder} have the same seed {seed}, and so the same noise: "
+                                "leave one of them out, or render it with another --seed")
+            seeds[seed] = part.folder
+        frame = _merged(parts, samples=sum(part.frame.samples for part in parts), seed=min(seeds),
+                        seeds=tuple(sorted(seeds)))
     target = FrameFolder(output)
     target.check_free(kind)
     for part in (part for part in parts if target.path.resolve().is_relative_to(part.folder.resolve())):
@@ -121,13 +121,15 @@ def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent
             image_files.write_layers(staged / name, layers, half=half)
         if frame.world_apart:
             image_files.write_layers(staged / WORLD_FILE, image_files.read_layers(parts[0].folder / WORLD_FILE))
+        for part in (part for part in parts if FrameFolder(part.folder).readable != part.frame):
+            raise LfsrError(f"{part.folder} was rendered again while it was merged: merge the parts again")
         write_frame(staged, frame)
         target.publish(staged)
     tell(Progress("merge", 1.0))
     return frame
 
 
-def _merged(parts: list[_Part], **changes: int | None) -> Frame:
+def _merged(parts: list[_Part], **changes: Any) -> Frame:
     """Return the first part's frame with ``changes``, the seconds of all parts and every device."""
     frames = [part.frame for part in parts]
     seconds = {name: round(sum(frame.seconds.get(name, 0.0) for frame in frames), 3) for name in frames[0].seconds}

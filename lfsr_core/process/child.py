@@ -99,6 +99,15 @@ EXIT_BAD_INPUT, EXIT_CANCELLED = 2, 130
 ENDS_WITH_INPUT = "LFSR_ENDS_WITH_INPUT"
 # Environment variable that names Blender's folder to a process outside it, which finds libraries there.
 BLENDER_FOLDER = "LFSR_BLENDER_FOLDER"
+# A program that opens a page in a browser. For Python xdg-open has done so once it runs, also where it then finds none.
+OPENS = """import contextlib, os, signal, sys, webbrowser
+is_open = webbrowser.open(sys.argv[1])
+with contextlib.suppress(AttributeError, ChildProcessError):
+    signal.signal(signal.SIGALRM, lambda *_: sys.exit(not is_open))
+    signal.alarm(3)
+    is_open &= not os.wait()[1]
+sys.exit(not is_open)
+"""
 SECONDS_OF_SILENCE = 1.0  # short, so that a program that prints a line every few seconds has something to print
 LONGEST_WAIT = 1.0  # seconds that the last record waits for another that is being written
 _speaking = threading.Lock()

@@ -7,12 +7,14 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from lfsr_core.base import system
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import atomic_path, check_name, read_bytes, read_json, staging_folder, write_json
+from lfsr_core.frames.folder import FrameFolder
 from tests.support.small_disk import on_a_small_disk
 from tests.support.told import refuses
 
@@ -172,14 +174,12 @@ def holder(tmp_path):
     process.kill()
 
 
-def test_it_is_gone_after_the_block_also_after_an_error_and_strangers_stay(tmp_path, monkeypatch):
+def test_it_is_gone_after_the_block_also_after_an_error_and_strangers_stay(tmp_path):
     with pytest.raises(ZeroDivisionError), staging_folder(tmp_path / "deep" / "frame") as folder:
         assert folder.parent == tmp_path / "deep" and folder.name.startswith(".frame-")
         raise ZeroDivisionError
     assert names(tmp_path / "deep") == []
     (tmp_path / ".frame-original" / "film").mkdir(parents=True)
-    # As from Python 3.12 on.
-    monkeypatch.setattr(tempfile, "mkdtemp", lambda make=tempfile.mkdtemp, **of: os.path.abspath(make(**of)))
     with staging_folder(tmp_path / "deep" / ".." / "frame"):
         pass
     assert names(tmp_path) == [".frame-original", "deep"] and names(tmp_path / ".frame-original") == ["film"]
@@ -216,12 +216,25 @@ def test_where_the_file_system_has_no_locks_the_name_is_the_lock(tmp_path, monke
 
 
 @pytest.mark.skipif(not os.path.ismount("/dev/shm"), reason="needs a mounted folder that all may write to")
-def test_a_mounted_folder_has_it_inside():
-    with staging_folder(Path("/dev/shm")) as folder:
-        assert folder.parent == Path("/dev/shm") and folder.name.startswith(".shm-")
+def test_a_mounted_folder_has_it_inside_and_a_link_to_one_too(tmp_path):
+    (link := tmp_path / "link").symlink_to("/dev/shm")
+    with staging_folder(link) as folder:
+        assert folder.parent == Path("/dev/shm") == FrameFolder(link).parts.parent and folder.name.startswith(".shm-")
         with pytest.raises(LfsrError, match="another process is writing"), staging_folder(Path("/dev/shm")):
             pass
     assert not folder.exists()
+
+
+def test_where_it_cannot_move_files_it_is_inside_and_where_it_cannot_write_it_is_refused(tmp_path, monkeypatch):
+    # Neither a second mount of this disk nor a read-only one can be made here: the calls fail as they fail there.
+    (tmp_path / "frame").mkdir()
+    monkeypatch.setattr(system.os, "rename", Mock(side_effect=OSError(errno.EXDEV, "Invalid cross-device link")))
+    with staging_folder(tmp_path / "frame") as folder:
+        assert folder.parent == tmp_path / "frame"
+    monkeypatch.setattr(tempfile, "TemporaryFile", Mock(side_effect=OSError(errno.EROFS, "Read-only file system")))
+    with pytest.raises(LfsrError, match="frame cannot be written .Read-only"), staging_folder(tmp_path / "frame"):
+        pass
+    refuses("choose a shorter name", staging_folder(tmp_path / ("n" * 255)).__enter__)
 
 
 def test_files_are_replaced_all_or_none(tmp_path):
@@ -245,7 +258,7 @@ def names_in(folder):
 
 def test_a_released_folder_locks_nobody_out_and_goes_with_its_process(tmp_path, holder):
     process, left = holder
-    system.release(Path(left))
+    Path(left, system.RELEASED_FILE).touch()
     with staging_folder(tmp_path / "frame"):
         assert Path(left).is_dir()
     process.kill()
@@ -255,7 +268,7 @@ def test_a_released_folder_locks_nobody_out_and_goes_with_its_process(tmp_path, 
 
 
 def test_a_released_folder_that_goes_while_it_is_looked_at_locks_nobody_out(tmp_path, holder, monkeypatch):
-    system.release(Path(holder[1]))
+    Path(holder[1], system.RELEASED_FILE).touch()
 
     def held_until_now(_lock):
         (Path(holder[1]) / "released").unlink()
@@ -283,7 +296,7 @@ def test_names_that_a_system_takes_for_the_same_lock_each_other_and_the_lock_goe
         (folder / "finished").mkdir()
         (folder / "finished" / "eia.png").touch()
         (folder / "log.txt").touch()
-        system.release(folder)
+        (folder / system.RELEASED_FILE).touch()
     assert seen[-2:] == [["in-use", "released"], ["released"]] and names(tmp_path) == []
 
 

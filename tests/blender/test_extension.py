@@ -62,7 +62,13 @@ def files(archive):
 def blender(request, tmp_path_factory):
     """Runs a step in a Blender with resources of its own and no other packages: blender(step, *arguments)."""
     folder = tmp_path_factory.mktemp("blender")
-    python = only_blender(request.param, folder / "python")
+    # Of its packages it has only those that every Blender has.
+    subprocess.run([request.param, "-m", "venv", "--without-pip", folder / "python"], check=True)
+    python = folder / "python" / "bin" / "python"
+    source, visible = map(packages_of, (request.param, python))
+    for name in BLENDER_BRINGS:
+        if (source / name).exists():
+            (visible / name).symlink_to(source / name)
 
     def run(step, *arguments):
         done = subprocess.run([python, STEPS, step, folder, *arguments], capture_output=True, text=True, timeout=300,
@@ -74,17 +80,6 @@ def blender(request, tmp_path_factory):
 
     run.folder, run.python = folder, python
     return run
-
-
-def only_blender(python, folder):
-    """A new environment that has of ``python``'s packages only those that every Blender has; its Python."""
-    subprocess.run([python, "-m", "venv", "--without-pip", folder], check=True)
-    target = folder / "bin" / "python"
-    source, visible = (packages_of(one) for one in (python, target))
-    for name in BLENDER_BRINGS:
-        if (source / name).exists():
-            (visible / name).symlink_to(source / name)
-    return target
 
 
 def packages_of(python):
@@ -167,11 +162,17 @@ def test_from_installation_to_removal(archive, blender, tmp_path):
     assert blender("press") == {"enabled": ON, "render": ["FINISHED"], "reference": ["FINISHED"],
                                 "viewer": ["FINISHED"], "exports": exports}
     frame = next((blender.folder / "images").rglob("eia.png")).parent
-    check_cube(frame)
+    # It shows the cube where the mask says so, and the grey world elsewhere.
+    display, image, mask = read_frame(frame).display, read_png(frame / "eia.png"), read_mask(frame / "mask.png")
+    assert image.shape[:2] == display.panel_pixels[::-1] and 0.02 < mask.mean() < 1
+    (sx, sy), report = display.lenses, json.loads((frame / "report.json").read_text())
+    brightest = image.max(-1).reshape(sy, image.shape[0] // sy, sx, -1).max((1, 3))
+    world = np.median(brightest[~mask])
+    assert np.mean(np.abs(brightest[~mask] - world) < 8) > 0.8 and brightest[mask].max() > world + 50
     assert (frame / "view.html").is_file() and list((frame / "export" / "sway").glob("*.mp4"))
-    metrics = json.loads((frame / "report.json").read_text())["metrics"]
+    metrics = report["metrics"]
     assert metrics["flip"] is None and metrics["notes"][0]["code"] == "flip-missing"
-    assert 0 < metrics["ssim_lens_fg"] <= 1
+    assert 0 < metrics["ssim_lens_fg"] <= 1 and report["method"] == "denoise+bilinear"
 
     other = blender("install_other", str(other_extension(tmp_path, "0.0.1")))
     assert (other["install"], other["other"], other["ours"]) == (["FINISHED"], "0.0.1", found["second_stage"])
@@ -180,17 +181,6 @@ def test_from_installation_to_removal(archive, blender, tmp_path):
     assert found == {"enabled": ON, "uninstall": ["FINISHED"], "after": OFF}
     left = [path for path in resources.rglob("*") if path.is_file() and "lfsr" in str(path.relative_to(resources))]
     assert left == [] and blender("both") == {"other": "0.0.1", "ours": ""}
-
-
-def check_cube(folder):
-    """The image shows the cube where the mask says so, and the grey world elsewhere."""
-    frame, image, mask = read_frame(folder), read_png(folder / "eia.png"), read_mask(folder / "mask.png")
-    assert image.shape[:2] == frame.display.panel_pixels[::-1] and 0.02 < mask.mean() < 1
-    sx, sy = frame.display.lenses
-    brightest = image.max(-1).reshape(sy, image.shape[0] // sy, sx, -1).max((1, 3))
-    world = np.median(brightest[~mask])
-    assert np.mean(np.abs(brightest[~mask] - world) < 8) > 0.8 and brightest[mask].max() > world + 50
-    assert json.loads((folder / "report.json").read_text())["method"] == "denoise+bilinear"
 
 
 def test_the_panel_starts_without_openimageio():

@@ -31,7 +31,6 @@ def browser(tmp_path_factory, monkeypatch):
     folder = tmp_path_factory.mktemp("browser")
     (folder / "browser.py").write_text("import sys\nopen(sys.argv[0] + '.txt', 'a').write(sys.argv[1] + '\\n')\n")
     monkeypatch.setenv("BROWSER", f"{sys.executable} {folder / 'browser.py'} %s")
-    monkeypatch.setattr("webbrowser._tryorder", None)  # so that it looks again
     monkeypatch.setenv(loopback.PORT_VARIABLE, "1")  # nobody listens there
     opened = folder / "browser.py.txt"
     return lambda: opened.read_text().split() if opened.is_file() else []
@@ -141,9 +140,13 @@ def test_other_proportions_are_refused_before_the_export_and_without_a_browser_i
     assert "the image is made for a panel of width / height 1.500, but display 'LKG-P1' has 0.750" in fails(
         ["show", str(folder)], capsys)
     assert not (folder / "export").exists() and stand_in.endpoints[-1] == "available_output_devices"
-    monkeypatch.setattr("webbrowser.open", lambda _: False)
-    assert main(["show", str(frame(tmp_path / "array", MINI))]) == 0
-    assert "note: no browser was found here: open that page yourself" in capsys.readouterr().err
+    (opener := tmp_path / "xdg-open").write_text("#!/bin/sh\nexit 3\n")  # where there is none
+    opener.chmod(0o755)
+    for name, value in {"BROWSER": "missing", "PATH": str(tmp_path), "DISPLAY": ":0"}.items():
+        monkeypatch.setenv(name, value)
+    for verb in (["show"], ["view", "--open"]):
+        assert main([*verb, str(frame(tmp_path / verb[0], MINI))]) == 0
+        assert "note: no browser was found here: open that page yourself" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("make", "options", "message"), [

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from lfsr_core.base.messages import Notice, Progress
+from lfsr_core.base.system import staging_folder
 from lfsr_core.cli import main
 from lfsr_core.frames.folder import FrameFolder
 from lfsr_core.frames.frame import Finish, read_frame, read_report, write_frame
@@ -164,6 +165,12 @@ def test_a_frame_that_cannot_be_finished_does_not_stop_the_others(made):
     (made / "film" / "0001" / "eia.png" / "x").mkdir(parents=True)
     results = film(made, FRAMES)
     assert states(results) == [FAILED, MADE, KEPT] and "eia.png cannot be written" in results[0].error
+
+
+def test_a_frame_that_another_process_renders_does_not_stop_the_others(made):
+    with staging_folder(made / "film" / "0002"):
+        results = film(made, [1, 2], blender=played_blender(made / "blender"), overwrite=True)
+    assert states(results) == [MADE, FAILED] and "another process is writing" in results[1].error
 
 
 @pytest.mark.parametrize(("options", "sentence"), [

@@ -91,7 +91,8 @@ def test_references_of_other_seeds_become_one_of_all_samples(tmp_path):
     counts = (20, 41, 60)
     folders = [made(tmp_path / f"seed{seed}", seed=seed, samples=spp, **options) for seed, spp in enumerate(counts)]
     frame = merge(folders, tmp_path / "merged")
-    assert frame.samples == sum(counts) and frame.seed == 0
+    assert frame.samples == sum(counts) and frame.seed == 0 and frame.seeds == (0, 1, 2)
+    refuses("merged and .*seed1 have the same seed 1, and so", merge, [tmp_path / "merged", folders[1]], tmp_path / "a")
     clean = read_layers(made(tmp_path / "clean", samples=2**20, **options) / REFERENCE_FILES[0])["color"]
     halves = [read_layers(tmp_path / "merged" / name)["color"] for name in REFERENCE_FILES]
     single = read_layers(folders[0] / REFERENCE_FILES[0])["color"]
@@ -110,6 +111,8 @@ def test_references_that_cannot_be_averaged_and_what_was_made_of_an_older_merge_
     assert "have the same seed 1" in fails(["merge", str(first), str(same), *target], capsys)
     assert "c is a whole render, not a part" in fails(["merge", str(first), str(whole), *target], capsys)
     assert "does not exist" in fails(["merge", str(tmp_path / "none"), *target], capsys)
+    refuses("a was rendered again while it was merged", merge, [first], tmp_path / "merged",
+            lambda _: change_frame(first, seconds={"render": 9.0}))
     made(tmp_path / "merged")
     (tmp_path / "merged" / "eia.png").touch()
     merge(parts(tmp_path, 2), tmp_path / "merged")

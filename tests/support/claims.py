@@ -30,12 +30,6 @@ def text_of(document: str) -> str:
                     else match[0], (ROOT / document).read_text(encoding="utf-8"))
 
 
-def agrees(quoted: str, value: float | None) -> bool:
-    """Return whether a value rounds to a number as it is quoted, either way where it lies in the middle."""
-    digits = len(quoted.partition(".")[2])
-    return value is not None and abs(plain(quoted) - value) <= 0.5 * 10.0**-digits * (1 + 1e-6) + 1e-12
-
-
 def plain(quoted: str) -> float:
     """Return a number as it is quoted, with its minus, plus and commas."""
     return float(quoted.replace("−", "-").replace(",", ""))
@@ -107,7 +101,9 @@ class TableClaim:
 
 def _wrong(quoted: Sequence[str], values: Values) -> list[tuple[str, float]]:
     assert len(quoted) == len(values), f"{len(quoted)} numbers are quoted, {len(values)} known: {quoted} {values}"
-    return [(number, value) for number, value in zip(quoted, values, strict=True) if not agrees(number, value)]
+    # A value in the middle between two numbers as they are quoted rounds either way.
+    return [(number, value) for number, value in zip(quoted, values, strict=True) if value is None
+            or abs(plain(number) - value) > 0.5 * 10.0**-len(number.partition(".")[2]) * (1 + 1e-6) + 1e-12]
 
 
 def uncovered(document: str, claims: Sequence[Claim | TableClaim], without: Sequence[str]) -> list[str]:

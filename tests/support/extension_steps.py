@@ -21,10 +21,12 @@ FOREIGN = ("cv2", "torch", "pyoidn", "onnxruntime", "av", "PIL", "lfsr_core", "f
 
 def install(folder: Path, archive: str) -> dict[str, object]:
     """Install and enable the zip, ask what the second stage finds, switch off and on again."""
+    import addon_utils  # bpy brings it
     states: dict[str, object] = {"foreign": [name for name in FOREIGN if importlib.util.find_spec(name)]}
     before, modules = list(sys.path), set(sys.modules)
     done = bpy.ops.extensions.package_install_files(filepath=archive, repo=REPOSITORY, enable_on_install=True)
-    states |= {"install": sorted(done), "enabled": state(), "warnings": policy_warnings()}
+    states |= {"install": sorted(done), "enabled": state(),
+               "warnings": addon_utils._extensions_warnings_get().get(MODULE, [])}
     states["added_paths"] = [path for path in sys.path if path not in before]
     states["added_modules"] = sorted({name.split(".")[0] for name in set(sys.modules) - modules if NAME in name})
     states["core"] = importlib.import_module(CORE).__file__
@@ -83,14 +85,6 @@ def state() -> dict[str, bool]:
     """Whether Blender lists the add-on, its operators and its settings."""
     return {"listed": MODULE in bpy.context.preferences.addons,
             "operators": hasattr(bpy.types, "LFSR_OT_render_eia"), "settings": hasattr(bpy.types.Scene, "lfsr")}
-
-
-def policy_warnings() -> list[str]:
-    """What Blender says against the extension in its preferences."""
-    import addon_utils
-
-    warnings: list[str] = addon_utils._extensions_warnings_get().get(MODULE, [])
-    return warnings
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from lfsr_core.base.system import system_errors
 
 from ...jobs import session
 from ...jobs.session import Job
+from ...live import session as live
 from ...live.scene import MARK
 from ...scene import settings as scene_settings
 from ...scene.array import edit, rig
@@ -19,7 +20,7 @@ from ...scene.words import sentence as worded
 from ..drawing import sentence
 
 UNDO = {"REGISTER", "UNDO"}
-DIALOG_WIDTH = 420
+DIALOG_WIDTH = 600
 Result = set[str]
 
 
@@ -32,6 +33,8 @@ def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
         edited = context.active_object if context.mode.startswith("EDIT") and change.poll() else None
         try:
             with system_errors():
+                if MARK in context.scene and not live.is_on(getattr(self, "kind", "")):  # which closes it
+                    raise LfsrError("this window shows the light field itself: press the button in your scene's own")
                 if edited is not None:
                     change(mode="OBJECT")
                 return method(self, context)
@@ -164,8 +167,6 @@ class AsksForFile:
 
 def add_missing_array(scene: bpy.types.Scene) -> None:
     """Add a camera array where the scene has none, with an undo step of its own; LfsrError where that cannot be."""
-    if MARK in scene:
-        raise LfsrError("this window shows the light field itself: press the button in a window of your own scene")
     if rig.find(scene) is None:
         edit.add(scene, scene_settings.display_of(scene))
         bpy.ops.ed.undo_push(message="Add Camera Array")

@@ -12,7 +12,7 @@ from lfsr_core.calibration.patterns import pattern
 from lfsr_core.commands.sentences import sentence
 from lfsr_core.exports.options import FILMS, FORMATS, QUILT_FILM, default_target
 from lfsr_core.frames.folder import FrameFolder, frame_folders
-from lfsr_core.process.child import START
+from lfsr_core.process.child import OPENS, START
 
 from ... import compat
 from ...jobs import folders, images, runtime, session
@@ -23,7 +23,6 @@ from ...scene import settings as scene_settings
 from ...scene.settings import PROFILE_FILE
 from .base import AsksForFile, DescribedByItem, Result, TaskOperator, add_missing_array, reports_errors
 
-OPENS = "import sys, webbrowser; sys.exit(not webbrowser.open(sys.argv[1]))"
 PURPOSE = "to show or export"
 LIVE_ITEMS = [(PANEL, "Live", "Open or close a window for the display, which shows the light field as it renders"),
               (EYE, "One Eye", "Open or close a window that shows what an eye in front of the display sees")]
@@ -205,6 +204,7 @@ class LFSR_OT_live_full_screen(bpy.types.Operator):
 
 def _open(page: Path) -> None:
     print(f"Light Field: {page}")
+    bpy.context.window_manager.lfsr.outcome_folder = str(page.parent)
     if not bpy.app.background:
         bpy.app.timers.register(functools.partial(_look, _browser(page), page), persistent=True)
 
@@ -220,7 +220,6 @@ def _look(process: subprocess.Popen[bytes], page: Path) -> float | None:
     is_running = process.poll() is None
     if process.returncode:
         session.say(f"no browser has opened {page.name}, which lies in the folder {page.parent.name}: open it in one")
-        bpy.context.window_manager.lfsr.outcome_folder = str(page.parent)
         session.redraw()
     return session.SECONDS_BETWEEN_LOOKS if is_running else None
 

@@ -20,27 +20,14 @@ SEEDS, SAMPLES, SCALE = 10, 4, 4
 T_ONE_IN_1000 = 3.92
 
 
-def lit_scene():
-    """Boxes before, on and behind the display plane, with light, shadow and gloss."""
-    scene = scenes.fresh_scene()
-    add_box(scene, (0, 1.2, 0), (2.5, 0.1, 2.5))
-    add_box(scene, (-0.4, 0, 0.1), (0.2, 0.3, 0.4))
-    add_box(scene, (0.4, -0.7, -0.2), (0.2, 0.2, 0.2), emission((0.2, 0.6, 0.1)))
-    add_lamp(scene, 120, 1.0, (0.5, -3, 2), (0.9, 0, 0))
-    return scene
-
-
-def t_values(first, second):
-    """Welch's t of every pixel and channel that varies; those that never vary must be equal."""
+def same_image(first, second, widest=1.25):
+    """Share of pixels beyond the one-in-1000 t is at most five in 1000, and the mean is not shifted."""
+    # Welch's t of every pixel and channel that varies; those that never vary must be equal.
     difference = first.mean(0) - second.mean(0)
     error = np.sqrt((first.var(0, ddof=1) + second.var(0, ddof=1)) / len(first))
     still = error < 1e-7
-    return np.where(still, np.where(np.abs(difference) < 1e-5, 0.0, np.inf), difference / np.where(still, 1, error))
-
-
-def same_image(first, second, widest=1.25):
-    """Share of pixels beyond the one-in-1000 t is at most five in 1000, and the mean is not shifted."""
-    t = t_values(first, second)[..., :3]
+    t = np.where(still, np.where(np.abs(difference) < 1e-5, 0.0, np.inf),
+                 difference / np.where(still, 1, error))[..., :3]
     finite = t[np.isfinite(t) & (t != 0)]
     return np.mean(np.abs(t) > T_ONE_IN_1000) < 0.005 and abs(finite.mean()) < 0.2 and finite.std() < widest
 
@@ -48,8 +35,12 @@ def same_image(first, second, widest=1.25):
 @pytest.mark.parametrize(("display", "scale"), [(MINI, SCALE), (FLAT, 2)])
 def test_views_are_the_one_pass_image(tmp_path, display, scale):
     """SEEDS renders each way of the same layout; one view that is shifted by one is noticed."""
-    layout, scene = RayLayout.for_display(display, ARRAY, scale), lit_scene()
-    found = []
+    layout, scene, found = RayLayout.for_display(display, ARRAY, scale), scenes.fresh_scene(), []
+    # Before, on and behind the display plane, with light, shadow and gloss.
+    add_box(scene, (0, 1.2, 0), (2.5, 0.1, 2.5))
+    add_box(scene, (-0.4, 0, 0.1), (0.2, 0.3, 0.4))
+    add_box(scene, (0.4, -0.7, -0.2), (0.2, 0.2, 0.2), emission((0.2, 0.6, 0.1)))
+    add_lamp(scene, 120, 1.0, (0.5, -3, 2), (0.9, 0, 0))
     for render in (cycles.render_encoded, views.render_views):
         images = []
         for seed in range(SEEDS):

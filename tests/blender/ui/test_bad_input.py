@@ -57,12 +57,17 @@ def link(path: str, scene) -> bpy.types.Collection:
     (lambda scene: setattr(scene.lfsr, "display", "FILE"), "No display profile is chosen"),
     (lambda scene: setattr(scene.lfsr, "scale", "5"), "Scale is 5, .* choose a scale that divides both"),
     (lambda scene: setattr(scene.lfsr, "method", "denoise"), "Method 'denoise' upscales nothing, but scale 2"),
-    (lambda scene: scene.__setitem__("lfsr_live", "panel"), "shows the light field itself: press"),
     (lambda scene: setattr(scene.view_settings, "use_curve_mapping", True), "view uses curves, .*: switch off curves")])
 def test_what_cannot_be_rendered_is_refused_before_the_render(scene, monkeypatch, spoil, sentence):
     monkeypatch.setattr(session, "run", lambda *_: pytest.fail("it renders"))
     spoil(scene)
     refuse(scene, sentence)
+
+
+@pytest.mark.parametrize("name", ["render_eia", "array_add", "array_fit", "array_remove", "check_scene", "live"])
+def test_the_live_windows_own_scene_is_not_changed(scene, name):
+    scene["lfsr_live"] = "panel"
+    refuse(scene, "shows the light field itself: press", getattr(bpy.ops.lfsr, name))
 
 
 def test_linked_and_overridden_arrays_cannot_be_changed(library, scene):

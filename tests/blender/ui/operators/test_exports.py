@@ -107,7 +107,10 @@ def test_a_quilt_is_shown_through_bridge_and_without_it_the_panel_full_screen(le
 @pytest.mark.parametrize("command", ["missing", "/bin/false %s", "'no end %s"])
 def test_where_no_browser_opens_a_page_it_says_where_that_is(add_on, tmp_path, monkeypatch, command):
     monkeypatch.setenv("BROWSER", command)
+    (opener := tmp_path / "xdg-open").write_text("#!/bin/sh\nexit 3\n")  # where there is none
+    opener.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setenv("DISPLAY", ":0")
     process = show._browser(page := tmp_path / "view.html")
     assert process.wait() and show._look(process, page) is None
     assert said().startswith("No browser has opened view.html, which lies in the folder ")

@@ -41,7 +41,7 @@ from lfsr_lab.experiments.engine.records import (
 )
 from lfsr_lab.experiments.engine.report import Environment, environment, markdown_table, write_report
 from lfsr_lab.experiments.engine.timing import cpu_seconds
-from lfsr_lab.experiments.engine.truth import Truth, lens_ssims, split_rms
+from lfsr_lab.experiments.engine.truth import Truth, lens_ssims, linear_images, split_rms
 
 
 @dataclasses.dataclass(frozen=True)
@@ -160,7 +160,7 @@ class Animation:
             others = [lows[other] for other in near(number, range(len(lows)), way.reach)]
             images.append(finished_lenses(average_frames(low, others)[0], everywhere, DEFAULT_METHOD, lenses))
         seconds = (cpu_seconds() - started) / len(lows)
-        halves = zip(*(truth.reference.elemental_images() for truth in self.truths), strict=True)
+        halves = zip(*(map(srgb_encode, linear_images(truth.reference)) for truth in self.truths), strict=True)
         return dataclasses.replace(compare(srgb_encode(np.stack(images)), *map(np.stack, halves)),
                                    cpu_seconds=round(seconds, 3))
 

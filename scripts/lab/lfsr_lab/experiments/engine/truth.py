@@ -31,7 +31,7 @@ from lfsr_core.base.arrays import Array, Mask
 from lfsr_core.frames.frame import LOW_RES_FILE, Finish, Frame, read_frame
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.image_files import clean, read_layers
-from lfsr_core.metrics.eia_metrics import METRIC_NAMES, Reference, check_reference, compare, stacked_ssim
+from lfsr_core.metrics.eia_metrics import METRIC_NAMES, Reference, check_reference, compare, listed_images, stacked_ssim
 from lfsr_core.optics.rays import to_elemental_images
 from lfsr_core.reconstruct.second_stage import finished_lenses
 from lfsr_core.reconstruct.upscaler import foreground_mask, low_resolution, read_world, recall
@@ -170,7 +170,7 @@ class Truth:
     @cached_property
     def halves(self) -> tuple[Array, Array]:
         """Both halves of the lenses that count, scene-linear, as ``shown``."""
-        a, b = (self.shown(images[self.counted]) for images in self.reference.linear_images())
+        a, b = (self.shown(images[self.counted]) for images in linear_images(self.reference))
         return a, b
 
     @property
@@ -220,9 +220,14 @@ class Truth:
         if not shown.any():
             return np.empty(0)
         rows, columns = self.reference.lenses[shown].T
-        half_a, half_b = (half[shown] for half in self.reference.elemental_images())
+        half_a, half_b = (srgb_encode(half[shown]) for half in linear_images(self.reference))
         images = to_elemental_images(image, self.reference.frame.display.lenses)[rows, columns]
         return lens_ssims(srgb_encode(images), half_a, half_b)
+
+
+def linear_images(reference: Reference) -> tuple[Array, Array]:
+    """Return both halves as scene-linear elemental images (n, py, px, 3), in the order of the ``lenses``."""
+    return listed_images(reference.half_a, reference.frame), listed_images(reference.half_b, reference.frame)
 
 
 def split_rms(x: Array, a: Array, b: Array) -> float:
