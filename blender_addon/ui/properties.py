@@ -144,8 +144,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     spacing: FloatProperty(
         name="Array Spacing", description="Spacing of the cameras as a fraction of the one that fills the display's "
         "viewing angle. Less of it flattens the scene and makes more depth usable",
-        subtype="FACTOR", min=0.01, max=2.0, soft_max=1.0, precision=2,
-        get=_get_spacing, set=_set_spacing)
+        subtype="FACTOR", min=0.01, max=2.0, soft_max=1.0, precision=2, get=_get_spacing, set=_set_spacing)
     show_frustum: BoolProperty(
         name="Show Frustum", description="Draw the display rectangle, the frustum and the limits of usable depth "
         "in the 3D views", default=True, update=_draws)
