@@ -370,11 +370,12 @@ def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
                         for name in ("Transmission Weight", "Metallic")) for node in nodes]
         reflected = max(colors, default=1.0)
         scattered = max((color * part for color, part in zip(colors, matt, strict=True)), default=1.0)
+        metal = min((float(each["Metallic"].is_linked) or each["Metallic"].default_value for each in nodes), default=0)
         light = sum(_arrives(rays, lamp, start, normal) for lamp in lamps) / math.pi
         ways = [mathutils.Vector(way) for way in generator.normal(size=(SKY if sky else 0, 3))]
         above = sky * sum(rays.cast(start, way if way.dot(normal) > 0 else -way) is None for way in ways) / SKY
         seen.append(light * scattered + above * reflected)
-        arriving.append((light + above) * min(reflected / LEAST_ALBEDO, 1.0))
+        arriving.append((light * (1 - metal) + above) * min(reflected / LEAST_ALBEDO, 1.0))  # else a render tells
     return np.array(arriving), np.array(seen)
 
 

@@ -56,10 +56,9 @@ def fit(scene: bpy.types.Scene, profile: DisplayProfile, items: Collection[bpy.t
         turn = upright(array).to_3x3() @ mathutils.Matrix.Rotation(-math.pi / 2, 3, "X")
     if not items:
         raise LfsrError("nothing is selected: select the objects that the display should show")
-    points = np.concatenate(list(placement.world_points(set(items))) or [np.empty((0, 3))])
-    if not len(points):
+    if not (points := list(placement.world_points(set(items)))):
         raise LfsrError("the selection has no geometry: select the objects that the display should show")
-    return _moved(scene, fit_turned(points, profile, turn))
+    return _moved(scene, fit_turned(np.concatenate(points), profile, turn))
 
 
 @as_rendered()
