@@ -52,7 +52,8 @@ def as_rendered(*left_out: bpy.types.Object | None) -> Iterator[None]:
     with ExitStack() as changes:
         # Renders show the first view layer that is used, whichever the window shows.
         changes.enter_context(bpy.context.temp_override(view_layer=rendered_layer(bpy.context.scene)))
-        for item in [each for each in bpy.context.view_layer.objects if each and each.select_get()]:
+        bpy.context.view_layer.update()  # until then it lists what a batch removal has freed, which ends Blender
+        for item in [each for each in bpy.context.view_layer.objects if each.select_get()]:
             changes.callback(item.select_set, True)  # last of all: Blender does not keep it of what is hidden
         for item in filter(None, left_out):
             changes.enter_context(overridden(item, {"hide_render": True}))
