@@ -75,10 +75,12 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
             yield _problem("helper", others[0].name, f"{others[0].name}{more} " + (
                 "would be rendered solid: drawn as wires, a Boolean's tool or a bone's shape." if tools else
                 "hides the picture: Cycles renders the backs of its faces, EEVEE does not."))
+        hidden = {item for item in rendered(scene) if not item.visible_get()}
         with as_rendered(cube, *others):
             boxes, eye = edit.boxes_now(subject), np.array(placed[1])[:3, 3]
-            if not boxes:
-                yield _problem("nothing", scene.name, f"Frame {scene.frame_current} shows nothing: choose another.")
+            if all(item.type == "MESH" and not item.modifiers and not item.data.polygons for item in boxes):
+                yield _problem("nothing", scene.name, f"Frame {scene.frame_current} shows no face: choose another, or "
+                               "show points as spheres, by Mesh to Points in Geometry Nodes.")
                 return
             sky = edit.sky_around(scene, boxes)
             if sky is not None and not _is_unaimed(scene) and (boxes[sky].min(0) < eye).all() and (
@@ -88,11 +90,11 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
                 yield _problem("sky", sky.name, f"{sky.name} surrounds all other objects, like a sky, and would hide "
                                "them from outside.")
             with as_rendered(sky):
-                yield from _found(scene, placed, display, subject, main_objects(scene, subject))
+                yield from _found(scene, placed, display, subject, main_objects(scene, subject), hidden)
 
 
 def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, subject: set[bpy.types.Object],
-           main: list[bpy.types.Object]) -> Iterator[Problem]:
+           main: list[bpy.types.Object], hidden: set[bpy.types.Object]) -> Iterator[Problem]:
     is_new, rays = _is_unaimed(scene), Rays(scene)  # where nobody has aimed the camera, nobody has placed lamps
     reason, best = _out_of_frame(scene, rays, placed, display, main, shown := with_copied(set(main)))
     if reason:
@@ -100,6 +102,11 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
         yield _problem("frame", main[0].name if main else scene.name, reason, placed)
     if depths := depths_of(rays, placed, shown):
         yield from _deep(scene, placed, display, *depths)
+    seen = [hit[2] for hit in edit.through(rays, placed, *edit.FEWER) if hit] if hidden else []
+    item = max(hidden & {*seen}, key=seen.count, default=None)
+    if item is not None and 2 * seen.count(item) > len(seen):
+        yield _problem("hidden", item.name, f"{item.name} fills most of the picture: renders show it, though the "
+                       "viewport does not. Hide it in renders, too, unless it belongs there.")
     if scene.lfsr.light not in SCENE_LIGHTS or not has_light(scene):
         return
     pictures = [node.image for node in nodes_of(scene.world.node_tree if scene.world else None)

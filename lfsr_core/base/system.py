@@ -214,8 +214,7 @@ def place_beside(target: Path) -> Path:
         os.rename(target / name, target.parent / name)  # there is no such file
     except OSError as error:
         is_apart |= error.errno == errno.EXDEV
-    inside = target.is_dir() and (is_apart or not os.access(target.parent, os.W_OK))
-    return target if inside else target.parent
+    return target if target.is_dir() and (is_apart or not os.access(target.parent, os.W_OK)) else target.parent
 
 
 @contextmanager

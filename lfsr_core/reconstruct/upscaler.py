@@ -300,17 +300,11 @@ def kernel_matrix(kernel: str, size: int, scale: float) -> Array:
     return matrix.astype(np.float32)
 
 
-@functools.lru_cache(maxsize=16)
-def _column_matrix(kernel: str, columns: int, scale: int, channels: int) -> Array:
-    """``kernel_matrix`` as (w·C, W·C) for rows of interleaved channels."""
-    return np.kron(kernel_matrix(kernel, columns, scale).T, np.eye(channels, dtype=np.float32))
-
-
 def interpolated(images: Array, kernel: str, factors: tuple[int, int], out: Array | None = None) -> Array:
     """Upscale ``images`` (N, h, w, C) by ``factors`` (horizontal, vertical), into ``out`` if given, contiguous."""
     count, rows, columns, channels = images.shape
     down = kernel_matrix(kernel, rows, factors[1])
-    across = _column_matrix(kernel, columns, factors[0], channels)
+    across = np.kron(kernel_matrix(kernel, columns, factors[0]).T, np.eye(channels, dtype=np.float32))  # (w·C, W·C)
     tall = (down @ images.reshape(count, rows, columns * channels)).reshape(-1, columns * channels)
     wide = np.matmul(tall, across, out=None if out is None else out.reshape(len(tall), -1))
     return np.asarray(wide).reshape(count, len(down), across.shape[1] // channels, channels)

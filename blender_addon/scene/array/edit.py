@@ -246,7 +246,10 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             various = 1 - np.linalg.norm(np.mean([hit[4] for hit in seen] or [(0, 0, 1)], axis=0))
             counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide * (1 + various)
             share, eye = len(seen) / math.prod(probes) * part.prod(), mathutils.Matrix(placed[1]).translation
-            ahead = np.mean([_is_front(rays, eye, hit) for hit in seen] or [False])
+            # Part of the hits that are of fronts, or of solid things whose normals point inwards.
+            ahead = np.mean([hit[1] or ((beyond := rays.beyond(hit[0], way := hit[0] - eye)) is not None
+                                        and beyond[2] == hit[2] and beyond[1].dot(way) < 0)
+                             for hit in seen] or [False])
             behind = FROM_BEHIND if size[2] > LOW * size[:2].min() else LOW_FROM_BEHIND
             counts *= np.interp(ahead, (0, FRONTS), (behind, 1))
             choices.append((counts * share * len({hit[3] for hit in seen}), share, placed))
@@ -271,13 +274,6 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             if 3 * len(into) <= len(choices):
                 _, _, best = max(into, key=lambda each: each[0])  # where a wall is missing
     return best
-
-
-def _is_front(rays: Rays, eye: mathutils.Vector, hit: Hit) -> bool:
-    """Return True if a ray from ``eye`` hits the front of a surface, or a solid thing whose normals point inwards."""
-    way = hit[0] - eye
-    beyond = None if hit[1] else rays.beyond(hit[0], way)
-    return hit[1] or (beyond is not None and beyond[2] == hit[2] and beyond[1].dot(way) < 0)
 
 
 def fit_turned(points: Array, profile: DisplayProfile, turn: mathutils.Matrix) -> Placement:

@@ -177,8 +177,7 @@ def _followed(low: LowResEIA, slope: Array) -> Array:
             left = color[tuple(index)]
             index[axis] = lens + 1
             there = left + (place - lens) * (color[tuple(index)] - left) - mean[chosen]
-            sums_[:] = [np.bincount(number[chosen], there * other, math.prod(grid))
-                        for other in (own[chosen], there)]
+            sums_[:] = [np.bincount(number[chosen], there * other, math.prod(grid)) for other in (own[chosen], there)]
 
     in_threads(beside, range(4))
     (shared, power), (of_path, of_all) = (map(_pooled_lenses, part.reshape(2, *grid)) for part in sums.sum(0))
