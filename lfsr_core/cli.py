@@ -107,9 +107,9 @@ def _run(words: list[str]) -> int:
                     stack.enter_context(contextlib.redirect_stdout(None))
                 elif is_json:  # what is for people goes where progress goes
                     stack.enter_context(contextlib.redirect_stdout(sys.stderr))
-                found = arguments.run(arguments)
+                result = arguments.run(arguments)
             if is_json:
-                print(json.dumps(to_data(found), default=str), file=output)
+                print(json.dumps(to_data(result), default=str), file=output)
             if output:
                 output.flush()
     except LfsrError as error:
@@ -165,8 +165,8 @@ def build_parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
 
 def laboratory() -> dict[str, Any]:
     """Verbs of the laboratory by name, modules with HELP, ``add_arguments`` and ``run``; none where it is missing."""
-    found = {point.name: point for point in importlib.metadata.entry_points(group="lfsr.verbs")}
-    return {name: found[name].load() for name in LABORATORY if name in found}
+    points = {point.name: point for point in importlib.metadata.entry_points(group="lfsr.verbs")}
+    return {name: points[name].load() for name in LABORATORY if name in points}
 
 
 def _no_laboratory(arguments: argparse.Namespace) -> None:
@@ -187,8 +187,8 @@ class _Parser(VerbParser):
 
     def format_help(self) -> str:
         lines = [f"usage: lfsr VERB …    {self.description}"]
-        found = {name: (name, verb.HELP) for name, verb in laboratory().items()}
-        for title, example, verbs in (*GROUPS, ("Laboratory", "lfsr study chart -o DIR scene.blend", found)):
+        studies = {name: (name, verb.HELP) for name, verb in laboratory().items()}
+        for title, example, verbs in (*GROUPS, ("Laboratory", "lfsr study chart -o DIR scene.blend", studies)):
             if verbs:
                 lines += ["", f"{styled(title, BOLD, sys.stdout)}:  {example}"]
                 lines += [f"  {name:10} {text}" for name, (_, text) in verbs.items()]
@@ -224,12 +224,12 @@ def _check_output() -> None:
             raise LfsrError("the reader of standard output has ended: send it to a file or a terminal")
 
 
-def _unraisable(found: Any) -> None:
+def _unraisable(failure: Any) -> None:
     """Interrupt again where Python has swallowed it, in a finalizer or in a callback of the garbage collector."""
-    if found.exc_type is KeyboardInterrupt:
+    if failure.exc_type is KeyboardInterrupt:
         threading.Timer(0.1, interrupt_main, (signal.SIGINT,)).start()
-    elif not str(getattr(found.object, "__module__", "")).startswith("distributed"):  # a client that never connected
-        sys.__unraisablehook__(found)
+    elif not str(getattr(failure.object, "__module__", "")).startswith("distributed"):  # a client that never connected
+        sys.__unraisablehook__(failure)
 
 
 def _interrupt(_signal: int, _stack: object) -> None:

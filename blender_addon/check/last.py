@@ -17,8 +17,8 @@ SETTINGS = (bpy.types.RenderSettings, bpy.types.ViewLayer, bpy.types.LayerCollec
 
 def check_scene(scene: bpy.types.Scene) -> list[Problem]:
     """Return everything found, worst first."""
-    found = (problem for check in (*QUICK, look.find, denoiser, geometry.find) for problem in check(scene))
-    return sorted(found, key=lambda problem: SEVERITIES.index(problem.severity))
+    problems = (problem for check in (*QUICK, look.find, denoiser, geometry.find) for problem in check(scene))
+    return sorted(problems, key=lambda problem: SEVERITIES.index(problem.severity))
 
 
 def problems(code: str = "") -> list[Problem]:

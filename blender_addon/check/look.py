@@ -178,11 +178,11 @@ def helpers(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     tools |= {bone.custom_shape for item in scene.objects if item.pose is not None for bone in item.pose.bones}
     shown = {item for item in rendered(scene) & {*rendered_layer(scene).objects} if item.type in GEOMETRY}
     drawn = {item for item in shown if item.display_type in ("WIRE", "BOUNDS")}
-    found = {item for item in tools & shown | drawn if not any(slot.material for slot in item.material_slots)
-             and not rig.why_not_editable(item)
-             and not any(modifier.type in ("FLUID", "PARTICLE_SYSTEM") for modifier in item.modifiers)}
-    found |= _hulls(scene, drawn - found, *found)
-    return sorted(found, key=lambda item: item.name) if shown - found else []
+    bare = {item for item in tools & shown | drawn if not any(slot.material for slot in item.material_slots)
+            and not rig.why_not_editable(item)
+            and not any(modifier.type in ("FLUID", "PARTICLE_SYSTEM") for modifier in item.modifiers)}
+    bare |= _hulls(scene, drawn - bare, *bare)
+    return sorted(bare, key=lambda item: item.name) if shown - bare else []
 
 
 def _hulls(scene: bpy.types.Scene, drawn: set[bpy.types.Object], *left_out: bpy.types.Object) -> set[bpy.types.Object]:
@@ -377,7 +377,7 @@ def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
                         for name in ("Transmission Weight", "Metallic")) for node in nodes]
         reflected = max(colors, default=1.0)
         scattered = max((color * part for color, part in zip(colors, matt, strict=True)), default=1.0)
-        metal = min((float(each["Metallic"].is_linked) or each["Metallic"].default_value for each in nodes), default=0)
+        metal = min((float(node["Metallic"].is_linked) or node["Metallic"].default_value for node in nodes), default=0)
         light = sum(_arrives(rays, lamp, start, normal) for lamp in lamps) / math.pi
         ways = [mathutils.Vector(way) for way in generator.normal(size=(SKY if sky else 0, 3))]
         above = sky * sum(rays.cast(start, way if way.dot(normal) > 0 else -way) is None for way in ways) / SKY

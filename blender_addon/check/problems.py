@@ -151,7 +151,7 @@ def _images(scene: bpy.types.Scene) -> Iterator[Problem]:
                           "Pack", asks=True)
     number = scene.frame_current
     for item in sorted(rendered(scene) & {*rendered_layer(scene).objects}, key=lambda item: item.name):
-        for domain in (each.domain_settings for each in item.modifiers if each.type == "FLUID"):
+        for domain in (modifier.domain_settings for modifier in item.modifiers if modifier.type == "FLUID"):
             folder = domain and Path(bpy.path.abspath(domain.cache_directory, library=item.library))
             kept = folder and any(folder.glob("data/*" if domain.cache_frame_offset else f"data/*_{number:04d}.*"))
             if folder and (not kept or (domain.domain_type == "GAS" and number == domain.cache_frame_start)):

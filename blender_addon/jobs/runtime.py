@@ -291,7 +291,7 @@ def _unreported() -> list[Any]:
               for image, users in used.items() if users]
     markers = [[marker.frame, marker.camera and marker.camera.name_full]
                for scene in bpy.data.scenes for marker in scene.timeline_markers]
-    found = []
+    values = []
     for owner in owners:
         for item in owner.bl_rna.properties if owner is not None else ():
             if item.identifier in FREE or item.type == "COLLECTION":
@@ -303,8 +303,8 @@ def _unreported() -> list[Any]:
                 value = sorted(value)
             elif getattr(item, "is_array", False):
                 value = list(value)
-            found.append(f"{item.identifier} {value}")
-    return [found, sorted(images), markers]
+            values.append(f"{item.identifier} {value}")
+    return [values, sorted(images), markers]
 
 
 @bpy.app.handlers.persistent

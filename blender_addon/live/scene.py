@@ -65,19 +65,19 @@ def view_of(scene: bpy.types.Scene, size: tuple[int, int], kind: str = PANEL) ->
     lfsr, profile = scene.lfsr, display_of(scene)
     scale = live_scale(scene, profile, kind == EYE)
     profile.low_views(scale)
-    placed, found = rig.placement(scene, profile), rig.find(scene)
-    if placed is None or found is None:
+    placed, array = rig.placement(scene, profile), rig.find(scene)
+    if placed is None or array is None:
         raise LfsrError("the live view needs a camera array: press Add in Camera Array")
-    if rig.is_mirrored(found):
-        raise LfsrError(f"camera array {found.name!r} is mirrored by a negative scale, which the live view cannot "
+    if rig.is_mirrored(array):
+        raise LfsrError(f"camera array {array.name!r} is mirrored by a negative scale, which the live view cannot "
                         "follow: make its scale, and its parents', positive")
     region, eye = LiveRegion(profile, size, scale), None
     if kind == EYE:
         region = eye_region(profile, size)
         eye = eye_place(profile, lfsr.live_eye_right, lfsr.live_eye_up, lfsr.live_eye_near)
-    place, direct = found.matrix_world.translation, kind == PANEL and profile.is_woven
+    place, direct = array.matrix_world.translation, kind == PANEL and profile.is_woven
     layout = PanelLayout(profile, placed[0]) if direct else RayLayout.for_display(profile, placed[0], scale)
-    return View(region, layout, profile, found.name, _above(place.length),
+    return View(region, layout, profile, array.name, _above(place.length),
                 _above(distance_to_volume(scene, place)) / 2, eye)
 
 

@@ -97,10 +97,10 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
             resolved = to_data(dataclasses.replace(frame, seconds={}, gpus=()))
             resolved |= {"scene": scene.name, "file": frame.scene, "scripts": bpy.app.autoexec_fail,
                          "light": request.light}
-            found = {*map(Path, bpy.utils.blend_paths(absolute=True, packed=False, local=False)), *image_files()}
+            paths = {*map(Path, bpy.utils.blend_paths(absolute=True, packed=False, local=False)), *image_files()}
             inputs = inputs_before_opening(request, opened.content) | {
                 "samples or scale": digest([frame.scale, frame.samples]), "device, light or camera": digest(resolved),
-                "images or linked files": digest([[str(path), file_stamp(path)] for path in sorted(found)])}
+                "images or linked files": digest([[str(path), file_stamp(path)] for path in sorted(paths)])}
             if other := remove_others(Path(request.parts), inputs):
                 tell(Notice("parts-removed", {"input": other}))
         seconds = {"open": opened.seconds}

@@ -38,7 +38,7 @@ def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.typ
         chosen = set(collections[name].all_objects)
     else:
         # Of several files, where some are linked.
-        backgrounds = (found for found in bpy.data.collections if found.name == BACKGROUND_COLLECTION)
+        backgrounds = (collection for collection in bpy.data.collections if collection.name == BACKGROUND_COLLECTION)
         chosen = set(scene.objects) - {item for background in backgrounds for item in background.all_objects}
     subject = with_instanced(chosen)
     if not any(item.type in GEOMETRY for item in subject & rendered(scene)):
@@ -61,14 +61,14 @@ def collections(root: bpy.types.LayerCollection) -> Iterator[bpy.types.LayerColl
 
 def with_instanced(items: set[bpy.types.Object]) -> set[bpy.types.Object]:
     """Return ``items`` and the objects that collection instances among them show, which may lie outside the scene."""
-    found, waiting, known = set(items), list(items), set[bpy.types.Collection | None]({None})
+    shown, waiting, done = set(items), list(items), set[bpy.types.Collection | None]({None})
     while waiting:
         item = waiting.pop()
-        if item.instance_type == "COLLECTION" and item.instance_collection not in known:
-            known.add(item.instance_collection)
-            waiting += (inside := _switched_on([item.instance_collection]) - found)
-            found |= inside
-    return found
+        if item.instance_type == "COLLECTION" and item.instance_collection not in done:
+            done.add(item.instance_collection)
+            waiting += (inside := _switched_on([item.instance_collection]) - shown)
+            shown |= inside
+    return shown
 
 
 def rendered(scene: bpy.types.Scene) -> set[bpy.types.Object]:
@@ -78,90 +78,90 @@ def rendered(scene: bpy.types.Scene) -> set[bpy.types.Object]:
 
 def with_copied(items: set[bpy.types.Object]) -> set[bpy.types.Object]:
     """Return ``with_instanced`` and what geometry nodes and particles of these copy, whose collections may be off."""
-    found = with_instanced(items)
-    if any(modifier.type in ("NODES", "PARTICLE_SYSTEM") for item in found for modifier in item.modifiers):
+    shown = with_instanced(items)
+    if any(modifier.type in ("NODES", "PARTICLE_SYSTEM") for item in shown for modifier in item.modifiers):
         instances = bpy.context.evaluated_depsgraph_get().object_instances
-        found |= {each.object.original for each in instances if each.is_instance and each.parent.original in found}
-    return found
+        shown |= {copy.object.original for copy in instances if copy.is_instance and copy.parent.original in shown}
+    return shown
 
 
 def _switched_on(waiting: list[bpy.types.Collection]) -> set[bpy.types.Object]:
     """Objects that renders show of some collections: what is inside one that is switched off is off, too."""
-    found = set[bpy.types.Object]()
+    shown = set[bpy.types.Object]()
     while waiting:
         if not (collection := waiting.pop()).hide_render:
-            found |= {item for item in collection.objects if not item.hide_render}
+            shown |= {item for item in collection.objects if not item.hide_render}
             waiting += collection.children
-    return found
+    return shown
 
 
 def left_out(scene: bpy.types.Scene) -> list[Notice]:
     """Return what renders leave out or ignore of the scene."""
-    found = []
+    notes = []
     if bpy.app.autoexec_fail:
-        found.append(Notice("scripts-off", {"reason": bpy.app.autoexec_fail_message.strip()}))
+        notes.append(Notice("scripts-off", {"reason": bpy.app.autoexec_fail_message.strip()}))
     render, cycles = scene.render, getattr(scene, "cycles", None)
     if render.engine != "CYCLES":
-        found.append(Notice("engine-ignored", {"engine": render.engine.removeprefix("BLENDER_").removesuffix("_NEXT")}))
+        notes.append(Notice("engine-ignored", {"engine": render.engine.removeprefix("BLENDER_").removesuffix("_NEXT")}))
     for material in materials(scene):
         nodes = list(nodes_of(material.node_tree))
         outputs = [node for node in nodes if node.type == "OUTPUT_MATERIAL"]
         of_eevee = outputs if {node.target for node in outputs} == {"EEVEE"} else []
         needed = leading([material.node_tree and material.node_tree.get_output_node("CYCLES")], True)
         for node in [*of_eevee, *(node for node in nodes if node.type in EEVEE_NODES and node in needed)][:1]:
-            found.append(Notice("eevee-nodes", {"material": material.name, "node": node.label or node.name}))
+            notes.append(Notice("eevee-nodes", {"material": material.name, "node": node.label or node.name}))
         shaders = [node for node in nodes if any(output.type == "SHADER" for output in node.outputs)]
         if shaders and all(node.type == "BSDF_PRINCIPLED" and not (
                 node.inputs["Alpha"].is_linked or node.inputs["Alpha"].default_value) for node in shaders):
-            found.append(Notice("material-clear", {"material": material.name}))
-    known = cycles.bl_rna.properties if cycles is not None else {}
-    if cycles is not None and cycles.pixel_filter_type not in ("BOX", known["pixel_filter_type"].default):
-        found.append(Notice("filter-ignored", {"filter": cycles.pixel_filter_type.replace("_", "-").lower()}))
+            notes.append(Notice("material-clear", {"material": material.name}))
+    settings = cycles.bl_rna.properties if cycles is not None else {}
+    if cycles is not None and cycles.pixel_filter_type not in ("BOX", settings["pixel_filter_type"].default):
+        notes.append(Notice("filter-ignored", {"filter": cycles.pixel_filter_type.replace("_", "-").lower()}))
     clamps = {name: getattr(cycles, f"sample_clamp_{name}") for name in ("direct", "indirect")} if cycles else {}
-    if any(value != known[f"sample_clamp_{name}"].default for name, value in clamps.items()):
-        found.append(Notice("clamp-ignored", clamps))
-    found += [Notice("motion-ignored")] if render.use_motion_blur else []
-    found += [Notice("border-ignored")] if render.use_border else []
+    if any(value != settings[f"sample_clamp_{name}"].default for name, value in clamps.items()):
+        notes.append(Notice("clamp-ignored", clamps))
+    notes += [Notice("motion-ignored")] if render.use_motion_blur else []
+    notes += [Notice("border-ignored")] if render.use_border else []
     if render.pixel_aspect_x != render.pixel_aspect_y:
-        found.append(Notice("aspect-ignored", {"x": render.pixel_aspect_x, "y": render.pixel_aspect_y}))
+        notes.append(Notice("aspect-ignored", {"x": render.pixel_aspect_x, "y": render.pixel_aspect_y}))
     lines = [item.name for item in rendered(scene) if item.type in STROKES]
     if names := [*(["Freestyle"] if render.use_freestyle else []), *sorted(lines)]:
-        found.append(Notice("lines-left-out", {"names": names}))
+        notes.append(Notice("lines-left-out", {"names": names}))
     if names := sorted(owner.name for owner in (*bpy.data.materials, scene.world)
                        if owner and owner.users and has_coordinates(owner.node_tree, ("Window",))):
-        found.append(Notice("coordinates-differ", {"names": names}))
+        notes.append(Notice("coordinates-differ", {"names": names}))
     if scene.world is not None and any(
             node.type == "BACKGROUND" and not node.inputs["Strength"].is_linked
             and node.inputs["Strength"].default_value < 0 for node in nodes_of(scene.world.node_tree)):
-        found.append(Notice("world-negative", {"world": scene.world.name}))
+        notes.append(Notice("world-negative", {"world": scene.world.name}))
     camera = scene.camera if scene.camera is not None and scene.camera.type == "CAMERA" else None
     if camera is not None:
         named, move = {"camera": camera.name}, {"x": camera.data.shift_x, "y": camera.data.shift_y}
-        found += [Notice("focus-ignored", named)] if camera.data.dof.use_dof else []
-        found += [Notice("camera-sheared", named)] if rig.is_sheared(camera) else []
-        found += [Notice("camera-parallel", named)] if camera.data.type == "ORTHO" else []
-        found += [Notice("shift-followed", named | move)] if camera.data.type == "PERSP" and any(move.values()) else []
+        notes += [Notice("focus-ignored", named)] if camera.data.dof.use_dof else []
+        notes += [Notice("camera-sheared", named)] if rig.is_sheared(camera) else []
+        notes += [Notice("camera-parallel", named)] if camera.data.type == "ORTHO" else []
+        notes += [Notice("shift-followed", named | move)] if camera.data.type == "PERSP" and any(move.values()) else []
     cameras = {marker.camera.name for marker in scene.timeline_markers if marker.camera is not None}
-    found += [Notice("markers-ignored", {"names": sorted(cameras)})] if len(cameras) > 1 and rig.find(scene) else []
+    notes += [Notice("markers-ignored", {"names": sorted(cameras)})] if len(cameras) > 1 and rig.find(scene) else []
     layer = rendered_layer(scene)
     if layer.material_override is not None:
-        found.append(Notice("override-ignored", {"layer": layer.name, "material": layer.material_override.name}))
+        notes.append(Notice("override-ignored", {"layer": layer.name, "material": layer.material_override.name}))
     if getattr(layer, "world_override", None) is not None:
-        found.append(Notice("world-override-ignored", {"layer": layer.name, "world": layer.world_override.name}))
+        notes.append(Notice("world-override-ignored", {"layer": layer.name, "world": layer.world_override.name}))
     for switch in SWITCHES:
         if names := sorted(child.name for child in switched(layer, switch)):
-            found.append(Notice("collections-switched", {"layer": layer.name, "switch": switch, "names": names}))
+            notes.append(Notice("collections-switched", {"layer": layer.name, "switch": switch, "names": names}))
     if others := [other.name for other in scene.view_layers if other.use and other != layer]:
-        found.append(Notice("layers-left-out", {"layer": layer.name, "names": others}))
+        notes.append(Notice("layers-left-out", {"layer": layer.name, "names": others}))
     tree = compat.compositor(scene)
     ends = [node for node in tree.nodes if node.bl_idname in COMPOSITOR_OUTPUTS] if tree is not None else []
     if nodes := sorted(node.label or node.name for node in leading(ends)
                        if node.bl_idname not in PASSIVE_NODES and not node.mute):
-        found.append(Notice("compositor-ignored", {"names": nodes}))
+        notes.append(Notice("compositor-ignored", {"names": nodes}))
     editor = scene.sequence_editor if scene.render.use_sequencer else None
     if editor is not None and any(strip.type != "SOUND" and not strip.mute for strip in editor.strips):
-        found.append(Notice("sequencer-ignored"))
-    return found
+        notes.append(Notice("sequencer-ignored"))
+    return notes
 
 
 def materials(scene: bpy.types.Scene) -> list[bpy.types.Material]:

@@ -49,11 +49,11 @@ def check_files(scene: bpy.types.Scene, frame: int | None, allow: bool, say: Cal
 
     LfsrError if there are any, unless ``allow``.
     """
-    found = unreadable(scene, frame)
-    for notice in found[:MOST_SAID]:
+    files = unreadable(scene, frame)
+    for notice in files[:MOST_SAID]:
         say(notice)
-    if found and not (allow and all(notice.values["state"] != NO_FILE for notice in found)):
-        raise LfsrError(f"{len(found)} of the scene's files cannot be read, such as {found[0].values['path']}: find or "
+    if files and not (allow and all(notice.values["state"] != NO_FILE for notice in files)):
+        raise LfsrError(f"{len(files)} of the scene's files cannot be read, such as {files[0].values['path']}: find or "
                         "replace what is missing or damaged, or allow missing files")
 
 
@@ -82,9 +82,9 @@ def unreadable(scene: bpy.types.Scene, frame: int | None = None, seconds: float 
         user = waiting.pop()
         if user.id_type == "CAMERA" or (user.id_type == "OBJECT" and user.type == "EMPTY" and user.data):
             continue  # images in the viewport alone
-        found = {item for item in uses[user] if user.id_type != "SCENE" or item.id_type in OF_SCENE} - reached
-        reached |= found
-        waiting += found
+        needed = {item for item in uses[user] if user.id_type != "SCENE" or item.id_type in OF_SCENE} - reached
+        reached |= needed
+        waiting += needed
     files = {Path(path): (kind, item) for item in reached for kind, path in _files(item, number)}
     states = {path: NO_FILE if path.exists() else "missing" for path in files if not (path.is_file() or path.is_dir())}
     for library in {item.library for item in reached} - {None}:

@@ -165,7 +165,7 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.W
     world = bpy.data.worlds.new("LFSR light")
     compat.use_nodes(world)
     nodes = world.node_tree.nodes
-    texture, shader = nodes.new("ShaderNodeTexEnvironment"), next(each for each in nodes if each.type == "BACKGROUND")
+    texture, shader = nodes.new("ShaderNodeTexEnvironment"), next(node for node in nodes if node.type == "BACKGROUND")
     texture.image = image
     if scene.view_settings.view_transform not in SOFT and not is_light_file(light):
         pixels = np.empty(len(image.pixels), np.float32)

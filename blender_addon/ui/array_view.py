@@ -108,7 +108,7 @@ def _values(item: Any, *names: str) -> dict[str, Any]:
 
 def _frame(area: bpy.types.Area, region: bpy.types.RegionView3D, display: DisplayProfile) -> None:
     """Zoom and shift the camera's view, so that the display's frame fills the free part of the 3D view."""
-    main = next(each for each in area.regions if each.type == "WINDOW")
+    main = next(part for part in area.regions if part.type == "WINDOW")
     left, bottom, right, top = free_part(area)
     width = FILL * min(right - left, (top - bottom) * display.panel_mm[0] / display.panel_mm[1])
     # Blender's factor of a zoom z is (√2 + z / 50)² / 4, and 1 makes the camera's frame as wide as the region.

@@ -94,11 +94,11 @@ def display_facts(settings: Resolved) -> Facts:
     scales, panel = sampling.scales or (sampling.scale,), display.panel_pixels
     if settings.subpixels:
         width, height = rendered_size(display)
-        found = [("Rendered", f"{width} × {height} px")]
+        facts = [("Rendered", f"{width} × {height} px")]
     else:
         low, lenses, views = display.low_views(sampling.scale), display.lenses, display.views
         more = " or more" if sampling.scales else ""
-        found = [("Lenses", f"{lenses[0]} × {lenses[1]}"), ("Views", f"{views[0]} × {views[1]}"),
+        facts = [("Lenses", f"{lenses[0]} × {lenses[1]}"), ("Views", f"{views[0]} × {views[1]}"),
                  ("Rendered", f"{low[0]} × {low[1]}{more}"),
                  ("", f"{lenses[0] * low[0]} × {lenses[1] * low[1]} px{more}")]
     if settings.rays is None:
@@ -107,7 +107,7 @@ def display_facts(settings: Resolved) -> Facts:
     else:
         counts = [f"{samples_at(display, scale, settings.rays)}" for scale in scales]
         rays = _up_to(counts[-1], counts[0], "sample")
-    return [*found, ("", rays), ("Panel", f"{panel[0]} × {panel[1]} px"),
+    return [*facts, ("", rays), ("Panel", f"{panel[0]} × {panel[1]} px"),
             ("Renders On", f"{settings.request.device}, {CAMERAS[way]}")]
 
 

@@ -325,17 +325,17 @@ class LFSR_PT_live_advanced(LightFieldPanel, bpy.types.Panel):
 
 def notes(scene: bpy.types.Scene) -> list[tuple[str, str]]:
     """Sentences with their icons: what this Blender cannot do, and what to do now."""
-    found = []
+    sentences = []
     if not can_interpolate():
-        found.append(("This Blender's viewport compositor cannot interpolate: each rendered view is repeated. "
-                      "Blender 5.0 and later can", "INFO"))
+        sentences.append(("This Blender's viewport compositor cannot interpolate: each rendered view is repeated. "
+                          "Blender 5.0 and later can", "INFO"))
     if scene.lfsr.live_denoise and not compat.has_denoiser():
-        found.append(("This Blender was built without a denoiser: the live view shows its noise", "INFO"))
+        sentences.append(("This Blender was built without a denoiser: the live view shows its noise", "INFO"))
     if live_session.is_on():
         problem = live_session.message()
-        found.append((problem, "ERROR") if problem else ("The live window is exact", "CHECKMARK"))
-        found.append((HOW_TO_PLACE, "INFO"))
-    return found
+        sentences.append((problem, "ERROR") if problem else ("The live window is exact", "CHECKMARK"))
+        sentences.append((HOW_TO_PLACE, "INFO"))
+    return sentences
 
 
 class LFSR_PT_reference(LightFieldPanel, bpy.types.Panel):

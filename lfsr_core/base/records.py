@@ -151,7 +151,7 @@ def _value(value: Any, kind: Any) -> Any:
         if not any(value == choice and type(value) is type(choice) for choice in kinds):
             raise _value_error(value, f"one of {', '.join(map(str, kinds))}")
         return value
-    [other] = [each for each in kinds if each is not types.NoneType]  # None, or the one other type
+    [other] = [choice for choice in kinds if choice is not types.NoneType]  # None, or the one other type
     return None if value is None else _value(value, other)
 
 

@@ -157,7 +157,7 @@ def staging_folder(target: Path) -> Iterator[Path]:
     try:
         folder.mkdir(exist_ok=True)  # another process removes empty folders
         with (folder / LOCK_FILE).open("wb") as lock:
-            if not locks(lock, otherwise=True) or any(found != folder for found in remove_dead(target)):
+            if not locks(lock, otherwise=True) or any(other != folder for other in remove_dead(target)):
                 raise LfsrError(f"another process is writing {target}: wait for it, or choose another folder")
             yield folder
     finally:
@@ -336,10 +336,10 @@ def _check_depth(data: Any, left: int) -> None:
 def file_stamp(path: Path) -> str:
     """Return size and time of change of a file."""
     try:
-        found = path.stat()
+        stat = path.stat()
     except OSError:
         return "missing"
-    return f"{found.st_size} {found.st_mtime_ns}"
+    return f"{stat.st_size} {stat.st_mtime_ns}"
 
 
 def file_digest(path: Path) -> str:

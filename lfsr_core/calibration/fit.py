@@ -99,11 +99,11 @@ def find_fringes(picture: Picture, expected: Array, other: Array) -> Fringes:
         values, light = picture.values[high, wide].ravel(), picture.dots[high, wide].ravel()
         slope_x, slope_y = (np.broadcast_to(part, (len(y), len(x))).ravel()
                             for part in (x - x.mean(), (y - y.mean())[:, None]))
-        known = np.stack([np.cos(turn), np.sin(turn), np.cos(added), np.sin(added), np.ones_like(turn),
+        terms = np.stack([np.cos(turn), np.sin(turn), np.cos(added), np.sin(added), np.ones_like(turn),
                           slope_x / np.abs(slope_x).max(), slope_y / np.abs(slope_y).max(), light - light.mean()], -1)
-        known *= weights[:, None]
-        square = known.T @ known
-        factors.append(np.linalg.solve(square + 1e-9 * np.trace(square) * np.eye(8), known.T @ (values * weights))[:2])
+        terms *= weights[:, None]
+        square = terms.T @ terms
+        factors.append(np.linalg.solve(square + 1e-9 * np.trace(square) * np.eye(8), terms.T @ (values * weights))[:2])
         centres.append([x.mean(), y.mean()])
     places, fitted = np.array(centres), np.array(factors)
     first = fitted[:, 0] - 1j * fitted[:, 1]
@@ -118,15 +118,15 @@ def find_fringes(picture: Picture, expected: Array, other: Array) -> Fringes:
     places, first = places[seen], first[seen]
     middle = np.angle(first.sum())
     phases = np.angle(first * np.exp(-1j * middle)) / 2 / math.pi
-    known = np.concatenate([places, np.ones((len(places), 1))], -1)
-    solved, *_ = np.linalg.lstsq(known, phases, rcond=None)
-    rest = phases - known @ solved
+    terms = np.concatenate([places, np.ones((len(places), 1))], -1)
+    solved, *_ = np.linalg.lstsq(terms, phases, rcond=None)
+    rest = phases - terms @ solved
     scatter = math.sqrt(float((rest ** 2).sum()) / max(len(rest) - 3, 1))
     if scatter > 0.06:  # fringes
         raise LfsrError(f"the fringes are not straight (they scatter by {scatter:.2f} of a fringe): take the whole, "
                         "uncropped photograph with the main camera, sharp, without zoom")
     return Fringes(wave + solved[:2], float(solved[2] + middle / 2 / math.pi),
-                   np.linalg.inv(known.T @ known) * (scatter * OVERLAP) ** 2)
+                   np.linalg.inv(terms.T @ terms) * (scatter * OVERLAP) ** 2)
 
 
 def _spectrum(weighted: Array, picture: Picture, across: Array, up: Array) -> Array:
@@ -173,14 +173,14 @@ def calibrate(profile: DisplayProfile, photos: Sequence[Path], places: Sequence[
             seen.append(see(profile, image, place))
         except LfsrError as error:
             raise LfsrError(f"{photo.name}: {error}") from None
-    found = combine(profile, seen)
-    picture = comparison(profile, found)
+    calibration = combine(profile, seen)
+    picture = comparison(profile, calibration)
     if output:
-        write_profile(output, found.profile)
+        write_profile(output, calibration.profile)
         write_png(output.with_suffix(".png"), picture)
-    pitch, turn, shift = found.errors
+    pitch, turn, shift = calibration.errors
     notices = [Notice("calibrated", {"photographs": len(photos), "pitch": pitch, "turn": turn, "shift": shift}),
-               Notice("calibrated-at-distance", {"pitch": found.per_mm})]
+               Notice("calibrated-at-distance", {"pitch": calibration.per_mm})]
     for name, view in ((photo.name, one.view) for photo, one in zip(photos, seen, strict=True)):
         if view.mirrored:
             notices.append(Notice("photograph-mirrored", {"photograph": name}))
@@ -188,7 +188,7 @@ def calibrate(profile: DisplayProfile, photos: Sequence[Path], places: Sequence[
             notices.append(Notice("photograph-turned", {"photograph": name, "degrees": view.turn_deg}))
         if abs(view.bent) > 0.005:  # at the photograph's corner
             notices.append(Notice("lens-distorts", {"photograph": name, "fraction": abs(view.bent)}))
-    return found.profile, notices
+    return calibration.profile, notices
 
 
 def see(profile: DisplayProfile, image: Array, eye: tuple[float, float, float]) -> Seen:
@@ -210,7 +210,7 @@ def see(profile: DisplayProfile, image: Array, eye: tuple[float, float, float]) 
     times = max(1, int(pixels / max(size[0] / min(profile.sheet.pitches) * PER_LENS, 400)))
     points = grid(size, int(min(pixels / times, 2048)))
     places, light = view.places(points), dots(profile).shown(points[..., 0], points[..., 1])
-    found: list[list[Fringes]] = [[], []]
+    by_axis: list[list[Fringes]] = [[], []]
     for channel, other in (FRINGE_CHANNELS, FRINGE_CHANNELS[::-1]):
         values = Raster.of(image[..., channel]).shrunk(times).at(places)
         picture = Picture(values, points[0, :, 0], points[:, 0, 1], light)
@@ -219,9 +219,9 @@ def see(profile: DisplayProfile, image: Array, eye: tuple[float, float, float]) 
             mixed = next(1 + 1 / length for number, length in tones(profile, other) if number == axis)
             fringes = find_fringes(picture, shown - nearer * waves[axis], mixed * waves[axis] - shown)
             # The lenses through which the pattern is seen as these fringes.
-            found[axis].append(Fringes(shown - fringes.wave, fringes.phase + (1 + 1 / lenses) * phases[axis],
-                                       fringes.errors, fringes.wave))
-    return Seen(image, view, tuple(_mean(tones, view, profile) for tones in found if tones), eye)
+            by_axis[axis].append(Fringes(shown - fringes.wave, fringes.phase + (1 + 1 / lenses) * phases[axis],
+                                         fringes.errors, fringes.wave))
+    return Seen(image, view, tuple(_mean(tones, view, profile) for tones in by_axis if tones), eye)
 
 
 def combine(profile: DisplayProfile, seen: Sequence[Seen]) -> Calibration:
@@ -229,13 +229,13 @@ def combine(profile: DisplayProfile, seen: Sequence[Seen]) -> Calibration:
     fitted = profile
     for _ in range(ROUNDS):
         # Waves (n, 2) of the lenses per millimetre and their phases (n,) at the middle; n: 1 for cylinders, else 2.
-        found: list[tuple[Array, Array]] = []
+        lattices: list[tuple[Array, Array]] = []
         for one in seen:
             behind = Geometry.of(fitted).gap / one.eye_mm[2]
             apparent = np.array([fringes.wave for fringes in one.lenses])
             seen_phases = np.array([fringes.phase for fringes in one.lenses])
-            found.append((apparent * (1 + behind), seen_phases + apparent @ np.array(one.eye_mm[:2]) * behind))
-        waves, phases = (np.array(values) for values in zip(*found, strict=True))
+            lattices.append((apparent * (1 + behind), seen_phases + apparent @ np.array(one.eye_mm[:2]) * behind))
+        waves, phases = (np.array(values) for values in zip(*lattices, strict=True))
         phases = phases[0] + (phases - phases[0] + 0.5) % 1 - 0.5  # of the same lens
         fitted = _with_sheet(profile, fitted, np.mean(waves, 0), phases.mean(0))
     # Photographs must not place a lens differently, at the panel's middle or at a corner.
@@ -269,16 +269,16 @@ def combine(profile: DisplayProfile, seen: Sequence[Seen]) -> Calibration:
     return Calibration(fitted, tuple(seen), (pitch, turn, shift), behind / distance / (1 + behind))
 
 
-def _mean(found: list[Fringes], view: View, profile: DisplayProfile) -> Fringes:
+def _mean(waves: list[Fringes], view: View, profile: DisplayProfile) -> Fringes:
     """Mean of the fringes of several channels, whose errors know how well the panel's places are known."""
-    (width, height), lengths = profile.panel_mm, np.array([np.linalg.norm(one.seen) for one in found])
+    (width, height), lengths = profile.panel_mm, np.array([np.linalg.norm(one.seen) for one in waves])
     # A wrong place of the panel moves all fringes alike, the more the closer they are.
     place = float((view.offsets ** 2).mean()) / len(view.offsets) * np.array([12 / width ** 2, 12 / height ** 2, 1])
-    weights = 1 / (np.array([np.trace(one.errors[:2, :2]) for one in found]) + place[:2].sum() * lengths ** 2)
+    weights = 1 / (np.array([np.trace(one.errors[:2, :2]) for one in waves]) + place[:2].sum() * lengths ** 2)
     weights /= weights.sum()
-    values = np.array([[*one.wave, found[0].phase + (one.phase - found[0].phase + 0.5) % 1 - 0.5] for one in found])
+    values = np.array([[*one.wave, waves[0].phase + (one.phase - waves[0].phase + 0.5) % 1 - 0.5] for one in waves])
     mean = weights @ values
-    inside = np.einsum("n,nij->ij", weights ** 2, [one.errors for one in found])
+    inside = np.einsum("n,nij->ij", weights ** 2, [one.errors for one in waves])
     apart = np.sqrt(weights @ (values - mean) ** 2)
     inside *= max(1.0, float((apart ** 2 / (np.diag(inside) + place * np.ptp(lengths) ** 2)).max()))
     return Fringes(mean[:2], float(mean[2]), inside + np.diag(place) * (weights @ lengths) ** 2)

@@ -73,10 +73,10 @@ def read_calibration(path: str | Path) -> Calibration:
 
 def calibration_of(data: Any, path: str | Path) -> Calibration:
     """Return the one calibration in JSON data, which errors call ``path``; LfsrError as of ``read_calibration``."""
-    found = list(_calibrations(data))
-    if len(found) > 1:
-        raise LfsrError(f"{path} holds the calibrations of {len(found)} displays, expected one: keep one of them")
-    data = found[0] if found else data
+    records = list(_calibrations(data))
+    if len(records) > 1:
+        raise LfsrError(f"{path} holds the calibrations of {len(records)} displays, expected one: keep one of them")
+    data = records[0] if records else data
     if not isinstance(data, dict):
         raise LfsrError(f"{path} holds no JSON object with the numbers of a display: copy the calibration again")
     numbers = {name: _number(path, data, name, None) for name in REQUIRED}

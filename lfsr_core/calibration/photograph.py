@@ -284,8 +284,8 @@ def _outline(image: Array) -> Array:
         ends = points[(points @ np.stack([np.cos(ways), np.sin(ways)])).argmax(0)]
         x, y = ends.T
         if (area := float(abs((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()))) > best:
-            best, found = area, ends
-    corners = np.asarray((found - [(width - 1) / 2, (height - 1) / 2]) / (math.hypot(height, width) / 2))
+            best, outline = area, ends
+    corners = np.asarray((outline - [(width - 1) / 2, (height - 1) / 2]) / (math.hypot(height, width) / 2))
     if (side := float(_sides(corners).min()) * math.hypot(height, width) / 2) < MIN_SIDE:
         raise LfsrError(f"the panel's shortest side is {side:.0f} pixels in the photograph, but at least {MIN_SIDE} "
                         "are needed: come nearer, or use a longer lens from the same place")
@@ -306,8 +306,8 @@ def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wid
         colors = image.at(places).reshape(-1, 3)
         # Colours of the camera mix: those of the fringes take part.
         seen, others = colors[:, DOT_CHANNEL], colors[:, FRINGE_CHANNELS]
-        known = np.concatenate([columns, others], -1)
-        fitted = known @ _solved(known, seen) - under @ _solved(under, seen)
+        terms = np.concatenate([columns, others], -1)
+        fitted = terms @ _solved(terms, seen) - under @ _solved(under, seen)
         # What is seen changes with each number of the view as the light that is expected; the photograph's own slopes
         # would do but for its noise, which is in what they explain too. How places change along y and x; its inverse,
         # how points change with places.
@@ -315,12 +315,12 @@ def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wid
                           np.linalg.inv(np.stack(np.gradient(places, *axes, axis=(0, 1))[::-1], -1)))
         changes = [(((_moved(view, delta, size, bend).places(points) - places) / 1e-5) * slope).sum(-1).ravel()
                    for delta in 1e-5 * np.eye(12 if bend else 8)]
-        solved = _solved(np.concatenate([known, -np.stack(changes, -1)], -1), seen)
-        moved = _moved(view, solved[known.shape[1]:], size, bend)
+        solved = _solved(np.concatenate([terms, -np.stack(changes, -1)], -1), seen)
+        moved = _moved(view, solved[terms.shape[1]:], size, bend)
         step, view = np.abs(moved.places(points) - places).max() * image.half, moved
         if not step < 1e3 or step < STILL:
             break
-    rest, flat = seen - known @ solved[:known.shape[1]], np.concatenate([under, others], -1)
+    rest, flat = seen - terms @ solved[:terms.shape[1]], np.concatenate([under, others], -1)
     plain: Array = seen - flat @ _solved(flat, seen)
     alike = math.sqrt(max(0.0, 1 - float((rest ** 2).sum() / max((plain ** 2).sum(), 1e-12))))
     gain = columns[:, under.shape[1]:-1] @ solved[under.shape[1]:columns.shape[1] - 1]
@@ -331,8 +331,8 @@ def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wid
     for y in marks.y:
         for x in marks.x:
             part = np.ix_(np.abs(axes[0] - y) < 2.5 * marks.spread, np.abs(axes[1] - x) < 2.5 * marks.spread)
-            known = np.stack([np.ones_like(gain[part]), -right[part], -up[part], gain[part]], -1).reshape(-1, 4)
-            offsets.append(_solved(known, rest[part].ravel())[1:3])
+            terms = np.stack([np.ones_like(gain[part]), -right[part], -up[part], gain[part]], -1).reshape(-1, 4)
+            offsets.append(_solved(terms, rest[part].ravel())[1:3])
     return dataclasses.replace(view, alike=alike, offsets=np.array(offsets))
 
 
@@ -351,8 +351,8 @@ def _terms(points: Array, size: Array, count: int) -> Array:
     return np.asarray((across[:, :, None] * up[:, None]).reshape(len(x), -1)[:, degrees < count])
 
 
-def _solved(known: Array, values: Array) -> Array:
-    """Factors of the columns of ``known`` that come nearest to ``values``."""
-    scale = np.sqrt((known ** 2).sum(0)) + 1e-12
-    scaled = known / scale
+def _solved(terms: Array, values: Array) -> Array:
+    """Factors of the columns of ``terms`` that come nearest to ``values``."""
+    scale = np.sqrt((terms ** 2).sum(0)) + 1e-12
+    scaled = terms / scale
     return np.asarray((np.linalg.solve(scaled.T @ scaled + 1e-10 * np.eye(len(scale)), scaled.T @ values).T / scale).T)

@@ -182,14 +182,14 @@ def table(planned: Planned, display: DisplayProfile, details: bool) -> str:
 
     target = f"{planned.options.metric} {planned.options.target:g}"
     if choice.chosen is not None:
-        found = (f"{choice.chosen.name} reaches {target} with 95 % confidence ({accuracy(choice.chosen)}) in about "
-                 f"{choice.chosen.seconds:.0f} s")
+        answer = (f"{choice.chosen.name} reaches {target} with 95 % confidence ({accuracy(choice.chosen)}) in about "
+                  f"{choice.chosen.seconds:.0f} s")
     else:
         limit = sentence(choice.limit) if choice.limit else ""
-        found = f"nothing reaches {target}: {limit}" if choice.best is None else (
+        answer = f"nothing reaches {target}: {limit}" if choice.best is None else (
             f"nothing reaches {target} with 95 % confidence; best is {choice.best.name} ({accuracy(choice.best)}). "
             f"Limit: {limit}")
-    return "\n".join([*lines, "", cost, found])
+    return "\n".join([*lines, "", cost, answer])
 
 
 def render_command(arguments: argparse.Namespace, chosen: Candidate, display: DisplayProfile) -> str:

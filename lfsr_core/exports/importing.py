@@ -98,7 +98,7 @@ def _places(names: list[str], columns: int | None) -> dict[Place, str]:
     if hci := matching(r"input_cam(\d+)"):
         numbers = [int(match[1]) for match, _ in hci]
         columns = columns or math.ceil(math.sqrt(max(numbers) + 1))
-        found = [(divmod(number, columns), name) for number, (_, name) in zip(numbers, hci, strict=True)]
+        placed = [(divmod(number, columns), name) for number, (_, name) in zip(numbers, hci, strict=True)]
     elif (stanford := matching(r".*?_?(\d+)_(\d+)_(-?\d+(?:\.\d+)?)_(-?\d+(?:\.\d+)?)_?")) and len(
             {match.group(1, 2) for match, _ in stanford}) == len(stanford):  # else the title ends in numbers
         axes = np.array([[float(match[group]) for group in (1, 2, 3, 4)] for match, _ in stanford]).T
@@ -106,13 +106,13 @@ def _places(names: list[str], columns: int | None) -> dict[Place, str]:
             # From 0, reversed where the coordinates in the names fall as these rise.
             falls = np.dot(counted - counted.mean(), coordinates - coordinates.mean()) < 0
             counted[:] = counted.max() - counted if falls else counted - counted.min()
-        found = [((int(row), int(column)), name) for row, column, (_, name) in zip(*axes[:2], stanford, strict=True)]
+        placed = [((int(row), int(column)), name) for row, column, (_, name) in zip(*axes[:2], stanford, strict=True)]
     elif pleno := matching(pair):  # by column and row
-        found = [((int(match[2]), int(match[1])), name) for match, name in pleno]
+        placed = [((int(match[2]), int(match[1])), name) for match, name in pleno]
     else:  # by a title, row and column, as our exports are
-        found = [((int(match[1]), int(match[2])), name) for match, name in matching(rf".*\D{pair}")]
+        placed = [((int(match[1]), int(match[2])), name) for match, name in matching(rf".*\D{pair}")]
     places: dict[Place, str] = {}
-    for place, name in found:
+    for place, name in placed:
         if place in places:
             raise LfsrError(f"{places[place]} and {name} belong to the same camera: remove one")
         places[place] = name
@@ -264,7 +264,7 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
     missing, unreadable or of several sizes, a scale or geometry out of range, or where a folder holds another film or
     another import of this one.
     """
-    source, output, geometry, known = Path(source), Path(output), geometry or ImportGeometry(), dict[str, float]()
+    source, output, geometry, facts = Path(source), Path(output), geometry or ImportGeometry(), dict[str, float]()
     if quilt is not None and is_film(source):
         return _import_film(source, output, quilt, geometry, tell)
     if output.resolve() == source.resolve():
@@ -279,7 +279,7 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
                             "smaller")
         tile = size[0] // quilt.grid[0], size[1] // quilt.grid[1]
         name = without_suffix(source.stem)
-        display = _display(tile, (math.prod(quilt.grid), 1), scale, geometry, known, tell, quilt)
+        display = _display(tile, (math.prod(quilt.grid), 1), scale, geometry, facts, tell, quilt)
         views = _views(read_quilt(source, quilt), geometry, quilt.aspect, geometry.angle_deg, equal_angles=True)
     else:
         columns, lengths = _hci_parameters(source / PARAMETERS_FILE)
@@ -297,11 +297,11 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
         if lengths:
             focal, sensor, baseline, focus, aspect = lengths
             aspect = aspect or size[0] / size[1]
-            known = {"width_mm": focus * sensor / focal * min(1, aspect), "distance_mm": focus, "aspect": aspect,
+            facts = {"width_mm": focus * sensor / focal * min(1, aspect), "distance_mm": focus, "aspect": aspect,
                      "angle_deg": 2 * math.degrees(math.atan(baseline * across / 2 / focus))}
-        display, name = _display(size, (across, down), scale, geometry, known, tell), source.resolve().name
-        views = _views(read_views(files, tell), geometry, known.get("aspect", size[0] / size[1]),
-                       geometry.angle_deg or known.get("angle_deg"), equal_angles=False)
+        display, name = _display(size, (across, down), scale, geometry, facts, tell), source.resolve().name
+        views = _views(read_views(files, tell), geometry, facts.get("aspect", size[0] / size[1]),
+                       geometry.angle_deg or facts.get("angle_deg"), equal_angles=False)
     _write(output, _frame(display, scale, name), views)
     tell(Progress("import", 1.0, str(output)))
     return display
@@ -370,7 +370,7 @@ def _write(output: Path, frame: Frame, views: Array) -> None:
         FrameFolder(output).publish(staged)
 
 
-def _display(size: Pair, count: Pair, scale: int, given: ImportGeometry, known: dict[str, float],
+def _display(size: Pair, count: Pair, scale: int, given: ImportGeometry, facts: dict[str, float],
              tell: Tell, quilt: Quilt | None = None) -> DisplayProfile:
     """The chosen display, or one whose lenses are the pixels of the views; tells what is assumed.
 
@@ -386,16 +386,16 @@ def _display(size: Pair, count: Pair, scale: int, given: ImportGeometry, known: 
                             "--distance-mm have no use with --display: leave them out")
         if given.angle_deg is not None:
             check_within("angle_deg", given.angle_deg, 1, 120)
-        elif "angle_deg" not in known:
+        elif "angle_deg" not in facts:
             tell(Notice("angle-assumed", {"angle_deg": given.display.viewing_angle_deg}))
         return given.display
-    known = known | {name: value for name in DEFAULTS if (value := getattr(given, name)) is not None}
+    facts = facts | {name: value for name in DEFAULTS if (value := getattr(given, name)) is not None}
     defaults = DEFAULTS | ({} if quilt is None else {"angle_deg": 40.0})  # the usual viewing cone of quilts
-    if assumed := {name: value for name, value in defaults.items() if name not in known}:
+    if assumed := {name: value for name, value in defaults.items() if name not in facts}:
         tell(Notice("geometry-assumed", assumed))
-    (width, height), (across, down), chosen = size, count, defaults | known
+    (width, height), (across, down), chosen = size, count, defaults | facts
     views = (across * scale, down * scale if down > 1 else 1)
-    panel_mm = chosen["width_mm"], chosen["width_mm"] / (quilt.aspect if quilt else known.get("aspect", width / height))
+    panel_mm = chosen["width_mm"], chosen["width_mm"] / (quilt.aspect if quilt else facts.get("aspect", width / height))
     return DisplayProfile(
         NAME, (width * views[0], height * views[1]), panel_mm, (width, height), views, chosen["distance_mm"],
         chosen["angle_deg"], description=f"{across}×{down} views of another program or camera")

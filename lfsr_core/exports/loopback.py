@@ -86,9 +86,9 @@ def _exchange(endpoint: str, content: bytes, seconds: float) -> tuple[int, bytes
         connection.request("PUT", f"/{endpoint}", content, {
             "Host": f"localhost:{port()}", "Content-Type": "application/json", "Connection": "close"})
         with connection.getresponse() as answer:
-            found = answer.status, answer.read(MOST_JSON_BYTES + 1)
-            if answer.length and len(found[1]) <= MOST_JSON_BYTES:
-                raise http.client.IncompleteRead(found[1], answer.length)
+            response = answer.status, answer.read(MOST_JSON_BYTES + 1)
+            if answer.length and len(response[1]) <= MOST_JSON_BYTES:
+                raise http.client.IncompleteRead(response[1], answer.length)
     except (OSError, ValueError, http.client.HTTPException):
         if late.is_set():
             raise TimeoutError from None
@@ -99,4 +99,4 @@ def _exchange(endpoint: str, content: bytes, seconds: float) -> tuple[int, bytes
         line.close()
     if late.is_set():
         raise TimeoutError
-    return found
+    return response

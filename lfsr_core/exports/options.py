@@ -130,9 +130,9 @@ class QuiltShape(NamedTuple):
 
 def read_quilt_name(name: str) -> QuiltShape | None:
     """What a file's name says of a quilt; None where it names no tiles."""
-    if not (found := SUFFIX.search(name)):
+    if not (match := SUFFIX.search(name)):
         return None
-    across, down, aspect = found.groups()
+    across, down, aspect = match.groups()
     return QuiltShape((int(across), int(down)), float(aspect) if aspect and float(aspect) else None)
 
 

@@ -106,7 +106,7 @@ def write_page(folders: str | Path | Sequence[str | Path], output: str | Path | 
              "ASPECT": f"{profile.panel_mm[0]:g}/{profile.panel_mm[1]:g}",
              "STILL": url, "DATA": data, "<!--IMAGES-->": tags}
     # All at once, so that nothing inserted is taken for a mark.
-    text = re.sub("|".join(map(re.escape, parts)), lambda found: parts[found[0]], text)
+    text = re.sub("|".join(map(re.escape, parts)), lambda mark: parts[mark[0]], text)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     tell(Progress("view", 1.0, path.name))

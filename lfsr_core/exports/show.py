@@ -76,8 +76,8 @@ class Bridge:
 
     def devices(self) -> list[Device]:
         """Displays with lenses, by index; LfsrError if there is none."""
-        found, devices = _within(self._put("available_output_devices"), "payload"), []
-        for entry in found.values() if isinstance(found, dict) else ():
+        entries, devices = _within(self._put("available_output_devices"), "payload"), []
+        for entry in entries.values() if isinstance(entries, dict) else ():
             index, corner, quilt = (_within(entry, name) for name in ("index", "windowCoords", "defaultQuilt"))
             corner, quilt = corner if isinstance(corner, dict) else {}, _parsed(quilt)
             device = Device(index if isinstance(index, int) else -1, str(_within(entry, "hwid") or ""),
@@ -119,19 +119,19 @@ def chosen(devices: Sequence[Device], wanted: str | None, aspect: float | None =
 
     LfsrError if there is none, or if the display that is wanted has others.
     """
-    found = [device for device in devices if wanted is None or wanted.lower() in (str(device.index),
+    named = [device for device in devices if wanted is None or wanted.lower() in (str(device.index),
                                                                                    device.name.lower())]
-    known = ", ".join(f"{device.index} ({device.name})" for device in devices)
-    if wanted is not None and len(found) > 1:
-        found = [device for device in found if wanted == str(device.index)]
-        if len(found) != 1:
-            raise LfsrError(f"{PROGRAM} has several displays called {wanted!r}: choose one of {known} by its number")
-    if not found:
-        raise LfsrError(f"display {wanted!r} is not among those of {PROGRAM}: choose one of {known}")
-    fitting = [device for device in found if aspect is None or abs(_aspect(device, aspect) / aspect - 1) <= SAME_ASPECT]
+    names = ", ".join(f"{device.index} ({device.name})" for device in devices)
+    if wanted is not None and len(named) > 1:
+        named = [device for device in named if wanted == str(device.index)]
+        if len(named) != 1:
+            raise LfsrError(f"{PROGRAM} has several displays called {wanted!r}: choose one of {names} by its number")
+    if not named:
+        raise LfsrError(f"display {wanted!r} is not among those of {PROGRAM}: choose one of {names}")
+    fitting = [device for device in named if aspect is None or abs(_aspect(device, aspect) / aspect - 1) <= SAME_ASPECT]
     if not fitting:
-        raise LfsrError(f"the image is made for a panel of width / height {aspect:.3f}, but display {found[0].name!r} "
-                        f"has {_aspect(found[0], 0):.3f}: render it with that display's own profile")
+        raise LfsrError(f"the image is made for a panel of width / height {aspect:.3f}, but display {named[0].name!r} "
+                        f"has {_aspect(named[0], 0):.3f}: render it with that display's own profile")
     return fitting[0]
 
 
@@ -179,7 +179,7 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: 
     path, images, seconds, options = Path(path), list[Path](), 1.0, ExportOptions(fps=fps, tell=tell)
     if path.is_dir():
         frames, page = frame_folders(path, (EIA_FILE, PANEL_FILE)), path / PAGE
-        if (found := find_display(frames[0], display)) is None:
+        if (playing := find_display(frames[0], display)) is None:
             images = [one / (PANEL_FILE if read_rendered(one).display.is_woven else EIA_FILE) for one in frames]
             for image in images:
                 if not image.is_file():
@@ -187,7 +187,7 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: 
                                     "upscale`")
             seconds = 1 / fps
         else:
-            options = dataclasses.replace(options, shape=found[1].shape)  # the device knows its quilt best
+            options = dataclasses.replace(options, shape=playing[1].shape)  # the device knows its quilt best
             (path,) = (export(path, "quilt-film", options=options) if len(frames) > 1 else
                        export(frames[0], "quilt", options=dataclasses.replace(options, fps=None)))
     elif not path.is_file():
@@ -195,7 +195,7 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: 
     elif (named := read_quilt_name(path.stem)) and min(named.grid) > 0 and display != SCREEN:
         bridge, aspect = Bridge(), named.aspect or float("inf")  # which no panel has, so that the first stays first
         devices = sorted(bridge.devices(), key=lambda one: abs(_aspect(one, 0) / aspect - 1) > SAME_ASPECT)
-        found = bridge, chosen(devices, display)
+        playing = bridge, chosen(devices, display)
     else:
         if display not in (None, SCREEN) or path.suffix.lower() in FILMS:
             raise LfsrError(f"{path.name} is no quilt by its name, expected an ending as in name_qs8x6a0.75.png: "
@@ -205,13 +205,13 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: 
                 raise LfsrError(f"{path} holds no image, expected a frame folder, a quilt or another image: check the "
                                 "path")
         # The page of somebody else's file lies in our own folder, not beside it.
-        found, images, page = None, [path], cache_folder() / PAGE
+        playing, images, page = None, [path], cache_folder() / PAGE
         page.parent.mkdir(parents=True, exist_ok=True)
-    if found is None:
+    if playing is None:
         write_screen_page(page, images, seconds)
         return Shown("The browser shows it full screen: move its window to the display and click into it", page)
-    found[0].play(path, found[1])
-    return Shown(f"{path.name} is shown on {found[1].name} ({found[1].hardware})")
+    playing[0].play(path, playing[1])
+    return Shown(f"{path.name} is shown on {playing[1].name} ({playing[1].hardware})")
 
 
 def find_display(folder: Path, display: str | None = None) -> tuple[Bridge, Device] | None:
@@ -238,6 +238,6 @@ def write_screen_page(path: Path, images: Sequence[Path], seconds: float) -> Non
     """
     data = json.dumps({"images": [image.resolve().as_uri() for image in images], "seconds": seconds})
     parts = {"TITLE": html.escape(images[0].parent.name), "DATA": data.replace("<", "\\u003c")}
-    text = re.sub("TITLE|DATA", lambda found: parts[found[0]], TEMPLATE.read_text(encoding="utf-8"), count=2)
+    text = re.sub("TITLE|DATA", lambda mark: parts[mark[0]], TEMPLATE.read_text(encoding="utf-8"), count=2)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -81,8 +81,8 @@ class FrameFolder:
     @property
     def image(self) -> Path:
         """File of the finished image, whether it is there or not."""
-        found = self.readable
-        return self.path / (files.PANEL_FILE if found and found.layout == SUBPIXELS else files.EIA_FILE)
+        frame = self.readable
+        return self.path / (files.PANEL_FILE if frame and frame.layout == SUBPIXELS else files.EIA_FILE)
 
     @property
     def parts(self) -> Path:
@@ -96,8 +96,8 @@ class FrameFolder:
 
     def is_rendered(self, request: Request) -> bool:
         """True if it holds the whole render of ``request``, on any device; its files are read to their ends."""
-        found = self.readable
-        return (found is not None and is_same(found, request)
+        frame = self.readable
+        return (frame is not None and is_same(frame, request)
                 and all(is_whole(self.path / name) for name in RENDERED_FILES[request.kind]))
 
     def check_rendered(self, request: Request, content: str = "", names: Collection[str] | None = None,
@@ -107,13 +107,13 @@ class FrameFolder:
         ``content``: of the scene's file, as of ``Frame.content``, empty for any; ``names``: facts to compare, None for
         all; ``advice``: what the user can do.
         """
-        found = self.part
-        facts = wanted_facts(request, found, content)
+        frame = self.part
+        facts = wanted_facts(request, frame, content)
         wanted = {name: value for name, value in facts.items() if names is None or name in names}
-        if name := first_difference(vars(found), wanted):
+        if name := first_difference(vars(frame), wanted):
             if name == "content":
-                raise LfsrError(f"{self.path} was rendered before {found.scene} was changed: {advice}")
-            here, there = phrases(name, vars(found)[name], wanted[name])
+                raise LfsrError(f"{self.path} was rendered before {frame.scene} was changed: {advice}")
+            here, there = phrases(name, vars(frame)[name], wanted[name])
             verb = "were" if name in PLURAL else "was"
             raise LfsrError(f"{self.path} was rendered with {here}, but {there.removesuffix(SAMPLES)} {verb} asked "
                             f"for: {advice}")
@@ -138,10 +138,10 @@ class FrameFolder:
         for other, names in RENDERED_FILES.items():
             if other != kind and any((self.path / name).exists() for name in names):
                 raise LfsrError(f"{self.path} holds a {other}, but a {kind} was asked for: choose another folder")
-        found = [name for name in DERIVED_FILES if name != files.LOG_FILE and (self.path / name).exists()]
+        derived = [name for name in DERIVED_FILES if name != files.LOG_FILE and (self.path / name).exists()]
         # One that was killed while it was published lacks its frame.json, but not the render.
-        if found and not any((self.path / name).exists() for name in (files.FRAME_FILE, *RENDERED_FILES[kind])):
-            raise LfsrError(f"{self.path} holds {found[0]} but no render, which would replace it: choose another one")
+        if derived and not any((self.path / name).exists() for name in (files.FRAME_FILE, *RENDERED_FILES[kind])):
+            raise LfsrError(f"{self.path} holds {derived[0]} but no render, which would replace it: choose another one")
 
     def publish(self, staged: Path) -> None:
         """Take the render in the folder ``staged``: all that was made of an older one goes, and its stored parts."""
@@ -152,8 +152,8 @@ class FrameFolder:
 
 def numbered(output: Path) -> dict[int, FrameFolder]:
     """Rendered frames of an animation in ``output``, by their numbers."""
-    found = output.iterdir() if output.is_dir() else ()
-    return {int(path.name): FrameFolder(path) for path in found
+    paths = output.iterdir() if output.is_dir() else ()
+    return {int(path.name): FrameFolder(path) for path in paths
             if NUMBERED.match(path.name) and FrameFolder(path).holds()}
 
 
@@ -170,13 +170,13 @@ def frame_folders(folder: str | Path, images: Sequence[str] = (files.EIA_FILE,))
     folder = Path(folder)
     if not is_sequence(folder):
         return [folder]
-    found = [path.parent for path in folder.glob(f"*/{files.FRAME_FILE}")
-             if any((path.parent / name).is_file() for name in images)]
-    if not found:
+    folders = [path.parent for path in folder.glob(f"*/{files.FRAME_FILE}")
+               if any((path.parent / name).is_file() for name in images)]
+    if not folders:
         raise LfsrError(f"{folder} is no frame folder and holds none with an {' or '.join(images)}: give one that "
                         "`lfsr render` made")
-    numbers = {path: int(path.name) for path in found if re.fullmatch(r"-?\d+", path.name)}
-    return sorted(found, key=lambda path: (path not in numbers, numbers.get(path, 0), path.name))
+    numbers = {path: int(path.name) for path in folders if re.fullmatch(r"-?\d+", path.name)}
+    return sorted(folders, key=lambda path: (path not in numbers, numbers.get(path, 0), path.name))
 
 
 def one_display(frames: Mapping[Path, Frame]) -> DisplayProfile:
@@ -219,30 +219,30 @@ def request_facts(job: Request, free: Collection[str] = PLACES) -> dict[str, Any
     return {name: value for name, value in to_data(job).items() if name not in free}
 
 
-def wanted_facts(job: Request, found: Frame, content: str = "") -> Facts:
+def wanted_facts(job: Request, frame: Frame, content: str = "") -> Facts:
     """Return the fields that a frame must have to be the render of ``job``.
 
-    The values of ``found`` stand for what the job leaves open, such as the device, the choice of a scale, or how many
+    The values of ``frame`` stand for what the job leaves open, such as the device, the choice of a scale, or how many
     times the rays a noisy scene takes; a reference may have other samples and lenses than its job. ``content``: stamp
     of the scene's file, empty for any.
     """
     is_reference, sampling = job.kind == "reference", job.sampling
-    scale = found.scale if found.scale in sampling.scales else sampling.scale
+    scale = frame.scale if frame.scale in sampling.scales else sampling.scale
     samples = job.samples_at(scale)
-    if is_reference or (sampling.rays is not None and found.samples in (samples * times for times in TIMES_RAYS)):
-        samples = found.samples
-    is_open_layout = job.layout == LAYOUTS[0] and found.layout != SUBPIXELS  # some devices need the lens card
+    if is_reference or (sampling.rays is not None and frame.samples in (samples * times for times in TIMES_RAYS)):
+        samples = frame.samples
+    is_open_layout = job.layout == LAYOUTS[0] and frame.layout != SUBPIXELS  # some devices need the lens card
     return {"display": job.display, "scale": scale, "samples": samples, "convention": job.convention,
-            "layout": found.layout if is_open_layout else job.layout, "view_aperture": job.view_aperture,
-            "lens_list": found.lens_list if is_reference else job.lens_list, "rows": job.rows,
-            "frame": found.frame if job.frame is None else job.frame, "seed": job.seed, "subject": job.subject or "",
-            "scene_name": job.scene_name if job.scene_name and found.scene_name else found.scene_name,
-            "source": found.source if is_of(found, job.source) else job.source, "camera": job.camera or "",
-            "device": found.device if job.device == AUTO else job.device,
-            "light": found.light if job.light == AUTO or not found.light else job.light,
-            "world_visible": found.world_visible if job.world_visible is None else job.world_visible,
-            "layers": found.layers if set(job.layers) <= set(found.layers) else job.layers,
-            "content": content if is_changed(found.content, content) else found.content}
+            "layout": frame.layout if is_open_layout else job.layout, "view_aperture": job.view_aperture,
+            "lens_list": frame.lens_list if is_reference else job.lens_list, "rows": job.rows,
+            "frame": frame.frame if job.frame is None else job.frame, "seed": job.seed, "subject": job.subject or "",
+            "scene_name": job.scene_name if job.scene_name and frame.scene_name else frame.scene_name,
+            "source": frame.source if is_of(frame, job.source) else job.source, "camera": job.camera or "",
+            "device": frame.device if job.device == AUTO else job.device,
+            "light": frame.light if job.light == AUTO or not frame.light else job.light,
+            "world_visible": frame.world_visible if job.world_visible is None else job.world_visible,
+            "layers": frame.layers if set(job.layers) <= set(frame.layers) else job.layers,
+            "content": content if is_changed(frame.content, content) else frame.content}
 
 
 def is_of(frame: Frame | None, source: str, scene_name: str = "") -> bool:
@@ -270,9 +270,9 @@ def has_other_size(first: str, second: str) -> bool:
     return bool(first and second) and sizes[0] != sizes[1]
 
 
-def first_difference(found: Facts, wanted: Facts) -> str:
-    """Return the name of the first of the ``wanted`` facts that is another in ``found``, "" where there is none."""
-    return next((name for name, value in wanted.items() if found.get(name) != value), "")
+def first_difference(facts: Facts, wanted: Facts) -> str:
+    """Return the name of the first of the ``wanted`` facts that is another in ``facts``, "" where there is none."""
+    return next((name for name, value in wanted.items() if facts.get(name) != value), "")
 
 
 def is_same(frame: Frame, job: Request) -> bool:
@@ -281,14 +281,14 @@ def is_same(frame: Frame, job: Request) -> bool:
     return not first_difference(vars(frame), wanted_facts(dataclasses.replace(job, device=AUTO, layout=layout), frame))
 
 
-def phrases(name: str, found: object, wanted: object) -> tuple[str, str]:
+def phrases(name: str, actual: object, wanted: object) -> tuple[str, str]:
     """Return both values of the fact ``name`` in words, as "scale 2" and "scale 4"; long ones are cut."""
-    parts = _parts(found), _parts(wanted)
+    parts = _parts(actual), _parts(wanted)
     if name not in PLURAL and parts[0] and parts[0].keys() == parts[1].keys():
         # Displays have names; of other records and of tuples the part that differs is shown.
         part = first_difference(*parts)
         return phrases(f"{name} {part}".removesuffix(" name"), parts[0][part], parts[1][part])
-    here, there = _phrase(name, found), _phrase(name, wanted)
+    here, there = _phrase(name, actual), _phrase(name, wanted)
     return here if here != there else f"other {here}", there
 
 

@@ -434,9 +434,9 @@ def parse_frames(text: str) -> tuple[int, ...]:
     frames: dict[int, None] = {}
     for word in text.split(","):
         word = word.strip()
-        if (found := RANGE.match(word)) is None:
+        if (match := RANGE.match(word)) is None:
             raise LfsrError(f"frames are {text[:50]!r}, but they must be like 1-48, 1-48x2 or 1,5,9")
-        first, last, step = int(found[1]), int(found[2] or found[1]), int(found[3] or 1)
+        first, last, step = int(match[1]), int(match[2] or match[1]), int(match[3] or 1)
         if first > last or not step:
             raise LfsrError(f"frames are {word}, but the first number must be the smaller one and the step at least 1")
         if max(abs(first), abs(last)) > MOST_FRAME:

@@ -73,7 +73,7 @@ def _check_gltf(path: Path) -> Iterator[Path]:
             name = entry.get("uri")
             if not isinstance(name, str) or name.startswith("data:"):
                 continue
-            plain = ESCAPED.sub(lambda found: bytes([int(found[1], 16)]), os.fsencode(name.replace("\\", "/")))
+            plain = ESCAPED.sub(lambda escape: bytes([int(escape[1], 16)]), os.fsencode(name.replace("\\", "/")))
             if ABSOLUTE.match(name) or ABSOLUTE.match(os.fsdecode(plain)):
                 raise LfsrError(f"scene {path} names {name[:200]}, but a glTF may name only files relative to itself: "
                                 "put the file beside the scene and correct the name")
@@ -94,12 +94,12 @@ def _check_gltf(path: Path) -> Iterator[Path]:
 
 
 def _records(value: Any) -> Iterable[dict[str, Any]]:
-    return [each for each in value if isinstance(each, dict)] if isinstance(value, list) else []
+    return [entry for entry in value if isinstance(entry, dict)] if isinstance(value, list) else []
 
 
 def _named(path: Path, pattern: re.Pattern[bytes]) -> Iterator[str]:
     """Yield the names that lines of a regular file give."""
     with path.open("rb") as file:
         while line := file.readline(2**16):
-            if found := pattern.match(line):
-                yield os.fsdecode(found[1].strip(b" \t\r\n\"").replace(b"\\", b"/"))
+            if match := pattern.match(line):
+                yield os.fsdecode(match[1].strip(b" \t\r\n\"").replace(b"\\", b"/"))

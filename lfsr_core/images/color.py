@@ -102,11 +102,11 @@ class ViewTransform:
                 chain, space, factor = ocio.GroupTransform(), ocio.ROLE_SCENE_LINEAR, 2.0**settings.exposure
                 chain.appendTransform(ocio.MatrixTransform(np.diag([factor, factor, factor, 1.0]).ravel().tolist()))
                 if settings.look not in NO_LOOK:
-                    look, known = settings.look, list(config.getLookNames())
+                    look, names = settings.look, list(config.getLookNames())
                     with_view = f"{view} - {look}"  # Blender's interface omits the view's name
-                    if with_view in known and look not in known:
+                    if with_view in names and look not in names:
                         look = with_view
-                    _check_known("look", look, known)
+                    _check_known("look", look, names)
                     behind_look = config.getLook(look).getProcessSpace()
                     chain.appendTransform(ocio.LookTransform(src=space, dst=behind_look, looks=look))
                     space = behind_look
@@ -183,8 +183,8 @@ def find_config(settings: ColorSettings) -> Path:
                     f"package bpy, or set OCIO to the {CONFIG_IN_BLENDER} inside Blender's folder")
 
 
-def _check_known(what: str, name: str, known: Iterable[str]) -> None:
-    names = list(known)
+def _check_known(what: str, name: str, choices: Iterable[str]) -> None:
+    names = list(choices)
     if name not in names:
         hint = did_you_mean(name, names).rstrip("? ") or f"choose one of {', '.join(names)}"
         raise LfsrError(f"{what} {name!r} is not in Blender's colour configuration: {hint}")

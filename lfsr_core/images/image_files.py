@@ -74,7 +74,7 @@ def upright(image: Array, spec: oiio.ImageSpec) -> Array:
 def readable_suffixes() -> frozenset[str]:
     """Return the suffixes, without the point, of the formats that OpenImageIO reads."""
     formats = oiio.get_string_attribute("extension_list").split(";")
-    return frozenset(suffix for each in formats for suffix in each.split(":")[1].split(","))
+    return frozenset(suffix for entry in formats for suffix in entry.split(":")[1].split(","))
 
 
 def why_unreadable(path: str | Path) -> str:
@@ -102,13 +102,13 @@ def read_layers(path: str | Path, without: Collection[str] = ()) -> Layers:
     layers: Layers = {}
     try:
         for columns_of, pixels in _read_parts(path, without):
-            for layer, found in columns_of.items():
+            for layer, parts in columns_of.items():
                 wanted = LAYER_CHANNELS[layer]
                 orders = (wanted, wanted[:3], *(() if layer in COLORS else ("RGB", "XYZ")))
-                if (order := next((each for each in orders if set(found) == set(each)), None)) is None:
-                    raise _unreadable(path, f"its layer {layer} has the channels {', '.join(sorted(found))} instead of "
+                if (order := next((names for names in orders if set(parts) == set(names)), None)) is None:
+                    raise _unreadable(path, f"its layer {layer} has the channels {', '.join(sorted(parts))} instead of "
                                             f"{', '.join(wanted[:3])}")
-                columns = [found[component] for component in order]
+                columns = [parts[component] for component in order]
                 in_turn = columns == list(range(columns[0], columns[0] + len(columns)))
                 layers.setdefault(layer, np.ascontiguousarray(pixels[..., columns[0]:columns[-1] + 1]) if in_turn
                                   else pixels[..., columns])
@@ -262,8 +262,8 @@ def _read_parts(path: Path, without: Collection[str]) -> Iterator[tuple[dict[str
             if (left < 0 or index >= MAX_PARTS or spec.deep or max(width, height) > MAX_SIDE
                     or min(spec.width, spec.height) < 1):
                 raise _unreadable(path, "its header asks for more than the file can hold")
-            if (found := spec.get_string_attribute("compression", "none")) not in LOSSLESS:
-                raise _unreadable(path, f"its compression is {found}, expected one without loss, as zip")
+            if (compression := spec.get_string_attribute("compression", "none")) not in LOSSLESS:
+                raise _unreadable(path, f"its compression is {compression}, expected one without loss, as zip")
             names = spec.channelnames
             wanted = {layer: columns for layer, columns in _layer_columns(names).items() if layer not in without}
             for layer, columns in wanted.items():  # whole numbers are read as fractions of the largest
@@ -284,13 +284,13 @@ def _unreadable(path: Path, reason: str) -> LfsrError:
 
 def _layer_columns(names: Sequence[str]) -> dict[str, dict[str, int]]:
     """Column of each component of each layer among channels such as ``ViewLayer.Denoising Albedo.R``."""
-    found: dict[str, dict[str, int]] = {}
+    columns: dict[str, dict[str, int]] = {}
     for column, name in enumerate(names):
         *parents, component = name.split(".")
         if layer := PASS_LAYERS.get(parents[-1].lower() if parents else ""):
             # A second view layer's pass of the same name does not replace the first one's.
-            found.setdefault(layer, {}).setdefault(component, column)
-    return found
+            columns.setdefault(layer, {}).setdefault(component, column)
+    return columns
 
 
 def encode_png(pixels: Array) -> list[bytes]:

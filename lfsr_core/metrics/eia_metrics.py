@@ -171,18 +171,18 @@ def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], 
         if flip_evaluator:
             values["flip"] = np.array([mean_flip(*pair) for pair in zip(x, mean, strict=True)])
         in_foreground = mask[rows, columns]
-        found: dict[str, Estimate] = {
+        estimates: dict[str, Estimate] = {
             name: stratified(values[name], in_foreground, mask) if name in values else (None, None)
             for name in ("ssim_lens", "ssim_lens_plain", "ssim_lens_ceiling", "flip")}
         for name in ("ssim_lens", "psnr"):
-            found[f"{name}_fg"] = stratum(values[name][in_foreground], int(mask.sum()))
+            estimates[f"{name}_fg"] = stratum(values[name][in_foreground], int(mask.sum()))
         # Decibels and their half-width (first order) from a squared error and its half-width.
-        error, width = found["psnr_fg"]
-        found["psnr_fg"] = (None, None) if error is None or error <= 0 else (
+        error, width = estimates["psnr_fg"]
+        estimates["psnr_fg"] = (None, None) if error is None or error <= 0 else (
             psnr(error), None if width is None else 10 / math.log(10) * width / error)
-        metrics = {"p": mean_of(mask)} | {name: value for name, (value, _) in found.items()}
+        metrics = {"p": mean_of(mask)} | {name: value for name, (value, _) in estimates.items()}
         return {**{name: metrics[name] for name in SAMPLED_NAMES},
-                "lenses": len(lens_list), "ci95": {name: width for name, (_, width) in found.items()}} | notes
+                "lenses": len(lens_list), "ci95": {name: width for name, (_, width) in estimates.items()}} | notes
     for half in halves:
         if half.shape != image.shape:
             raise _shape_error(half.shape, image.shape)
@@ -312,16 +312,16 @@ def compare_folders(folder: str | Path, reference: str | Path) -> Metrics:
     check_reference(frame, read_frame(reference))
     report = read_report(folder)
     if (image := read_finished_linear(folder)) is None:
-        beside = tuple(each.number for each in neighbours_of(folder, frame, report.finish.temporal_averaging))
+        beside = tuple(neighbour.number for neighbour in neighbours_of(folder, frame, report.finish.temporal_averaging))
         if beside != report.neighbours:
             raise LfsrError(f"{folder} was averaged with frames {str(report.neighbours)[:60]}, but those beside it are "
                             f"now {beside or 'none'}: finish it again, then compare")
         image = finished_linear(folder, report.finish)
-    known, mask = Reference.read(reference), read_mask(folder / files.MASK_FILE, frame.display.lenses)
-    metrics = compare(image, (known.half_a, known.half_b), frame.display.lenses,
-                      known.hits if known.lens_list is None else mask, known.lens_list)
-    metrics["recall"] = (recall(mask, known.hits) if known.lens_list is None
-                         else sampled_recall(mask, known.foreground, known.lens_list))
+    truth, mask = Reference.read(reference), read_mask(folder / files.MASK_FILE, frame.display.lenses)
+    metrics = compare(image, (truth.half_a, truth.half_b), frame.display.lenses,
+                      truth.hits if truth.lens_list is None else mask, truth.lens_list)
+    metrics["recall"] = (recall(mask, truth.hits) if truth.lens_list is None
+                         else sampled_recall(mask, truth.foreground, truth.lens_list))
     if read_report(folder) != report:
         raise LfsrError(f"{folder} was finished again while it was compared, so the metrics belong to the earlier "
                         "image: compare it again")
@@ -336,8 +336,8 @@ def sampled_recall(mask: Mask, hits: Mask, lens_list: LensList) -> float | None:
     group is sampled by fewer than MIN_SAMPLES lenses, because one stray hit outside would stand for hundreds.
     """
     rows, columns = np.asarray(lens_list).T
-    found, counts = mask[rows, columns], []
-    for chosen, population in ((found, int(mask.sum())), (~found, int((~mask).sum()))):
+    selected, counts = mask[rows, columns], []
+    for chosen, population in ((selected, int(mask.sum())), (~selected, int((~mask).sum()))):
         if population and chosen.sum() < min(MIN_SAMPLES, population):
             return None
         counts.append(population * hits[chosen].mean() if population else 0.0)

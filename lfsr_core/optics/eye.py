@@ -163,14 +163,14 @@ def trace(profile: DisplayProfile, eye_mm: Point, x: Array, y: Array,
         return SeenSubpixels(row, column, np.full(row.shape, -1), on_panel)
     if subpixels.cells:
         # Of the subpixels of the pixels around, the nearest.
-        best, found = np.full(on_x.shape, np.inf), [np.zeros(on_x.shape, int) for _ in range(3)]
+        best, nearest = np.full(on_x.shape, np.inf), [np.zeros(on_x.shape, int) for _ in range(3)]
         for one, two, channel in itertools.product((-1, 0, 1), (-1, 0, 1), range(3)):
             place = np.clip(row + one, 0, down - 1), np.clip(column + two, 0, across - 1), channel
             at_x, at_y = subpixel_places(profile, channel, *place[:2])
             far = (at_x - on_x) ** 2 + (at_y - on_y) ** 2
-            found = [np.where(far < best, new, old) for new, old in zip(place, found, strict=True)]
+            nearest = [np.where(far < best, new, old) for new, old in zip(place, nearest, strict=True)]
             best = np.minimum(best, far)
-        return SeenSubpixels(found[0], found[1], found[2], on_panel)
+        return SeenSubpixels(nearest[0], nearest[1], nearest[2], on_panel)
     third = np.floor(((on_x / width + 0.5) * across % 1) * 3).astype(int).clip(0, 2)
     return SeenSubpixels(row, column, third if subpixels.stripes == "rgb" else 2 - third, on_panel)
 
@@ -251,13 +251,13 @@ class LiveRegion:
         (width, height), (wide, high) = self.size, self.profile.panel_pixels
         if (width, height) == (wide, high):
             return None
-        found = f"the live window shows {width}×{height} pixels, but display {self.profile.name!r} has {wide}×{high}"
+        start = f"the live window shows {width}×{height} pixels, but display {self.profile.name!r} has {wide}×{high}"
         if self.drawn != self.size:
-            return (f"{found}, and its sides are not multiples of the pixel size {self.scale}, so that views mix: make "
+            return (f"{start}, and its sides are not multiples of the pixel size {self.scale}, so that views mix: make "
                     "the window full screen on the display, or change its size")
         if width >= wide and height >= high:
-            return f"{found}: the image is in the middle of a border; make the window full screen on the display"
-        return (f"{found}: a centred part is shown; drag the window to the display, make it full screen, and set that "
+            return f"{start}: the image is in the middle of a border; make the window full screen on the display"
+        return (f"{start}: a centred part is shown; drag the window to the display, make it full screen, and set that "
                 "screen's scaling to 100 % and its resolution to the panel's")
 
 

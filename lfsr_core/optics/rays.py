@@ -245,10 +245,10 @@ def parse_rows(text: str, count: int) -> Rows:
 
     ``count`` is the number of rows of the display. LfsrError if it does not have these rows.
     """
-    if (found := RANGE.match(text.strip())) is None:
+    if (match := RANGE.match(text.strip())) is None:
         raise LfsrError(f"rows are {text[:30]!r}, but they must be A-B, as in 1-{count}, or K/N, as in 1/4")
-    first, last = int(found[1]), int(found[3] or found[1])
-    if found[2] == "/":
+    first, last = int(match[1]), int(match[3] or match[1])
+    if match[2] == "/":
         if not 1 <= first <= last <= count:
             raise LfsrError(f"rows are {text.strip()}, but the display has {count} rows of lenses: give K/N with K "
                             f"from 1 to N, and N at most {count}")

@@ -75,7 +75,7 @@ def make(request: Request | Sequence[Request], finish: Finish | None = None, fra
     """
     several = (request,) if isinstance(request, Request) else request
     content = {asked.scene: scene_stamp(check_scene(asked.scene)) for asked in several}
-    requests = [asked for each in several for asked in requests_of(each, finish, frames, overwrite)]
+    requests = [asked for given in several for asked in requests_of(given, finish, frames, overwrite)]
     if not requests:
         return []
     # Numbers of the frames, rendered or asked for, that each is averaged with.
@@ -89,8 +89,8 @@ def make(request: Request | Sequence[Request], finish: Finish | None = None, fra
     for asked in requests:
         folder = FrameFolder(asked.output)
         folder.check_free(asked.kind)
-        found = None if overwrite else folder.readable
-        if found is not None and not lenient:
+        before = None if overwrite else folder.readable
+        if before is not None and not lenient:
             folder.check_rendered(asked, content[asked.scene], advice="overwrite it, or choose another folder")
         if overwrite or not folder.is_rendered(asked):
             waiting.append(asked)
@@ -98,8 +98,8 @@ def make(request: Request | Sequence[Request], finish: Finish | None = None, fra
         remove_dead(folder.path)
         if finish is None or folder.is_finished(finish, beside[asked.output]):
             kept.add(asked.output)
-            if found is not None and found.content and found.content != content[asked.scene]:
-                older.append(found.frame)
+            if before is not None and before.content and before.content != content[asked.scene]:
+                older.append(before.frame)
         else:
             ready.append(asked)
     if older:
@@ -220,9 +220,9 @@ def requests_of(request: Request, finish: Finish | None, frames: Sequence[int] |
         raise LfsrError(f"{output} is a frame folder itself: choose another folder for the frames of an animation")
     if request.sampling.scales and not overwrite:
         for _, folder in sorted(numbered(output).items()):
-            found = folder.readable
-            if found is not None and found.display == request.display and found.scale in request.sampling.scales:
-                request = request.with_scale(ScaleChoice(found.scale, found.scale_reason))
+            frame = folder.readable
+            if frame is not None and frame.display == request.display and frame.scale in request.sampling.scales:
+                request = request.with_scale(ScaleChoice(frame.scale, frame.scale_reason))
                 break
     if request.sampling.scales and not request.sampling.frames:
         request = request.sampled(frames=spread(frames))

@@ -23,11 +23,11 @@ FREE = {"rows", "seconds", "device", "gpus", "content", "notes"}  # fields in wh
 
 def part_folders(folders: Sequence[Path]) -> list[Path]:
     """Return ``folders``, each that is no part itself replaced by the folders in it that are."""
-    found: list[Path] = []
+    parts: list[Path] = []
     for folder in folders:
         inner = [] if (folder / FRAME_FILE).exists() else [path.parent for path in folder.glob(f"*/{FRAME_FILE}")]
-        found += sorted(inner) or [folder]
-    return found
+        parts += sorted(inner) or [folder]
+    return parts
 
 
 class _Part(NamedTuple):
@@ -63,10 +63,10 @@ def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent
     for part in others:
         if part.kind != kind:
             raise LfsrError(f"{part.folder} holds a {part.kind}, but {first.folder} a {kind}: leave one out")
-        found, wanted = ({name: value for name, value in vars(of.frame).items() if name not in free}
+        facts, wanted = ({name: value for name, value in vars(of.frame).items() if name not in free}
                          for of in (part, first))
-        if name := first_difference(found, wanted):
-            here, there = phrases(name, found[name], wanted[name])
+        if name := first_difference(facts, wanted):
+            here, there = phrases(name, facts[name], wanted[name])
             raise LfsrError(f"{part.folder} was rendered with {here}, but {first.folder} with {there}: "
                             "render one of them again like the other")
         if has_other_size(first.frame.content, part.frame.content):
@@ -84,7 +84,7 @@ def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent
         parts.sort(key=lambda part: rows[part.folder])
         frame = _merged(parts, rows=None)
     else:
-        for part, seed in ((each, seed) for each in parts for seed in each.frame.seeds or (each.frame.seed,)):
+        for part, seed in ((source, seed) for source in parts for seed in source.frame.seeds or (source.frame.seed,)):
             if seed in seeds:
                 raise LfsrError(f"{seeds[seed]} and {part.folder} have the same seed {seed}, and so the same noise: "
                                 "leave one of them out, or render it with another --seed")
@@ -111,7 +111,7 @@ def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent
             layers = dict[str, Array]()
             for part, count in zip(parts, counts, strict=True):
                 added = image_files.read_layers(part.folder / name)
-                shapes, wanted = ({key: of.shape for key, of in each.items()} for each in (added, layers or added))
+                shapes, wanted = ({key: of.shape for key, of in group.items()} for group in (added, layers or added))
                 if shapes != wanted:
                     raise LfsrError(f"{part.folder / name} has other layers or another size than the first reference: "
                                     "render it again")

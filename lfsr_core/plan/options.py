@@ -88,19 +88,19 @@ class PlanOptions:
         for name in self.methods or ():
             load_method(name)
         scales = self.scales or [scale for scale in SCALES if scale in (1, *display.scales())]
-        methods, found = self.methods or default_methods(), set[Candidate]()
+        methods, candidates = self.methods or default_methods(), set[Candidate]()
         for scale in scales:
             display.low_views(scale)
-            counts = self.samples if self.rays is None else [samples_at(display, scale, each) for each in self.rays]
-            found |= {Candidate(scale, samples, name) for samples in counts for name in methods_at(scale, methods)}
-        if not found:
+            counts = self.samples if self.rays is None else [samples_at(display, scale, rays) for rays in self.rays]
+            candidates |= {Candidate(scale, samples, name) for samples in counts for name in methods_at(scale, methods)}
+        if not candidates:
             raise LfsrError(f"no method of {', '.join(methods)} works at scale {', '.join(map(str, scales))}: "
                             "choose others")
-        return sorted(found, key=lambda candidate: (candidate.paths(display), candidate))
+        return sorted(candidates, key=lambda candidate: (candidate.paths(display), candidate))
 
     def most_paths(self, display: DisplayProfile) -> float:
         """Return the most path samples that a plan may take, unless the fewest lenses take more."""
-        return max(self.budget * max(each.paths(display) for each in self.candidates(display)), FREE_PATHS)
+        return max(self.budget * max(candidate.paths(display) for candidate in self.candidates(display)), FREE_PATHS)
 
 
 def default_methods() -> tuple[str, ...]:

@@ -87,11 +87,11 @@ def with_neighbours(lenses: Sequence[Lens], reach_: int, grid: tuple[int, int]) 
     return [(int(n) // grid[0], int(n) % grid[0]) for n in listed], index.reshape(flat.shape)
 
 
-def mosaic(blocks: Array) -> tuple[Array, Array]:
+def sample_eia(blocks: Array) -> tuple[Array, Array]:
     """Lay blocks of lenses side by side, as one small EIA, on which a method runs as on a whole frame.
 
     A denoiser looks at the neighbours of a lens, so a sampled lens is rendered with a block of lenses around it.
-    ``blocks`` (n, side, side): places in a list of rendered lenses. Returns those of the mosaic's lenses, nearly square
+    ``blocks`` (n, side, side): places in a list of rendered lenses. Returns those of that EIA's lenses, nearly square
     (rows, columns), where unused places repeat the last block, and row and column of each block's middle (n, 2).
     """
     count, side, _ = blocks.shape
@@ -141,7 +141,7 @@ class SampleRenders:
 
 def scores(folder: Path, name: str, blocks: Array, quarters: Quarters) -> Array:
     """Accuracy (n,) of the method ``name`` on each sampled lens, from a render of them and their neighbours."""
-    frame, (index, centres) = read_frame(folder), mosaic(blocks)
+    frame, (index, centres) = read_frame(folder), sample_eia(blocks)
     layers, _ = read_finite(folder / files.LOW_RES_FILE)
     low = low_resolution(layers, frame, read_world(folder, frame))
     low = dataclasses.replace(low.each(lambda layer: layer.reshape(-1, *layer.shape[2:])[index]),  # in reading order
@@ -213,8 +213,8 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
         raise LfsrError(f"{folder} holds the sample of another scene or of other options: choose another folder")
     write_json(described, facts)
     renders = SampleRenders(folder, request, render, tell)
-    scales = [each for each in display.scales()
-              if min(np.multiply(display.lenses, display.low_views(each))) >= LEAST_SIDE]
+    scales = [scale for scale in display.scales()
+              if min(np.multiply(display.lenses, display.low_views(scale))) >= LEAST_SIDE]
     scale = min(scales or [1], key=lambda scale: abs(scale - 4))
     quick, first = renders.rendered("quick", "every lens", sampling=Sampling(scale, 1))
     renders.world = str(quick / files.WORLD_FILE) if first.world_apart else None
@@ -227,8 +227,8 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
     lenses = sampled_lenses(places, lens_count(display, options), request.seed)
     # Path samples of the sampled lenses, with their neighbours, of the render of each scale and number of samples.
     methods: dict[tuple[int, int], list[str]] = {}
-    for each in wanted:
-        methods.setdefault((each.scale, each.samples), []).append(each.method)
+    for candidate in wanted:
+        methods.setdefault((candidate.scale, candidate.samples), []).append(candidate.method)
     costs = {(scale, samples): len(lenses) * (2 * reach(display, scale, names) + 1)**2
              * math.prod(display.low_views(scale)) * samples for (scale, samples), names in methods.items()}
     reference_paths = len(lenses) * math.prod(display.views) * options.reference_samples
@@ -256,11 +256,11 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
     opening, world = first.seconds["open"], first.seconds.get("world", 0.0)  # rendered apart but at full resolution
     rows: dict[Candidate, Rated] = {}
     groups: dict[tuple[int, int], list[Rated]] = {}  # candidates of one render, by scale and samples
-    for each in wanted:
-        seconds = (opening + rate * each.paths(display) + (world if each.scale > 1 else 0.0)
-                   + finish_seconds(display, each.scale, each.method))
-        rows[each] = Rated(**vars(each), seconds=seconds)
-        groups.setdefault((each.scale, each.samples), []).append(rows[each])
+    for candidate in wanted:
+        seconds = (opening + rate * candidate.paths(display) + (world if candidate.scale > 1 else 0.0)
+                   + finish_seconds(display, candidate.scale, candidate.method))
+        rows[candidate] = Rated(**vars(candidate), seconds=seconds)
+        groups.setdefault((candidate.scale, candidate.samples), []).append(rows[candidate])
 
     measuring, choice = 0.0, Choice(None, None)
     means: dict[tuple[int, int], float] = {}  # accuracy of the best method of each group
@@ -289,20 +289,20 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
         started = time.perf_counter()
         for row in open_rows:
             try:
-                found = estimate(scores(rendered, row.method, blocks, quarters), counts, int(places.sum()))
-                rows[row.candidate] = dataclasses.replace(row, estimate=found)
-                means[group] = max(found.mean, means.get(group, 0.0))
+                estimated = estimate(scores(rendered, row.method, blocks, quarters), counts, int(places.sum()))
+                rows[row.candidate] = dataclasses.replace(row, estimate=estimated)
+                means[group] = max(estimated.mean, means.get(group, 0.0))
             except LfsrError as error:
                 failed = Notice("candidate-failed", {"error": str(error)})
                 rows[row.candidate] = dataclasses.replace(row, unmeasured=failed)
         measuring += time.perf_counter() - started
-        rays = {each: each[1] / display.finished_pixels(each[0]) for each in means}
+        rays = {group: group[1] / display.finished_pixels(group[0]) for group in means}
         beaten |= {large[0]: small[0] for large in means for small in means
                    if small[0] < large[0] and rays[small] <= rays[large] and means[small] >= means[large]}
         choice = choose(list(rows.values()), options.target, options.limit)
 
     rated = tuple(sorted(rows.values(), key=lambda row: row.seconds))
-    costliest, spent = rows[wanted[-1]], sum(each.seconds["open"] + each.seconds["render"] for each in renders.frames)
+    costliest, spent = rows[wanted[-1]], sum(made.seconds["open"] + made.seconds["render"] for made in renders.frames)
     sample = SampleFacts(len(lenses), int(mask.sum()), costliest.name, costliest.seconds, spent, measuring,
                          renders.paths / costliest.paths(display))
     return Planned(request.scene, display.name, request.seed, options, sample, rated,

@@ -101,7 +101,7 @@ def _finish_eia(folder: Path, staged: Path, finish: Finish, tell: Tell, upscaler
              *work.low.notes, *(averaging_notices(work.neighbours) if work.neighbours else ()))
     return _report(frame, finish, clock, method=work.method.name.text, notes=notes, replaced_pixels=work.replaced,
                    foreground_fraction=float(work.mask.mean()),
-                   neighbours=tuple(each.number for each in work.neighbours), averaged=work.averaged)
+                   neighbours=tuple(neighbour.number for neighbour in work.neighbours), averaged=work.averaged)
 
 
 def finished_panel(folder: str | Path, finish: Finish | str, *, selection: bool = True,
@@ -277,11 +277,11 @@ def _loaded(finish: Finish, scale: int, upscaler: Upscaler | None) -> tuple[Meth
     return method, method.upscaler if scale == 1 else METHODS[PLAIN_METHOD].make()
 
 
-def _report(frame: Frame, finish: Finish, clock: StageClock, **found: Any) -> Report:
-    """Report of a frame, with what was ``found`` in the second stage."""
+def _report(frame: Frame, finish: Finish, clock: StageClock, **facts: Any) -> Report:
+    """Report of a frame, with the ``facts`` of the second stage."""
     return Report(finish=finish, display=frame.display.name, scale=frame.scale, samples=frame.samples,
                   seconds={stage: round(seconds, 4) for stage, seconds in clock.seconds.items()},
-                  peak_bytes=system.peak_bytes(), layout=frame.layout, device=frame.device, **found)
+                  peak_bytes=system.peak_bytes(), layout=frame.layout, device=frame.device, **facts)
 
 
 def check_subpixels_finish(finish: Finish) -> None:

@@ -201,8 +201,8 @@ def foreground_pixels(layers: Mapping[str, Array]) -> Mask:
     covered: Mask = layers["color"][..., 3] > 0
     if (index := layers.get("index")) is None:
         return covered
-    found: Mask = (index[..., 0] == FOREGROUND_INDEX) | (covered & (index[..., 0] != BACKGROUND_INDEX))
-    return found
+    pixels: Mask = (index[..., 0] == FOREGROUND_INDEX) | (covered & (index[..., 0] != BACKGROUND_INDEX))
+    return pixels
 
 
 def unseen_notices(layers: Mapping[str, Array]) -> list[Notice]:

@@ -211,12 +211,12 @@ lens_lists = st.lists(st.tuples(st.integers(0, 4), st.integers(0, 6)), min_size=
 
 
 @given(lens_lists, st.integers(0, 2))
-def test_mosaic_shows_each_sampled_lens_amid_its_neighbours(lenses, reach_):
+def test_the_sample_eia_shows_each_sampled_lens_amid_its_neighbours(lenses, reach_):
     listed, blocks = planner.with_neighbours(lenses, reach_, GRID)
     assert len(listed) == len(set(listed))
     # A render of them as one row of tiles, each with its lens's number.
     numbers = np.array([row * GRID[0] + column for row, column in listed])
-    index, centres = planner.mosaic(blocks)
+    index, centres = planner.sample_eia(blocks)
     for (row, column), (y, x) in zip(lenses, centres, strict=True):
         for down in range(-reach_, reach_ + 1):
             for right in range(-reach_, reach_ + 1):

@@ -203,13 +203,13 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     sky = sky_around(scene, present)
     subject, present = subject - {sky}, {item: box for item, box in present.items() if item != sky}
     for _ in placement.sample_frames(scene):
-        for owner, found in boxes_now(subject).items():
-            corners.setdefault(owner, []).append(found)
-    moved = {owner: np.concatenate(found) for owner, found in corners.items()}
+        for owner, box in boxes_now(subject).items():
+            corners.setdefault(owner, []).append(box)
+    moved = {owner: np.concatenate(parts) for owner, parts in corners.items()}
     for boxes in (moved, present):  # it stays in sight over an animation, unless it travels far
         chosen = main_part(boxes)
-        points, now = (np.concatenate([each[item] for item in chosen if item in each] or [np.empty((0, 3))])
-                       for each in (boxes, present))
+        points, now = (np.concatenate([group[item] for item in chosen if item in group] or [np.empty((0, 3))])
+                       for group in (boxes, present))
         if not len(now) or np.linalg.norm(np.ptp(points, axis=0)) <= TRAVELS * np.linalg.norm(np.ptp(now, axis=0)):
             break
     if not len(points):
@@ -219,8 +219,8 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     most, view = 0, view_inside(rays, low, high)
     if len(chosen) <= FEW_OBJECTS:  # the boxes of others are small enough
         frames = placement.sample_frames(scene) if boxes is moved else (scene.frame_current,)
-        points = np.concatenate([found[::len(found) // MOST_POINTS + 1] for _ in frames
-                                 for found in placement.world_points(set(chosen))] or [points])
+        points = np.concatenate([cloud[::len(cloud) // MOST_POINTS + 1] for _ in frames
+                                 for cloud in placement.world_points(set(chosen))] or [points])
     probes = FEWER if rays.items else PROBED  # in a scene of many objects a ray takes long
     # What lies below a sea or a ground that cuts the subject may be hidden: it is fitted with and without it.
     grounds = [top for item, box in boxes.items() if item not in chosen and (top := box[:, 2].max()) < high[2]
@@ -253,7 +253,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             behind = FROM_BEHIND if size[2] > LOW * size[:2].min() else LOW_FROM_BEHIND
             counts *= np.interp(ahead, (0, FRONTS), (behind, 1))
             choices.append((counts * share * len({hit[3] for hit in seen}), share, placed))
-        _, share, best = max(choices, key=lambda each: each[0])
+        _, share, best = max(choices, key=lambda choice: choice[0])
         if share > least:
             break
     if view is not None:
@@ -272,7 +272,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             if not into or is_inside(rays, view.matrix.translation):
                 return inside
             if 3 * len(into) <= len(choices):
-                _, _, best = max(into, key=lambda each: each[0])  # where a wall is missing
+                _, _, best = max(into, key=lambda choice: choice[0])  # where a wall is missing
     return best
 
 
@@ -332,7 +332,7 @@ def _surroundings(boxes: Array) -> list[int]:
         low, high = rest[:, 0].min(0), rest[:, 1].max(0)
         sides, size = around[:, 1] - around[:, 0], _diagonal(around[:, 0], around[:, 1])
         is_thin = sides == sides.min(1, keepdims=True)
-        area, covered = (np.where(is_thin, 1, each).prod(1) for each in (sides, high - low))
+        area, covered = (np.where(is_thin, 1, lengths).prod(1) for lengths in (sides, high - low))
         is_ceiling = is_thin[:, 2] & (around[:, 0, 2] >= high[2])  # a room is looked at from inside
         is_floor = ~is_ceiling & ((sides.min(1) < FLAT * sides.max(1)) & (area > WIDE * covered)
                                   | is_thin[:, 2] & (sides[:, 2] < HILLY * (high - low)[2]) & (area > WIDER * covered))
@@ -356,7 +356,7 @@ def bounds(corners: Collection[Array]) -> Array:
     if not corners:
         return np.empty((0, 2, 3))
     points, starts = np.concatenate([*corners]), np.cumsum([0, *map(len, corners)])[:-1]
-    return np.stack([each.reduceat(points, starts) for each in (np.minimum, np.maximum)], 1)
+    return np.stack([extreme.reduceat(points, starts) for extreme in (np.minimum, np.maximum)], 1)
 
 
 def boxes_now(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
@@ -366,7 +366,7 @@ def boxes_now(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
     for owner, box, has_size in zip(owners, boxes, np.ptp(boxes, axis=1).any(-1), strict=True):
         if has_size:
             corners.setdefault(owner, []).append(box)
-    return {owner: np.concatenate(found) for owner, found in corners.items()}
+    return {owner: np.concatenate(parts) for owner, parts in corners.items()}
 
 
 # Places across a room's bounding box, and among many objects, where a ray takes long; at half of its height, away from

@@ -53,7 +53,7 @@ def as_rendered(*left_out: bpy.types.Object | None) -> Iterator[None]:
         # Renders show the first view layer that is used, whichever the window shows.
         changes.enter_context(bpy.context.temp_override(view_layer=rendered_layer(bpy.context.scene)))
         bpy.context.view_layer.update()  # until then it lists what a batch removal has freed, which ends Blender
-        for item in [each for each in bpy.context.view_layer.objects if each.select_get()]:
+        for item in [selected for selected in bpy.context.view_layer.objects if selected.select_get()]:
             changes.callback(item.select_set, True)  # last of all: Blender does not keep it of what is hidden
         for item in filter(None, left_out):
             changes.enter_context(overridden(item, {"hide_render": True}))
@@ -111,8 +111,8 @@ class Rays:
     def cast(self, start: mathutils.Vector, way: mathutils.Vector, reach: float = MOST_REACH) -> Hit | None:
         """Return what a ray meets first within ``reach``; hair and volumes let it pass."""
         if not self.items:
-            found, place, normal, face, item, _ = self.scene.ray_cast(self.depsgraph, start, way, distance=reach)
-            return (place, normal, item.original, face) if found else None
+            is_hit, place, normal, face, item, _ = self.scene.ray_cast(self.depsgraph, start, way, distance=reach)
+            return (place, normal, item.original, face) if is_hit else None
         way = way.normalized()
         # First the spheres around all boxes, then the few boxes that are left.
         place, slopes = np.array(start)[:, None], np.array([[part or TINY] for part in way])
@@ -133,8 +133,8 @@ class Rays:
                 ray = inverse @ start, inverse.to_3x3() @ way
                 at, normal, face = (tree.ray_cast(*ray)[:3] if tree is not None
                                     else item.evaluated_get(self.depsgraph).ray_cast(*ray)[1:])
-                found, at = face is not None and face >= 0, matrix @ (at or start)
-                if found and (at - start).length <= nearest:
+                is_hit, at = face is not None and face >= 0, matrix @ (at or start)
+                if is_hit and (at - start).length <= nearest:
                     nearest = (at - start).length
                     best = at, (inverse.to_3x3().transposed() @ normal).normalized(), item, face
         return best
@@ -288,7 +288,7 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
         return width, width / aspect
 
     key = scene.session_uid, camera.session_uid, profile, frozenset(item.session_uid for item in subject)
-    if (found := fields.get(key) if fields is not None else None) is None:
+    if (field := fields.get(key) if fields is not None else None) is None:
         (first, last), tall, depths, free = frame_range(scene), 0.0, list[float](), np.full(2, np.inf)
         frames = () if moves(camera) else spread(range(first, last + 1), CAMERA_FRAMES)
         for is_measured in (False, True):
@@ -305,10 +305,10 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
                     tall = max([tall, *(np.abs(points[:, 1]).max() + 2 / PROBES[1] for points in inner)])
                 else:
                     break
-        found = tall, depths, free
+        field = tall, depths, free
         if fields is not None and frames:
-            fields[key] = found
-    tall, depths, free = found
+            fields[key] = field
+    tall, depths, free = field
     sight, across, down, back = look()
     half_width, half_height = half(across, down)
     if not (distance := None if back else _focus(camera)):
@@ -382,10 +382,10 @@ def instances(subject: set[bpy.types.Object]) -> Iterator[tuple[bpy.types.Object
 
     Curves, surfaces, texts and metaballs come with an instance of their mesh, unless they are bare, such as a path.
     """
-    found = bpy.context.evaluated_depsgraph_get().object_instances
-    matrices = np.empty(16 * len(found), np.float32)
-    found.foreach_get("matrix_world", matrices)  # in columns; one by one, those of thousands take long
-    for instance, place in zip(found, matrices.reshape(-1, 4, 4).swapaxes(1, 2).astype(float), strict=True):
+    shown = bpy.context.evaluated_depsgraph_get().object_instances
+    matrices = np.empty(16 * len(shown), np.float32)
+    shown.foreach_get("matrix_world", matrices)  # in columns; one by one, those of thousands take long
+    for instance, place in zip(shown, matrices.reshape(-1, 4, 4).swapaxes(1, 2).astype(float), strict=True):
         item = instance.object
         owner = (instance.parent if instance.is_instance else item).original
         if owner in subject or item.original in subject:
@@ -469,15 +469,15 @@ def _free_fraction(free: Array, profile: DisplayProfile, array: CameraArray) -> 
 def scale_of(scene: bpy.types.Scene, job: Request) -> ScaleChoice:
     """Choose one of the job's scales by the depth at which the middle of the array sees the subject in its frames."""
     global fields
-    subject, found, before = find_subject(scene, job.subject), [np.empty(0)], fields
+    subject, moves, before = find_subject(scene, job.subject), [np.empty(0)], fields
     fields = {} if fields is None else fields
     try:
         for _ in visited(scene, job.sampling.frames):
             with suppress(LfsrError):  # no array where the subject is out of sight: its frame says so as it is rendered
-                found.append(moves_of(scene, job.display, subject))
+                moves.append(moves_of(scene, job.display, subject))
     finally:
         fields = before
-    return choose_scale(job.display, np.concatenate(found), job.sampling.scales, job.judged_rays)
+    return choose_scale(job.display, np.concatenate(moves), job.sampling.scales, job.judged_rays)
 
 
 @as_rendered()

@@ -178,17 +178,17 @@ _found: dict[int, tuple[Objects, Objects]] | None = None  # arrays and display p
 
 def drawn(scene: bpy.types.Scene) -> tuple[bpy.types.Object | None, bpy.types.Object | None]:
     """Return what ``find`` and ``plane_of`` do, for what is drawn. Whoever changes the scene asks those."""
-    known = {} if _found is None else _found
+    lists = {} if _found is None else _found
     for _ in range(2):
-        if scene.session_uid not in known:
-            known[scene.session_uid] = ([item for item in scene.objects if is_array(item)],
+        if scene.session_uid not in lists:
+            lists[scene.session_uid] = ([item for item in scene.objects if is_array(item)],
                                         [item for item in bpy.data.objects if PLANE in item])
-        arrays, planes = known[scene.session_uid]
+        arrays, planes = lists[scene.session_uid]
         try:
             array = chosen(scene, arrays)
             return array, next((item for item in planes if array and item.parent == array and PLANE in item), None)
         except ReferenceError:  # one was removed, and no update came since
-            known.clear()
+            lists.clear()
     return None, None
 
 

@@ -86,8 +86,8 @@ def show(target: float, scene_name: str, choice: Choice) -> None:
 
 def measured(row: Rated) -> str:
     """Return what the panel calls a measured candidate: "scale 4×, 16 samples, Fast (0.961, at least 0.953)"."""
-    found, method = row.estimate, "no denoiser" if row.method == AS_RENDERED else title(row.method)
-    accuracy = f" ({found.mean:.3f}, at least {found.low:.3f})" if found else ""
+    estimate, method = row.estimate, "no denoiser" if row.method == AS_RENDERED else title(row.method)
+    accuracy = f" ({estimate.mean:.3f}, at least {estimate.low:.3f})" if estimate else ""
     return f"scale {row.scale}×, {counted(row.samples, 'sample')}, {method}{accuracy}"
 
 

@@ -146,11 +146,11 @@ def methods(scene: bpy.types.Scene) -> list[str]:
         frame, lacks = read_rendered(folders.frame_folder(scene)), bool(runtime.why_missing())
     except LfsrError:
         return []
-    known = [MethodName.parse(name) for name in (*MENU, *MORE)]
+    names = [MethodName.parse(name) for name in (*MENU, *MORE)]
     if frame.subpixels:
-        fits = [name for name in known if name.text in SUBPIXEL_METHODS]
+        fits = [name for name in names if name.text in SUBPIXEL_METHODS]
     else:
-        fits = [name for name in known if (name.upscaler == AS_RENDERED) == (frame.scale == 1)]
+        fits = [name for name in names if (name.upscaler == AS_RENDERED) == (frame.scale == 1)]
     return [name.text for name in fits if not (lacks and name.needs_denoiser)]
 
 
@@ -241,15 +241,15 @@ def _asked(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Question]:
 
 def to_ask(scene: bpy.types.Scene, frames: int = 1) -> list[Problem]:
     """Return what an artist is asked about before a render of ``frames`` images."""
-    found = [problem for check in (*ASKING, look.find) for problem in check(scene) if problem.asks]
-    return [*found, *disks(scene, frames)]
+    problems = [problem for check in (*ASKING, look.find) for problem in check(scene) if problem.asks]
+    return [*problems, *disks(scene, frames)]
 
 
 def check_questions(scene: bpy.types.Scene, frames: int = 1) -> list[Question]:
     """Return what an artist is asked before ``frames`` images of ``scene``, once for each thing in a file."""
-    found = [((scene.name_full, problem.code, problem.target), problem) for problem in to_ask(scene, frames)]
-    new = [problem for key, problem in found if key not in _accepted]
-    accept = functools.partial(_accepted.update, [key for key, _ in found])
+    keyed = [((scene.name_full, problem.code, problem.target), problem) for problem in to_ask(scene, frames)]
+    new = [problem for key, problem in keyed if key not in _accepted]
+    accept = functools.partial(_accepted.update, [key for key, _ in keyed])
     mends = [problem for code in MENDS for problem in new if problem.code == code]
     rows = grouped(problem for problem in new if problem.code not in MENDS)
     asked = [Question(problem.reason.rstrip("."), "Render", accept=accept, mend=MENDS[problem.code][0],

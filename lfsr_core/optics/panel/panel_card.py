@@ -124,7 +124,7 @@ def panel_card(layout: PanelLayout, radius: float = math.inf, of_subpixels: bool
     table = np.zeros((PERIOD, PERIOD * PARTS, 3))
     if display.pixel_layout.count > 1:
         # The panel's subpixels from left to right, where its image is mirrored too.
-        right, up, channel = (each[:, :, ::-1 if display.flip[0] else 1] for each in subpixel_table(layout))
+        right, up, channel = (values[:, :, ::-1 if display.flip[0] else 1] for values in subpixel_table(layout))
         third = np.arange(PARTS) / PARTS
         table = np.stack([right + (1 - wide) / 2 - third, up + (1 - high) / 2, channel], -1).reshape(table.shape)
     return PanelCard(

@@ -233,8 +233,8 @@ def subpixel_table(layout: PanelLayout) -> tuple[Array, Array, Array]:
         zeros = np.zeros((PERIOD, PERIOD, 1))
         return zeros, zeros, zeros.astype(int)
     rows, columns = np.arange(PERIOD)[:, None], np.arange(PERIOD)
-    each = [layout.display.pixel_layout.offsets(channel, rows, columns) for channel in range(CHANNELS)]
-    right, up = (np.stack([np.broadcast_to(pair[axis], (PERIOD, PERIOD)) for pair in each], -1) for axis in (0, 1))
+    offsets = [layout.display.pixel_layout.offsets(channel, rows, columns) for channel in range(CHANNELS)]
+    right, up = (np.stack([np.broadcast_to(pair[axis], (PERIOD, PERIOD)) for pair in offsets], -1) for axis in (0, 1))
     order = np.argsort(-right if layout.display.flip[0] else right, axis=-1, kind="stable")
     return np.take_along_axis(right, order, -1), np.take_along_axis(up, order, -1), order
 

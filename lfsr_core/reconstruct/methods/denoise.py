@@ -154,7 +154,7 @@ def denoise_low_resolution(low: LowResEIA, weights: str | Path | None = WEIGHTS)
         return mirrored(images)
 
     color, deep, part = side_by_side(low.color, guides), _deep(low), shown_part(low.color)
-    before, after = (each[part].mean((2, 3, 4)) for each in (low.color, color))
+    before, after = (image[part].mean((2, 3, 4)) for image in (low.color, color))
     shine, kept = before > 0, (after > LEAST_LEFT * before) & np.isfinite(after)
     lost = (shine & ~kept).sum()
     if weights is not None and Path(weights) != WEIGHTS and lost > MOST_LOST * shine.sum():
@@ -201,10 +201,10 @@ def is_even(images: Array) -> Array:
     """Pixels (sy, sx, h, w, 1) that equal those of the same view in the neighbouring lenses: there is no noise."""
     even = np.ones(images.shape[:4], bool)
     for axis, channel in itertools.product((0, 1), np.moveaxis(images, -1, 0)):
-        lenses, found = np.moveaxis(channel, axis, 0), np.moveaxis(even, axis, 0)
+        lenses, evens = np.moveaxis(channel, axis, 0), np.moveaxis(even, axis, 0)
         equal = lenses[1:] == lenses[:-1]
-        found[1:] &= equal
-        found[:-1] &= equal
+        evens[1:] &= equal
+        evens[:-1] &= equal
     return even[..., None]
 
 
@@ -262,13 +262,13 @@ def network_shapes(widths: Sequence[int], inputs: int = COLOR_INPUTS) -> dict[st
 
 def check_network(tensors: Mapping[str, Array], origin: object, inputs: int = COLOR_INPUTS) -> tuple[int, ...]:
     """Widths of the network of ``tensors``; LfsrError unless they are all of it, with ``inputs`` channels."""
-    found = {name: tensor.shape for name, tensor in tensors.items()}
-    widths = [found.get(f"{layer}.bias", (0,))[0] for layer in LAYERS]
+    actual = {name: tensor.shape for name, tensor in tensors.items()}
+    widths = [actual.get(f"{layer}.bias", (0,))[0] for layer in LAYERS]
     widths[-1] = 3
     shapes = network_shapes(widths, inputs)
-    for name in sorted(shapes.keys() | found.keys()):
-        if found.get(name) != shapes.get(name):
-            raise LfsrError(f"{origin} has tensor {name[:40]!r} of shape {found.get(name, 'missing')}, expected "
+    for name in sorted(shapes.keys() | actual.keys()):
+        if actual.get(name) != shapes.get(name):
+            raise LfsrError(f"{origin} has tensor {name[:40]!r} of shape {actual.get(name, 'missing')}, expected "
                             f"{shapes.get(name, 'no such tensor')}: choose weights of a denoiser with {inputs} inputs")
     return tuple(widths)
 
@@ -290,10 +290,10 @@ def _load(path: Path, _written: int) -> Weights:
     inputs = GUIDED_INPUTS if entering == (GUIDED_INPUTS,) else COLOR_INPUTS
     check_network(tensors, path, inputs)
     facts = path.with_suffix(".json")
-    known = digest = hashlib.sha256(content).hexdigest()
+    stated = digest = hashlib.sha256(content).hexdigest()
     with contextlib.suppress(LfsrError, LookupError, TypeError):  # a training writes them beside the weights
-        known = read_json(facts, "the facts of a training")["sha256"]
-    if digest != known:
+        stated = read_json(facts, "the facts of a training")["sha256"]
+    if digest != stated:
         raise LfsrError(f"{path} does not have the SHA-256 in {facts.name}: it was changed or damaged, get both again")
     if any(tensor.dtype != np.float16 for tensor in tensors.values()):
         raise LfsrError(f"{path} holds single floats, but Open Image Denoise takes half floats: write them as such")

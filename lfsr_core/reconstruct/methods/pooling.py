@@ -170,7 +170,7 @@ def _followed(low: LowResEIA, slope: Array) -> Array:
         lenses = np.floor(places).astype(int)
         inside = ((lenses // block == here[axis] // block) & ((lenses + 1) // block == here[axis] // block)).all(0)
         chosen = np.flatnonzero(inside & (view >= 0) & (view < color.shape[axis + 2]))
-        index = [each[chosen] for each in here]
+        index = [axis_places[chosen] for axis_places in here]
         index[axis + 2] = view[chosen]
         for sums_, place, lens in zip(sums[side], places[:, chosen], lenses[:, chosen], strict=True):
             index[axis] = lens
@@ -219,19 +219,19 @@ def _restored(low: LowResEIA, slope: Array, steepest: float) -> Array:
         lost[row] = _noise(noisy[row], low.color[row]) * known[row, ..., None]
 
     in_threads(residual, range(sy))
-    found = lost
+    along = lost
     for axis, ratio in ((1, 1.0), (0, low.slope_ratio)):
         # Lenses and views of one axis last, those of the other axis first.
         order = (0, 2, 1, 3) if axis else (1, 3, 0, 2)
         count, views = (sx, w) if axis else (sy, h)
         slopes = np.where(known, slope * np.float32(ratio), slope).transpose(order).reshape(-1, count, views)
-        sums = _residuals(found.transpose(4, *order).reshape(-1, *slopes.shape), slopes,
+        sums = _residuals(along.transpose(4, *order).reshape(-1, *slopes.shape), slopes,
                           *_places(count, steepest * ratio, low.block), own=not axis)
-        found = sums.reshape(-1, *(slope.shape[each] for each in order)).transpose(*(1 + np.argsort(order)), 0)
+        along = sums.reshape(-1, *(slope.shape[each] for each in order)).transpose(*(1 + np.argsort(order)), 0)
     mean, shared, power = np.empty_like(color), np.empty((sy, sx)), np.empty((sy, sx))
 
     def covariance(row: int) -> None:
-        others, count, own = found[row, ..., :3], found[row, ..., 3:], lost[row]
+        others, count, own = along[row, ..., :3], along[row, ..., 3:], lost[row]
         seen = (count > LEAST_OTHERS) & known[row, ..., None]
         mean[row] = (others + own) / (count + 1) * seen
         others = others / np.maximum(count, LEAST_OTHERS) * seen
@@ -285,8 +285,8 @@ def _left_out(low: PooledEIA, row: Array, column: Array, images: Array) -> Array
     lacking *= weight[:, None, None, None]
     mean = (_means(slope.shape[1]) @ lacking.transpose(0, 3, 1, 2) @ _means(slope.shape[2]).T).transpose(0, 2, 3, 1)
     lacking = mean * np.clip(2 - slope / STEEP, 0, 1) + (lacking - mean) * np.maximum(1 - slope / STEEP, 0)
-    found: Array = interpolated(lacking.astype(np.float32), KERNEL, low.factors).transpose(3, 1, 0, 2)
-    return found
+    missing: Array = interpolated(lacking.astype(np.float32), KERNEL, low.factors).transpose(3, 1, 0, 2)
+    return missing
 
 
 def _means(views: int) -> Array:
@@ -344,18 +344,18 @@ class Line:
     is_noisy: bool  # too few samples to tell how colour changes across the line
 
     @classmethod
-    def of(cls, low: LowResEIA, rendered: int, each: int) -> Self:
-        """Line of an axis with ``rendered`` views of ``each`` places; with more samples, less noise needs fewer views.
+    def of(cls, low: LowResEIA, rendered: int, density: int) -> Self:
+        """Line of an axis with ``rendered`` views of ``density`` places; more samples need fewer views.
         """
         sigma = SIGMA * low.samples ** FALL
-        places = ((np.arange(rendered * each) + 0.5) / each - 0.5)[:, None]
+        places = ((np.arange(rendered * density) + 0.5) / density - 0.5)[:, None]
         first = np.floor(places).astype(int)
-        steps = min(2 * REACH, round(COUNT * sigma)) if each > 1 else 1
+        steps = min(2 * REACH, round(COUNT * sigma)) if density > 1 else 1
         nearest = np.floor(places + 0.5 * (steps % 2)).astype(int) - (steps - 1) // 2
         views = [nearest + step for step in range(steps)]
         taps = tuple((view, (view - places).astype(np.float32),
                       np.exp(-0.5 * ((view - places) / sigma) ** 2).astype(np.float32)) for view in views)
-        linear, plain = (kernel_matrix(kernel, rendered, each) for kernel in (KERNEL, _kernel(low)))
+        linear, plain = (kernel_matrix(kernel, rendered, density) for kernel in (KERNEL, _kernel(low)))
         corners = np.clip(first[:, 0], 0, rendered - 1), np.clip(first[:, 0] + 1, 0, rendered - 1)
         return cls(corners, (places - first).astype(np.float32), taps, plain, plain - linear,
                    low.samples < LEAST_SAMPLES)
@@ -410,7 +410,7 @@ def _residuals(values: Array, slopes: Array, places: Array, length: int, own: bo
     ``length``: of lenses in a padded row. ``own``: whether samples of the same lens count.
     """
     (n, _, views), stride = slopes.shape, slopes.shape[-1] + 2 * REACH
-    planes, found = padded((n, length, stride), len(values)), np.zeros((4, *slopes.shape), np.float32)
+    planes, result = padded((n, length, stride), len(values)), np.zeros((4, *slopes.shape), np.float32)
     planes[:-1, :, places, REACH:-REACH] = values
     planes[-1, :, places, REACH:-REACH] = slopes.transpose(1, 0, 2)
     taps = [(step, np.float32(step), np.float32(math.exp(-0.5 * (step / DETAIL_SIGMA) ** 2)))
@@ -421,10 +421,10 @@ def _residuals(values: Array, slopes: Array, places: Array, length: int, own: bo
     def lenses(part: Array) -> None:
         along = slopes[row[part], lens[part]]
         total, sums = _sums(planes, stride, taps, starts[part], along, np.zeros(along.shape, bool), own)
-        found[:, row[part], lens[part]] = sums if len(sums) == 4 else [*sums, total]
+        result[:, row[part], lens[part]] = sums if len(sums) == 4 else [*sums, total]
 
     in_threads(lenses, np.array_split(np.arange(len(row)), math.ceil(len(row) * views / SAMPLES_IN_CACHE)))
-    return found
+    return result
 
 
 def _sums(planes: Array, stride: int, taps: Sequence[tuple[Any, ...]], starts: Array, slopes: Array, edge: Array,
@@ -469,12 +469,12 @@ def _sums(planes: Array, stride: int, taps: Sequence[tuple[Any, ...]], starts: A
                 first += weight * place
                 second += weight * place * place
             for color, change, plane in zip(sums, changes, planes, strict=False):
-                found = plane.take(index)
-                found *= weight
-                color += found
+                values = plane.take(index)
+                values *= weight
+                color += values
                 if fits:
-                    found *= place
-                    change += found
+                    values *= place
+                    change += values
             np.subtract(place, 1, out=place)
             index += stride
     if fits:
