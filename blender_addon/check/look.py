@@ -104,7 +104,8 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
         yield from _deep(scene, placed, display, *depths)
     seen = [hit[2] for hit in edit.through(rays, placed, *edit.FEWER) if hit] if hidden else []
     item = max(hidden & {*seen}, key=seen.count, default=None)
-    if item is not None and 2 * seen.count(item) > len(seen):
+    if item is not None and 2 * seen.count(item) > len(seen) and not any(  # the viewport may show a copy of it
+            copy.is_instance and copy.object.original == item for copy in rays.depsgraph.object_instances):
         yield _problem("hidden", item.name, f"{item.name} fills most of the picture: renders show it, though the "
                        "viewport does not. Hide it in renders, too, unless it belongs there.")
     if scene.lfsr.light not in SCENE_LIGHTS or not has_light(scene):

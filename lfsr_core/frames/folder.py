@@ -152,8 +152,7 @@ class FrameFolder:
 
 def numbered(output: Path) -> dict[int, FrameFolder]:
     """Rendered frames of an animation in ``output``, by their numbers."""
-    paths = output.iterdir() if output.is_dir() else ()
-    return {int(path.name): FrameFolder(path) for path in paths
+    return {int(path.name): FrameFolder(path) for path in (output.iterdir() if output.is_dir() else ())
             if NUMBERED.match(path.name) and FrameFolder(path).holds()}
 
 

@@ -30,10 +30,9 @@ def test_documents_point_to_what_is_there(name):
     links = [((ROOT / name).parent / link if link else ROOT / name, anchor) for link, anchor in LINK.findall(text)
              if "://" not in link]
     assert [str(path) for path, _ in links if not path.exists()] == []
-    # Anchors of headings, as GitHub makes them.
     anchors = {path: ["", *(re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in
                             re.findall(r"^#+ (.*)$", path.read_text(encoding="utf-8"), re.MULTILINE))]
-               for path, anchor in links if anchor and path.suffix == ".md"}
+               for path, anchor in links if anchor and path.suffix == ".md"}  # as GitHub makes them
     assert [f"{path.name}#{anchor}" for path, anchor in links if anchor not in anchors.get(path, [anchor])] == []
     assert [path for path in MODULE.findall(text) if not (ROOT / path).exists()] == []
 

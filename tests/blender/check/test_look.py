@@ -67,8 +67,11 @@ def test_a_new_file_as_it_is_and_a_camera_that_was_aimed_stay(startup):
     assert "Frame 1" in looked(startup)["nothing"]
     box = aimed(startup)
     assert looked(startup) == {}
-    box.hide_set(True)
-    assert "the viewport does not" in looked(startup)["hidden"]
+    startup.collection.objects.link(copies := bpy.data.objects.new("Copies", None))
+    copies.instance_collection = box.users_collection[0]
+    for copies.instance_type in ("COLLECTION", "NONE"):
+        box.hide_set(True)
+        assert ("hidden" in looked(startup)) == (copies.instance_type == "NONE"), "where the viewport shows no copy"
     box.data.clear_geometry()
     box.data.from_pydata([(0, 0, 0), (0, 0, 1)], [], [])
     assert "Mesh to Points" in looked(startup)["nothing"]

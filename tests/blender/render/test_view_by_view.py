@@ -36,8 +36,7 @@ def same_image(first, second, widest=1.25):
 def test_views_are_the_one_pass_image(tmp_path, display, scale):
     """SEEDS renders each way of the same layout; one view that is shifted by one is noticed."""
     layout, scene, found = RayLayout.for_display(display, ARRAY, scale), scenes.fresh_scene(), []
-    # Before, on and behind the display plane, with light, shadow and gloss.
-    add_box(scene, (0, 1.2, 0), (2.5, 0.1, 2.5))
+    add_box(scene, (0, 1.2, 0), (2.5, 0.1, 2.5))  # before, on and behind the plane, with light, shadow and gloss
     add_box(scene, (-0.4, 0, 0.1), (0.2, 0.3, 0.4))
     add_box(scene, (0.4, -0.7, -0.2), (0.2, 0.2, 0.2), emission((0.2, 0.6, 0.1)))
     add_lamp(scene, 120, 1.0, (0.5, -3, 2), (0.9, 0, 0))
