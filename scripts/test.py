@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from setup import ROOT, program, ready, run
 
-IN_FOUR = ("--numprocesses=4", "--dist=worksteal")  # on two cores: some wait for a browser, a disk or a child
+IN_THREE = ("--numprocesses=3", "--dist=worksteal")  # of which one waits for a browser, a disk or a child process
 FAST = ("base", "commands", "docs", "exports", "frames", "images", "metrics", "optics", "pipeline", "plan", "process",
         "reconstruct")
 NOT_FAST = ("docs/test_python.py", "exports/test_viewer.py", "pipeline/test_cluster.py")
@@ -35,12 +35,12 @@ def main(arguments: list[str]) -> None:
             threads.submit(lambda: subprocess.run([python, "-m", "pytest", "--collect-only"], cwd=ROOT, check=False,
                                                   stdout=subprocess.DEVNULL))
         list(threads.map(run, types))
-    # All tests run in four processes, a quarter of the files in each until one is done and takes from the others' rest;
+    # All tests run in three processes, a third of the files in each until one is done and takes from the others' rest;
     # tests chosen by arguments run in one.
     if is_fast:
-        chosen += [*IN_FOUR, "-m", "not long and not slow", *(f"--ignore=tests/{name}" for name in NOT_FAST),
+        chosen += [*IN_THREE, "-m", "not long and not slow", *(f"--ignore=tests/{name}" for name in NOT_FAST),
                    *(f"tests/{name}" for name in FAST)]
-    run([python, "-m", "pytest", *(chosen or IN_FOUR)])
+    run([python, "-m", "pytest", *(chosen or IN_THREE)])
 
 
 if __name__ == "__main__":

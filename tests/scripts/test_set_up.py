@@ -85,7 +85,7 @@ def test_tests_check_everything_in_turn_and_the_fast_ones_are_folders_that_exist
              + " lfsr_core blender_addon" * (name != sys.platform) for name in ("darwin", "linux", "win32")]
     assert [*(calls := played.calls())[:2], *sorted(calls[2:-1]), calls[-1]] == [
         "ruff check .", "lint-imports ", *types, "python -m pytest --collect-only",
-        "python -m pytest --numprocesses=4 --dist=worksteal"]
+        "python -m pytest --numprocesses=3 --dist=worksteal"]
     folder = played("lint-imports ")
     assert run("test.py", LFSR_VENV=str(folder)).returncode == 1
     assert played.calls()[-2:] == ["ruff check .", "lint-imports "]
