@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any, TypeVar
+from typing import IO, Any
 
 from lfsr_core.base.messages import LfsrError
 
@@ -47,7 +47,6 @@ CORES = "LFSR_CORES"  # environment variable of processes that leave some cores 
 MOST_THREADS = 8  # more of them wait for memory
 MOST_MEMORY = 0.9  # of this computer's, that a child may take
 SECONDS_BETWEEN = 0.5  # looks at it
-Item = TypeVar("Item")
 
 
 @contextmanager
@@ -388,7 +387,11 @@ def watch_memory(end: Callable[[str], object]) -> None:
     threading.Thread(target=watch, daemon=True, name="lfsr-memory").start()
 
 
-def in_threads(work: Callable[[Item], object], items: Iterable[Item]) -> None:
-    """Call ``work`` with each of ``items``, on every usable core but in at most MOST_THREADS threads."""
+def in_threads(work: Callable[[slice], object], count: int, most: int) -> None:
+    """Call ``work`` with slices of at most ``most`` of ``count`` items, on every usable core, up to MOST_THREADS.
+
+    A single slice starts no thread: for a small image that takes longer than the work.
+    """
+    parts = [slice(start, min(start + most, count)) for start in range(0, count, most)]
     with ThreadPoolExecutor(min(usable_cores(), MOST_THREADS)) as pool:
-        list(pool.map(work, items))
+        list((pool.map if len(parts) > 1 else map)(work, parts))

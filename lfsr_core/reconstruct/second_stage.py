@@ -6,6 +6,7 @@ would take 400 MB, and longer to move than to make.
 """
 
 import contextlib
+import functools
 import math
 import threading
 import time
@@ -46,9 +47,10 @@ from lfsr_core.reconstruct.upscaler import (
 
 MOST_JUDGED = 200  # elemental images that decide whether the image is nearly black or white
 NEED_LENSES = ("dilate", "weights", "linear_exr", "temporal_averaging")
-ROWS_AT_ONCE, STEP_IN_CACHE = 64, 24
+ROWS_AT_ONCE, PIXELS_IN_CACHE = 64, 160_000
 FINISHED_FILES = (files.EIA_FILE, files.EIA_LINEAR_FILE, files.MASK_FILE, files.PANEL_FILE)
 STAGES = ("render", "load", "mask", "upscale", "assemble", "color", "write")
+view_transform = functools.lru_cache(maxsize=2)(ViewTransform)  # the same for every image of an animation
 
 
 def finish_frame(folder: str | Path, finish: Finish | str, tell: Tell = silent,
@@ -94,7 +96,7 @@ def _finish_eia(folder: Path, staged: Path, finish: Finish, tell: Tell, upscaler
             image_files.write_layers(staged / files.EIA_LINEAR_FILE, {"color": linear}, half=True)
     lenses = np.argwhere(work.mask | work.fill)
     rows, columns = lenses[::len(lenses) // MOST_JUDGED + 1].T
-    judged = to_elemental_images(pixels, frame.rays.tiles)[rows, columns]
+    judged = to_elemental_images(pixels, frame.rays.tiles)[rows, columns, ::2, ::2]
     notes = (*filter(None, [frame.scale_reason]), *frame.notes,
              *image_files.replaced_notices(work.replaced, work.low.alpha.size),
              *(work.unseen or exposure_notices(judged, work.show.to_uint8(work.background[None])[0])),
@@ -189,7 +191,7 @@ class _Work:
         tell(Progress("load", 0.0, files.LOW_RES_FILE))
         with ThreadPoolExecutor(1) as beside:
             # A table of the view transform takes as long as reading, and neither keeps all cores busy.
-            show = beside.submit(ViewTransform, frame.color,
+            show = beside.submit(view_transform, frame.color,
                                  math.prod((*frame.rays.tiles, *frame.display.views))) if shows else None
             with self.clock("load"):
                 without = () if self.method.upscaler.follows_depth else ("position",)
@@ -248,7 +250,8 @@ class _Work:
         """
         parts: list[tuple[Upscaler, Array]] = []
         for wanted, upscaler in ((self.mask, self.method.upscaler), (self.fill, self.filler)):
-            size, lenses = STEP_IN_CACHE if upscaler.thread_safe else wanted.shape[1], np.argwhere(wanted)
+            in_cache = max(1, PIXELS_IN_CACHE // math.prod(self.low.finished_views))
+            size, lenses = in_cache if upscaler.thread_safe else wanted.shape[1], np.argwhere(wanted)
             parts += [(upscaler, lenses[start:start + size]) for start in range(0, len(lenses), size)]
         workers = max(1, min(system.usable_cores(), system.MOST_THREADS, len(parts)))
         one_at_a_time = threading.Lock()
@@ -306,14 +309,13 @@ def _finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, 
         image = linear_panel_image(layers, frame, method, said.append)
     tell(Progress("color", 0.0, files.PANEL_FILE))
     with clock("color"):
-        show = ViewTransform(frame.color, image.shape[0] * image.shape[1])
+        show = view_transform(frame.color, image.shape[0] * image.shape[1])
         pixels = np.empty(image.shape, np.uint8)
 
-        def work(start: int) -> None:
-            rows = slice(start, start + ROWS_AT_ONCE)
+        def work(rows: slice) -> None:
             pixels[rows] = show.to_uint8(image[rows])
 
-        system.in_threads(work, range(0, len(image), ROWS_AT_ONCE))
+        system.in_threads(work, len(image), ROWS_AT_ONCE)
     with clock("write"):
         image_files.write_png(staged / files.PANEL_FILE, pixels)
     background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]

@@ -127,8 +127,7 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
         right, up = (np.tile(view_offset(np.arange(count), count, sign * frame.rays.spacing), tiles)
                      for count, tiles, sign in zip(frame.rays.views, frame.rays.tiles, (1, -1), strict=True))
 
-        def slopes_of(start: int) -> None:
-            rows = slice(start, start + ROWS_IN_CACHE)
+        def slopes_of(rows: slice) -> None:
             seen, alpha = (layers["position"][rows] - matrix[:3, 3]) @ matrix[:3, :3], images["alpha"][rows, :, 0]
             depth = np.where((alpha >= LEAST_ALPHA) & (seen[..., 2] > 0), seen[..., 2], np.nan)
             slopes[rows] = (1 - distance / depth[..., None]) * (frame.rays.spacing / _pitch(frame, 0))
@@ -138,7 +137,7 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
                 depth *= np.where((longer > LONGER) & (alpha > OPAQUE), longer, 1)
                 slopes[rows, :, 1] = (1 - distance / depth) * (frame.rays.spacing / _pitch(frame, 0))
 
-        in_threads(slopes_of, range(0, len(slopes), ROWS_IN_CACHE))
+        in_threads(slopes_of, len(slopes), ROWS_IN_CACHE)
     if frame.world_apart:
         images["opacity"] = 1 - np.clip(layers["environment"], 0, 1)
     tiles: dict[str, Any] = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}

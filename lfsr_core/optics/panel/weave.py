@@ -56,8 +56,8 @@ def gather_map(profile: DisplayProfile, sampling: str) -> GatherMap:
     first, strides = np.empty(size, np.int32), [stride for stride, _, smooth in every if smooth]
     weights = [np.empty(size, np.uint8) for _ in strides]
 
-    def work(start: int) -> None:
-        part = np.arange(start, min(start + ROWS_AT_ONCE, size[0]))
+    def work(rows: slice) -> None:
+        part = np.arange(rows.start, rows.stop)
         for channel in range(CHANNELS):
             rays = subpixel_rays(profile, channel, part[:, None], np.arange(size[1]))
             places = (rays.column, rays.row, rays.view_x, rays.view_y)
@@ -70,7 +70,7 @@ def gather_map(profile: DisplayProfile, sampling: str) -> GatherMap:
                     next(interpolated)[part, :, channel] = np.rint((inside - whole) * ONE)
             first[part, :, channel] = index
 
-    in_threads(work, range(0, size[0], ROWS_AT_ONCE))
+    in_threads(work, size[0], ROWS_AT_ONCE)
     axes = tuple(axis for axis in zip(strides, weights, strict=True) if axis[1].any())
     return GatherMap((columns, rows), first, axes)
 
@@ -125,13 +125,12 @@ def weave(eia: Array, mapped: GatherMap) -> Array:
     first, shown = mapped.first.reshape(-1), result.reshape(-1)
     axes = [(stride, weights.reshape(-1)) for stride, weights in mapped.axes]
 
-    def work(start: int) -> None:
-        part = slice(start, start + AT_ONCE)
+    def work(part: slice) -> None:
         # ``take`` is fastest with NumPy's own index type.
         index, mixed = first[part].astype(np.intp), [(stride, weights[part]) for stride, weights in axes]
         shown[part] = _mixed(source, index, mixed)
 
-    in_threads(work, range(0, first.size, AT_ONCE))
+    in_threads(work, first.size, AT_ONCE)
     return result
 
 

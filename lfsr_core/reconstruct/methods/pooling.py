@@ -43,7 +43,7 @@ PLACES = 2  # per rendered view at which samples are pooled, of scenes that are 
 MOST_STEEP = 0.05  # of the samples of such a scene
 KERNEL, SHARP_KERNEL = "linear", "halfway"
 SHARP_SAMPLES, SHARP_SCALE = 16, 3  # samples per pixel and scale from which noise allows the sharper kernel
-LENSES_IN_CACHE, SAMPLES_IN_CACHE = 24, 40_000
+SAMPLES_IN_CACHE = 40_000
 LEAST_SAMPLES = 2  # per pixel from which detail is told from noise, and an edge from what is behind it
 # Rendered views up to which an edge is looked for; lenses to each side that a sample sees of it; lenses per rendered
 # view by which an edge must be nearer than what is behind it.
@@ -109,14 +109,15 @@ class Pooling(Upscaler):
         source[:3, :, :, columns, REACH:-REACH] = color.transpose(4, 0, 2, 1, 3)
         source[3:, :, :, columns, REACH:-REACH] = slope.transpose(0, 2, 1, 3)
         wide, line = padded((sx * width, height, h + 2 * REACH)), Line.of(low, w, across)
+        lenses = wide.reshape(4, sx, width, height, -1)
         starts = np.arange(sy * h) * length * (w + 2 * REACH) + REACH
 
-        def column(index: int) -> None:
-            rays = pooled(source, starts + columns[index] * (w + 2 * REACH), line)
+        def some(part: slice) -> None:
+            rays = pooled(source, (columns[part, None] * (w + 2 * REACH) + starts).ravel(), line)
             np.multiply(rays[3], np.float32(low.slope_ratio), out=rays[3], where=rays[3] < UNKNOWN)
-            wide[:, index * width:(index + 1) * width, rows, REACH:-REACH] = rays.reshape(4, width, sy, h)
+            lenses[:, part, :, rows, REACH:-REACH] = rays.reshape(4, width, -1, sy, h).swapaxes(1, 2)
 
-        in_threads(column, range(sx))
+        in_threads(some, sx, _in_cache(width * sy * h))
         return PooledEIA(**vars(low), density=(across, down), wide=wide, rows=rows, seen=known.any((2, 3)), own=color,
                          glare=glare if glare.any() else None)
 
@@ -133,7 +134,8 @@ class Pooling(Upscaler):
             width, line, chosen = w * low.density[0], Line.of(low, h, low.density[1]), np.flatnonzero(some)
             across, down = (kernel_matrix(kernel, views * places, factor / places)
                             for views, places, factor in zip((w, h), low.density, low.factors, strict=True))
-            for part in np.array_split(chosen, math.ceil(len(chosen) / LENSES_IN_CACHE)) if len(chosen) else ():
+            most = _in_cache(width * h * low.density[1])
+            for part in (chosen[start:start + most] for start in range(0, len(chosen), most)):
                 row, column = lenses[part].T
                 lines = (column[:, None] * width + np.arange(width)) * low.wide.shape[2] + low.rows[row][:, None]
                 rays = down @ pooled(low.wide, lines.ravel() * (h + 2 * REACH) + REACH, line)[:3]
@@ -163,23 +165,25 @@ def _followed(low: LowResEIA, slope: Array) -> Array:
     mean, number = color.mean((2, 3))[here[:2]], np.ravel_multi_index(here[:2], grid)
     own, moves, sums = color[here] - mean, slope[here].T, np.zeros((4, 2, 2, math.prod(grid)))
 
-    def beside(side: int) -> None:
-        axis, step = divmod(side, 2)
-        view, block = here[axis + 2] + 2 * step - 1, low.block or grid[axis]
-        places = here[axis] + moves * (2 * step - 1) * (1.0 if axis else low.slope_ratio)
-        lenses = np.floor(places).astype(int)
-        inside = ((lenses // block == here[axis] // block) & ((lenses + 1) // block == here[axis] // block)).all(0)
-        chosen = np.flatnonzero(inside & (view >= 0) & (view < color.shape[axis + 2]))
-        index = [axis_places[chosen] for axis_places in here]
-        index[axis + 2] = view[chosen]
-        for sums_, place, lens in zip(sums[side], places[:, chosen], lenses[:, chosen], strict=True):
-            index[axis] = lens
-            left = color[tuple(index)]
-            index[axis] = lens + 1
-            there = left + (place - lens) * (color[tuple(index)] - left) - mean[chosen]
-            sums_[:] = [np.bincount(number[chosen], there * other, math.prod(grid)) for other in (own[chosen], there)]
+    def beside(sides: slice) -> None:
+        for side in range(sides.start, sides.stop):
+            axis, step = divmod(side, 2)
+            view, block = here[axis + 2] + 2 * step - 1, low.block or grid[axis]
+            places = here[axis] + moves * (2 * step - 1) * (1.0 if axis else low.slope_ratio)
+            lenses = np.floor(places).astype(int)
+            inside = ((lenses // block == here[axis] // block) & ((lenses + 1) // block == here[axis] // block)).all(0)
+            chosen = np.flatnonzero(inside & (view >= 0) & (view < color.shape[axis + 2]))
+            index = [axis_places[chosen] for axis_places in here]
+            index[axis + 2] = view[chosen]
+            for sums_, place, lens in zip(sums[side], places[:, chosen], lenses[:, chosen], strict=True):
+                index[axis] = lens
+                left = color[tuple(index)]
+                index[axis] = lens + 1
+                there = left + (place - lens) * (color[tuple(index)] - left) - mean[chosen]
+                sums_[:] = [np.bincount(number[chosen], there * other, math.prod(grid))
+                            for other in (own[chosen], there)]
 
-    in_threads(beside, range(4))
+    in_threads(beside, 4, min(4, _in_cache(len(here[0]))))
     (shared, power), (of_path, of_all) = (map(_pooled_lenses, part.reshape(2, *grid)) for part in sums.sum(0))
     few = _pooled_lenses(goes_on.sum((2, 3)) - FEW * seen.sum((2, 3))) < 0
     better = few | (np.maximum(of_path, 0)**2 * power >= np.maximum(shared, 0)**2 * of_all)
@@ -215,10 +219,11 @@ def _restored(low: LowResEIA, slope: Array, steepest: float) -> Array:
     (sy, sx, h, w), known = slope.shape, slope < UNKNOWN
     lost = np.empty((*slope.shape, 3), np.float32)
 
-    def residual(row: int) -> None:
-        lost[row] = _noise(noisy[row], low.color[row]) * known[row, ..., None]
+    def residual(rows: slice) -> None:
+        lost[rows] = _noise(noisy[rows], low.color[rows]) * known[rows, ..., None]
 
-    in_threads(residual, range(sy))
+    most = _in_cache(sx * h * w)
+    in_threads(residual, sy, most)
     along = lost
     for axis, ratio in ((1, 1.0), (0, low.slope_ratio)):
         # Lenses and views of one axis last, those of the other axis first.
@@ -230,24 +235,25 @@ def _restored(low: LowResEIA, slope: Array, steepest: float) -> Array:
         along = sums.reshape(-1, *(slope.shape[each] for each in order)).transpose(*(1 + np.argsort(order)), 0)
     mean, shared, power = np.empty_like(color), np.empty((sy, sx)), np.empty((sy, sx))
 
-    def covariance(row: int) -> None:
-        others, count, own = along[row, ..., :3], along[row, ..., 3:], lost[row]
-        seen = (count > LEAST_OTHERS) & known[row, ..., None]
-        mean[row] = (others + own) / (count + 1) * seen
+    def covariance(rows: slice) -> None:
+        others, count, own = along[rows, ..., :3], along[rows, ..., 3:], lost[rows]
+        seen = (count > LEAST_OTHERS) & known[rows, ..., None]
+        mean[rows] = (others + own) / (count + 1) * seen
         others = others / np.maximum(count, LEAST_OTHERS) * seen
-        shared[row] = np.einsum("xvuc,xvuc->xc", own, others) @ LUMINANCE
-        power[row] = np.einsum("xvuc,xvuc->xc", mean[row], mean[row]) @ LUMINANCE
+        shared[rows] = np.einsum("yxvuc,yxvuc->yxc", own, others) @ LUMINANCE
+        power[rows] = np.einsum("yxvuc,yxvuc->yxc", mean[rows], mean[rows]) @ LUMINANCE
 
-    in_threads(covariance, range(sy))
+    in_threads(covariance, sy, most)
     shared, power = _pooled_lenses(shared), _pooled_lenses(power)
     weight = np.clip(np.divide(shared, power, out=np.zeros_like(power), where=power > 0), 0, 1).astype(np.float32)
-
-    def restore(row: int) -> None:
-        mean[row] *= weight[row, :, None, None, None]
-        color[row] += mean[row]
-
-    in_threads(restore, range(sy))
+    mean *= weight[..., None, None, None]
+    color += mean
     return color
+
+
+def _in_cache(samples: int) -> int:
+    """How many things of so many ``samples`` are made at once."""
+    return max(1, SAMPLES_IN_CACHE // samples)
 
 
 def _places(count: int, steepest: float, block: int | None) -> tuple[Array, int]:
@@ -418,12 +424,12 @@ def _residuals(values: Array, slopes: Array, places: Array, length: int, own: bo
     row, lens = np.nonzero((slopes < UNKNOWN).any(-1))  # the others have no residual
     starts = (row * length + places[lens])[:, None] * stride + REACH + np.arange(views)
 
-    def lenses(part: Array) -> None:
+    def lenses(part: slice) -> None:
         along = slopes[row[part], lens[part]]
         total, sums = _sums(planes, stride, taps, starts[part], along, np.zeros(along.shape, bool), own)
         result[:, row[part], lens[part]] = sums if len(sums) == 4 else [*sums, total]
 
-    in_threads(lenses, np.array_split(np.arange(len(row)), math.ceil(len(row) * views / SAMPLES_IN_CACHE)))
+    in_threads(lenses, len(row), _in_cache(views))
     return result
 
 
