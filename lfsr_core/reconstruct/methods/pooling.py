@@ -163,28 +163,23 @@ def _followed(low: LowResEIA, slope: Array) -> Array:
         return first
     color = encode(low.rendered) @ LUMINANCE
     mean, number = color.mean((2, 3))[here[:2]], np.ravel_multi_index(here[:2], grid)
-    own, moves, sums = color[here] - mean, slope[here].T, np.zeros((4, 2, 2, math.prod(grid)))
+    own, moves, sums = color[here] - mean, slope[here].T, np.zeros((2, 2, math.prod(grid)))
 
-    def beside(sides: slice) -> None:
-        for side in range(sides.start, sides.stop):
-            axis, step = divmod(side, 2)
-            view, block = here[axis + 2] + 2 * step - 1, low.block or grid[axis]
-            places = here[axis] + moves * (2 * step - 1) * (1.0 if axis else low.slope_ratio)
-            lenses = np.floor(places).astype(int)
-            inside = ((lenses // block == here[axis] // block) & ((lenses + 1) // block == here[axis] // block)).all(0)
-            chosen = np.flatnonzero(inside & (view >= 0) & (view < color.shape[axis + 2]))
-            index = [axis_places[chosen] for axis_places in here]
-            index[axis + 2] = view[chosen]
-            for sums_, place, lens in zip(sums[side], places[:, chosen], lenses[:, chosen], strict=True):
-                index[axis] = lens
-                left = color[tuple(index)]
-                index[axis] = lens + 1
-                there = left + (place - lens) * (color[tuple(index)] - left) - mean[chosen]
-                sums_[:] = [np.bincount(number[chosen], there * other, math.prod(grid))
-                            for other in (own[chosen], there)]
-
-    in_threads(beside, 4, min(4, _in_cache(len(here[0]))))
-    (shared, power), (of_path, of_all) = (map(_pooled_lenses, part.reshape(2, *grid)) for part in sums.sum(0))
+    for axis, step in ((0, -1), (0, 1), (1, -1), (1, 1)):
+        view, block = here[axis + 2] + step, low.block or grid[axis]
+        places = here[axis] + moves * step * (1.0 if axis else low.slope_ratio)
+        lenses = np.floor(places).astype(int)
+        inside = ((lenses // block == here[axis] // block) & ((lenses + 1) // block == here[axis] // block)).all(0)
+        chosen = np.flatnonzero(inside & (view >= 0) & (view < color.shape[axis + 2]))
+        index = [axis_places[chosen] for axis_places in here]
+        index[axis + 2] = view[chosen]
+        for sums_, place, lens in zip(sums, places[:, chosen], lenses[:, chosen], strict=True):
+            index[axis] = lens
+            left = color[tuple(index)]
+            index[axis] = lens + 1
+            there = left + (place - lens) * (color[tuple(index)] - left) - mean[chosen]
+            sums_ += [np.bincount(number[chosen], there * other, math.prod(grid)) for other in (own[chosen], there)]
+    (shared, power), (of_path, of_all) = (map(_pooled_lenses, part.reshape(2, *grid)) for part in sums)
     few = _pooled_lenses(goes_on.sum((2, 3)) - FEW * seen.sum((2, 3))) < 0
     better = few | (np.maximum(of_path, 0)**2 * power >= np.maximum(shared, 0)**2 * of_all)
     result: Array = np.where(better[..., None, None], path, first)
