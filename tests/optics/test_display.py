@@ -191,7 +191,7 @@ def test_points_at_the_usable_depth_move_by_one_lens(display, scale):
 
 @given(DISPLAYS, MOVES, RAYS, st.floats(1, 1000))
 def test_the_more_rays_the_smaller(display, moves, rays, factor):
-    few, many = (choose_scale(display, moves, scales_up_to(display), each) for each in (rays, rays * factor))
+    few, many = (choose_scale(display, moves, scales_up_to(display), count) for count in (rays, rays * factor))
     assert many.scale <= few.scale
 
 

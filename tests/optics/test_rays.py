@@ -144,8 +144,8 @@ def quads_at(card, layout, place):
 def test_rays_of_the_card_are_those_of_the_layout(layout, right, down):
     card = rays.lens_card(layout)
     cells, targets, _ = quads_at(card, layout, (right, down))
-    found = lens_card_rays(card, cells, targets, CARD_ARRAY.distance)
-    for ours, expected in zip(found, pixel_rays(layout, (right, down)), strict=True):
+    traced = lens_card_rays(card, cells, targets, CARD_ARRAY.distance)
+    for ours, expected in zip(traced, pixel_rays(layout, (right, down)), strict=True):
         assert ours == pytest.approx(expected, abs=1e-9)
 
 
@@ -209,7 +209,7 @@ HALF = dataclasses.replace(MINI, name="half", lenses=(8, 6), panel_pixels=(64, 4
 LAYOUTS = {"centred": {}, "paper": {"convention": "paper"}, "points": {"view_aperture": 0.0}}
 
 
-def look(right, down):
+def world(right, down):
     """A world with detail, by slope."""
     return np.stack([np.sin(9 * right + 2 * down), np.cos(6 * down), (right > 0.1) * 1.0 + down], -1) + 2
 
@@ -220,7 +220,7 @@ def world_image(layout):
     times = 4 if np.prod(image.size) < 10**6 else 1  # a large one has small pixels
     right, down = (((np.arange(times * count) + 0.5) / (times * count) * 2 - 1) * reach
                    for count, reach in zip(image.size, image.reach, strict=True))
-    return look(*np.meshgrid(right, down)).reshape(image.size[1], times, image.size[0], times, 3).mean((1, 3))
+    return world(*np.meshgrid(right, down)).reshape(image.size[1], times, image.size[0], times, 3).mean((1, 3))
 
 
 @pytest.mark.parametrize("display", [HALF, FLAT], ids=["half", "flat"])
@@ -235,7 +235,7 @@ def test_pixels_see_the_mean_of_their_rays(display, options):
         _, direction = reference_rays.rays(layout, x, y, places[2], places[3])
         right, down = direction[..., 0] / direction[..., 2], -direction[..., 1] / direction[..., 2]
         assert np.abs(right).max() < image.reach[0] and np.abs(down).max() < image.reach[1]
-        drawn = drawn + look(right, down) / count
+        drawn = drawn + world(right, down) / count
     lenses = np.argwhere(np.ones(layout.lenses[::-1], bool))[::5]
     seen = WorldView.of(layout, world_image(layout)).elemental_images(lenses)
     expected = rays.to_elemental_images(drawn, layout.lenses)[tuple(lenses.T)]
@@ -248,8 +248,8 @@ def test_lenses_in_any_order_or_tiles_see_the_same_small_image():
     layout = layout_of()
     view = WorldView.of(layout, world_image(layout))
     lenses = np.random.default_rng(1).integers(0, layout.lenses[::-1], (20, 2))
-    each = [view.elemental_images(lens[None])[0] for lens in lenses]
-    np.testing.assert_array_equal(view.elemental_images(lenses), each)
+    alone = [view.elemental_images(lens[None])[0] for lens in lenses]
+    np.testing.assert_array_equal(view.elemental_images(lenses), alone)
     listed = ((3, 5), (0, 15), (11, 0), (4, 4), (7, 2))
     layout = layout_of(scale=2, lens_list=listed)
     shown = layout.shown_lenses.reshape(-1, 2)

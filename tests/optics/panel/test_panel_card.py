@@ -50,14 +50,14 @@ def some(size, count=5000):
 def test_rays_are_those_of_the_layout(name):
     layout = layout_of(DISPLAYS[name])
     corner, place = some(layout.size), np.array((0.8, 0.3))
-    found, expected = [], []
+    traced, expected = [], []
     # Where the panel mirrors its image, the card mirrors the place in the pixel too.
     mirrored = np.where(layout.display.flip, 1 - place, place)
-    for rays, at, inside in ((found, corner + place, panel_card_rays), (expected, corner + mirrored, panel_rays)):
+    for rays, at, inside in ((traced, corner + place, panel_card_rays), (expected, corner + mirrored, panel_rays)):
         right, up = np.moveaxis(at / layout.size, -1, 0)
         rays += inside(panel_card(layout), right, up, layout.array.distance) if inside is panel_card_rays else inside(
             layout, right, up)
-    for ours, theirs in zip(found, expected, strict=True):
+    for ours, theirs in zip(traced, expected, strict=True):
         assert ours == pytest.approx(theirs, abs=1e-9)
 
 
@@ -68,9 +68,9 @@ def test_a_ray_of_a_whole_pixel_is_that_of_the_subpixel_at_its_place(name):
     pixel, mirrored = some(panel), np.where(layout.display.flip, 1 - place, place)
     for part in range(PARTS):
         inside = (part + place[0]) / PARTS, place[1]
-        found = panel_card_rays(card, *np.moveaxis((pixel + inside) / panel, -1, 0), layout.array.distance)
+        traced = panel_card_rays(card, *np.moveaxis((pixel + inside) / panel, -1, 0), layout.array.distance)
         at = (pixel * (PARTS, 1) + (part, 0) + mirrored) / layout.size
-        for ours, theirs in zip(found, panel_rays(layout, *np.moveaxis(at, -1, 0)), strict=True):
+        for ours, theirs in zip(traced, panel_rays(layout, *np.moveaxis(at, -1, 0)), strict=True):
             assert ours == pytest.approx(theirs, abs=1e-9)
 
 
@@ -150,11 +150,11 @@ def test_a_profile_and_its_frame_are_read_back(sheet):
 def test_no_point_of_a_lattice_is_nearer_than_the_nearest(pitch, rotation, shear, packing):
     lattice, inside = Lattice(pitch, rotation, shear), np.linspace(-1, 1, 12)
     places = np.stack(lattice_point(lattice, packing, inside[:, None], inside)).reshape(2, -1)
-    found = nearest_point(lattice, packing, *places)
-    np.testing.assert_array_equal(found, np.rint(found))
+    point = nearest_point(lattice, packing, *places)
+    np.testing.assert_array_equal(point, np.rint(point))
     every = np.stack(lattice_point(lattice, packing, np.arange(-24, 25)[:, None], np.arange(-24, 25)))
     nearest = np.hypot(*(every.reshape(2, -1, 1) - places[:, None])).min(0)
-    assert np.hypot(*(lattice_point(lattice, packing, *found) - places)) == pytest.approx(nearest, abs=1e-9)
+    assert np.hypot(*(lattice_point(lattice, packing, *point) - places)) == pytest.approx(nearest, abs=1e-9)
 
 
 @pytest.mark.parametrize("rule", CELL_RULES)
