@@ -233,8 +233,8 @@ def test_a_sampled_lens_is_finished_as_in_its_frame(tmp_path):
     write_layers(folder / LOW_RES_FILE, layers)
     whole = to_elemental_images(finished_linear(folder, "nearest")[..., :3], MINI.lenses).reshape(-1, 8, 8, 3)
     expected = planner.split_scores(srgb_encode(whole), quarters)
-    found = planner.scores(folder, "nearest", np.arange(len(lenses))[:, None, None], quarters)
-    assert found == pytest.approx(expected, abs=1e-6), "lenses without foreground are filled in"
+    scores = planner.scores(folder, "nearest", np.arange(len(lenses))[:, None, None], quarters)
+    assert scores == pytest.approx(expected, abs=1e-6), "lenses without foreground are filled in"
 
     at = [(5, 5), (1, 12), (8, 3)]
     width, (listed, blocks) = MINI.lenses[0], planner.with_neighbours(at, 1, MINI.lenses)
@@ -251,9 +251,9 @@ def test_a_sampled_lens_is_finished_as_in_its_frame(tmp_path):
 def test_sampled_lenses_are_different_ones_of_the_mask(count, seed):
     mask = np.zeros((12, 16), bool)
     mask[3:8, 4:11] = True
-    found = sampled_lenses(mask, count, seed)
-    assert len(set(found)) == len(found) == min(count, 35) and all(mask[lens] for lens in found)
-    assert found == sampled_lenses(mask, count, seed)
+    lenses = sampled_lenses(mask, count, seed)
+    assert len(set(lenses)) == len(lenses) == min(count, 35) and all(mask[lens] for lens in lenses)
+    assert lenses == sampled_lenses(mask, count, seed)
 
 
 def test_neighbours_are_as_many_as_a_denoiser_needs():
@@ -283,7 +283,7 @@ def test_progress_of_a_render_moves_that_of_the_plan(tmp_path):
     renders.rendered("s2-spp1", "2 lenses", sampling=Sampling(2, 1), lens_list=((0, 0), (5, 5)))
     renders.rendered("quick", "every lens", sampling=Sampling(4, 4))
     assert Notice("subject-unseen") in told
-    fractions = [each.fraction for each in told if isinstance(each, Progress)]
+    fractions = [message.fraction for message in told if isinstance(message, Progress)]
     assert fractions == sorted(fractions) and fractions[-1] == pytest.approx(
         (2 * 16 + 4 * math.prod(MINI.lenses) * 4) / renders.whole)
 
@@ -308,8 +308,8 @@ RECORD = Path(__file__).parents[2] / "docs/results/measured/plan-unseen.json"
 
 
 def rated(scale: int, samples: int, method: str, seconds: float, low: float | None, mean: float | None = None) -> Rated:
-    known = None if low is None else Estimate(low + 0.01 if mean is None else mean, low, 30)
-    return Rated(scale, samples, method, seconds, known)
+    estimated = None if low is None else Estimate(low + 0.01 if mean is None else mean, low, 30)
+    return Rated(scale, samples, method, seconds, estimated)
 
 
 @st.composite
@@ -321,9 +321,9 @@ def rows(draw) -> list[Rated]:
 
 
 @given(rows(), st.floats(0.8, 1.0), st.floats(0.1, 100))
-def test_what_is_chosen_meets_the_target_and_nothing_that_does_is_much_cheaper(found, target, most):
-    choice = choose(found, target, most)
-    confirmed = [row for row in found if row.low >= target and row.seconds <= most]
+def test_what_is_chosen_meets_the_target_and_nothing_that_does_is_much_cheaper(candidates, target, most):
+    choice = choose(candidates, target, most)
+    confirmed = [row for row in candidates if row.low >= target and row.seconds <= most]
     assert (choice.chosen is None) == (not confirmed)
     if choice.chosen is None:
         assert choice.limit is not None
@@ -333,28 +333,28 @@ def test_what_is_chosen_meets_the_target_and_nothing_that_does_is_much_cheaper(f
 
 
 def test_of_equally_cheap_candidates_the_simplest_is_taken():
-    found = [rated(4, 16, "denoise+oidn+bilinear", 10.0, 0.97), rated(4, 16, "oidn+bilinear", 10.2, 0.96),
-             rated(4, 64, "bilinear", 10.4, 0.96), rated(2, 16, "bilinear", 11.0, 0.96)]
-    assert choose(found, 0.95).chosen.candidate == Candidate(4, 64, "bilinear")
-    assert choose(found[:2], 0.95).chosen.candidate == Candidate(4, 16, "oidn+bilinear")
+    candidates = [rated(4, 16, "denoise+oidn+bilinear", 10.0, 0.97), rated(4, 16, "oidn+bilinear", 10.2, 0.96),
+                  rated(4, 64, "bilinear", 10.4, 0.96), rated(2, 16, "bilinear", 11.0, 0.96)]
+    assert choose(candidates, 0.95).chosen.candidate == Candidate(4, 64, "bilinear")
+    assert choose(candidates[:2], 0.95).chosen.candidate == Candidate(4, 16, "oidn+bilinear")
     values = np.linspace(0.8, 1, 20)
-    found = estimate(values, np.ones(20, bool), 20)
-    assert found.low == found.mean == pytest.approx(0.9) and found.lenses == 20
+    estimated = estimate(values, np.ones(20, bool), 20)
+    assert estimated.low == estimated.mean == pytest.approx(0.9) and estimated.lenses == 20
     for count in (0, 1):
         refuses(f"{count} of 4 sampled lenses", estimate, values[:4], np.arange(4) < count, 20)
 
 
-@pytest.mark.parametrize(("found", "code"), [
+@pytest.mark.parametrize(("candidates", "code"), [
     ([rated(4, 16, "bilinear", 1, 0.90, 0.92), rated(4, 64, "bilinear", 2, 0.93, 0.94)], "plan-limit-noise"),
     ([rated(4, 16, "bilinear", 1, 0.90, 0.920), rated(4, 64, "bilinear", 2, 0.91, 0.921)], "plan-limit-upscaling"),
     ([rated(1, 16, "none", 1, 0.90, 0.920), rated(1, 64, "none", 2, 0.91, 0.921)], "plan-limit-method"),
     ([rated(4, 16, "bilinear", 1, 0.94, 0.96)], "plan-limit-certainty"),
     ([rated(4, 16, "bilinear", 1, 0.90), rated(4, 64, "bilinear", 20, 0.97)], "plan-limit-time"),
     ([rated(4, 16, "bilinear", 1, None)], "plan-limit-unmeasured")])
-def test_what_limits_is_told(found, code):
-    choice = choose(found, 0.95, most_seconds=10)
+def test_what_limits_is_told(candidates, code):
+    choice = choose(candidates, 0.95, most_seconds=10)
     assert choice.chosen is None and choice.limit.code == code
-    assert choice.best is max((row for row in found if row.estimate and row.seconds <= 10), default=None,
+    assert choice.best is max((row for row in candidates if row.estimate and row.seconds <= 10), default=None,
                               key=lambda row: row.low)
 
 
@@ -363,13 +363,13 @@ def test_lower_bound_lies_below_the_truth_in_95_of_100_draws():
     values = 1 - 0.15 * random.random(ARRAY)**3 - 0.02 * random.exponential(1, ARRAY)  # near 1, with a tail of bad ones
     mask[4:26, 6:34] = True
     hit = mask & (random.random(ARRAY) < 0.8)  # not all that lie beside the foreground show any
-    found = []
+    estimates = []
     for seed in range(400):
         places = tuple(np.array(sampled_lenses(mask, 24, seed)).T)
-        found.append(estimate(values[places], hit[places], int(mask.sum())))
+        estimates.append(estimate(values[places], hit[places], int(mask.sum())))
     truth = values[hit].mean()
-    assert np.mean([each.low <= truth for each in found]) >= 0.95
-    assert np.mean([each.mean for each in found]) == pytest.approx(truth, abs=0.003)
+    assert np.mean([drawn.low <= truth for drawn in estimates]) >= 0.95
+    assert np.mean([drawn.mean for drawn in estimates]) == pytest.approx(truth, abs=0.003)
 
 
 def test_plans_of_the_recorded_scenes_meet_their_target_at_little_more_than_the_least_cost():
@@ -385,25 +385,25 @@ def test_plans_of_the_recorded_scenes_meet_their_target_at_little_more_than_the_
         if sampled < counts[scene]:  # its bound was about 2.5 standard errors wide
             spreads[scene].append((plan["estimate"] - plan["bound"]) / 2.5 / math.sqrt(1 / sampled - 1 / counts[scene]))
     usual, met, cheap, plans = np.median(np.concatenate([*spreads.values()])), [], [], 0
-    for scene, found in actual.items():
+    for scene, accuracies in actual.items():
         spread, count = np.median(spreads[scene]) if spreads[scene] else usual, counts[scene]
         for seed in range(5):
             random = np.random.default_rng([seed, count])
             shared = 0.9 * spread * random.gamma(1.0, 1.0, count)
             chosen, rows = random.permutation(count)[:LEAST_LENSES], []
-            for each, accuracy in found.items():
+            for candidate, accuracy in accuracies.items():
                 off = 0.44 * spread * random.normal(size=count) - shared
                 values = (accuracy + off - off.mean())[chosen]
-                rows.append(Rated(**vars(each), seconds=each.paths(DISPLAY),
+                rows.append(Rated(**vars(candidate), seconds=candidate.paths(DISPLAY),
                                   estimate=estimate(values, np.ones(len(chosen), bool), count)))
             for target in (0.7, 0.8, 0.9):
                 plans += 1
                 row = choose(rows, target).chosen
                 if row is None:
                     continue
-                met.append(found[row.candidate] >= target)
+                met.append(accuracies[row.candidate] >= target)
                 if met[-1]:
-                    least = min(each.paths(DISPLAY) for each, accuracy in found.items() if accuracy >= target)
+                    least = min(candidate.paths(DISPLAY) for candidate in accuracies if accuracies[candidate] >= target)
                     cheap.append(row.paths(DISPLAY) <= 1.2 * least)
     assert len(met) > 0.95 * plans and np.mean(met) >= 0.95 and np.mean(cheap) >= 0.85
 
@@ -412,8 +412,8 @@ def test_options_methods_limits_and_all_combinations_that_they_allow():
     assert PlanOptions().limit == math.inf and PlanOptions(most_seconds=3).limit == 3
     assert plan_options.methods_at(4, ("none", "bilinear")) == ("bilinear",)
     assert plan_options.methods_at(1, ("bilinear", "oidn+bilinear")) == ("none", "oidn")
-    found = plan_options.default_methods()
-    assert found[0] == PLAIN_METHOD and DEFAULT_METHOD in found and len(set(found)) == len(found)
+    methods = plan_options.default_methods()
+    assert methods[0] == PLAIN_METHOD and DEFAULT_METHOD in methods and len(set(methods)) == len(methods)
     assert PlanOptions().most_paths(load_display("mini")) == plan_options.FREE_PATHS
     assert PlanOptions().most_paths(load_display("bupt-32in-8k")) > plan_options.FREE_PATHS
     for wrong in [{"target": 1.0}, {"target": 0.0}, {"metric": "psnr"}, {"budget": 0.0}, {"lenses": 3},
@@ -421,18 +421,18 @@ def test_options_methods_limits_and_all_combinations_that_they_allow():
         refuses("but", PlanOptions, **wrong)
     for wrong in [{"scales": (3,)}, {"methods": ("bilina",)}, {"rays": (0.0,)}, {"scales": (2,), "methods": ("none",)}]:
         refuses("", PlanOptions(**wrong).candidates, MINI)
-    found = PlanOptions(samples=(np.int64(4), 16), methods=("bilinear", "oidn+bilinear")).candidates(MINI)
-    assert {candidate.scale for candidate in found} == {1, 2, 4, 8}
-    assert {candidate.method for candidate in found if candidate.scale == 1} == {"none", "oidn"}
-    assert {candidate.method for candidate in found if candidate.scale == 2} == {"bilinear", "oidn+bilinear"}
-    costs = [candidate.paths(MINI) for candidate in found]
-    assert costs == sorted(costs) and len(set(found)) == len(found) == 16
+    candidates = PlanOptions(samples=(np.int64(4), 16), methods=("bilinear", "oidn+bilinear")).candidates(MINI)
+    assert {candidate.scale for candidate in candidates} == {1, 2, 4, 8}
+    assert {candidate.method for candidate in candidates if candidate.scale == 1} == {"none", "oidn"}
+    assert {candidate.method for candidate in candidates if candidate.scale == 2} == {"bilinear", "oidn+bilinear"}
+    costs = [candidate.paths(MINI) for candidate in candidates]
+    assert costs == sorted(costs) and len(set(candidates)) == len(candidates) == 16
 
 
 @given(st.sampled_from((2, 4)), st.integers(1, 4096))
 def test_candidates_of_the_same_rays_cost_the_same(scale, samples):
-    found = PlanOptions(methods=("bilinear",), rays=(1, 4)).candidates(MINI)
-    assert {(each.scale, each.samples) for each in found} == {(1, 1), (1, 4), (2, 4), (2, 16), (4, 16), (4, 64),
-                                                              (8, 64), (8, 256)}
-    assert len({each.paths(MINI) for each in found}) == 2
+    candidates = PlanOptions(methods=("bilinear",), rays=(1, 4)).candidates(MINI)
+    assert {(candidate.scale, candidate.samples) for candidate in candidates} == {
+        (1, 1), (1, 4), (2, 4), (2, 16), (4, 16), (4, 64), (8, 64), (8, 256)}
+    assert len({candidate.paths(MINI) for candidate in candidates}) == 2
     assert samples_at(MINI, scale, Candidate(scale, samples, "bilinear").rays(MINI)) == samples
