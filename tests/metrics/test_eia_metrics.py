@@ -26,16 +26,16 @@ def test_flip_grows_with_the_error_and_without_foreground_or_samples_there_is_no
     assert eia_metrics.mean_flip(image, image) == pytest.approx(0, abs=1e-6)
     slight, strong = (eia_metrics.mean_flip(np.clip(image + shift, 0, 1), image) for shift in (0.02, 0.2))
     assert 0.001 < slight < strong < 1
-    found = compared(*eia_case(), LENSES, np.zeros_like(MASK))
+    score = compared(*eia_case(), LENSES, np.zeros_like(MASK))
     names = ("p", "ssim_eia_fg", "ssim_lens_fg", "psnr_fg", "ssim_views_fg")
-    assert [found[name] for name in names] == [0, None, None, None, None]
+    assert [score[name] for name in names] == [0, None, None, None, None]
     low = compared(*(values[:8] for values in eia_case()), (16, 1), MASK[3:4])  # too low for a window of SSIM
     assert {name for name in low if low[name] is None} == {"ssim_eia", "ssim_eia_fg", "ssim_eia_plain", "ssim_ceiling"}
-    found = sampled(np.argwhere(MASK)[:10], *eia_case())
-    assert found["ssim_lens"] is None and found["ssim_lens_fg"] is not None
+    score = sampled(np.argwhere(MASK)[:10], *eia_case())
+    assert score["ssim_lens"] is None and score["ssim_lens_fg"] is not None
     x, _, _ = eia_case()
-    found = sampled([(3, 5), (8, 12), (0, 0), (4, 4), (11, 3)], x, x, x)
-    assert found["ssim_lens_fg"] == pytest.approx(1, abs=1e-9) and found["psnr_fg"] is None
+    score = sampled([(3, 5), (8, 12), (0, 0), (4, 4), (11, 3)], x, x, x)
+    assert score["ssim_lens_fg"] == pytest.approx(1, abs=1e-9) and score["psnr_fg"] is None
 
 
 # A display of 16 × 12 lenses and 8 × 8 views, so 128 × 96 pixels.
@@ -57,24 +57,24 @@ def compared(x, a, b, *rest, **more):
 
 def test_whole_comparison_reports_every_metric_from_its_own_pixels():
     x, a, b = eia_case()
-    found = compared(x, a, b, LENSES, MASK)
-    assert tuple(found) == eia_metrics.METRIC_NAMES
+    score = compared(x, a, b, LENSES, MASK)
+    assert tuple(score) == eia_metrics.METRIC_NAMES
     X, A, B = (srgb_encode(values) for values in (x, a, b))
     inside, local = np.repeat(np.repeat(MASK, 8, 0), 8, 1), split_ssim_map(X, A, B)
-    assert found["p"] == pytest.approx(54 / 192) and found["ssim_eia"] == pytest.approx(split_ssim(X, A, B), abs=1e-9)
-    assert found["ssim_eia_fg"] == pytest.approx(local[inside].mean(), abs=1e-9)  # the mask is away from the border
+    assert score["p"] == pytest.approx(54 / 192) and score["ssim_eia"] == pytest.approx(split_ssim(X, A, B), abs=1e-9)
+    assert score["ssim_eia_fg"] == pytest.approx(local[inside].mean(), abs=1e-9)  # the mask is away from the border
     alone = np.array([[split_ssim_map(*(values[8 * row:8 * row + 8, 8 * column:8 * column + 8] for values in (X, A, B)))
                        .mean() for column in range(16)] for row in range(12)])
-    assert found["ssim_lens"] == pytest.approx(alone.mean(), abs=1e-6)
-    assert found["ssim_lens_fg"] == pytest.approx(alone[MASK].mean(), abs=1e-6)
-    assert found["psnr_fg"] == pytest.approx(psnr(np.mean(((X - A) * (X - B))[inside])), abs=1e-4)
-    assert found["ssim_eia_plain"] == pytest.approx(structural_similarity(X, (A + B) / 2, **GAUSSIAN), abs=1e-5)
-    assert found["ssim_ceiling"] == pytest.approx(structural_similarity(A, B, **GAUSSIAN), abs=1e-5)
-    assert found["ssim_ceiling"] < found["ssim_eia_plain"] < found["ssim_eia"]
+    assert score["ssim_lens"] == pytest.approx(alone.mean(), abs=1e-6)
+    assert score["ssim_lens_fg"] == pytest.approx(alone[MASK].mean(), abs=1e-6)
+    assert score["psnr_fg"] == pytest.approx(psnr(np.mean(((X - A) * (X - B))[inside])), abs=1e-4)
+    assert score["ssim_eia_plain"] == pytest.approx(structural_similarity(X, (A + B) / 2, **GAUSSIAN), abs=1e-5)
+    assert score["ssim_ceiling"] == pytest.approx(structural_similarity(A, B, **GAUSSIAN), abs=1e-5)
+    assert score["ssim_ceiling"] < score["ssim_eia_plain"] < score["ssim_eia"]
     views = [to_views(values, LENSES) for values in (X, A, B)]
-    each = [split_ssim_map(*(v[row, column] for v in views))[MASK].mean() for row in range(8) for column in range(8)]
-    assert found["ssim_views_fg"] == pytest.approx(np.mean(each), abs=1e-9)
-    assert found["flip"] == pytest.approx(eia_metrics.mean_flip(X, (A + B) / 2), abs=1e-6)
+    ssims = [split_ssim_map(*(v[row, column] for v in views))[MASK].mean() for row in range(8) for column in range(8)]
+    assert score["ssim_views_fg"] == pytest.approx(np.mean(ssims), abs=1e-9)
+    assert score["flip"] == pytest.approx(eia_metrics.mean_flip(X, (A + B) / 2), abs=1e-6)
 
 
 def test_foreground_metrics_ignore_the_background_and_values_above_display_white_do_not_count():
@@ -106,12 +106,12 @@ def without_flip(monkeypatch):
 def test_all_lenses_sampled_leave_no_interval(without_flip):
     everything = [(row, column) for row in range(12) for column in range(16)]
     x, a, b = eia_case()
-    found, whole = sampled(everything, x, a, b), compared(x, a, b, LENSES, MASK)
-    assert found["psnr_fg"] == pytest.approx(whole["psnr_fg"], abs=1e-5) and found["p"] == whole["p"]
-    assert all(width in (None, 0) for width in found["ci95"].values())
-    assert set(eia_metrics.SAMPLED_NAMES) == set(found) - {"lenses", "ci95", "notes"}
+    score, whole = sampled(everything, x, a, b), compared(x, a, b, LENSES, MASK)
+    assert score["psnr_fg"] == pytest.approx(whole["psnr_fg"], abs=1e-5) and score["p"] == whole["p"]
+    assert all(width in (None, 0) for width in score["ci95"].values())
+    assert set(eia_metrics.SAMPLED_NAMES) == set(score) - {"lenses", "ci95", "notes"}
     for name in ("ssim_lens", "ssim_lens_fg"):
-        assert found[name] == pytest.approx(whole[name], abs=1e-5), "the same number by the same name"
+        assert score[name] == pytest.approx(whole[name], abs=1e-5), "the same number by the same name"
 
 
 def test_intervals_hold_the_truth_about_95_times_in_100(without_flip):
@@ -121,9 +121,9 @@ def test_intervals_hold_the_truth_about_95_times_in_100(without_flip):
     foreground, background = np.argwhere(MASK), np.argwhere(~MASK)
     hits = {name: 0 for name in ("ssim_lens", "ssim_lens_fg", "psnr_fg")}
     for _ in range(60):
-        found = sampled([*random.permutation(foreground)[:25], *random.permutation(background)[:12]], x, a, b)
+        score = sampled([*random.permutation(foreground)[:25], *random.permutation(background)[:12]], x, a, b)
         for name in hits:
-            hits[name] += abs(found[name] - truth[name]) <= found["ci95"][name]
+            hits[name] += abs(score[name] - truth[name]) <= score["ci95"][name]
     assert all(50 <= count <= 60 for count in hits.values()), hits
 
 
@@ -131,8 +131,8 @@ def test_strata_weigh_by_their_share_and_shapes_that_do_not_fit_are_errors():
     x, a, b = eia_case(noise=0)
     background = np.repeat(np.repeat(~MASK, 8, 0), 8, 1)
     x[background] = a[background]  # perfect there
-    found = sampled([*np.argwhere(MASK)[::7], (0, 0), (11, 15)], x, a, b)
-    assert found["ssim_lens"] == pytest.approx((found["p"] * found["ssim_lens_fg"] + (1 - found["p"])), abs=1e-6)
+    score = sampled([*np.argwhere(MASK)[::7], (0, 0), (11, 15)], x, a, b)
+    assert score["ssim_lens"] == pytest.approx((score["p"] * score["ssim_lens_fg"] + (1 - score["p"])), abs=1e-6)
     x, a, b = eia_case()
     refuses(r"reference has shape \(96, 120, 3\)", compared, x, a[:, :120], b, LENSES, MASK)
     refuses("foreground mask has shape", compared, x, a, b, LENSES, MASK[:, :8])
