@@ -113,7 +113,7 @@ def test_a_reference_holds_every_lens_or_those_listed_without_spare_tiles(tmp_pa
     assert listed.hits.size > len(LISTED)  # a square of tiles
     assert np.array_equal(listed.foreground, whole.foreground[places])
     for half in ("half_a", "half_b"):
-        ours, theirs = (listed_images(getattr(each, half), each.frame) for each in (listed, whole))
+        ours, theirs = (listed_images(getattr(stored, half), stored.frame) for stored in (listed, whole))
         np.testing.assert_allclose(ours, theirs[places], atol=1e-4)
 
 

@@ -57,15 +57,15 @@ def test_the_first_difference_is_one_sentence(tmp_path, changes, sentence):
         FrameFolder(tmp_path).check_rendered(job, names=rays)
 
 
-@pytest.mark.parametrize(("changes", "found"), [
+@pytest.mark.parametrize(("changes", "stored"), [
     ({"device": records.AUTO}, {"device": "OPTIX"}), ({"layers": ("normal",)}, {"layers": ("albedo", "normal")}),
     ({"scales": (2, 4), "scale": 4}, {}), ({"scales": (2, 4), "scale": 4, "rays": 16.0}, {"samples": 64}),
     ({}, {"layout": "lens-card"}), ({}, {"world_visible": True}),
     ({}, {"light": "city"}),
     ({"light": "night"}, {"light": ""}),  # an older frame does not know
     ({"kind": "reference", "scale": 1}, {"scale": 1, "samples": 500, "lens_list": LENSES})])
-def test_what_a_job_leaves_open_may_be_anything(changes, found):
-    assert is_same(dataclasses.replace(FRAME, **found), changed(JOB, **changes))
+def test_what_a_job_leaves_open_may_be_anything(changes, stored):
+    assert is_same(dataclasses.replace(FRAME, **stored), changed(JOB, **changes))
 
 
 def test_another_light_and_subpixels_are_other_renders_and_a_changed_file_told(tmp_path):
@@ -130,8 +130,8 @@ def test_of_what_differs_the_part_or_the_field_is_shown_and_no_record_printed():
     ({"scene_name": "Set"}, {"scene_name": "Set"}, True), ({"scene_name": "Set"}, {"scene_name": "Other"}, False),
     ({"scene_name": "Set"}, {}, True), ({}, {"scene_name": "Set"}, True)])
 def test_frames_of_another_file_or_scene_are_other_renders(frame, job, own):
-    found, wanted = dataclasses.replace(FRAME, **frame), changed(JOB, **job)
-    assert is_same(found, wanted) is own and folder.is_of(found, wanted.source, wanted.scene_name or "") is own
+    stored, wanted = dataclasses.replace(FRAME, **frame), changed(JOB, **job)
+    assert is_same(stored, wanted) is own and folder.is_of(stored, wanted.source, wanted.scene_name or "") is own
 
 
 DEEP = Notice("scale-unseen", {"scale": 2})
