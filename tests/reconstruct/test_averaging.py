@@ -119,8 +119,8 @@ def film(folder, numbers, **changes):
 
 def numbers_near(folder, number, count):
     frame = folder / f"{number:04d}"
-    return [(each.number, each.same_rays and not each.same_seed)
-            for each in neighbours_of(frame, read_frame(frame), count)]
+    return [(neighbour.number, neighbour.same_rays and not neighbour.same_seed)
+            for neighbour in neighbours_of(frame, read_frame(frame), count)]
 
 
 def test_only_the_nearest_rendered_frames_with_a_number_on_both_sides_count(tmp_path):
@@ -145,7 +145,7 @@ def test_the_second_stage_averages_with_which_array_stood_still_and_says_so(tmp_
     film(tmp_path, (4,), seed=3)
     film(tmp_path, (1,), matrix_world=tuple((*row[:3], row[3] + 0.01) for row in IDENTITY[:3]) + IDENTITY[3:])
     assert numbers_near(tmp_path, 3, 2) == [(1, False), (2, True), (4, False)]
-    found = neighbours_of(tmp_path / "0003", read_frame(tmp_path / "0003"), 2)
-    notes = averaging.averaging_notices(found)
+    neighbours = neighbours_of(tmp_path / "0003", read_frame(tmp_path / "0003"), 2)
+    notes = averaging.averaging_notices(neighbours)
     assert notes == [Notice("averaging-same-seed", {"frames": [4]}), Notice("averaging-other-rays", {"frames": [1]})]
-    assert not averaging.averaging_notices(found[1:2])
+    assert not averaging.averaging_notices(neighbours[1:2])

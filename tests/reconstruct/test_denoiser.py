@@ -94,17 +94,17 @@ def test_a_file_is_read_again_when_it_has_changed_and_refused_if_changed_since_i
 def test_colour_is_denoised_as_one_image(weights, parallax):
     low = low_resolution(parallax, (6, 8, 5, 5, 3) if all(parallax) else (12, 8, 1, 5, 3))
     rows, columns = low.color.shape[0] * low.color.shape[2], low.color.shape[1] * 5
-    image, found = mirrored(low.color).swapaxes(1, 2).reshape(rows, columns, 3), {}
+    image, results = mirrored(low.color).swapaxes(1, 2).reshape(rows, columns, 3), {}
     for chosen in (None, weights):
-        found[chosen] = denoise_low_resolution(low, chosen)
+        results[chosen] = denoise_low_resolution(low, chosen)
         expected = denoise_eia(image, weights=chosen and denoise.load(chosen))
-        denoised = mirrored(found[chosen].color).swapaxes(1, 2).reshape(rows, columns, 3)
+        denoised = mirrored(results[chosen].color).swapaxes(1, 2).reshape(rows, columns, 3)
         np.testing.assert_allclose(denoised, expected, atol=0 if chosen else 1e-5)
-        assert found[chosen].noisy is low.color and found[chosen].alpha is low.alpha
+        assert results[chosen].noisy is low.color and results[chosen].alpha is low.alpha
     prepared = load_method("denoise+bilinear", weights=weights).prepare(low)
-    np.testing.assert_array_equal(prepared.color, found[weights].color)
+    np.testing.assert_array_equal(prepared.color, results[weights].color)
     write_tza(weights, tensors(seed=1))
-    assert not np.array_equal(denoise_low_resolution(low, weights).color, found[weights].color)
+    assert not np.array_equal(denoise_low_resolution(low, weights).color, results[weights].color)
 
 
 @given(st.integers(1, 4), st.integers(1, 4), st.integers(1, 5), st.integers(1, 5))
@@ -122,15 +122,15 @@ def test_guided_weights_see_albedo_and_normal_mirrored_like_the_colour(tmp_path)
     low = low_resolution()
     guides = np.random.default_rng(2).uniform(-1, 1, (*low.color.shape[:4], 6)).astype(np.float32)
     guides[..., :3] = np.abs(guides[..., :3])
-    found = denoise_low_resolution(dataclasses.replace(low, guides=guides), path)
+    guided = denoise_low_resolution(dataclasses.replace(low, guides=guides), path)
     color, albedo, normal = (mirrored(image).swapaxes(1, 2).reshape(30, 40, 3)
                              for image in (low.color, guides[..., :3], guides[..., 3:]))
     expected = denoise.denoise_image(color, albedo, normal, weights=path.read_bytes(), input_scale=1.0)
-    np.testing.assert_allclose(mirrored(found.color).swapaxes(1, 2).reshape(30, 40, 3), np.maximum(expected, 0))
+    np.testing.assert_allclose(mirrored(guided.color).swapaxes(1, 2).reshape(30, 40, 3), np.maximum(expected, 0))
     without = denoise_low_resolution(low, path)
     black = denoise_low_resolution(dataclasses.replace(low, guides=np.zeros_like(guides)), path)
     np.testing.assert_array_equal(without.color, black.color)
-    assert not np.array_equal(without.color, found.color)
+    assert not np.array_equal(without.color, guided.color)
 
 
 def test_shipped_weights_are_those_of_their_provenance_and_a_missing_library_one_sentence(monkeypatch):
@@ -156,11 +156,11 @@ def shapes():
 def test_what_is_written_is_read(tmp_path_factory, tensors, half):
     path = tmp_path_factory.mktemp("tza") / "some.tza"
     write_tza(path, tensors, half=half)
-    found = read_tza(path)
-    assert list(found) == list(tensors)
+    stored = read_tza(path)
+    assert list(stored) == list(tensors)
     for name, tensor in tensors.items():
-        assert found[name].dtype == (np.float16 if half else np.float32)
-        np.testing.assert_array_equal(found[name], tensor)
+        assert stored[name].dtype == (np.float16 if half else np.float32)
+        np.testing.assert_array_equal(stored[name], tensor)
     table = denoise.HEADER.unpack_from(path.read_bytes())[3]
     assert len(tensors) == int.from_bytes(path.read_bytes()[table:table + 4], "little")
 
@@ -249,8 +249,8 @@ def test_deep_samples_are_denoised_beside_their_neighbours_in_a_view(name, slope
     noisy = (clean * np.random.default_rng(0).gamma(4, 0.25, clean.shape)).astype(np.float32)
     low = LowResEIA(noisy, np.ones_like(clean[..., :1]), 4, 4, slope=np.full_like(clean[..., :1], slope))
     low.slope[4:6, 8:10, 2:4, 2:4] = np.nan
-    deep, plain = (((load_method(name).prepare(each).color - clean) ** 2).mean()
-                   for each in (low, dataclasses.replace(low, slope=None)))
+    deep, plain = (((load_method(name).prepare(image).color - clean) ** 2).mean()
+                   for image in (low, dataclasses.replace(low, slope=None)))
     assert deep < gain * plain if gain < 1 else deep == plain
 
 
@@ -289,9 +289,9 @@ def test_nothing_to_denoise_stays_as_it_is():
             assert part.start * 8 % 16 == 0, "the library pools the same pixels as in the whole image"
     for pixels in [4, 10, 20, 32]:
         for first in range(20):
-            found = denoise.span(np.arange(30) == first, pixels)
-            assert found.start * pixels % 16 == 0 and found.stop == min(30, first + 1 + -(-32 // pixels))
-            assert found.start <= max(first - 32 // pixels, 0)
+            span = denoise.span(np.arange(30) == first, pixels)
+            assert span.start * pixels % 16 == 0 and span.stop == min(30, first + 1 + -(-32 // pixels))
+            assert span.start <= max(first - 32 // pixels, 0)
         assert denoise.span(np.zeros(5, bool), pixels) == slice(0, 0)
 
 
@@ -304,8 +304,8 @@ def test_library_of_blender_gives_the_same_image(monkeypatch):
 
     expected = images()
     monkeypatch.setitem(sys.modules, "pyoidn", None)
-    for found, wanted in zip(images(), expected, strict=True):
-        np.testing.assert_allclose(found, wanted, rtol=1e-3, atol=1e-4)
+    for image, wanted in zip(images(), expected, strict=True):
+        np.testing.assert_allclose(image, wanted, rtol=1e-3, atol=1e-4)
 
 
 @pytest.mark.parametrize("parallax", [(True, True), (True, False)])

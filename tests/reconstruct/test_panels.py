@@ -68,12 +68,12 @@ def test_noise_goes_from_what_was_traced_and_the_background_shows_where_nothing_
     clean, color = read_png(folder / PANEL_FILE), read_layers(folder / "lr_eia.exr")["color"]
     noise = np.random.default_rng(0).normal(0, 0.2, color.shape) * color[..., 3:] * [1, 1, 1, 0]
     write_layers(folder / "lr_eia.exr", {"color": np.maximum(color + noise, 0).astype(np.float32)})
-    found = {}
+    quality = {}
     for method in ("none", "oidn"):
         report = finish_frame(folder, method)
         assert (report.method, report.layout) == (method, "subpixels") and 0 < report.foreground_fraction < 1
-        found[method] = psnr(read_png(folder / PANEL_FILE), clean)
-    assert found["oidn"] > found["none"] + 1
+        quality[method] = psnr(read_png(folder / PANEL_FILE), clean)
+    assert quality["oidn"] > quality["none"] + 1
     finish_frame(write_traced(tmp_path, hexagonal(background=[0.2, 0.5, 1.0])), "oidn")
     panel = read_png(tmp_path / PANEL_FILE)
     assert (panel[0, 0] == panel[-1, -1]).all() and panel[0, 0].tolist() == [124, 188, 255]

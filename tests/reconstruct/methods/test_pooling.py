@@ -58,7 +58,7 @@ def test_what_a_mirror_shows_at_its_own_depth_is_not_lost():
     color, truth = views_of(0.4, 1.0, 1), views_of(0.4, 1.0, SCALE)
     low = dataclasses.replace(plane(0.0, color=color), noisy=color)
     noise = np.random.default_rng(1).normal(0, 0.4, color.shape).astype(np.float32)
-    error = [np.mean((finished(each, upscaler)[INNER] - truth[INNER]) ** 2) for each, upscaler in (
+    error = [np.mean((finished(image, upscaler)[INNER] - truth[INNER]) ** 2) for image, upscaler in (
         (low, Interpolation("linear")), (low, Pooling()), (dataclasses.replace(low, noisy=color + noise), Pooling()))]
     assert error[1] < 1.05 * error[0] < 0.5 * error[2], error  # between as much noise it would be noise
 
@@ -114,7 +114,7 @@ def test_what_a_silhouette_leaves_free_moves_with_it(monkeypatch):
 def test_a_wrong_slope_no_depth_and_the_mirrored_light_field():
     low, truth = plane(0.9), views_of(0.9, 1.0, SCALE)
     wrong = dataclasses.replace(low, slope=-low.slope)
-    right, mistaken = (np.mean((finished(each)[INNER] - truth[INNER]) ** 2) for each in (low, wrong))
+    right, mistaken = (np.mean((finished(image)[INNER] - truth[INNER]) ** 2) for image in (low, wrong))
     assert right < 0.5 * mistaken
     low = plane(0.7, samples=4)
     linear = finished(low, Interpolation("linear"))
@@ -150,8 +150,8 @@ def test_blocks_do_not_see_each_other_and_a_flat_display_pools_along_its_one_axi
     low = plane(0.9)
     changed = low.each(lambda array: np.concatenate([array[:, :7], array[:, 7:][:, ::-1]], 1))
     lenses = np.argwhere(np.ones(LENSES, bool)[:, :7])
-    images = [Pooling()(Pooling().prepare(dataclasses.replace(each, block=block)), lenses)
-              for each in (low, changed) for block in (7, None)]
+    images = [Pooling()(Pooling().prepare(dataclasses.replace(image, block=block)), lenses)
+              for image in (low, changed) for block in (7, None)]
     np.testing.assert_array_equal(images[0], images[2])
     assert np.abs(images[1] - images[3]).max() > 1e-3
     low = plane(0.8)
