@@ -55,13 +55,13 @@ def changed(**changes) -> Photograph:
 def test_cylinders_are_found(pitch, slant, center):
     real = dataclasses.replace(CYLINDERS, lenticular=dataclasses.replace(
         CYLINDERS.lenticular, pitch_mm=pitch, slant=slant, center=center))
-    found = fit_profile(CYLINDERS, [taken(real=real)]).profile.lenticular
-    assert found.pitch_mm == pytest.approx(pitch, rel=1e-5) and found.slant == pytest.approx(slant, abs=1e-4)
+    fitted = fit_profile(CYLINDERS, [taken(real=real)]).profile.lenticular
+    assert fitted.pitch_mm == pytest.approx(pitch, rel=1e-5) and fitted.slant == pytest.approx(slant, abs=1e-4)
 
     def middle(sheet):  # phase at the panel's middle, where errors of pitch and slant weigh least
         return sheet.lenses_across(240.0) / 2 * (1 + sheet.slant * 135 / 240) - sheet.center
 
-    assert ((middle(found) - middle(real.lenticular) + 0.5) % 1 - 0.5) * pitch / PIXEL == pytest.approx(0, abs=0.03)
+    assert ((middle(fitted) - middle(real.lenticular) + 0.5) % 1 - 0.5) * pitch / PIXEL == pytest.approx(0, abs=0.03)
 
 
 def test_small_lenses_are_found_by_two_photographs():
@@ -71,11 +71,11 @@ def test_small_lenses_are_found_by_two_photographs():
     photographs = [taken(LENSES, real, eye_mm=eye, size=(1400, 992), noise=0.002)
                    for eye in ((30.0, -20.0, 520.0), (-40.0, 20.0, 480.0))]
     both = fit_profile(LENSES, photographs)
-    found = both.profile.lenslet.lenses
+    fitted = both.profile.lenslet.lenses
     # Only 78 rows of lenses: 2.5e-5 is a thousandth of one.
-    assert found.pitch_mm == pytest.approx(pitch, rel=2.5e-5)
-    assert math.radians(found.rotation_deg - 0.3) == pytest.approx(0, abs=1e-4)
-    assert np.abs(np.subtract(found.shift_mm, (0.5, -0.4))).max() / PIXEL < 0.05
+    assert fitted.pitch_mm == pytest.approx(pitch, rel=2.5e-5)
+    assert math.radians(fitted.rotation_deg - 0.3) == pytest.approx(0, abs=1e-4)
+    assert np.abs(np.subtract(fitted.shift_mm, (0.5, -0.4))).max() / PIXEL < 0.05
     assert 0 < both.errors[0] < 2e-5 and len(both.seen) == 2
 
 
@@ -94,17 +94,17 @@ def test_a_turned_or_mirrored_photograph_is_recognised(turns, mirrored):
 
 
 def test_a_lens_that_distorts_is_corrected_and_the_prediction_resembles_its_own_sheets_photograph():
-    found = fit_profile(CYLINDERS, [taken(bend=(0.06, 0.01))])
-    assert found.seen[0].view.bent == pytest.approx(-0.06, abs=0.02)
-    assert found.profile.lenticular.pitch_mm == pytest.approx(1.6, rel=1e-5)
-    found = fit_profile(CYLINDERS, [taken()])
-    picture = comparison(CYLINDERS, found)
+    fitted = fit_profile(CYLINDERS, [taken(bend=(0.06, 0.01))])
+    assert fitted.seen[0].view.bent == pytest.approx(-0.06, abs=0.02)
+    assert fitted.profile.lenticular.pitch_mm == pytest.approx(1.6, rel=1e-5)
+    fitted = fit_profile(CYLINDERS, [taken()])
+    picture = comparison(CYLINDERS, fitted)
     left, right = picture[:, :720].astype(float), picture[:, -720:].astype(float)
     assert picture.shape[1] > 1440 and picture.dtype == np.uint8
     for channel in range(3):
         assert np.corrcoef(left[..., channel].ravel(), right[..., channel].ravel())[0, 1] > 0.75
-    other = dataclasses.replace(found.profile.lenticular, pitch_mm=1.62)
-    wrong = dataclasses.replace(found, profile=dataclasses.replace(found.profile, lenticular=other))
+    other = dataclasses.replace(fitted.profile.lenticular, pitch_mm=1.62)
+    wrong = dataclasses.replace(fitted, profile=dataclasses.replace(fitted.profile, lenticular=other))
     refuses("agree by", comparison, CYLINDERS, wrong)
 
 
@@ -149,10 +149,10 @@ def test_what_cannot_be_measured_is_refused(image, told):
 def test_a_pitch_far_from_the_makers_is_refused_or_right(factor):
     real = dataclasses.replace(CYLINDERS, lenticular=dataclasses.replace(CYLINDERS.lenticular, pitch_mm=1.6 * factor))
     try:
-        found = fit_profile(CYLINDERS, [taken(real=real)])
+        fitted = fit_profile(CYLINDERS, [taken(real=real)])
     except LfsrError:
         return
-    assert found.profile.lenticular.pitch_mm == pytest.approx(1.6 * factor, rel=1e-5)
+    assert fitted.profile.lenticular.pitch_mm == pytest.approx(1.6 * factor, rel=1e-5)
 
 
 @pytest.mark.parametrize("sheet", SHEETS)
