@@ -93,12 +93,12 @@ LONG_ENOUGH = 30  # seconds after which a machine is broken, not slow
 
 def said(capsys, count: int) -> list[dict]:
     """At least so many records."""
-    found, end = [], time.monotonic() + LONG_ENOUGH
-    while len(found) < count and time.monotonic() < end:
+    records, end = [], time.monotonic() + LONG_ENOUGH
+    while len(records) < count and time.monotonic() < end:
         time.sleep(0.01)
-        found += filter(None, map(parse_progress, capsys.readouterr().out.splitlines()))
-    assert len(found) >= count
-    return found
+        records += filter(None, map(parse_progress, capsys.readouterr().out.splitlines()))
+    assert len(records) >= count
+    return records
 
 
 def test_the_last_progress_is_said_again_with_its_age_and_nothing_after_an_end(capsys):

@@ -93,9 +93,9 @@ def test_a_task_that_starts_nothing_runs_too(tmp_path, method, code, record):
     path.write_text(json.dumps({"task": "finish", "folder": str(write_render(tmp_path / "frame")),
                                 "finish": {"method": method}}))
     with run_task(path) as process:
-        found = json.loads(process.stdout.read().splitlines()[-1].removeprefix("LFSR "))
-    assert process.returncode == code and found.items() >= record.items()
-    assert code == 0 or "did you mean 'bicubic'" in found["message"]
+        result = json.loads(process.stdout.read().splitlines()[-1].removeprefix("LFSR "))
+    assert process.returncode == code and result.items() >= record.items()
+    assert code == 0 or "did you mean 'bicubic'" in result["message"]
 
 
 @pytest.fixture
