@@ -122,9 +122,9 @@ OLD = {"fit", "--ceiling-spp", "--weights", "--between"}  # what only the notebo
 
 def commands(text: str) -> list[tuple[list[str], bool]]:
     """Words after `lfsr` of each command, and whether it is a line of its own, not a piece of a sentence."""
-    found = [(line, True) for line in LINE.findall(text)] + [(line, False) for line in PIECE.findall(text)]
+    lines = [(line, True) for line in LINE.findall(text)] + [(line, False) for line in PIECE.findall(text)]
     pieces = []
-    for line, is_line in found:
+    for line, is_line in lines:
         for command in re.split(r"&&|; |\|", re.sub(r"\s#.*", "", line.replace("\\\n", " "))):
             program, *words = (WORDS.get(word, word) for word in command.replace("=X,Y,Z", "=0,0,600").split())
             if program == "lfsr" and words[0] != "…":

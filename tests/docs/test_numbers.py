@@ -56,8 +56,8 @@ def finishing(scene: str | None, method: str) -> list[float]:
 
 
 def span(values: Iterable[float]) -> Values:
-    found = list(values)
-    return [min(found), max(found)]
+    numbers = list(values)
+    return [min(numbers), max(numbers)]
 
 
 @functools.cache
@@ -72,22 +72,22 @@ def duels(name: str) -> list[MeanDuel]:
 
 def mean_duel(method: str, samples: int, measure: str, role: str = "low", name: str = "small") -> MeanDuel:
     """What the default needs for the error of another method; the mean of all scenes."""
-    [found] = [duel for duel in duels(name)
-               if (duel.measure, duel.role, duel.method, duel.samples) == (measure, role, method, samples)]
-    return found
+    [mean] = [duel for duel in duels(name)
+              if (duel.measure, duel.role, duel.method, duel.samples) == (measure, role, method, samples)]
+    return mean
 
 
 def equal_error_row(row: list[str]) -> Values:
     """Numbers of a row: value and interval of each measure, ∞ without one, and the scenes where they are not all."""
     methods, _, samples = row[0].replace("`", "").rpartition(", ")
     role, method = ("direct", "oidn") if methods.startswith("every view") else ("low", methods)
-    found = list[float]()
+    numbers = list[float]()
     for of, measure in itertools.product(("rays", "seconds"), (SSIM, FLIP)):
         duel = mean_duel(method, int(samples), measure, role)
         cost = getattr(duel, of)
-        found += [value for value in (cost.value, cost.low, cost.high) if value is not None]
-        found += [] if duel.scenes == len(small().scenes) else [duel.scenes]
-    return found
+        numbers += [value for value in (cost.value, cost.low, cost.high) if value is not None]
+        numbers += [] if duel.scenes == len(small().scenes) else [duel.scenes]
+    return numbers
 
 
 # Animations.
@@ -110,8 +110,8 @@ def shot_rows() -> Any:
         nonlocal name
         title, _, way = of[0].replace("*", "").rpartition(": ")
         name = MOVING.get(title, name)
-        found = shot(name, way, int(of[1]))
-        return [found["ssim"], found["flicker"], found["lag"]]
+        measured = shot(name, way, int(of[1]))
+        return [measured["ssim"], measured["flicker"], measured["lag"]]
 
     return row
 
@@ -161,12 +161,12 @@ def scenes(*groups: str) -> list[str]:
 
 def gained(samples: int, *others: str) -> dict[str, float]:
     """By how much ours is above the best of other methods on each scene where both are known."""
-    found = {}
+    gains = {}
     for scene in scenes():
         ours, *its = (judged().mean(scene, samples, name) for name in (OURS, *others))
         if ours is not None and any(value is not None for value in its):
-            found[scene] = ours - max(value for value in its if value is not None)
-    return found
+            gains[scene] = ours - max(value for value in its if value is not None)
+    return gains
 
 
 def group_rows() -> Any:
@@ -191,13 +191,13 @@ def sweeps() -> Report:
 
 def figures(name: str, method: str) -> dict[float, list[float]]:
     """The judged figures of a method along a sweep, one per seed."""
-    [found] = [sweep for sweep in sweeps().sweeps if sweep.name == name]
-    return {value: [figure for figure in known if figure is not None] for value, known in found.figures(method).items()}
+    [report] = [sweep for sweep in sweeps().sweeps if sweep.name == name]
+    return {value: [figure for figure in row if figure is not None] for value, row in report.figures(method).items()}
 
 
 def sweep(name: str, method: str) -> dict[float, float]:
     """The judged figure of a method along a sweep, mean over seeds."""
-    return {value: fmean(known) for value, known in figures(name, method).items()}
+    return {value: fmean(row) for value, row in figures(name, method).items()}
 
 
 # The choice of scale.
@@ -217,17 +217,17 @@ def always_4() -> dict[tuple[str, int], float]:
 
 
 def places_gains() -> Values:
-    gains = [[found["two places"][0] - found["every view"][0] for scene in record("pooling-places")["scenes"].values()
-              if (found := scene.get(f"scale 4, {samples} samples"))] for samples in (1, 4, 16, 64)]
+    gains = [[cell["two places"][0] - cell["every view"][0] for scene in record("pooling-places")["scenes"].values()
+              if (cell := scene.get(f"scale 4, {samples} samples"))] for samples in (1, 4, 16, 64)]
     return [*map(fmean, gains[:3]), len(gains[0]), -min(map(min, gains)), fmean(gains[3]), len(gains[3])]
 
 
 def deep_gains() -> Values:
     pairs = [[(cell["before"], cell["after"]) for scene in record("pooling-deep")["scenes"].values()
               if (cell := scene.get(f"scale 4, {samples} samples")) and cell["deep"] > 0.02] for samples in (1, 4, 16)]
-    gains = [[new[0] - old[0] for old, new in each] for each in pairs]
+    gains = [[new[0] - old[0] for old, new in row] for row in pairs]
     return [*map(fmean, gains), *map(len, gains), -min(map(min, gains)),
-            *(fmean(new[1] / old[1] for old, new in each) for each in pairs)]
+            *(fmean(new[1] / old[1] for old, new in row) for row in pairs)]
 
 
 def unprepared_gains(state: str, samples: int, names: Iterable[str] = ()) -> list[tuple[float, float]]:
@@ -235,7 +235,7 @@ def unprepared_gains(state: str, samples: int, names: Iterable[str] = ()) -> lis
     scenes = record("pooling-unprepared")["scenes"]
     cells = [[scenes[name][f"scale 4, {samples} samples"], scenes[name][f"scale 2, {samples // 4} samples"]]
              for name in names or scenes]
-    pairs = [(max(cell["before"] for cell in each), max(cell[state] for cell in each)) for each in cells]
+    pairs = [(max(cell["before"] for cell in row), max(cell[state] for cell in row)) for row in cells]
     return [(after[0] - before[0], after[1] / before[1]) for before, after in pairs]
 
 
@@ -268,8 +268,8 @@ def notebook_rows(title: str) -> list[list[str]]:
 
 def nearest(title: str, quoted: list[str]) -> Values:
     """Of each quoted number that of the notebook's which comes nearest, in its unit or a thousandth of it."""
-    known = [value for number in row_numbers(notebook(title)) for value in (plain(number), plain(number) / 1000)]
-    either = [*known, *(-value for value in known)]  # what one gains the other loses
+    values = [value for number in row_numbers(notebook(title)) for value in (plain(number), plain(number) / 1000)]
+    either = [*values, *(-value for value in values)]  # what one gains the other loses
     return [min(either, key=lambda value: abs(value - plain(number))) for number in quoted]
 
 
@@ -414,7 +414,7 @@ CLAIMS: list[Claim | TableClaim] = [
     Claim(PAPER, "out of reach on two CPU cores**: {} frames", lambda: nearest("Fig. 12(a)", [".11"])),
     TableClaim(PAPER, "| | claim | measured here |", lambda row: nearest(row[0], row_numbers(row[2])), first=2),
     TableClaim(PAPER, "| resolution, scale | render, s |", lambda row: [
-        float(each[place]) for each in notebook_rows("Fig. 12(a)") if each[:2] == row[0].split(", ")
+        float(line[place]) for line in notebook_rows("Fig. 12(a)") if line[:2] == row[0].split(", ")
         for place in (2, 3, 5)])]
 
 
@@ -468,10 +468,10 @@ def test_a_generated_page_is_what_its_record_makes(document):
 
 def test_the_displays_of_the_guide_have_the_depths_and_views_of_their_profiles():
     sections = (ROOT / "docs/guide/displays.md").read_text(encoding="utf-8").split("\n## ")[2:]
-    found = [re.search(r"`([\w.-]+)`.*?(\d+) mm in front, (\d+) mm behind(?:; own view (\d+) %, others (\d+) %)?",
-                       section, re.DOTALL) for section in sections]
-    assert sum(one is not None for one in found) == 9 and len(sections) == 11
-    for name, front, behind, *views in (one.groups() for one in found if one):
+    matches = [re.search(r"`([\w.-]+)`.*?(\d+) mm in front, (\d+) mm behind(?:; own view (\d+) %, others (\d+) %)?",
+                         section, re.DOTALL) for section in sections]
+    assert sum(one is not None for one in matches) == 9 and len(sections) == 11
+    for name, front, behind, *views in (one.groups() for one in matches if one):
         profile = load_display(name)
         assert [round(mm) for mm in profile.depth_range_mm()] == [int(front), int(behind)], name
         if all(views):
