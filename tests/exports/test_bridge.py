@@ -71,10 +71,10 @@ ANSWERS = st.recursive(st.none() | st.booleans() | NUMBERS | st.text(),
 @given(st.fixed_dictionaries({"payload": ANSWERS, "status": ANSWERS | st.just("Completion")}) | ANSWERS, ANSWERS)
 def test_whatever_is_answered_is_a_display_or_a_sentence(answer, entry):
     answers = {"enter_orchestration": {"payload": {"value": TOKEN}}}
-    for found in (answer, {"status": "Completion", "payload": {"value": {"0": entry, "1": {"value": entry}}}}):
+    for reply in (answer, {"status": "Completion", "payload": {"value": {"0": entry, "1": {"value": entry}}}}):
         with contextlib.suppress(LfsrError):
-            for each in Bridge(lambda endpoint, _, found=found: answers.get(endpoint, found)).devices():
-                assert chosen([each], str(each.index)) == each and each.calibration.numbers["pitch"] > 0
+            for device in Bridge(lambda endpoint, _, reply=reply: answers.get(endpoint, reply)).devices():
+                assert chosen([device], str(device.index)) == device and device.calibration.numbers["pitch"] > 0
     with contextlib.suppress(LfsrError):
         Bridge(lambda *_: answer)
 
@@ -109,8 +109,8 @@ def test_displays_are_listed_and_one_chosen_by_index_name_or_proportions(bridge)
                                          "windowCoords": {"value": [1, 2]}, "calibration": {"value": "{"}}}])
 def test_a_display_of_which_little_is_known(bridge, entry):
     bridge(devices=[entry, PORTRAIT])
-    unknown, known = Bridge().devices()
-    assert known.name == "LKG-P1" and unknown.corner == (0, 0)
+    unknown, portrait = Bridge().devices()
+    assert portrait.name == "LKG-P1" and unknown.corner == (0, 0)
     with pytest.raises(LfsrError, match="the calibration of display '' in Bridge"):
         _ = unknown.calibration
     assert chosen([unknown], None, 16 / 9) == unknown, "Bridge may know better"

@@ -60,14 +60,14 @@ def test_quilts_as_a_player_reads_them_of_any_number_of_views_across_the_cone(fo
 
 def test_quilts_that_other_programs_know(field, tmp_path):
     """Built-in lenticular displays have the sizes in pylightio's table, which it finds by size or exchanged numbers."""
-    known = {"portrait": (8, 6, 3360, 3360), "go": (11, 6, 4092, 4092), "8.9": (5, 9, 4095, 4095),
+    sizes = {"portrait": (8, 6, 3360, 3360), "go": (11, 6, 4092, 4092), "8.9": (5, 9, 4095, 4095),
              "15.6": (5, 9, 4095, 4095), "16": (5, 9, 4095, 4095), "16-gen3": (7, 7, 5999, 5999),
              "32": (5, 9, 8190, 8190), "65": (8, 9, 8192, 8190)}
     for name in filter(lambda name: name.startswith("looking-glass"), builtin_names()):
         columns, rows, width, height = load_display(name).quilt
-        assert known.pop(name.removeprefix("looking-glass-")) == (columns, rows, columns * width, rows * height)
+        assert sizes.pop(name.removeprefix("looking-glass-")) == (columns, rows, columns * width, rows * height)
         assert ((columns, rows), (width, height)) in [preset[:2] for preset in PRESETS.values()]
-    assert not known
+    assert not sizes
     (path,) = export(field.folder, "quilt", tmp_path, ExportOptions(preset="portrait"))
     quilt = picture(path)
     assert path.name == "two_depths_qs8x6a1.333.png" and quilt.shape == (3360, 3360, 3)
@@ -95,9 +95,9 @@ def test_film_of_quilts(folder, tmp_path, monkeypatch, side, codec):
     with av.open(str(path)) as film:
         stream = film.streams.video[0]
         assert (stream.codec.name, stream.pix_fmt, stream.average_rate) == (codec, "yuv420p", 10)
-        (found,) = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+        (image,) = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
     (still,) = export(folder, "quilt", tmp_path, dataclasses.replace(options, fps=None))
-    off = found.astype(float) - picture(still)
+    off = image.astype(float) - picture(still)
     assert np.abs(off).mean() < 6 and np.abs(off.mean((0, 1))).max() < 2
     if not side:  # a film has even sides
         (path,) = export(folder, "quilt-film", tmp_path, ExportOptions(preset="8.9", type="png"))
@@ -255,7 +255,7 @@ def test_wiggle(folder, field, tmp_path, kind, count):
         images.write_film(fade := tmp_path / f"fade.{kind}", iter([frames[0] * 0, frames[0]]), 60)
         last = ImageSequence.all_frames(Image.open(fade))[-1]
         (fast,) = export(folder, "sway", tmp_path, ExportOptions(type=kind, width=64, seconds=0.5, fps=240))
-        assert sum(each.load() and each.info["duration"] for each in ImageSequence.Iterator(Image.open(fast))) == 500
+        assert sum(frame.load() and frame.info["duration"] for frame in ImageSequence.Iterator(Image.open(fast))) == 500
         assert last.info.get("duration", 20) in (17, 20) and np.ptp(np.asarray(last.convert("RGB"))) > 99
     assert len(frames) == count
     quarter = count // 4 if kind != "png" else 6  # of 24 frames, five times
@@ -401,16 +401,16 @@ def test_each_frame_is_what_its_own_export_is(film, tmp_path, name):
 def test_the_film_plays_the_animation_while_the_eye_sways(film, tmp_path, kind):
     files = export(film, "sway", tmp_path, ExportOptions(type=kind, width=320, fps=12))
     if kind == "png":
-        found = [np.asarray(Image.open(path)) for path in files]
+        frames = [np.asarray(Image.open(path)) for path in files]
     else:
         with av.open(str(files[0])) as video:
             assert video.streams.video[0].average_rate == 12
-            found = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
+            frames = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
     for number, name in enumerate(NAMES):
         field = read_light_field(film / name)
         expected = on_screen(field.seen_from(*images.eye_place(field, number / 3)), field.display, 320)
-        assert np.abs(found[number].astype(float) - expected).mean() < (4 if kind == "mp4" else 1e-9)
-    assert len(found) == 3
+        assert np.abs(frames[number].astype(float) - expected).mean() < (4 if kind == "mp4" else 1e-9)
+    assert len(frames) == 3
 
 
 def test_commands_export_and_show_every_frame(film, tmp_path, capsys):

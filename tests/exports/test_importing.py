@@ -247,8 +247,8 @@ def test_grids_and_aspects_as_names_and_people_give_them(tmp_path):
     for name, shape, expected, noted in [
         ("q_qs8x6a0.75", None, Quilt((8, 6), 0.75), False), ("plain", "8x6a0.5", Quilt((8, 6), 0.5), False),
         ("q_qs8x6a0.75", "4x12", Quilt((4, 12), 0.75), False), ("plain", "5x9", Quilt((5, 9), 16 / 9), True)]:
-        found = quilt_of(tmp_path / f"{name}.png", shape)
-        assert dataclasses.replace(found, assumed=None) == expected and bool(found.assumed) == noted
+        grid = quilt_of(tmp_path / f"{name}.png", shape)
+        assert dataclasses.replace(grid, assumed=None) == expected and bool(grid.assumed) == noted
     for name, shape, message in [
         ("plain", None, "does not say how many tiles"), ("plain", "8by6", "quilt is '8by6'"),
         ("plain", "3x3", "aspect ratio of a quilt of 3x3 tiles is not known"), ("q_qs1x1a1", None, "has no two views"),
@@ -318,8 +318,8 @@ def test_frames_of_a_film_become_frames(film, quilt_film, tmp_path):
     fractions = [progress.fraction for progress in told.progress]
     assert fractions == sorted(fractions)
     for number, name in enumerate(NAMES, 1):
-        found, made = (read_light_field(folder).views for folder in (tmp_path / "film" / f"{number:04d}", film / name))
-        assert np.abs(found[4].astype(float) - made[3]).mean() < 12
+        ours, made = (read_light_field(folder).views for folder in (tmp_path / "film" / f"{number:04d}", film / name))
+        assert np.abs(ours[4].astype(float) - made[3]).mean() < 12
         assert read_frame(tmp_path / "film" / f"{number:04d}").frame == number
 
 

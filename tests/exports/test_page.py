@@ -26,8 +26,8 @@ OVERHEAD = 100_000  # bytes
 
 def images(path) -> list[np.ndarray]:
     """The images in a page, read by pillow."""
-    found = re.findall(r'class="eia">([^<]*)<', path.read_text(encoding="utf-8"))
-    return [np.asarray(Image.open(io.BytesIO(base64.b64decode(text)))) for text in found]
+    texts = re.findall(r'class="eia">([^<]*)<', path.read_text(encoding="utf-8"))
+    return [np.asarray(Image.open(io.BytesIO(base64.b64decode(text)))) for text in texts]
 
 
 def test_lossless_is_the_image_and_by_default_nothing_is_lost_where_that_would_show_or_fetched(folder, tmp_path):

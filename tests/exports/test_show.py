@@ -129,9 +129,9 @@ def test_an_animation_full_screen(tmp_path, make):
     for number in (1, 2, 10):
         make(tmp_path / "film" / f"{number}", frame=number)
     assert main(["show", str(tmp_path / "film"), "--fps", "12"]) == 0
-    found = images(tmp_path / "film" / "show.html")
-    assert [Path(image).parent.name for image in found["images"]] == ["1", "2", "10"]
-    assert found["seconds"] == pytest.approx(1 / 12)
+    shown = images(tmp_path / "film" / "show.html")
+    assert [Path(image).parent.name for image in shown["images"]] == ["1", "2", "10"]
+    assert shown["seconds"] == pytest.approx(1 / 12)
 
 
 def test_other_proportions_are_refused_before_the_export_and_without_a_browser_it_says_what_to_do(bridge, tmp_path,

@@ -431,7 +431,7 @@ def note(page):
     return page.page.inner_text("p") if page.page.is_visible("p") else ""
 
 
-@pytest.mark.parametrize("scaling", [1.25, 2.0, *(pytest.param(each, marks=pytest.mark.long) for each in (1, 1.5, 3))])
+@pytest.mark.parametrize("scaling", [1.25, 2.0, *(pytest.param(zoom, marks=pytest.mark.long) for zoom in (1, 1.5, 3))])
 def test_each_pixel_of_the_image_is_one_of_the_screen(screen, tmp_path, scaling):
     page, (image,) = screen(scaling=scaling)
     assert note(page) == "" and not page.complaints
