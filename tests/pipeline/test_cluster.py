@@ -103,12 +103,12 @@ def test_a_dead_workers_frames_are_made_by_others(scheduler, tmp_path, alone):
 @pytest.fixture
 def processes(tmp_path):
     """A scheduler, one worker without a nanny, and the scheduler's address."""
-    known = tmp_path / "scheduler.json"
+    file = tmp_path / "scheduler.json"
     started = [_start(tmp_path, "scheduler", "--port", "0", "--no-dashboard", "--host", "127.0.0.1",
-                      "--scheduler-file", str(known))]
-    while not (known.exists() and known.read_text().endswith("}")):
+                      "--scheduler-file", str(file))]
+    while not (file.exists() and file.read_text().endswith("}")):
         time.sleep(0.1)
-    address = json.loads(known.read_text())["address"]
+    address = json.loads(file.read_text())["address"]
     started.append(_start(tmp_path, "worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard"))
     with distributed.Client(address, set_as_default=False) as client:
         client.wait_for_workers(1)
@@ -182,9 +182,9 @@ def test_a_reference_by_rows_is_that_of_one_process(scheduler, reference):
     told = []
     reference_on(scheduler.scheduler_address, dataclasses.replace(request, output=str(folder / "rows")),
                  str(folder / "blender"), told.append)
-    for found, whole in zip(halves(folder / "rows"), halves(folder / "alone"), strict=True):
+    for merged, whole in zip(halves(folder / "rows"), halves(folder / "alone"), strict=True):
         # As references are stored, which the played Blender does not care for.
-        np.testing.assert_array_equal(found, whole.astype(np.float16))
+        np.testing.assert_array_equal(merged, whole.astype(np.float16))
     assert read_part(folder / "rows").rows is None and not list(folder.glob(".rows*"))
     assert [message.fraction for message in told if message.stage == "reference"] == [0.25, 0.5, 0.75, 1]
 
@@ -199,9 +199,9 @@ def test_a_reference_by_samples_continues_from_parts_that_are_there(scheduler, r
     made = [halves(Path(part.output)) for part in parts]
     reference_on(scheduler.scheduler_address, request, "/must/not/run", silent)
     assert read_part(folder / "samples").samples == 22
-    for half, found in enumerate(halves(folder / "samples")):
+    for half, merged in enumerate(halves(folder / "samples")):
         expected = sum(part.sampling.samples * images[half] for part, images in zip(parts, made, strict=True)) / 22
-        np.testing.assert_allclose(found, expected, atol=2e-3)
+        np.testing.assert_allclose(merged, expected, atol=2e-3)
 
 
 @given(st.integers(2, 400), st.integers(1, 12), st.booleans())

@@ -59,10 +59,10 @@ def lfsr(tmp_path_factory):
 @needs_node
 def test_settings_are_of_kinds_that_flamenco_has_and_a_frame_that_shares_waits_for_those_beside_it(tmp_path):
     compilation = compiled(tmp_path, frames="9, 1-7", temporalaveraging=1)
-    found, tasks = compilation["type"], compilation["tasks"]
-    settings = {setting["key"]: setting for setting in found["settings"]}
+    kind, tasks = compilation["type"], compilation["tasks"]
+    settings = {setting["key"]: setting for setting in kind["settings"]}
     assert {setting["type"] for setting in settings.values()} <= TYPES and set().union(*settings.values()) <= KEYS
-    assert settings["method"]["default"] == DEFAULT_METHOD and found["label"]
+    assert settings["method"]["default"] == DEFAULT_METHOD and kind["label"]
     names, frames = [task["name"] for task in tasks], (*range(1, 8), 9)
     for task in tasks:
         assert {names.index(name) for name in task["dependencies"]} <= set(range(names.index(task["name"])))

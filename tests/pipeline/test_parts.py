@@ -125,8 +125,8 @@ def looks(heard: list[list[float]]) -> list[bool]:
     """Whether each look from 20 % of the time on is right within a third, or 2 s."""
     (begin, *_), (end, *_) = heard[0], heard[-1]
     clock, waiting, right = TimeLeft(is_image=True), list(heard), []
-    for look in range(int((end - begin) / SECONDS_BETWEEN_LOOKS)):
-        now = begin + look * SECONDS_BETWEEN_LOOKS
+    for number in range(int((end - begin) / SECONDS_BETWEEN_LOOKS)):
+        now = begin + number * SECONDS_BETWEEN_LOOKS
         while waiting and waiting[0][0] <= now:
             time, fraction, cpu, repeated = waiting.pop(0)
             clock.hear(Progress("render", fraction, cpu=cpu, repeated=bool(repeated)), time)

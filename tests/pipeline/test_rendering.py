@@ -59,8 +59,8 @@ def leftovers(job: Request) -> list[str]:
     return sorted(str(path.relative_to(parent)) for path in parent.rglob("*")) if parent.exists() else []
 
 
-def with_wheel(monkeypatch, found: object, real=importlib.util.find_spec) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: found if name == "bpy" else real(name))
+def with_wheel(monkeypatch, spec: object, real=importlib.util.find_spec) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: spec if name == "bpy" else real(name))
 
 
 def test_the_wheel_then_the_path_but_first_what_is_asked_for(monkeypatch, blender):
