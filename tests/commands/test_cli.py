@@ -223,7 +223,7 @@ def test_an_interrupt_is_not_lost(inside):
             "class Late:\n    def __del__(self):\n        signal.raise_signal(signal.SIGTERM)\n        time.sleep(0)\n"
             f"def run(arguments):\n    {inside}\nparser = cli.build_parser\n"
             "def build(given):\n    made = parser(given)\n    old = made.parse_args\n"
-            "    def parse(words):\n        found = old(words)\n        found.run = run\n        return found\n"
+            "    def parse(words):\n        parsed = old(words)\n        parsed.run = run\n        return parsed\n"
             "    made.parse_args = parse\n    return made\n"
             "cli.build_parser = build\nsys.exit(cli.main(['displays']))\n")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, timeout=15)

@@ -96,7 +96,7 @@ def test_plan_speaks_of_as_many_lenses_as_the_result_and_says_why_it_finds_nothi
     assert main(["plan", scene, "--target", "0.5", *FEW, "--blender", blender]) == 0
     captured = capsys.readouterr()
     assert set(re.findall(r"(\d+) lenses", captured.err)) == {re.search(r"sampled (\d+) lenses", captured.out)[1]}
-    fractions = [int(found) for found in re.findall(r"^plan +(\d+)%", captured.err, re.MULTILINE)]
+    fractions = [int(percent) for percent in re.findall(r"^plan +(\d+)%", captured.err, re.MULTILINE)]
     assert fractions == sorted(fractions)
 
 
@@ -144,12 +144,12 @@ def test_a_changed_scene_is_planned_anew_and_an_old_plan_forgotten(scene, cache,
 
     def interrupted(job):
         with contextlib.suppress(KeyboardInterrupt), work_folder(None, job, options, warnings.append) as folder:
-            found = (folder / "quick").exists()
+            existed = (folder / "quick").exists()
             (folder / "quick").mkdir(exist_ok=True)
             for name in ("frame.json", "lr_eia.exr"):
                 (folder / "quick" / name).touch()
             raise KeyboardInterrupt
-        return found
+        return existed
     warnings = []
     assert [interrupted(job), interrupted(job)] == [False, True]
     assert [told.code for told in warnings] == ["plan-kept"] * 2
