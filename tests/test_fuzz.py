@@ -121,9 +121,9 @@ def bounded():
 @pytest.mark.parametrize("inputs", [INPUTS, pytest.param(MANY_INPUTS, marks=pytest.mark.long)])
 @pytest.mark.parametrize("kind", READERS)
 def test_damaged_data_is_read_or_refused_in_a_sentence(tmp_path, bounded, kind, inputs):
-    found = [(number, result) for _, number, result in outcomes(READERS[kind], tmp_path / "case", inputs, kind)
+    wrong = [(number, result) for _, number, result in outcomes(READERS[kind], tmp_path / "case", inputs, kind)
              if result.outcome in WRONG]
-    silent = [number for number, result in found if result.outcome == SILENT]
-    assert len(found) == len(silent), found
+    silent = [number for number, result in wrong if result.outcome == SILENT]
+    assert len(wrong) == len(silent), wrong
     # ZIP's Adler-32 does not notice each flip of a bit: one of the 400 changes six pixels of an EXR.
     assert len(silent) <= math.ceil(inputs / 2500), silent

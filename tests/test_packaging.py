@@ -93,5 +93,5 @@ for script in {scripts!r}:
     runpy.run_path(script)
     import lfsr_core
     print(lfsr_core.__file__)"""
-    found = run(environment / "bin/python", "-c", code, cwd=tmp_path).split()
-    assert len(found) == len(scripts) and all(path.startswith(str(packages(environment))) for path in found)
+    paths = run(environment / "bin/python", "-c", code, cwd=tmp_path).split()
+    assert len(paths) == len(scripts) and all(path.startswith(str(packages(environment))) for path in paths)

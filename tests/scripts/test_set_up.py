@@ -114,7 +114,7 @@ def test_demo_takes_every_step(played, tmp_path):
 def test_scripts_need_only_the_standard_library():
     for name in ("setup.py", "demo.py", "test.py"):
         code = (f"import runpy, sys; sys.path.append({str(SCRIPTS)!r}); runpy.run_path({str(SCRIPTS / name)!r}); "
-                "found = {name.split('.')[0] for name in sys.modules} - sys.stdlib_module_names; "
-                "print(sorted(found - {'__main__', 'setup'}))")
+                "loaded = {name.split('.')[0] for name in sys.modules} - sys.stdlib_module_names; "
+                "print(sorted(loaded - {'__main__', 'setup'}))")
         done = subprocess.run([sys.executable, "-I", "-S", "-c", code], capture_output=True, text=True, check=True)
         assert done.stdout == "[]\n", name
