@@ -249,10 +249,10 @@ def sampled_inputs() -> Iterator[ParameterSet]:
 @pytest.mark.parametrize(("case", "inputs"), list(sampled_inputs()))
 def test_damaged_files_give_the_same_picture_or_a_sentence(tmp_path, monkeypatch, case, inputs):
     monkeypatch.setenv("LFSR_CACHE", str(tmp_path / "cache"))
-    found = list(damage.outcomes(case, tmp_path / "case", inputs, SEED))
+    outcomes = list(damage.outcomes(case, tmp_path / "case", inputs, SEED))
     for kind in case.files:
-        print(f"{kind:24}", dict(collections.Counter(result.outcome for name, _, result in found if name == kind)))
-    assert not [each for each in found if each[2].outcome in damage.WRONG]
+        print(f"{kind:24}", dict(collections.Counter(result.outcome for name, _, result in outcomes if name == kind)))
+    assert not [row for row in outcomes if row[2].outcome in damage.WRONG]
 
 
 def attempted(name: str, folder: Path, most: int, answer: Connection) -> None:
@@ -299,9 +299,9 @@ def test_nothing_is_half_written(tmp_path, name, fault, trials):
                 process.join(dice.uniform(0, 0.9 * seconds))
                 process.kill()
             else:
-                found = answer.recv()
-                assert found.outcome in (damage.READ, damage.REFUSED), found.said
-                outcomes[found.outcome] += 1
+                result = answer.recv()
+                assert result.outcome in (damage.READ, damage.REFUSED), result.said
+                outcomes[result.outcome] += 1
             process.join()
             outcomes[process.exitcode] += 1
         wait_for(lambda: not [path for path in Path("/proc").glob("[0-9]*/cmdline") if told(path, str(work))], 20)

@@ -37,9 +37,9 @@ def by_twin(network, color, guides):
     color, *guides = (torch.from_numpy(image).permute(2, 0, 1)[None] for image in (color, *guides))
     seen = [guides[0], twin.normal_encode(guides[1])] if guides else []
     with torch.inference_mode():
-        found = network(torch.cat([twin.hdr_encode(color), *seen], 1))
-        found = twin.hdr_decode(found)
-    return found[0].permute(1, 2, 0).numpy()
+        output = network(torch.cat([twin.hdr_encode(color), *seen], 1))
+        output = twin.hdr_decode(output)
+    return output[0].permute(1, 2, 0).numpy()
 
 
 def by_library(path, color, guides):
@@ -53,9 +53,9 @@ def test_twin_equals_library(tmp_path, name, size, images):
     write_tza(tmp_path / "some.tza", network.tensors())
     color, *guides = images((45, 70))
     guides = guides if guided else []
-    found, expected = (by(where, color, guides) for by, where in ((by_twin, network),
-                                                                       (by_library, tmp_path / "some.tza")))
-    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
+    ours, expected = (by(where, color, guides) for by, where in ((by_twin, network),
+                                                                 (by_library, tmp_path / "some.tza")))
+    np.testing.assert_allclose(ours, expected, rtol=1e-4, atol=1e-4)
     np.testing.assert_array_equal(expected, denoise.denoise_image(
         color, *guides, input_scale=1.0, quality="fast" if size == "small" else "balanced"),
         "the library's own weights, stored again")
@@ -69,9 +69,9 @@ def test_any_widths_work(tmp_path_factory, widths, guided):
     write_tza(path, twin.Denoiser((*widths, 3), inputs).tensors())
     stored = twin.Denoiser.from_tensors(read_tza(path), inputs)
     color, *guides = noise((20, 35))
-    found, expected = (by(where, color, guides if guided else [])
-                       for by, where in ((by_twin, stored), (by_library, path)))
-    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4)
+    ours, expected = (by(where, color, guides if guided else [])
+                      for by, where in ((by_twin, stored), (by_library, path)))
+    np.testing.assert_allclose(ours, expected, rtol=1e-4, atol=1e-4)
 
 
 @given(st.floats(0, 65504, width=32), st.sampled_from((0.25, 1.0, 8.0)))
@@ -88,8 +88,8 @@ def test_encoding_rises_and_has_gradients_and_the_twin_has_the_tensors_of_the_fi
     twin.hdr_decode(encoded).sum().backward()
     assert torch.isfinite(values.grad).all() and (values.grad > 0).all()
     for widths, inputs in ((BASE, 3), (SMALL, 9)):
-        found = twin.Denoiser(widths, inputs).tensors()
-        assert {name: value.shape for name, value in found.items()} == network_shapes(widths, inputs)
+        tensors = twin.Denoiser(widths, inputs).tensors()
+        assert {name: value.shape for name, value in tensors.items()} == network_shapes(widths, inputs)
 
 
 @pytest.mark.parametrize(("chosen", "message"), [(("albedo", "small"), "choose hdr"), (("hdr", "huge"), "choose hdr"),

@@ -54,19 +54,19 @@ def test_what_is_saved_is_loaded_and_its_provenance_lies_beside(path):
 
 
 def bias(path, value):
-    found = checkpoint.read(path)[1]["up.bias"].copy()
-    found[1] = value
-    return found
+    values = checkpoint.read(path)[1]["up.bias"].copy()
+    values[1] = value
+    return values
 
 
 class Evil:
-    """What must never be run: it would write the file ``proof``."""
+    """What must never be run: it would write the file ``written``."""
 
     def __init__(self, folder):
         self.folder = folder
 
     def __reduce__(self):
-        return (open, (str(self.folder / "proof"), "w"))
+        return (open, (str(self.folder / "written"), "w"))
 
 
 DAMAGES = [
@@ -85,7 +85,7 @@ DAMAGES = [
 def test_a_file_that_is_wrong_is_refused(path, damage, message):
     damage(path)
     refuses(message, load, "paper", 4, path)
-    assert not (path.parent / "proof").exists()
+    assert not (path.parent / "written").exists()
 
 
 @pytest.mark.parametrize(("name", "scale", "message"), [

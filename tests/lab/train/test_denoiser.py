@@ -90,9 +90,9 @@ def test_more_samples_are_less_noise_and_the_target_itself_has_the_least_loss(sc
     for part in parts(scenes, 1):
         perfect = hdr_encode(torch.zeros(1, 3, *part.inputs.shape[2:]))
         perfect[(..., *part.inside)] = hdr_encode(part.target)
-        found, noise = losses(perfect, part), losses(part.inputs[:, :3], part)
-        assert found[0] < 1e-3 and found[1] < 0.05
-        assert noise[0] > 10 * found[0] and noise[1] > 2 * found[1]
+        least, noise = losses(perfect, part), losses(part.inputs[:, :3], part)
+        assert least[0] < 1e-3 and least[1] < 0.05
+        assert noise[0] > 10 * least[0] and noise[1] > 2 * least[1]
 
 
 def test_each_crop_of_a_batch_has_the_loss_that_it_has_alone(scenes):
@@ -116,8 +116,8 @@ def test_crops_hold_whole_elemental_images_of_the_scene(scenes, seed, side):
 
 
 def test_some_crops_have_no_guides_and_the_rate_rises_and_falls(scenes):
-    found = [parts(scenes[:1], 16, seed, 24)[0].inputs for seed in range(100)]
-    assert 2 <= sum(bool((each[:, 3:6] == 0).all() and (each[:, 6:] == 0.5).all()) for each in found) <= 35
+    inputs = [parts(scenes[:1], 16, seed, 24)[0].inputs for seed in range(100)]
+    assert 2 <= sum(bool((crop[:, 3:6] == 0).all() and (crop[:, 6:] == 0.5).all()) for crop in inputs) <= 35
     settings = dataclasses.replace(config("x"), epochs=10, steps_per_epoch=100)
     course = [rate(settings, step) for step in range(1000)]
     assert max(course) == pytest.approx(settings.rate, rel=0.05) and course[0] < settings.rate / 50

@@ -160,7 +160,7 @@ def test_a_damaged_checkpoint_is_one_sentence_and_runs_no_code(tmp_path, write, 
     with pytest.raises(LfsrError, match=message) as refused:
         loop.load_checkpoint(tmp_path / "checkpoint.pt")
     assert not {"weights_only", "arbitrary", "trusted"} & set(re.findall(r"\w+", str(refused.value)))
-    assert not (tmp_path / "proof").exists()
+    assert not (tmp_path / "written").exists()
 
 
 def test_a_checkpoint_of_other_content_is_one_sentence(tmp_path):

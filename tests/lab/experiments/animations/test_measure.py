@@ -42,9 +42,9 @@ def late(fraction):
     (lambda: clean() + 0.04, {"offset": (4, 0.12), "flicker": (0, 0.7)}),  # a low-frequency error
     (lambda: late(1), {"lag": (1, 0.05)}), (lambda: late(0.5), {"lag": (0.5, 0.05)})])
 def test_each_figure_shows_what_it_is_named_after(image, expected):
-    found = study.compare(image(), *HALVES)
+    figures = study.compare(image(), *HALVES)
     for name, (value, allowed) in expected.items():
-        assert getattr(found, name) == pytest.approx(value, abs=allowed), name
+        assert getattr(figures, name) == pytest.approx(value, abs=allowed), name
 
 
 def test_renders_differ_by_their_seeds_references_share_none_and_the_cost_is_said_in_seconds(tmp_path, capsys):

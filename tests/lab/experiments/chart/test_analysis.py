@@ -29,18 +29,18 @@ def column(values):
 
 @pytest.mark.parametrize("target", [0.9, 0.5, 0.3, 0.125])
 def test_the_cost_on_a_power_law_is_exact(target):
-    found, bound = analysis.reach(COSTS, COSTS**-0.5, np.array([target]))
-    assert found[0] == pytest.approx(target**-2) and not bound[0]
+    costs, bound = analysis.reach(COSTS, COSTS**-0.5, np.array([target]))
+    assert costs[0] == pytest.approx(target**-2) and not bound[0]
 
 
 def test_what_is_never_reached_is_infinite_and_what_is_reached_at_once_is_a_bound():
-    found, bound = analysis.reach(COSTS, np.tile(COSTS**-0.5, 3), np.array([0.01, 1.0, 2.0]))
-    assert found.tolist() == [np.inf, 1.0, 1.0] and bound.tolist() == [False, False, True]
+    costs, bound = analysis.reach(COSTS, np.tile(COSTS**-0.5, 3), np.array([0.01, 1.0, 2.0]))
+    assert costs.tolist() == [np.inf, 1.0, 1.0] and bound.tolist() == [False, False, True]
     every = points("ours", 4, 1.0) + points("worse", 4, 9.0)
-    found = {(each.method, each.measure): each for each in analysis.reaches(every, {SSIM: 0.75})}
+    reaches = {(reach.method, reach.measure): reach for reach in analysis.reaches(every, {SSIM: 0.75})}
     hard = np.exp(np.random.default_rng(5).normal(0, 0.5, 20)).mean()
-    assert found["ours", SSIM].rays.value == pytest.approx((hard / 0.75)**2, rel=1e-4)
-    assert found["worse", SSIM].rays.value is None
+    assert reaches["ours", SSIM].rays.value == pytest.approx((hard / 0.75)**2, rel=1e-4)
+    assert reaches["worse", SSIM].rays.value is None
 
 
 DEARER_IS_WORSE, BUSY = column([0.5, 0.8, 0.4, 0.2]), column([2.0, 1.0, 4.0])  # as times of a busy machine are
@@ -64,14 +64,14 @@ def test_less_error_never_costs_less(errors, target, part):
 
 def points(method, scale, factor, random=None, role=analysis.LOW, samples=SAMPLES, lenses=20, seeds=10):
     """A method whose error is factor / √rays, on lenses that are hard or easy for all alike."""
-    hard, found = np.exp(np.random.default_rng(5).normal(0, 0.5, lenses)), []
+    hard, curve = np.exp(np.random.default_rng(5).normal(0, 0.5, lenses)), []
     for count in samples:
         noise = random.normal(1, 0.1, (seeds, lenses)) if random else np.ones((seeds, lenses))
         rows = tuple(map(tuple, (factor * (count / scale**2)**-0.5 * hard * noise).tolist()))
         times = analysis.Times((0.2 + count / scale**2,), (0.1,), None)
         measured = analysis.Measured(dict.fromkeys(MEASURES, rows))
-        found.append(analysis.Point.of(role, method, scale, count, measured, times, np.arange(lenses)))
-    return found
+        curve.append(analysis.Point.of(role, method, scale, count, measured, times, np.arange(lenses)))
+    return curve
 
 
 def rivals(factor=1.0, random=None):
@@ -80,32 +80,32 @@ def rivals(factor=1.0, random=None):
 
 
 def test_a_duel_of_power_laws_has_the_ratio_of_their_squares_and_intervals_hold_it_as_they_say():
-    found = analysis.duels(rivals(), OURS)
-    assert len(found) == len(MEASURES)
-    duel = found[0]
+    duels = analysis.duels(rivals(), OURS)
+    assert len(duels) == len(MEASURES)
+    duel = duels[0]
     assert (duel.role, duel.method, duel.samples) == (analysis.DIRECT, "theirs", 1)
     assert duel.rays.value == pytest.approx(0.25, rel=1e-4) and not duel.rays.bound
     assert duel.seconds.value == pytest.approx((0.3 + 0.25) / 1.3, rel=0.1)
     random, inside, runs = np.random.default_rng(3), 0, 40
     for _ in range(runs):
-        rays = next(each.rays for each in analysis.duels(rivals(random=random), OURS) if each.measure == SSIM)
+        rays = next(noisy.rays for noisy in analysis.duels(rivals(random=random), OURS) if noisy.measure == SSIM)
         inside += rays.low < 0.25 < rays.high
     assert inside / runs > 0.85 and rays.high - rays.low < 0.05
 
 
 def scene(every):
     reference = analysis.UsedReference(1024, None, 20, 1.0, {})
-    return analysis.SceneRow("a", "5.0", reference, tuple(each.cell for each in every),
+    return analysis.SceneRow("a", "5.0", reference, tuple(point.cell for point in every),
                              tuple(analysis.duels(every, OURS)), ())
 
 
 def test_the_geometric_mean_has_an_interval_over_scenes_and_repeated_times_are_drawn_anew():
     sharp = [analysis.Cost(ratio, ratio, ratio, False) for ratio in (0.1, 0.2, 0.4, 0.8)]
-    found = analysis.geometric_mean(sharp)
-    assert found.value == pytest.approx((0.1 * 0.2 * 0.4 * 0.8)**0.25, rel=1e-4)
-    assert 0.1 <= found.low < 0.2 and 0.4 < found.high <= 0.8
-    wide = analysis.geometric_mean([analysis.Cost(each.value, each.value / 2, each.value * 2, False) for each in sharp])
-    assert wide.value == found.value and wide.low < found.low and wide.high > found.high
+    mean = analysis.geometric_mean(sharp)
+    assert mean.value == pytest.approx((0.1 * 0.2 * 0.4 * 0.8)**0.25, rel=1e-4)
+    assert 0.1 <= mean.low < 0.2 and 0.4 < mean.high <= 0.8
+    wide = analysis.geometric_mean([analysis.Cost(cost.value, cost.value / 2, cost.value * 2, False) for cost in sharp])
+    assert wide.value == mean.value and wide.low < mean.low and wide.high > mean.high
     assert analysis.geometric_mean([*sharp, analysis.Cost(0.3, 0.2, None, True)]).high is None
     assert analysis.geometric_mean([]).value is None and analysis.geometric_mean(sharp[:1]) == sharp[0]
     drawn = analysis.drawn_seconds(analysis.Times((1.0, 2.0, 9.0), (0.5,), None))
@@ -117,12 +117,12 @@ def test_means_are_of_scenes_where_ours_gets_there_and_of_cells_that_all_have():
     assert duel.scenes == 2 and duel.rays.value == pytest.approx((0.25 * 0.0625)**0.5, rel=1e-4)
     assert duel.seconds.value is not None
     first, second = scene(points("ours", 4, 1.0)), scene(points("ours", 4, 3.0, samples=SAMPLES[:2]))
-    found, one = analysis.mean_cells([first, second]), first.cells[0]
-    assert [cell.samples for cell in found] == [1, 4]
-    assert found[0].errors[SSIM].mean == pytest.approx(2 * one.errors[SSIM].mean, rel=1e-4)
+    cells, one = analysis.mean_cells([first, second]), first.cells[0]
+    assert [cell.samples for cell in cells] == [1, 4]
+    assert cells[0].errors[SSIM].mean == pytest.approx(2 * one.errors[SSIM].mean, rel=1e-4)
     half = one.errors[SSIM].high - one.errors[SSIM].mean
-    assert found[0].errors[SSIM].high - found[0].errors[SSIM].mean == pytest.approx(half * 10**0.5 / 2, rel=1e-3)
-    assert found[0].seconds.mean == pytest.approx(one.seconds.mean, rel=1e-4)
+    assert cells[0].errors[SSIM].high - cells[0].errors[SSIM].mean == pytest.approx(half * 10**0.5 / 2, rel=1e-3)
+    assert cells[0].seconds.mean == pytest.approx(one.seconds.mean, rel=1e-4)
 
 
 @pytest.mark.parametrize(("change", "message"), [
@@ -215,12 +215,12 @@ def test_a_tie_at_less_error_is_no_loss_and_headline_and_tables_are_whole(chart)
     assert findings.is_lost(tie)
     assert not findings.is_lost(dataclasses.replace(tie, seconds=dataclasses.replace(tie.seconds, bound=True)))
     assert findings.is_lost(dataclasses.replace(tie, seconds=dataclasses.replace(tie.seconds, value=None)))
-    found = [duel for duel in mean_duels(chart.scenes) if (duel.measure, duel.role, duel.method) == (SSIM, *RIVAL)]
+    means = [duel for duel in mean_duels(chart.scenes) if (duel.measure, duel.role, duel.method) == (SSIM, *RIVAL)]
     ratios = [duel.seconds.value for scene in chart.scenes for duel in scene.duels
               if (duel.measure, duel.key, duel.samples) == (SSIM, RIVAL, 1)]
-    assert found[0].seconds.value == pytest.approx(np.exp(np.mean(np.log(ratios))), rel=1e-3)
+    assert means[0].seconds.value == pytest.approx(np.exp(np.mean(np.log(ratios))), rel=1e-3)
     words = findings.headline(chart)
-    assert findings.percent(found[0].seconds.value) in words and "of the time" in words
+    assert findings.percent(means[0].seconds.value) in words and "of the time" in words
     assert f"{findings.percent(min(ratios))} to {findings.percent(max(ratios))}" in words
     rows = [line for line in findings.markdown(chart).splitlines() if line.startswith("| espcn | 16 | 4 | 1 |")]
     assert len(rows) == 4, "one per scene and one of the mean"

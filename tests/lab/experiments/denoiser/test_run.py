@@ -109,13 +109,13 @@ def table(random: np.random.Generator) -> Table:
 def test_a_known_model_is_found_again_and_its_choices_are_shown(tmp_path, capsys):
     made = table(np.random.default_rng(0))
     groups = groups_of(made)
-    found = fit(groups)
-    assert max(group.lost(found.model) for group in groups) < 0.002
-    assert max(found.left_out.values()) < 0.004 and found.left_out.keys() == {(g.scene, g.rays) for g in groups}
+    fitted = fit(groups)
+    assert max(group.lost(fitted.model) for group in groups) < 0.002
+    assert max(fitted.left_out.values()) < 0.004 and fitted.left_out.keys() == {(g.scene, g.rays) for g in groups}
     # Its numbers as well, as far as the grid allows: predictions are in SSIM.
     for moved, scale, samples in ((0.05, 4, 16), (0.3, 2, 4), (0.3, 4, 64)):
         points = np.full(3, moved)
-        shown, true = (model.loss(points, scale, samples) - model.loss(points, 1, 64) for model in (found.model, TRUE))
+        shown, true = (model.loss(points, scale, samples) - model.loss(points, 1, 64) for model in (fitted.model, TRUE))
         assert shown == pytest.approx(true, abs=0.02)
     write_record(tmp_path / "table.json", dataclasses.replace(made, cells=made.cells[:40]))
     assert main(["study", "scales", str(tmp_path / "table.json")]) == 0
@@ -132,9 +132,9 @@ def test_the_renders_of_another_experiment_are_measured_and_what_cannot_be_fitte
     assert collect(settings, store, [tmp_path], "bilinear").cells == (), "nothing is rendered"
     (place,) = places(store, settings, [tmp_path])
     place.fill(settings.reference_samples, settings.at_rays(place.scene)["one"][:2])
-    found = collect(settings, store, [tmp_path], "bilinear")
-    assert [(cell.scene, cell.rays, cell.scale) for cell in found.cells] == [("disc", 1, 1), ("disc", 1, 2)]
-    assert found.moves == {"disc": (0.1, 0.2)} and all(0 < cell.ssim < 1 for cell in found.cells)
+    collected = collect(settings, store, [tmp_path], "bilinear")
+    assert [(cell.scene, cell.rays, cell.scale) for cell in collected.cells] == [("disc", 1, 1), ("disc", 1, 2)]
+    assert collected.moves == {"disc": (0.1, 0.2)} and all(0 < cell.ssim < 1 for cell in collected.cells)
     capsys.readouterr()
     file = tmp_path / "table.json"
     file.write_text(json.dumps({"method": "bilinear", "moves": {}, "cells": []}))

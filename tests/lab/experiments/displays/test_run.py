@@ -25,8 +25,8 @@ def test_everything_is_measured_once_and_shown(tmp_path, monkeypatch):
     scene.touch()
     blender = tmp_path / "blender"
     store = Store(tmp_path / "out", played_blender(blender))
-    found = run.compare(store, None, 256, [scene])
-    points = {(of.way, of.samples): of for of in found.rows[0].points}
+    comparison = run.compare(store, None, 256, [scene])
+    points = {(of.way, of.samples): of for of in comparison.rows[0].points}
     assert {way for way, _ in points} == {way.name for way in measure.WAYS} and len(points) == 10
     ours, direct = ({samples: of for (name, samples), of in points.items() if name == way.name}
                     for way in (measure.OURS, measure.SUBPIXEL))
@@ -36,11 +36,11 @@ def test_everything_is_measured_once_and_shown(tmp_path, monkeypatch):
     assert (ours[4].scale, direct[4].scale) == (2, 1)
     assert all(of.finish_cpu > 0 and of.render_cpu >= 0 for of in points.values())
     blender.unlink()
-    assert run.compare(store, None, 256, [scene]).rows == found.rows
-    _, table, *images = run.write_pages(store.folder, found)
+    assert run.compare(store, None, 256, [scene]).rows == comparison.rows
+    _, table, *images = run.write_pages(store.folder, comparison)
     assert table.read_text().count("| disc |") == 2 * 7 + 10
     assert len(images) == 2 and all("<svg" in image.read_text() for image in images)
-    assert read_record(store.folder / "displays.json", run.Comparison, "a comparison").rows == found.rows
+    assert read_record(store.folder / "displays.json", run.Comparison, "a comparison").rows == comparison.rows
 
 
 def test_the_reference_is_perfect_less_views_are_not_and_the_nearest_woven_without_mixing(tmp_path):

@@ -97,8 +97,8 @@ def lines(path: Path) -> list[str]:
     return path.read_text(encoding="utf-8").split() if path.exists() else []
 
 
-def every(found: Table):
-    return units(found.study, SHORT)
+def every(table: Table):
+    return units(table.study, SHORT)
 
 
 def test_processes_share_the_units_and_measure_none_twice(tmp_path):
@@ -152,10 +152,10 @@ def test_a_missing_asset_is_one_sentence_and_the_others_go_on(tmp_path):
     (tmp_path / "assets" / "vase" / "vase.gltf").write_bytes(b"a vase")
     (tmp_path / "assets" / "vase" / "vase.bin").write_bytes(b"its mesh")
     document.measure(work, SHORT, work.table.study)  # what failed is tried again
-    found = work.ended(every(work.table)[0])
-    assert found.sentence == ""
-    assert found.inputs["vase"] == {"vase.gltf": hashlib.sha256(b"a vase").hexdigest(),
-                                    "vase.bin": hashlib.sha256(b"its mesh").hexdigest()}
+    result = work.ended(every(work.table)[0])
+    assert result.sentence == ""
+    assert result.inputs["vase"] == {"vase.gltf": hashlib.sha256(b"a vase").hexdigest(),
+                                     "vase.bin": hashlib.sha256(b"its mesh").hexdigest()}
 
 
 def test_a_unit_waits_for_those_that_it_reads(tmp_path):

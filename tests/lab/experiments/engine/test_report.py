@@ -110,13 +110,13 @@ def test_cells_are_written_by_what_they_are_and_this_machine_described():
     assert markdown_table("abc", [], "lr")[1] == "| --- | ---: | ---: |"
     assert markdown_table("abc", [], "lrlr")[1] == "| --- | ---: | --- |"
     assert (number(None), number(2, 0.25, 2), number(2.0)) == ("–", "2.00 ± 0.25", "2.000")
-    found = environment()
-    assert found.python == platform.python_version() and found.cores >= 1 and found.cpu
-    assert found.versions["lfsr"] == lfsr_core.__version__ and found.versions["numpy"] == np.__version__
-    assert from_data(Environment, to_data(found), "the environment") == found
-    found = dataclasses.replace(found, cpu="Example", cores=2, gpu=None)
-    assert found.machine == "2 cores of Example"
-    assert dataclasses.replace(found, gpu="Card").machine == "2 cores of Example and Card"
+    described = environment()
+    assert described.python == platform.python_version() and described.cores >= 1 and described.cpu
+    assert described.versions["lfsr"] == lfsr_core.__version__ and described.versions["numpy"] == np.__version__
+    assert from_data(Environment, to_data(described), "the environment") == described
+    described = dataclasses.replace(described, cpu="Example", cores=2, gpu=None)
+    assert described.machine == "2 cores of Example"
+    assert dataclasses.replace(described, gpu="Card").machine == "2 cores of Example and Card"
 
 
 def test_a_study_is_refused_before_it_is_measured_where_its_report_could_not_be_written(tmp_path, monkeypatch, capsys):
@@ -210,11 +210,11 @@ def relative(squares, truth):
 
 @pytest.mark.parametrize(("seeds", "bias", "sigma"), [(2, 0.05, 0.1), (4, 0.0, 0.1), (4, 0.05, 0.0), (4, 0.05, 0.1)])
 def test_bias_and_variance_are_those_that_were_put_in_whatever_the_noise_of_the_reference(truth, seeds, bias, sigma):
-    found = errors(np.array([noisy(truth + bias, sigma, seed) for seed in range(seeds)]), *halves(truth, 0.02))
+    measured = errors(np.array([noisy(truth + bias, sigma, seed) for seed in range(seeds)]), *halves(truth, 0.02))
     one = relative(np.full(truth.shape, 1.0), truth)
-    assert found[BIAS].mean() == pytest.approx(one * bias**2, abs=0.03 * one * (bias**2 + sigma**2))
-    assert found[VARIANCE].mean() == pytest.approx(one * sigma**2, abs=0.03 * one * (bias**2 + sigma**2))
-    assert np.allclose(found[RELMSE].mean(0), found[BIAS] + found[VARIANCE], rtol=1e-9)
+    assert measured[BIAS].mean() == pytest.approx(one * bias**2, abs=0.03 * one * (bias**2 + sigma**2))
+    assert measured[VARIANCE].mean() == pytest.approx(one * sigma**2, abs=0.03 * one * (bias**2 + sigma**2))
+    assert np.allclose(measured[RELMSE].mean(0), measured[BIAS] + measured[VARIANCE], rtol=1e-9)
 
 
 def test_a_perfect_image_has_no_error_a_few_fireflies_do_not_count_and_pixels_are_left_out_alike(truth):
@@ -231,12 +231,12 @@ def test_a_perfect_image_has_no_error_a_few_fireflies_do_not_count_and_pixels_ar
     for share, counts in ((5e-4, False), (1e-2, True)):
         image = truth.copy().reshape(-1, 3)
         image[np.random.default_rng(3).choice(len(image), int(share * len(image)), replace=False)] = 1e4
-        found = errors(image.reshape(1, *truth.shape), truth, truth)[RELMSE].mean()
-        assert (found > 1) == counts, found
+        error = errors(image.reshape(1, *truth.shape), truth, truth)[RELMSE].mean()
+        assert (error > 1) == counts, error
     images = np.array([truth] * 3)
     images[1, 0, 0, 0] = 1e4
-    found = errors(images, truth, truth)
-    assert np.allclose(found[RELMSE], 0, atol=1e-12) and np.allclose(found[VARIANCE], 0, atol=1e-12)
+    measured = errors(images, truth, truth)
+    assert np.allclose(measured[RELMSE], 0, atol=1e-12) and np.allclose(measured[VARIANCE], 0, atol=1e-12)
 
 
 @pytest.mark.parametrize(("lens_sd", "seed_sd", "rest_sd"), [(1.0, 0.0, 0.1), (0.0, 1.0, 0.1), (1.0, 1.0, 0.1)])
@@ -246,16 +246,16 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say(lens_sd, seed_sd, r
     for _ in range(runs):
         values = (random.normal(0, lens_sd, (1, 20)) + random.normal(0, seed_sd, (10, 1))
                   + random.normal(0, rest_sd, (10, 20)))
-        found = estimate(values)
-        inside += found.low < 0 < found.high
+        estimated = estimate(values)
+        inside += estimated.low < 0 < estimated.high
     assert 0.87 < inside / runs < 0.99
 
 
 def test_the_spread_is_that_of_the_means_of_seeds_and_methods_are_compared_in_pairs():
     values = np.array([[1.0, 3.0], [2.0, 4.0], [3.0, 5.0]])
-    found = estimate(values)
-    assert (found.mean, found.spread) == (3.0, pytest.approx(1.0))
-    assert found.low <= 2.5 and found.high >= 3.5
+    estimated = estimate(values)
+    assert (estimated.mean, estimated.spread) == (3.0, pytest.approx(1.0))
+    assert estimated.low <= 2.5 and estimated.high >= 3.5
     assert estimate(values[:1]).spread is None
     random = np.random.default_rng(1)
     hard = random.normal(10, 5, (1, 20))

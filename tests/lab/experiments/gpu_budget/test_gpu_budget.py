@@ -44,11 +44,11 @@ def test_each_display_has_its_steps_at_its_scales_and_the_samples_that_fit_fill_
 def test_a_measured_frame_has_every_step_and_its_row_as_tensors_have_of_a_lenticular_panel(tmp_path):
     display = load_display("looking-glass-portrait")
     scale = display.scales()[0]
-    found = tensor_steps(torch.rand(4, 6, 1, display.views[0] // scale, 3).numpy(), (scale, 1), display, best_device())
-    assert set(found) == {study.INTERPOLATE, study.WEAVE, study.SHOW} and all(value > 0 for value in found.values())
+    steps = tensor_steps(torch.rand(4, 6, 1, display.views[0] // scale, 3).numpy(), (scale, 1), display, best_device())
+    assert set(steps) == {study.INTERPOLATE, study.WEAVE, study.SHOW} and all(value > 0 for value in steps.values())
     scene = tmp_path / "disc.blend"
     scene.touch()
-    found = measure(Store(tmp_path / "out", played_blender(tmp_path / "blender")), scene, load_display("mini"), 2, 1)
-    assert set(found.milliseconds) == {study.TRACE, study.DENOISE, study.INTERPOLATE, study.SHOW}
-    assert found.samples_per_second > 0
-    assert f"| {found.device} | {found.tensors} | 2, 1 |" in study.markdown(study.read_gpus(), [found])
+    measured = measure(Store(tmp_path / "out", played_blender(tmp_path / "blender")), scene, load_display("mini"), 2, 1)
+    assert set(measured.milliseconds) == {study.TRACE, study.DENOISE, study.INTERPOLATE, study.SHOW}
+    assert measured.samples_per_second > 0
+    assert f"| {measured.device} | {measured.tensors} | 2, 1 |" in study.markdown(study.read_gpus(), [measured])

@@ -96,20 +96,20 @@ def test_a_plan_that_promises_too_much_is_found_out():
     rows = (Rated(**vars(cheap), seconds=1.0, estimate=Estimate(0.96, 0.95, 30)),
             Rated(**vars(costly), seconds=4.0, estimate=Estimate(0.97, 0.96, 30)))
     sample = SampleFacts(30, 90, "s1-spp16 oidn", 100.0, 4.0, 1.0, 0.04)
-    known = {cheap: Actual(0.94, 1.1), costly: Actual(0.965, 4.4)}
+    actuals = {cheap: Actual(0.94, 1.1), costly: Actual(0.965, 4.4)}
 
     def planned(rows, choice, sample):
         return Planned("toy.blend", "mini", 0, PlanOptions(), sample, rows, choice)
-    wrong = judge(planned(rows, Choice(rows[0], rows[1]), sample), known, MINI, "toy", 0, 0.95)
+    wrong = judge(planned(rows, Choice(rows[0], rows[1]), sample), actuals, MINI, "toy", 0, 0.95)
     assert wrong.met is False and wrong.cost is None and wrong.hindsight == costly.name
     assert wrong.covered == (False, True)
-    wasteful = judge(planned(rows, Choice(rows[1], rows[1]), sample), known, MINI, "toy", 0, 0.93)
+    wasteful = judge(planned(rows, Choice(rows[1], rows[1]), sample), actuals, MINI, "toy", 0, 0.93)
     assert wasteful.met is True and wasteful.cost == pytest.approx(4) == wasteful.samples
     limit = Notice("plan-limit-noise", {"samples": 16})
-    nothing = judge(planned(rows, Choice(None, rows[1], limit), sample), known, MINI, "toy", 0, 0.95)
-    found = summary([wrong, wasteful, nothing])
-    assert (found.met, found.nothing_chosen_though_possible, found.cheap_enough) == (0.5, 1, 0.0)
-    assert found.bounds_below_actual == 0.5 and math.isclose(found.mean_share_of_seconds, 0.04)
+    nothing = judge(planned(rows, Choice(None, rows[1], limit), sample), actuals, MINI, "toy", 0, 0.95)
+    totals = summary([wrong, wasteful, nothing])
+    assert (totals.met, totals.nothing_chosen_though_possible, totals.cheap_enough) == (0.5, 1, 0.0)
+    assert totals.bounds_below_actual == 0.5 and math.isclose(totals.mean_share_of_seconds, 0.04)
 
 
 def test_with_a_rate_a_busy_machine_changes_nothing(bench, tmp_path):
@@ -124,8 +124,8 @@ def test_with_a_rate_a_busy_machine_changes_nothing(bench, tmp_path):
     study.replay(busy, job, 0.01)
     cut = read_frame(tmp_path / "cut")
     assert cut.seconds["render"] == pytest.approx(0.01 * path_samples(cut))
-    (found,) = study.actuals(busy, [Candidate(2, 16, "bilinear")], Records(tmp_path, Actual), 1000).values()
-    assert found.seconds == pytest.approx(1000 * path_samples(read_frame(busy / "s2-spp16")), rel=1e-3)
+    (actual,) = study.actuals(busy, [Candidate(2, 16, "bilinear")], Records(tmp_path, Actual), 1000).values()
+    assert actual.seconds == pytest.approx(1000 * path_samples(read_frame(busy / "s2-spp16")), rel=1e-3)
 
 
 @pytest.mark.parametrize(("true", "count", "expected"), [

@@ -247,11 +247,11 @@ def test_a_page_is_made_of_means_and_differences_in_pairs():
     rows = {(scene, study.View(scale, samples, width), "denoise"): row(0.8, 0.9) for scene in list(study.SCENES)[:2]
             for scale in (7, 3) for samples in (4, 16) for width in ("wide", "narrow")}
     rows["helmet", study.View(7, 16), "oidn"] = row(0.7, 0.9)
-    found = study.record(rows, {})
-    entry = found["scenes"]["helmet"]["s7-spp16-wide"]
+    record = study.record(rows, {})
+    entry = record["scenes"]["helmet"]["s7-spp16-wide"]
     assert entry["denoise+bilinear"] == [0.75, 20.0, 3.0, -0.1, 0.0]
     assert entry["oidn+pool"][3:] == [-0.05, pytest.approx(0.05 * student_95(1), abs=1e-3)]
-    page = study.markdown(found)
+    page = study.markdown(record)
     assert "| `denoise+pool` | .850, 20.0 |" in page and not re.search(r"\bnan\b", page)
 
 
@@ -298,13 +298,13 @@ def numbered(clones, pairs):
     for pair in range(1, pairs + 1):
         shapes |= {f"level{pair}_conv6d___": ((3, 3, 1, 1, 64, 64), "_mid"),
                    f"level{pair}_conv6d____": ((1, 1, 3, 3, 64, 64), "_mid2")}
-    found = []
+    entries = []
     for name, (shape, end) in shapes.items():
         bias = np.arange(60) / 100 if shape[-1] == 60 and not end else np.zeros(shape[-1])
-        found += [(f"{name.rstrip('_')}_f{end}", np.zeros(shape)), (f"{name.rstrip('_')}_b{end}", bias)]
-    params = np.empty((1, len(found)), [("name", object), ("value", object)])
-    for index, each in enumerate(found):
-        params[0, index] = each
+        entries += [(f"{name.rstrip('_')}_f{end}", np.zeros(shape)), (f"{name.rstrip('_')}_b{end}", bias)]
+    params = np.empty((1, len(entries)), [("name", object), ("value", object)])
+    for index, entry in enumerate(entries):
+        params[0, index] = entry
     path = clones / f"LightFieldAngularSR/pretrained_models/Layer{pairs}.mat"
     path.parent.mkdir(parents=True, exist_ok=True)
     savemat(path, {"net": {"params": params}})

@@ -67,10 +67,10 @@ def test_every_figure_measures_draws_and_speaks_and_what_is_not_there_is_not_inv
             path = tmp_path / figure.image
             save(figure.draw(results.rows, frames.output / measuring.CELLS / name), path)
             assert cv2.imread(str(path)).std() > 5 and path.stat().st_size < 150_000
-    found = measured["fig9"]
-    assert [row.method for row in found.rows if not row.values] == ["paper-gan"] * 2
-    assert "Not measured, because they have no weights: paper-gan." in FIG9.line(found)
-    assert found.schedules["paper"].startswith("40 epochs of 16 ") and found.schedules["paper-gan"] == "no weights"
+    fig9 = measured["fig9"]
+    assert [row.method for row in fig9.rows if not row.values] == ["paper-gan"] * 2
+    assert "Not measured, because they have no weights: paper-gan." in FIG9.line(fig9)
+    assert fig9.schedules["paper"].startswith("40 epochs of 16 ") and fig9.schedules["paper-gan"] == "no weights"
 
 
 def test_accuracy_is_what_compare_gives_the_middle_lenses_are_shown_and_references_must_be_whole(frames, measured,
@@ -165,7 +165,7 @@ def made_up(gap):
                    *(accurate(name, 0.9 + (0.005 - gap / 20) * (name != "paper")) for name in deeper)],
         "fig10d": [*timed_rows(others).rows,
                    *(accurate(name, 0.9 - gap * (name != "paper")) for name in (*others, "bicubic"))],
-        "fig11": [Row(scene="toy", method=name, series={images.EPI: found}) for name, found in errors.items()],
+        "fig11": [Row(scene="toy", method=name, series={images.EPI: error}) for name, error in errors.items()],
         "fig12a": [Row(scene="7680×4320", method=f"s = {scale}" if scale > 1 else "direct", values={
             "width": 7680, "scale": scale,
             **frame(0.01 * 2 ** (-math.copysign(scale, gap)), 0.001 if gap > 0 else 0.1)}) for scale in (1, 2, 4)],
@@ -205,10 +205,10 @@ def test_verdicts():
 def test_networks_trained_differently_are_called_so():
     alike = "9 epochs of 4 96-pixel crops per photograph, rate 0.001 cosine"
 
-    def found(label):
+    def sentence_of(label):
         schedules = {"paper": f"{alike}, 60 s on CPU", "paper-gan": label}
         return study.FIGURES["fig9"].line(Results(tuple(made_up(0.4)["fig9"]), schedules=schedules))
 
-    assert "trained" not in found(f"{alike}, 900 s on CPU") and "trained" not in found("no weights")
-    assert "not trained alike" in found(f"{alike.replace('9 epochs', '2 epochs')}, 60 s on CPU")
-    assert "not trained alike" in found("schedule not recorded")
+    assert "trained" not in sentence_of(f"{alike}, 900 s on CPU") and "trained" not in sentence_of("no weights")
+    assert "not trained alike" in sentence_of(f"{alike.replace('9 epochs', '2 epochs')}, 60 s on CPU")
+    assert "not trained alike" in sentence_of("schedule not recorded")

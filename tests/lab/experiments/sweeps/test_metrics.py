@@ -131,15 +131,15 @@ def ring_of(width):
 
 def test_errors_at_the_borders_are_found_there_and_the_worst_lens_in_the_foreground():
     x = EVEN + 0.1 * ring_of(3)
-    found = metrics.border_and_centre(Compared(x, EVEN, EVEN, LENSES, ALL), 3)
-    assert found["rmse_border"] == pytest.approx(0.1) and found["rmse_centre"] == 0
-    assert found["border_ratio"] is None and found["ssim_border"] < 0.99
+    measured = metrics.border_and_centre(Compared(x, EVEN, EVEN, LENSES, ALL), 3)
+    assert measured["rmse_border"] == pytest.approx(0.1) and measured["rmse_centre"] == 0
+    assert measured["border_ratio"] is None and measured["ssim_border"] < 0.99
     centre = metrics.border_and_centre(Compared(EVEN + 0.1 * (1 - ring_of(3)), EVEN, EVEN, LENSES, ALL), 3)
     assert centre["rmse_border"] == 0 and centre["rmse_centre"] == pytest.approx(0.1)
     x, lenses = EVEN.copy(), (8, 72)  # of views along one axis, whose rows have no border
     to_elemental_images(x, lenses)[..., [0, 1, 2, -3, -2, -1], :] += 0.1
-    found = metrics.border_and_centre(Compared(x, EVEN, EVEN, lenses, np.ones((72, 8), bool)), 3)
-    assert found["rmse_border"] == pytest.approx(0.1) and found["rmse_centre"] == 0
+    measured = metrics.border_and_centre(Compared(x, EVEN, EVEN, lenses, np.ones((72, 8), bool)), 3)
+    assert measured["rmse_border"] == pytest.approx(0.1) and measured["rmse_centre"] == 0
     x = EVEN.copy()
     to_elemental_images(x, LENSES)[2, 5] += 0.1
     to_elemental_images(x, LENSES)[4, 1] += 0.3
@@ -152,29 +152,29 @@ def test_errors_at_the_borders_are_found_there_and_the_worst_lens_in_the_foregro
 
 def test_the_ratio_of_an_even_error_is_one_noise_cancels_and_borders_count_in_the_foreground_only():
     x, a, b = EVEN + 0.05, EVEN + noise(0.05, 1), EVEN + noise(0.05, 2)
-    found = metrics.border_and_centre(Compared(x, a, b, LENSES, ALL), 3)
-    assert found["border_ratio"] == pytest.approx(1, abs=0.06)
-    assert found["rmse_centre"] == pytest.approx(0.05, abs=0.003)
+    measured = metrics.border_and_centre(Compared(x, a, b, LENSES, ALL), 3)
+    assert measured["border_ratio"] == pytest.approx(1, abs=0.06)
+    assert measured["rmse_centre"] == pytest.approx(0.05, abs=0.003)
     mask = ALL.copy()
     mask[0] = False
     x = EVEN.copy()
     x[:VIEWS[1]] = 1
-    found = metrics.border_and_centre(Compared(x, EVEN, EVEN, LENSES, mask), 3)
-    assert found["rmse_border"] == found["rmse_centre"] == 0
+    measured = metrics.border_and_centre(Compared(x, EVEN, EVEN, LENSES, mask), 3)
+    assert measured["rmse_border"] == measured["rmse_centre"] == 0
     assert set(metrics.border_and_centre(Compared(x, EVEN, EVEN, LENSES, ~ALL), 3).values()) == {None}
 
 
 def test_neighbouring_views_that_differ_as_they_should_have_no_error_and_detail_of_one_view_has():
-    known = print_at(*places(3.0))
-    assert metrics.neighbour_view_error(Compared(known, known, known, LENSES, ALL)) == 0
+    truth = print_at(*places(3.0))
+    assert metrics.neighbour_view_error(Compared(truth, truth, truth, LENSES, ALL)) == 0
     # All views brighter alike: nothing changes as the eye moves.
-    assert metrics.neighbour_view_error(Compared(known + 0.1, known, known, LENSES, ALL)) == pytest.approx(0, abs=1e-9)
-    invented = known + noise(0.02, 3)
-    halves = known + noise(0.1, 4), known + noise(0.1, 5)
+    assert metrics.neighbour_view_error(Compared(truth + 0.1, truth, truth, LENSES, ALL)) == pytest.approx(0, abs=1e-9)
+    invented = truth + noise(0.02, 3)
+    halves = truth + noise(0.1, 4), truth + noise(0.1, 5)
     expected = 0.02 * np.sqrt(2)  # of the difference of two
-    for images, allowed in (((invented, known, known), 0.02), ((invented, *halves), 0.1)):
+    for images, allowed in (((invented, truth, truth), 0.02), ((invented, *halves), 0.1)):
         assert metrics.neighbour_view_error(Compared(*images, LENSES, ALL)) == pytest.approx(expected, rel=allowed)
-    assert metrics.neighbour_view_error(Compared(invented, known, known, LENSES, ~ALL)) is None
+    assert metrics.neighbour_view_error(Compared(invented, truth, truth, LENSES, ~ALL)) is None
 
 
 def test_a_matt_board_has_straight_lines_at_its_own_slope_along_whichever_axis_there_is():

@@ -40,25 +40,25 @@ def test_what_breaks_is_broken_and_nothing_before_it_is(values, bicubic):
         rival = bicubic[index] if index < len(bicubic) else -1
         return values[index] - rival + 1e-9 <= 0 or values[index] - values[0] + (0.05 - 1e-9) <= 0
 
-    found = records.breaking_point(range(len(values)), once(values), once(bicubic))
-    assert (found.value if found else None) == next((index for index in range(len(values)) if broken(index)), None)
-    assert found is None or found.earliest is found.latest is None, "one seed tells nothing of the noise"
+    point = records.breaking_point(range(len(values)), once(values), once(bicubic))
+    assert (point.value if point else None) == next((index for index in range(len(values)) if broken(index)), None)
+    assert point is None or point.earliest is point.latest is None, "one seed tells nothing of the noise"
 
 
 @given(st.floats(0.06, 1))
 def test_the_threshold_itself_counts_as_below_the_start_but_not_as_below_bicubic(start):
-    found = records.breaking_point([8, 4], once({8: start, 4: start - 0.05}))
-    assert found == records.Break(4, start - 0.05, records.BELOW_START)
+    point = records.breaking_point([8, 4], once({8: start, 4: start - 0.05}))
+    assert point == records.Break(4, start - 0.05, records.BELOW_START)
     assert records.breaking_point([8, 4], once({8: start, 4: start - 0.0499})) is None
     assert records.breaking_point([8, 4], once({8: start, 4: start}), once({8: start, 4: start})) is None
-    found = records.breaking_point([8, 4], once({8: start, 4: start}), once({8: start, 4: start + 1e-6}))
-    assert found.reason == records.BELOW_BICUBIC
+    point = records.breaking_point([8, 4], once({8: start, 4: start}), once({8: start, 4: start + 1e-6}))
+    assert point.reason == records.BELOW_BICUBIC
 
 
 def test_the_first_value_in_the_sweeps_order_counts_and_values_that_cannot_be_told_are_passed_over():
     assert records.breaking_point([64, 16, 1], once({64: 0.9, 16: 0.8, 1: 0.7})).value == 16
-    found = records.breaking_point([1, 2, 3], once({1: None, 2: 0.9, 3: 0.8}), once({1: 1.0, 2: None, 3: None}))
-    assert found.value == 3 and records.breaking_point([1, 2], once({1: None, 2: None})) is None
+    point = records.breaking_point([1, 2, 3], once({1: None, 2: 0.9, 3: 0.8}), once({1: 1.0, 2: None, 3: None}))
+    assert point.value == 3 and records.breaking_point([1, 2], once({1: None, 2: None})) is None
     assert records.breaking_point([1, 2], {}) is None
 
 
@@ -67,13 +67,13 @@ def test_noise_widens_where_a_method_may_break_and_pairs_of_seeds_cancel_it():
     bicubic = {value: list(0.8 + noise[:, value]) for value in range(4)}
     margin = {0: 0.05, 1: 0.02, 2: -0.001, 3: -0.05}
     paired = {value: list(0.8 + noise[:, value] + margin[value]) for value in range(4)}
-    found = records.breaking_point(range(4), paired, bicubic)
-    assert (found.value, found.reason, found.earliest, found.latest) == (2, records.BELOW_BICUBIC, 2, 2)
+    point = records.breaking_point(range(4), paired, bicubic)
+    assert (point.value, point.reason, point.earliest, point.latest) == (2, records.BELOW_BICUBIC, 2, 2)
     alone = {value: list(np.roll(paired[value], 1)) for value in range(4)}  # the same figures, other pairs
-    found = records.breaking_point(range(4), alone, bicubic)
-    assert (found.value, found.latest) == (2, 3), "at 2 it is below on the mean, but that may be noise"
-    found = records.breaking_point([0, 1], {0: [0.9] * 4, 1: [0.8, 0.9, 0.8, 0.88]})  # no value makes it sure
-    assert (found.value, found.reason, found.earliest, found.latest) == (1, records.BELOW_START, 1, None)
+    point = records.breaking_point(range(4), alone, bicubic)
+    assert (point.value, point.latest) == (2, 3), "at 2 it is below on the mean, but that may be noise"
+    point = records.breaking_point([0, 1], {0: [0.9] * 4, 1: [0.8, 0.9, 0.8, 0.88]})  # no value makes it sure
+    assert (point.value, point.reason, point.earliest, point.latest) == (1, records.BELOW_START, 1, None)
 
 
 def test_every_sweep_is_whole_and_only_values_of_samples_share_a_scene():
@@ -92,12 +92,12 @@ def test_every_sweep_is_whole_and_only_values_of_samples_share_a_scene():
     assert records.choose_sweeps(None) == records.SWEEPS
 
 
-def report_of(judged, qualities, found, repeats=(), **more):
+def report_of(judged, qualities, point, repeats=(), **more):
     """A sweep of one method with these qualities at 1, 2, …; ``more``: metrics of every cell."""
     values = tuple(range(1, len(qualities) + 1))
     cells = tuple(records.Cell(value, "scene", 16, "m", {"q": quality, **more}, None)
                   for value, quality in zip(values, qualities, strict=True))
-    return records.SweepReport("d", "meaning", "unit", judged, values, cells, {"m": found}, repeats)
+    return records.SweepReport("d", "meaning", "unit", judged, values, cells, {"m": point}, repeats)
 
 
 def test_a_curve_with_gaps_is_drawn_where_it_is_known_and_tables_show_means_over_seeds(monkeypatch):
@@ -110,9 +110,9 @@ def test_a_curve_with_gaps_is_drawn_where_it_is_known_and_tables_show_means_over
     assert study.curves(unknown, ["m"]) is None and unknown.break_text("m") == "?"
     repeats = (records.Repeat(2, "m", (0.8, 0.6, None)),)
     below, start = records.BELOW_BICUBIC, records.BELOW_START
-    for found, text in (((below, 1, 2), "2 b (1 to 2)"), ((below, 2, 2), "2 b"), ((start, 2), "2 s (2 to ?)"),
-                        ((start,), "2 s")):
-        sweep = report_of("q", (0.9, 0.8), records.Break(2, 0.7, *found), repeats, p=1.0)
+    for details, text in (((below, 1, 2), "2 b (1 to 2)"), ((below, 2, 2), "2 b"), ((start, 2), "2 s (2 to ?)"),
+                          ((start,), "2 s")):
+        sweep = report_of("q", (0.9, 0.8), records.Break(2, 0.7, *details), repeats, p=1.0)
         assert sweep.break_text("m") == text
     assert sweep.series("m", "q") == [0.9, 0.7] and sweep.series("m", "p") == [1, 1]
 
@@ -173,8 +173,8 @@ def test_the_report_is_as_documented_and_has_every_method_at_every_value(report)
         for cell in dial["cells"]:
             check(cell, "cells")
             check(cell["metrics"], "metrics", partly=True)
-        for found in filter(None, dial["breaks"].values()):
-            check(found, "breaks")
+        for point in filter(None, dial["breaks"].values()):
+            check(point, "breaks")
         for repeat in dial["repeats"]:
             check(repeat, "repeats")
         pairs = [(cell["value"], cell["method"]) for cell in dial["cells"]]
@@ -206,7 +206,7 @@ def test_values_near_breaking_points_have_every_seed(report):
     dials = {dial["name"]: dial for dial in report["dials"]}
     assert not dials["motion"]["repeats"], "its frames are of many seeds"
     for name, dial in dials.items():
-        broken = [found["value"] for found in dial["breaks"].values() if found]
+        broken = [point["value"] for point in dial["breaks"].values() if point]
         if name == "motion" or not broken:
             continue
         repeated = {repeat["value"] for repeat in dial["repeats"]}
@@ -230,7 +230,7 @@ def test_another_version_of_a_method_is_measured_again_and_a_folder_of_other_set
     assert {name.split("-")[0] for name in made} == {"nearest"}
     cells = 3 * (3 + 3 + 2 + 3 + 3) + sum(len(dial["repeats"]) for dial in report["dials"])
     kept = [json.loads(path.read_text()) for path in bench.glob("*/cells/*.json")]
-    assert len(kept) == cells and all(each["fingerprint"].keys() == {"weights", "versions"} for each in kept)
+    assert len(kept) == cells and all(cell["fingerprint"].keys() == {"weights", "versions"} for cell in kept)
     capsys.readouterr()
     assert "frames differs" in fails(["study", "stress", "-o", str(bench), *OPTIONS[:-1], "3"], capsys)
 
@@ -295,11 +295,11 @@ def test_plans_at_a_breaking_point_are_made_judged_and_shown(tmp_path, monkeypat
         render(dataclasses.replace(job, seed=77 if job.kind == "reference" else 0))
     file = tmp_path / "plans.json"
     assert main(["study", "stress-plans", str(tmp_path), "-o", str(tmp_path / "out"), "--json", str(file)]) == 0
-    found = read_record(file, Validation, "a validation").plans
-    assert [(row.scene, row.target) for row in found] == [("wire-0.5", 0.57)]
-    assert found[0].chosen and found[0].met and found[0].cost >= 0.9
+    rows = read_record(file, Validation, "a validation").plans
+    assert [(row.scene, row.target) for row in rows] == [("wire-0.5", 0.57)]
+    assert rows[0].chosen and rows[0].met and rows[0].cost >= 0.9
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("| sweep | from – to | `bicubic` |")
-    end = f"| 0.57 | 0.5 | {found[0].chosen} | 1/1 | {found[0].cost:.2f} |"
+    end = f"| 0.57 | 0.5 | {rows[0].chosen} | 1/1 | {rows[0].cost:.2f} |"
     assert lines[2].endswith(f"| 0.5 s (0.5 to 0.25) | .800 .800 .800 {end}")
     assert lines[3].endswith("| – | – | – | – | – |"), "no plan sees a motion"
