@@ -150,13 +150,13 @@ def test_blender_of_each_version_finds_the_zip_valid(archive, blender):
 
 def test_from_installation_to_removal(archive, blender, tmp_path):
     """Beside another extension, whose wheel of a package that the core can use is of another version."""
-    found = blender("install", str(archive))
-    assert found["foreign"] == [], "the test's Blender must not see packages of the tests"
-    assert found["install"] == ["FINISHED"]
-    assert (found["warnings"], found["added_paths"], found["added_modules"]) == ([], [], ["bl_ext"])
-    assert [found[when] for when in ("enabled", "disabled", "enabled_again")] == [ON, OFF, ON]
+    result = blender("install", str(archive))
+    assert result["foreign"] == [], "the test's Blender must not see packages of the tests"
+    assert result["install"] == ["FINISHED"]
+    assert (result["warnings"], result["added_paths"], result["added_modules"]) == ([], [], ["bl_ext"])
+    assert [result[when] for when in ("enabled", "disabled", "enabled_again")] == [ON, OFF, ON]
     resources = blender.folder / "resources"
-    assert Path(found["core"]).is_relative_to(resources) and found["second_stage"] == f"LFSR {__version__}"
+    assert Path(result["core"]).is_relative_to(resources) and result["second_stage"] == f"LFSR {__version__}"
 
     exports = {name: ["FINISHED"] for name in ("quilt", "views", "sway")}
     assert blender("press") == {"enabled": ON, "render": ["FINISHED"], "reference": ["FINISHED"],
@@ -175,10 +175,10 @@ def test_from_installation_to_removal(archive, blender, tmp_path):
     assert 0 < metrics["ssim_lens_fg"] <= 1 and report["method"] == "denoise+bilinear"
 
     other = blender("install_other", str(other_extension(tmp_path, "0.0.1")))
-    assert (other["install"], other["other"], other["ours"]) == (["FINISHED"], "0.0.1", found["second_stage"])
+    assert (other["install"], other["other"], other["ours"]) == (["FINISHED"], "0.0.1", result["second_stage"])
     assert blender("both") == {"other": "0.0.1", "ours": other["ours"]}
-    found = blender("uninstall")
-    assert found == {"enabled": ON, "uninstall": ["FINISHED"], "after": OFF}
+    result = blender("uninstall")
+    assert result == {"enabled": ON, "uninstall": ["FINISHED"], "after": OFF}
     left = [path for path in resources.rglob("*") if path.is_file() and "lfsr" in str(path.relative_to(resources))]
     assert left == [] and blender("both") == {"other": "0.0.1", "ours": ""}
 

@@ -44,11 +44,11 @@ def looked(scene) -> dict[str, str]:
 
 def mend(scene) -> dict[str, str]:
     """Do what the dialog offers, in its order, until nothing is left to offer; return the reasons by code."""
-    found = looked(scene)
+    reasons = looked(scene)
     for problem in list(look.find(scene)):
         FIXES[problem.code](scene, problem.target)
     assert not list(look.find(scene))
-    return found
+    return reasons
 
 
 def share_of(scene, item) -> float:
@@ -82,8 +82,8 @@ def test_a_new_file_as_it_is_and_a_camera_that_was_aimed_stay(startup):
     ((90, 40, 0), (2, 2, 2), "sees nothing"), ((0, 0, 0), (80, 80, 80), "stands inside"),
     ((5, -4.5, 3), (0.8, 0.8, 0.8), "outside the frame")])
 def test_a_camera_that_nobody_aimed_is_fitted_to_what_was_imported(startup, centre, half, reason):
-    box, found = add_box(centre, half), looked(startup)
-    assert {"cube", "frame"} <= set(found) and re.search(reason, found["frame"]), found
+    box, reasons = add_box(centre, half), looked(startup)
+    assert {"cube", "frame"} <= set(reasons) and re.search(reason, reasons["frame"]), reasons
     mend(startup)
     assert bpy.data.objects["Cube"].hide_render and share_of(startup, box) > 0.2
     bpy.data.objects["Cube"].hide_render = False
@@ -204,8 +204,8 @@ def test_of_a_room_the_inside_is_seen(startup, lamp, glow):
     make_room(startup, lamp)
     bpy.context.object.active_material = material = bpy.data.materials.new("Glow")
     material.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = glow
-    found = mend(startup)
-    assert "outside a room" in found["frame"] and ("dark" in found) != lamp
+    reasons = mend(startup)
+    assert "outside a room" in reasons["frame"] and ("dark" in reasons) != lamp
     x, y, z = rig.find(startup).matrix_world.translation
     assert abs(x) < 2.5 and abs(y) < 3.5 and 0 < z < 2.7
     assert startup.lfsr.light == ("AUTO" if lamp else "EVEN"), "the light of a world does not reach a room"
@@ -425,8 +425,8 @@ def test_too_much_depth_names_its_numbers_and_is_flattened(startup):
     for y in range(0, 60, 5):
         add_box(((-1)**y * (0.7 + y / 8), y, 1), (0.5, 0.5, 1))
     bpy.context.view_layer.update()
-    before, found = {item.name: item.matrix_world.copy() for item in startup.objects}, mend(startup)
-    assert set(found) == {"deep"} and re.search("before the display and.*\N{NO-BREAK SPACE}%", found["deep"])
+    before, reasons = {item.name: item.matrix_world.copy() for item in startup.objects}, mend(startup)
+    assert set(reasons) == {"deep"} and re.search("before the display and.*\N{NO-BREAK SPACE}%", reasons["deep"])
     assert 0.2 < startup.lfsr.spacing < 0.9
     assert all(startup.objects[name].matrix_world == matrix for name, matrix in before.items()), "objects stay"
 
@@ -552,8 +552,8 @@ def test_among_many_objects_rays_meet_what_they_meet_alone(startup, turned):
     assert many.cast(mathutils.Vector((0, 0, 99)), mathutils.Vector((0, 0, -1)))[2] == scatter
     assert many.items and not few.items and sum(map(bool, expected)) > 20
     for way, hit in zip(ways, expected, strict=True):
-        found = many.cast(start, way)
-        assert (found is None) == (hit is None)
+        nearest = many.cast(start, way)
+        assert (nearest is None) == (hit is None)
         if hit is not None:
-            assert found[2] == hit[2] and (found[0] - hit[0]).length < 1e-4
-            assert (found[1].dot(way) < 0) == (hit[1].dot(way) < 0)
+            assert nearest[2] == hit[2] and (nearest[0] - hit[0]).length < 1e-4
+            assert (nearest[1].dot(way) < 0) == (hit[1].dot(way) < 0)

@@ -108,9 +108,9 @@ def test_one_blender_stays_open_for_renders_that_are_asked_for_later(blend, tmp_
                                    camera=camera)
             render(request, told.append)
             assert read_frame(work / f"s{scale}").scale == scale
-        progress = [each for each in told if isinstance(each, Progress)]
-        assert [each.stage for each in progress].count("open") == 2, "the scene is kept for one camera"
-        assert sum("Loading city" in each.detail for each in progress) == 2, "and so is what Cycles made of it"
+        progress = [message for message in told if isinstance(message, Progress)]
+        assert [message.stage for message in progress].count("open") == 2, "the scene is kept for one camera"
+        assert sum("Loading city" in message.detail for message in progress) == 2, "and so is what Cycles made of it"
         wrong = dataclasses.replace(request, subject="Nowhere", output=str(work / "none"))
         refuses("'Nowhere'", render, wrong, told.append)
     assert sorted(path.name for path in work.iterdir()) == ["s1", "s2", "s4"], "nothing else stays"

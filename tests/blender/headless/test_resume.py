@@ -90,10 +90,10 @@ def test_an_interrupted_and_killed_render_goes_on_where_it_was(blend, tmp_path):
     assert program.returncode == 0, program.stdout.read()
     assert again.items() >= done.items(), "what was whole is not rendered again"
     assert start(blend, tmp_path / "whole", *ONE_PASS, seconds_per_part="60").wait(120) == 0
-    found, wanted = (read_layers(tmp_path / name / "lr_eia.exr") for name in ("frame", "whole"))
-    assert set(found) == set(wanted)
+    resumed, wanted = (read_layers(tmp_path / name / "lr_eia.exr") for name in ("frame", "whole"))
+    assert set(resumed) == set(wanted)
     for layer, pixels in wanted.items():
-        np.testing.assert_array_equal(found[layer], pixels, layer, strict=True)
+        np.testing.assert_array_equal(resumed[layer], pixels, layer, strict=True)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["frame", "scene.blend", "whole"]
 
 
@@ -203,10 +203,10 @@ def test_kills_at_any_moment_leave_nothing_half_written(blend, moments):
     for moment in range(moments):
         program = lfsr(blend, FEW)
         time.sleep(duration * (moment + 0.5) / moments)
-        found = children(program.pid) if lives(program.pid) else []
+        blenders = children(program.pid) if lives(program.pid) else []
         program.kill()
         program.wait(20)
-        wait_for(lambda: not any(map(lives, found)), SECONDS_TO_END)  # noqa: B023
+        wait_for(lambda: not any(map(lives, blenders)), SECONDS_TO_END)  # noqa: B023
         whole(folder)
     assert lfsr(blend, FEW).wait(120) == 0
     assert sorted(path.name for path in folder.iterdir()) == ["eia.png", "frame.json", "lr_eia.exr", "mask.png",

@@ -97,12 +97,12 @@ def without_library(tmp_path, monkeypatch) -> Path:
     return broken
 
 
-def found(scene: bpy.types.Scene) -> list[str]:
+def codes(scene: bpy.types.Scene) -> list[str]:
     return [problem.code for problem in check_scene(scene)]
 
 
 def test_with_the_library_nothing_is_asked_and_every_method_finishes(scene):
-    assert not runtime.why_missing() and "denoise" not in found(scene)
+    assert not runtime.why_missing() and "denoise" not in codes(scene)
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
     assert render.methods(scene)[0] == DEFAULT_METHOD and "none" not in render.methods(scene)
 
@@ -113,9 +113,9 @@ def test_without_the_library_a_render_is_refused_and_the_check_offers_what_there
         panel.refused(f"{said}.*blender.org.*preferences", operator)
     assert not folders.scene_folder(scene).exists()
     last.check(scene)
-    assert found(scene)[0] == "denoise"
+    assert codes(scene)[0] == "denoise"
     assert bpy.ops.lfsr.check_fix(code="denoise", target="Open Image Denoise") == {"FINISHED"}
-    assert scene.lfsr.method == "pool" and "denoise" not in found(scene)
+    assert scene.lfsr.method == "pool" and "denoise" not in codes(scene)
 
 
 def test_the_answer_is_remembered_for_scenes_without_a_chosen_method(scene, without_library, monkeypatch):

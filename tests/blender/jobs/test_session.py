@@ -151,8 +151,8 @@ def test_a_copy_without_preview_leaves_the_preferences_and_one_that_cannot_be_sa
 
 
 def test_every_stage_has_a_title_and_notices_are_told_once_those_of_a_job_its_own():
-    told = {found for package in ("lfsr_core", "blender_addon") for path in (ROOT / package).rglob("*.py")
-            for found in re.findall(r'Progress\("(\w+)"', path.read_text(encoding="utf-8"))}
+    told = {stage for package in ("lfsr_core", "blender_addon") for path in (ROOT / package).rglob("*.py")
+            for stage in re.findall(r'Progress\("(\w+)"', path.read_text(encoding="utf-8"))}
     assert (told | set(TASKS)) - {"import", "merge", "make"} <= set(session.TITLES)
     heard = []
     running = Task("Render EIA", Job("make", {}, print, lambda told: told.code == "own" and not heard.append(told)))
@@ -195,9 +195,9 @@ def output(tmp_path):
 def cancelled(output):
     """Stamp and place of the copy that a render used which then ended early."""
     with pytest.raises(_StopError), file_copy(output) as copy:
-        found = scene_stamp(copy), copy, copy.stat().st_ino
+        identity = scene_stamp(copy), copy, copy.stat().st_ino
         raise _StopError
-    return found
+    return identity
 
 
 def save(path=None):

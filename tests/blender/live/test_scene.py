@@ -91,12 +91,12 @@ def test_a_region_of_another_size_keeps_the_card_in_the_middle_and_rays_are_per_
     assert (shown.render.resolution_x, shown.render.resolution_y) == (301, 200)
     assert shown.render.use_border and shown.render.border_max_x == pytest.approx(300.5 / 301)
     assert shown.camera.data.shift_x == pytest.approx(-live_scene.view_of(scene, (301, 200)).region.shift[0] / 301)
-    found = {}
+    samples = {}
     for values in (("2", 16, 0), ("4", 16, 0), ("4", 0, 0), ("4", 16, 5)):
         scene.lfsr.live_scale, scene.lfsr.live_rays, scene.lfsr.live_samples = values
         live_scene.follow(shown)
-        found[values] = shown.cycles.preview_samples
-    assert list(found.values()) == [64, 256, 0, 5]
+        samples[values] = shown.cycles.preview_samples
+    assert list(samples.values()) == [64, 256, 0, 5]
 
 
 def test_one_eye_beside_the_panel(scene, shown):

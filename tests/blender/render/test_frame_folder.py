@@ -83,21 +83,21 @@ def test_the_second_stage_gets_albedo_normal_and_position_where_views_are_left_o
 def test_halves_share_the_samples_and_are_not_clamped(lit, tmp_path):
     seen = []
 
-    def look(*_):
+    def remember(*_):
         seen.append((lit.cycles.samples, lit.cycles.sample_clamp_indirect, lit.cycles.seed,
                      getattr(lit.cycles, "volume_biased", None)))
 
-    bpy.app.handlers.render_pre.append(look)
+    bpy.app.handlers.render_pre.append(remember)
     try:
         colors(lit, tmp_path / "low", samples=1)
         colors(lit, tmp_path / "reference", samples=5, kind="reference")
         colors(lit, tmp_path / "own", samples=1, clamp_indirect=3.0)
     finally:
-        bpy.app.handlers.render_pre.remove(look)
+        bpy.app.handlers.render_pre.remove(remember)
     # Before each, a tiny one has looked for light, in which volumes take no time to prepare.
     assert all(quick in (None, samples == frame_folder.LIGHT_SAMPLES) for samples, *_, quick in seen) and len(seen) > 4
-    seen = [each for each in seen if each[0] != frame_folder.LIGHT_SAMPLES]
-    assert [each[:2] for each in seen] == [(1, 10.0), (3, 0.0), (2, 0.0), (1, 3.0)]
+    seen = [settings for settings in seen if settings[0] != frame_folder.LIGHT_SAMPLES]
+    assert [settings[:2] for settings in seen] == [(1, 10.0), (3, 0.0), (2, 0.0), (1, 3.0)]
     assert len({seed for _, _, seed, _ in seen[:3]}) == 3
 
 
@@ -184,8 +184,8 @@ def animated_index(scene):
 def test_animated_settings_change_nothing(lit, tmp_path, animate, layout):
     options = INDEXED | {"layout": layout, "seed": 3}
     expected = images_of(lit, tmp_path / "plain", **options)
-    for each in animate:
-        each(lit)
+    for change in animate:
+        change(lit)
     assert_same(images_of(lit, tmp_path / "animated", **options), expected)
 
 

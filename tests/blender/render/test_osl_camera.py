@@ -206,9 +206,9 @@ def test_samples_fill_the_subpixel_and_the_lens(scene, tmp_path, name):
             bpy.data.objects.remove(item)
         add_plane(scene, mathutils.Matrix.Translation((0, 0, -depth)), position_emission(square))
         means.append(shown_hits(scene, layout, tmp_path, looking_down, way=SUBPIXELS, samples=64)[..., :2])
-    found = means[1] + POSITION_OFFSET - means[0] ** 2
+    variance = means[1] + POSITION_OFFSET - means[0] ** 2
     # Of most subpixels: some lie behind two lenses.
-    assert np.median(found, (0, 1)) == pytest.approx(np.median(spread(layout, depth), (0, 1)), rel=0.05)
+    assert np.median(variance, (0, 1)) == pytest.approx(np.median(spread(layout, depth), (0, 1)), rel=0.05)
 
 
 def spread(layout, depth):

@@ -35,7 +35,7 @@ def same_image(first, second, widest=1.25):
 @pytest.mark.parametrize(("display", "scale"), [(MINI, SCALE), (FLAT, 2)])
 def test_views_are_the_one_pass_image(tmp_path, display, scale):
     """SEEDS renders each way of the same layout; one view that is shifted by one is noticed."""
-    layout, scene, found = RayLayout.for_display(display, ARRAY, scale), scenes.fresh_scene(), []
+    layout, scene, stacks = RayLayout.for_display(display, ARRAY, scale), scenes.fresh_scene(), []
     add_box(scene, (0, 1.2, 0), (2.5, 0.1, 2.5))  # before, on and behind the plane, with light, shadow and gloss
     add_box(scene, (-0.4, 0, 0.1), (0.2, 0.3, 0.4))
     add_box(scene, (0.4, -0.7, -0.2), (0.2, 0.2, 0.2), emission((0.2, 0.6, 0.1)))
@@ -45,13 +45,13 @@ def test_views_are_the_one_pass_image(tmp_path, display, scale):
         for seed in range(SEEDS):
             render(scene, cycles.Shot(layout, front()), cycles.RenderSettings(SAMPLES, seed), tmp_path / "image.exr")
             images.append(image_files.read_layers(tmp_path / "image.exr")["color"])
-        found.append(np.stack(images))
-    assert found[0].std(0).max() > 0.05, "without noise the test would prove little"
-    assert same_image(*found)
-    shifted = [to_views(image, layout.lenses).copy() for image in found[1]]
+        stacks.append(np.stack(images))
+    assert stacks[0].std(0).max() > 0.05, "without noise the test would prove little"
+    assert same_image(*stacks)
+    shifted = [to_views(image, layout.lenses).copy() for image in stacks[1]]
     for image in shifted:
         image[0, 0] = image[0, 1]
-    assert not same_image(found[0], np.stack([from_views(image) for image in shifted]))
+    assert not same_image(stacks[0], np.stack([from_views(image) for image in shifted]))
 
 
 @pytest.mark.parametrize("lens_list", [None, ((0, 0), (3, 15), (11, 2), (5, 9), (6, 6))])
@@ -134,11 +134,11 @@ def test_every_layer_is_the_osl_cameras(tmp_path, make):
 
     def renders(way, first, layout=LAYOUT, layers=LAYERS):
         """Layers of SEEDS renders, each (SEEDS, H, W, C)."""
-        found = [encoded(scene, layout, tmp_path, way=way, samples=SAMPLES, layers=layers, world_visible=True,
-                         seed=seed + first) for seed in range(SEEDS)]
-        for each in [each for each in found if layers and is_newest]:
-            each["path"] *= each["color"][..., 3:] == 1  # used there alone; since Blender 5.3 rays that miss have one
-        return {name: np.stack([each[name] for each in found]).round(4) for name in found[0]}
+        frames = [encoded(scene, layout, tmp_path, way=way, samples=SAMPLES, layers=layers, world_visible=True,
+                          seed=seed + first) for seed in range(SEEDS)]
+        for frame in [frame for frame in frames if layers and is_newest]:
+            frame["path"] *= frame["color"][..., 3:] == 1  # used there alone; since Blender 5.3 rays that miss have one
+        return {name: np.stack([frame[name] for frame in frames]).round(4) for name in frames[0]}
 
     osl, card = renders("one-pass", 0), renders("lens-card", 100)
     assert set(osl) == set(card) == {"color", "environment", "path", *LAYERS}

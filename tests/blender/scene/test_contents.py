@@ -79,7 +79,7 @@ def test_a_profile_added_to_the_folder_is_in_the_menu(tmp_path, monkeypatch):
     (["ONEAPI_Intel Arc A770_0000:03:00.0"], ("0000:03:00",)), (["METAL_Apple M4"], ()), ([], ())])
 def test_addresses_are_in_the_ids_of_cycles_devices(monkeypatch, ids, addresses):
     preferences = SimpleNamespace(get_device_types=lambda context: [("OPTIX", "OptiX", "", 3)],
-                                  get_devices_for_type=lambda kind: [SimpleNamespace(id=each) for each in ids])
+                                  get_devices_for_type=lambda kind: [SimpleNamespace(id=device) for device in ids])
     monkeypatch.setattr(compat, "cycles_preferences", lambda: preferences)
     assert compat.gpu_addresses("OPTIX") == addresses
     assert compat.gpu_addresses("CPU") == compat.gpu_addresses("VULKAN") == ()

@@ -153,7 +153,7 @@ READ = {"png": image("png"), "jpg": image("jpg"), "exr": image("exr"), "tif": im
         "pc2": motion("pc2", PC2), "mdd": motion("mdd", MDD), "library": library}
 
 
-def found(path, state):
+def noticed(path, state):
     (notice,) = unreadable(bpy.context.scene)
     assert (notice.code, notice.values["path"], notice.values["state"]) == ("file-unreadable", str(path), state)
     return notice.values["kind"]
@@ -165,7 +165,7 @@ def test_every_missing_file_is_named(item, tmp_path, name):
     bpy.context.view_layer.update()
     assert unreadable(bpy.context.scene) == []
     path.unlink()
-    found(path, "missing")
+    noticed(path, "missing")
     assert unreadable(bpy.context.scene, seconds=0) == unreadable(bpy.context.scene)
 
 
@@ -177,7 +177,7 @@ def test_every_damaged_file_is_named(item, tmp_path, name, damage):
     path.write_bytes(damage(path.read_bytes()))
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     open_scene(tmp_path / "scene.blend")
-    found(path, "damaged")
+    noticed(path, "damaged")
 
 
 @pytest.mark.parametrize("damage", [junk, half])
@@ -195,9 +195,9 @@ def test_a_bake_needs_its_data_which_a_copy_elsewhere_finds(item, tmp_path):
     (blob,) = path.parents[1].glob("blobs/*")
     blob.write_bytes(b"")
     os.utime(path, (1, 1))
-    found(path, "damaged")
+    noticed(path, "damaged")
     shutil.rmtree(tmp_path / "blendcache_scene")
-    assert found(path.parents[2], "missing") == "simulation"
+    assert noticed(path.parents[2], "missing") == "simulation"
 
 
 @pytest.mark.parametrize("name", ["volume", "alembic", "png", "light"])
@@ -215,9 +215,9 @@ def test_a_damaged_image_in_the_file_is_named_and_read_once(item, tmp_path, suff
     path.write_bytes(half(path.read_bytes()))
     bpy.data.images[0].pack()
     path.unlink()
-    found(path, "damaged")
+    noticed(path, "damaged")
     monkeypatch.setattr(image_files, "why_unreadable", lambda _: pytest.fail("it is read again"))
-    found(path, "damaged")
+    noticed(path, "damaged")
 
 
 def test_a_sequence_is_read_at_its_frame(scene, item, tmp_path):
@@ -248,7 +248,7 @@ def test_a_simulation_on_the_disk_is_needed(scene, item, tmp_path):
     with file_copy() as copy:
         assert any(disk_cache(copy).iterdir()), "beside what is rendered, too"
     shutil.rmtree(tmp_path / "blendcache_scene")
-    assert found(tmp_path / "blendcache_scene", "missing") == "simulation"
+    assert noticed(tmp_path / "blendcache_scene", "missing") == "simulation"
 
 
 def test_every_missing_udim_tile_is_named(scene, item, tmp_path):
@@ -256,9 +256,9 @@ def test_every_missing_udim_tile_is_named(scene, item, tmp_path):
     tiles.tiles.new(1002)
     tiles.filepath = str(tmp_path / "skin.<UDIM>.png")
     node(item, "ShaderNodeTexImage").image = tiles
-    assert [Path(each.values["path"]).name for each in unreadable(scene)] == ["skin.1001.png", "skin.1002.png"]
+    assert [Path(notice.values["path"]).name for notice in unreadable(scene)] == ["skin.1001.png", "skin.1002.png"]
     picture(tmp_path / "skin.1001.png")
-    found(tmp_path / "skin.1002.png", "missing")
+    noticed(tmp_path / "skin.1002.png", "missing")
 
 
 def test_what_no_pixel_depends_on_may_be_missing(scene, item, tmp_path):
@@ -271,7 +271,7 @@ def test_what_no_pixel_depends_on_may_be_missing(scene, item, tmp_path):
     scene.collection.objects.link(sketch)
     assert unreadable(scene) == []
     item.modifiers.new("bumps", "DISPLACE").texture = brush.texture
-    found(tmp_path / "lost.png", "missing")
+    noticed(tmp_path / "lost.png", "missing")
 
 
 def test_they_are_refused_unless_allowed(scene, item, tmp_path):

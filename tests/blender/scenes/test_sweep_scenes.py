@@ -48,9 +48,9 @@ def points(item):
 
 
 def meshes(scene, name):
-    found = [item for item in scene.objects if item.type == "MESH" and item.name.startswith(name)]
-    assert found, [item.name for item in scene.objects]
-    return found
+    items = [item for item in scene.objects if item.type == "MESH" and item.name.startswith(name)]
+    assert items, [item.name for item in scene.objects]
+    return items
 
 
 def shader(item, kind="BSDF_PRINCIPLED"):
@@ -136,7 +136,7 @@ def test_the_mirror_shows_its_board_and_flakes_are_as_many_as_the_sweep_says(bui
         corners = points(meshes(built("glitter", per_lens), "flakes")[0]).reshape(-1, 4, 3)
         y = corners.mean(1)[:, 1]
         assert SPACE.depth(-0.3) <= y.min() and y.max() <= SPACE.depth(0.3)
-        size = np.array([SPACE.magnified(each) for each in y])
+        size = np.array([SPACE.magnified(place) for place in y])
         sides = np.linalg.norm(np.diff(corners, axis=1), axis=-1) / size[:, None]
         assert sides == pytest.approx(np.full(sides.shape, 0.12), rel=1e-3), "squares, alike from the viewing position"
         seen = np.abs(corners.mean(1)[:, [0, 2]] / size[:, None]) < np.array(DISPLAY.lenses) / 2
@@ -146,15 +146,15 @@ def test_the_mirror_shows_its_board_and_flakes_are_as_many_as_the_sweep_says(bui
 def test_lamps_borders_specks_and_the_eyes_board_are_those_of_the_sweep(built):
     lamps = [item.data for item in built("caustics", 15).objects if item.type == "LIGHT"]
     assert [math.degrees(lamp.angle) for lamp in lamps] == pytest.approx([15])
-    found = []
+    powers = []
     for pixels in (1 / 2, 1 / 32):
         scene = built("lamps", pixels)
         assert all(max(shader(body).inputs["Base Color"].default_value[:3]) < 0.05 for body in meshes(scene, "body"))
         ball = meshes(scene, "lamp")[0]
         radius = np.linalg.norm(points(ball) - np.array(ball.location), axis=1).max()
         assert radius == pytest.approx(pixels * SPACE.footprint(0), rel=1e-3)
-        found.append(shader(ball).inputs["Emission Strength"].default_value * radius**2)
-    assert found[0] == pytest.approx(found[1], rel=1e-2)
+        powers.append(shader(ball).inputs["Emission Strength"].default_value * radius**2)
+    assert powers[0] == pytest.approx(powers[1], rel=1e-2)
     board = meshes(built("border", 0.5), "tiles")[0]
     checker = shader(board, "TEX_CHECKER")
     bright, dark = (checker.inputs[name].default_value[0] for name in ("Color1", "Color2"))
@@ -182,7 +182,7 @@ def test_the_foregrounds_fraction_is_that_of_the_hole(built, tmp_path, fraction)
 
 def test_the_ground_is_as_bright_as_the_sweep_says_and_no_foreground(built, tmp_path):
     scene = built("background", 1)
-    assert [each.name for each in meshes(scene, "ground")[0].users_collection] == [contents.BACKGROUND_COLLECTION]
+    assert [group.name for group in meshes(scene, "ground")[0].users_collection] == [contents.BACKGROUND_COLLECTION]
     ratio = [shader(meshes(built("background", brightness), "ground")[0]).inputs["Emission Strength"].default_value
              for brightness in (1 / 4, 1)]
     assert ratio[1] / ratio[0] == pytest.approx(4)

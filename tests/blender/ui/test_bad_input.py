@@ -148,7 +148,7 @@ def test_two_scenes_with_different_displays(scene, tmp_path):
     refuses("no scene 'Gone': choose one of Other, Scene", choose_scene, "Gone")
     other.lfsr.display, other.lfsr.scale = "small", "8"
     other.view_settings.exposure = 1.5
-    requests = [folders.requested(each)[0] for each in (scene, other)]
+    requests = [request for request, _ in map(folders.requested, (scene, other))]
     assert [request.display.name for request in requests] == ["mini", "small"]
     assert [Path(request.output).parent.name for request in requests] == ["Scene", "Other"]
     bpy.context.window.scene = scene

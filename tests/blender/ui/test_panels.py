@@ -346,18 +346,18 @@ def wrong_tooltip(text: str) -> str:
 
 def texts_of(cls) -> list[str]:
     """What is wrong with the texts of a registered class and its properties."""
-    rna, found = cls.bl_rna, []
+    rna, faults = cls.bl_rna, []
     if issubclass(cls, bpy.types.Operator):
         rna = getattr(bpy.ops.lfsr, cls.bl_idname.removeprefix("lfsr.")).get_rna_type()
-        found.append(wrong_tooltip(rna.description))
+        faults.append(wrong_tooltip(rna.description))
     if hasattr(cls, "bl_label"):
-        found.append(wrong_label(cls.bl_label))
+        faults.append(wrong_label(cls.bl_label))
     for item in rna.properties:
         if item.identifier in cls.__annotations__:
-            for each in (item, *getattr(item, "enum_items", ())):
-                if each is item or each.name != each.identifier:  # a display is called by its profile's own name
-                    found += [wrong_label(each.name), wrong_tooltip(each.description)]
-    return [f"{cls.__name__}: {text}" for text in found if text]
+            for entry in (item, *getattr(item, "enum_items", ())):
+                if entry is item or entry.name != entry.identifier:  # a display is called by its profile's own name
+                    faults += [wrong_label(entry.name), wrong_tooltip(entry.description)]
+    return [f"{cls.__name__}: {text}" for text in faults if text]
 
 
 @pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)

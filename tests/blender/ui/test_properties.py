@@ -37,11 +37,11 @@ def test_samples_that_were_set_stay_at_every_scale_and_so_do_the_rays(scene):
         resolved = scene_settings.resolve(scene)
         assert (resolved.sampling.samples, resolved.rays, resolved.request.samples_at(1)) == (40, None, 40)
     scene.lfsr.samples, scene.lfsr.rays = 0, 2.0
-    found = {}
+    samples = {}
     for scale in ("1", "2", "4", "8"):
         scene.lfsr.scale = scale
-        found[scale] = scene_settings.resolve(scene).sampling.samples
-    assert found == {"1": 2, "2": 8, "4": 32, "8": 128}
+        samples[scale] = scene_settings.resolve(scene).sampling.samples
+    assert samples == {"1": 2, "2": 8, "4": 32, "8": 128}
 
 
 def test_a_preset_costs_the_same_on_every_display_and_the_menu_has_every_method_of_a_plan(scene):

@@ -30,9 +30,9 @@ def bridges():
     """Change what Blender finds on its port: ``bridges(window, "hang:show_window")``."""
     with contextlib.ExitStack() as stack:
         def start(window, *faults):
-            found = stack.enter_context(stand_in([UNIT], *faults))
-            window.run(f"import os; os.environ[{loopback.PORT_VARIABLE!r}] = '{found.server_port}'")
-            return found
+            server = stack.enter_context(stand_in([UNIT], *faults))
+            window.run(f"import os; os.environ[{loopback.PORT_VARIABLE!r}] = '{server.server_port}'")
+            return server
         yield start
 
 

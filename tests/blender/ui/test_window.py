@@ -64,10 +64,10 @@ def test_light_is_chosen_from_its_menu(window):
     window.run("if 'Display Plane' in bpy.data.objects: bpy.ops.lfsr.array_remove('INVOKE_DEFAULT', True)")
 
 
-@pytest.mark.parametrize(("query", "found"), [
+@pytest.mark.parametrize(("query", "condition"), [
     ("camera array", "[item for item in bpy.data.objects if 'lfsr_spacing' in item] != []"),
     ("light field render eia", "addon.jobs.session.current() is not None")])
-def test_blenders_search_finds_the_buttons(window, query, found):
+def test_blenders_search_finds_the_buttons(window, query, condition):
     """Return is pressed on what is found first."""
     window.xdotool("mousemove", 400, 500)
     assert window.get("list(bpy.ops.wm.search_menu('INVOKE_DEFAULT'))") == ["INTERFACE"]  # as F3 does
@@ -75,7 +75,7 @@ def test_blenders_search_finds_the_buttons(window, query, found):
     window.xdotool("type", "--delay", "60", query)
     window.screenshot(f"search-{query.replace(' ', '-')}")
     window.xdotool("key", "Return")
-    window.until(found, SECONDS_TO_ANSWER)
+    window.until(condition, SECONDS_TO_ANSWER)
     window.run("bpy.ops.lfsr.cancel()")
     window.close_others()
 

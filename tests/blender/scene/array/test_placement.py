@@ -148,14 +148,14 @@ def test_array_is_fitted_to_the_whole_animation_whatever_the_frame(scene):
     for number, place in ((1, 0), (40, 6)):
         box.location.x = place
         box.keyframe_insert("location", frame=number)
-    found = []
+    fits = []
     for number in (1, 40, 200):
         scene.frame_set(number, subframe=0.25)
-        found.append(placement.place_array(scene, SMALL, {box}))
+        fits.append(placement.place_array(scene, SMALL, {box}))
         assert (scene.frame_current, scene.frame_subframe) == (number, 0.25)
     low, high = np.array((-0.5, -0.5, -0.5)), np.array((6.5, 0.5, 0.5))
-    (array, matrix), (expected, at) = found[0], placement.fit_array(low, high, SMALL)
-    assert found[0] == found[1] == found[2] and np.allclose(matrix, at) and vars(array) == pytest.approx(vars(expected))
+    (array, matrix), (expected, at) = fits[0], placement.fit_array(low, high, SMALL)
+    assert fits[0] == fits[1] == fits[2] and np.allclose(matrix, at) and vars(array) == pytest.approx(vars(expected))
 
 
 def test_frames_that_stand_for_an_animation(scene):

@@ -103,11 +103,11 @@ def second_array(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
 
 def test_nothing_is_searched_until_objects_come_or_go(scene):
     assert same() == ("Light Field Array", "Display Plane")
-    found = rig._found[scene.session_uid]
+    entry = rig._found[scene.session_uid]
     scene.lfsr.distance *= 2
     scene.lfsr.spacing, bpy.data.objects["Box"].location.x = 0.5, 1
     scene.frame_set(7)
-    assert same() == ("Light Field Array", "Display Plane") and rig._found[scene.session_uid] is found
+    assert same() == ("Light Field Array", "Display Plane") and rig._found[scene.session_uid] is entry
 
 
 def test_undo_redo_and_another_file(scene, tmp_path):
