@@ -227,7 +227,7 @@ def _is_unaimed(scene: bpy.types.Scene) -> bool:
 def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list[bpy.types.Object]:
     """Return the main objects of a picture, largest first: those just imported, which are selected; without floors.
 
-    If the selection is a part of something larger, such as of a figure that was just modelled, all of that counts.
+    A selection that is a part of something larger, such as of a figure that was just modelled, is ignored.
     """
     others = {startup_cube(scene), *helpers(scene)}
     boxes = {item: box for item, box in edit.boxes_now(subject).items() if item not in others}

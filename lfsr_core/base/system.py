@@ -207,7 +207,7 @@ def _remove_emptied(folder: Path) -> None:
 
 
 def place_beside(target: Path) -> Path:
-    """Return the parent of ``target``, which is no link; ``target`` itself if it is mounted or the parent read-only."""
+    """Return the parent of ``target`` (no link), or ``target`` itself if it is mounted or the parent read-only."""
     name, is_apart = secrets.token_hex(8), os.path.ismount(target)  # misses a second mount of the same disk
     try:
         os.rename(target / name, target.parent / name)  # no such file: the kind of error tells whether it is mounted

@@ -167,7 +167,7 @@ class Request:
 
     @property
     def judged_rays(self) -> float:
-        """Rays per finished pixel by which a scale is chosen; of ``samples``, those that they make at USUAL_SCALE."""
+        """Rays per finished pixel by which a scale is chosen; without ``rays``, what the samples are at USUAL_SCALE."""
         rays = self.sampling.rays
         return usual_rays(self.display, self.sampling.samples) if rays is None else rays
 

@@ -419,7 +419,7 @@ def mean_of(values: Array) -> float:
 
 
 def blur(values: Array) -> Array:
-    """Blur a float image (H, W, C) by the window of SSIM, keeping its type; the edge repeats the image mirrored.
+    """Blur a float image (H, W, C) by the window of SSIM, keeping its type; beyond its edge it is mirrored.
 
     Neither side may be shorter than half the window.
     """

@@ -251,7 +251,7 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
         raise LfsrError(f"the sampled lenses are almost {tone}, so that every setting would seem perfect: make the "
                         f"scene's lights {change}, or check where the camera looks")
     counts = shown if places is wide else np.ones_like(shown)
-    # The lower rate: the first render is slow by its set-up, and the reference by showing only foreground.
+    # The lower rate: the first render is slowed by its set-up, the reference by showing nothing but foreground.
     rate = min(render_seconds(frame) / path_samples(frame) for frame in (first, reference))
     opening, world = first.seconds["open"], first.seconds.get("world", 0.0)  # rendered apart but at full resolution
     rows: dict[Candidate, Rated] = {}
