@@ -178,7 +178,7 @@ FREE, FLOOR = 1.0, 0.02  # of a stage: walls FREE times that size away; the rest
 FLAT, WIDE = 0.05, 4.0  # thickness of a floor as a fraction of its length; its area, as a multiple of what is on it
 HILLY, WIDER = 0.5, 10.0  # a ground with a pond or hills: thickness as a fraction of what stands on it; area as before
 MOST_SURROUNDINGS = 6
-# A sky: least metres across; all else is above ALOFT of its height, sticks out by BESIDE of its size; FILLED of its box.
+# A sky: least metres across; all else is above ALOFT of its height, out of it by BESIDE of its size; FILLED of its box.
 LEAST_SKY, ALOFT, BESIDE, FILLED = 20.0, 0.2, 0.02, 0.9
 # Fractions of the picture below which the subject is narrow, or has thin tails; where these begin, as in a box plot.
 NARROW, LEAST_SEEN, WHISKERS = 0.1, 0.015, 1.5
