@@ -34,7 +34,7 @@ def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
         try:
             with system_errors():
                 if MARK in context.scene and not live.is_on(getattr(self, "kind", "")):  # the live button closes it
-                    raise LfsrError("this window shows the light field: press the button in your scene's own window")
+                    raise LfsrError("this window shows the light field itself: press the button in your scene's window")
                 if edited is not None:
                     change(mode="OBJECT")
                 return method(self, context)
