@@ -119,7 +119,7 @@ class FrameFolder:
                             f"for: {advice}")
 
     def is_finished(self, finish: Finish, beside: Collection[int] = ()) -> bool:
-        """True if its image is whole and was finished so, averaged with the frames ``beside`` it."""
+        """True if its image is whole and was made with ``finish``, averaged with the frames ``beside`` it."""
         image = self.image
         with contextlib.suppress(OSError, LfsrError):
             report = self.report
@@ -139,12 +139,12 @@ class FrameFolder:
             if other != kind and any((self.path / name).exists() for name in names):
                 raise LfsrError(f"{self.path} holds a {other}, but a {kind} was asked for: choose another folder")
         derived = [name for name in DERIVED_FILES if name != files.LOG_FILE and (self.path / name).exists()]
-        # One that was killed while it was published lacks its frame.json, but not the render.
+        # A folder whose publishing was killed lacks its frame.json, but not the render.
         if derived and not any((self.path / name).exists() for name in (files.FRAME_FILE, *RENDERED_FILES[kind])):
             raise LfsrError(f"{self.path} holds {derived[0]} but no render, which would replace it: choose another one")
 
     def publish(self, staged: Path) -> None:
-        """Take the render in the folder ``staged``: all that was made of an older one goes, and its stored parts."""
+        """Move the render in ``staged`` here, and remove what was made of an older one, and the stored parts."""
         self.path.mkdir(exist_ok=True)
         replace_files(staged, self.path, DERIVED_FILES)
         shutil.rmtree(self.parts, ignore_errors=True)
@@ -214,16 +214,16 @@ def scene_stamp(path: str | Path) -> str:
 
 
 def request_facts(job: Request, free: Collection[str] = PLACES) -> dict[str, Any]:
-    """Return the fields of a job, JSON-ready, without those named in ``free``."""
+    """Return the fields of a request, JSON-ready, without those named in ``free``."""
     return {name: value for name, value in to_data(job).items() if name not in free}
 
 
 def wanted_facts(job: Request, frame: Frame, content: str = "") -> Facts:
     """Return the fields that a frame must have to be the render of ``job``.
 
-    The values of ``frame`` stand for what the job leaves open, such as the device, the choice of a scale, or how many
-    times the rays a noisy scene takes; a reference may have other samples and lenses than its job. ``content``: stamp
-    of the scene's file, empty for any.
+    Where the request leaves a value open, the frame's own is returned: the device, a scale to choose, or a multiple of
+    the rays for a noisy scene. A reference may have other samples and lenses than its request. ``content``: stamp of
+    the scene's file, empty for any.
     """
     is_reference, sampling = job.kind == "reference", job.sampling
     scale = frame.scale if frame.scale in sampling.scales else sampling.scale

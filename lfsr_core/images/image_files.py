@@ -52,7 +52,7 @@ ADLER_PRIME = 65521
 def opened(path: str | Path) -> Iterator[oiio.ImageInput | None]:
     """Open an image file inside the block; None where OpenImageIO cannot, whose ``geterror`` then says why.
 
-    A pipe, for which it would wait, is no file.
+    None for a pipe too, because OpenImageIO would wait for it.
     """
     source = oiio.ImageInput.open(str(path)) if Path(path).is_file() else None
     try:

@@ -120,7 +120,7 @@ class Measured:
 
     fixed: float  # seconds before the first sample
     per_path: float  # seconds of a path sample
-    scale: int  # that was rendered at, which Auto has chosen
+    scale: int  # of that render, chosen by Auto
 
 
 def path_samples(frame: Frame) -> int:
@@ -177,8 +177,8 @@ class Choice:
 def estimate(values: Array, counts: Array, population: int) -> Estimate:
     """Estimate the accuracy of a frame from the ``values`` (n,) of lenses drawn at random from ``population``.
 
-    ``counts`` (n,) bool: those that count for the metric, about as many of the population as of the sample. LfsrError
-    where fewer than two do, so that nothing is known of their spread.
+    ``counts`` (n,) bool: those that count for the metric; their fraction of the population is that of the sample.
+    LfsrError where fewer than two count, because then their spread is unknown.
     """
     from lfsr_core.metrics.eia_metrics import stratum  # needs OpenImageIO, which Blender's panel does without
 

@@ -180,7 +180,7 @@ class _Work:
 
     def __init__(self, folder: str | Path, finish: Finish, tell: Tell, selection: bool = True,
                  upscaler: Upscaler | None = None, shows: bool = True) -> None:
-        """``shows``: whether its image is shown as Blender shows it."""
+        """``shows``: whether display values are made too, for which the view transform is loaded."""
         folder, frame = Path(folder), read_frame(folder)
         self.frame, self.finish, self.clock = frame, finish, StageClock(frame.seconds)
         self.method, self.filler = _loaded(finish, frame.scale, upscaler)

@@ -24,7 +24,7 @@ from lfsr_core.optics.world_view import WorldImage, WorldView
 ARRAYS = ("color", "alpha", "guides", "position", "slope", "noisy", "opacity", "places")
 ROWS_IN_CACHE = 16
 LEAST_ALPHA = 0.5  # coverage from which a pixel's position is that of a surface
-# Times the first hit's distance from which a ray's path is longer; coverage from which it is that of the whole pixel.
+# A path counts as longer than to the first hit from this ratio of lengths on, in pixels of at least this coverage.
 LONGER, OPAQUE = 1.02, 0.99
 FOREGROUND_INDEX, BACKGROUND_INDEX = 1, 2
 MAX_EXPONENT = 80  # keeps overshoot beside the brightest floats finite
@@ -48,7 +48,7 @@ class LowResEIA:
     # hit, and where paths were rendered (C = 2) the end of the path on which mirrors and clear glass send the ray. NaN
     # where nothing is hit. None where positions were not rendered.
     slope: Array | None = None
-    slope_ratio: float = 1.0  # by which it moves more lenses downwards: the ratio of lens pitches, width to height
+    slope_ratio: float = 1.0  # slope downwards / rightwards: the lens pitch across / down
     block: int | None = None  # side of square blocks of lenses that are neighbours on the display, None where all are
     noisy: Array | None = None  # colour as rendered, where a denoiser has changed ``color``
     parallax: tuple[bool, bool] = (True, True)  # axes, (horizontal, vertical), along which the display's views differ
@@ -205,7 +205,7 @@ def foreground_pixels(layers: Mapping[str, Array]) -> Mask:
 
 
 def unseen_notices(layers: Mapping[str, Array]) -> list[Notice]:
-    """Return a notice if a render shows none of the subject: the fraction that background objects fill instead."""
+    """Return a notice if a render shows none of the subject, with the fraction that background objects fill."""
     covered, index = layers["color"][..., 3] > 0, layers.get("index")
     # Without background meshes whatever covers a pixel is the subject. Pixels at the edges of such meshes are in doubt
     # everywhere, so they do not count here.
