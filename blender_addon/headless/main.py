@@ -55,7 +55,7 @@ def main(arguments: Sequence[str]) -> int:
                 case [word] if word == protocol.STAY:
                     result = {"folder": str(run_all(map(read_request, iter(asked.get, None))))}
                 case [] | ["encode" | "scale", *_]:
-                    raise LfsrError("expected request files, stay, encode, two paths and a rate, or scale and a "
+                    raise LfsrError("expected request files, stay, encode with two paths and a rate, or scale with a "
                                     f"request file, but got {len(arguments)} arguments")
                 case _:
                     result = {"folder": str(run_all(map(read_request, arguments)))}

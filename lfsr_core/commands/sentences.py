@@ -82,8 +82,8 @@ SENTENCES: dict[str, Wording] = {
     "plan-limit-certainty": "certainty: the best candidate's mean reaches the target, its lower bound does not; look "
                             "at more lenses",
     "plan-limit-method": "noise: more samples hardly help at full resolution; try another method",
-    "plan-limit-noise": "noise: accuracy still grows with the samples; try more than {samples}",
-    "plan-limit-time": "time: the target is reached, but not within {seconds:g} s",
+    "plan-limit-noise": "noise: more than {samples} samples may reach the target",
+    "plan-limit-time": "time: slower settings, above {seconds:g} s, may reach the target",
     "plan-limit-unmeasured": "no candidate could be measured: allow more seconds, scales or methods",
     "plan-limit-upscaling": "upscaling: at scale {scale} even many more samples would stay below the target; choose a "
                             "smaller scale or another method",

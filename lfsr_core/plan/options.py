@@ -210,8 +210,10 @@ def choose(rated: Sequence[Rated], target: float, most_seconds: float = math.inf
         return Choice(None, best, Notice("plan-limit-certainty", {"lenses": best.estimate.lenses}))
     means = {row.samples: row.estimate.mean for row in rated
              if row.estimate is not None and (row.scale, row.method) == (best.scale, best.method)}
-    *_, before, last = (best.estimate.mean, *(means[samples] for samples in sorted(means)))
-    if last + (last - before) >= target:  # each further step of samples gains about half of the one before it
-        return Choice(None, best, Notice("plan-limit-noise", {"samples": best.samples}))
+    *_, before, last = (-math.inf, *(means[samples] for samples in sorted(means)))
+    if last + (last - before) >= target:  # a further step gains about half of the one before; a first one may, any
+        is_slow = any(row.unmeasured is not None and row.unmeasured.code == "candidate-too-slow" for row in rated)
+        return Choice(None, best, Notice("plan-limit-time", {"seconds": most_seconds}) if is_slow
+                      else Notice("plan-limit-noise", {"samples": best.samples}))
     return Choice(None, best, Notice("plan-limit-upscaling" if best.scale > 1 else "plan-limit-method",
                                      {"scale": best.scale}))
