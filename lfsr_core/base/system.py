@@ -45,6 +45,7 @@ ADVICE = {errno.EPIPE: "send it to a file or a terminal", errno.EEXIST: "choose 
           **dict.fromkeys((errno.ENOSPC, errno.EFBIG, errno.EDQUOT), "free some space or choose another folder")}
 CORES = "LFSR_CORES"  # environment variable: how many cores a process may use
 MOST_THREADS = 8  # more threads only wait for memory
+VALUES_IN_CACHE = 40_000  # of several arrays of floats at once, in the cache of a core
 MOST_MEMORY = 0.9  # fraction of this computer's memory that a process may take
 SECONDS_BETWEEN = 0.5  # between measurements of the memory
 
@@ -387,11 +388,17 @@ def watch_memory(end: Callable[[str], object]) -> None:
     threading.Thread(target=watch, daemon=True, name="lfsr-memory").start()
 
 
-def in_threads(work: Callable[[slice], object], count: int, most: int) -> None:
-    """Call ``work`` with slices of at most ``most`` of ``count`` items, on every usable core, up to MOST_THREADS.
+def in_cache(values: int) -> int:
+    """Return how many items of so many ``values`` each fit into a core's cache together, at least 1."""
+    return max(1, VALUES_IN_CACHE // values)
+
+
+def in_threads(work: Callable[[slice], object], count: int, values: int) -> None:
+    """Call ``work`` with slices of ``count`` items of so many ``values``, on every usable core, up to MOST_THREADS.
 
     A single slice starts no thread: for a small image that takes longer than the work.
     """
+    most = in_cache(values)
     parts = [slice(start, min(start + most, count)) for start in range(0, count, most)]
     with ThreadPoolExecutor(min(usable_cores(), MOST_THREADS)) as pool:
         list((pool.map if len(parts) > 1 else map)(work, parts))

@@ -22,7 +22,6 @@ from lfsr_core.optics.rays import RayLayout, to_elemental_images, view_offset
 from lfsr_core.optics.world_view import WorldImage, WorldView
 
 ARRAYS = ("color", "alpha", "guides", "position", "slope", "noisy", "opacity", "places")
-ROWS_IN_CACHE = 16
 LEAST_ALPHA = 0.5  # coverage from which a pixel's position is that of a surface
 # A path counts as longer than to the first hit from this ratio of lengths on, in pixels of at least this coverage.
 LONGER, OPAQUE = 1.02, 0.99
@@ -137,7 +136,7 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
                 depth *= np.where((longer > LONGER) & (alpha > OPAQUE), longer, 1)
                 slopes[rows, :, 1] = (1 - distance / depth) * (frame.rays.spacing / _pitch(frame, 0))
 
-        in_threads(slopes_of, len(slopes), ROWS_IN_CACHE)
+        in_threads(slopes_of, *slopes.shape[:2])
     if frame.world_apart:
         images["opacity"] = 1 - np.clip(layers["environment"], 0, 1)
     tiles: dict[str, Any] = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.system import in_threads
+from lfsr_core.base.system import in_cache, in_threads
 from lfsr_core.reconstruct.upscaler import LowResEIA, Upscaler, decode, encode, interpolated, kernel_matrix
 
 REACH = 3  # rendered views to each side of a place from which samples are taken, at most
@@ -43,7 +43,6 @@ PLACES = 2  # per rendered view at which samples are pooled, of scenes that are 
 MOST_STEEP = 0.05  # fraction of steep samples in a scene that is not steep
 KERNEL, SHARP_KERNEL = "linear", "halfway"
 SHARP_SAMPLES, SHARP_SCALE = 16, 3  # samples per pixel and scale from which noise allows the sharper kernel
-SAMPLES_IN_CACHE = 40_000
 LEAST_SAMPLES = 2  # per pixel from which detail is told from noise, and an edge from what is behind it
 # Rendered views up to which an edge is looked for; lenses to each side that a sample sees of it; lenses per rendered
 # view by which an edge must be nearer than what is behind it.
@@ -117,7 +116,7 @@ class Pooling(Upscaler):
             np.multiply(rays[3], np.float32(low.slope_ratio), out=rays[3], where=rays[3] < UNKNOWN)
             lenses[:, part, :, rows, REACH:-REACH] = rays.reshape(4, width, -1, sy, h).swapaxes(1, 2)
 
-        in_threads(some, sx, _in_cache(width * sy * h))
+        in_threads(some, sx, width * sy * h)
         return PooledEIA(**vars(low), density=(across, down), wide=wide, rows=rows, seen=known.any((2, 3)), own=color,
                          glare=glare if glare.any() else None)
 
@@ -134,7 +133,7 @@ class Pooling(Upscaler):
             width, line, chosen = w * low.density[0], Line.of(low, h, low.density[1]), np.flatnonzero(some)
             across, down = (kernel_matrix(kernel, views * places, factor / places)
                             for views, places, factor in zip((w, h), low.density, low.factors, strict=True))
-            most = _in_cache(width * h * low.density[1])
+            most = in_cache(width * h * low.density[1])
             for part in (chosen[start:start + most] for start in range(0, len(chosen), most)):
                 row, column = lenses[part].T
                 lines = (column[:, None] * width + np.arange(width)) * low.wide.shape[2] + low.rows[row][:, None]
@@ -217,8 +216,7 @@ def _restored(low: LowResEIA, slope: Array, steepest: float) -> Array:
     def residual(rows: slice) -> None:
         lost[rows] = _noise(noisy[rows], low.color[rows]) * known[rows, ..., None]
 
-    most = _in_cache(sx * h * w)
-    in_threads(residual, sy, most)
+    in_threads(residual, sy, sx * h * w)
     along = lost
     for axis, ratio in ((1, 1.0), (0, low.slope_ratio)):
         # Lenses and views of one axis last, those of the other axis first.
@@ -238,17 +236,11 @@ def _restored(low: LowResEIA, slope: Array, steepest: float) -> Array:
         shared[rows] = np.einsum("yxvuc,yxvuc->yxc", own, others) @ LUMINANCE
         power[rows] = np.einsum("yxvuc,yxvuc->yxc", mean[rows], mean[rows]) @ LUMINANCE
 
-    in_threads(covariance, sy, most)
+    in_threads(covariance, sy, sx * h * w)
     shared, power = _pooled_lenses(shared), _pooled_lenses(power)
     weight = np.clip(np.divide(shared, power, out=np.zeros_like(power), where=power > 0), 0, 1).astype(np.float32)
-    mean *= weight[..., None, None, None]
-    color += mean
+    color += mean * weight[..., None, None, None]
     return color
-
-
-def _in_cache(samples: int) -> int:
-    """Return how many items of ``samples`` samples each fit into a core's cache."""
-    return max(1, SAMPLES_IN_CACHE // samples)
 
 
 def _places(count: int, steepest: float, block: int | None) -> tuple[Array, int]:
@@ -423,7 +415,7 @@ def _residuals(values: Array, slopes: Array, places: Array, length: int, own: bo
         total, sums = _sums(planes, stride, taps, starts[part], along, np.zeros(along.shape, bool), own)
         result[:, row[part], lens[part]] = sums if len(sums) == 4 else [*sums, total]
 
-    in_threads(lenses, len(row), _in_cache(views))
+    in_threads(lenses, len(row), views)
     return result
 
 
