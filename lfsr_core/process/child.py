@@ -334,8 +334,8 @@ def output_of(command: Sequence[str], environment: Mapping[str, str] | None = No
 class Starts(Protocol):
     """Anything that knows how to start Blender."""
 
-    def command(self, *job_files: Path | str) -> list[str]:
-        """Return the command line that renders the requests in ``job_files``, or STAY, one after the other."""
+    def command(self, *requests: Path | str) -> list[str]:
+        """Return the command line that renders the requests in ``requests``, or STAY, one after the other."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -344,13 +344,13 @@ class Blender:
 
     executable: str | None = None  # path of Blender, None for the bpy wheel of this Python
 
-    def command(self, *job_files: Path | str) -> list[str]:
-        """Return the command line that renders the requests in ``job_files``, or STAY, one after the other."""
+    def command(self, *requests: Path | str) -> list[str]:
+        """Return the command line that renders the requests in ``requests``, or STAY, one after the other."""
         spec = importlib.util.find_spec("blender_addon")  # which is not imported here
         if spec is None or not spec.submodule_search_locations:
             raise LfsrError("the package blender_addon is not installed beside lfsr_core: install LFSR again")
         folder = next(iter(spec.submodule_search_locations))
-        return self.script_command(Path(folder, "headless", "from_sources.py"), *map(str, job_files))
+        return self.script_command(Path(folder, "headless", "from_sources.py"), *map(str, requests))
 
     def script_command(self, script: Path, *arguments: str) -> list[str]:
         """Return the command line that runs a Python ``script`` inside Blender."""

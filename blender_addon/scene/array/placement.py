@@ -466,18 +466,18 @@ def _free_fraction(free: Array, profile: DisplayProfile, array: CameraArray) -> 
     return float(min(1.0, *(free * WALL_MARGIN / (np.array(profile.views) * array.spacing / 2))))
 
 
-def scale_of(scene: bpy.types.Scene, job: Request) -> ScaleChoice:
+def scale_of(scene: bpy.types.Scene, request: Request) -> ScaleChoice:
     """Choose one of the request's scales by the depths at which the middle of the array sees the subject."""
     global fields
-    subject, moves, before = find_subject(scene, job.subject), [np.empty(0)], fields
+    subject, moves, before = find_subject(scene, request.subject), [np.empty(0)], fields
     fields = {} if fields is None else fields
     try:
-        for _ in visited(scene, job.sampling.frames):
+        for _ in visited(scene, request.sampling.frames):
             with suppress(LfsrError):  # no array where the subject is out of sight; the render of the frame reports it
-                moves.append(moves_of(scene, job.display, subject))
+                moves.append(moves_of(scene, request.display, subject))
     finally:
         fields = before
-    return choose_scale(job.display, np.concatenate(moves), job.sampling.scales, job.judged_rays)
+    return choose_scale(request.display, np.concatenate(moves), request.sampling.scales, request.judged_rays)
 
 
 @as_rendered()
