@@ -58,8 +58,8 @@ MOST_SAMPLES, MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**24, 2**31 - 1, 1_048_574, 1
 MOST_SCALE = 5  # that is chosen
 MIN_VIEWS = 5  # along each axis that a scale above 2 must leave (docs/results/displays.md)
 USUAL_SCALE, USUAL_SAMPLES = 4, 16  # the rays of a render for which nothing was asked
-# Noise of a first view for which the usual rays are enough, and how many times as many others may take. With those
-# the views of a Cornell box, whose noise is .064, had a mean FLIP of .084 and .101; of glass, .030, .053 and .058.
+# Noise of a first view up to which the usual rays are enough; a noisier scene takes one of these multiples of them,
+# see ``more_rays``.
 CALM, TIMES_RAYS = 0.04, (1, 2, 4)
 CLAMP_INDIRECT = 10.0  # Cycles' default: fewer fireflies at low sample counts
 SCENE_SUFFIXES = (".blend", ".glb", ".gltf", ".obj")
