@@ -138,7 +138,7 @@ def device_enabled(device: str) -> Iterator[None]:
 def gpu_addresses(device: str) -> tuple[str, ...]:
     """Return the PCI addresses, as "0000:65:00", of the devices of the GPU type ``device``; () for the CPU.
 
-    Cycles writes them into the ids of its devices, but for Metal.
+    Cycles writes them into the ids of its devices, except of Metal's.
     """
     return tuple(dict.fromkeys(match[0] for item in _devices(device) if (match := ADDRESS.search(item.id))))
 

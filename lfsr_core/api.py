@@ -1,4 +1,4 @@
-"""The notebook's face: from a scene to views, and from a low-resolution EIA to a finished one, in a line each.
+"""Functions for notebooks: render a scene to views, and finish a low-resolution EIA, in one line each.
 
     frame = lfsr_core.render("scene.blend", display="fhd", rays=1)
     frame.views[10, 10]                         # what one camera sees
@@ -34,7 +34,7 @@ from lfsr_core.reconstruct.upscaler import LowResEIA
 
 
 class RenderedFrame:
-    """A frame folder whose images are read when they are asked for; a notebook shows what an eye sees of it."""
+    """A frame folder that reads its images when they are used; a notebook shows it as an eye in front of it sees it."""
 
     def __init__(self, folder: str | Path, tell: Tell = silent) -> None:
         self.folder = FrameFolder(folder)
@@ -57,7 +57,7 @@ class RenderedFrame:
 
     @property
     def linear(self) -> Array:
-        """Finished EIA (H, W, 3) float32, scene-linear, in view order; made again where eia.exr was not written."""
+        """Finished EIA (H, W, 3) float32, scene-linear, in view order; computed again if there is no eia.exr."""
         stored = read_finished_linear(self.folder.path)
         return finished_linear(self.folder.path, self.report.finish) if stored is None else stored
 
@@ -74,7 +74,7 @@ class RenderedFrame:
         return np.where(layers["color"][..., 3] > 0, depth, np.nan).astype(np.float32)
 
     def finish(self, method: str | None = None, **options: Any) -> RenderedFrame:
-        """Finish it with another method, by default the best; ``options`` as of ``Finish``. Returns itself."""
+        """Run the second stage with ``method``, None for the best; ``options``: fields of ``Finish``. Return self."""
         wanted = Finish(method_of(method, bool(self.folder.rendered.subpixels)), **options)
         finish_frame(self.folder.path, wanted, self._tell)
         return self
@@ -90,12 +90,12 @@ class RenderedFrame:
         return np.asarray(eye_view(image, display, (x, y, display.viewing_distance_mm if z is None else z)), np.uint8)
 
     def compare(self, reference: str | Path | RenderedFrame) -> Metrics:
-        """Measure it against a reference folder; the metrics are written into its report too."""
+        """Return the metrics of the frame against a reference folder, and write them into its report."""
         other = reference.folder.path if isinstance(reference, RenderedFrame) else Path(reference)
         return compare_folders(self.folder.path, other)
 
     def export(self, format: str, target: str | Path | None = None, **options: Any) -> list[Path]:
-        """Write it in an export format, such as "quilt"; ``options`` as of ``ExportOptions``. Returns the files."""
+        """Export it as ``format``, such as "quilt"; ``options``: fields of ``ExportOptions``. Return the files."""
         return export(self.folder.path, format, target, ExportOptions(**options, tell=self._tell))
 
     def _repr_png_(self) -> bytes:
@@ -115,18 +115,18 @@ def render(scene: str | Path, output: str | Path | None = None, *, display: str 
     Parameters
     ----------
     scene : .blend, .glb, .gltf or .obj
-    output : frame folder, by default one of the scene's name beside this program
+    output : frame folder, by default one with the scene's name in the current folder
     display : name or file of a display profile, or a profile
-    rays : per finished pixel; None for the usual number
-    samples : per rendered pixel, instead of ``rays``
-    scale : by which the views are divided; None for the one that the depth of the scene calls for
-    method : of the second stage, None for the best that this machine has
-    blender : executable, None for the best there is
+    rays : paths per finished pixel; None for the default
+    samples : samples per rendered pixel, instead of ``rays``
+    scale : factor by which the number of views in each direction is divided; None to choose it by the scene's depth
+    method : method of the second stage, None for the best that this machine can run
+    blender : executable, None for the best one found
     overwrite : False to keep a finished image of the same request
     progress : True or False to show it or not, or a function; None for True in a terminal or a notebook
     finish, request : further fields of ``Finish`` and of ``Request``, such as ``frame`` or ``camera``
 
-    LfsrError for bad input, or with Blender's own sentence.
+    LfsrError for bad input, or with the error that Blender reports.
     """
     profile = display if isinstance(display, DisplayProfile) else load_display(str(display))
     subpixels = request.get("layout") == files.SUBPIXELS

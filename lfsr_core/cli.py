@@ -54,13 +54,13 @@ VERBS = {name: verb for _, _, verbs in GROUPS for name, verb in verbs.items()}
 LABORATORY = ("study", "train")  # verbs of the package ``lfsr_lab``, found through entry points: the core imports none
 
 EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_UNREAD = 2, 130, 141
-ENDINGS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")  # signals that interrupt: Ctrl-C, and what means the same
+ENDINGS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")  # signals that interrupt: Ctrl-C, and others that do the same
 BOLD, RED = "1", "31"  # styles of terminals
 _interrupted = False
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one verb; return the exit code: 0, 2 after bad input, 130 after Ctrl-C."""
+    """Run one verb; return the exit code: 0, 2 after bad input, 130 after Ctrl-C, 141 if the output's reader ended."""
     global _interrupted
     _interrupted, words = False, list(sys.argv[1:] if argv is None else argv)
     try:
@@ -68,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if hasattr(signal, name):
                 signal.signal(getattr(signal, name), _interrupt)
         return _run(words)
-    except BaseException as error:  # a module that is loaded may make another error of an interrupt
+    except BaseException as error:  # an import that is interrupted may raise another error
         if not _interrupted and not isinstance(error, KeyboardInterrupt):
             raise
         print(f"\n{' '.join(['lfsr', *words[:1]])}: interrupted; no file is left half-written", file=sys.stderr)
@@ -115,11 +115,11 @@ def _run(words: list[str]) -> int:
     except LfsrError as error:
         if _interrupted:
             raise
-        from lfsr_core.commands.common import is_openjd, tell_openjd  # loads NumPy, which help needs not
+        from lfsr_core.commands.common import is_openjd, tell_openjd  # loads NumPy, which --help does not need
 
         verb = [word for word in words[:1] if word in (*VERBS, *LABORATORY)]
         name, text = f"{' '.join(['lfsr', *verb])}:", cleaned(str(error), MOST_LETTERS)
-        has_enough = isinstance(error.__context__, BrokenPipeError)  # who reads the output, such as `head`
+        has_enough = isinstance(error.__context__, BrokenPipeError)  # the reader of the output, such as `head`
         if not has_enough:
             print(styled(name, RED, sys.stderr), text, file=sys.stderr)
         if is_json and output:
@@ -131,14 +131,14 @@ def _run(words: list[str]) -> int:
         try:
             if sys.stdout:
                 sys.stdout.flush()
-        except OSError:  # dropped, or Python tries again when it ends
+        except OSError:  # drop the output, else Python tries again at its end
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_UNREAD if has_enough else EXIT_BAD_INPUT
     return 0
 
 
 def build_parser(words: Sequence[str] | None = None) -> argparse.ArgumentParser:
-    """Parser of all verbs; of a command line's ``words``, with the arguments of the verbs among them alone."""
+    """Return the parser of all verbs; if ``words`` of a command line are given, only verbs in it get arguments."""
     parser = _Parser(prog="lfsr", description="Light-field images for glasses-free 3D displays.")
     parser.add_argument("--version", action="version", version=f"lfsr {__version__}")
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=VerbParser)
@@ -225,7 +225,7 @@ def _check_output() -> None:
 
 
 def _unraisable(failure: Any) -> None:
-    """Interrupt again where Python has swallowed it, in a finalizer or in a callback of the garbage collector."""
+    """Repeat an interrupt that Python has swallowed in a finalizer or in a callback of the garbage collector."""
     if failure.exc_type is KeyboardInterrupt:
         threading.Timer(0.1, interrupt_main, (signal.SIGINT,)).start()
     elif not str(getattr(failure.object, "__module__", "")).startswith("distributed"):  # a client that never connected

@@ -67,11 +67,11 @@ def _note(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None = None)
 
 @bpy.app.handlers.persistent
 def _opened(*_: object) -> None:
-    """Another file: what was found is not of it."""
+    """Another file is open: forget what was found in the last one."""
     _problems.clear()
     _rows.clear()
     bpy.context.window_manager.lfsr.checked_scene = ""
-    register()  # Blender forgets what it listens to with the file
+    register()  # Blender drops subscriptions with the file
 
 
 def register() -> None:

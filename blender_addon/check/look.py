@@ -1,7 +1,7 @@
 """Look at the scene from its camera array before a render: is the subject in the frame, lit, and not too deep?
 
-Rays through what is rendered tell that in a fraction of a second. What is wrong has a mend, which the dialog of
-a render offers ticked, in the order of MENDS: each is looked for as if those before it were done.
+Rays through what is rendered tell that in a fraction of a second. A problem has a mend, which the dialog of a render
+offers ticked, in the order of MENDS: each problem is looked for as if the mends before it were applied.
 """
 
 from __future__ import annotations
@@ -46,17 +46,17 @@ MENDS = {
 STARTUP_LAMP = (4.07625, 1.00545, 5.90386)  # where a new file's lamp stands
 # How a new file's camera is turned: nobody has aimed it, even if it was moved. It was rolled until Blender 2.79.
 STARTUP_TURN, ROLL = mathutils.Euler((1.10932, 0.0, 0.81493)).to_quaternion(), 0.02
-TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject of an aimed camera, and of that one, fills
+TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject fills: of an aimed camera, of an unaimed one
 OUTSIDE = 0.1  # of the corners of their boxes, that may lie outside the frame of a camera that was not aimed
 HEAVY, HIDDEN = 100, 0.25  # faces from which a mesh is more than a box, part of the picture that a box may hide
-CLOSE = 0.02  # of the subject's size: what lies nearer than that on the wrong side of a surface surrounds the array
-TOUCHING = 0.02  # of the size of all things: what is as near to what is selected belongs to it
-MUCH, LEAST_GAIN = 1.1, 0.9  # disparity that is worth a word, and what of it a move of the display plane may leave
+CLOSE = 0.02  # of the subject's size: the array is inside an object whose inner side is nearer than that
+TOUCHING = 0.02  # of the size of all objects: objects nearer than that to the selection belong to it
+MUCH, LEAST_GAIN = 1.1, 0.9  # disparity that is reported; a display plane is moved if less than this fraction is left
 LEAST_SPACING = 0.05
 LIT, LAMPS, SKY = 24, 32, 6  # places, lamps and rays to the sky that tell how much light arrives
-UNSURE = 2.0  # times what is dim, below which a render tells: lamps may be hidden from surfaces, or shine through holes
-CERTAIN, SHADE = 1e6, 0.15  # strength of a lamp that nodes decide; part of its distance at which its own shade stands
-BRIGHT = 0.25  # part of a picture which a sky fills that is then not almost black
+UNSURE = 2.0  # light below this multiple of dim is measured by a render: objects may hide lamps, or have holes
+CERTAIN, SHADE = 1e6, 0.15  # strength of a lamp that nodes decide; fraction of its distance in which its shade stands
+BRIGHT = 0.25  # fraction of the picture from which a sky keeps it from being almost black
 GLASS, TRANSMISSION, LOST = ("BSDF_GLASS", "BSDF_REFRACTION"), "Transmission Weight", 0.2  # of the rays to it
 UNAIMED = "The camera of the new file was not aimed at it"
 
@@ -95,7 +95,7 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
 
 def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, subject: set[bpy.types.Object],
            main: list[bpy.types.Object], hidden: set[bpy.types.Object]) -> Iterator[Problem]:
-    is_new, rays = _is_unaimed(scene), Rays(scene)  # where nobody has aimed the camera, nobody has placed lamps
+    is_new, rays = _is_unaimed(scene), Rays(scene)  # an artist who has not aimed the camera has not placed lamps
     reason, best = _out_of_frame(scene, rays, placed, display, main, shown := with_copied(set(main)))
     if reason:
         is_new, placed = True, best or edit.in_front(scene, display, set(main))
@@ -115,10 +115,10 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     for image in pictures:
         if not all(map(Path.is_file, image_paths(image))):
             yield _problem("dark", scene.name, f"The world's image {image.name} is missing: gray light would come "
-                           "from all sides. Images only are lit.")
+                           "from all sides. Add World Light changes the rendered images only.")
             return
     lamps = sorted((item for item in rendered(scene) if item.type == "LIGHT"), key=lambda item: item.name)
-    is_imported = bool(reason) or startup_cube(scene) is not None  # which the lamp of the new file was not to light
+    is_imported = bool(reason) or startup_cube(scene) is not None  # the lamp of the new file was not placed for it
     own = [item for item in lamps if not is_imported
            or (item.matrix_world.translation - mathutils.Vector(STARTUP_LAMP)).length > 1e-3]
     startup = next((item for item in lamps if item not in own), None)
@@ -141,17 +141,17 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
                        "Light from all sides would show a volume alone: aim lamps at the objects.")
     elif is_alone or (is_dark and (pictures or sky < BRIGHT)):  # what a picture shows is not known
         source = "a dim world" if startup is None else "the lamp of Blender's new file"
-        yield _problem("dark", scene.name, f"Only {source} lights it. Images only are lit."
+        yield _problem("dark", scene.name, f"Only {source} lights it. Add World Light changes the rendered images only."
                        if is_alone else "Hardly any light comes from what the array sees: the image will be almost "
-                       f"black. Images only are lit{', and do not show the sky then' if sky else ''}; the scene keeps "
-                       "its own light.")
+                       "black. Add World Light changes the rendered images only"
+                       f"{', which then do not show the sky' if sky else ''}; the scene keeps its own light.")
     elif is_glaring(scene, light[1]):
         yield _problem("bright", scene.name, "Much of the objects that the array sees is far brighter than white, and "
                        f"the view transform {scene.view_settings.view_transform} shows it as white: weaken the lamps, "
                        "or lower the exposure in Color Management.")
     elif world_radiance(scene.world, 0) and (glass := _lost_glass(rays, placed, shown)):
         yield _problem("dark", scene.name, f"{glass} is of glass, which shows what is around it: hardly anything in a "
-                       "world of one color. Images only are lit; the scene keeps its own light.")
+                       "world of one color. Add World Light changes the rendered images only.")
 
 
 def _problem(code: str, target: str, reason: str, placed: rig.Placement | None = None) -> Problem:
@@ -225,9 +225,9 @@ def _is_unaimed(scene: bpy.types.Scene) -> bool:
 
 
 def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list[bpy.types.Object]:
-    """Return what a picture of the scene is of, largest first: what was imported, which is selected, without floors.
+    """Return the main objects of a picture, largest first: those just imported, which are selected; without floors.
 
-    A selected part of something larger, as of a figure that was just modelled, is not all that it is of.
+    A selection that is a part of something larger, such as of a figure that was just modelled, is ignored.
     """
     others = {startup_cube(scene), *helpers(scene)}
     boxes = {item: box for item, box in edit.boxes_now(subject).items() if item not in others}

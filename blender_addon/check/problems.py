@@ -179,12 +179,12 @@ def disks(scene: bpy.types.Scene, frames: int = 1) -> Iterator[Problem]:
         return  # said elsewhere
     file = Path(bpy.data.filepath)  # of which a render has a copy, beside the decoded views
     work = VIEWS * math.prod(settings.display.eia_pixels) + (file.stat().st_size if file.is_file() else 0)
-    for code, disk, needed, place in (
-            ("disk", "the disk of the output folder", frames * bytes_of_frame(settings), folder),
-            ("temporary", "the disk of Blender's temporary files", work, Path(bpy.app.tempdir))):
+    for code, button, disk, needed, place in (
+            ("disk", "Choose Folder…", "the disk of the output folder", frames * bytes_of_frame(settings), folder),
+            ("temporary", "Open Preferences", "the disk of Blender's temporary files", work, Path(bpy.app.tempdir))):
         if (room := free(place)) < needed:
             yield Problem(code, "Disk Space", f"The render needs up to {needed / GIGABYTE:.2g} GB, but {disk} has only "
-                          f"{room / GIGABYTE:.2g} GB free.", "Choose Folder…", ERROR, asks=True)
+                          f"{room / GIGABYTE:.2g} GB free.", button, ERROR, asks=True)
 
 
 def bytes_of_frame(settings: Resolved) -> int:

@@ -1,8 +1,8 @@
-"""Run render jobs in another Blender, or encode a film there, with this extension wherever it is installed.
+"""Run render requests in another Blender, or encode a film there, with this extension wherever it is installed.
 
-    python -P entry.py -- JOB.json...                                            (bpy wheel)
-    blender --background --factory-startup --python entry.py -- JOB.json...
-    blender --background --factory-startup --python entry.py -- encode FRAMES FILE.mp4
+    python -P entry.py -- REQUEST.json...                                            (bpy wheel)
+    blender --background --factory-startup --python entry.py -- REQUEST.json...
+    blender --background --factory-startup --python entry.py -- encode FRAMES FILE.mp4 RATE
 
 From the repository ``from_sources.py`` does the same.
 """

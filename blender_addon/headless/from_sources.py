@@ -1,7 +1,7 @@
-"""Run render jobs in another Blender from a clone or an installed package: as ``entry.py``, which an extension uses.
+"""Run render requests in another Blender from a clone or an installed package, as ``entry.py`` does in an extension.
 
-    python -P from_sources.py -- JOB.json...                                     (bpy wheel)
-    blender --background --factory-startup --python from_sources.py -- JOB.json...
+    python -P from_sources.py -- REQUEST.json...                                     (bpy wheel)
+    blender --background --factory-startup --python from_sources.py -- REQUEST.json...
 
 This file is not in the zip: an extension must not change where Python finds modules.
 """

@@ -32,7 +32,7 @@ from ..scene.contents import left_out
 from ..scene.files import camera_notices, check_files, choose_camera, choose_scene, open_scene, paint_missing, shown
 from ..scene.light import lit
 
-MOST_WAITING, LEAST_WORK = 60, 0.05  # seconds without CPU seconds, after which a file does not answer
+MOST_WAITING, LEAST_WORK = 60, 0.05  # seconds with fewer CPU seconds than that, after which a file does not answer
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -55,7 +55,7 @@ def main(arguments: Sequence[str]) -> int:
                 case [word] if word == protocol.STAY:
                     result = {"folder": str(run_all(map(read_request, iter(asked.get, None))))}
                 case [] | ["encode" | "scale", *_]:
-                    raise LfsrError("expected request files, stay, encode, two paths and a rate, or scale and a "
+                    raise LfsrError("expected request files, stay, encode with two paths and a rate, or scale with a "
                                     f"request file, but got {len(arguments)} arguments")
                 case _:
                     result = {"folder": str(run_all(map(read_request, arguments)))}
@@ -93,7 +93,7 @@ def _end(stage: str, message: str, code: int) -> NoReturn:
 
 
 def answered(scene: str) -> contextlib.AbstractContextManager[None]:
-    """End the process where the block waits for a file without end.
+    """End the process if the block waits endlessly for a file.
 
     Blender opens the libraries of a scene before anyone can look at their names, and a drive may not answer.
     """
@@ -117,7 +117,7 @@ def run_all(requests: Iterable[Request]) -> Path:
             if last != (last := (request.scene, request.scene_name, request.light, request.camera)):
                 stack.close()
                 scene, opened = _opened(request, stack)
-                placement.fields = {}  # nobody edits it
+                placement.fields = {}  # a cache, since nobody edits this scene
                 stack.callback(setattr, placement, "fields", None)
                 stack.enter_context(lit(scene, opened.light))
                 opened = dataclasses.replace(opened, kept=stack.enter_context(new_data()))
@@ -161,7 +161,7 @@ def _opened(request: Request, stack: ExitStack) -> tuple[bpy.types.Scene, Opened
         paint_missing()
     for notice in (*left_out(scene), *camera_notices(scene, request.camera, is_imported)):
         say(notice)
-    # Without them Cycles would build the scene again for each render: a change of the engine forgets what was kept.
+    # Else Cycles would build the scene again for each render: a change of the engine drops persistent data.
     stack.enter_context(overridden(scene.render, {"use_persistent_data": True, "engine": "CYCLES"}))
     return scene, Opened(seconds, content, settled_light(scene, request, say), tuple(notes))
 

@@ -1,6 +1,6 @@
-"""A scene's frame folders: where they are, whose, what they hold, what a button asks for in them, and its seconds.
+"""A scene's frame folders: where they are, whose they are, what they hold, and what a button requests in them.
 
-How long an image takes follows from a render of its scene or of a few of its lenses, else from this machine's last.
+Also how many seconds an image takes, from the last render of its scene or of some of its lenses, else of this machine.
 """
 
 import contextlib
@@ -31,8 +31,8 @@ from . import runtime
 
 PROBE_BYTES = 1 << 20
 START = 4.0  # seconds until another Blender has opened a small scene, on two cores
-TELLING_PATHS = 10**5  # of a render that tells how fast this machine is
-SAME = 0.2  # relative change of that below which the preference stays
+TELLING_PATHS = 10**5  # least path samples of a render that tells how fast this machine is
+SAME = 0.2  # relative change of this speed below which the preference stays
 CONTINUE = "Render again to continue"
 
 
@@ -115,9 +115,9 @@ def _clean(name: str) -> str:
 
 
 def waits_for_saving(scene: bpy.types.Scene) -> bool:
-    """True if images are among Blender's temporary files: they belong beside a file that was never saved.
+    """True if images go among Blender's temporary files, because they belong beside a file that was never saved.
 
-    A script has to say where they belong, since they would be gone at its end.
+    In background mode it is False: temporary files are removed at the end, so a script must state an output folder.
     """
     return not bpy.data.filepath and (scene.lfsr.output or "//").startswith("//") and not bpy.app.background
 
@@ -148,7 +148,7 @@ def _unsaved(scene: bpy.types.Scene) -> Path:
 
 
 def foreign(folder: Path) -> str:
-    """A sentence on whose image ``folder`` holds."""
+    """Return a sentence that tells whose image ``folder`` holds."""
     frame = FrameFolder(folder).part
     file = frame.scene
     if frame.source:
@@ -163,7 +163,7 @@ def requested(scene: bpy.types.Scene, frame: int | None = None) -> tuple[Request
     """Request and finish of a frame, by default the current one; LfsrError where it cannot be rendered."""
     settings = scene_settings.resolve_for_render(scene)
     number = scene.frame_current if frame is None else frame
-    # The artist was asked about what cannot be read.
+    # Unreadable files are allowed, because the artist was asked about them.
     return dataclasses.replace(settings.request, output=str(frame_folder(scene, number)), frame=number,
                                source=source_of(scene),
                                allow_missing=bool(unreadable(scene, number, SECONDS_IN_PANEL))), settings.finish
@@ -195,7 +195,7 @@ def learn(scene_name: str, frame: Frame, request: Request) -> None:
     if taken <= 0 or paths < TELLING_PATHS or frame.subpixels:
         return
     state, times = bpy.context.window_manager.lfsr, frame.samples / request.samples_at(frame.scale)
-    # The rays that were asked for: the scene may be noisy. Of every image, since the scene changes between them.
+    # Per requested path, because a noisy scene takes more rays. Of every image, because the scene changes.
     remember(scene_name, Measured(state.probe_fixed if state.probe_scene == scene_name else START,
                                   taken / paths * times, frame.scale))
     preferences = runtime.preferences_of_addon()
@@ -205,7 +205,7 @@ def learn(scene_name: str, frame: Frame, request: Request) -> None:
 
 
 def expected_seconds(scene: bpy.types.Scene) -> float | None:
-    """Seconds that an image of ``scene`` will take with its settings of now.
+    """Seconds that an image of ``scene`` will take with its present settings.
 
     None where nothing was measured, neither of the scene nor on this machine.
     """

@@ -1,8 +1,8 @@
 """Show images: the view that an eye sees in the panel, and any in an Image Editor that is open.
 
-None is opened over the artist's work unasked. The second stage writes all decoded views of a finished image to one
-file. The file is mapped while a view is read, so that showing one reads a few kB and follows a slider; only then,
-because Windows replaces no mapped file.
+No editor is opened over the artist's work unasked. The second stage writes all decoded views of a finished image to one
+file. It is memory-mapped while a view is read, so that showing a view reads a few kB and follows a slider; only then,
+because Windows cannot replace a mapped file.
 """
 
 from collections.abc import Sequence
@@ -149,7 +149,7 @@ def redraw_sidebars() -> None:
 
 @bpy.app.handlers.persistent
 def _before_save(*_: object) -> None:
-    """Keep our images out of the file, which keeps no image without users: they lie beside it, or are made anew."""
+    """Keep our images out of the file by removing their users: they lie beside it, or are made again."""
     for image, users in bpy.data.user_map(subset=[image for image in bpy.data.images if OWN in image]).items():
         if all(user.id_type == "SCREEN" for user in users):  # else the artist uses it
             image.user_clear()

@@ -4,8 +4,8 @@ They are another Blender that renders, and Blender's Python for the second stage
 Denoise, and what can be done without it.
 
 The copy of the open file lies beside the render's stored parts until the image is published. After a render that ended
-early it is used again if the scene was not edited since, saved or not, and the parts with it. Edits are counted while
-the file is open; the scene of a file that was opened has the stamp of that file.
+early, copy and parts are used again if the scene was not edited since, saved or not. Edits are counted while the file
+is open; the scene of a file that was opened has the stamp of that file.
 """
 
 import contextlib
@@ -52,7 +52,7 @@ LIBRARIES = {"win32": "OpenImageDenoise.dll", "darwin": "libOpenImageDenoise.dyl
 OF_SYSTEMS = {"fedora": "oidn-libs", "arch": "openimagedenoise", "alpine": "openimagedenoise",
               "void": "openimagedenoise", "gentoo": "media-libs/oidn"}
 COPY_FOLDER, RECORD = "copy", "names.json"  # in the folder of the parts, and in that of the copy
-# A request names its frame; whether a compositor is used decides nothing.
+# Properties that decide no pixel: a request states its frame, and no compositor is applied.
 FREE = ("frame_current", "frame_current_final", "frame_float", "frame_subframe", "use_nodes")
 # Workers that each started BLAS threads of their own would wait for one another.
 ONE_BLAS_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1")
@@ -152,7 +152,7 @@ def lacking(settings: Resolved) -> str:
 def use_replacement(scene: bpy.types.Scene, settings: Resolved) -> None:
     """Set the method of ``settings`` without denoising in ``scene``, with more rays: nothing removes their noise.
 
-    Where none was chosen, new scenes get one unasked from now on.
+    If the method was left at its default, new scenes from now on get one that needs no denoiser.
     """
     if (preferences := preferences_of_addon()) is not None and not scene.lfsr.is_property_set("method"):
         preferences.without_denoiser = True
@@ -195,8 +195,8 @@ _last = _State()
 def file_copy(output: Path | None = None) -> Iterator[Path]:
     """Yield a copy of the .blend as it is now, unsaved changes included.
 
-    Without ``output``, the folder of a frame or of an animation's frames, it is temporary, as where another Blender
-    renders the copy that is there. Else it stays after a block that ends early, if the render has left parts.
+    ``output``: folder of a frame or of an animation's frames; the copy stays after a block that ends early, if the
+    render has left parts. None: the copy is temporary; so it is if another Blender renders the copy that is there.
     """
     kept, lock = FrameFolder(output).parts / COPY_FOLDER if output else None, None
     try:
@@ -239,7 +239,7 @@ def save_copy(path: Path) -> Path:
         # Without the picture for file browsers, which would be rendered; the preferences do not count as changed.
         with (wait_cursor(), overridden(preferences, {"is_dirty": preferences.is_dirty}),
               overridden(preferences.filepaths, {"file_preview_type": "NONE"}), contextlib.ExitStack() as stack):
-            # Blender does not fit the places of baked geometry to the copy's. For ``_updated`` nothing is edited.
+            # Blender does not adapt the folders of baked geometry to the copy's place. ``_updated`` must see no edit.
             stack.enter_context(overridden(_state(), {"is_opening": True}))
             stack.callback(bpy.context.view_layer.update)
             for modifier in (each for item in bpy.data.objects for each in item.modifiers if each.type == "NODES"):
@@ -309,7 +309,7 @@ def _unreported() -> list[Any]:
 
 @bpy.app.handlers.persistent
 def _updated(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Blender has evaluated changes. Of a scene itself it tells too of clicks; ``_unreported`` has the rest of it."""
+    """Count an edit. Blender reports an update of the scene for a click too; ``_unreported`` has its settings."""
     if not _last.is_opening and depsgraph.mode == "VIEWPORT" and any(
             update.is_updated_geometry or update.is_updated_transform or update.is_updated_shading
             or not isinstance(update.id, bpy.types.Scene) for update in depsgraph.updates):
@@ -327,7 +327,7 @@ def _opened(opened: str, *_: object) -> None:
     global _last
     _last = _State(unreported=digest(_unreported()), is_opening=not bpy.app.background)
     path = Path(bpy.data.filepath)
-    # What is recovered has the path of a file with an older scene.
+    # A recovered session has the path of a file that holds an older scene.
     if path.is_file() and os.path.realpath(opened) == os.path.realpath(path):
         _last.names, _last.time = {file_stamp(path)}, path.stat().st_mtime_ns
     if _last.is_opening:  # until all that was opened is evaluated

@@ -44,7 +44,7 @@ TITLES = {"save": "Saving a copy of the file", "open": "Opening the scene", "ren
           "weave": "Finishing", "write": "Finishing", "views": "Decoding views", "decode": "Decoding views",
           "compare": "Comparing", "view": "Writing viewer", "export": "Exporting", "encode": "Encoding",
           "show": "Showing", "first": "First view", "plan": "Measuring lenses", "estimate": "Measuring lenses"}
-ALONE = ("save", "open", "first")  # stages that say more than their fractions
+ALONE = ("save", "open", "first")  # stages that are shown without a percentage
 
 
 @dataclasses.dataclass(frozen=True)
@@ -166,7 +166,7 @@ class Task:
             if not self.job.notice(told) and told not in self.notices:
                 self.notices.append(told)
         elif told is not None:
-            if told.left != self.progress.left:  # else it was said again, and counts down since
+            if told.left != self.progress.left:  # else it is a repetition, and the time counts down from the first
                 self._heard = heard
             self.progress = told
 
@@ -190,7 +190,7 @@ def current() -> Task | None:
 
 
 def check_idle() -> None:
-    """LfsrError if something renders already, here or in Blender itself. Its temporary folder is there afterwards."""
+    """LfsrError if something renders already, here or in Blender itself; makes Blender's temporary folder."""
     if _current is not None:
         raise LfsrError(f"{_current.title} is still running: wait for it or cancel it")
     if bpy.app.is_job_running("RENDER"):
@@ -206,7 +206,7 @@ def start(title: str, job: Job) -> Task:
     state.message = state.outcome = state.outcome_folder = ""
     # Persistent: opening another file must not orphan the process.
     bpy.app.timers.register(_look, first_interval=SECONDS_BETWEEN_LOOKS, persistent=True)
-    redraw()  # what Blender is busy with next is read before it is
+    redraw()  # the panel tells what Blender does next before Blender is busy with it
     return _current
 
 
@@ -326,7 +326,7 @@ def progress_text(task: Task) -> str:
 
 @bpy.app.handlers.persistent
 def _saved(*_: object) -> None:
-    """What was rendered before the file was saved moves beside it once nothing is at work on it."""
+    """Move what was rendered before the file was saved beside it, once no task works on it."""
     if _current is None:
         folders.keep_saved()
 

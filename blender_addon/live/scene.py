@@ -197,7 +197,7 @@ def marked(kind: str | None = None) -> list[bpy.types.ID]:
 
 
 def remove_all(kind: str | None = None) -> None:
-    """Remove this data; windows that show its scenes show another."""
+    """Remove the data of all live scenes, or of one ``kind``; windows that show them get another scene."""
     _remove(marked(kind))
 
 

@@ -316,7 +316,7 @@ def _after_save(*_: object) -> None:
 
 @bpy.app.handlers.persistent
 def _tidy(*_: object) -> None:
-    """Remove what an undo, or a file from a crash, has brought back of live views that are off."""
+    """Remove live scenes that an undo or a recovered file has brought back although their view is off."""
     if off := {PANEL, EYE} - set(_on):
         stop(*off)
 

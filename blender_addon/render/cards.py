@@ -275,7 +275,7 @@ class _Pair:
 def new_panel_card(made: list[bpy.types.ID], card: PanelCard, distance: float, place: Place) -> bpy.types.Object:
     """Return the card, placed as a camera of ``new_camera``; ``distance`` is the display plane's."""
     def ray(wiring: Wiring) -> dict[str, bpy.types.NodeSocket]:
-        color, off = dict[str, bpy.types.NodeSocket](), None  # off: of the place, to the light that the subpixel shows
+        color, off = dict[str, bpy.types.NodeSocket](), None  # off: from the place to that of the subpixel's light
         # Two random numbers from -0.5 to 0.5 for the point on the lens, none if it is always the middle.
         numbers = wiring.vector("MULTIPLY", random_pair(wiring), (1 / (2 * SLANT),) * 3) if card.spreads else None
         if card.stretch is not None or card.mixes:
@@ -293,7 +293,7 @@ def new_panel_card(made: list[bpy.types.ID], card: PanelCard, distance: float, p
             made.append(table)
             table.alpha_mode = "CHANNEL_PACKED"
             table.pixels.foreach_set(np.concatenate([card.table, np.ones((rows, columns, 1))], -1).astype("f4").ravel())
-            table.pack()  # which no user is then asked to do
+            table.pack()  # else Blender would ask the user to
             entry = wiring.node("ShaderNodeTexImage", Vector=wiring.vector(
                 "MULTIPLY_ADD", wiring.vector("FLOOR", at), (1 / columns, 1 / rows, 0),
                 (0.5 / columns, 0.5 / rows, 0)))

@@ -97,7 +97,7 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
         # Where a ray hit nothing, Cycles stores the position of the card or of the clip plane: 0 stands for nothing.
         layers, matrix = image_files.read_layers(path), np.asarray(shot.matrix_world, float)
         depth = (layers["position"] - matrix[:3, 3]) @ matrix[:3, 2]
-        # The card stands behind the camera plane. Single precision cannot tell what is near to the clip plane from it.
+        # The card stands behind the camera plane. In single precision, hits close to the clip plane look like misses.
         missed = ~(depth > 0) if shot.has_card else np.zeros(depth.shape, bool)
         if shot.clip and ended:
             missed |= depth > shot.clip[1] * (1 - 1e-5)

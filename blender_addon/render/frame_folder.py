@@ -43,7 +43,7 @@ from .view_by_view import render_views
 
 # Added to a reference half's seed, so that no half has the random numbers of a candidate image.
 HALF_SEED = 1 << 20
-# Fields of a request that the scene or this machine may settle. The panel renders a copy, whatever its path.
+# Fields of a request that the scene or this machine may settle. The scene's path is free: the panel renders a copy.
 SETTLED = ("scene", "device", "light", "sampling")
 SOURCES = ("compat.py", "render/**/*.*", "scene/**/*.*")  # of the add-on, which decide pixels
 # Pixels across, and samples per pixel, of the measurement of light and of the first view.
@@ -76,7 +76,7 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
     notes = list(opened.notes)
 
     def say(notice: Notice) -> None:
-        if notice not in notes:  # as of a file when the scene was opened, and at its frame
+        if notice not in notes:  # files are checked when the scene is opened, and again at its frame
             notes.append(notice)
             tell(notice)
 
@@ -161,7 +161,7 @@ def settled_light(scene: bpy.types.Scene, request: Request, say: Say) -> str:
     """Return the light of ``scene``: the one asked for, or for AUTO the one that the scene needs now.
 
     A .blend keeps its own light if it has any, with a warning where that is too little; ``say`` tells of any other.
-    What shines does not count by its brightness but by its size: half of the subject decides.
+    The median over the subject decides, so that a small bright surface does not count as light.
     """
     if request.light != files.AUTO:
         return request.light
@@ -221,10 +221,10 @@ def _seen_from_middle(scene: bpy.types.Scene, placed: Placement, settings: Rende
 
 
 def _write_first_view(scene: bpy.types.Scene, frame: Frame, path: str) -> tuple[float, float]:
-    """Write that as decoded views are, uint8 (1, 1, sy, sx, 3): few pixels, so that it is there at once.
+    """Write what an eye in the middle sees, as decoded views, uint8 (1, 1, sy, sx, 3): few pixels, so that it is quick.
 
-    Returns by how much two halves of its rays differ, the root of the mean square in display values from 0 to 1, and
-    the seconds of a ray, of the second half: Cycles prepares the scene before the first.
+    Returns the noise, which is the root mean square difference of two halves of its rays in display values from 0 to 1,
+    and the seconds of a ray, from the second half, because Cycles prepares the scene before the first.
     """
     settings = RenderSettings(FIRST_SAMPLES // 2, frame.seed, device=frame.device, world_visible=frame.world_visible)
     halves = []
@@ -260,7 +260,7 @@ def inputs_before_opening(request: Request, content: str) -> dict[str, str]:
 def _frame(scene: bpy.types.Scene, request: Request, subject: set[bpy.types.Object]) -> Frame:
     """The frame that is asked for; LfsrError if the array cannot be placed or colours cannot be reproduced."""
     array, matrix_world = placement.place_array(scene, request.display, subject)
-    # The second stage is given more than colours; every view at scale 1 would take as much memory again.
+    # The second stage gets guides and positions, except at scale 1, where they would take as much memory again.
     guided = request.kind == "render" and request.sampling.scale > 1 and request.layout != files.SUBPIXELS
     layers = tuple(dict.fromkeys((*request.layers, *((*files.GUIDES, files.POSITION) if guided else ()))))
     if "index" not in layers and has_background_meshes(scene, subject):

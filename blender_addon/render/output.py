@@ -35,8 +35,8 @@ _SAMPLES = re.compile(r"(?:Rendered (\d+)/(\d+) Tiles, )?Sample (\d+)/(\d+)")
 def render_to(scene: bpy.types.Scene, path: str | Path, follow: Follow | None = None) -> float:
     """Render the scene as it is set up now into ``path``, whole or not at all, and return the seconds.
 
-    Python cannot stop Cycles: after an exception of ``follow`` it ends its image first, then that leaves this
-    function, even a KeyboardInterrupt that Blender would swallow.
+    Python cannot stop Cycles: if ``follow`` raises an exception, Cycles ends its image first; then this function raises
+    the exception, even a KeyboardInterrupt, which Blender would swallow.
     """
     started, stopped, last = time.perf_counter(), list[BaseException](), (0.0, "")
 
@@ -85,12 +85,12 @@ def sample_fraction(statistics: str) -> float | None:
 
 
 def part_of(follow: Follow | None, first: int, size: int, count: int, prefix: str = "") -> Follow | None:
-    """Return what follows ``size`` steps from ``first`` (counted from 0) as a part of all ``count`` steps."""
+    """Return a ``Follow`` for ``size`` steps from ``first`` (from 0), which tells fractions of all ``count`` steps."""
     return follow and (lambda fraction, message: follow((first + fraction * size) / count, prefix + message))
 
 
 def one_of(follow: Follow | None, index: int, count: int) -> Follow | None:
-    """Return what follows image ``index`` (from 0) of ``count`` images, numbered in its messages."""
+    """Return a ``Follow`` for image ``index`` (from 0) of ``count`` images, which it numbers in its messages."""
     return part_of(follow, index, 1, count, f"{index + 1}/{count}: " if count > 1 else "")
 
 
@@ -122,7 +122,7 @@ def render_in_bands(scene: bpy.types.Scene, rows: Part, path: Path, follow: Foll
     def render(band: Part, target: Path, size: int) -> tuple[Part, Part, bool]:
         """Render a band, counted from the first of ``rows``, as ``size`` rows after the cached ones.
 
-        Returns it with its seconds, it with those of its samples alone, and whether it has all its samples.
+        Returns the band with its seconds, with those of its samples alone, and whether all samples were taken.
         """
         began, is_whole = 0.0, False  # began: time of the first sample
 

@@ -42,7 +42,7 @@ def render_views(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings, p
               "filter_width": max(0.01, WINDOW_PER_BOX / max(layout.views))} if layout.convention == "paper" else {}
     with (unfinished(path) as target, temporary_camera(scene, shot.matrix_world, layout.array.distance) as camera,
           cycles_settings(scene, settings, layout.lenses), overridden(scene.render, pixel_aspect(ratio)),
-          # Several parts fail where pixels are not square.
+          # EXR files of several parts fail where pixels are not square.
           overridden(scene.render.image_settings, compat.known(scene.render.image_settings, use_exr_interleave=True)),
           overridden(scene.cycles, window),
           tempfile.TemporaryDirectory(prefix=".views-", dir=target.parent) as folder, listed(Path(folder))):

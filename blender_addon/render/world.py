@@ -53,7 +53,7 @@ def white_to_camera(scene: bpy.types.Scene, kept: list[bpy.types.ID] | None = No
             yield
         return
     with new_data() as made:
-        made += kept or ()  # of another frame
+        made += kept or ()  # removed after the block, because they are of another frame
         shown = scene.world.copy()
         shown[NAME] = scene.frame_current
         kept = made if kept is None else kept

@@ -37,7 +37,7 @@ def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.typ
                             f"{', '.join(sorted(collections))}")
         chosen = set(collections[name].all_objects)
     else:
-        # Of several files, where some are linked.
+        # Linked files may have collections of the same name.
         backgrounds = (collection for collection in bpy.data.collections if collection.name == BACKGROUND_COLLECTION)
         chosen = set(scene.objects) - {item for background in backgrounds for item in background.all_objects}
     subject = with_instanced(chosen)
@@ -171,7 +171,7 @@ def materials(scene: bpy.types.Scene) -> list[bpy.types.Material]:
 
 
 def has_output(scene: bpy.types.Scene, name: str) -> bool:
-    """Return True if a material in use fills a "Volume", or moves its surface in renders alone: "Displacement"."""
+    """Return True if a rendered material uses this output: "Volume", or "Displacement" that moves the surface."""
     used = [material.node_tree.get_output_node("CYCLES") for material in materials(scene) if material.node_tree
             and (name == "Volume" or material.displacement_method != "BUMP")]
     return any(node.inputs[name].is_linked for node in used if node is not None)
@@ -212,7 +212,7 @@ def rendered_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
 def switched(layer: bpy.types.ViewLayer, switch: str) -> list[bpy.types.LayerCollection]:
     """Return the collections of ``layer`` with geometry or lights that have one of SWITCHES on.
 
-    Not the excluded collections of helpers that importers leave behind.
+    So excluded collections of helpers that importers leave behind do not count.
     """
     return [child for child in collections(layer.layer_collection) if getattr(child, switch) and any(
         item.type in SHOWN and not item.hide_render for item in child.collection.all_objects)]

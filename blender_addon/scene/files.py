@@ -27,7 +27,7 @@ from .array import rig
 from .contents import nodes_of
 
 SECONDS_IN_PANEL = 1.0  # of looking for damage before a button's question
-MOST_SAID = 20  # files of which each has its sentence
+MOST_SAID = 20  # files that get a notice each
 HEAD = 2**16  # bytes, enough for the headers below
 NO_FILE = "no regular file"  # a device or a pipe, which may never end
 OGAWA_DATA = 2**63  # set in the place of data in Alembic's container, not in that of a group
@@ -179,7 +179,7 @@ def image_paths(image: bpy.types.Image) -> Iterator[Path]:
 
 
 def _is_damaged_inside(item: bpy.types.ID) -> bool:
-    """True if Blender cannot read what is packed, or what nobody else knows to read."""
+    """True if packed data is damaged, or Blender cannot read a file that no other reader knows."""
     if item.id_type == "VOLUME":
         grids = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).grids
         return not grids.load() or not all([grid.load() for grid in grids])
@@ -187,7 +187,7 @@ def _is_damaged_inside(item: bpy.types.ID) -> bool:
         return False
     for packed in item.packed_files:
         content = packed.packed_file.data
-        # Named by what it holds, so that it is read to its end once.
+        # The name depends on the content, so that ``_is_damaged`` reads the same content only once.
         path = Path(tempfile.gettempdir(), f"lfsr-{os.getpid()}-{hash(content):x}{Path(packed.filepath).suffix}")
         try:
             path.write_bytes(content)
@@ -243,7 +243,7 @@ def _is_damaged(path: str, _stamp: str) -> bool:
 
 
 def _is_whole_ogawa(path: str) -> bool:
-    """True if an Alembic file was finished and holds each of its groups and data: from its root, counts and places."""
+    """True if an Alembic file was finished and holds all groups and data that follow from its root by their offsets."""
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         if content[:6] != b"Ogawa\xff":
             return False
@@ -310,7 +310,7 @@ def choose_scene(name: str) -> bpy.types.Scene:
 
 
 def shown(scene: bpy.types.Scene) -> bpy.types.Scene:
-    """Show ``scene`` in the window: Blender evaluates the scene that was open when the file was saved otherwise."""
+    """Show ``scene`` in the window: else Blender evaluates the scene that was open when the file was saved."""
     bpy.context.window.scene = scene
     return scene
 
@@ -318,7 +318,7 @@ def shown(scene: bpy.types.Scene) -> bpy.types.Scene:
 def _open_blend(path: str, tell: Tell) -> None:
     """Open a .blend; the files that it names are looked at before Blender evaluates the scene, which reads them.
 
-    LfsrError where it names a device or a pipe, or what would end Blender; ``tell`` gets the geometry that it reads.
+    LfsrError where it names a device, a pipe, or damaged geometry, which crashes Blender; ``tell`` gets the geometry.
     """
     wrong = []
 
@@ -384,7 +384,7 @@ def cameras(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 
 
 def camera_notices(scene: bpy.types.Scene, asked: str | None, is_imported: bool) -> list[Notice]:
-    """Return what to know of the camera that the array stands at.
+    """Return notices about the camera at which the array stands.
 
     ``asked``: name that was asked for, None for none; ``is_imported``: whether the file's format has no active camera.
     """

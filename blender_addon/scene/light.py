@@ -19,7 +19,7 @@ from .contents import materials, nodes_of, rendered, with_copied
 DEFAULT_LIGHT = "city"  # neutral, from all sides: suits glass as well as skin
 # Brightness below which a white surface is almost in the dark. The world of a new file, 0.05, lights less.
 DIM = 0.08
-BLACK, MORE = 0.05, 2.0  # radiance of a picture's brightest below which it needs so many times the light
+BLACK, MORE = 0.05, 2.0  # a picture whose brightest 5 % are below this radiance needs so many times the light
 GLARE, GLARING = 2.0, 0.15  # radiance at which even gray is white, and how much of a picture may be so bright
 LEAST_ALBEDO = 0.1  # darker surfaces count as if they reflected this much: what is black needs more light to be seen
 SKY = 0.5  # radiance of a sky that is an image or a texture
@@ -29,7 +29,7 @@ EVEN_LAMPS = ((-40, 50, 2.0), (80, 25, 1.0), (200, 35, 1.0), (0, -80, 0.5))
 SOFT = ("AgX", "Filmic", "Filmic Log", "Khronos PBR Neutral")  # view transforms that show more than white
 AUTO_LIGHT, OWN_LIGHT, FILE_LIGHT = "AUTO", "OWN", "FILE"
 SCENE_LIGHTS = (AUTO_LIGHT, OWN_LIGHT)  # in which the scene's own light counts
-# Menu entry, in Blender's capitals: name in a job.
+# Menu entry, in Blender's capitals: name in a request.
 NAMES = {AUTO_LIGHT: AUTO, OWN_LIGHT: OWN, EVEN.upper(): EVEN, **{name.upper(): name for name in WORLD_IMAGES}}
 
 
@@ -140,8 +140,8 @@ def lit(scene: bpy.types.Scene, light: str) -> Iterator[None]:
 def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.World:
     """Light the scene with a world image: a file's, or by name one of those that ship with Blender (CC0).
 
-    One of those is so bright that a white floor is at most white under a view transform that shows nothing brighter.
-    LfsrError where it is not there, or a pixel cannot be read: Blender might crash.
+    A shipped image is dimmed until a white floor is at most white, if the view transform shows nothing brighter.
+    LfsrError where it is missing, or cannot be read to its end, because Blender might crash.
     """
     unreadable = LfsrError(f"light {light} cannot be read as an image: choose another file")
     if is_light_file(light):

@@ -47,7 +47,7 @@ def file_stem() -> str:
 class Resolved:
     """Settings of a scene, with what its display and its device decide."""
 
-    request: Request  # of the current frame, without a folder; of the scale Auto it has the largest
+    request: Request  # of the current frame, without a folder; for the scale Auto, at the largest of its scales
     finish: Finish
     rays: float | None  # per finished pixel, which decide the samples; None where these are fixed
 
@@ -79,7 +79,7 @@ class Resolved:
 
 
 def resolve(scene: bpy.types.Scene) -> Resolved:
-    """Resolve the settings; LfsrError where the display's profile cannot be read, or the scale is not one of it."""
+    """Resolve the settings; LfsrError where the display's profile cannot be read, or it does not have the scale."""
     settings, display, device, light = scene.lfsr, display_of(scene), device_of(scene), _light_of(scene)
     rays, scale, method = None if settings.samples else settings.rays, 1, MethodName.parse(settings.method)
     scales: tuple[int, ...] = ()

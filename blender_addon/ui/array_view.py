@@ -1,6 +1,6 @@
 """The camera array in the 3D views: its frustum, display and limits of usable depth, and the view through it.
 
-Who looks through the array sees the view of the display's centre, with the display's own frame.
+The view through the array is that of the display's centre, in the display's own frame.
 """
 
 import math
@@ -84,7 +84,7 @@ def leave(area: bpy.types.Area) -> None:
 def _give_back(space: bpy.types.SpaceView3D, before: Before) -> None:
     name, space.lock_camera, region, overlay, _ = before
     space.use_local_camera = (camera := bpy.data.objects.get(name)) is not None
-    if camera is not None:  # else it is the scene's, which would change with it
+    if camera is not None:  # else the view shows the scene's camera, which this would change
         space.camera = camera
     assign(space.region_3d, region)
     assign(space.overlay, overlay)
@@ -162,7 +162,7 @@ def frame_corners(scene: bpy.types.Scene, region: bpy.types.Region,
 
 
 def draw_frame() -> None:
-    """Draw handler of the 3D views, in pixels: the display's frame, its name, and what lies outside in the dark."""
+    """Draw handler of the 3D views, in pixels: the display's frame and name, and a dark margin around the frame."""
     context = bpy.context
     scene, region = context.scene, context.region
     if not context.space_data.overlay.show_overlays or not is_looking(context.space_data, scene):

@@ -78,7 +78,7 @@ def sentence(layout: bpy.types.UILayout, text: str, icon: str, context: bpy.type
 
 
 def image_text(scene: bpy.types.Scene) -> str:
-    """What an eye will see of the image, and how long it takes; LfsrError where the settings are wrong."""
+    """Return how many points an eye will see, and how long the image takes; LfsrError where the settings are wrong."""
     settings = scene_settings.check(scene)
     width, height = settings.display.panel_pixels if settings.subpixels else settings.display.lenses
     text, expected = f"{width} × {height} points", folders.expected_seconds(scene)
@@ -86,7 +86,7 @@ def image_text(scene: bpy.types.Scene) -> str:
 
 
 def display_facts(settings: Resolved) -> Facts:
-    """Lenses, views, resolutions and samples, of the scale Auto those of its smallest and largest; the device.
+    """Lenses, views, resolutions, samples and device; for scale Auto, ranges from its largest to its smallest scale.
 
     LfsrError if the scale does not divide the views, or the rays are too many.
     """

@@ -309,7 +309,7 @@ class LFSR_PT_live(LightFieldPanel, bpy.types.Panel):
 
 
 class LFSR_PT_live_advanced(LightFieldPanel, bpy.types.Panel):
-    """What decides how fast the live view is right"""
+    """Settings that decide how quickly the live view converges"""
 
     bl_label = "Advanced"
     bl_parent_id = "LFSR_PT_live"

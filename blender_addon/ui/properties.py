@@ -36,7 +36,7 @@ def _display_changed(settings: SceneSettings, context: bpy.types.Context) -> Non
 
 
 def forget_message() -> None:
-    """Remove what was said of the last image: the display or its place has changed since."""
+    """Remove the messages about the last image, because the display or its place has changed."""
     state = bpy.context.window_manager.lfsr
     state.message = state.outcome = state.outcome_folder = state.plan_scene = ""
 

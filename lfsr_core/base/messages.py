@@ -1,7 +1,7 @@
-"""What a user is told: errors, progress, and notices of what stops nothing; in a module that is quick to import.
+"""What a user is told: errors, progress, and notices, which stop nothing. This module imports quickly.
 
-Codes and values cross boundaries. Who shows a notice words it: the command line with ``commands.sentences``, the panel
-with the add-on's own table.
+Codes and values cross boundaries. The part that shows a notice words it: the command line with ``commands.sentences``,
+the panel with the add-on's own table.
 """
 
 import dataclasses
@@ -45,7 +45,7 @@ class Progress:
     detail: str = ""  # a file, a count or a place in the work, as it is shown beside the bar
     left: float | None = None  # seconds until all is done, None where they cannot be told
     cpu: float | None = None  # CPU seconds of the process that works, None where it does not tell them
-    repeated: bool = False  # said again because there is nothing new
+    repeated: bool = False  # the last progress once more, because nothing has changed
 
 
 @dataclasses.dataclass(frozen=True)

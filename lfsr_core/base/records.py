@@ -22,7 +22,7 @@ from lfsr_core.base.system import read_json, write_json
 Record = TypeVar("Record")
 MOST_VALUE = 50  # characters of a value, or of a list of names, so that what is wrong fits beside a long path
 MOST_TEXT, MOST_WHOLE = 4096, 2**63
-SURROGATE = re.compile("[\ud800-\udfff]")  # which JSON can hold but no file name or terminal
+SURROGATE = re.compile("[\ud800-\udfff]")  # JSON can hold these; file names and terminals cannot
 PLAIN: dict[type, tuple[tuple[type, ...], str]] = {
     str: ((str,), "text"), bool: ((bool,), "true or false"), int: ((int,), "a whole number"),
     float: ((int, float), "a finite number")}
@@ -94,7 +94,7 @@ class _WrongError(Exception):
     """What is wrong with a value; ``places`` name it, the innermost first."""
 
     def __init__(self, rule: str, of_value: bool = False) -> None:
-        """``of_value``: ``rule`` continues the sentence after the place, as "is 3, but", else it is one itself."""
+        """``of_value``: True if ``rule`` continues a sentence after the place ("is 3, but …"), False if it is one."""
         super().__init__(rule)
         self.places: list[str] = []
         self.of_value = of_value

@@ -1,4 +1,4 @@
-"""This computer: files and folders that appear whole or not at all, files read up to a size, cores and memory."""
+"""This computer: writing files and folders whole or not at all, reading files of limited size, cores and memory."""
 
 import contextlib
 import errno
@@ -27,7 +27,7 @@ else:
     import fcntl
     import resource
 
-LOCK_FILE, RELEASED_FILE = "in-use", "released"  # in a staging folder; others may write into the target then
+LOCK_FILE, RELEASED_FILE = "in-use", "released"  # in a staging folder; the second: others may write the target now
 UNFINISHED, LOCK = ".unfinished", ".lock"  # ends of the names of a file that is being written, and of its lock
 PAUSES = (0.02, 0.1, 0.3, 0.6)  # seconds between attempts to replace a file that a virus scanner may hold
 LONGEST_NAME = 255  # bytes, of the usual file systems
@@ -38,15 +38,16 @@ FORBIDDEN = re.compile(r'[<>:"|?*\x00-\x1f]|[. ]$')  # in a name on Windows
 IN_USE = (5, 32, 33, 1224)  # errors of Windows: refused, open in another program, locked, mapped
 MOST_JSON_BYTES = 16_000_000
 MOST_BRACKETS = 50  # one inside the other
-WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)  # of a file system, as some network folders are
+WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)  # file systems without locks, as in some networks
 ADVICE = {errno.EPIPE: "send it to a file or a terminal", errno.EEXIST: "choose another folder",
           errno.ENAMETOOLONG: "choose a shorter name",
           **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), "choose a folder you may write to"),
           **dict.fromkeys((errno.ENOSPC, errno.EFBIG, errno.EDQUOT), "free some space or choose another folder")}
-CORES = "LFSR_CORES"  # environment variable of processes that leave some cores to others
-MOST_THREADS = 8  # more of them wait for memory
-MOST_MEMORY = 0.9  # of this computer's, that a child may take
-SECONDS_BETWEEN = 0.5  # looks at it
+CORES = "LFSR_CORES"  # environment variable: how many cores a process may use
+MOST_THREADS = 8  # more threads only wait for memory
+VALUES_IN_CACHE = 40_000  # of several arrays of floats at once, in the cache of a core
+MOST_MEMORY = 0.9  # fraction of this computer's memory that a process may take
+SECONDS_BETWEEN = 0.5  # between measurements of the memory
 
 
 @contextmanager
@@ -54,7 +55,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     """Yield a temporary name beside ``path`` that is renamed to it when the block ends without error.
 
     The block makes the file. The suffix stays, because image writers choose the format by it. A failed write leaves no
-    file and becomes an LfsrError that names the cause. What a killed process left is removed by the next.
+    file and becomes an LfsrError that names the cause. The next call for ``path`` removes what a killed process left.
     """
     path = Path(path)
     start = f".{path.stem[:40]}-"
@@ -69,7 +70,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
                         if entry.name.startswith(match[1] + UNFINISHED):
                             entry.unlink(missing_ok=True)
                     remove_locked(lock)
-        # Not the file itself is locked: Windows replaces no open file.
+        # The lock is a file of its own, because Windows cannot replace an open file.
         with lock_file(temporary).open("xb") as lock:
             try:
                 locks(lock)
@@ -82,7 +83,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 
 
 def lock_file(temporary: Path) -> Path:
-    """File that is locked while ``temporary``, of ``atomic_path``, is written."""
+    """Return the file that ``atomic_path`` locks while it writes ``temporary``."""
     return temporary.with_name(temporary.name.rpartition(UNFINISHED)[0] + LOCK)
 
 
@@ -102,8 +103,8 @@ def replace(source: str | Path, target: str | Path) -> None:
 def replace_files(staged: Path, folder: Path, stale: Iterable[str] = ()) -> None:
     """Move the files in ``staged`` into ``folder``, and remove the ``stale`` files there that are not replaced.
 
-    A process that is killed meanwhile leaves no JSON file that describes other files than those beside it. LfsrError,
-    and nothing is changed, where a file has the name of a folder.
+    If the process is killed meanwhile, no JSON file describes files other than those beside it. LfsrError, before
+    anything is changed, where a file has the name of a folder.
     """
     paths = sorted(staged.iterdir(), key=lambda path: (path.suffix == ".json", path.name))
     for path in (folder / path.name for path in paths):
@@ -133,7 +134,7 @@ def locks(file: IO[bytes], otherwise: bool = False) -> bool:
 
 def remove_locked(file: IO[bytes]) -> None:
     """Remove a file that this process has locked, and close it."""
-    for _ in range(2):  # first while its lock is held; Windows removes it only closed, and only if nobody has it open
+    for _ in range(2):  # first while it is locked; on Windows, which removes no open file, after it is closed
         with contextlib.suppress(OSError):
             os.unlink(file.name)
         file.close()
@@ -141,10 +142,10 @@ def remove_locked(file: IO[bytes]) -> None:
 
 @contextmanager
 def staging_folder(target: Path) -> Iterator[Path]:
-    """Make a hidden folder beside ``target``, or in it where that cannot be, and remove it after the block.
+    """Make a hidden folder beside ``target``, or in it if it is mounted or its parent read-only; remove it at the end.
 
-    Folders of dead processes go first. It is the target's lock, by its name alone where the file system has no locks:
-    there those of dead processes stay. LfsrError where it cannot be made, or another process has one for ``target``.
+    The folder is the target's lock. Folders of dead processes are removed first, except where the file system has no
+    locks. LfsrError where it cannot be made, or another process has one for ``target``.
     """
     target = target.resolve()  # "." has no name, and a link is not on the disk of its folder
     with system_errors(target):
@@ -154,7 +155,7 @@ def staging_folder(target: Path) -> Iterator[Path]:
             tempfile.TemporaryFile(dir=target).close()  # fails before the work, not after it
         folder = Path(tempfile.mkdtemp(prefix=f".{target.name}-lfsr-", dir=place_beside(target)))
     try:
-        folder.mkdir(exist_ok=True)  # another process removes empty folders
+        folder.mkdir(exist_ok=True)  # another process may have removed it while it was empty
         with (folder / LOCK_FILE).open("wb") as lock:
             if not locks(lock, otherwise=True) or any(other != folder for other in remove_dead(target)):
                 raise LfsrError(f"another process is writing {target}: wait for it, or choose another folder")
@@ -164,7 +165,7 @@ def staging_folder(target: Path) -> Iterator[Path]:
 
 
 def remove(staging: Path) -> None:
-    """Remove a staging folder, its lock file last: a folder without one is known to be dead when it is empty."""
+    """Remove a staging folder, its lock file last, so that it looks in use until it is empty."""
     with contextlib.suppress(OSError):
         for path in staging.iterdir():
             if path.is_dir():
@@ -180,25 +181,25 @@ def remove_dead(target: Path) -> list[Path]:
     place, used = place_beside(target), []
     swapped = str(place).swapcase()  # on Windows and macOS the same folder
     flags = re.IGNORECASE if swapped != str(place) and os.path.exists(swapped) else re.NOFLAG
-    # The end of a name that tempfile.mkdtemp gives; the user's own folders are called otherwise.
+    # The name ends as tempfile.mkdtemp makes it, so that no folder of the user matches.
     ours = re.compile(re.escape(f".{target.name}-lfsr-") + r"[a-z0-9_]{8}", flags)
     for folder in [path for path in place.iterdir() if ours.fullmatch(path.name)]:
-        is_released = (folder / RELEASED_FILE).exists()  # before its lock, because it goes after it
+        is_released = (folder / RELEASED_FILE).exists()  # looked up before the lock, which is removed first
         with contextlib.suppress(OSError):
             names = os.listdir(folder)
             if names and LOCK_FILE not in names:
-                remove(folder)  # a process that outlived its maker has made it again
+                remove(folder)  # a child that outlived the owner has made the folder again
         with contextlib.suppress(OSError), (folder / LOCK_FILE).open("rb") as lock:
             if not locks(lock):
                 used += [] if is_released else [folder]
                 continue
             remove(folder)
-        _remove_emptied(folder)  # Windows has kept the lock file, which was open; or it was killed before it had one
+        _remove_emptied(folder)  # the lock file was open on Windows, or the process was killed before it made one
     return used
 
 
 def _remove_emptied(folder: Path) -> None:
-    """Remove a folder that is empty but for a lock; on Windows, only if no process has that open."""
+    """Remove a staging folder that holds nothing but its lock; on Windows, only if no process has the lock open."""
     with contextlib.suppress(OSError):
         if {path.name for path in folder.iterdir()} <= {LOCK_FILE, RELEASED_FILE}:
             (folder / LOCK_FILE).unlink(missing_ok=True)
@@ -207,10 +208,10 @@ def _remove_emptied(folder: Path) -> None:
 
 
 def place_beside(target: Path) -> Path:
-    """Folder of the hidden folders of ``target``, which is no link: files cannot be moved into it if it is mounted."""
-    name, is_apart = secrets.token_hex(8), os.path.ismount(target)  # which does not know a mount of the same disk
+    """Return the parent of ``target`` (no link), or ``target`` itself if it is mounted or the parent read-only."""
+    name, is_apart = secrets.token_hex(8), os.path.ismount(target)  # misses a second mount of the same disk
     try:
-        os.rename(target / name, target.parent / name)  # there is no such file
+        os.rename(target / name, target.parent / name)  # no such file: the kind of error tells whether it is mounted
     except OSError as error:
         is_apart |= error.errno == errno.EXDEV
     return target if target.is_dir() and (is_apart or not os.access(target.parent, os.W_OK)) else target.parent
@@ -220,7 +221,7 @@ def place_beside(target: Path) -> Path:
 def system_errors(path: str | Path | None = None) -> Iterator[None]:
     """Turn errors of the system inside the block, such as a full disk, into an LfsrError.
 
-    ``path``: the file or folder that is written there, None to name what the system names.
+    ``path``: the file or folder that the block writes; None to name the one in the system's error.
     """
     try:
         yield
@@ -238,7 +239,7 @@ def system_errors(path: str | Path | None = None) -> Iterator[None]:
 def check_name(path: Path, room: int = 0) -> None:
     """LfsrError for a path that no file or folder can have: too long, not UTF-8, forbidden, or a link to nothing.
 
-    ``room``: letters by which a path in it, or beside it, is longer.
+    ``room``: letters to leave for longer paths in it or beside it.
     """
     try:
         names = [name.encode() for name in path.parts]
@@ -301,7 +302,7 @@ def read_json(path: str | Path, what: str) -> Any:
 
 
 def parse_json(content: bytes) -> Any:
-    """Return the data of JSON text; ValueError if it is none, nested too deeply, or has a number that is not finite."""
+    """Return the data of JSON text; ValueError if it is not JSON, is nested too deeply, or has a number not finite."""
     try:
         data = json.loads(content.decode("utf-8"), parse_constant=_finite, parse_float=_finite)
     except RecursionError:
@@ -313,7 +314,7 @@ def parse_json(content: bytes) -> Any:
 
 
 def without_advice(error: Exception) -> str:
-    """Return what is wrong with a file's text, without what Python tells programmers to do about long numbers."""
+    """Return the message of an error without Python's advice to programmers about long numbers."""
     return str(error).partition("; use sys.")[0]
 
 
@@ -375,7 +376,7 @@ def peak_bytes() -> int | None:
 def watch_memory(end: Callable[[str], object]) -> None:
     """Call ``end`` with a sentence, from a thread, once this process has held MOST_MEMORY of this computer's memory.
 
-    Not on Windows, which does not tell.
+    Windows does not report the memory, so ``end`` is never called there.
     """
     def watch() -> None:
         while sys.platform == "win32" or (peak_bytes() or 0) <= MOST_MEMORY * (
@@ -387,11 +388,17 @@ def watch_memory(end: Callable[[str], object]) -> None:
     threading.Thread(target=watch, daemon=True, name="lfsr-memory").start()
 
 
-def in_threads(work: Callable[[slice], object], count: int, most: int) -> None:
-    """Call ``work`` with slices of at most ``most`` of ``count`` items, on every usable core, up to MOST_THREADS.
+def in_cache(values: int) -> int:
+    """Return how many items of so many ``values`` each fit into a core's cache together, at least 1."""
+    return max(1, VALUES_IN_CACHE // values)
+
+
+def in_threads(work: Callable[[slice], object], count: int, values: int) -> None:
+    """Call ``work`` with slices of ``count`` items of so many ``values``, on every usable core, up to MOST_THREADS.
 
     A single slice starts no thread: for a small image that takes longer than the work.
     """
+    most = in_cache(values)
     parts = [slice(start, min(start + most, count)) for start in range(0, count, most)]
     with ThreadPoolExecutor(min(usable_cores(), MOST_THREADS)) as pool:
         list((pool.map if len(parts) > 1 else map)(work, parts))

@@ -3,10 +3,10 @@
 Through each lens a camera sees one point of the panel. The pattern's fringes are slightly closer together than
 elemental images, so the camera sees one fringe over several lenses (``tones``). Let k be the waves of the elemental
 images on the panel, K those of the lenses, E the camera's place at height z, b = gap/z and m = 1 + 1/carrier. A lens
-at c shows the panel's point (1 + b)·c − b·E, so in places on the panel the fringes that are seen have the wave
+at c shows the panel's point (1 + b)·c − b·E, so in panel coordinates the seen fringes have the wave
 m·k − K/(1 + b) and, at its centre, the phase K·shift − b·K·E/(1 + b) − m·(phase of k). Both are linear in the unknowns
 K and shift. The wave of fringes is measured roughly by the strongest response, then by the phase in windows all
-over the panel: what the phases differ by from a wave says how uncertain the wave is.
+over the panel. The residuals of these phases give the uncertainty of the wave.
 """
 
 import dataclasses
@@ -28,17 +28,17 @@ from lfsr_core.optics.eye import seen_at
 from lfsr_core.optics.panel.subpixel_rays import Geometry, elemental_waves
 
 PER_LENS = 3  # pixels of a photograph that are enough for a lens
-PLACE, PLACE_MM = 0.06, 5.0  # from the stated place to that by the perspective: of the distance, and millimetres
+PLACE, PLACE_MM = 0.06, 5.0  # most error of the stated place: a fraction of the distance, plus millimetres
 PITCH, LENSES, TURN = 1e-5, 2e-3, 1e-4  # most errors: of the pitch, all over the panel in pitches, of the rotation
 SURE = 2.2  # standard deviations as estimated; errors of simulated photographs deviated by 0.7 of one
-ROUNDS = 3  # until the gap, which follows from the pitch, stays
+ROUNDS = 3  # of the fit: the gap follows from the pitch, and settles
 # Of the picture that compares photographs with what a profile predicts.
 ACROSS, EDGE = 720, 12  # pixels of one picture, and between pictures
-BLOCK = 4  # pixels whose mean is compared: lenses themselves are no matter
-LEAST_ALIKE = 0.6  # correlation of both
+BLOCK = 4  # compares means of BLOCK × BLOCK pixels, so that single lenses do not matter
+LEAST_ALIKE = 0.6  # correlation of photograph and prediction
 MIN_CONTRAST = 0.02  # amplitude of fringes, where white is 1
 MIN_FRACTION = 0.08  # of a channel's variation that its fringes must make up
-REACH = 0.45  # most difference of the wave that is seen from the expected one, as a fraction of the latter
+REACH = 0.45  # most difference of the seen wave from the expected one, as a fraction of the expected one
 MOST_WINDOWS, LEAST_WINDOWS, FRINGES = 9, 3, 3.0  # windows along each side, each of this many fringes if there is room
 OVERLAP = 4 / 3  # neighbouring windows share a sixth of their errors, so the mean errs by this much more
 
@@ -49,7 +49,7 @@ class Picture(NamedTuple):
     values: Array  # (rows, columns)
     x: Array  # (columns,)
     y: Array  # (rows,), upwards
-    dots: Array  # (rows, columns) what a camera that mixes colours adds of the dots
+    dots: Array  # (rows, columns) the dots, whose light a camera that mixes colours adds
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Fringes:
 def find_fringes(picture: Picture, expected: Array, other: Array) -> Fringes:
     """Return the fringes whose wave lies near the ``expected`` one (2,).
 
-    ``other``: by how much the wave of the fringes that a camera which mixes colours adds is a different one.
+    ``other`` (2,): the wave of the other channel's fringes, which a camera that mixes colours adds, minus this one.
     LfsrError if they are not clear, hidden in places, or bent.
     """
     # The wave with the strongest response.
@@ -154,15 +154,15 @@ class Calibration:
     seen: tuple[Seen, ...]
     # standard deviations: of the pitch as a fraction of it, of the rotation in radians, of the shift in lens pitches
     errors: tuple[float, float, float]
-    per_mm: float  # change of the pitch, as a fraction, with a millimetre of the camera's distance
+    per_mm: float  # relative change of the pitch for each millimetre of error in the camera's distance
 
 
 def calibrate(profile: DisplayProfile, photos: Sequence[Path], places: Sequence[tuple[float, float, float]],
               output: Path | None) -> tuple[DisplayProfile, list[Notice]]:
-    """Return the profile by photographs of the phase pattern, taken from ``places``, and what to know of it.
+    """Return the profile fitted to photographs of the phase pattern, and notices about it.
 
-    Written, if ``output`` (.toml) is given: the profile, and beside it a PNG with the photographs as taken and as the
-    profile predicts them. LfsrError names the photograph that is not accepted.
+    ``places``: of the camera, in millimetres, as ``Seen.eye_mm``. ``output`` (.toml): write the profile there, and a
+    PNG beside it with the photographs as taken and as predicted. LfsrError names the photograph that is not accepted.
     """
     if output and (picture_file := output.with_suffix(".png")).resolve() in [photo.resolve() for photo in photos]:
         raise LfsrError(f"{picture_file} is a photograph, but the comparison would replace it: choose another name "
@@ -245,7 +245,7 @@ def combine(profile: DisplayProfile, seen: Sequence[Seen]) -> Calibration:
     if apart > 0.05:  # lens pitches
         raise LfsrError(f"the photographs disagree by {apart:.2f} of a lens pitch: check the places that they were "
                         "taken from, and the profile's viewing angle and distance")
-    # What windows and photographs scatter by, the larger of both, of the axis that is known least.
+    # The uncertainty: the scatter of windows or of photographs, whichever is larger, of the least certain axis.
     results = []
     for axis in range(len(phases[0])):
         along = waves[:, axis].mean(0)
@@ -270,7 +270,7 @@ def combine(profile: DisplayProfile, seen: Sequence[Seen]) -> Calibration:
 
 
 def _mean(waves: list[Fringes], view: View, profile: DisplayProfile) -> Fringes:
-    """Mean of the fringes of several channels, whose errors know how well the panel's places are known."""
+    """Mean of the fringes of several channels; its errors include the uncertainty of the panel's place."""
     (width, height), lengths = profile.panel_mm, np.array([np.linalg.norm(one.seen) for one in waves])
     # A wrong place of the panel moves all fringes alike, the more the closer they are.
     place = float((view.offsets ** 2).mean()) / len(view.offsets) * np.array([12 / width ** 2, 12 / height ** 2, 1])
@@ -325,7 +325,7 @@ def comparison(profile: DisplayProfile, calibration: Calibration) -> Array:
         x, y = ((axis + place * behind) / (1 + behind)
                 for axis, place in zip((points[0, :, 0], points[:, 0, 1]), seen.eye_mm, strict=False))
         predicted = seen_at(shown, fitted, seen.eye_mm, x, y) / 255
-        # Correlation of the channels of the fringes, the lesser.
+        # The lower of the correlations of the two fringe channels.
         first, second = (Raster.of(image).shrunk(BLOCK).values for image in (taken, predicted))
         alike = min(float(np.corrcoef(first[..., channel].ravel(), second[..., channel].ravel())[0, 1])
                     for channel in FRINGE_CHANNELS)

@@ -26,8 +26,8 @@ from lfsr_core.base.system import MOST_JSON_BYTES, parse_json, read_bytes
 from lfsr_core.optics.display import MAX_OFFSET, MAX_SLANT, DisplayProfile, Lenticular, Subpixels, proposed_light_field
 
 INCH = 25.4
-# Quilt of the models with so many pixels, by whether they have cells, as those of the third generation; a 16-inch and a
-# 15.6-inch display of earlier ones have the same. See exports.options.PRESETS.
+# Quilts by the panel's pixels and by whether it has cells, which the third generation has. A 16-inch and a 15.6-inch
+# display of earlier generations have the same quilt. See exports.options.PRESETS.
 QUILTS = {((1536, 2048), False): (8, 6, 420, 560), ((1440, 2560), False): (11, 6, 372, 682),
           ((2560, 1600), False): (5, 9, 819, 455), ((3840, 2160), False): (5, 9, 819, 455),
           ((3840, 2160), True): (7, 7, 857, 857), ((2160, 3840), True): (11, 6, 545, 1000),
@@ -94,7 +94,7 @@ def calibration_of(data: Any, path: str | Path) -> Calibration:
 
 
 def _calibrations(data: Any) -> Iterator[dict[str, Any]]:
-    """Objects with a pitch in ``data``; Bridge wraps them in others, and as text."""
+    """Yield the objects with a pitch in ``data``; Bridge wraps them in other objects, and in text."""
     if isinstance(data, str) and data.lstrip().startswith("{"):
         with contextlib.suppress(ValueError):
             data = parse_json(data.encode())

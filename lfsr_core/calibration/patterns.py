@@ -29,7 +29,7 @@ BORDER = 0.12  # of a lens pitch
 # Dots are green, which JPEG keeps best; fringes are red and blue.
 DOT_CHANNEL, FRINGE_CHANNELS = 1, (0, 2)
 MIN_CARRIER, MAX_CARRIER, FRINGES = 5, 28, 12
-FINER = 0.75  # carrier of the second tone, by the first: fringes that a far-off profile turns round disagree
+FINER = 0.75  # second carrier / first: where a wrong profile reverses the fringes, the two tones disagree
 MOST_DOTS, DOT_LENSES = 13, 7.5  # dots along the longer side; least lenses from one to the next
 DOT_SPREAD = 1 / 6  # standard deviation of a dot, of the distance to the next
 DOT_LIGHT, DOT_CONTRAST = 0.55, 0.4

@@ -1,7 +1,7 @@
 """Read a photograph of the phase pattern and find the panel in it: which place shows which point of the panel.
 
-The outline of what is lit gives a first guess, the arrangement of light and dark dots its turn and mirror. All of their
-channel is then fitted at once: a homography, the lens's distortion, and brightness that changes slowly.
+The outline of the lit area gives a first guess; the light and dark dots tell whether it is turned or mirrored. The
+whole channel of the dots is then fitted at once: a homography, the lens's distortion, and slowly changing brightness.
 Places in a photograph count from its middle, rightwards and downwards, in halves of its diagonal.
 """
 
@@ -31,16 +31,16 @@ LIT = 0.4  # of the light of the photograph's middle
 MIN_SIDE = 100  # pixels of the panel's shortest side
 MIN_PICTURE = 200  # of the photograph's shorter side
 CLIPPED, MOST_CLIPPED = 0.985, 0.06  # value of a saturated channel, and how much of the panel may be that bright
-LEAST_LIGHT, LEAST_COLOR = 0.15, 0.08  # of the brightest parts; of the channels' difference, by their mean
-ANGLES = 24  # of a quarter turn, in which corners are looked for
+LEAST_LIGHT, LEAST_COLOR = 0.15, 0.08  # of the brightest 5 %; difference of the channels, divided by their mean
+ANGLES = 24  # directions in a quarter turn along which corners are looked for
 # Of the fit.
-GAMMA = 2.2  # of panels and photographs: in light the colours that a camera mixes add up
+GAMMA = 2.2  # of panels and photographs: the colours that a camera mixes add up in linear light
 MARGIN = 0.94  # fraction of the panel's width and height that is measured
 COARSE, FINE = 110, 200  # points across that are compared with the dots
-COARSE_SPREAD = 1.5  # width of the dots in the first rounds, by theirs
+COARSE_SPREAD = 1.5  # factor that widens the dots in the first rounds
 ROUNDS, STILL = 15, 1e-4  # most rounds of a fit, and pixels of movement that end it
 GAIN, OFFSET = 4, 5  # terms per axis of the brightness of dots, and of what lies under them
-LEAST_ALIKE, LEAST_APART = 0.3, 0.1  # correlation with the dots, and by how much the other turns must be below it
+LEAST_ALIKE, LEAST_APART = 0.3, 0.1  # correlation with the dots, and its lead over the other seven orientations
 
 
 def read_photograph(path: str | Path) -> Array:
@@ -78,7 +78,7 @@ def read_photograph(path: str | Path) -> Array:
 
 
 class Raster(NamedTuple):
-    """A photograph, or one whose pixels are means of its pixels."""
+    """A photograph, or one averaged down."""
 
     values: Array  # (H, W, …)
     middle: Array  # (column, row) of the photograph's middle
@@ -123,7 +123,7 @@ class View:
     # (r² + 2 x², 2 x y) and (2 x y, r² + 2 y²).
     bend: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     alike: float = 0.0  # correlation of their channel with the dots
-    offsets: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 2)))  # (n, 2) dots from their places, mm
+    offsets: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 2)))  # (n, 2) of dots from the fit, in mm
 
     def places(self, points: Array) -> Array:
         """Places (…, 2) in the photograph of points (…, 2) of the panel."""
@@ -146,7 +146,7 @@ class View:
         return round(math.degrees(math.atan2(right[1], right[0])) / 90) % 4 * 90
 
     def camera(self, height: float) -> Array:
-        """Place (2,) on the panel in front of which a camera at this height, in millimetres, is by the perspective."""
+        """Return the camera's (x, y), in millimetres on the panel, from the perspective; ``height``: its z, above 0."""
         low, high = math.log(0.05), math.log(100.0)
         for _ in range(60):
             middle = (low + high) / 2
@@ -180,7 +180,7 @@ def find_panel(image: Array, profile: DisplayProfile) -> View:
         raise LfsrError("the photograph has no colours, but the pattern's channels are measured one by one: switch "
                         "filters off and photograph in colour")
 
-    # Of eight ways to lay the panel between the corners, the one under which the dots are seen.
+    # Try the panel in eight orientations between the corners, and keep the one that fits the dots best.
     light = whole._replace(values=image ** GAMMA)
     small, points = light.shrunk(round(_sides(corners).mean() * light.half / COARSE)), grid(size, COARSE)
     expected = marks.shown(points[..., 0], points[..., 1], marks.spread * COARSE_SPREAD) ** GAMMA
@@ -199,7 +199,7 @@ def find_panel(image: Array, profile: DisplayProfile) -> View:
 
     view = _align(views[int(np.argmax(alike))], small, marks, size, COARSE, COARSE_SPREAD, False)
     view = _align(view, small, marks, size, COARSE, COARSE_SPREAD, True)
-    # With a little of its neighbours in each pixel: fine colour moiré would pass for colours that mix.
+    # Blurred a little, because fine colour moiré looks like colours that mix.
     fine = light.shrunk(round(_sides(view.places(halves * size)).mean() * light.half / FINE))
     soft = fine.values
     for axis in (0, 1, 0, 1):
@@ -266,7 +266,7 @@ def _outline(image: Array) -> Array:
     middle = np.s_[high * 2 // 5:high * 3 // 5 + 1, wide * 2 // 5:wide * 3 // 5 + 1]
     brightness = float(np.median(light[middle]))
     lit = light > LIT * brightness
-    part = np.zeros_like(lit)  # of what is lit, all that hangs together with the middle
+    part = np.zeros_like(lit)  # the lit pixels that are connected to the middle
     part[middle] = lit[middle]
     count = -1
     while count != (count := int(part.sum())):
@@ -277,7 +277,7 @@ def _outline(image: Array) -> Array:
     if brightness < 0.02 or len(row) < lit.size / 100:
         raise LfsrError("no lit panel is seen in the photograph: photograph the phase pattern in a dark room, with the "
                         "panel in the middle of the image")
-    # Of the quadrangles that points which lie farthest in four directions make, the largest.
+    # The largest quadrangle whose corners are the farthest points in four perpendicular directions.
     points, best = np.stack([columns[column], rows[row]], -1).astype(float), -1.0
     for angle in np.arange(ANGLES) * math.pi / 2 / ANGLES:
         ways = angle + np.arange(4) * math.pi / 2
@@ -304,13 +304,13 @@ def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wid
     for _ in range(ROUNDS):
         places = view.places(points)
         colors = image.at(places).reshape(-1, 3)
-        # Colours of the camera mix: those of the fringes take part.
+        # The camera mixes colours, so the fringes' channels are terms too.
         seen, others = colors[:, DOT_CHANNEL], colors[:, FRINGE_CHANNELS]
         terms = np.concatenate([columns, others], -1)
         fitted = terms @ _solved(terms, seen) - under @ _solved(under, seen)
-        # What is seen changes with each number of the view as the light that is expected; the photograph's own slopes
-        # would do but for its noise, which is in what they explain too. How places change along y and x; its inverse,
-        # how points change with places.
+        # How the light changes with each number of the view: by the slopes of the fitted image, because those of the
+        # photograph would contain its noise. Slopes along points become slopes along places by the inverse of the
+        # derivative of places by points.
         slope = np.einsum("...i,...ij->...j", np.stack(np.gradient(fitted.reshape(points.shape[:2]), *axes)[::-1], -1),
                           np.linalg.inv(np.stack(np.gradient(places, *axes, axis=(0, 1))[::-1], -1)))
         changes = [(((_moved(view, delta, size, bend).places(points) - places) / 1e-5) * slope).sum(-1).ravel()
@@ -324,7 +324,7 @@ def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wid
     plain: Array = seen - flat @ _solved(flat, seen)
     alike = math.sqrt(max(0.0, 1 - float((rest ** 2).sum() / max((plain ** 2).sum(), 1e-12))))
     gain = columns[:, under.shape[1]:-1] @ solved[under.shape[1]:columns.shape[1] - 1]
-    # Millimetres by which each dot lies elsewhere than the fit says.
+    # Offset of each dot from the fit, in millimetres.
     rest, gain = (values.reshape(points.shape[:2]) for values in (rest, gain))
     up, right = (np.gradient(gain, places, axis=axis) for axis, places in enumerate(axes))
     offsets = []
@@ -352,7 +352,7 @@ def _terms(points: Array, size: Array, count: int) -> Array:
 
 
 def _solved(terms: Array, values: Array) -> Array:
-    """Factors of the columns of ``terms`` that come nearest to ``values``."""
+    """Return the least-squares factors of the columns of ``terms`` for ``values``."""
     scale = np.sqrt((terms ** 2).sum(0)) + 1e-12
     scaled = terms / scale
     return np.asarray((np.linalg.solve(scaled.T @ scaled + 1e-10 * np.eye(len(scale)), scaled.T @ values).T / scale).T)

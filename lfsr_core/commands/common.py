@@ -1,4 +1,4 @@
-"""What verbs share: arguments and the values that they become, the progress bar, and how terminals are written to."""
+"""What verbs share: arguments, the records made of them, and the progress bar."""
 
 import argparse
 import contextlib
@@ -24,7 +24,7 @@ PROGRESS_VARIABLE, OPENJD = "LFSR_PROGRESS", "openjd"  # environment variable, s
 
 
 def add_scene_arguments(parser: argparse.ArgumentParser, when: str = "") -> None:
-    """Scene, output, part, cluster, and what decides the geometry; ``when``: words of help before the cluster."""
+    """Add the arguments of scene, output, geometry, part and cluster; ``when`` begins the help of ``--cluster``."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="frame folder to write")
     add_geometry_arguments(parser)
@@ -35,7 +35,7 @@ def add_scene_arguments(parser: argparse.ArgumentParser, when: str = "") -> None
 
 
 def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
-    """Display, views, subject, and the Blender that renders them."""
+    """Add the arguments of display, views, subject, light, and the Blender that renders them."""
     parser.add_argument("--display", default="bupt-32in-8k", metavar="NAME|FILE.toml", help="default: %(default)s")
     offered = [layout for layout in files.LAYOUTS if layout != files.VIEW_BY_VIEW]
     parser.add_argument("--layout", choices=offered, default=files.LAYOUTS[0],
@@ -66,7 +66,7 @@ def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def make_request(arguments: argparse.Namespace, **values: Any) -> Request:
-    """Validated job of the parsed arguments; ``values`` add to them or replace them."""
+    """Return the checked request of the parsed arguments; ``values``: fields that add to them or replace them."""
     same = ("output", "layout", "view_aperture", "seed", "frame", "subject", "device",
             "world_visible", "camera", "allow_missing")
     given = {name: getattr(arguments, name) for name in same if name not in values}
@@ -126,7 +126,7 @@ def position(text: str) -> tuple[float, float, float]:
 
 
 def numbers(text: str, kind: type = int) -> tuple[Any, ...]:
-    """Whole numbers such as 1,4,16, or others where ``kind`` is float, for argparse: each once."""
+    """Return the numbers in a text such as 1,4,16, each once, for argparse; ``kind``: int or float."""
     try:
         return tuple(dict.fromkeys(kind(part) for part in text.split(",")))
     except ValueError:
@@ -149,7 +149,7 @@ class ProgressBar:
         self._told: list[Notice] = []
 
     def __call__(self, told: Progress | Notice) -> None:
-        """Show progress, elsewhere than on a terminal only at a new stage, at the end, and every few seconds."""
+        """Show progress or a notice; without a terminal only at a new stage, at its end, and every few seconds."""
         if sys.stdout is None:  # --quiet
             return
         if isinstance(told, Notice):

@@ -127,7 +127,7 @@ def describe(profile: DisplayProfile) -> list[str]:
     spacing = profile.camera_spacing_mm
 
     def angle(views: int) -> float:
-        """Angle in degrees of so many neighbouring views at the viewing distance."""
+        """Angle in degrees that ``views`` neighbouring views cover at the viewing distance."""
         return math.degrees(2 * math.atan(views * spacing / 2 / profile.viewing_distance_mm))
 
     woven = list[tuple[str, str]]()  # lens sheet, subpixels and weave, and how much of each view an eye sees

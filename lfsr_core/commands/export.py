@@ -1,4 +1,4 @@
-"""``lfsr view``, ``views``, ``show``, ``export``, ``import``: finished frames for people and programs, and theirs."""
+"""``lfsr view``, ``views``, ``show``, ``export``, ``import``: show finished frames, and exchange them with programs."""
 
 import argparse
 import os

@@ -106,7 +106,7 @@ def metrics_table(metrics: Metrics) -> list[str]:
 
 
 def plan_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of this verb; their defaults are those of ``PlanOptions``."""
+    """Add the arguments of `lfsr plan`; ``PlanOptions`` has the defaults."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help=".blend, .glb, .gltf or .obj")
     parser.add_argument("--target", type=float, metavar="0..1", help="accuracy to reach, default: 0.95")
     parser.add_argument("--metric", metavar="NAME", help="ssim_lens_fg (default) or ssim_lens")

@@ -114,7 +114,7 @@ def run_render(arguments: argparse.Namespace) -> Any:
             made = make_on(arguments.cluster, request, finish, frames or (), arguments.blender, arguments.overwrite,
                            bar)
         else:
-            # One image is asked for to have it anew; an animation goes on with the frames that are there.
+            # A single image is always rendered again; an animation keeps the frames that are finished.
             made = make(request, None if request.rows else finish, frames, blender=arguments.blender, tell=bar,
                         overwrite=arguments.overwrite or frames is None)
         failed = [result for result in made if result.state == FAILED]
@@ -182,10 +182,10 @@ def run_upscale(arguments: argparse.Namespace) -> Any:
 
 
 def show_finished(folder: FrameFolder, bar: ProgressBar) -> None:
-    """Print what the second stage has to say, its times and its files."""
+    """Print the notices of the second stage, its times and its files."""
     report, frame = folder.report, folder.rendered
     for notice in report.notes:
-        if notice not in frame.notes:  # the render has said those
+        if notice not in frame.notes:  # which were shown during the render
             bar(notice)
     times = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in report.seconds.items())
     if frame.subpixels:

@@ -30,7 +30,7 @@ def older(values: Values) -> str:
 
 
 def replaced(values: Values) -> str:
-    """Return in which light a scene is rendered, and why not in its own."""
+    """Return which light replaces the scene's own, and why."""
     reason, light = DARK[values["reason"]], values["light"]
     return f"{reason}, and something encloses it. It is lit evenly, without shadows" if light == EVEN else (
         f"{reason}. It is lit with Blender's world image {light!r}")
@@ -38,11 +38,11 @@ def replaced(values: Values) -> str:
 
 # What a view layer does with collections.
 SWITCHES = {"exclude": "excludes", "holdout": "holds out", "indirect_only": "makes indirect-only"}
-# Where the subject is that no ray meets.
+# Where a subject is if no ray meets it.
 PLACES = {"behind": "lies behind the camera", "left": "lies to the left", "right": "lies to the right",
           "below": "lies below", "above": "lies above", "beyond": "lies beyond the clip end of the camera",
           "hidden": "is hidden or too small"}
-# Why a scene is lit otherwise than it says, and why its world is not rendered apart.
+# Why another light replaces the scene's own, and why the world is not rendered separately.
 DARK = {"dark": "almost no light reaches what the array sees", "none": "the scene has no light"}
 WORLDS = {"volume": "the world has a volume", "coordinates": "the world uses window or camera coordinates",
           "sun": "a sun lamp is visible to the camera"}
@@ -75,15 +75,15 @@ SENTENCES: dict[str, Wording] = {
                      "starts from the beginning",
     # Plans
     "candidate-beaten": "not measured: scale {scale} is better with as many rays", "candidate-failed": "{error}",
-    "candidate-not-needed": "not needed: hardly cheaper than s{scale}-spp{samples} {method}, or dearer",
+    "candidate-not-needed": "not needed: costs hardly less than s{scale}-spp{samples} {method}, or more",
     "candidate-over-budget": "not measured: beyond the budget of the sample (--budget)",
     "candidate-too-slow": "takes too long",
     "plan-kept": "the renders of this plan stay for a day in {folder}: run the same plan again to continue",
     "plan-limit-certainty": "certainty: the best candidate's mean reaches the target, its lower bound does not; look "
                             "at more lenses",
     "plan-limit-method": "noise: more samples hardly help at full resolution; try another method",
-    "plan-limit-noise": "noise: accuracy still grows with the samples; try more than {samples}",
-    "plan-limit-time": "time: the target is reached, but not within {seconds:g} s",
+    "plan-limit-noise": "noise: more than {samples} samples may reach the target",
+    "plan-limit-time": "time: slower settings, above {seconds:g} s, may reach the target",
     "plan-limit-unmeasured": "no candidate could be measured: allow more seconds, scales or methods",
     "plan-limit-upscaling": "upscaling: at scale {scale} even many more samples would stay below the target; choose a "
                             "smaller scale or another method",

@@ -60,7 +60,7 @@ def panel_aspect(field: LightField) -> float:
 
 
 def quilt_layout(field: LightField, options: ExportOptions) -> tuple[Pair, Pair]:
-    """Tiles and their pixels: as asked for, those of the display's model, or all views of a display without."""
+    """Return the tiles and the pixels of a tile: as asked for, else of the display's quilt, else of all views."""
     asked = options.views or options.grid or options.width
     if options.preset and asked:
         raise LfsrError(f"preset {options.preset!r} decides views, grid and width of a quilt: leave these out")
@@ -92,8 +92,8 @@ def quilt_layout(field: LightField, options: ExportOptions) -> tuple[Pair, Pair]
 def quilt_of_views(field: LightField, grid: Pair, tile: Pair) -> Array:
     """Quilt (H, W, 3) uint8 of the views at eye level.
 
-    As many as the display has across: the rendered views of the row next above the middle. Another number: views at
-    equal angles of the viewing cone, interpolated.
+    For as many tiles as the display has views across: the finished views of the middle row, or of the row above the
+    middle. For another number: interpolated views at equal angles of the viewing cone.
     """
     (columns, rows), (across, down) = grid, field.count
     if columns * rows == across:
@@ -111,7 +111,7 @@ class Layout(NamedTuple):
     """How the two eyes' images, (H, W, 3) uint8, become one."""
 
     suffix: str  # in the file's name, by which players know the layout
-    size: tuple[float, float]  # of each image, by a whole one's width and height
+    size: tuple[float, float]  # of each image, as fractions of the width and height of a whole one
     axis: int | None  # along which they are joined; None: as an anaglyph
 
 
@@ -147,7 +147,7 @@ def eye_distance(field: LightField, options: ExportOptions) -> float:
 def write_rgbd(field: LightField, folder: Path, options: ExportOptions) -> None:
     """Write colour left and depth right, near is white, as Looking Glass' programs take them.
 
-    Depth is linear in disparity; tells where on it the display's plane is.
+    Depth is linear in disparity; a notice tells the depth of the display plane.
     """
     if (rendered := rendered_disparity(field)) is None:
         raise LfsrError(f"{field.folder} has no position layer, from which depth comes: render it with the "
@@ -161,7 +161,7 @@ def write_rgbd(field: LightField, folder: Path, options: ExportOptions) -> None:
     nearness = np.clip((disparity - far) / (near - far), 0, 1)  # emptiness is as far as the farthest that is hit
     rows, columns = (np.arange(size) * count // size
                      for size, count in zip(color.shape[:2], nearness.shape, strict=True))
-    grey = np.rint(nearness[rows][:, columns] * 255).astype(np.uint8)  # the nearest lens: no depth between two things
+    grey = np.rint(nearness[rows][:, columns] * 255).astype(np.uint8)  # not interpolated: no depth between objects
     write_png(folder / f"{field.name}_rgbd.png", np.concatenate([color, np.repeat(grey[..., None], 3, 2)], axis=1))
     options.tell(Notice("display-plane", {"depth": float(np.clip(-far / (near - far), 0, 1))}))
 
@@ -310,7 +310,7 @@ def write_motion(motion: Motion, fields: Iterator[LightField], count: int | None
 
 
 def write_quilt_film(fields: Iterator[LightField], count: int | None, folder: Path, options: ExportOptions) -> None:
-    """Write ``count`` quilts as a film, None for one, of even sides, as its encoders need."""
+    """Write a film of ``count`` quilts, None for one; the sides are even, because encoders need that."""
     first = next(fields)
     grid, (width, height) = quilt_layout(first, options)
     tile = width - width * grid[0] % 2, height - height * grid[1] % 2

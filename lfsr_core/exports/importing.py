@@ -39,7 +39,7 @@ FILMS = {".mp4": "mov", ".mov": "mov", ".m4v": "mov", ".mkv": "matroska", ".webm
 MOST_SIDE, LEAST_TILE = 16384, 2  # pixels; no program takes more
 MOST_PIXELS = 2**27  # of a quilt all of whose pixels are kept: about a minute's work
 BT709, UNKNOWN = "ITU709", 2  # a film's colour matrix, and FFmpeg's number for one that it does not say
-HIGH_DEFINITION = 720  # rows from which films without a word on it have BT.709
+HIGH_DEFINITION = 720  # rows from which a film that states no matrix has BT.709
 
 
 def find_views(folder: Path, columns: int | None = None) -> list[list[Path]]:
@@ -103,7 +103,7 @@ def _places(names: list[str], columns: int | None) -> dict[Place, str]:
             {match.group(1, 2) for match, _ in stanford}) == len(stanford):  # else the title ends in numbers
         axes = np.array([[float(match[group]) for group in (1, 2, 3, 4)] for match, _ in stanford]).T
         for counted, coordinates in ((axes[0], axes[2]), (axes[1], axes[3])):
-            # From 0, reversed where the coordinates in the names fall as these rise.
+            # Numbers count from 0, and are reversed where the coordinates fall while they rise.
             falls = np.dot(counted - counted.mean(), coordinates - coordinates.mean()) < 0
             counted[:] = counted.max() - counted if falls else counted - counted.min()
         placed = [((int(row), int(column)), name) for row, column, (_, name) in zip(*axes[:2], stanford, strict=True)]
@@ -148,7 +148,7 @@ class Quilt:
     grid: tuple[int, int]  # tiles across and down
     aspect: float  # of the picture, width / height
     top_first: bool = False  # whether tile 0 is at the top left, as in quilts for CubeVi's display
-    assumed: Notice | None = None  # that its name had no aspect ratio
+    assumed: Notice | None = None  # says that the aspect ratio is assumed
 
 
 def is_film(path: Path) -> bool:
@@ -186,12 +186,12 @@ def read_quilt(path: Path, quilt: Quilt) -> Array:
 
 
 def read_film(path: Path, quilt: Quilt) -> Iterator[tuple[Array, int]]:
-    """Views of each frame of a film of quilts, and the film's number of frames, 0 if not known; LfsrError as above."""
+    """Yield the views of each frame of a quilt film, and its number of frames, 0 if not known; errors as above."""
     try:
         import av
     except ImportError:
         raise LfsrError("films need the package av: pip install 'lfsr[video]', or import single images") from None
-    # From 19 on PyAV reads any bytes there.
+    # PyAV 19 and later accept any bytes as metadata.
     damaged: dict[str, Any] = {} if int(av.__version__.split(".")[0]) >= 19 else {"metadata_errors": "replace"}
     try:
         with reading(path, "a film"), av.open(str(path), format=FILMS[path.suffix.lower()], **damaged) as film:
@@ -199,7 +199,7 @@ def read_film(path: Path, quilt: Quilt) -> Iterator[tuple[Array, int]]:
             if stream is None:
                 raise LfsrError(f"{path} has no images that can be read: give a film of quilts")
             _check_quilt(path, (stream.width, stream.height), quilt)
-            # A Matroska that is cut ends without an error of FFmpeg's.
+            # FFmpeg reports no error at the end of a truncated Matroska file, so its duration is counted down.
             said = re.fullmatch(r"(\d+):(\d+):(\d+\.?\d*)", stream.metadata.get("DURATION", ""))
             left = float(said[1]) * 3600 + float(said[2]) * 60 + float(said[3]) if said else 0.0
             for frame in film.decode(stream):
@@ -244,8 +244,8 @@ class ImportGeometry:
     distance_mm: float | None = None  # from the cameras to that plane
     angle_deg: float | None = None  # of all cameras, seen from the centre of that plane
     mirror: str = ""  # "x", "y" or "xy" where the cameras are in the reverse order of their names
-    display: DisplayProfile | None = None  # that the views are made for; None: one whose lenses are their pixels
-    fill: bool = False  # whether the picture fills that display and is cut; else it is seen whole, between black bars
+    display: DisplayProfile | None = None  # the views are resampled for it; None: one with a lens per pixel of a view
+    fill: bool = False  # True: the picture fills that display and is cut; False: it is whole, between black bars
 
 
 # For folders without parameters: a desk display seen from a metre.
@@ -257,9 +257,9 @@ def import_views(source: str | Path, output: str | Path, scale: int = 1, geometr
     """Make a frame folder of a folder of views or of a quilt, as if they had been rendered; return its display.
 
     ``source``: folder of views named as in the HCI benchmark, the Stanford archive, JPEG Pleno, or our own exports; or
-    the image or film of a quilt. Of a film, each frame gets a finished folder ``0001`` … in ``output``, where those
-    that are there already stay. ``output``: frame folder to write; ``scale``: views that the second stage is to make of
-    each, along each axis, 1 for a display of one's choice; ``geometry``: replaces what the folder's parameters say;
+    the image or film of a quilt. Each frame of a film becomes a finished folder ``0001`` … in ``output``; folders that
+    are there already stay. ``output``: frame folder to write; ``scale``: factor by which the second stage multiplies
+    the views along each axis, 1 if ``geometry`` has a display; ``geometry``: replaces what the folder's parameters say;
     ``quilt``: how to read a quilt, as of ``quilt_of``, None for a folder of views. LfsrError for views that are
     missing, unreadable or of several sizes, a scale or geometry out of range, or where a folder holds another film or
     another import of this one.
@@ -363,7 +363,7 @@ def _write(output: Path, frame: Frame, views: Array) -> None:
     with staging_folder(output) as work:
         staged = work / "frame"
         staged.mkdir()
-        # A table of the 256 display values, which are exactly restored when they are encoded again.
+        # A table of 256 values: encoding them again restores the display values exactly.
         linear = srgb_decode(np.arange(256, dtype=np.float32) / 255)[from_views(views)]
         write_layers(staged / LOW_RES_FILE, {"color": linear})
         write_frame(staged, frame)
@@ -402,9 +402,9 @@ def _display(size: Pair, count: Pair, scale: int, given: ImportGeometry, facts: 
 
 
 def _hci_parameters(path: Path) -> tuple[int | None, tuple[float, ...]]:
-    """Cameras across, and focal length, sensor, baseline and focus in millimetres, of an HCI light field's parameters.
+    """Return the cameras across, and (focal length, sensor, baseline, focus, width / height), of HCI parameters.
 
-    Then width / height, 0 where it is unsaid. Nothing where there is no file; LfsrError where it cannot be read.
+    Lengths in millimetres; width / height is 0 if not stated. (None, ()) without a file; LfsrError if it is unreadable.
     """
     if not path.is_file():
         return None, ()

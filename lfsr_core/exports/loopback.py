@@ -34,7 +34,7 @@ def put(endpoint: str, body: dict[str, Any], seconds: float = SECONDS) -> Any:
                         "again") from None
     except LfsrError:  # a ValueError too
         raise
-    except (OSError, ValueError, http.client.HTTPException) as error:  # ValueError: a chunk whose size is no size
+    except (OSError, ValueError, http.client.HTTPException) as error:  # ValueError: a chunk's size is not a number
         raise LfsrError(f"{PROGRAM} broke the connection at {endpoint} ({str(error) or type(error).__name__}): end it "
                         "and start it again") from None
     if status != http.client.OK:

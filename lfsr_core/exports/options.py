@@ -102,7 +102,7 @@ class ExportOptions:
 
 
 def chosen_type(options: ExportOptions, name: str) -> str:
-    """File type of an export in format ``name``, by default its first; LfsrError for a type that it has not."""
+    """File type of an export in format ``name``, by default its first; LfsrError for a type that it does not have."""
     choices = FORMATS[name].types
     if options.type is None:
         return choices[0]

@@ -1,7 +1,7 @@
 """The viewer: one HTML file that shows finished EIAs as an eye in front of the display sees them.
 
-The page contains each EIA as WebP in base64 text; ``viewer/viewer.glsl`` finds lens and view for every pixel. It
-fetches nothing, so it opens from a disk.
+The page contains each EIA as WebP in base64 text; ``viewer/viewer.glsl`` finds lens and view for every pixel. The page
+loads no other file, so it opens from a disk.
 """
 
 import base64
@@ -86,7 +86,7 @@ def write_page(folders: str | Path | Sequence[str | Path], output: str | Path | 
         if sum(map(len, images)) > MOST_PAGE_BYTES:
             raise LfsrError(f"the page would be over {MOST_PAGE_BYTES / 1e6:.0f} MB after {number + 1} of "
                             f"{len(frames)} frames: give fewer frames or a lower quality")
-    # A camera in the middle: what the page shows before its EIA, and where WebGL is missing.
+    # The middle view, which the page shows until its EIA is decoded, and where WebGL is missing.
     eis = to_elemental_images(read_png(next(iter(frames)) / EIA_FILE), profile.lenses)
     middle = np.ascontiguousarray(eis[:, :, profile.views[1] // 2, profile.views[0] // 2])
     still = encode_webp(middle, BEST if middle.size <= MOST_LOSSLESS else STILL_QUALITY)

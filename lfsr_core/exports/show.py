@@ -1,4 +1,4 @@
-"""What is shown where: quilts through Looking Glass Bridge, a panel's own image full screen in a browser."""
+"""Show images on displays: quilts through Looking Glass Bridge, a panel's own image full screen in a browser."""
 
 import dataclasses
 import html
@@ -61,10 +61,10 @@ class Device:
 class Bridge:
     """A session with Bridge, the maker's program; LfsrError if it does not run.
 
-    Every call but the first carries the token of a session, the orchestration. An unknown endpoint is answered with
-    nothing, so each answer must say that it is done. Bridge keeps a playlist until it ends: a second one of the same
-    name would go on with the first one's quilt, and ``delete_playlist`` has hung Bridge 2.6.3. So each show fills a
-    playlist of a new name, while the last one is still shown, and plays it then, without a gap.
+    Every call but the first carries the token of a session, the orchestration. Bridge answers an unknown endpoint with
+    an empty reply, so each reply must state a status. Bridge keeps a playlist until Bridge ends: a second one of the
+    same name would show the first one's quilt, and ``delete_playlist`` has hung Bridge 2.6.3. So each image gets a
+    playlist of a new name, which is filled while the last one is still shown, and then played without a gap.
     """
 
     def __init__(self, call: Call = loopback.put) -> None:
@@ -91,7 +91,7 @@ class Bridge:
         return sorted(devices, key=lambda device: device.index)
 
     def play(self, path: Path, device: Device) -> None:
-        """Show a quilt, or a film of quilts over and over, instead of what is shown now; its name says its tiles."""
+        """Replace the shown image by a quilt, or by a film of quilts that repeats; the file's name states the tiles."""
         name, said = f"lfsr-{secrets.token_hex(8)}", read_quilt_name(path.stem)
         assert said is not None, "of what is played"
         self._put("instance_playlist", name=name, loop=True)
@@ -115,9 +115,9 @@ class Bridge:
 
 
 def chosen(devices: Sequence[Device], wanted: str | None, aspect: float | None = None) -> Device:
-    """Display of an index or name; by default the first that has the proportions, width / height, of the image.
+    """Return the display of an index or name, by default the first with the image's ``aspect`` (width / height).
 
-    LfsrError if there is none, or if the display that is wanted has others.
+    LfsrError if there is none, or if the wanted display has another aspect.
     """
     named = [device for device in devices if wanted is None or wanted.lower() in (str(device.index),
                                                                                    device.name.lower())]
@@ -173,8 +173,8 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: 
 
     Quilts, and frames for lenticular displays that have views, go through Bridge; other images get a page. ``path``:
     frame folder, folder of frame folders, quilt or film of quilts by its name, or another image for the panel;
-    ``display``: index or name of one of Bridge's displays, or SCREEN, None for the first that has the image's
-    proportions, for quilts else the first; ``fps``: of an animation. LfsrError without an image, Bridge, or a display.
+    ``display``: index or name of one of Bridge's displays, or SCREEN; None for the first that has the image's
+    proportions, or the first if none has a quilt's. ``fps``: of an animation. LfsrError without image, Bridge, display.
     """
     path, images, seconds, options = Path(path), list[Path](), 1.0, ExportOptions(fps=fps, tell=tell)
     if path.is_dir():
@@ -193,7 +193,7 @@ def show(path: str | Path, display: str | None = None, fps: float = 24.0, tell: 
     elif not path.is_file():
         raise LfsrError(f"{path} does not exist, expected a frame folder, a quilt or another image: check the path")
     elif (named := read_quilt_name(path.stem)) and min(named.grid) > 0 and display != SCREEN:
-        bridge, aspect = Bridge(), named.aspect or float("inf")  # which no panel has, so that the first stays first
+        bridge, aspect = Bridge(), named.aspect or float("inf")  # no panel has that, so the order stays
         devices = sorted(bridge.devices(), key=lambda one: abs(_aspect(one, 0) / aspect - 1) > SAME_ASPECT)
         playing = bridge, chosen(devices, display)
     else:

@@ -119,7 +119,7 @@ class FrameFolder:
                             f"for: {advice}")
 
     def is_finished(self, finish: Finish, beside: Collection[int] = ()) -> bool:
-        """True if its image is whole and was finished so, averaged with the frames ``beside`` it."""
+        """True if its image is whole and was made with ``finish``, averaged with the frames ``beside`` it."""
         image = self.image
         with contextlib.suppress(OSError, LfsrError):
             report = self.report
@@ -139,12 +139,12 @@ class FrameFolder:
             if other != kind and any((self.path / name).exists() for name in names):
                 raise LfsrError(f"{self.path} holds a {other}, but a {kind} was asked for: choose another folder")
         derived = [name for name in DERIVED_FILES if name != files.LOG_FILE and (self.path / name).exists()]
-        # One that was killed while it was published lacks its frame.json, but not the render.
+        # A folder whose publishing was killed lacks its frame.json, but not the render.
         if derived and not any((self.path / name).exists() for name in (files.FRAME_FILE, *RENDERED_FILES[kind])):
             raise LfsrError(f"{self.path} holds {derived[0]} but no render, which would replace it: choose another one")
 
     def publish(self, staged: Path) -> None:
-        """Take the render in the folder ``staged``: all that was made of an older one goes, and its stored parts."""
+        """Move the render in ``staged`` here, and remove what was made of an older one, and the stored parts."""
         self.path.mkdir(exist_ok=True)
         replace_files(staged, self.path, DERIVED_FILES)
         shutil.rmtree(self.parts, ignore_errors=True)
@@ -213,34 +213,34 @@ def scene_stamp(path: str | Path) -> str:
     return BETWEEN.join(map(file_stamp, (path, *companions)))
 
 
-def request_facts(job: Request, free: Collection[str] = PLACES) -> dict[str, Any]:
-    """Return the fields of a job, JSON-ready, without those named in ``free``."""
-    return {name: value for name, value in to_data(job).items() if name not in free}
+def request_facts(request: Request, free: Collection[str] = PLACES) -> dict[str, Any]:
+    """Return the fields of a request, JSON-ready, without those named in ``free``."""
+    return {name: value for name, value in to_data(request).items() if name not in free}
 
 
-def wanted_facts(job: Request, frame: Frame, content: str = "") -> Facts:
-    """Return the fields that a frame must have to be the render of ``job``.
+def wanted_facts(request: Request, frame: Frame, content: str = "") -> Facts:
+    """Return the fields that a frame must have to be the render of ``request``.
 
-    The values of ``frame`` stand for what the job leaves open, such as the device, the choice of a scale, or how many
-    times the rays a noisy scene takes; a reference may have other samples and lenses than its job. ``content``: stamp
-    of the scene's file, empty for any.
+    Where the request leaves a value open, the frame's own is returned: the device, a scale to choose, or a multiple of
+    the rays for a noisy scene. A reference may have other samples and lenses than its request. ``content``: stamp of
+    the scene's file, empty for any.
     """
-    is_reference, sampling = job.kind == "reference", job.sampling
+    is_reference, sampling = request.kind == "reference", request.sampling
     scale = frame.scale if frame.scale in sampling.scales else sampling.scale
-    samples = job.samples_at(scale)
+    samples = request.samples_at(scale)
     if is_reference or (sampling.rays is not None and frame.samples in (samples * times for times in TIMES_RAYS)):
         samples = frame.samples
-    is_open_layout = job.layout == LAYOUTS[0] and frame.layout != SUBPIXELS  # some devices need the lens card
-    return {"display": job.display, "scale": scale, "samples": samples, "convention": job.convention,
-            "layout": frame.layout if is_open_layout else job.layout, "view_aperture": job.view_aperture,
-            "lens_list": frame.lens_list if is_reference else job.lens_list, "rows": job.rows,
-            "frame": frame.frame if job.frame is None else job.frame, "seed": job.seed, "subject": job.subject or "",
-            "scene_name": job.scene_name if job.scene_name and frame.scene_name else frame.scene_name,
-            "source": frame.source if is_of(frame, job.source) else job.source, "camera": job.camera or "",
-            "device": frame.device if job.device == AUTO else job.device,
-            "light": frame.light if job.light == AUTO or not frame.light else job.light,
-            "world_visible": frame.world_visible if job.world_visible is None else job.world_visible,
-            "layers": frame.layers if set(job.layers) <= set(frame.layers) else job.layers,
+    is_open_layout = request.layout == LAYOUTS[0] and frame.layout != SUBPIXELS  # some devices need the lens card
+    return {"display": request.display, "scale": scale, "samples": samples, "convention": request.convention,
+            "layout": frame.layout if is_open_layout else request.layout, "view_aperture": request.view_aperture,
+            "lens_list": frame.lens_list if is_reference else request.lens_list, "rows": request.rows,
+            "frame": frame.frame if request.frame is None else request.frame, "subject": request.subject or "",
+            "scene_name": request.scene_name if request.scene_name and frame.scene_name else frame.scene_name,
+            "source": frame.source if is_of(frame, request.source) else request.source, "camera": request.camera or "",
+            "device": frame.device if request.device == AUTO else request.device, "seed": request.seed,
+            "light": frame.light if request.light == AUTO or not frame.light else request.light,
+            "world_visible": frame.world_visible if request.world_visible is None else request.world_visible,
+            "layers": frame.layers if set(request.layers) <= set(frame.layers) else request.layers,
             "content": content if is_changed(frame.content, content) else frame.content}
 
 
@@ -274,10 +274,10 @@ def first_difference(facts: Facts, wanted: Facts) -> str:
     return next((name for name, value in wanted.items() if facts.get(name) != value), "")
 
 
-def is_same(frame: Frame, job: Request) -> bool:
-    """True if ``frame`` is the render of ``job``, on any device and in the layout that it needs."""
-    layout = job.layout if job.layout == SUBPIXELS else LAYOUTS[0]
-    return not first_difference(vars(frame), wanted_facts(dataclasses.replace(job, device=AUTO, layout=layout), frame))
+def is_same(frame: Frame, request: Request) -> bool:
+    """True if ``frame`` is the render of ``request``, on any device and in the layout that it needs."""
+    request = dataclasses.replace(request, device=AUTO, layout=SUBPIXELS if request.layout == SUBPIXELS else LAYOUTS[0])
+    return not first_difference(vars(frame), wanted_facts(request, frame))
 
 
 def phrases(name: str, actual: object, wanted: object) -> tuple[str, str]:

@@ -58,8 +58,8 @@ MOST_SAMPLES, MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**24, 2**31 - 1, 1_048_574, 1
 MOST_SCALE = 5  # that is chosen
 MIN_VIEWS = 5  # along each axis that a scale above 2 must leave (docs/results/displays.md)
 USUAL_SCALE, USUAL_SAMPLES = 4, 16  # the rays of a render for which nothing was asked
-# Noise of a first view for which the usual rays are enough, and how many times as many others may take. With those
-# the views of a Cornell box, whose noise is .064, had a mean FLIP of .084 and .101; of glass, .030, .053 and .058.
+# Noise of a first view up to which the usual rays are enough; a noisier scene takes one of these multiples of them,
+# see ``more_rays``.
 CALM, TIMES_RAYS = 0.04, (1, 2, 4)
 CLAMP_INDIRECT = 10.0  # Cycles' default: fewer fireflies at low sample counts
 SCENE_SUFFIXES = (".blend", ".glb", ".gltf", ".obj")
@@ -167,7 +167,7 @@ class Request:
 
     @property
     def judged_rays(self) -> float:
-        """Rays per finished pixel by which a scale is chosen: with samples, those that they are at the usual scale."""
+        """Rays per finished pixel by which a scale is chosen; without ``rays``, what the samples are at USUAL_SCALE."""
         rays = self.sampling.rays
         return usual_rays(self.display, self.sampling.samples) if rays is None else rays
 
@@ -212,8 +212,8 @@ class Finish:
     def seeds_of(self, seed: int, frames: Iterable[int]) -> dict[int, int]:
         """Return the seed of each of the ``frames`` of an animation whose first seed is ``seed``, by their numbers.
 
-        With temporal averaging 2 · n + 1 frames in a row have each another seed, and few have any, so that their mean
-        does not flicker where nothing moves; without it all frames have one, so that the noise does not move.
+        With temporal averaging any 2 · n + 1 frames in a row have different seeds, of a small set that repeats, so that
+        their mean does not flicker where nothing moves. Without it all have one seed, so that the noise does not move.
         """
         ordered, across = sorted({*frames}), 2 * self.temporal_averaging + 1
         apart = {b - a for reach in range(1, across) for a, b in zip(ordered, ordered[reach:], strict=False)}
@@ -242,7 +242,7 @@ class Report:
     # layout, device: what sent the rays, and what Cycles rendered on
     layout: str = ""
     device: str = ""
-    neighbours: tuple[int, ...] = ()  # numbers of the frames it was averaged with, and those that could not be
+    neighbours: tuple[int, ...] = ()  # numbers of the frames beside it, averaged or not, with temporal averaging
     averaged: float | None = None  # mean weight of the neighbouring frames where this one shows something, in [0, 1]
 
 
@@ -275,11 +275,11 @@ class Frame:
     scene: str = ""
     subject: str = ""
     scene_name: str = ""  # of the scene in that file, with its library; empty where it is not known
-    # way from the frame's folder to the artist's file, or a name for a file that was never saved; empty where not known
+    # path from the frame's folder to the artist's file, or a name for one that was never saved; empty where not known
     source: str = ""
     content: str = ""  # size and time of change of the scene's file; empty where it is not known
     camera: str = ""  # name of the camera that was asked for, empty for the scene's own
-    light: str = ""  # its own, the name or file of a world image, or even, see ``job.LIGHTS``; empty where not known
+    light: str = ""  # its own, the name or file of a world image, or even, see LIGHTS; empty where not known
     # blender, device, gpus: version and device that rendered it, with the PCI addresses of the GPUs where known
     blender: str = ""
     device: str = "CPU"
@@ -291,7 +291,7 @@ class Frame:
     def __post_init__(self) -> None:
         if len(self.matrix_world) != 4 or any(len(row) != 4 for row in self.matrix_world):
             raise LfsrError("matrix_world must have four rows of four numbers")
-        # Products of the rotation's columns, each of length 1 and square to the others; then the last row.
+        # Products of the rotation's columns, which are orthonormal; then the last row.
         columns = [[row[index] for row in self.matrix_world[:3]] for index in range(3)]
         products = [sum(a * b for a, b in zip(one, other, strict=True)) for one in columns for other in columns]
         if not (all(abs(value - right) <= ROTATION_TOLERANCE for value, right in zip(
@@ -328,7 +328,7 @@ class Frame:
 
 
 def check_direct(display: DisplayProfile, fields: Mapping[str, object]) -> None:
-    """LfsrError unless ``display`` and the ``fields`` of a frame or job allow direct subpixel rendering."""
+    """LfsrError unless ``display`` and the ``fields`` of a frame or request allow direct subpixel rendering."""
     check_sheet(display)
     for name, only in DIRECT_ONLY.items():
         if fields[name] != only:
@@ -459,7 +459,7 @@ def check_scene(scene: str | Path) -> str:
         raise LfsrError(f"scene {scene} {'is no file' if scene.exists() else 'does not exist'}: check the path")
     if scene.suffix.lower() not in SCENE_SUFFIXES:
         raise LfsrError(f"{scene} is not a scene file that can be opened: give one of {', '.join(SCENE_SUFFIXES)}")
-    return str(scene.parent.resolve() / scene.name)  # of a link itself: what a scene names lies beside it
+    return str(scene.parent.resolve() / scene.name)  # a link stays: the files that a scene names lie beside the link
 
 
 def check_light(light: str) -> str:

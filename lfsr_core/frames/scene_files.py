@@ -28,8 +28,8 @@ LIBRARY = re.compile(rb"\s*mtllib\s+(.+)", re.IGNORECASE)
 def check_named_files(scene: str | Path) -> list[str]:
     """Return the files outside the folder of a .gltf, .glb or .obj that it names.
 
-    LfsrError unless all that it names are regular files of fitting size. What is missing, or no glTF at all, is left
-    to Blender, which says so.
+    LfsrError where a glTF's name is absolute, a file is not regular or has the wrong size, or a camera's angle is
+    impossible. Blender itself reports missing files, and a scene that is no glTF.
     """
     path, named = Path(scene), list[Path]()
     if path.suffix.lower() in (".gltf", ".glb"):

@@ -1,8 +1,8 @@
 """Colour: the sRGB curve, by which metrics compare images whatever their view transform, and Blender's view transform.
 
-From scene-linear light to display values Blender's own OpenColorIO configuration leads. Looks take up to ten times as
+Blender's own OpenColorIO configuration converts scene-linear light to display values. Looks take up to ten times as
 long as their view alone. A table, sampled on a grid that is even in log light, with tetrahedral interpolation, makes
-all of Blender's views take equally long. OpenColorIO evaluates both; it is loaded by who shows an image.
+all of Blender's views take equally long. OpenColorIO evaluates both; it is imported when an image is shown.
 """
 
 from __future__ import annotations
@@ -209,7 +209,7 @@ def is_accurate(steps: Array) -> bool:
 def random_colors() -> Array:
     """(1, TRIED, 3) scene-linear colours of every lightness and saturation, always the same.
 
-    Half of them lack one primary: there tables fail first.
+    Half of them lack one primary, because tables err most there.
     """
     random = np.random.default_rng(0)
     stops = random.uniform(STOPS[0] - 4, STOPS[1], (1, TRIED, 1)) + random.normal(0, 1.2, (1, TRIED, 3))

@@ -19,7 +19,7 @@ import OpenImageIO as oiio
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice
-from lfsr_core.base.system import atomic_path, reading
+from lfsr_core.base.system import atomic_path, reading, usable_cores
 
 # Names, in lower case, that Blender 4.5, Blender 5.x and this program give the same pass.
 PASS_LAYERS = {
@@ -52,7 +52,7 @@ ADLER_PRIME = 65521
 def opened(path: str | Path) -> Iterator[oiio.ImageInput | None]:
     """Open an image file inside the block; None where OpenImageIO cannot, whose ``geterror`` then says why.
 
-    A pipe, for which it would wait, is no file.
+    None for a pipe too, because OpenImageIO would wait for it.
     """
     source = oiio.ImageInput.open(str(path)) if Path(path).is_file() else None
     try:
@@ -314,7 +314,7 @@ def encode_png(pixels: Array) -> list[bytes]:
         data = deflate.compress(filtered.data) + deflate.flush(zlib.Z_FULL_FLUSH)
         return data, zlib.adler32(filtered.data), filtered.size
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(usable_cores()) as pool:
         bands = list(pool.map(deflated, range(0, len(rows), BAND_ROWS)))
     checksum = 1
     for _, band_checksum, length in bands:  # as zlib's adler32_combine

@@ -290,8 +290,8 @@ def compare_with_reference(request: Request, folder: str | Path, output: str | P
                            blender: str | Starts | None = None, tell: Tell = silent) -> Metrics:
     """Render the reference of a finished frame, and return its metrics as ``compare_folders`` does.
 
-    ``request``: of the frame's render in ``folder``; ``output``: the reference's folder, in which one begun earlier
-    continues; ``lenses``: number of random lenses, most of them foreground, 0 or as many as there are for all;
+    ``request``: of the frame's render in ``folder``; ``output``: the reference's folder, where an interrupted one
+    continues; ``lenses``: number of random lenses, most of them foreground; 0, or as many as there are: all of them;
     ``samples``: of the reference per pixel, in two halves.
     """
     mask = read_mask(Path(folder) / files.MASK_FILE, request.display.lenses)
@@ -419,7 +419,7 @@ def mean_of(values: Array) -> float:
 
 
 def blur(values: Array) -> Array:
-    """Blur a float image (H, W, C) by the window of SSIM, keeping its type; the border is mirrored with its pixel.
+    """Blur a float image (H, W, C) by the window of SSIM, keeping its type; beyond its edge it is mirrored.
 
     Neither side may be shorter than half the window.
     """

@@ -23,7 +23,7 @@ LEAST_SAMPLES = 0.999  # per pixel at a scale that is chosen: quotients of sampl
 class LossModel:
     """Predicted loss of accuracy, in SSIM: of detail, by points that move between rendered views, and by noise.
 
-    Both terms make the choice monotonous: the deeper a point and the more rays, the more a smaller scale gains.
+    Both terms make the choice monotonic: the deeper a point and the more rays, the more a smaller scale gains.
     """
 
     # detail · ln(1 + disparity / lenses), mean over the points that are seen
@@ -63,9 +63,9 @@ def choose_scale(display: DisplayProfile, moves: Array, scales: Collection[int],
                  model: LossModel = MODEL) -> ScaleChoice:
     """Return the scale with the least predicted loss; of equal ones, the largest.
 
-    ``moves`` (n,): disparities of points of the subject, spread over the image, as of ``disparities``; ``scales``: to
-    choose from, of which those that would get less than one sample are left out, unless all would; ``rays``: per
-    finished pixel; ``model``: predicts the loss.
+    ``moves`` (n,): disparities of points of the subject, spread over the image, as of ``disparities``; ``scales``:
+    candidates, without those that would get less than one sample, unless all would; ``rays``: per finished pixel;
+    ``model``: predicts the loss.
     """
     samples = {scale: rays * display.finished_pixels(scale) for scale in sorted(scales, reverse=True)}
     largest = next(iter(samples))

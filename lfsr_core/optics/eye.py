@@ -162,7 +162,7 @@ def trace(profile: DisplayProfile, eye_mm: Point, x: Array, y: Array,
     if (subpixels := profile.pixel_layout).count == 1:
         return SeenSubpixels(row, column, np.full(row.shape, -1), on_panel)
     if subpixels.cells:
-        # Of the subpixels of the pixels around, the nearest.
+        # The nearest subpixel of this pixel and of the eight around it.
         best, nearest = np.full(on_x.shape, np.inf), [np.zeros(on_x.shape, int) for _ in range(3)]
         for one, two, channel in itertools.product((-1, 0, 1), (-1, 0, 1), range(3)):
             place = np.clip(row + one, 0, down - 1), np.clip(column + two, 0, across - 1), channel
@@ -262,7 +262,7 @@ class LiveRegion:
 
 
 def eye_place(profile: DisplayProfile, right: float, up: float, near: float) -> Point:
-    """Millimetres from the display's centre of an eye.
+    """Return the place (x, y, z) of an eye, in millimetres from the display's centre.
 
     ``right`` and ``up`` are fractions of half the viewing zone (-1 to 1 inside it), ``near`` of the viewing distance.
     """

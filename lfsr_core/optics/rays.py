@@ -29,7 +29,7 @@ from lfsr_core.optics.display import DisplayProfile
 CONVENTIONS = ("centred", "paper")
 LensList = tuple[tuple[int, int], ...]  # (row, column) pairs
 RIM = 0.01  # pixels by which the card is larger than the image, so that no ray misses it by a rounding error
-MIN_SIZE = 1e-3  # of the card, as a fraction of the one on which bumps look as through other cameras
+MIN_SIZE = 1e-3  # least size of the card, as a fraction of the size at which bumps look as through ordinary cameras
 UNIT = np.array([(0, 0), (0, 1), (1, 1), (1, 0)], float)  # corners of a quad, rightwards and downwards
 Rows = tuple[int, int]  # first and last
 RANGE = re.compile(r"(\d{1,9})(?:([-/])(\d{1,9}))?$")
@@ -51,8 +51,8 @@ class CameraArray:
     def for_display(cls, profile: DisplayProfile, width: float, distance: float | None = None) -> Self:
         """Array of ``profile`` for a display ``width`` scene units wide.
 
-        Without ``distance`` the display keeps its true proportions; with it the
-        viewing angle is kept and the distance is the caller's.
+        ``distance``: from the cameras to the display, in scene units; the viewing angle is kept. None for the distance
+        at which width and distance have the display's true proportions.
         """
         height = width * profile.panel_mm[1] / profile.panel_mm[0]
         if distance is None:
@@ -151,9 +151,9 @@ def view_offset(index: Array, count: int, spacing: float, convention: str = "cen
 class LensCard:
     """A mesh before an orthographic camera that turns its parallel rays into those of a ray layout.
 
-    Every tile of the image is one quad, of any lattice of lenses. From what its corners store and these constants the
-    material computes every pixel's ray; ``tests/support/card_rays.py`` repeats it. Scene units, +X right, +Y up, seen
-    from the camera.
+    Every tile of the image is one quad; the lenses may lie in any lattice. The material computes every pixel's ray from
+    what the corners store and from these constants; ``tests/support/card_rays.py`` repeats that. Scene units, +X right,
+    +Y up, seen from the camera.
     """
 
     pixel: float  # side of a pixel on the card

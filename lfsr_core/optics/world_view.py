@@ -103,7 +103,7 @@ def slopes(layout: RayLayout, axis: int) -> Array:
 
 
 def _boxes(layout: RayLayout, axis: int) -> tuple[float, float]:
-    """Slopes that the points of a lens, and those of a view's cell, cover."""
+    """Widths, in slope, of a lens and of a view's cell."""
     paper = layout.convention == "paper"
     lens = 2 * layout.array.half_size[axis] / layout.lenses[axis] / (layout.views[axis] if paper else 1)
     return lens / layout.array.distance, (0.0 if paper else layout.cell[axis]) / layout.array.distance

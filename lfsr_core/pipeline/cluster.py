@@ -1,7 +1,7 @@
-"""A door to Dask distributed: frames of an animation, or parts of a reference, on the workers of a scheduler.
+"""Renders on a Dask cluster: the workers of a scheduler render frames of an animation, or parts of a reference.
 
-Only requests and results are sent: the scene and the folders are where every worker sees them. Dask hands tasks out
-and repeats those of a worker that dies.
+Only requests and results are sent: every worker must see the scene and the folders under the same paths. Dask hands
+tasks out and repeats those of a worker that dies.
 """
 
 import concurrent.futures
@@ -26,7 +26,7 @@ from lfsr_core.pipeline.merge import merge
 RESOURCE = "LFSR"  # of a worker: how many tasks it may have at once
 RETRIES = 2  # of a task that fails on one worker and may succeed on another
 SECONDS_TO_CONNECT, SECONDS_WITHOUT_WORKERS = 20, 20.0
-MOST_CHUNK, PARTS_PER_WORKER = 16, 2  # frames that one Blender renders; so that a fast worker does more
+MOST_CHUNK, PARTS_PER_WORKER = 16, 2  # frames that one Blender renders; several parts, so that a fast worker does more
 AGAIN = "and run the same command again to continue"
 Task = tuple[str, Callable[[], list[Made]]]  # a unique name, and a call that may be repeated
 

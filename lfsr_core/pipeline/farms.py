@@ -28,13 +28,13 @@ def write_template(farm: str, output: Path) -> None:
 
 def write_job(farm: str, folder: Path, request: Request, finish: Finish, frames: Sequence[int], parts: int = 1,
               display: str = "") -> tuple[str, str]:
-    """Write an animation's job into ``folder``; return the command that starts it, and a sentence to know with it.
+    """Write an animation's job into ``folder``; return the command that starts it, and one sentence of advice.
 
-    For OpenJD a job bundle: AWS Deadline Cloud reads ``parameter_values``, openjd-cli the plain parameters. For
-    Flamenco a job type for the manager, and a new job as its interface reads it. ``request``: its output is the folder
-    of the frames' folders, its scene a file that every worker sees; ``parts``: into which each frame is split, by rows
-    of lenses; ``display``: file of the display's profile, empty for the built-in one of its name. LfsrError for parts
-    that no farm can do, or where a file cannot be written.
+    OpenJD gets a job bundle: AWS Deadline Cloud reads ``parameter_values``, openjd-cli the plain parameters. Flamenco
+    gets a job type for the manager, and a new job for its HTTP interface. ``request``: its output is the folder of the
+    frames' folders, its scene a file that every worker sees; ``parts``: number of parts of each frame, by rows of
+    lenses; ``display``: file of the display's profile, empty for the built-in one of its name. LfsrError for a wrong
+    number of parts, or where a file cannot be written.
     """
     most = min(MOST_PARTS, request.display.lenses[1])
     if not 1 <= parts <= most:

@@ -1,7 +1,7 @@
 """Merge the parts of a frame that several machines rendered.
 
 Rows of lenses are joined: the result has the same bytes as the whole render where seed and device are the same.
-References of other seeds are averaged, each half into its own.
+References of different seeds are averaged, their first and their second halves separately.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ FREE = {"rows", "seconds", "device", "gpus", "content", "notes"}  # fields in wh
 
 
 def part_folders(folders: Sequence[Path]) -> list[Path]:
-    """Return ``folders``, each that is no part itself replaced by the folders in it that are."""
+    """Return ``folders``; a folder that is no part itself is replaced by the parts in it, if there are any."""
     parts: list[Path] = []
     for folder in folders:
         inner = [] if (folder / FRAME_FILE).exists() else [path.parent for path in folder.glob(f"*/{FRAME_FILE}")]
@@ -106,7 +106,7 @@ def merge(folders: Sequence[str | Path], output: str | Path, tell: Tell = silent
             if rows:
                 image_files.join_rows([part.folder / name for part in parts], staged / name, half=half)
                 continue
-            # Averaged by their samples, but for "index", which is that of the first part's first sample.
+            # Means weighted by samples, except "index", which is that of the first part.
             counts = [(part.frame.samples + 1 - number) // 2 for part in parts]
             layers = dict[str, Array]()
             for part, count in zip(parts, counts, strict=True):

@@ -15,7 +15,7 @@ RANGE = re.compile(r"(\d+)-(\d+)-(\d+)$")  # end of a part's name: its first row
 INPUTS_FILE = "inputs.json"
 SECONDS = 60.0  # that a part should take
 LEAST, MOST = 0.01, 86_400.0
-SECONDS_VARIABLE = "LFSR_SECONDS_PER_PART"  # environment variable that replaces it
+SECONDS_VARIABLE = "LFSR_SECONDS_PER_PART"  # environment variable that replaces SECONDS
 MOST_PIXELS = 2048 * 2048  # of a part, as of a tile of Cycles
 SLOW = 150_000  # path samples per second of a slow scene on two cores
 TRIAL_ROWS, TRIAL_SAMPLES = 64, 2_000_000  # the trial is at most 1/64 of the rows, and so many path samples
@@ -92,9 +92,9 @@ class ImageParts:
 
 
 def remove_others(folder: Path, inputs: Mapping[str, str]) -> str:
-    """Remove the parts in ``folder`` unless they have the same ``inputs``; return the name of the first other input.
+    """Remove the parts in ``folder`` unless they have the same ``inputs``; return the name of the first that differs.
 
-    "" where there were none. ``inputs``: all of them, or those that are known already.
+    "" if no part was removed. ``inputs``: all of them, or those that are known already.
     """
     if not folder.is_dir():
         return ""

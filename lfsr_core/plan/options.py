@@ -120,7 +120,7 @@ class Measured:
 
     fixed: float  # seconds before the first sample
     per_path: float  # seconds of a path sample
-    scale: int  # that was rendered at, which Auto has chosen
+    scale: int  # of that render, chosen by Auto
 
 
 def path_samples(frame: Frame) -> int:
@@ -177,8 +177,8 @@ class Choice:
 def estimate(values: Array, counts: Array, population: int) -> Estimate:
     """Estimate the accuracy of a frame from the ``values`` (n,) of lenses drawn at random from ``population``.
 
-    ``counts`` (n,) bool: those that count for the metric, about as many of the population as of the sample. LfsrError
-    where fewer than two do, so that nothing is known of their spread.
+    ``counts`` (n,) bool: those that count for the metric; their fraction of the population is that of the sample.
+    LfsrError where fewer than two count, because then their spread is unknown.
     """
     from lfsr_core.metrics.eia_metrics import stratum  # needs OpenImageIO, which Blender's panel does without
 
@@ -210,8 +210,10 @@ def choose(rated: Sequence[Rated], target: float, most_seconds: float = math.inf
         return Choice(None, best, Notice("plan-limit-certainty", {"lenses": best.estimate.lenses}))
     means = {row.samples: row.estimate.mean for row in rated
              if row.estimate is not None and (row.scale, row.method) == (best.scale, best.method)}
-    *_, before, last = (best.estimate.mean, *(means[samples] for samples in sorted(means)))
-    if last + (last - before) >= target:  # each further step of samples gains about half of the one before it
-        return Choice(None, best, Notice("plan-limit-noise", {"samples": best.samples}))
+    *_, before, last = (-math.inf, *(means[samples] for samples in sorted(means)))
+    if last + (last - before) >= target:  # a further step gains about half of the one before; a first one may, any
+        is_slow = any(row.unmeasured is not None and row.unmeasured.code == "candidate-too-slow" for row in rated)
+        return Choice(None, best, Notice("plan-limit-time", {"seconds": most_seconds}) if is_slow
+                      else Notice("plan-limit-noise", {"samples": best.samples}))
     return Choice(None, best, Notice("plan-limit-upscaling" if best.scale > 1 else "plan-limit-method",
                                      {"scale": best.scale}))

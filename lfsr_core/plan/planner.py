@@ -50,7 +50,7 @@ Render = Callable[[Request, Tell], object]  # renders a request into its folder,
 
 
 def reach(display: DisplayProfile, scale: int, methods: Iterable[str]) -> int:
-    """Neighbours on each side of a sampled lens at ``scale``, for ``methods`` that judge it."""
+    """Number of neighbours on each side with which a sampled lens is rendered at ``scale``, for these ``methods``."""
     if not any(MethodName.parse(name).sees_neighbours for name in methods):
         return 0
     if not all(display.parallax):
@@ -251,7 +251,7 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
         raise LfsrError(f"the sampled lenses are almost {tone}, so that every setting would seem perfect: make the "
                         f"scene's lights {change}, or check where the camera looks")
     counts = shown if places is wide else np.ones_like(shown)
-    # Each has something that the mean path of a frame lacks: the first its set-up, the other foreground everywhere.
+    # The lower rate: the first render is slowed by its set-up, the reference by showing nothing but foreground.
     rate = min(render_seconds(frame) / path_samples(frame) for frame in (first, reference))
     opening, world = first.seconds["open"], first.seconds.get("world", 0.0)  # rendered apart but at full resolution
     rows: dict[Candidate, Rated] = {}
@@ -264,8 +264,8 @@ def make_plan(request: Request, options: PlanOptions, render: Render, folder: st
 
     measuring, choice = 0.0, Choice(None, None)
     means: dict[tuple[int, int], float] = {}  # accuracy of the best method of each group
-    # Scales that are less accurate than a smaller one with as many rays. They stay so: more samples take noise away,
-    # and of what is left a smaller scale has less.
+    # Scales that are less accurate than a smaller one with as many rays. They stay so: more samples reduce the noise,
+    # and the other errors are less at the smaller scale.
     beaten: dict[int, int] = {}
     for group, open_rows in sorted(groups.items(), key=lambda pair: min(row.seconds for row in pair[1])):
         why, least = None, min(row.seconds for row in open_rows)

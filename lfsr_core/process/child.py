@@ -1,7 +1,7 @@
-"""Processes that work for another, Blender among them: what they write, how they are started and stopped.
+"""Child processes, Blender among them: what they write, how they are started and stopped.
 
 They write ``LFSR {json}`` lines on their standard output. The last one has the stage "done", "error" or "cancelled".
-``repeated`` writes the last progress again while there is none that is new. No process is left an orphan.
+``repeated`` writes the last progress again while there is nothing new. No child outlives its parent.
 """
 
 import _thread
@@ -91,7 +91,7 @@ else:
             with contextlib.suppress(ProcessLookupError, PermissionError):  # macOS says the latter of zombies
                 os.killpg(self._id, signal.SIGKILL)
 PROGRESS_PREFIX = "LFSR "
-RENDERED_STAGE, FAILED_STAGE = "rendered", "failed"  # a job is complete in its folder; its frame cannot be rendered
+RENDERED_STAGE, FAILED_STAGE = "rendered", "failed"  # a request's folder is complete; its frame cannot be rendered
 STAY = "stay"  # word for request files: they come later, one a line on standard input
 LAST_STAGES = ("done", "error", "cancelled")
 EXIT_BAD_INPUT, EXIT_CANCELLED = 2, 130
@@ -99,7 +99,7 @@ EXIT_BAD_INPUT, EXIT_CANCELLED = 2, 130
 ENDS_WITH_INPUT = "LFSR_ENDS_WITH_INPUT"
 # Environment variable that names Blender's folder to a process outside it, which finds libraries there.
 BLENDER_FOLDER = "LFSR_BLENDER_FOLDER"
-# A program that opens a page in a browser. For Python xdg-open has done so once it runs, also where it then finds none.
+# A program that opens a page in a browser. It waits for xdg-open, whose start Python takes for success.
 OPENS = """import contextlib, os, signal, sys, webbrowser
 is_open = webbrowser.open(sys.argv[1])
 with contextlib.suppress(AttributeError, ChildProcessError):
@@ -125,8 +125,8 @@ def emit(**record: Any) -> None:
 
 def emit_last(**record: Any) -> None:
     """Write the record of a process that ends now; no other thread can write one after it."""
-    # The lock is not released: other threads wait until the process ends. One that waits for a reader that has gone
-    # must not hold this up.
+    # The lock is not released: other threads wait until the process ends. A thread that holds it and waits for a reader
+    # that has gone must not delay this one for long.
     _speaking.acquire(timeout=LONGEST_WAIT)
     _write(record)
 
@@ -223,7 +223,7 @@ class Child:
     """A process that works for this one; as a context manager it is stopped at the end of the block.
 
     Its standard input is a pipe that closes when this process ends, however that happens; a child that finds
-    ``protocol.ENDS_WITH_INPUT`` in its environment then ends too. That is also how ``stop`` asks it to end.
+    ENDS_WITH_INPUT in its environment then ends too. That is also how ``stop`` asks it to end.
     """
 
     _living: ClassVar["weakref.WeakSet[Child]"] = weakref.WeakSet()
@@ -287,9 +287,9 @@ class Child:
         return self.wait() == 0 and self.last.get("stage") == "done"
 
     def crash(self, what: str, advice: str) -> CrashError:
-        """Return the error of a process that has ended too early, from ``what``, its end, and ``advice``.
+        """Return the error of a process that has ended too early: ``what``, exit code, last lines and ``advice``.
 
-        ``what`` is as "the render stopped with", ``advice`` as "try again".
+        ``what``: such as "the render stopped with"; ``advice``: such as "try again".
         """
         code = self._process.wait()
         reason = f"signal {-code}" if code < 0 else f"exit code {code}"
@@ -334,8 +334,8 @@ def output_of(command: Sequence[str], environment: Mapping[str, str] | None = No
 class Starts(Protocol):
     """Anything that knows how to start Blender."""
 
-    def command(self, *job_files: Path | str) -> list[str]:
-        """Return the command line that runs the render jobs in ``job_files``, or STAY, one after the other."""
+    def command(self, *requests: Path | str) -> list[str]:
+        """Return the command line that renders the requests in ``requests``, or STAY, one after the other."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -344,13 +344,13 @@ class Blender:
 
     executable: str | None = None  # path of Blender, None for the bpy wheel of this Python
 
-    def command(self, *job_files: Path | str) -> list[str]:
-        """Return the command line that runs the render jobs in ``job_files``, or STAY, one after the other."""
+    def command(self, *requests: Path | str) -> list[str]:
+        """Return the command line that renders the requests in ``requests``, or STAY, one after the other."""
         spec = importlib.util.find_spec("blender_addon")  # which is not imported here
         if spec is None or not spec.submodule_search_locations:
             raise LfsrError("the package blender_addon is not installed beside lfsr_core: install LFSR again")
         folder = next(iter(spec.submodule_search_locations))
-        return self.script_command(Path(folder, "headless", "from_sources.py"), *map(str, job_files))
+        return self.script_command(Path(folder, "headless", "from_sources.py"), *map(str, requests))
 
     def script_command(self, script: Path, *arguments: str) -> list[str]:
         """Return the command line that runs a Python ``script`` inside Blender."""

@@ -22,7 +22,7 @@ from lfsr_core.reconstruct.upscaler import LowResEIA, encode, low_resolution
 AVERAGED = ("color", "alpha", "opacity")
 NEAR, WIDE = 30.0, 100.0  # weights of a change of neighbouring pixels, and of one of whole elemental images
 SIGMAS = 2.5  # standard deviations by which a change must exceed noise
-NEAR_SPREAD, WIDE_SPREAD = 1.25, 2**0.5  # of the change that white noise seems to be, over √pixels and over pixels
+NEAR_SPREAD, WIDE_SPREAD = 1.25, 2**0.5  # spread of the change that white noise alone gives, × √pixels and × pixels
 REACH = 1  # pixels or lenses to each side that are looked at together
 CERTAIN = 0.75  # certainty of the least certain pixel above which an elemental image is averaged
 TINY = 1e-12
@@ -92,7 +92,7 @@ def unchanged(difference: Array) -> Array:
 
 
 def _excess(change: Array, energy: Array, spread: Array) -> Array:
-    """Change over noise where it exceeds the ``spread`` of the change that noise seems to be, else 0."""
+    """Ratio of change to noise where the change exceeds SIGMAS times the ``spread`` that noise alone gives, else 0."""
     return np.asarray(np.maximum(change - SIGMAS * spread, 0) / np.maximum(energy - change, 0.01 * energy + TINY))
 
 
@@ -143,7 +143,7 @@ def neighbours_of(folder: Path, frame: Frame, count: int) -> list[Neighbour]:
 
 
 def near(number: int, numbers: Collection[int], count: int) -> list[int]:
-    """The ``count`` of ``numbers`` below ``number`` and above it; at the ends more from the other side."""
+    """Return the ``count`` nearest ``numbers`` below ``number``, and above it; at an end more from the other side."""
     every = sorted({*numbers, number})
     first = max(0, min(every.index(number) - count, len(every) - 2 * count - 1))
     return [other for other in every[first:first + 2 * count + 1] if other != number]

@@ -47,7 +47,6 @@ from lfsr_core.reconstruct.upscaler import (
 
 MOST_JUDGED = 200  # elemental images that decide whether the image is nearly black or white
 NEED_LENSES = ("dilate", "weights", "linear_exr", "temporal_averaging")
-ROWS_AT_ONCE, PIXELS_IN_CACHE = 64, 160_000
 FINISHED_FILES = (files.EIA_FILE, files.EIA_LINEAR_FILE, files.MASK_FILE, files.PANEL_FILE)
 STAGES = ("render", "load", "mask", "upscale", "assemble", "color", "write")
 view_transform = functools.lru_cache(maxsize=2)(ViewTransform)  # the same for every image of an animation
@@ -180,7 +179,7 @@ class _Work:
 
     def __init__(self, folder: str | Path, finish: Finish, tell: Tell, selection: bool = True,
                  upscaler: Upscaler | None = None, shows: bool = True) -> None:
-        """``shows``: whether its image is shown as Blender shows it."""
+        """``shows``: whether display values are made too, for which the view transform is loaded."""
         folder, frame = Path(folder), read_frame(folder)
         self.frame, self.finish, self.clock = frame, finish, StageClock(frame.seconds)
         self.method, self.filler = _loaded(finish, frame.scale, upscaler)
@@ -250,8 +249,8 @@ class _Work:
         """
         parts: list[tuple[Upscaler, Array]] = []
         for wanted, upscaler in ((self.mask, self.method.upscaler), (self.fill, self.filler)):
-            in_cache = max(1, PIXELS_IN_CACHE // math.prod(self.low.finished_views))
-            size, lenses = in_cache if upscaler.thread_safe else wanted.shape[1], np.argwhere(wanted)
+            some = 4 * system.in_cache(math.prod(self.low.finished_views))  # few are pooled at every pixel
+            size, lenses = some if upscaler.thread_safe else wanted.shape[1], np.argwhere(wanted)
             parts += [(upscaler, lenses[start:start + size]) for start in range(0, len(lenses), size)]
         workers = max(1, min(system.usable_cores(), system.MOST_THREADS, len(parts)))
         one_at_a_time = threading.Lock()
@@ -315,7 +314,7 @@ def _finish_subpixels(folder: Path, staged: Path, frame: Frame, finish: Finish, 
         def work(rows: slice) -> None:
             pixels[rows] = show.to_uint8(image[rows])
 
-        system.in_threads(work, len(image), ROWS_AT_ONCE)
+        system.in_threads(work, *image.shape[:2])
     with clock("write"):
         image_files.write_png(staged / files.PANEL_FILE, pixels)
     background = show.to_uint8(np.asarray(frame.display.background, np.float32)[None])[0]

@@ -22,9 +22,8 @@ from lfsr_core.optics.rays import RayLayout, to_elemental_images, view_offset
 from lfsr_core.optics.world_view import WorldImage, WorldView
 
 ARRAYS = ("color", "alpha", "guides", "position", "slope", "noisy", "opacity", "places")
-ROWS_IN_CACHE = 16
 LEAST_ALPHA = 0.5  # coverage from which a pixel's position is that of a surface
-# Times the first hit's distance from which a ray's path is longer; coverage from which it is that of the whole pixel.
+# A path counts as longer than to the first hit from this ratio of lengths on, in pixels of at least this coverage.
 LONGER, OPAQUE = 1.02, 0.99
 FOREGROUND_INDEX, BACKGROUND_INDEX = 1, 2
 MAX_EXPONENT = 80  # keeps overshoot beside the brightest floats finite
@@ -48,7 +47,7 @@ class LowResEIA:
     # hit, and where paths were rendered (C = 2) the end of the path on which mirrors and clear glass send the ray. NaN
     # where nothing is hit. None where positions were not rendered.
     slope: Array | None = None
-    slope_ratio: float = 1.0  # by which it moves more lenses downwards: the ratio of lens pitches, width to height
+    slope_ratio: float = 1.0  # slope downwards / rightwards: the lens pitch across / down
     block: int | None = None  # side of square blocks of lenses that are neighbours on the display, None where all are
     noisy: Array | None = None  # colour as rendered, where a denoiser has changed ``color``
     parallax: tuple[bool, bool] = (True, True)  # axes, (horizontal, vertical), along which the display's views differ
@@ -137,7 +136,7 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
                 depth *= np.where((longer > LONGER) & (alpha > OPAQUE), longer, 1)
                 slopes[rows, :, 1] = (1 - distance / depth) * (frame.rays.spacing / _pitch(frame, 0))
 
-        in_threads(slopes_of, len(slopes), ROWS_IN_CACHE)
+        in_threads(slopes_of, *slopes.shape[:2])
     if frame.world_apart:
         images["opacity"] = 1 - np.clip(layers["environment"], 0, 1)
     tiles: dict[str, Any] = {name: to_elemental_images(layer, frame.rays.tiles) for name, layer in images.items()}
@@ -205,7 +204,7 @@ def foreground_pixels(layers: Mapping[str, Array]) -> Mask:
 
 
 def unseen_notices(layers: Mapping[str, Array]) -> list[Notice]:
-    """Return a notice if a render shows none of the subject: the fraction that background objects fill instead."""
+    """Return a notice if a render shows none of the subject, with the fraction that background objects fill."""
     covered, index = layers["color"][..., 3] > 0, layers.get("index")
     # Without background meshes whatever covers a pixel is the subject. Pixels at the edges of such meshes are in doubt
     # everywhere, so they do not count here.

@@ -44,7 +44,7 @@ from lfsr_core.reconstruct.second_stage import finish_frame
 SECONDS_TO_STOP = 1.0  # less than the add-on waits for the task itself
 PATHS = 600_000  # path samples to measure: a second or two
 SAMPLES = 16  # at most, so that many lenses are seen
-SOME = 4  # of many lenses one
+SOME = 4  # the smaller render has one lens in SOME
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,7 +58,7 @@ class RenderCommand:
         return [*self.words, *map(str, request_files)]
 
     def run(self, *words: str) -> dict[str, Any]:
-        """Run another job of Blender's, such as the encoding of a film; return what it answers."""
+        """Have Blender do other work, such as to encode a film; return its last record."""
         with Child([*self.words, *words]) as child:
             for record in child.records():
                 if record["stage"] not in protocol.LAST_STAGES and (told := protocol.told_of(record)) is not None:
@@ -73,7 +73,7 @@ def make(request: dict[str, Any], finish: dict[str, Any], command: list[str], fr
     """Make an image, or the ``frames`` of an animation that are not there; see ``pipeline.make``.
 
     ``command``: words that start a render, before the request files; ``views``: file for the decoded views of the last
-    frame. Frames of other settings are rendered again, since the panel shows what is wanted. Returns {"made": data of
+    frame. Frames of other settings are rendered again, because the panel's settings decide. Returns {"made": data of
     each ``Made``}.
     """
     made = make_frames(from_data(Request, request, "the request"), from_data(Finish, finish, "the finish"), frames,
@@ -98,9 +98,9 @@ def reference(request: dict[str, Any], output: str, lenses: int, samples: int, c
 def estimate(request: dict[str, Any], command: list[str]) -> dict[str, Any]:
     """Measure how fast the scene of a request renders, from a few lenses; return data of a ``Measured``.
 
-    First one lens or a few, which prepare the scene, then some and many: their difference is that of their samples
-    alone, since a change of lenses makes Cycles prepare some things again. Of a panel's subpixels lenses too: their
-    paths are those of a light field of the same scene.
+    Three renders: one lens or a few, which prepare the scene, then some lenses, then many. The last two differ by the
+    time of their samples alone, because Cycles prepares some things again for each list of lenses. Subpixels of a panel
+    are estimated from lenses too, because their paths cost as much.
     """
     asked, started = from_data(Request, request, "the request"), time.monotonic()
     asked = dataclasses.replace(asked, layout=LAYOUTS[0] if asked.layout == SUBPIXELS else asked.layout)
@@ -119,7 +119,7 @@ def estimate(request: dict[str, Any], command: list[str]) -> dict[str, Any]:
         make_frames(requests, blender=RenderCommand(tuple(command)), tell=heard)
         _, some, whole = (read_part(one.output) for one in requests)
     sampling = max(render_seconds(whole) - render_seconds(some), 0.0)
-    # All but these two renders is needed once by the image too.
+    # The image needs all the rest once too.
     fixed = max(time.monotonic() - started - some.seconds["render"] - whole.seconds["render"], 0.0)
     more = path_samples(whole) - path_samples(some)
     per_path = sampling / more if more else render_seconds(whole) / path_samples(whole)  # a single lens
@@ -166,8 +166,8 @@ def view(folder: str) -> dict[str, Any]:
 def export(folder: str, name: str, target: str, fps: float | None, command: list[str]) -> dict[str, Any]:
     """Write a finished frame folder in format ``name`` into ``target``; return the "first" file.
 
-    Of films Blender encodes the frames, ``fps`` a second or as usual: this Python has no encoder. ``command``: words
-    that start it.
+    Blender encodes the frames of a film, with ``fps`` or the usual rate, because this Python has no encoder.
+    ``command``: words that start Blender.
     """
     is_film = name in (*FILMS, QUILT_FILM)
     with tempfile.TemporaryDirectory() as frames:

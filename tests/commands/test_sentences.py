@@ -25,7 +25,7 @@ EXAMPLES = {
     "candidate-over-budget": ({"budget": 0.05}, "--budget"), "candidate-too-slow": ({"seconds": 60.0}, "too long"),
     "plan-kept": ({"folder": "cache"}, "in cache"), "plan-limit-certainty": ({"lenses": 12}, "more lenses"),
     "plan-limit-method": ({"scale": 1}, "another method"), "plan-limit-noise": ({"samples": 16}, "more than 16"),
-    "plan-limit-time": ({"seconds": 60.0}, "within 60 s"), "plan-limit-unmeasured": ({}, "could be measured"),
+    "plan-limit-time": ({"seconds": 60.0}, "above 60 s"), "plan-limit-unmeasured": ({}, "could be measured"),
     "plan-limit-upscaling": ({"scale": 4}, "at scale 4"),
     "cameras-cut": ({"side": 4, "across": 8, "down": 4}, "4×4 cameras in the middle of 8×4"),
     "aspect-ignored": ({"x": 2.0, "y": 1.0}, "aspect 2:1"), "border-ignored": ({}, "render region"),

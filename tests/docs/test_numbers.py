@@ -446,7 +446,7 @@ WITHOUT: dict[str, list[str]] = {
         "1.08 of the reference's with one seed for all frames (1.08 before), 1.42 with a new seed for each (1.31; the "
         "library's own weights, mirrored: 1.26)"],
     STRESS: [
-        ".05 below its own first score", "has at first less .05", "on `small` with .25,", "above .005"],
+        ".05 below its own first score", "first score less .05", "on `small` with .25,", "above .005"],
     "docs/guide/displays.md": ["(15.6″) `looking-glass-15.6`", "## Looking Glass 8.9″", "`looking-glass-8.9`",
                                "Bridge 2.6.3.", "(2.2 or newer)"],
     POOLING: ["HDR-FLIP × .94, .92, .94 and .95", "gains .09 to .23", "(.9 lenses)", "(.5 lenses per",

@@ -344,10 +344,15 @@ def test_of_equally_cheap_candidates_the_simplest_is_taken():
         refuses(f"{count} of 4 sampled lenses", estimate, values[:4], np.arange(4) < count, 20)
 
 
+TOO_SLOW = dataclasses.replace(rated(4, 16, "bilinear", 20, None), unmeasured=Notice("candidate-too-slow", {}))
+
+
 @pytest.mark.parametrize(("candidates", "code"), [
     ([rated(4, 16, "bilinear", 1, 0.90, 0.92), rated(4, 64, "bilinear", 2, 0.93, 0.94)], "plan-limit-noise"),
     ([rated(4, 16, "bilinear", 1, 0.90, 0.920), rated(4, 64, "bilinear", 2, 0.91, 0.921)], "plan-limit-upscaling"),
     ([rated(1, 16, "none", 1, 0.90, 0.920), rated(1, 64, "none", 2, 0.91, 0.921)], "plan-limit-method"),
+    ([rated(4, 4, "bilinear", 1, 0.80)], "plan-limit-noise"), ([rated(1, 4, "none", 1, 0.80)], "plan-limit-noise"),
+    ([rated(4, 4, "bilinear", 1, 0.80), TOO_SLOW], "plan-limit-time"),
     ([rated(4, 16, "bilinear", 1, 0.94, 0.96)], "plan-limit-certainty"),
     ([rated(4, 16, "bilinear", 1, 0.90), rated(4, 64, "bilinear", 20, 0.97)], "plan-limit-time"),
     ([rated(4, 16, "bilinear", 1, None)], "plan-limit-unmeasured")])

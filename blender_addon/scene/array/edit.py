@@ -174,23 +174,23 @@ def _new_array(scene: bpy.types.Scene) -> bpy.types.Object:
 
 
 APART, ENCLOSING = 4.0, 20.0  # times the size of all others, from which an object lies far away, or is a dome
-FREE, FLOOR = 1.0, 0.02  # times that size, away from which walls are a stage's; of their height, at which they stand
+FREE, FLOOR = 1.0, 0.02  # of a stage: walls FREE times that size away; the rest stands within FLOOR of its floor
 FLAT, WIDE = 0.05, 4.0  # thickness of a floor as a fraction of its length; its area, as a multiple of what is on it
-HILLY, WIDER = 0.5, 10.0  # the same of a ground with a pond or hills, its thickness as a fraction of what stands there
+HILLY, WIDER = 0.5, 10.0  # a ground with a pond or hills: thickness as a fraction of what stands on it; area as before
 MOST_SURROUNDINGS = 6
-# Of a sky: least metres across; parts of its size by which the rest hangs and may stick out; part of its box it fills.
+# A sky: least metres across; all else is above ALOFT of its height, out of it by BESIDE of its size; FILLED of its box.
 LEAST_SKY, ALOFT, BESIDE, FILLED = 20.0, 0.2, 0.02, 0.9
 # Fractions of the picture below which the subject is narrow, or has thin tails; where these begin, as in a box plot.
 NARROW, LEAST_SEEN, WHISKERS = 0.1, 0.015, 1.5
 TRAVELS = 2.0  # times its size in this frame, over which it moves in an animation
-# Degrees around Z from the front: what they show counts this much. Degrees from above: this much of what is as high as
-# wide, and of what is LOW or lower, as a fraction of its width: a landscape, or a plate, shows itself from above.
+# Weights of views by degrees around Z from the front. Weights by degrees from above: for a subject as high as wide, and
+# for one of at most LOW times that height, because a landscape or a plate is best seen from above.
 TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.75, -90: 0.7, 180: 0.7}  # +X is the front in some programs
 TILTS, LOW = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}, 0.6
-# Part of what is seen that turns its front, below which it counts less; what none of it, and of what is low, counts.
+# Fraction of hits on fronts below which a view counts less; its weight without any, and that for a low subject.
 FRONTS, FROM_BEHIND, LOW_FROM_BEHIND = 0.5, 0.25, 0.9
 FEW_OBJECTS, MOST_POINTS = 100, 20_000  # objects that are fitted by their vertices, and about how many of each
-PROBED, FEWER = (24, 14), (16, 9)  # rays that tell it, across and down
+PROBED, FEWER = (24, 14), (16, 9)  # rays that judge a view, across and down
 
 
 @as_rendered()
@@ -228,7 +228,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     lowest = {-math.inf, max(grounds, default=-math.inf)}
     low, high = np.percentile(points, (25, 75), axis=0)
     without_tails = np.clip(points, low - WHISKERS * (high - low), high + WHISKERS * (high - low))
-    # Of what is narrow, as a standing figure, too few rays tell, unless all go its way.
+    # Too few rays meet a narrow subject, such as a standing figure, unless all are sent towards it.
     for fitted, all_meet, least in ((points, False, NARROW), (points, True, LEAST_SEEN), (without_tails, False, 0)):
         choices, size = list[tuple[float, float, Placement]](), np.ptp(fitted, axis=0)
         for ground, (tilt, above), (degrees, wide) in itertools.product(lowest, TILTS.items(), TURNS.items()):
@@ -242,7 +242,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
                 part = np.minimum(np.abs(local[:, :2] / local[:, 2:]).max(0) * placed[0].distance / half, 1)
             hits = [hit for hit in through(rays, placed, *probes, part) if hit is not None]
             most, seen = max(most, len({hit[3] for hit in hits})), [hit for hit in hits if hit[2] in shown]
-            # Surfaces that face several ways show a thing's shape. Of a plane, as the side of a box, this is 0.
+            # Surfaces that face several ways show a shape. For a plane, such as the side of a box, this is 0.
             various = 1 - np.linalg.norm(np.mean([hit[4] for hit in seen] or [(0, 0, 1)], axis=0))
             counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide * (1 + various)
             share, eye = len(seen) / math.prod(probes) * part.prod(), mathutils.Matrix(placed[1]).translation
@@ -278,7 +278,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
 
 def fit_turned(points: Array, profile: DisplayProfile, turn: mathutils.Matrix) -> Placement:
     """Return ``fit_array`` for world points (n, 3), turned by a rotation (3, 3)."""
-    turned = np.array(turn).T @ points.T  # (3, n), of whose rows the ends are found fast
+    turned = np.array(turn).T @ points.T  # (3, n): extremes of contiguous rows are fast
     layout, matrix = placement.fit_array(turned.min(1), turned.max(1), profile)
     return layout, tuple(tuple(row) for row in turn.to_4x4() @ mathutils.Matrix(matrix))
 
@@ -311,7 +311,7 @@ def sky_around(scene: bpy.types.Scene, boxes: dict[bpy.types.Object, Array]) -> 
 
 
 def _far_away(boxes: Array) -> list[int]:
-    """Number of the box without which that of the others is APART times smaller, none if there is none such."""
+    """Index of the box without which the bounding box of all is APART times smaller; empty if there is none."""
     if len(boxes) < 2:
         return []
     # Diagonal (n,) of the bounding box of all boxes but one.
@@ -372,13 +372,13 @@ def boxes_now(subject: set[bpy.types.Object]) -> dict[bpy.types.Object, Array]:
 # Places across a room's bounding box, and among many objects, where a ray takes long; at half of its height, away from
 # its sides.
 GRID, FEWER_PLACES, HEIGHT, MARGIN = 5, 3, 0.5, 0.15
-EYE_HEIGHT = 1.6  # metres above the floor: places below those whose middle is higher, as in a hall or under a sky
+EYE_HEIGHT = 1.6  # metres above the floor, of more places where the middle is higher, as in a hall or under a sky
 # Views at each place are parts of one panorama: degrees between its rays, and from its highest to its lowest; rays of a
 # view down and across; half its width at distance 1, of about 62°.
 STEP, HIGHEST, LOWEST, VIEW_RAYS, HALF_WIDTH = 7.5, 30.0, -60.0, (5, 8), 0.6
 LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the hull of a small thing
 AROUND_AXIS, ROUND = 24, 0.97  # rays to the axis of what is round, and their least cosine to its walls
-ENCLOSED, SURROUNDED = 0.95, 0.7  # least part of rays that hit, from what is closed, and in a room that lacks a wall
+ENCLOSED, SURROUNDED = 0.95, 0.7  # least fraction of rays that hit: in a closed place, in a room that lacks a wall
 # Fewest things in a view inside a room, as a fraction of the most in a view from outside; fraction of their places that
 # a view from outside sees where a wall is missing.
 ROOM, OPEN = 0.85, 0.5
@@ -403,7 +403,7 @@ def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = 
 
 
 def is_inside(rays: Rays, place: mathutils.Vector, least: float = ENCLOSED) -> bool:
-    """Return True if ``place`` is closed on all sides, where no light of a world arrives, or on this part of them."""
+    """Return True if ``place`` is closed on all sides, so that no world light arrives, or on a fraction ``least``."""
     return sum(rays.cast(place, way) is not None for way in AROUND) >= least * len(AROUND)
 
 
@@ -444,7 +444,7 @@ def view_inside(rays: Rays, low: Array, high: Array) -> View | None:
         depths = np.sort(np.array([(hit[0] - place).length if hit else 0 for hit in hits])[views])  # 0: a hole
         nearest, middle = depths[:, views.shape[1] // 20], depths[:, views.shape[1] // 2]
         is_free = (depths[:, 0] > 0) & (nearest > NEAR * middle) & (middle >= LEAST_DEPTH * reach)
-        # A long view, nearly level, of many things, each as far as the view does not cut it; not of backs of surfaces.
+        # The best view is long, nearly level, and shows many things uncut, and fronts of surfaces.
         whole = (seen[:, views].sum(-1) / seen.sum(1)[:, None]).sum(0) * np.cos(2 * pitches)
         worth = is_free * fronts[views].mean(1) * np.sqrt(nearest * middle) * whole
         if worth.max() > most:

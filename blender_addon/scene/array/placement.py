@@ -38,10 +38,10 @@ MOST_NAMES = 3
 PROBES = (32, 18)     # rays across and down that measure the visible depth of the subject
 BOXED = {"VOLUME", "CURVES", "POINTCLOUD"}  # known by their bounding boxes only
 MOST_FRAMES, CAMERA_FRAMES = 24, 5  # sampled from an animation, and for the array at a camera, whose place is known
-PARALLEL, COVERED = 150.0, 0.9  # sizes of a frame from which its rays seem parallel; of its width, what a backdrop has
-ROOM, TINY = 1 + 1e-6, 1e-30  # by rounding, spheres are larger than their boxes; in place of 0 in directions of rays
+PARALLEL, COVERED = 150.0, 0.9  # frame sizes from which rays seem parallel; fraction of its width that a backdrop has
+ROOM, TINY = 1 + 1e-6, 1e-30  # factor of spheres, against rounding errors; replaces 0 in directions of rays
 FEW = 100  # objects and instances up to which Blender's own search, which asks each of them, is the fastest
-MOST_REACH = 1e30  # far enough; of the longest rays that Blender knows some meet scaled objects that they miss
+MOST_REACH = 1e30  # far enough; for Blender's longest rays it reports hits of scaled objects that they miss
 
 Hit = tuple[mathutils.Vector, mathutils.Vector, bpy.types.Object, int]  # place, normal of the surface, object, face
 
@@ -52,9 +52,9 @@ def as_rendered(*left_out: bpy.types.Object | None) -> Iterator[None]:
     with ExitStack() as changes:
         # Renders show the first view layer that is used, whichever the window shows.
         changes.enter_context(bpy.context.temp_override(view_layer=rendered_layer(bpy.context.scene)))
-        bpy.context.view_layer.update()  # until then it lists what a batch removal has freed, which ends Blender
+        bpy.context.view_layer.update()  # else it lists objects that a batch removal has freed, and Blender crashes
         for item in [selected for selected in bpy.context.view_layer.objects if selected.select_get()]:
-            changes.callback(item.select_set, True)  # last of all: Blender does not keep it of what is hidden
+            changes.callback(item.select_set, True)  # last of all, because Blender deselects what is hidden
         for item in filter(None, left_out):
             changes.enter_context(overridden(item, {"hide_render": True}))
         seen = {item for item in rendered(bpy.context.scene) if item.visible_camera}
@@ -86,7 +86,7 @@ class Rays:
         self.items: list[tuple[bpy.types.Object, Array, BVHTree | None]] = []
         if len(self.depsgraph.object_instances) <= FEW and sky is None:
             return
-        import bmesh  # which is there after bpy alone
+        import bmesh  # can be imported only after bpy
         boxes, shapes, trees = [], dict[int, list[tuple[float, ...]]](), dict[int, BVHTree | None]()
         for item, _, place in instances(set(bpy.data.objects)):
             if item.type == "MESH" and item.original != sky:
@@ -155,7 +155,7 @@ class Rays:
 class View:
     """A 3D view, and the largest frame of the display's aspect in its middle."""
 
-    matrix: mathutils.Matrix  # world matrix of its eye, in parallel of the point it turns around; looks along -Z
+    matrix: mathutils.Matrix  # to the world, looking along -Z: of its eye, in a parallel view of the point it orbits
     half_width: float  # of the frame: at depth 1 in perspective, else everywhere
     pivot: float  # depth of the point that the view turns around, in perspective
     clip: Clip
@@ -297,7 +297,7 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
                 if is_measured:
                     depths += _depths(sight, half(across, down), subject)
                     free = np.minimum(free, _free(sight))
-                elif down * aspect > across:  # of a tall frame the display shows what is no backdrop from side to side
+                elif down * aspect > across:  # a tall frame: the display must show the height of all but backdrops
                     seen, toward = collections.defaultdict[bpy.types.Object, list[Array]](list), sight.matrix.inverted()
                     for place, item in _hits(sight, (across, down)):
                         seen[item].append(np.divide((toward @ place).xy / (toward @ place).z, (across, down)))
@@ -316,7 +316,7 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
             names = ", ".join(_seen_names(sight, (half_width, half_height)))
             raise LfsrError(f"the scene's camera does not see the subject{f' but {names}' if names else ''}: turn the "
                             f"camera, choose another camera (or {FIT!r}), or choose another subject")
-        distance = float(np.percentile(depths, 2)) if back else _middle(depths)  # in parallel, nothing grows before it
+        distance = float(np.percentile(depths, 2)) if back else _middle(depths)  # parallel: nearer things would grow
     if back:
         array = CameraArray.for_display(profile, 2 * half_width * back)
         return array, from_blender(sight.matrix @ mathutils.Matrix.Translation((0, 0, array.distance - distance)))
@@ -466,18 +466,18 @@ def _free_fraction(free: Array, profile: DisplayProfile, array: CameraArray) -> 
     return float(min(1.0, *(free * WALL_MARGIN / (np.array(profile.views) * array.spacing / 2))))
 
 
-def scale_of(scene: bpy.types.Scene, job: Request) -> ScaleChoice:
-    """Choose one of the job's scales by the depth at which the middle of the array sees the subject in its frames."""
+def scale_of(scene: bpy.types.Scene, request: Request) -> ScaleChoice:
+    """Choose one of the request's scales by the depths at which the middle of the array sees the subject."""
     global fields
-    subject, moves, before = find_subject(scene, job.subject), [np.empty(0)], fields
+    subject, moves, before = find_subject(scene, request.subject), [np.empty(0)], fields
     fields = {} if fields is None else fields
     try:
-        for _ in visited(scene, job.sampling.frames):
-            with suppress(LfsrError):  # no array where the subject is out of sight: its frame says so as it is rendered
-                moves.append(moves_of(scene, job.display, subject))
+        for _ in visited(scene, request.sampling.frames):
+            with suppress(LfsrError):  # no array where the subject is out of sight; the render of the frame reports it
+                moves.append(moves_of(scene, request.display, subject))
     finally:
         fields = before
-    return choose_scale(job.display, np.concatenate(moves), job.sampling.scales, job.judged_rays)
+    return choose_scale(request.display, np.concatenate(moves), request.sampling.scales, request.judged_rays)
 
 
 @as_rendered()

@@ -177,7 +177,7 @@ _found: dict[int, tuple[Objects, Objects]] | None = None  # arrays and display p
 
 
 def drawn(scene: bpy.types.Scene) -> tuple[bpy.types.Object | None, bpy.types.Object | None]:
-    """Return what ``find`` and ``plane_of`` do, for what is drawn. Whoever changes the scene asks those."""
+    """Return what ``find`` and ``plane_of`` do, for drawing alone. Code that changes the scene must call those."""
     lists = {} if _found is None else _found
     for _ in range(2):
         if scene.session_uid not in lists:
@@ -217,6 +217,6 @@ def unregister() -> None:
     _found = None
 
 
-# Blender's own data are other ones after an undo, a redo or another file.
+# An undo, a redo and the loading of a file replace Blender's data.
 HANDLERS = (("depsgraph_update_post", _changed), *((f"{event}_{when}", _forget) for event in ("undo", "redo", "load")
                                                    for when in ("pre", "post")))

@@ -25,7 +25,7 @@ Result = set[str]
 
 
 def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
-    """Make an LfsrError in the operator's method its report, and cancel the operator; Edit Mode is left meanwhile."""
+    """Report an LfsrError of an operator's method, and cancel the operator; leave Edit Mode while the method runs."""
     # Blender counts the arguments of the methods that it calls: no *arguments here.
     @functools.wraps(method)
     def wrapped(self: bpy.types.Operator, context: bpy.types.Context) -> Result:
@@ -33,8 +33,8 @@ def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
         edited = context.active_object if context.mode.startswith("EDIT") and change.poll() else None
         try:
             with system_errors():
-                if MARK in context.scene and not live.is_on(getattr(self, "kind", "")):  # which closes it
-                    raise LfsrError("this window shows the light field itself: press the button in your scene's own")
+                if MARK in context.scene and not live.is_on(getattr(self, "kind", "")):  # the live button closes it
+                    raise LfsrError("this window shows the light field itself: press the button in your scene's window")
                 if edited is not None:
                     change(mode="OBJECT")
                 return method(self, context)
@@ -51,12 +51,12 @@ def reports_errors(method: Callable[..., Result]) -> Callable[..., Result]:
 class Question:
     """What an artist is asked before a task starts."""
 
-    sentence: str  # what is the matter
+    sentence: str  # what is wrong
     button: str  # starts the task all the same
-    advice: str = ""  # what a script can do about it; empty where it goes on without asking
+    advice: str = ""  # what a script can do about it, which gets an error; empty if a script goes on
     more: str = ""  # another sentence
     accept: Callable[[], None] = lambda: None  # what the button does before the task starts
-    mend: str = ""  # the operator's property that says whether ``mends`` is done, too
+    mend: str = ""  # the operator's property that decides whether ``mends`` is called too
     title: str = ""  # of that property's check box
     mends: Callable[[], None] = lambda: None
 

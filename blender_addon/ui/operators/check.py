@@ -59,7 +59,7 @@ def _switch_off(switch: str) -> Fix:
 
 @as_rendered()
 def _light_images(scene: bpy.types.Scene, _target: str) -> None:
-    """In a room no light of a world arrives."""
+    """Set a light for the images: even light in a room, which no world light reaches, else a world image."""
     is_indoors = (array := rig.find(scene)) is not None and is_inside(Rays(scene), array.matrix_world.translation)
     scene.lfsr.light = (EVEN if is_indoors else DEFAULT_LIGHT).upper()
 

@@ -34,11 +34,11 @@ from .base import AsksForFile, DescribedByItem, Question, Result, TaskOperator, 
 from .check import FIXES
 
 COPY_SUFFIX = f"{FARM_COPY}.blend"  # never the name of a file that somebody works on
-FARM_ITEMS = [("openjd", "OpenJD", "Request bundle of Open Request Description, for AWS Deadline Cloud and others"),
-              ("flamenco", "Flamenco", "Request type and job for a Flamenco 3 manager")]
+FARM_ITEMS = [("openjd", "OpenJD", "Job bundle of Open Job Description, for AWS Deadline Cloud and others"),
+              ("flamenco", "Flamenco", "Job type and job for a Flamenco 3 manager")]
 FIRST_VIEW = "A first view from the middle, with few rays. The image follows; cancel if this looks wrong"
-LONG = 600.0  # seconds of a render that is asked about
-_accepted: set[tuple[str, str, str]] = set()  # what the artist was asked in this file
+LONG = 600.0  # seconds from which the artist is asked before a render
+_accepted: set[tuple[str, str, str]] = set()  # what the artist has accepted in this file
 
 
 class Mends:
@@ -55,7 +55,7 @@ class LFSR_OT_render_eia(Mends, TaskOperator, bpy.types.Operator):
     bl_label = "Render EIA"
 
     def questions(self, context: bpy.types.Context) -> list[Question]:
-        """Ask before another scene's image is overwritten, where the method cannot run, and on what is left out."""
+        """Ask before another scene's image is overwritten, if the method cannot run, and about what is left out."""
         self.frame = context.scene.frame_current  # the timeline may play while a dialog is open
         return _asked(context.scene, (self.frame,))
 
@@ -78,7 +78,7 @@ class LFSR_OT_render_animation(Mends, TaskOperator, bpy.types.Operator):
     bl_label = "Render Animation"
 
     def questions(self, context: bpy.types.Context) -> list[Question]:
-        """Ask before another scene's frames are overwritten, where the method cannot run, and on what is left out."""
+        """Ask before another scene's frames are overwritten, if the method cannot run, and about what is left out."""
         return _asked(context.scene, folders.timeline(context.scene))
 
     def prepare(self, context: bpy.types.Context) -> Job:
@@ -329,7 +329,7 @@ class LFSR_OT_submit(DescribedByItem, AsksForFile, bpy.types.Operator):
     """Write a job that renders the timeline's range on a render farm, into a folder that its machines can see"""
 
     bl_idname = "lfsr.submit"
-    bl_label = "Write Farm Request"
+    bl_label = "Write Farm Job"
     item = "farm"
 
     farm: bpy.props.EnumProperty(name="Farm", description="Render farm that the job is for", items=FARM_ITEMS)

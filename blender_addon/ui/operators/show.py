@@ -210,7 +210,7 @@ def _open(page: Path) -> None:
 
 
 def _browser(page: Path) -> subprocess.Popen[bytes]:
-    """Open a page in a browser with a window, from a process of its own: Python waits for the end of some."""
+    """Open a page in a browser with a window, from a process of its own: Python would wait until some browsers end."""
     return subprocess.Popen(runtime.second_stage_command("-c", OPENS, page.as_uri()), stdin=subprocess.DEVNULL,
                             env={**os.environ, "TERM": ""}, **START)
 

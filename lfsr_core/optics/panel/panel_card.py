@@ -3,8 +3,8 @@
 All that decides a ray (``tests/support/reference_rays.py``) is linear in the place on the panel and in how far that
 place is from the centre of its elemental image. So the quad's corners store the linear parts, which Cycles
 interpolates, and the material only rounds, adds and multiplies; ``tests/support/card_rays.py`` repeats it. Elemental
-images are counted along the rows of their lattice, in which neighbours are nearest, and from row to row, the first axis
-square to the second: the nearest centre is then in the row below the place or above it.
+images are counted along the rows of their lattice, in which neighbours are nearest, and from row to row along a second,
+perpendicular axis: the nearest centre is then in the row below the place or above it.
 """
 
 import dataclasses
@@ -33,7 +33,7 @@ class Rows(NamedTuple):
     """A lattice as rows of points; lengths are pitches within a row."""
 
     shift: float  # from each row to the next, 0 where the nearest point is found along each axis alone
-    square: float  # of the distance between rows
+    square: float  # the distance between rows, squared
 
 
 class Linear(NamedTuple):
@@ -50,7 +50,7 @@ class PanelCard:
     pixel: float  # side of the image's pixels on the card
     corners: Array  # (4, 2) around the card's centre: upper left, lower left, lower right, upper right
     places: Array  # (4, 2) thirds of pixels from the panel's left edge, rows of pixels from its lower edge
-    mixes: bool  # whether a pixel of the image shows three subpixels, each ray that of its place in its colour
+    mixes: bool  # whether a pixel of the image shows three subpixels: a ray takes that at its place, and its colour
     counts: Linear  # elemental images: along a row, and rows; whole at their centres
     starts: Linear  # where rays begin on the camera plane
     ways: Linear  # from there to the display plane
@@ -89,11 +89,11 @@ def panel_card(layout: PanelLayout, radius: float = math.inf, of_subpixels: bool
         lens, lens_shift, start, start_shift = np.eye(2) * nearer, none, np.zeros((2, 2)), none
         images = lenses = Rows(0, 1)
         start_steps = np.array([[zone if cylinders.reversed else -zone, 0], [0, 0]])
-        # Square to the axes a ray crosses its cylinder's, along them it goes straight on.
+        # Perpendicular to the axes a ray passes through its cylinder's axis; along them it goes straight on.
         step = along * zone * -along[0] * (1 - nearer) - across * cylinders.pitch_mm * nearer
         end_steps = np.stack([step, none], -1)
         lens_steps = np.stack([across * cylinders.pitch_mm * nearer, none], -1)
-        # Of what a subpixel lights on the plane of the lenses.
+        # Size of the area that a subpixel lights on the plane of the lenses.
         extent = math.hypot(1, cylinders.slant) * cylinders.pitch_mm * nearer, geometry.pixel[1] * nearer
     else:
         sheet = display.lenslet
@@ -140,7 +140,7 @@ def panel_card(layout: PanelLayout, radius: float = math.inf, of_subpixels: bool
 
 
 def _by_rows(matrix: Array) -> tuple[Array, Rows]:
-    """(2, 2): the step within a row of a lattice, and the one square to it to the next row; and its rows."""
+    """(2, 2): the step within a row of a lattice, and the perpendicular one to the next row; and its rows."""
     along, up = matrix.T
     shift = float(along @ up / (along @ along))
     square = up - shift * along

@@ -62,7 +62,7 @@ class Geometry:
 
     @property
     def nearer(self) -> float:
-        """Distance of the lenses from the viewer by that of the panel."""
+        """Ratio of the viewer's distances from the lenses and from the panel, below 1."""
         return self.distance / (self.distance + self.gap)
 
 
@@ -146,9 +146,9 @@ def nearest_point(lattice: Lattice, packing: str, x: Array, y: Array) -> Pair:
 
 
 def short_steps(steps: Array) -> Array:
-    """(2, 2) whole numbers: columns are the sums of a lattice's steps, its columns, that are its two shortest ones.
+    """Return (2, 2) whole numbers: columns that combine the ``steps`` of a lattice (columns) to its two shortest steps.
 
-    The lattice has no other points for them (Lagrange's reduction). The angle between the two is 60 to 120 degrees.
+    They make the same lattice (Lagrange's reduction). The angle between the two is 60 to 120 degrees.
     """
     short = np.eye(2)
     while True:

@@ -17,11 +17,9 @@ from lfsr_core.base.system import cache_folder, in_threads, parse_json, replace
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import CHANNELS, subpixel_rays
 
-AT_ONCE = 1 << 17  # subpixels: their data fit into a core's cache
 ONE = 128  # a weight of 1; its product with a difference of bytes fits into 16 bits
-ROWS_AT_ONCE = 64
 VERSION = 1  # of a map's content: maps of other versions are not read
-MIN_SUBPIXELS = 4_000_000  # a map of fewer is computed faster than it is worth caching
+MIN_SUBPIXELS = 4_000_000  # a map of fewer is not cached, because it is computed quickly
 MAX_MAPS = 3
 ABOUT, FIRST = "map.json", "first.npy"
 APPEARANCE = ("name", "title", "description", "background")
@@ -70,7 +68,7 @@ def gather_map(profile: DisplayProfile, sampling: str) -> GatherMap:
                     next(interpolated)[part, :, channel] = np.rint((inside - whole) * ONE)
             first[part, :, channel] = index
 
-    in_threads(work, size[0], ROWS_AT_ONCE)
+    in_threads(work, size[0], size[1])
     axes = tuple(axis for axis in zip(strides, weights, strict=True) if axis[1].any())
     return GatherMap((columns, rows), first, axes)
 
@@ -130,7 +128,7 @@ def weave(eia: Array, mapped: GatherMap) -> Array:
         index, mixed = first[part].astype(np.intp), [(stride, weights[part]) for stride, weights in axes]
         shown[part] = _mixed(source, index, mixed)
 
-    in_threads(work, first.size, AT_ONCE)
+    in_threads(work, first.size, 1)
     return result
 
 

@@ -1,7 +1,7 @@
 """Open Image Denoise on a whole EIA, with weights for elemental images or with its own, and the files of such weights.
 
 The EIA is denoised, not its views: the views of a low-resolution array lie far apart, the pixels of one EI do not, so
-the EIA keeps far more detail (measured). Every other EI is mirrored for it, so that neighbours meet at the same view
+the EIA keeps far more detail (measured). Every other EI is mirrored before, so that neighbours meet at the same view
 and the image has no edges where the scene has none (docs/results/networks.md).
 
 The library's network is a U-Net of 3×3 convolutions with bias: ReLU after all but the last, 2×2 max-pooling after
@@ -41,10 +41,10 @@ from lfsr_core.process.child import BLENDER_FOLDER
 from lfsr_core.reconstruct.upscaler import LowResEIA
 
 CONTEXT = 32  # pixels around the wanted ones that the denoiser sees too
-LEAST_LEFT, MOST_LOST = 0.1, 0.1  # of an elemental image's light, and fraction of those that may keep less
+LEAST_LEFT, MOST_LOST = 0.1, 0.1  # fraction of its light that an EI must keep, and fraction of EIs that may keep less
 POOLED = 16  # pixels that the denoiser's network pools into one
-# Lenses per rendered view from which, and up to which, samples are denoised in views rather than in elemental images;
-# least mean fraction of the samples of an image that it is done for; samples up to which an edge is from what is known.
+# Slopes (lenses per rendered view) between which samples change from denoising in elemental images to denoising in
+# views; least mean weight of views for which they are denoised at all; samples over which edges take known slopes.
 DEEP, LEAST_DEEP, EDGE = (1.0, 1.5), 0.02, 2
 
 Box = tuple[slice, slice]  # rows and columns of lenses
@@ -115,8 +115,8 @@ def denoise_eia(color: Array, guides: Array | None = None, *, weights: Weights |
     """Denoise one image (H, W, 3), scene-linear >= 0; LfsrError where the library is missing or fails.
 
     ``guides``: albedo and normal (H, W, 6) for guided weights, None for zeros. ``weights``: they see display white as
-    1; None for the library's own, which see colour alone and expose by themselves. ``exposure``: of the view
-    transform in stops, for the first. ``device``, ``note``: see ``denoise_image``.
+    1, by ``exposure``, that of the view transform in stops; None for the library's own, which see colour alone and
+    expose by themselves. ``device``, ``note``: see ``denoise_image``.
     """
     seen = [color]
     if weights is not None and weights.guided:
@@ -169,7 +169,7 @@ def denoise_low_resolution(low: LowResEIA, weights: str | Path | None = WEIGHTS)
 
 
 def _deep(low: LowResEIA) -> Array:
-    """How much of each sample (sy, sx, h, w, 1), 0 to 1, is denoised beside its neighbours in a view.
+    """Weights (sy, sx, h, w, 1), 0 to 1, with which each sample is denoised in its view, not in its elemental image.
 
     From one rendered view to the next a point moves by its slope, from one lens to the next by one: beyond a slope of
     1 a view has more detail than an elemental image. Edges, whose slope is unknown, take the steepest one beside them.
@@ -377,7 +377,7 @@ def denoise_image(color: Array, albedo: Array | None = None, normal: Array | Non
 def find_libraries() -> Iterator[Path]:
     """Paths of the libraries, the best first: $LFSR_OIDN alone, or pyoidn's, Blender's; no package is imported.
 
-    The system's comes last and need not exist where it has no folder: its loader looks for it.
+    The system's comes last. Its path may be a bare name, which the system's loader looks up.
     """
     if chosen := os.environ.get(LIBRARY_VARIABLE):
         yield Path(chosen)

@@ -6,10 +6,10 @@ deep as the ray's path is long). So the ray of lens i and place A among the rend
 sees through lens i + m·(v − A). Samples near that line, of about the same slope m, are averaged, along one axis and
 then along the other: sheared reconstruction, as in Lehtinen et al., Temporal Light Field Reconstruction for Rendering
 Distribution Effects (2011). Unless much of the scene is steep, it is done at two places per rendered view, and views
-between them are interpolated. Gaps beside what is seen move with it. Where depth is unknown, interpolation inside the
-elemental image stays, and so it does for the light of a lamp in a sample at the depth of the wall behind it: along the
-wall's slope it would be a halo. What an elemental image shows of its own, as mirrors do, comes back where it is more
-than noise. docs/results/pooling.md has the figures.
+between them are interpolated. Gaps beside a surface move with it. Where depth is unknown, views are interpolated inside
+the elemental image. So is the light of a lamp in a sample that has the depth of the wall behind it: along the wall's
+slope it would be a halo. What only one elemental image shows, such as a mirror's image, is added again where it exceeds
+noise. docs/results/pooling.md has the figures.
 """
 
 import dataclasses
@@ -21,34 +21,33 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lfsr_core.base.arrays import Array
-from lfsr_core.base.system import in_threads
+from lfsr_core.base.system import in_cache, in_threads
 from lfsr_core.reconstruct.upscaler import LowResEIA, Upscaler, decode, encode, interpolated, kernel_matrix
 
 REACH = 3  # rendered views to each side of a place from which samples are taken, at most
-SIGMA, FALL = 1.5, -0.19  # rendered views: standard deviation of the weight by view at 1 sample; its power of samples
+SIGMA, FALL = 1.5, -0.19  # standard deviation of the weight, in rendered views: SIGMA · samples ** FALL
 COUNT = 4  # views from which samples are taken, in standard deviations of their weight
 NEAR = 0.9  # lenses: samples further from the line have no weight
-# Lenses by which that is more for noisy samples on the display plane, whose lines meet the same few lenses; lenses per
-# rendered view from which it is not.
+# Lenses by which NEAR is larger for noisy samples on the display plane, whose lines meet the same few lenses; slope
+# (lenses per rendered view) from which it is not larger.
 WIDER, SCATTERED = 0.65, 0.25
 RIDGE = 0.02  # square lenses: samples nearer to the line on the mean tell little of how colour changes across it
-NOISE = 0.2  # of the power of what a denoiser removes, that may be left in its image
+NOISE = 0.2  # fraction of the power of the removed noise that may be left in a denoised image
 ALIKE = 0.5  # lenses per rendered view: samples whose slopes differ by more are of two surfaces
 STEEP = 1.0  # lenses per rendered view from which an edge is known better from other lenses than inside its own
 STEEPEST = 8.0  # lenses per rendered view: steeper points skip too many lenses to be found again
 LEAST = 0.05  # sum of weights below which nothing was found
 UNKNOWN, OUTSIDE = 1e6, 1e9  # slopes of samples without depth, and of places beyond the display or its views
-GLARE, CONTRAST = 2.0, 4.0  # scene-linear value, and times a neighbour of the same surface, of a sample with such light
+GLARE, CONTRAST = 2.0, 4.0  # of a sample with a lamp's light: scene-linear value, and ratio to one of the same surface
 PLACES = 2  # per rendered view at which samples are pooled, of scenes that are not steep: more gain nothing there
-MOST_STEEP = 0.05  # of the samples of such a scene
+MOST_STEEP = 0.05  # fraction of steep samples in a scene that is not steep
 KERNEL, SHARP_KERNEL = "linear", "halfway"
 SHARP_SAMPLES, SHARP_SCALE = 16, 3  # samples per pixel and scale from which noise allows the sharper kernel
-SAMPLES_IN_CACHE = 40_000
 LEAST_SAMPLES = 2  # per pixel from which detail is told from noise, and an edge from what is behind it
 # Rendered views up to which an edge is looked for; lenses to each side that a sample sees of it; lenses per rendered
 # view by which an edge must be nearer than what is behind it.
 EDGE_REACH, HALF, APART = 3, 0.6, 0.1
-VOID_REACH, LEVEL = 6, 0.15  # rendered views beside what is seen; lenses per rendered view up to which it is pooled too
+VOID_REACH, LEVEL = 6, 0.15  # rendered views beside a surface that take its slope; slope up to which they are pooled
 FEW = 0.3  # of what 3 × 3 lenses see
 LEAST_STEEP = 0.1  # lenses per rendered view: below, no other lens is within reach
 LEAST_OTHERS = 0.3  # sum of the weights of other lenses' samples
@@ -60,7 +59,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PooledEIA(LowResEIA):
-    """A low-resolution EIA whose rows have all their places."""
+    """A low-resolution EIA that is pooled along its rows."""
 
     density: tuple[int, int]  # (horizontal, vertical) places per rendered view at which samples are pooled
     wide: Array  # (4, sx·W, padded sy, padded h), encoded colour and vertical slope; W: horizontal places of a lens
@@ -117,7 +116,7 @@ class Pooling(Upscaler):
             np.multiply(rays[3], np.float32(low.slope_ratio), out=rays[3], where=rays[3] < UNKNOWN)
             lenses[:, part, :, rows, REACH:-REACH] = rays.reshape(4, width, -1, sy, h).swapaxes(1, 2)
 
-        in_threads(some, sx, _in_cache(width * sy * h))
+        in_threads(some, sx, width * sy * h)
         return PooledEIA(**vars(low), density=(across, down), wide=wide, rows=rows, seen=known.any((2, 3)), own=color,
                          glare=glare if glare.any() else None)
 
@@ -134,7 +133,7 @@ class Pooling(Upscaler):
             width, line, chosen = w * low.density[0], Line.of(low, h, low.density[1]), np.flatnonzero(some)
             across, down = (kernel_matrix(kernel, views * places, factor / places)
                             for views, places, factor in zip((w, h), low.density, low.factors, strict=True))
-            most = _in_cache(width * h * low.density[1])
+            most = in_cache(width * h * low.density[1])
             for part in (chosen[start:start + most] for start in range(0, len(chosen), most)):
                 row, column = lenses[part].T
                 lines = (column[:, None] * width + np.arange(width)) * low.wide.shape[2] + low.rows[row][:, None]
@@ -217,8 +216,7 @@ def _restored(low: LowResEIA, slope: Array, steepest: float) -> Array:
     def residual(rows: slice) -> None:
         lost[rows] = _noise(noisy[rows], low.color[rows]) * known[rows, ..., None]
 
-    most = _in_cache(sx * h * w)
-    in_threads(residual, sy, most)
+    in_threads(residual, sy, sx * h * w)
     along = lost
     for axis, ratio in ((1, 1.0), (0, low.slope_ratio)):
         # Lenses and views of one axis last, those of the other axis first.
@@ -238,17 +236,11 @@ def _restored(low: LowResEIA, slope: Array, steepest: float) -> Array:
         shared[rows] = np.einsum("yxvuc,yxvuc->yxc", own, others) @ LUMINANCE
         power[rows] = np.einsum("yxvuc,yxvuc->yxc", mean[rows], mean[rows]) @ LUMINANCE
 
-    in_threads(covariance, sy, most)
+    in_threads(covariance, sy, sx * h * w)
     shared, power = _pooled_lenses(shared), _pooled_lenses(power)
     weight = np.clip(np.divide(shared, power, out=np.zeros_like(power), where=power > 0), 0, 1).astype(np.float32)
-    mean *= weight[..., None, None, None]
-    color += mean
+    color += mean * weight[..., None, None, None]
     return color
-
-
-def _in_cache(samples: int) -> int:
-    """How many things of so many ``samples`` are made at once."""
-    return max(1, SAMPLES_IN_CACHE // samples)
 
 
 def _places(count: int, steepest: float, block: int | None) -> tuple[Array, int]:
@@ -269,9 +261,9 @@ def _noise(noisy: Array, color: Array) -> Array:
 def _left_out(low: PooledEIA, row: Array, column: Array, images: Array) -> Array:
     """What pooled ``images`` (3, h·sy, n, w·sx) lack of the rendered views of their lenses, interpolated.
 
-    Pooling takes what each lens shows in its own way, such as a mirror, for noise. So the difference at the rendered
-    views comes back, weighted as in Wiener's filter by its power in the elemental image. At slopes at which views are
-    too far apart to be interpolated, its mean over neighbouring views does: light that has spread from an edge.
+    Pooling takes for noise what only one lens shows, such as a mirror's image. So the difference at the rendered views
+    is added, weighted as in Wiener's filter by its power in the elemental image. At slopes at which views are too far
+    apart to be interpolated, its mean over neighbouring views is added: light that has spread from an edge.
     """
     assert low.noisy is not None and low.slope is not None
     # Matrices (views, views·factor) that take from finished views what rendered ones show, in the middle of cells.
@@ -335,7 +327,7 @@ def _pooled_lenses(values: Array) -> Array:
 
 @dataclasses.dataclass(frozen=True)
 class Line:
-    """Places of one axis among its rendered views; arrays begin with the axis of places."""
+    """Where along one axis samples are pooled; the first axis of arrays is that of these places."""
 
     corners: tuple[Array, Array]  # (places,), the rendered views to either side
     share: Array  # (places, 1) of the second corner
@@ -346,8 +338,7 @@ class Line:
 
     @classmethod
     def of(cls, low: LowResEIA, rendered: int, density: int) -> Self:
-        """Line of an axis with ``rendered`` views of ``density`` places; more samples need fewer views.
-        """
+        """Line of an axis with ``rendered`` views of ``density`` places each; more samples need fewer views."""
         sigma = SIGMA * low.samples ** FALL
         places = ((np.arange(rendered * density) + 0.5) / density - 0.5)[:, None]
         first = np.floor(places).astype(int)
@@ -424,7 +415,7 @@ def _residuals(values: Array, slopes: Array, places: Array, length: int, own: bo
         total, sums = _sums(planes, stride, taps, starts[part], along, np.zeros(along.shape, bool), own)
         result[:, row[part], lens[part]] = sums if len(sums) == 4 else [*sums, total]
 
-    in_threads(lenses, len(row), _in_cache(views))
+    in_threads(lenses, len(row), views)
     return result
 
 

@@ -470,7 +470,7 @@ def test_a_bright_sky_behind_dark_things_is_not_taken_away(startup):
     startup.render.film_transparent = True
     assert "sky" not in looked(startup)["dark"]
     startup.render.film_transparent, box.scale = False, (1.5, 1, 1.2)
-    assert "and do not show the sky" in looked(startup)["dark"]
+    assert "which then do not show the sky" in looked(startup)["dark"]
 
 
 def test_a_world_whose_image_is_missing_is_offered_another_light(startup):

@@ -4,6 +4,7 @@ import dataclasses
 import os
 import re
 import resource
+import runpy
 import signal
 import subprocess
 import sys
@@ -232,9 +233,11 @@ def test_a_render_and_another_into_the_same_folder_as_on_windows(scene, tmp_path
     assert sorted(path.name for path in folder.iterdir()) == ["frame", "scene.blend"]
 
 
-def test_demo_scene_stands_the_right_way_round_and_moves_against_the_eye(tmp_path):
-    for name in ("demo", "unseen", "textured", "real", "deep"):
-        assert run_script(f"{name}_scene{'' if name == 'demo' else 's'}.py", "--no-such", tmp_path)[0] == 2
+def test_demo_scene_stands_the_right_way_round_and_moves_against_the_eye(tmp_path, monkeypatch):
+    for name in ("demo_scene", "unseen_scenes", "textured_scenes", "real_scenes", "deep_scenes"):
+        monkeypatch.setattr(sys, "argv", [name, "--no-such", str(tmp_path)])
+        with pytest.raises(SystemExit, match="^2$"):
+            runpy.run_path(str(ROOT / "scripts" / "lab" / "lfsr_lab" / "scenes" / f"{name}.py"), run_name="__main__")
     assert run_script("demo_scene.py", tmp_path / "demo.blend")[0] == 0
     said = run_lfsr("render", tmp_path / "demo.blend", "-o", tmp_path / "frame", "--display", "small", "--scale", 4,
                     "--spp", 4)
