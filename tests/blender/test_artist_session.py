@@ -8,8 +8,6 @@ import pytest
 from blender_addon.scene.array import edit, rig
 from blender_addon.ui.operators.check import FIXES
 
-STEPS = 100
-
 
 def choose(chance):
     """Select some objects, one of them active."""
@@ -54,7 +52,7 @@ def act(name, chance):
 def test_random_buttons_leave_nothing_of_ours(artist, seed):
     chance, done = random.Random(seed), []
     bpy.ops.ed.undo_push(message="start")
-    for _ in range(STEPS):
+    for _ in range(100):
         done.append(chance.choice(list(OPERATORS)))
         act(done[-1], chance)
         assert not [item.name for item in (*bpy.data.objects, *bpy.data.cameras) if item.name.startswith("LFSR")], done

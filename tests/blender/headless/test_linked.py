@@ -15,7 +15,6 @@ from lfsr_core.images.image_files import read_layers
 from tests.support import panel
 from tests.support.scenes import add_box
 
-LAYOUTS = ("one-pass", "lens-card")
 COLLECTIONS, OBJECTS = ["Props", "Background"], ["Box", "Wall"]
 
 
@@ -61,7 +60,7 @@ def library(tmp_path_factory) -> Path:
 def unlinked(library) -> dict[str, dict[str, np.ndarray]]:
     """Layers of the library's own scene, by layout."""
     bpy.ops.wm.open_mainfile(filepath=str(library))
-    return {layout: render(layout)[1] for layout in LAYOUTS}
+    return {layout: render(layout)[1] for layout in ("one-pass", "lens-card")}
 
 
 def link(library: Path, kind: str, names: list[str]) -> list[bpy.types.ID]:

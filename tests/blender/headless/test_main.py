@@ -28,8 +28,6 @@ from tests.support.requests import make_request
 from tests.support.scenes import MINI, ROOT, add_box, add_camera, add_lamp, emission
 from tests.support.told import refuses
 
-ENTRY = ROOT / "blender_addon" / "headless" / "from_sources.py"
-
 
 @pytest.fixture
 def blend(scene, tmp_path):
@@ -41,7 +39,7 @@ def blend(scene, tmp_path):
 def start(tmp_path, limit=None, ends_with_input=False, **options):
     data = to_data(make_request(str(tmp_path / "out"), MINI, **{"scale": 4, "samples": 2} | options))
     write_json(tmp_path / "job.json", data)
-    command = [sys.executable, "-P", ENTRY, "--", tmp_path / "job.json"]
+    command = [sys.executable, "-P", ROOT / "blender_addon/headless/from_sources.py", "--", tmp_path / "job.json"]
     smaller = (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))) if limit else None
     more = {"PYTHONUNBUFFERED": "1"} | ({ENDS_WITH_INPUT: "1"} if ends_with_input else {})
     return subprocess.Popen(command, text=True, stdin=subprocess.PIPE if ends_with_input else None,

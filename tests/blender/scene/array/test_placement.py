@@ -28,17 +28,13 @@ SMALL = load_display("small")
 CENTRE, HALF = np.array((1.0, 2.0, 3.0)), np.array((0.5, 0.3, 0.4))
 
 
-def seen_from(matrix_world, points):
-    """World points (N, 3) in array space."""
-    return (np.array(mathutils.Matrix(matrix_world).inverted()) @ np.c_[points, np.ones(len(points))].T).T[:, :3]
-
-
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("display", builtin_names())
 def test_subject_fills_the_display_and_straddles_its_plane(display, size):
     profile, low, high = load_display(display), (CENTRE - HALF) * size, (CENTRE + HALF) * size
     array, matrix_world = placement.fit_array(low, high, profile)
-    points = seen_from(matrix_world, [*itertools.product(*zip(low, high, strict=True))])
+    corners = np.array([*itertools.product(*zip(low, high, strict=True), [1.0])])  # (8, 4), in the world
+    points = (np.array(mathutils.Matrix(matrix_world).inverted()) @ corners.T)[:3].T  # in the array's space
     assert (points[:, 2].min() + points[:, 2].max()) / 2 == pytest.approx(array.distance, rel=1e-4)
     on_plane = np.abs(points[:, :2] / points[:, 2:] * array.distance).max(0) / (array.half_width, array.half_height)
     assert on_plane.max() <= placement.FILL + 1e-3, "nothing is cut off in the central view"
