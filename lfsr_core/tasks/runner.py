@@ -118,11 +118,11 @@ def estimate(request: dict[str, Any], command: list[str]) -> dict[str, Any]:
                     for number, lenses in enumerate((many[:few], many[::step], many))]
         make_frames(requests, blender=RenderCommand(tuple(command)), tell=heard)
         _, some, whole = (read_part(one.output) for one in requests)
-    sampling = max(render_seconds(whole) - render_seconds(some), 0.0)
+    sampling, more = (cost(whole) - cost(some) for cost in (render_seconds, path_samples))
     # The image needs all the rest once too.
     fixed = max(time.monotonic() - started - some.seconds["render"] - whole.seconds["render"], 0.0)
-    more = path_samples(whole) - path_samples(some)
-    per_path = sampling / more if more else render_seconds(whole) / path_samples(whole)  # a single lens
+    # With a single lens, or if other work slowed the shorter render, all of the longer one counts as sampling.
+    per_path = sampling / more if more and sampling > 0 else render_seconds(whole) / path_samples(whole)
     return dataclasses.asdict(Measured(fixed, per_path, whole.scale))
 
 
