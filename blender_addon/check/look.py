@@ -35,7 +35,7 @@ from .problems import Problem
 MENDS = {
     "cube": ("leave_out_cube", "Leave Out Cube", "Hide the cube of Blender's new file in renders"),
     "helper": ("leave_out_helpers", "Leave Out Helpers", "Hide what helps while modelling, as a box of wires, and "
-               "what hides the picture with faces that EEVEE leaves out"),
+               "what hides the picture with faces that Clip Start or EEVEE leaves out"),
     "sky": ("leave_out_sky", "Leave Out Sky", "Hide the box or ball around all objects in renders"),
     "frame": ("fit_objects", "Fit to Objects", "Move the camera array in front of the objects, or into the room"),
     "plane": ("move_plane", "Move Display Plane", "Move the display plane to the middle of the depth that is seen"),
@@ -74,7 +74,7 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
             more = f" and {counted(len(others) - 1, 'other object')}" if others[1:] else ""
             yield _problem("helper", others[0].name, f"{others[0].name}{more} " + (
                 "would be rendered solid: drawn as wires, a Boolean's tool or a bone's shape." if tools else
-                "hides the picture: Cycles renders the backs of its faces, EEVEE does not."))
+                "hides the picture, but not Blender's: it is nearer than Clip Start, or EEVEE leaves out its backs."))
         hidden = {item for item in rendered(scene) if not item.visible_get()}
         with as_rendered(cube, *others):
             boxes, eye = edit.boxes_now(subject), np.array(placed[1])[:3, 3]
@@ -207,15 +207,20 @@ def _hulls(scene: bpy.types.Scene, drawn: set[bpy.types.Object], *left_out: bpy.
 
 @as_rendered()
 def culled_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """Return the object, if any, that hides most of an aimed camera's picture with faces that EEVEE leaves out."""
-    placed = rig.placement(scene, scene_settings.display_of(scene))
-    culled = {material for material in bpy.data.materials if material.use_backface_culling}
-    is_culling = bool(culled) and scene.render.engine.startswith("BLENDER_EEVEE") and not _is_unaimed(scene)
-    hits = edit.through(Rays(scene), placed, *edit.FEWER) if placed and is_culling else []
-    seen = [(hit[2], hit[1]) for hit in hits if hit is not None]
-    return [item for item in {item for item, _ in seen} if seen.count((item, False)) > len(hits) / 2
-            and (item, True) not in seen and item.active_material and len(edit.boxes_now(find_subject(scene))) > 1
-            and all(slot.material in culled for slot in item.material_slots)]
+    """Return what hides most of an aimed camera's picture, but not of Blender's: before Clip Start, or by EEVEE."""
+    placed, camera = rig.placement(scene, scene_settings.display_of(scene)), scene.camera
+    if placed is None or camera is None or camera.type != "CAMERA" or _is_unaimed(scene):
+        return []
+    (eye, toward), near = (mathutils.Matrix(placed[1]).col[axis].xyz for axis in (3, 2)), camera.data.clip_start
+    is_eevee = scene.render.engine.startswith("BLENDER_EEVEE")
+    culled = {material for material in bpy.data.materials if is_eevee and material.use_backface_culling}
+    is_near = (eye - camera.matrix_world.translation).length < 1e-3 and scene.ray_cast(
+        bpy.context.evaluated_depsgraph_get(), eye, toward, distance=near)[0]
+    hits = edit.through(Rays(scene), placed, *edit.FEWER) if culled or is_near else []
+    seen = [(hit[2], (is_near and toward.dot(hit[0] - eye) < near) or (not hit[1] and hit[2].active_material in culled
+             and all(slot.material in culled for slot in hit[2].material_slots))) for hit in hits if hit is not None]
+    return [item for item in dict(seen) if seen.count((item, True)) > len(hits) / 2
+            and (item, False) not in seen and len(edit.boxes_now(find_subject(scene))) > 1]
 
 
 def _is_unaimed(scene: bpy.types.Scene) -> bool:
@@ -265,18 +270,16 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
     is_unaimed = _is_unaimed(scene) and (eye.translation - scene.camera.matrix_world.translation).length < 1e-3
     points = np.concatenate(list(boxes.values()))
     low, high = points.min(0), points.max(0)
-    size = float(np.linalg.norm(high - low))
     name = main[0].name if len(main) == 1 else f"{main[0].name} with {counted(len(main) - 1, 'other object')}"
 
     def is_in_box(place: rig.Placement) -> bool:
-        at = np.array(place[1])[:3, 3]
-        return bool((at > low).all() and (at < high).all())
-    inner = [hit for hit in hits if hit is not None and not hit[1]]
-    if len(inner) > len(hits) / 2 and is_in_box(placed) and np.median(
-            [(hit[0] - eye.translation).length for hit in inner]) < (0.5 if is_unaimed else CLOSE) * size:
+        return bool((low < (at := np.array(place[1])[:3, 3])).all() and (at < high).all())
+    inner = [(hit[2], (hit[0] - eye.translation).length) for hit in hits if hit is not None and not hit[1]]
+    if len(inner) > len(hits) / 2 and is_in_box(placed) and np.median([far for _, far in inner]) < (
+            0.5 if is_unaimed else CLOSE) * math.dist(low, high):
         best = edit.in_front(scene, display, set(main))
         if not is_in_box(best):
-            return f"The array stands inside {inner[0][2].name}.", best
+            return f"The array stands inside {inner[0][0].name}.", best
     # A camera that was aimed stays where rays do not meet what it shows, or where the objects would be no larger.
     if not (seen or is_unaimed) and (hits.count(None) <= len(hits) / 2 or has_output(scene, "Displacement")):
         return "", None
@@ -358,12 +361,11 @@ def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
     Only light that comes straight from ``lamps`` and the world counts.
     """
     array, eye = placed[0], mathutils.Matrix(placed[1])
-    half = array.half_width / array.distance, array.half_height / array.distance
     lamps = sorted(lamps, key=lambda item: -item.data.energy)[:LAMPS]
     sky, arriving, seen = world_radiance(scene.world, DIM / 2), list[float](), list[float]()  # a render tells of images
     generator = np.random.default_rng(0)
     for x, y in generator.uniform(-0.9, 0.9, (4 * LIT, 2)):
-        way = eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))
+        way = eye.to_3x3() @ mathutils.Vector((x * array.half_width, y * array.half_height, array.distance))
         hit = rays.cast(eye.translation, way) if len(arriving) < LIT else None
         if hit is None:
             continue

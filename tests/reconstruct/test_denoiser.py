@@ -256,9 +256,8 @@ def test_deep_samples_are_denoised_beside_their_neighbours_in_a_view(name, slope
 
 @pytest.mark.parametrize("factor", [1e3, 3e4])
 def test_weights_that_overflow_are_refused(tmp_path, factor):
-    tensors = read_tza(denoise.WEIGHTS)
     write_tza(tmp_path / "black.tza", {name: np.clip(tensor.astype(float) * factor, -6e4, 6e4)
-                                       for name, tensor in tensors.items()})
+                                       for name, tensor in read_tza(denoise.WEIGHTS).items()})
     refuses("of 96 elemental images black or infinite", denoise_low_resolution, framed()[0], tmp_path / "black.tza")
 
 

@@ -54,10 +54,8 @@ def fit(scene: bpy.types.Scene, profile: DisplayProfile, items: Collection[bpy.t
     array, turn = rig.find(scene), mathutils.Matrix.Identity(3)
     if array is not None:  # rotation from a new array, which looks along +Y with Z up
         turn = upright(array).to_3x3() @ mathutils.Matrix.Rotation(-math.pi / 2, 3, "X")
-    if not items:
-        raise LfsrError("nothing is selected: select the objects that the display should show")
     if not (points := list(placement.world_points(set(items)))):
-        raise LfsrError("the selection has no geometry: select the objects that the display should show")
+        raise LfsrError("nothing with geometry is selected: select the objects that the display should show")
     return _moved(scene, fit_turned(np.concatenate(points), profile, turn))
 
 
@@ -113,9 +111,8 @@ def remove_planes(scene: bpy.types.Scene) -> None:
 def _moved(scene: bpy.types.Scene, placed: Placement) -> bpy.types.Object:
     """Array of the scene, added if there is none, at a placement."""
     rig.check_editable(scene)
-    if (array := rig.find(scene)) is not None:
-        rig.check_editable(array)
-    array = array or _new_array(scene)
+    array = rig.find(scene) or _new_array(scene)
+    rig.check_editable(array)
     put(array, placed)
     return array
 
@@ -216,6 +213,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
     rays, shown = Rays(scene, sky), with_copied(set(chosen))
     low, high = points.min(0), points.max(0)
+    away = (now.min(0) + now.max(0) - low - high) / 2 if len(now) else 0 * low  # from the middle of its way
     most, view = 0, view_inside(rays, low, high)
     if len(chosen) <= FEW_OBJECTS:  # the boxes of others are small enough
         frames = placement.sample_frames(scene) if boxes is moved else (scene.frame_current,)
@@ -251,7 +249,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
                                         and beyond[2] == hit[2] and beyond[1].dot(way) < 0)
                              for hit in seen] or [False])
             behind = FROM_BEHIND if size[2] > LOW * size[:2].min() else LOW_FROM_BEHIND
-            counts *= np.interp(ahead, (0, FRONTS), (behind, 1))
+            counts *= np.interp(ahead, (0, FRONTS), (behind, 1)) * (1 + turn.col[1].dot(away) / placed[0].distance)**2
             choices.append((counts * share * len({hit[3] for hit in seen}), share, placed))
         _, share, best = max(choices, key=lambda choice: choice[0])
         if share > least:

@@ -108,7 +108,7 @@ def test_what_helps_while_modelling_is_left_out(startup):
 
 def test_what_is_rendered_is_looked_at_whatever_the_viewport_hides(startup):
     wall = aimed(startup)
-    blocker, folder = add_box((0, -6, 1), (0.1, 0.1, 0.1)), bpy.data.collections.new("Folder")
+    blocker, folder = add_box((0, -6, 1), (0.11, 0.11, 0.11)), bpy.data.collections.new("Folder")
     startup.collection.children.link(folder)
     folder.objects.link(blocker)
     blocker.users_collection[0].objects.unlink(blocker)
@@ -146,12 +146,14 @@ def test_what_is_rendered_is_looked_at_whatever_the_viewport_hides(startup):
     assert depths[0] < 5.45, "what is copied stands before the wall"
 
 
-def test_what_shows_its_back_is_left_out_as_eevee_leaves_it_out(startup):
+def test_what_blenders_camera_does_not_show_is_left_out_backs_in_eevee_and_what_is_nearer_than_clip_start(startup):
     box, around = aimed(startup), add_box((0, -6, 1), (0.4, 0.3, 0.3))
     around.data.materials.append(bpy.data.materials.new("Around"))
     for is_culled, engine in ((True, "CYCLES"), (False, startup.render.engine), (True, startup.render.engine)):
         around.active_material.use_backface_culling, startup.render.engine = is_culled, engine
         assert ("helper" in looked(startup)) == (is_culled and engine != "CYCLES")
+    startup.render.engine, startup.camera.data.clip_start = "CYCLES", 0.4  # its front stands at 0.3
+    assert "helper" in looked(startup)
     box.hide_render = True
     assert "helper" not in looked(startup), "nothing else is there"
     box.hide_render = False

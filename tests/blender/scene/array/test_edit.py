@@ -84,7 +84,7 @@ def test_fit_keeps_the_direction_and_frames_the_selection(artist):
 def test_what_cannot_be_added_or_fitted_is_said_and_remove_leaves_nothing(artist):
     panel.refused("has a camera array already", bpy.ops.lfsr.array_add)
     bpy.ops.object.select_all(action="DESELECT")
-    panel.refused("Nothing is selected", bpy.ops.lfsr.array_fit)
+    panel.refused("Nothing with geometry is selected", bpy.ops.lfsr.array_fit)
     assert rig.is_array(artist.camera)
     panel.refused("is the camera array itself: make another camera active", bpy.ops.lfsr.array_fit, to="CAMERA")
     assert bpy.ops.lfsr.array_remove() == {"FINISHED"} and rig.find(artist) is None
@@ -167,8 +167,15 @@ def test_floors_and_what_lies_far_away_are_not_the_main_part():
     ((0.02, 2, 1), lambda at: abs(at.x) > 2)])
 def test_what_is_flat_is_looked_at_from_above_and_what_is_wide_from_a_side_from_there(scene, half, place):
     add_box(scene, (0, 0, 0), half)
-    bpy.context.view_layer.update()
     assert place(edit.add(scene, MINI).matrix_world.translation)
+
+
+def test_what_comes_nearer_in_an_animation_is_looked_at_from_its_front(scene):
+    figure, scene.frame_end = add_box(scene, (0, 0, 0), (0.3, 0.3, 0.9)), 24
+    for frame, figure.location.y in ((24, -2.8), (1, 0)):
+        figure.keyframe_insert("location", frame=frame)
+    scene.frame_set(1)
+    assert edit.in_front(scene, MINI, {figure})[1][1][3] < -2.8, "although it is nearer to an array behind it now"
 
 
 def test_of_two_sides_that_with_more_shape_is_looked_at(scene):
@@ -179,7 +186,6 @@ def test_of_two_sides_that_with_more_shape_is_looked_at(scene):
     item = bpy.data.objects.new("Folded", mesh)
     scene.collection.objects.link(item)
     item.hide_set(True)  # in the viewport alone
-    bpy.context.view_layer.update()
     assert edit.add(scene, MINI).matrix_world.translation.x < -1 and item.hide_get(), "not the flat one"
 
 
@@ -189,17 +195,13 @@ def test_an_island_is_looked_at_from_above_the_sea_and_what_is_in_the_sea_from_b
     bpy.ops.mesh.primitive_uv_sphere_add(radius=3, location=(0, 0, -2 if is_above else -2.9))
     for number in range(boxes):
         add_box(scene, (-1 + 0.4 * number, 0, 2), (0.2, 0.2, 1))
-    bpy.context.view_layer.update()
     assert (edit.in_front(scene, MINI, {*scene.objects})[1][2][3] > 0) == is_above
 
 
 def seen_box(scene, item):
     """What the array sees of a box: greatest offset as a fraction of half the display, and rays that meet it."""
-    array = rig.placement(scene, MINI)
-    toward = mathutils.Matrix(array[1]).inverted() @ item.matrix_world
-    points = np.array([toward @ mathutils.Vector(corner) for corner in item.bound_box])
-    half = np.array([array[0].half_width, array[0].half_height]) / array[0].distance
-    return np.abs(points[:, :2] / points[:, 2:] / half).max(), len(placement.seen_depths(scene, array, {item}))
+    points = [item.matrix_world @ mathutils.Vector(corner) for corner in item.bound_box]
+    return np.abs(seen_at(scene, points)[0]).max(), len(placement.seen_depths(scene, place(scene), {item}))
 
 
 def test_a_bare_path_is_not_fitted_and_a_curve_that_shows_is(scene):
@@ -222,7 +224,6 @@ def test_without_a_camera_that_sees_it_the_subject_fills_the_display(scene, came
     if camera is not None:
         own = add_camera(scene, (0, -4, 0))
         own.data.type, own.rotation_euler = camera, (np.pi / 2, 0, np.pi)
-    bpy.context.view_layer.update()
     edit.add(scene, MINI)
     widest, rays = seen_box(scene, box)
     assert 0.4 < widest < 1 and rays > 50
@@ -231,6 +232,5 @@ def test_without_a_camera_that_sees_it_the_subject_fills_the_display(scene, came
 def test_the_array_turns_where_a_wall_hides_the_subject(scene):
     box = add_box(scene, (0.0, 0.0, 0.0), (0.5, 0.5, 0.5))
     add_box(scene, (0.0, -0.8, 0.0), (0.1, 30.0, 30.0)).rotation_euler = (0, 0, np.pi / 2)
-    bpy.context.view_layer.update()
     edit.add(scene, MINI)
     assert seen_box(scene, box)[1] > 50

@@ -250,8 +250,7 @@ def test_markdown_becomes_html_and_stays_text():
     lines = ["## A *b* <c>", "", "One `x<y` and **two**.", "", *markdown_table(["a", "b"], [["x & y", 1.5]], "lr"),
              "", "- first", "  goes on", "- second"]
     text = str(page.html("\n".join(lines)))
-    reader = Reader(text)
-    assert [tag for tag, _ in reader.tags if tag in ("h4", "code", "b", "table", "li")] == [
+    assert [tag for tag, _ in Reader(text).tags if tag in ("h4", "code", "b", "table", "li")] == [
         "h4", "code", "b", "table", "li", "li"]
     assert "<li>first goes on</li>" in text
     assert "A <i>b</i> &lt;c&gt;" in text and "x &amp; y" in text and "<td>1.500</td>" in text
