@@ -186,7 +186,8 @@ TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.75, -90: 0.7, 180: 0.7}  # +X is the f
 TILTS, LOW = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}, 0.6
 # Fraction of hits on fronts below which a view counts less; its weight without any, and that for a low subject.
 FRONTS, FROM_BEHIND, LOW_FROM_BEHIND = 0.5, 0.25, 0.9
-FEW_OBJECTS, MOST_POINTS = 100, 20_000  # objects that are fitted by their vertices, and about how many of each
+# Objects that are fitted by their vertices, about how many of each; fraction of the whole of copies fitted by boxes.
+FEW_OBJECTS, MOST_POINTS, SMALL = 100, 20_000, 0.02
 PROBED, FEWER = (24, 14), (16, 9)  # rays that judge a view, across and down
 
 
@@ -217,8 +218,9 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     most, view = 0, view_inside(rays, low, high)
     if len(chosen) <= FEW_OBJECTS:  # the boxes of others are small enough
         frames = placement.sample_frames(scene) if boxes is moved else (scene.frame_current,)
+        small = SMALL * math.dist(low, high) if len(now) > 8 * FEW_OBJECTS else 0.0  # they are copied many times
         points = np.concatenate([cloud[::len(cloud) // MOST_POINTS + 1] for _ in frames
-                                 for cloud in placement.world_points(set(chosen))] or [points])
+                                 for cloud in placement.world_points(set(chosen), small)] or [points])
     probes = FEWER if rays.items else PROBED  # in a scene of many objects a ray takes long
     # What lies below a sea or a ground that cuts the subject may be hidden: it is fitted with and without it.
     grounds = [top for item, box in boxes.items() if item not in chosen and (top := box[:, 2].max()) < high[2]
@@ -294,8 +296,7 @@ def sky_around(scene: bpy.types.Scene, boxes: dict[bpy.types.Object, Array]) -> 
     """Return the closed box or ball, if there is one, that surrounds all others high above its floor: a game's sky."""
     if len(boxes) < 2:
         return None
-    ends = bounds(boxes.values())
-    sky = list(boxes)[int(_diagonal(ends[:, 0], ends[:, 1]).argmax())]
+    sky = list(boxes)[int(_diagonal(*bounds(boxes.values()).swapaxes(0, 1)).argmax())]
     low, size = boxes[sky].min(0), np.ptp(boxes[sky], axis=0)
     inner = (np.concatenate([box for item, box in boxes.items() if item != sky]) - low) / np.maximum(size, 1e-9)
     if (sky.type != "MESH" or size.min() * scene.unit_settings.scale_length < LEAST_SKY or inner[:, 2].min() < ALOFT
@@ -392,8 +393,7 @@ def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = 
             part: Sequence[float] | Array = (1.0, 1.0)) -> list[Hit | None]:
     """Return what rays from the middle of a ``placed`` array, spread over this ``part`` of its display, meet first."""
     array, eye = placed[0], mathutils.Matrix(placed[1])
-    half = array.half_width / array.distance, array.half_height / array.distance
-    ways = [eye.to_3x3() @ mathutils.Vector((x * half[0], y * half[1], 1))
+    ways = [eye.to_3x3() @ mathutils.Vector((x * array.half_width, y * array.half_height, array.distance))
             for x in np.linspace(-part[0], part[0], across) for y in np.linspace(-part[1], part[1], down)]
     hits = (rays.cast(eye.translation, way) for way in ways)
     return [(hit[0], cosine < 0, hit[2], rays.thing(hit), -hit[1] if cosine > 0 else hit[1]) if hit else None

@@ -348,11 +348,11 @@ def bounds(subject: set[bpy.types.Object]) -> tuple[Array, Array]:
     return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
-def world_points(subject: set[bpy.types.Object]) -> Iterator[Array]:
-    """World vertices (n, 3) of each object and instance of the subject that would be rendered."""
+def world_points(subject: set[bpy.types.Object], small: float = 0.0) -> Iterator[Array]:
+    """World vertices (n, 3) of each object and instance that is rendered; of those below ``small``, box corners."""
     for item, _, matrix in instances(subject):
-        points = np.array(item.bound_box if item.type in BOXED else (), np.float32)
-        if item.type == "MESH":
+        points = np.array(item.bound_box if item.type in (*BOXED, "MESH") else (), np.float32)
+        if item.type == "MESH" and not 0 < np.linalg.norm(matrix[:3, :3] @ (points[6] - points[0])) < small:
             mesh = item.to_mesh()
             points = np.empty(3 * len(mesh.vertices), np.float32)
             mesh.vertices.foreach_get("co", points)

@@ -214,6 +214,7 @@ def test_a_bare_path_is_not_fitted_and_a_curve_that_shows_is(scene):
         bpy.context.view_layer.update()
         assert edit.boxes_now({*scene.objects}).keys() == shown
         assert (np.concatenate([*placement.world_points({*scene.objects})]).max() > 50) == (path in shown)
+    assert [len(points) for points in placement.world_points({*scene.objects}, 1e3)] == [8, 8], "corners of boxes"
 
 
 @pytest.mark.parametrize("camera", [None, "PERSP", "PANO"])
