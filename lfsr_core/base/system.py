@@ -394,11 +394,9 @@ def in_cache(values: int) -> int:
 
 
 def in_threads(work: Callable[[slice], object], count: int, values: int) -> None:
-    """Call ``work`` with slices of ``count`` items of so many ``values``, on every usable core, up to MOST_THREADS.
-
-    A single slice starts no thread: for a small image that takes longer than the work.
-    """
+    """Call ``work`` with slices of ``count`` items of so many ``values``, on every usable core, up to MOST_THREADS."""
     most = in_cache(values)
     parts = [slice(start, min(start + most, count)) for start in range(0, count, most)]
     with ThreadPoolExecutor(min(usable_cores(), MOST_THREADS)) as pool:
+        # A single part starts no thread, which for a small image would take longer than the work.
         list((pool.map if len(parts) > 1 else map)(work, parts))

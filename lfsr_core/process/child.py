@@ -100,7 +100,8 @@ ENDS_WITH_INPUT = "LFSR_ENDS_WITH_INPUT"
 # Environment variable that names Blender's folder to a process outside it, which finds libraries there.
 BLENDER_FOLDER = "LFSR_BLENDER_FOLDER"
 # A program that opens a page in a browser. It waits for xdg-open, whose start Python takes for success.
-OPENS = """import contextlib, os, signal, sys, webbrowser
+OPENS = """import contextlib, os, signal, subprocess, sys, webbrowser
+del subprocess.Popen.__del__  # it would take the exit code of a child that has just ended
 is_open = webbrowser.open(sys.argv[1])
 with contextlib.suppress(AttributeError, ChildProcessError):
     signal.signal(signal.SIGALRM, lambda *_: sys.exit(not is_open))

@@ -249,7 +249,7 @@ class _Work:
         """
         parts: list[tuple[Upscaler, Array]] = []
         for wanted, upscaler in ((self.mask, self.method.upscaler), (self.fill, self.filler)):
-            some = 4 * system.in_cache(math.prod(self.low.finished_views))  # few are pooled at every pixel
+            some = 4 * system.in_cache(math.prod(self.low.finished_views))  # pooled at a quarter of their pixels
             size, lenses = some if upscaler.thread_safe else wanted.shape[1], np.argwhere(wanted)
             parts += [(upscaler, lenses[start:start + size]) for start in range(0, len(lenses), size)]
         workers = max(1, min(system.usable_cores(), system.MOST_THREADS, len(parts)))
