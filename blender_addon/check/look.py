@@ -273,7 +273,8 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
     name = main[0].name if len(main) == 1 else f"{main[0].name} with {counted(len(main) - 1, 'other object')}"
 
     def is_in_box(place: rig.Placement) -> bool:
-        return bool((low < (at := np.array(place[1])[:3, 3])).all() and (at < high).all())
+        at = np.array(place[1])[:3, 3]
+        return bool((at > low).all() and (at < high).all())
     inner = [(hit[2], (hit[0] - eye.translation).length) for hit in hits if hit is not None and not hit[1]]
     if len(inner) > len(hits) / 2 and is_in_box(placed) and np.median([far for _, far in inner]) < (
             0.5 if is_unaimed else CLOSE) * math.dist(low, high):

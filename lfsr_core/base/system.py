@@ -398,5 +398,4 @@ def in_threads(work: Callable[[slice], object], count: int, values: int) -> None
     most = in_cache(values)
     parts = [slice(start, min(start + most, count)) for start in range(0, count, most)]
     with ThreadPoolExecutor(min(usable_cores(), MOST_THREADS)) as pool:
-        # A single part starts no thread, which for a small image would take longer than the work.
-        list((pool.map if len(parts) > 1 else map)(work, parts))
+        list((pool.map if len(parts) > 1 else map)(work, parts))  # to start a thread takes longer than a small image

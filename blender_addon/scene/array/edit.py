@@ -214,7 +214,8 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
     rays, shown = Rays(scene, sky), with_copied(set(chosen))
     low, high = points.min(0), points.max(0)
-    away = (now.min(0) + now.max(0) - low - high) / 2 if len(now) else 0 * low  # from the middle of its way
+    # From the middle of its way: a view is judged as if the subject stood there, since it is large where it is near.
+    away = (now.min(0) + now.max(0) - low - high) / 2 if len(now) else 0 * low
     most, view = 0, view_inside(rays, low, high)
     if len(chosen) <= FEW_OBJECTS:  # the boxes of others are small enough
         frames = placement.sample_frames(scene) if boxes is moved else (scene.frame_current,)
