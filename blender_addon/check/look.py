@@ -35,7 +35,7 @@ from .problems import Problem
 MENDS = {
     "cube": ("leave_out_cube", "Leave Out Cube", "Hide the cube of Blender's new file in renders"),
     "helper": ("leave_out_helpers", "Leave Out Helpers", "Hide what helps while modelling, as a box of wires, and "
-               "what hides the picture with faces that Clip Start or EEVEE leaves out"),
+               "what hides the picture with faces that EEVEE leaves out"),
     "sky": ("leave_out_sky", "Leave Out Sky", "Hide the box or ball around all objects in renders"),
     "frame": ("fit_objects", "Fit to Objects", "Move the camera array in front of the objects, or into the room"),
     "plane": ("move_plane", "Move Display Plane", "Move the display plane to the middle of the depth that is seen"),
@@ -74,7 +74,7 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
             more = f" and {counted(len(others) - 1, 'other object')}" if others[1:] else ""
             yield _problem("helper", others[0].name, f"{others[0].name}{more} " + (
                 "would be rendered solid: drawn as wires, a Boolean's tool or a bone's shape." if tools else
-                "hides the picture, but not Blender's: it is nearer than Clip Start, or EEVEE leaves out its backs."))
+                "hides the picture with its backs, which EEVEE leaves out."))
         hidden = {item for item in rendered(scene) if not item.visible_get()}
         with as_rendered(cube, *others):
             boxes, eye = edit.boxes_now(subject), np.array(placed[1])[:3, 3]
@@ -207,18 +207,15 @@ def _hulls(scene: bpy.types.Scene, drawn: set[bpy.types.Object], *left_out: bpy.
 
 @as_rendered()
 def culled_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """Return what hides most of an aimed camera's picture, but not of Blender's: before Clip Start, or by EEVEE."""
+    """Return what hides most of an aimed camera's picture with its backs, which EEVEE leaves out."""
     placed, camera = rig.placement(scene, scene_settings.display_of(scene)), scene.camera
     if placed is None or camera is None or camera.type != "CAMERA" or _is_unaimed(scene):
         return []
-    (eye, toward), near = (mathutils.Matrix(placed[1]).col[axis].xyz for axis in (3, 2)), camera.data.clip_start
     is_eevee = scene.render.engine.startswith("BLENDER_EEVEE")
     culled = {material for material in bpy.data.materials if is_eevee and material.use_backface_culling}
-    is_near = (eye - camera.matrix_world.translation).length < 1e-3 and scene.ray_cast(
-        bpy.context.evaluated_depsgraph_get(), eye, toward, distance=near)[0]
-    hits = edit.through(Rays(scene), placed, *edit.FEWER) if culled or is_near else []
-    seen = [(hit[2], (is_near and toward.dot(hit[0] - eye) < near) or (not hit[1] and hit[2].active_material in culled
-             and all(slot.material in culled for slot in hit[2].material_slots))) for hit in hits if hit is not None]
+    hits = edit.through(Rays(scene), placed, *edit.FEWER) if culled else []
+    seen = [(hit[2], not hit[1] and hit[2].active_material in culled
+             and all(slot.material in culled for slot in hit[2].material_slots)) for hit in hits if hit is not None]
     return [item for item in dict(seen) if seen.count((item, True)) > len(hits) / 2
             and (item, False) not in seen and len(edit.boxes_now(find_subject(scene))) > 1]
 

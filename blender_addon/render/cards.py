@@ -121,10 +121,10 @@ class Place:
     start: float  # where rays start, as a fraction of the way from the camera plane to the display plane
 
 
-def place_of(array: CameraArray, far: float, clip_start: float = 0.0) -> Place:
-    """Return the places for an array at the distance ``far`` from the world's origin, with rays from ``clip_start``."""
+def place_of(array: CameraArray, far: float) -> Place:
+    """Return the places for an array at the distance ``far`` from the world's origin."""
     clear = max(CLEAR * max(far, array.distance), LEAST_CLEAR)
-    return Place(max(GAP * array.distance, 4 * clear), clear, clip_start / array.distance)
+    return Place(max(GAP * array.distance, 4 * clear), clear, array.clip_start / array.distance)
 
 
 def new_camera(made: list[bpy.types.ID], width: float, spreads: bool, place: Place) -> bpy.types.Object:
@@ -358,11 +358,11 @@ def _significant(values: Array, among: Array) -> Array:
 
 
 @contextmanager
-def card_camera(scene: bpy.types.Scene, layout: RayLayout | PanelLayout, matrix_world: Matrix,
-                clip_start: float = 0.0) -> Iterator[bpy.types.Object]:
-    """Make a camera with the card of ``layout`` the scene's camera inside the block; rays start at ``clip_start``."""
+def card_camera(scene: bpy.types.Scene, layout: RayLayout | PanelLayout,
+                matrix_world: Matrix) -> Iterator[bpy.types.Object]:
+    """Make a camera with the card of ``layout`` the scene's camera inside the block."""
     frame, distance = to_blender(matrix_world), layout.array.distance
-    place = place_of(layout.array, frame.translation.length, clip_start)
+    place = place_of(layout.array, frame.translation.length)
     # Cycles asks at the card which volumes a path begins in.
     radius = distance_to_volume(scene, frame.translation)
     with new_data() as made:
@@ -384,17 +384,16 @@ def card_camera(scene: bpy.types.Scene, layout: RayLayout | PanelLayout, matrix_
 
 
 @contextmanager
-def clip_plane(scene: bpy.types.Scene, layout: RayLayout | PanelLayout, matrix_world: Matrix,
-               depth: float) -> Iterator[bool]:
-    """Hide everything beyond ``depth`` from the rays of ``layout`` inside the block; yield True if anything is."""
-    frame = to_blender(matrix_world)
+def clip_plane(scene: bpy.types.Scene, layout: RayLayout | PanelLayout, matrix_world: Matrix) -> Iterator[float]:
+    """Hide what lies beyond the array's clip from the rays of ``layout``; yield the depth, inf if nothing does."""
+    frame, depth = to_blender(matrix_world), layout.array.clip[1] if layout.array.clip else math.inf
     toward, depths = frame.inverted(), [0.0]  # of the corners of all objects' bounding boxes
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         if instance.object.type not in {"EMPTY", "CAMERA", "LIGHT"}:
             matrix = toward @ instance.matrix_world
             depths += [-(matrix @ mathutils.Vector(corner)).z for corner in instance.object.bound_box]
     if (farthest := max(depths)) <= depth:
-        yield False
+        yield math.inf
         return
 
     def ray(wiring: Wiring) -> dict[str, bpy.types.NodeSocket]:
@@ -412,4 +411,4 @@ def clip_plane(scene: bpy.types.Scene, layout: RayLayout | PanelLayout, matrix_w
         screen.matrix_world = frame @ mathutils.Matrix.Translation((0, 0, -depth))
         scene.collection.objects.link(screen)
         with overridden(scene.cycles, {"transparent_max_bounces": scene.cycles.transparent_max_bounces + 1}):
-            yield True
+            yield depth

@@ -2,11 +2,12 @@
 
 import dataclasses
 import hashlib
+import math
 import os
 import re
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import CORES, system_errors, usable_cores
-from lfsr_core.frames.frame import CLAMP_INDIRECT, SUBPIXELS, Clip
+from lfsr_core.frames.frame import CLAMP_INDIRECT, SUBPIXELS
 from lfsr_core.images import image_files
 from lfsr_core.optics.panel.subpixel_rays import PanelLayout
 from lfsr_core.optics.rays import RayLayout
@@ -56,13 +57,7 @@ class Shot:
     layout: RayLayout | PanelLayout  # rays in camera-array space
     matrix_world: Matrix  # camera-array space to the world, four rows of four
     way: str = "one-pass"  # what sends the rays: one of ``lfsr_core.frames.frame.LAYOUTS``
-    clip: Clip | None = None  # depths from the camera plane between which things are seen, None for all
     rows: Part | None = None  # rows of pixels of the image to render, None for all
-
-    @property
-    def clip_start(self) -> float:
-        """Depth at which rays start."""
-        return self.clip[0] if self.clip else 0.0
 
     @property
     def has_card(self) -> bool:
@@ -84,8 +79,8 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
     renders, an exception that it raises cancels; ``parts``: caches finished parts of a long render and has those of an
     earlier run, None for no cache.
     """
-    ending = clip_plane(scene, shot.layout, shot.matrix_world, shot.clip[1]) if shot.clip else nullcontext(False)
-    with encoded_camera(scene, shot), ending as ended, cycles_settings(scene, settings, shot.layout.size):
+    with (encoded_camera(scene, shot), clip_plane(scene, shot.layout, shot.matrix_world) as end,
+          cycles_settings(scene, settings, shot.layout.size)):
         height = shot.layout.size[1]
         rows = shot.rows or Part(0, height)
         if parts is not None:
@@ -93,14 +88,13 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
         else:
             with overridden(scene.render, border(rows, height) if rows.size < height else {}):
                 seconds = render_to(scene, path, follow)
-    if (shot.has_card or ended) and "position" in settings.layers:
+    if (shot.has_card or end < math.inf) and "position" in settings.layers:
         # Where a ray hit nothing, Cycles stores the position of the card or of the clip plane: 0 stands for nothing.
         layers, matrix = image_files.read_layers(path), np.asarray(shot.matrix_world, float)
         depth = (layers["position"] - matrix[:3, 3]) @ matrix[:3, 2]
         # The card stands behind the camera plane. In single precision, hits close to the clip plane look like misses.
         missed = ~(depth > 0) if shot.has_card else np.zeros(depth.shape, bool)
-        if shot.clip and ended:
-            missed |= depth > shot.clip[1] * (1 - 1e-5)
+        missed |= depth > end * (1 - 1e-5)
         layers["position"] = np.where(missed[..., None], np.float32(0), layers["position"])
         image_files.write_layers(path, layers, settings.half)
     return seconds
@@ -110,12 +104,12 @@ def render_encoded(scene: bpy.types.Scene, shot: Shot, settings: RenderSettings,
 def encoded_camera(scene: bpy.types.Scene, shot: Shot) -> Iterator[None]:
     """Make a camera that sends the rays of ``shot`` the scene's camera inside the block."""
     if shot.has_card:
-        with card_camera(scene, shot.layout, shot.matrix_world, shot.clip_start):
+        with card_camera(scene, shot.layout, shot.matrix_world):
             yield
         return
     layout = shot.light_field
     with temporary_camera(scene, shot.matrix_world, layout.array.distance) as camera:
-        set_shader(camera.data, layout_source(layout), layout_parameters(layout, shot.clip_start))
+        set_shader(camera.data, layout_source(layout), layout_parameters(layout))
         yield
 
 
@@ -203,8 +197,8 @@ def layout_source(layout: RayLayout) -> str:
     return source
 
 
-def layout_parameters(layout: RayLayout, clip_start: float = 0.0) -> dict[str, int | float]:
-    """Return the values of the shader's parameters; rays start at the depth ``clip_start``."""
+def layout_parameters(layout: RayLayout) -> dict[str, int | float]:
+    """Return the values of the shader's parameters."""
     array = layout.array
     pairs = {"lenses": layout.lenses, "views": layout.views, "tiles": layout.tiles}
     numbers = {f"{name}_{axis}": pair[i] for name, pair in pairs.items() for i, axis in enumerate("xy")}
@@ -212,7 +206,7 @@ def layout_parameters(layout: RayLayout, clip_start: float = 0.0) -> dict[str, i
                       "half_width": float(array.half_width), "half_height": float(array.half_height),
                       "plane_distance": float(array.distance), "spacing": float(layout.spacing),
                       "cell_x": float(layout.cell[0]), "cell_y": float(layout.cell[1]),
-                      "clip_start": float(clip_start)}
+                      "clip_start": float(array.clip_start)}
 
 
 def set_shader(camera: bpy.types.Camera, source: str, parameters: Mapping[str, Any]) -> None:

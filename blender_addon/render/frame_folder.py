@@ -114,7 +114,7 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
                 with unfinished(path) as temporary:
                     shutil.copyfile(request.world, temporary)
         rows = None if frame.rows is None else Part(*pixel_rows(frame.rows, frame.rays.views[1]))
-        shot = cycles.Shot(frame.subpixels or frame.rays, frame.matrix_world, frame.layout, frame.clip, rows)
+        shot = cycles.Shot(frame.subpixels or frame.rays, frame.matrix_world, frame.layout, rows)
         images, seconds["render"] = _images(scene, request, frame), seconds.get("world", 0.0)
         with world.white_to_camera(scene, opened.kept) if frame.world_apart else nullcontext():
             for number, (name, settings) in enumerate(images):
@@ -209,9 +209,9 @@ def _seen_from_middle(scene: bpy.types.Scene, placed: Placement, settings: Rende
               else nullcontext(), cycles.temporary_camera(scene, matrix_world, array.distance) as camera,
               cycles.cycles_settings(scene, settings, size),
               overridden(scene.cycles, compat.known(scene.cycles, volume_biased=True))):
-            lens, clip = camera.data, placement.clip_of(scene)
+            lens = camera.data
             lens.sensor_fit, lens.lens = "HORIZONTAL", lens.sensor_width / 2 * array.distance / array.half_width
-            lens.clip_start, lens.clip_end = clip or (lens.clip_start, lens.clip_end)
+            lens.clip_start, lens.clip_end = array.clip or (lens.clip_start, lens.clip_end)
             if world is not None:
                 world.update_tag()  # Blender does not: a later render would have the small map
             render_to(scene, path)
@@ -278,7 +278,7 @@ def _frame(scene: bpy.types.Scene, request: Request, subject: set[bpy.types.Obje
         scale_reason=request.sampling.reason, array=array, matrix_world=matrix_world,
         samples=request.sampling.samples, seed=request.seed, frame=scene.frame_current,
         convention=request.convention, view_aperture=request.view_aperture, lens_list=request.lens_list,
-        rows=request.rows, layout=layout, layers=layers, clip=placement.clip_of(scene), world_visible=world_visible,
+        rows=request.rows, layout=layout, layers=layers, world_visible=world_visible,
         color=color_settings(scene, world_visible), scene=os.path.basename(request.scene or bpy.data.filepath),
         scene_name=request.scene_name or scene.name_full, source=request.source, subject=request.subject or "",
         camera=request.camera or "", light=request.light, blender=bpy.app.version_string, device=request.device,

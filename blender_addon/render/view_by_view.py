@@ -100,6 +100,6 @@ def aim(camera: bpy.types.Object, shot: Shot, view: tuple[int, int]) -> None:
         # Cycles' aperture radius is lens / (2 · f-stop), with the lens in thousandths of a scene unit; the corners of
         # a square lie on it.
         lens.dof.aperture_fstop = lens.lens * 1e-3 / (height * math.sqrt(2))
-    if shot.clip:
-        lens.clip_start, lens.clip_end = shot.clip
+    if array.clip:
+        lens.clip_start, lens.clip_end = array.clip
     camera.matrix_world = to_blender(shot.matrix_world) @ mathutils.Matrix.Translation((right, -down, 0))

@@ -54,7 +54,7 @@ def white_to_camera(scene: bpy.types.Scene, kept: list[bpy.types.ID] | None = No
         return
     with new_data() as made:
         made += kept or ()  # removed after the block, because they are of another frame
-        shown = scene.world.copy()
+        shown = bpy.data.worlds.new(NAME) if scene.world.is_missing else scene.world.copy()  # 5.0 gives that no nodes
         shown[NAME] = scene.frame_current
         kept = made if kept is None else kept
         kept[:] = [shown]

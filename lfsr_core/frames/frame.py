@@ -40,7 +40,6 @@ LOW_RES_FILE, MASK_FILE, EIA_FILE, EIA_LINEAR_FILE = "lr_eia.exr", "mask.png", "
 PANEL_FILE = "panel.png"
 WORLD_FILE = "world.exr"
 REFERENCE_FILES = ("reference_a.exr", "reference_b.exr")
-Clip = tuple[float, float]
 KINDS = ("render", "reference")
 FIT = "fit"  # instead of a camera's name: the array is fitted to the subject
 AUTO = "auto"  # the best device of the machine that renders
@@ -265,7 +264,6 @@ class Frame:
     lens_list: tuple[tuple[int, int], ...] | None = None  # (row, column) of the lenses that were rendered, None for all
     rows: tuple[int, int] | None = None  # first and last row of lenses, from 1, of a part of the frame; None for all
     layout: str = "one-pass"
-    clip: Clip | None = None  # nearest and farthest visible depth from the camera plane, None for no limit
     layers: tuple[str, ...] = ()  # auxiliary layers in the EXR
     world_visible: bool = False  # whether the world shows behind the subject
     scale_reason: Notice | None = None  # why the scale was chosen, None where it was asked for
@@ -302,11 +300,11 @@ class Frame:
         if self.samples < 1 or self.layout not in LAYOUTS:
             raise LfsrError(f"samples are {self.samples} and layout is {self.layout[:20]!r}, but it must be 1 or more "
                             f"samples and one of {', '.join(LAYOUTS)}")
-        for name, value in vars(self.array).items():
-            if not LEAST_LENGTH <= value <= 1 / LEAST_LENGTH:
+        for name, value in vars(dataclasses.replace(self.array, clip=None)).items():
+            if value is not None and not LEAST_LENGTH <= value <= 1 / LEAST_LENGTH:
                 raise LfsrError(f"array.{name} is {value!r}, but it must be a length above 0")
-        if self.clip is not None and not 0 <= self.clip[0] < self.clip[1] <= 1 / LEAST_LENGTH:
-            raise LfsrError(f"clip is {self.clip}, but it must be two depths, the nearer one first")
+        if (clip := self.array.clip) is not None and not 0 <= clip[0] < clip[1] <= 1 / LEAST_LENGTH:
+            raise LfsrError(f"array.clip is {clip}, but it must be two depths, the nearer one first")
         if self.layout == SUBPIXELS:
             check_direct(self.display, vars(self))
         count, lenses = len(self.rays.lens_list or ()), self.display.lenses[0] * self.display.lenses[1]

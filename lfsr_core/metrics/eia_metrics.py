@@ -116,7 +116,8 @@ def check_reference(frame: Frame, reference: Frame) -> None:
         theirs, ours = phrases(name, vars(reference)[name], vars(frame)[name])
         raise LfsrError(f"the reference was rendered with {theirs}, but the frame with {ours}: "
                         "render the reference of the same frame in the same way")
-    ours_at, theirs_at = ([*vars(of.array).values(), *np.ravel(of.matrix_world)] for of in (frame, reference))
+    ours_at, theirs_at = ([of.array.distance, *of.array.half_size, of.array.spacing, *(of.array.clip or (0, 0)),
+                         *np.ravel(of.matrix_world)] for of in (frame, reference))
     if not np.allclose(ours_at, theirs_at, rtol=1e-5, atol=1e-5 * frame.array.distance):
         if frame.scene != reference.scene:
             theirs, ours = (of.scene[:MOST_NAME] or "one without a name" for of in (reference, frame))

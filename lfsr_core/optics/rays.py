@@ -28,6 +28,7 @@ from lfsr_core.optics.display import DisplayProfile
 
 CONVENTIONS = ("centred", "paper")
 LensList = tuple[tuple[int, int], ...]  # (row, column) pairs
+Clip = tuple[float, float]
 RIM = 0.01  # pixels by which the card is larger than the image, so that no ray misses it by a rounding error
 MIN_SIZE = 1e-3  # least size of the card, as a fraction of the size at which bumps look as through ordinary cameras
 UNIT = np.array([(0, 0), (0, 1), (1, 1), (1, 0)], float)  # corners of a quad, rightwards and downwards
@@ -46,6 +47,7 @@ class CameraArray:
     half_width: float
     half_height: float
     spacing: float  # between neighbouring dense views
+    clip: Clip | None = None  # nearest and farthest visible depth from the camera plane, None for no limit
 
     @classmethod
     def for_display(cls, profile: DisplayProfile, width: float, distance: float | None = None) -> Self:
@@ -63,6 +65,11 @@ class CameraArray:
     def half_size(self) -> tuple[float, float]:
         """Half the display rectangle, (horizontal, vertical)."""
         return self.half_width, self.half_height
+
+    @property
+    def clip_start(self) -> float:
+        """Depth at which rays start."""
+        return self.clip[0] if self.clip else 0.0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -28,7 +28,7 @@ CERTAIN = 0.75  # certainty of the least certain pixel above which an elemental 
 TINY = 1e-12
 VERSION = 3  # of the result: figures measured with another version are out of date
 # Fields that two frames must have in common for their pixels to be samples of the same rays.
-COMMON = ("display", "scale", "array", "matrix_world", "samples", "convention", "view_aperture", "lens_list", "clip",
+COMMON = ("display", "scale", "array", "matrix_world", "samples", "convention", "view_aperture", "lens_list",
           "world_visible", "world_apart")
 
 

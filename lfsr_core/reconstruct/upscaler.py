@@ -132,7 +132,7 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
             slopes[rows] = (1 - distance / depth[..., None]) * (frame.rays.spacing / _pitch(frame, 0))
             if "path" in layers:
                 first = np.sqrt((seen[..., 0] - right)**2 + (seen[..., 1] - up[rows, None])**2 + depth**2)
-                longer = layers["path"][rows, :, 0] / first + (frame.clip[0] if frame.clip else 0.0) / depth
+                longer = layers["path"][rows, :, 0] / first + frame.array.clip_start / depth
                 depth *= np.where((longer > LONGER) & (alpha > OPAQUE), longer, 1)
                 slopes[rows, :, 1] = (1 - distance / depth) * (frame.rays.spacing / _pitch(frame, 0))
 

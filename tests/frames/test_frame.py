@@ -21,7 +21,7 @@ from tests.support.told import refuses
 FRAME = Frame(
     display=MINI, scale=2, array=CameraArray.for_display(MINI, 2.0), matrix_world=IDENTITY, samples=7, seed=3, frame=5,
     convention="paper", view_aperture=0.5, lens_list=((1, 2), (3, 4)), rows=(2, 3), layout="view-by-view",
-    clip=(0.25, 30.0), gpus=("0000:01:00",), layers=("albedo", "normal"), world_visible=True, world_apart=True,
+    gpus=("0000:01:00",), layers=("albedo", "normal"), world_visible=True, world_apart=True,
     scale_reason=Notice("scale-unseen", {"scale": 2}), scene="scene.blend", seeds=(3, 4),
     color=ColorSettings("Rec.2020", "AgX", "AgX - Punchy", 0.5, 1.1, "config.ocio"),
     scene_name="Set", source="../shot.blend", subject="Things", camera="Left", content="abc",
@@ -80,7 +80,8 @@ def test_every_rotation_mirrored_or_not_is_taken_to_single_precision(numbers, ha
 def test_folders_without_a_frame_or_a_whole_reference_are_named(tmp_path):
     refuses(r"frame.json does not exist, expected the frame.json of a rendered", read_frame, tmp_path / "nowhere")
     for clip in [(-1.0, 2.0), (2.0, 1.0), (0.0, float("inf"))]:
-        refuses("two depths", dataclasses.replace, FRAME, clip=clip)
+        array = dataclasses.replace(FRAME.array, clip=clip)
+        refuses("two depths", dataclasses.replace, FRAME, array=array)
     folder = write_reference(tmp_path)
     write_frame(folder, frame_of(1, lens_list=LISTED))
     refuses("but frame.json says", Reference.read, folder)

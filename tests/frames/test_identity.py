@@ -104,12 +104,12 @@ def test_a_scene_is_known_by_size_and_time_of_its_files(tmp_path):
 
 
 def test_of_what_differs_the_part_or_the_field_is_shown_and_no_record_printed():
-    other = dataclasses.replace(FRAME, array=CameraArray.for_display(MINI, 9), clip=(0.5, 9.0))
+    other = dataclasses.replace(FRAME, array=CameraArray.for_display(MINI, 9))
     assert folder.first_difference(vars(FRAME), vars(other)) == "array"
     here, there = phrases("array", FRAME.array, other.array)
     assert here.startswith("array ") and here.split()[:-1] == there.split()[:-1]
-    assert phrases("clip", (0.1, 9.0), other.clip) == ("clip 0 0.1", "clip 0 0.5")
-    assert phrases("clip", None, other.clip) == ("no clip", "clip (0.5, 9.0)")
+    assert phrases("clip", (0.1, 9.0), (0.5, 9.0)) == ("clip 0 0.1", "clip 0 0.5")
+    assert phrases("clip", None, (0.5, 9.0)) == ("no clip", "clip (0.5, 9.0)")
     assert phrases("lens_list", LENSES, LENSES[::-1]) == ("other 2 lenses", "2 lenses")
     assert folder.first_difference(vars(FRAME), vars(FRAME)) == ""
     stripes, device = lenticular(), cells()

@@ -23,6 +23,7 @@ from .rig import Placement, from_blender, to_blender, upright
 
 ARRAY_NAME, PLANE_NAME = "Light Field Array", "Display Plane"
 HANDLE_SIZE = 0.05  # as a fraction of the distance to the display plane
+FAR = 1e4  # clip end of an array that stands at no camera, as a multiple of that distance
 SPACING_HELP = "Spacing of the cameras as a fraction of the spacing that fills the display's viewing angle"
 PLANE_HELP = "Marks the display plane of a light-field camera array"
 
@@ -148,7 +149,7 @@ def put(array: bpy.types.Object, placed: Placement) -> None:
         plane.lock_rotation = plane.lock_scale = (True, True, True)
     array.matrix_world = to_blender(matrix)
     array.data.lens = array.data.sensor_width / 2 * layout.distance / layout.half_width
-    array.data.clip_start, array.data.clip_end = layout.distance / 1000, layout.distance * 100
+    array.data.clip_start, array.data.clip_end = layout.clip or (layout.distance / 1000, layout.distance * FAR)
     array.data.display_size = layout.half_width * 0.25
     plane.location, plane.empty_display_size = (0.0, 0.0, -layout.distance), layout.distance * HANDLE_SIZE
     bpy.context.view_layer.update()
@@ -396,7 +397,9 @@ def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = 
     array, eye = placed[0], mathutils.Matrix(placed[1])
     ways = [eye.to_3x3() @ mathutils.Vector((x * array.half_width, y * array.half_height, array.distance))
             for x in np.linspace(-part[0], part[0], across) for y in np.linspace(-part[1], part[1], down)]
-    hits = (rays.cast(eye.translation, way) for way in ways)
+    start, end = array.clip or (0.0, MOST_REACH)
+    hits = (rays.cast(eye.translation + start / array.distance * way, way,
+                      min((end - start) / array.distance * way.length, MOST_REACH)) for way in ways)
     return [(hit[0], cosine < 0, hit[2], rays.thing(hit), -hit[1] if cosine > 0 else hit[1]) if hit else None
             for hit, cosine in ((hit, hit[1].dot(way) if hit else 0.0) for hit, way in zip(hits, ways, strict=True))]
 
@@ -449,5 +452,5 @@ def view_inside(rays: Rays, low: Array, high: Array) -> View | None:
         if worth.max() > most:
             at, most = worth.argmax(), worth.max()
             eye = mathutils.Matrix.LocRotScale(place, mathutils.Euler((math.pi / 2 + pitches[at], 0, yaws[at])), None)
-            best = View(eye, HALF_WIDTH, float(middle[at]), (0.0, MOST_REACH), True)
+            best = View(eye, HALF_WIDTH, float(middle[at]), None, True)
     return best

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import collections
 import dataclasses
+import itertools
 import math
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -20,10 +21,10 @@ from mathutils.bvhtree import BVHTree
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError, Notice
-from lfsr_core.frames.frame import FIT, Clip, Request, spread
+from lfsr_core.frames.frame import FIT, Request, spread
 from lfsr_core.optics.depth_scale import ScaleChoice, choose_scale, disparities
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.rays import CameraArray
+from lfsr_core.optics.rays import CameraArray, Clip
 
 from ...compat import overridden
 from ..contents import GEOMETRY, curves, find_subject, rendered, rendered_layer
@@ -74,7 +75,7 @@ def as_rendered(*left_out: bpy.types.Object | None) -> Iterator[None]:
 
 
 # What cameras see over an animation (``array_of_camera``), where nobody edits the scene; None: looked for each time.
-fields: dict[tuple[Any, ...], tuple[float, list[float], Array]] | None = None
+fields: dict[tuple[Any, ...], tuple[float, list[float], float]] | None = None
 
 
 class Rays:
@@ -158,7 +159,7 @@ class View:
     matrix: mathutils.Matrix  # to the world, looking along -Z: of its eye, in a parallel view of the point it orbits
     half_width: float  # of the frame: at depth 1 in perspective, else everywhere
     pivot: float  # depth of the point that the view turns around, in perspective
-    clip: Clip
+    clip: Clip | None
     is_perspective: bool
 
 
@@ -177,14 +178,16 @@ def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.type
                 rays: Rays | None = None) -> Array:
     """Return depths (n,) from the camera plane at which the middle of a ``placed`` array sees the subject."""
     array, matrix = placed
-    sight = _Sight(rays or Rays(scene), to_blender(matrix), clip_of(scene))
+    sight = _Sight(rays or Rays(scene), to_blender(matrix), array.clip)
     return np.array(_depths(sight, (array.half_width / array.distance, array.half_height / array.distance), subject))
 
 
 def focus_notice(scene: bpy.types.Scene, placed: Placement) -> Notice | None:
     """Return the notice that a ``placed`` array's display plane is nearer than its camera focuses, if it is."""
-    focus, distance = _focus(scene.camera) if clip_of(scene) else None, placed[0].distance
-    if focus is None or distance > 0.999 * focus:
+    camera, distance = None if rig.find(scene) is not None else scene.camera, placed[0].distance
+    if camera is None or camera.type != "CAMERA" or camera.data.type != "PERSP":
+        return None
+    if (focus := _focus(camera)) is None or distance > 0.999 * focus:
         return None
     return Notice("display-nearer", {"focus": focus, "distance": distance})
 
@@ -196,7 +199,7 @@ def unseen_notice(scene: bpy.types.Scene, profile: DisplayProfile, placed: Place
     None if some of its views see the subject, or if rays could not tell: they meet neither hair nor volumes.
     """
     array, matrix = placed
-    sight = _Sight(Rays(scene), to_blender(matrix), clip_of(scene))
+    sight = _Sight(Rays(scene), to_blender(matrix), array.clip)
     half = array.half_width / array.distance, array.half_height / array.distance
     points = [points.mean(0) for points in world_points(subject)]
     unmet = any(item.type in BOXED for item, _, _ in instances(subject))
@@ -224,15 +227,6 @@ def _place(point: Array, sight: _Sight, half: tuple[float, float]) -> str:
             return "right" if x > 0 else "left"
         return "above" if y > 0 else "below"
     return "beyond" if sight.clip and -z > sight.clip[1] else "hidden"
-
-
-def clip_of(scene: bpy.types.Scene) -> Clip | None:
-    """Return the clipping depths of the scene's camera; None if the array does not stand at a perspective one."""
-    camera = scene.camera
-    if rig.find(scene) is not None or camera is None or camera.type != "CAMERA" or camera.data.type != "PERSP":
-        return None
-    # The camera's scale does not apply to them.
-    return camera.data.clip_start, camera.data.clip_end
 
 
 def fit_array(low: Array, high: Array, profile: DisplayProfile) -> Placement:
@@ -289,14 +283,14 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
 
     key = scene.session_uid, camera.session_uid, profile, frozenset(item.session_uid for item in subject)
     if (field := fields.get(key) if fields is not None else None) is None:
-        (first, last), tall, depths, free = frame_range(scene), 0.0, list[float](), np.full(2, np.inf)
+        (first, last), tall, depths, free = frame_range(scene), 0.0, list[float](), math.inf
         frames = () if moves(camera) else spread(range(first, last + 1), CAMERA_FRAMES)
         for is_measured in (False, True):
             for _ in visited(scene, frames):
                 sight, across, down, _ = look()
                 if is_measured:
                     depths += _depths(sight, half(across, down), subject)
-                    free = np.minimum(free, _free(sight))
+                    free = min(free, _free(sight, half(across, down), profile))
                 elif down * aspect > across:  # a tall frame: the display must show the height of all but backdrops
                     seen, toward = collections.defaultdict[bpy.types.Object, list[Array]](list), sight.matrix.inverted()
                     for place, item in _hits(sight, (across, down)):
@@ -319,7 +313,9 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
         distance = float(np.percentile(depths, 2)) if back else _middle(depths)  # parallel: nearer things would grow
     if back:
         array = CameraArray.for_display(profile, 2 * half_width * back)
-        return array, from_blender(sight.matrix @ mathutils.Matrix.Translation((0, 0, array.distance - distance)))
+        behind, ends = array.distance - distance, sight.clip or (0.0, MOST_REACH)
+        array = dataclasses.replace(array, clip=(max(0.0, ends[0] + behind), ends[1] + behind))
+        return array, from_blender(sight.matrix @ mathutils.Matrix.Translation((0, 0, behind)))
     return _array_at(sight, profile, half_width, distance, free)
 
 
@@ -330,14 +326,17 @@ def array_of_view(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[
     The display plane is as of ``array_of_camera``; where the view sees nothing of the subject, at the view's centre.
     """
     sight = _Sight(Rays(scene), mathutils.Matrix(view.matrix), view.clip)
-    depths = _depths(sight, (view.half_width, view.half_width * profile.panel_mm[1] / profile.panel_mm[0]), subject)
-    return _array_at(sight, profile, view.half_width, _middle(depths) if depths else view.pivot, _free(sight))
+    half = view.half_width, view.half_width * profile.panel_mm[1] / profile.panel_mm[0]
+    distance, free = _middle(_depths(sight, half, subject) or [view.pivot]), _free(sight, half, profile)
+    return _array_at(sight, profile, view.half_width, distance, free)
 
 
-def _array_at(sight: _Sight, profile: DisplayProfile, half_width: float, distance: float, free: Array) -> Placement:
+def _array_at(sight: _Sight, profile: DisplayProfile, half_width: float, distance: float, free: float) -> Placement:
     """Array at the start of a sight, whose display is ``2 * half_width`` wide at depth 1, and fits between walls."""
-    distance *= _free_fraction(free, profile, CameraArray.for_display(profile, 2 * half_width * distance, distance))
-    return CameraArray.for_display(profile, 2 * half_width * distance, distance), from_blender(sight.matrix)
+    wanted = CameraArray.for_display(profile, 2 * half_width * distance, distance)
+    distance *= min(1.0, free / wanted.spacing)
+    array = CameraArray.for_display(profile, 2 * half_width * distance, distance)
+    return dataclasses.replace(array, clip=sight.clip), from_blender(sight.matrix)
 
 
 def bounds(subject: set[bpy.types.Object]) -> tuple[Array, Array]:
@@ -448,22 +447,22 @@ def _hits(sight: _Sight, half: tuple[float, float], eye: Sequence[float] | Array
 def is_free(scene: bpy.types.Scene, placed: Placement, profile: DisplayProfile, times: float) -> bool:
     """Return False if a ``placed`` array would reach through a wall, were it ``times`` as large."""
     array, matrix = placed
-    free = _free(_Sight(Rays(scene), to_blender(matrix)))
-    return _free_fraction(free, profile, dataclasses.replace(array, spacing=array.spacing * times)) == 1
+    half = array.half_width / array.distance, array.half_height / array.distance
+    return array.spacing * times <= _free(_Sight(Rays(scene), to_blender(matrix), array.clip), half, profile)
 
 
-def _free(sight: _Sight) -> Array:
-    """Distances (2,) to the nearest walls beside the start of a sight, and above and below it."""
-    start, free = mathutils.Vector((0, 0, -sight.clip[0] if sight.clip else 0.0)), np.full(2, np.inf)
-    for axis, way in ((0, (-1, 0, 0)), (0, (1, 0, 0)), (1, (0, -1, 0)), (1, (0, 1, 0))):
-        if (hit := sight.cast(way, MOST_REACH, start)) is not None:
-            free[axis] = min(free[axis], (hit[0] - sight.matrix @ start).length)
+def _free(sight: _Sight, half: tuple[float, float], profile: DisplayProfile) -> float:
+    """Largest spacing of views with which an array at the start of a sight reaches no wall, not even its corners.
+
+    ``half``: half the frame at depth 1, of which rays start at the sight's nearest depth.
+    """
+    near, free = sight.clip[0] if sight.clip else 0.0, math.inf
+    for turn in itertools.product((-1, 0, 1), repeat=2):
+        way = mathutils.Vector((*np.multiply(profile.views, turn) / 2, 0))  # to the outermost view, for a spacing of 1
+        start = near * mathutils.Vector((*np.multiply(half, turn), -1))
+        if any(turn) and (hit := sight.cast(way, MOST_REACH, start)) is not None:
+            free = min(free, WALL_MARGIN * (hit[0] - sight.matrix @ start).length / way.length)
     return free
-
-
-def _free_fraction(free: Array, profile: DisplayProfile, array: CameraArray) -> float:
-    """Fraction of the array's reach that is free of walls at these distances (2,), at most 1."""
-    return float(min(1.0, *(free * WALL_MARGIN / (np.array(profile.views) * array.spacing / 2))))
 
 
 def scale_of(scene: bpy.types.Scene, request: Request) -> ScaleChoice:

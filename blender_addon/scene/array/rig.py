@@ -97,7 +97,8 @@ def placed(array: bpy.types.Object | None, plane: bpy.types.Object | None, profi
         raise LfsrError(f"the display plane of {array.name!r} lies behind the viewing position: move it in front")
     half_width = array.data.sensor_width / 2 / array.data.lens  # at distance 1
     cameras = CameraArray.for_display(profile, 2 * distance * half_width, distance)
-    return dataclasses.replace(cameras, spacing=cameras.spacing * spacing_of(array)), from_blender(matrix)
+    clip = array.data.clip_start, array.data.clip_end  # to which the scale of a camera does not apply
+    return dataclasses.replace(cameras, spacing=cameras.spacing * spacing_of(array), clip=clip), from_blender(matrix)
 
 
 def usable_depth(array: CameraArray, profile: DisplayProfile, scale: int = 1) -> tuple[float, float]:

@@ -23,7 +23,6 @@ from blender_addon.scene.array import edit, placement, rig
 from blender_addon.scene.contents import find_subject
 from blender_addon.scene.files import open_scene
 from lfsr_core.optics.display import DisplayProfile
-from lfsr_core.optics.rays import CameraArray
 from lfsr_lab.scenes.shared.objects import script_arguments
 
 
@@ -34,7 +33,8 @@ def main(job: dict[str, Any]) -> None:
     forward = mathutils.Matrix.Translation((0, 0, (1 - fraction) * array.distance))
     scene.camera = rig.find(scene) or edit.add(scene, profile)
     scene.camera[rig.SPACING] = 1.0
-    moved = CameraArray(*(fraction * size for size in dataclasses.astuple(array)))
+    sizes = {name: fraction * getattr(array, name) for name in ("distance", "half_width", "half_height", "spacing")}
+    moved = dataclasses.replace(array, **sizes)
     edit.put(scene.camera, (moved, mathutils.Matrix(matrix) @ forward))
     bpy.ops.wm.save_as_mainfile(filepath=job["output"], compress=True)
 

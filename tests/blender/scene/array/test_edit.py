@@ -102,6 +102,7 @@ def test_fit_to_the_camera_is_where_a_new_array_would_stand(artist):
     expected = placement.place_array(artist, MINI, contents.find_subject(artist))
     assert np.allclose(fitted[1], expected[1], atol=1e-5)
     assert fitted[0].distance == pytest.approx(expected[0].distance, rel=1e-5)
+    assert fitted[0].clip == expected[0].clip == pytest.approx((0.01, 1000))
 
 
 def seen_at(artist, points):
