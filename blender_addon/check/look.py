@@ -44,6 +44,7 @@ MENDS = {
     "dark": ("add_light", "Add World Light", "Light the images with one of Blender's world images, or a room with even "
              "light; the scene keeps its own light")}
 STARTUP_LAMP = (4.07625, 1.00545, 5.90386)  # where a new file's lamp stands
+STARTUP_CAMERAS = ((7.35889, -6.92579, 4.95831), (7.48113, -6.50764, 5.34367))  # and its camera; until Blender 2.79
 # How a new file's camera is turned: nobody has aimed it, even if it was moved. It was rolled until Blender 2.79.
 STARTUP_TURN, ROLL = mathutils.Euler((1.10932, 0.0, 0.81493)).to_quaternion(), 0.02
 TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject fills: of an aimed camera, of an unaimed one
@@ -296,7 +297,8 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
         best = edit.in_front(scene, display, set(main))
         if not is_in_box(placed) and is_in_box(best):
             return f"The array stands outside a room. {UNAIMED}.", best
-        if inside.mean() < 1 - OUTSIDE:
+        is_moved = all(math.dist(eye.translation, place) > TOUCHING for place in STARTUP_CAMERAS)
+        if inside.mean() < 1 - OUTSIDE and not is_moved:  # who moved it may have framed a part of the objects
             return f"{1 - inside.mean():.0%} of {name} lies outside the frame. {UNAIMED}.", best
     return "", None
 
@@ -343,6 +345,7 @@ def move_plane(scene: bpy.types.Scene) -> None:
     rig.set_distance(scene, placement.balanced(*_seen(scene)[1:]))
 
 
+@as_rendered()
 def _seen(scene: bpy.types.Scene) -> tuple[CameraArray, float, float]:
     placed = rig.placement(scene, scene_settings.display_of(scene))
     main = main_objects(scene, find_subject(scene))

@@ -45,6 +45,7 @@ LEFT_OUT = {"scripts-off": ("autoexec", "Scripts", "Reload Trusted"),
     "material-clear": ("clear", "", ""), "filter-ignored": ("filter", "Pixel Filter", "Use Box"),
     "clamp-ignored": ("clamp", "Clamping", "Use Defaults"), "motion-ignored": ("motion", "Motion Blur", "Switch Off"),
     "markers-ignored": ("markers", "Camera Markers", ""), "border-ignored": ("border", "Render Region", "Switch Off"),
+    "view-ignored": ("view", "Color Management", "Switch Off"),
     "aspect-ignored": ("aspect", "Pixel Aspect", "Use Square Pixels"), "lines-left-out": ("lines", "Lines", ""),
     "coordinates-differ": ("coordinates", "Window Coordinates", ""),
     "world-negative": ("negative", "Negative Light", ""), "focus-ignored": ("focus", "Depth of Field", "Switch Off"),
@@ -211,11 +212,7 @@ def _ignored(scene: bpy.types.Scene) -> Iterator[Problem]:
     try:
         color_settings(scene, _shows_world(scene))
     except LfsrError as error:
-        code, fix, view = "space", "", scene.view_settings
-        if view.use_curve_mapping or view.use_white_balance:
-            code, fix = "view", "Switch Off"
-        elif _shows_world(scene):
-            code, fix = "catcher", "Make Film Transparent"
+        code, fix = ("catcher", "Make Film Transparent") if _shows_world(scene) else ("space", "")
         yield Problem(code, scene.name, f"{capitalized(str(error))}.", fix, ERROR, title="Colors")
     for notice in left_out(scene):
         values = notice.values

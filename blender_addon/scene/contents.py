@@ -124,6 +124,9 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
     notes += [Notice("border-ignored")] if render.use_border else []
     if render.pixel_aspect_x != render.pixel_aspect_y:
         notes.append(Notice("aspect-ignored", {"x": render.pixel_aspect_x, "y": render.pixel_aspect_y}))
+    switches = (("use_curve_mapping", "curves"), ("use_white_balance", "white balance"))
+    if names := [name for switch, name in switches if getattr(scene.view_settings, switch)]:
+        notes.append(Notice("view-ignored", {"names": names}))
     lines = [item.name for item in rendered(scene) if item.type in STROKES]
     if names := [*(["Freestyle"] if render.use_freestyle else []), *sorted(lines)]:
         notes.append(Notice("lines-left-out", {"names": names}))

@@ -135,10 +135,6 @@ def color_settings(scene: bpy.types.Scene, world_visible: bool = False) -> Color
         if not math.isfinite(getattr(view, name)):
             raise LfsrError(f"the scene's view {name} is {getattr(view, name)}, but it must be a finite number: "
                             "set it in Render Properties, Color Management")
-    for switch, name in (("use_curve_mapping", "curves"), ("use_white_balance", "white balance")):
-        if getattr(view, switch):
-            raise LfsrError(f"the scene's view uses {name}, which light-field images cannot show: switch off {name} "
-                            "in Render Properties, Color Management, or apply it to the finished image")
     if (space := compat.working_space()) != WORKING_SPACE:
         raise LfsrError(f"the file's working space is {space}, but renders must be in {WORKING_SPACE}: choose "
                         f"{WORKING_SPACE} in Render Properties, Color Management")

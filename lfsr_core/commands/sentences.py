@@ -104,6 +104,8 @@ SENTENCES: dict[str, Wording] = {
     "markers-ignored": lambda values: f"markers' cameras ({listed(values['names'], MOST_NAMES)}) are ignored. All "
                                       "frames are rendered from the camera array",
     "border-ignored": "the render region is ignored. The whole image is rendered",
+    "view-ignored": lambda values: f"of the scene's color management, {' and '.join(values['names'])} are ignored. "
+                                   "Apply them to exported views",
     "aspect-ignored": "the pixel aspect {x:g}:{y:g} is ignored. Pixels have the shape of the display's",
     "lines-left-out": lambda values: f"lines ({listed(values['names'], MOST_NAMES)}) are left out. Cycles draws none",
     "coordinates-differ": lambda values: f"window coordinates ({listed(values['names'], MOST_NAMES)}) follow the "

@@ -70,6 +70,7 @@ EXAMPLES = {
     "sequencer-ignored": ({}, "strips are not rendered"),
     "shift-followed": ({"camera": "Front", "x": 0.0, "y": 0.25}, "(0, 0.25)"),
     "subject-unseen": ({"background": 0.5}, "background objects fill 50% of the image"),
+    "view-ignored": ({"names": ["curves", "white balance"]}, "curves and white balance are ignored"),
     "views-nearest": ({}, "not interpolated"), "world-inside": ({"reason": "volume"}, "the world has a volume")}
 
 

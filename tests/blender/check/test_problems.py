@@ -34,8 +34,8 @@ def test_no_light_and_colors_that_cannot_be_shown(scene):
     scene.collection.objects.unlink(bpy.data.objects["Sun"])
     fix(scene, "light")
     assert scene.world.name == "Light Field World"
-    scene.view_settings.use_curve_mapping = True
-    assert problem_of(scene, "view").severity == "ERROR"
+    scene.view_settings.use_curve_mapping = scene.view_settings.use_white_balance = True
+    assert "curves and white balance" in problem_of(scene, "view").reason and problem_of(scene, "view").asks
     fix(scene, "view")
     scene.world, bpy.data.objects["Box"].is_shadow_catcher = bpy.data.worlds.new("World"), True
     assert "shadow catcher" in problem_of(scene, "catcher").reason

@@ -238,8 +238,7 @@ def refused(scene, folder, pattern, **options):
 
 
 @pytest.mark.parametrize(("name", "value", "pattern"), [
-    ("exposure", float("nan"), "view exposure is nan"), ("gamma", float("nan"), "view gamma is nan"),
-    ("use_curve_mapping", True, "view uses curves"), ("use_white_balance", True, "view uses white balance")])
+    ("exposure", float("nan"), "view exposure is nan"), ("gamma", float("nan"), "view gamma is nan")])
 def test_views_that_the_second_stage_does_not_know_are_refused(coloured, tmp_path, name, value, pattern):
     setattr(coloured.view_settings, name, value)
     refused(coloured, tmp_path / "frame", pattern)

@@ -56,8 +56,7 @@ def link(path: str, scene) -> bpy.types.Collection:
     (lambda scene: setattr(bpy.data.objects["Box"], "hide_render", True), "Nothing of the subject"),
     (lambda scene: setattr(scene.lfsr, "display", "FILE"), "No display profile is chosen"),
     (lambda scene: setattr(scene.lfsr, "scale", "5"), "Scale is 5, .* choose a scale that divides both"),
-    (lambda scene: setattr(scene.lfsr, "method", "denoise"), "Method 'denoise' upscales nothing, but scale 2"),
-    (lambda scene: setattr(scene.view_settings, "use_curve_mapping", True), "view uses curves, .*: switch off curves")])
+    (lambda scene: setattr(scene.lfsr, "method", "denoise"), "Method 'denoise' upscales nothing, but scale 2")])
 def test_what_cannot_be_rendered_is_refused_before_the_render(scene, monkeypatch, spoil, sentence):
     monkeypatch.setattr(session, "run", lambda *_: pytest.fail("it renders"))
     spoil(scene)
