@@ -48,7 +48,7 @@ STARTUP_CAMERAS = ((7.35889, -6.92579, 4.95831), (7.48113, -6.50764, 5.34367))  
 # How a new file's camera is turned: nobody has aimed it, even if it was moved. It was rolled until Blender 2.79.
 STARTUP_TURN, ROLL = mathutils.Euler((1.10932, 0.0, 0.81493)).to_quaternion(), 0.02
 TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject fills: of an aimed camera, of an unaimed one
-OUTSIDE = 0.1  # of the corners of their boxes, that may lie outside the frame of a camera that was not aimed
+OUTSIDE, WIDER = 0.1, (48, 28)  # of what so many rays of a larger frame, as close as PROBES, would meet of the subject
 HEAVY, HIDDEN = 100, 0.25  # faces from which a mesh is more than a box, part of the picture that a box may hide
 CLOSE = 0.02  # of the subject's size: the array is inside an object whose inner side is nearer than that
 TOUCHING = 0.02  # of the size of all objects: objects nearer than that to the selection belong to it
@@ -261,8 +261,7 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
     """Why the picture does not show the main objects as it should, "" if it does, and a better place if known."""
     if not (boxes := edit.boxes_now(set(main))):
         return "", None
-    array, eye = placed[0], mathutils.Matrix(placed[1])
-    hits = edit.through(rays, placed)
+    eye, hits = mathutils.Matrix(placed[1]), edit.through(rays, placed)
     seen = [hit for hit in hits if hit is not None and hit[2] in shown]
     share = len(seen) / len(hits)
     is_unaimed = _is_unaimed(scene) and (eye.translation - scene.camera.matrix_world.translation).length < 1e-3
@@ -290,16 +289,14 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
         return (f"The array sees nothing of {name}." if not seen else f"{name} fills {part} of the picture."
                 + f" {UNAIMED}." * is_unaimed), best
     if is_unaimed:
-        toward = np.array(eye.inverted())
-        local = points @ toward[:3, :3].T + toward[:3, 3]
-        half = np.array([array.half_width, array.half_height]) / array.distance
-        inside = (local[:, 2] > 0) & (np.abs(local[:, :2]) < half * local[:, 2:]).all(1)
         best = edit.in_front(scene, display, set(main))
         if not is_in_box(placed) and is_in_box(best):
             return f"The array stands outside a room. {UNAIMED}.", best
+        wide = edit.through(rays, placed, *WIDER, np.subtract(WIDER, 1) / np.subtract(edit.PROBES, 1))
         is_moved = all(math.dist(eye.translation, place) > TOUCHING for place in STARTUP_CAMERAS)
-        if inside.mean() < 1 - OUTSIDE and not is_moved:  # who moved it may have framed a part of the objects
-            return f"{1 - inside.mean():.0%} of {name} lies outside the frame. {UNAIMED}.", best
+        around = [hit and hit[2] in shown for hit in wide].count(True)
+        if len(seen) < (1 - OUTSIDE) * around and not is_moved:  # who moved it may have framed a part of the objects
+            return f"Much of {name} lies outside the frame. {UNAIMED}.", best
     return "", None
 
 
