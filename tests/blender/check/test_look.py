@@ -18,7 +18,7 @@ from blender_addon.scene.light import add_light
 from blender_addon.ui.operators.check import FIXES
 from blender_addon.ui.operators.render import check_questions
 from tests.support import panel
-from tests.support.scenes import add_camera
+from tests.support.scenes import add_camera, emission
 
 
 @pytest.fixture
@@ -422,6 +422,10 @@ def test_an_aimed_camera_stays_where_nothing_is_larger_or_rays_do_not_tell_and_f
     made.displacement_method, near.location.z, near.scale = "BUMP", 1, (1, 1, 1)
     startup.objects["Light"].data.energy = 0.1
     assert "dark" in looked(startup)
+    sign = add_box((0.4, -1, 1.4), (0.4, 0.1, 0.1))
+    sign.data.materials.append(emission((1, 1, 1)))
+    assert "dark" not in looked(startup), "a night"
+    sign.hide_render = True
     link(nodes.new("ShaderNodeVolumeScatter").outputs[0], nodes["Material Output"].inputs["Volume"])
     assert {*looked(startup)} & {"dark", "fog"} == {"fog"}
 
