@@ -54,12 +54,14 @@ class Kernel:
 
 
 def held(path, dir_fd=None) -> bool:
-    """True if a process has the file, or a file in the folder, open or mapped."""
+    """True if a process of this system has the file, or a file in the folder, open or mapped."""
     real = os.path.realpath(os.path.join(os.readlink(f"/proc/self/fd/{dir_fd}"), path) if dir_fd is not None else path)
     if not os.path.lexists(real):
         return False
     for process in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):  # ended since
+            if b"LFSR_STAND_IN" not in (process / "environ").read_bytes():
+                continue
             for number in os.listdir(process / "fd"):
                 with contextlib.suppress(OSError):  # closed since
                     target = os.readlink(process / "fd" / number)
@@ -99,7 +101,8 @@ def start(self, *arguments, creationflags=0, start_new_session=False, preexec_fn
 
 def become(system: str) -> None:
     """Take this process for one of ``system``."""
-    for name in OTHERS + (("bpy",) if any("from_sources" in word for word in sys.orig_argv) else ()):
+    others = () if "--version" in sys.orig_argv else OTHERS  # a Blender that only says its version imports none
+    for name in others + (("bpy",) if any("from_sources" in word for word in sys.orig_argv) else ()):
         importlib.import_module(name)
     warnings.filterwarnings("error", category=EncodingWarning, module="lfsr_core|blender_addon|tests")
     for name in LACKING[system]:
