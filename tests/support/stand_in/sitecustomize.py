@@ -60,14 +60,13 @@ def held(path, dir_fd=None) -> bool:
         return False
     for process in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):  # ended since
-            if b"LFSR_STAND_IN" not in (process / "environ").read_bytes():
-                continue
-            for number in os.listdir(process / "fd"):
+            is_ours = b"LFSR_STAND_IN" in (process / "environ").read_bytes()
+            for number in os.listdir(process / "fd") if is_ours else ():
                 with contextlib.suppress(OSError):  # closed since
                     target = os.readlink(process / "fd" / number)
                     if (target == real or target.startswith(f"{real}/")) and os.path.isfile(target):
                         return True
-            lines = (process / "maps").read_text(encoding="utf-8", errors="replace")
+            lines = (process / "maps").read_text(encoding="utf-8", errors="replace") if is_ours else ""
             if f" {real}\n" in lines or f" {real}/" in lines:
                 return True
     return False
