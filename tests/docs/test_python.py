@@ -32,7 +32,7 @@ def run(folder: Path, *command: str | Path) -> str:
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("scene") / "scene.blend"
-    run(ROOT, ROOT / "scripts" / "lab" / "lfsr_lab" / "scenes" / "demo_scene.py", path)
+    run(path.parent, "-c", "import bpy; bpy.ops.wm.save_as_mainfile(filepath='scene.blend')")
     return path
 
 
