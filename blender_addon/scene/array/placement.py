@@ -84,6 +84,7 @@ class Rays:
         """Note the bounding boxes of all meshes where there are more than FEW objects; ``sky`` lets all rays pass."""
         self.scene, self.depsgraph = scene, bpy.context.evaluated_depsgraph_get()
         self.items: list[tuple[bpy.types.Object, Array, BVHTree | None]] = []
+        self.materials: dict[tuple[bpy.types.Object, int], int] = {}  # numbers of those of the faces that were hit
         if len(self.depsgraph.object_instances) <= FEW and sky is None:
             return
         import bmesh  # can be imported only after bpy
@@ -146,9 +147,11 @@ class Rays:
 
     def thing(self, hit: Hit) -> tuple[bpy.types.Object, int]:
         """Return the object that is hit and the number of its material there: one mesh may hold a whole house."""
-        mesh = hit[2].evaluated_get(self.depsgraph).data
-        is_known = isinstance(mesh, bpy.types.Mesh) and 0 <= hit[3] < len(mesh.polygons)
-        return hit[2], mesh.polygons[hit[3]].material_index if is_known else 0
+        if (key := hit[2:]) not in self.materials:
+            mesh = hit[2].evaluated_get(self.depsgraph).data
+            is_known = isinstance(mesh, bpy.types.Mesh) and 0 <= hit[3] < len(mesh.polygons)
+            self.materials[key] = mesh.polygons[hit[3]].material_index if is_known else 0
+        return hit[2], self.materials[key]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -438,8 +441,9 @@ def _hits(sight: _Sight, half: tuple[float, float], eye: Sequence[float] | Array
           distance: float = 1.0) -> list[tuple[mathutils.Vector, bpy.types.Object]]:
     """World places and objects that a grid of PROBES rays meets, from ``eye`` through the frame at ``distance``."""
     start, end = sight.clip or (0.0, MOST_REACH)
+    rows = np.linspace(-1, 1, PROBES[1])
     ways = (mathutils.Vector((x * half[0] - eye[0] / distance, y * half[1] - eye[1] / distance, -1))
-            for x in np.linspace(-1, 1, PROBES[0]) for y in np.linspace(-1, 1, PROBES[1]))
+            for x in np.linspace(-1, 1, PROBES[0]) for y in rows)
     hits = (sight.cast(way, min((end - start) * way.length, MOST_REACH), mathutils.Vector((*eye, 0)) + start * way)
             for way in ways)
     return [hit for hit in hits if hit is not None]
