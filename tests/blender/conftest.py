@@ -34,14 +34,16 @@ def scene(request):
     return fresh_scene()
 
 
-@pytest.fixture(autouse=True)
-def quick_sky(monkeypatch):
+@pytest.fixture(autouse=True, scope="module")
+def quick_sky():
     """World images are sampled by a map of 2048 columns: Cycles takes two seconds for its own of 4096."""
-    def add_light(*arguments, real=light.add_light):
+    def add_light(*arguments):
         world = real(*arguments)
         world.cycles.sampling_method, world.cycles.sample_map_resolution = "MANUAL", 2048
         return world
-    monkeypatch.setattr(light, "add_light", add_light)
+    real, light.add_light = light.add_light, add_light
+    yield
+    light.add_light = real
 
 
 @pytest.fixture

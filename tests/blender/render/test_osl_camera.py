@@ -160,8 +160,7 @@ def test_position_and_normal_layer_are_of_the_pixel_centre_ray_in_world_and_arra
     add_plane(scene, plane, bpy.data.materials.new("plain"))
     layers = encoded(scene, layout, tmp_path, ARRAY_TO_WORLD.tolist(), way, layers=("position", "normal"))
     assert np.abs(layers["position"] - expected_hits(layout, plane)).max() <= TOLERANCE
-    facing = np.broadcast_to((np.sin(tilt), 0, -np.cos(tilt)), layers["normal"].shape)
-    assert layers["normal"] == pytest.approx(facing, abs=1e-3)
+    np.testing.assert_allclose(layers["normal"] - (np.sin(tilt), 0, -np.cos(tilt)), 0, atol=1e-3)
 
 
 MIRRORED = lenticular(subpixels={"stripes": "bgr"})

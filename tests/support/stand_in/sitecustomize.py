@@ -100,8 +100,8 @@ def start(self, *arguments, creationflags=0, start_new_session=False, preexec_fn
 
 def become(system: str) -> None:
     """Take this process for one of ``system``."""
-    others = () if "--version" in sys.orig_argv else OTHERS  # a Blender that only says its version imports none
-    for name in others + (("bpy",) if any("from_sources" in word for word in sys.orig_argv) else ()):
+    words = " ".join(sys.orig_argv)  # a Blender that only says its version imports none
+    for name in () if "--version" in words else OTHERS + ("bpy",) * ("from_sources" in words):
         importlib.import_module(name)
     warnings.filterwarnings("error", category=EncodingWarning, module="lfsr_core|blender_addon|tests")
     for name in LACKING[system]:
