@@ -5,8 +5,6 @@ import dataclasses
 import cv2
 import numpy as np
 import pytest
-import scipy.stats
-from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from lfsr_core.base.system import read_json
 from lfsr_core.frames.frame import MASK_FILE, REPORT_FILE, Finish, write_report
@@ -56,6 +54,7 @@ def compared(x, a, b, *rest, **more):
 
 
 def test_whole_comparison_reports_every_metric_from_its_own_pixels():
+    from skimage.metrics import structural_similarity
     x, a, b = eia_case()
     score = compared(x, a, b, LENSES, MASK)
     assert tuple(score) == eia_metrics.METRIC_NAMES
@@ -205,6 +204,7 @@ def test_a_frame_finished_meanwhile_keeps_its_report_and_a_linear_image_of_anoth
 
 @pytest.mark.parametrize("shape", [(96, 128), (23, 31), (600, 40)])  # the last is higher than one band
 def test_equal_halves_give_the_ssim_of_scikit_image(shape):
+    from skimage.metrics import structural_similarity
     image = textured_image(*shape)
     candidate = blurred(image)
     expected, of_pixels = structural_similarity(candidate, image, full=True, **GAUSSIAN)
@@ -215,6 +215,7 @@ def test_equal_halves_give_the_ssim_of_scikit_image(shape):
 
 
 def test_halves_count_alike_and_stacked_images_do_not_see_each_other():
+    from skimage.metrics import peak_signal_noise_ratio
     image, candidate = textured_image(), blurred(textured_image())
     assert split_ssim(candidate, image, candidate) == pytest.approx(split_ssim(candidate, candidate, image), abs=1e-12)
     expected = peak_signal_noise_ratio(image, candidate, data_range=1)
@@ -245,6 +246,7 @@ def test_noise_of_the_reference_cancels(noise, tolerance):
 
 @pytest.mark.parametrize("freedom", [3, 5, 11, 40, 1000])
 def test_small_samples_get_students_intervals(freedom):
+    import scipy.stats
     assert eia_metrics.student_95(freedom) == pytest.approx(scipy.stats.t.ppf(0.975, freedom), rel=0.01)
 
 

@@ -46,7 +46,7 @@ def finished(folder: Path, display: DisplayProfile = MINI, scale: int = 2, **cha
     low, position = two_depths(frame)
     write_layers(folder / LOW_RES_FILE, {"color": low, "position": position})
     write_frame(folder, frame)
-    high, _ = two_depths(dataclasses.replace(frame, scale=1))
+    high = low if scale == 1 else two_depths(dataclasses.replace(frame, scale=1))[0]
     linear = high[..., :3]
     panel = flip_order(linear, display.lenses) if display.ei_order == "flipped" else linear
     write_png(folder / EIA_FILE, np.rint(srgb_encode(panel) * 255).astype(np.uint8))

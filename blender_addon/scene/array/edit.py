@@ -395,8 +395,9 @@ def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = 
             part: Sequence[float] | Array = (1.0, 1.0)) -> list[Hit | None]:
     """Return what rays from the middle of a ``placed`` array, spread over this ``part`` of its display, meet first."""
     array, eye = placed[0], mathutils.Matrix(placed[1])
-    ways = [eye.to_3x3() @ mathutils.Vector((x * array.half_width, y * array.half_height, array.distance))
-            for x in np.linspace(-part[0], part[0], across) for y in np.linspace(-part[1], part[1], down)]
+    turn, rows = eye.to_3x3(), (np.linspace(-part[1], part[1], down) * array.half_height).tolist()
+    ways = [turn @ mathutils.Vector((x, y, array.distance))
+            for x in (np.linspace(-part[0], part[0], across) * array.half_width).tolist() for y in rows]
     start, end = array.clip or (0.0, MOST_REACH)
     hits = (rays.cast(eye.translation + start / array.distance * way, way,
                       min((end - start) / array.distance * way.length, MOST_REACH)) for way in ways)

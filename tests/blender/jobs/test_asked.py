@@ -7,13 +7,15 @@ from pathlib import Path
 import bpy
 import pytest
 
-from blender_addon.jobs import folders
+from blender_addon.jobs import folders, runtime
 from blender_addon.ui.operators import render
 from blender_addon.ui.operators.render import check_questions
+from lfsr_core.base.records import to_data
 from lfsr_core.frames.frame import EIA_FILE, Report, write_frame, write_report
 from lfsr_core.optics.display import DisplayProfile, load_display, write_profile
 from lfsr_core.tasks import runner as estimate
 from tests.support.panels import lenticular, small
+from tests.support.requests import changed
 from tests.support.synthetic import frame_of
 
 
@@ -63,12 +65,17 @@ def test_lenses_are_spread_over_the_display(scene):
     assert 0 <= min(at for _, at in lenses) < columns / 3 and columns * 2 / 3 < max(at for _, at in lenses) < columns
 
 
-def test_a_button_measures_as_long_as_an_image_takes_also_of_subpixels(scene, tmp_path):
+def test_a_button_measures_as_long_as_an_image_takes_also_of_subpixels(scene, tmp_path, monkeypatch):
     scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples = "small", "4", 16
     assert folders.expected_seconds(scene) is None and bpy.ops.lfsr.estimate_time() == {"FINISHED"}
     expected, started = folders.expected_seconds(scene), time.monotonic()
     assert bpy.ops.lfsr.render_eia() == {"FINISHED"}
     assert 0.2 < expected / (time.monotonic() - started) < 5  # tests run on busy machines
+    monkeypatch.setattr(estimate, "PATHS", 10**5)
+    for size, lenses, scale in (((64, 8), (8, 1), 4), ((8, 8), (1, 1), 2)):  # few are enough pixels for Blender
+        request = changed(folders.requested(scene)[0], scene=bpy.data.filepath, scale=scale,
+                          display=DisplayProfile("few", size, size, lenses, (8, 8), 180.0, 40.0))
+        assert 0 < estimate.estimate(to_data(request), runtime.render_command())["per_path"] < 1e-4
     write_profile(tmp_path / "own.toml", small(lenticular()))
     scene.lfsr.profile_file = str(tmp_path / "own.toml")
     scene.lfsr.display, scene.lfsr.subpixels, scene.lfsr.samples = "FILE", True, 8
@@ -77,11 +84,6 @@ def test_a_button_measures_as_long_as_an_image_takes_also_of_subpixels(scene, tm
     scene.lfsr.samples = 16
     assert folders.expected_seconds(scene) - expected == pytest.approx(
         8 * 120 * 3 * 80 * bpy.context.window_manager.lfsr.probe_per_path, rel=1e-3)
-    for size, lenses, scale in (((64, 8), (8, 1), "4"), ((8, 8), (1, 1), "2")):  # few are enough pixels for Blender
-        write_profile(tmp_path / f"{scale}.toml", DisplayProfile("few", size, size, lenses, (8, 8), 180.0, 40.0))
-        scene.lfsr.profile_file, scene.lfsr.scale = str(tmp_path / f"{scale}.toml"), scale
-        assert bpy.ops.lfsr.estimate_time() == {"FINISHED"}
-        assert 0 < bpy.context.window_manager.lfsr.probe_per_path < 1e-4
 
 
 def test_a_long_image_is_asked_about_until_accepted_and_other_settings_need_no_other_probe(scene):

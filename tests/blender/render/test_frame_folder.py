@@ -6,7 +6,7 @@ import pytest
 
 from blender_addon.render import frame_folder, output
 from blender_addon.render.frame_folder import Opened, render_job
-from blender_addon.scene.light import add_light
+from blender_addon.scene import light
 from lfsr_core.base.messages import Notice, silent
 from lfsr_core.exports.light_field import read_views
 from lfsr_core.frames.folder import is_same
@@ -106,7 +106,7 @@ def test_the_first_view_is_the_middle_of_the_image_which_keeps_its_bytes(lit, tm
     first, told = tmp_path / "first.npy", []
     lit.render.engine, lit.render.use_persistent_data = "CYCLES", True  # as for all renders of one Blender
     if "light" in changes:
-        add_light(lit)
+        light.add_light(lit)
     options = {"samples": 16, "scale": 1, "world_visible": False} | changes
     render_job(lit, make_request(str(tmp_path / "with"), MINI, first_view=str(first), **options), tell=told.append)
     assert Notice("first-view", {"path": str(first)}) in told

@@ -110,13 +110,6 @@ def test_every_pixel_hits_where_rays_py_says(scene, tmp_path, options, depth, ti
     assert error.max() <= TOLERANCE, f"{error.max() / ARRAY.distance:.1e} of the distance"
 
 
-def test_position_layer_is_the_pixel_centre_ray(scene, tmp_path, way):
-    layout, plane = layout_of(2), plane_in_array(2 * ARRAY.distance, 0.3)
-    add_plane(scene, plane, position_emission())
-    layers = encoded(scene, layout, tmp_path, ARRAY_TO_WORLD.tolist(), way, layers=("position",))
-    assert np.abs(layers["position"] - expected_hits(layout, plane)).max() <= TOLERANCE
-
-
 @pytest.mark.parametrize("lenses", [LENSES, LENSES[:1], ALL_LENSES])
 def test_listed_lenses_are_the_same_lenses_of_the_whole(scene, tmp_path, lenses, way):
     whole, listed = layout_of(), layout_of(lens_list=lenses)
@@ -160,13 +153,14 @@ def test_blender_without_osl_says_what_to_do_and_too_small_an_image_is_refused(s
     assert "\nb/camera" not in cycles.compile_osl(GOOD), "a line break in the folder's name"
 
 
-def test_normal_layer_is_in_array_space(scene, tmp_path, way):
-    """+X right, +Y up, +Z towards the display: what faces the viewer has a negative z."""
-    tilt = 0.3
-    plane = TURNED @ mathutils.Matrix.Translation((0, 0, -ARRAY.distance)) @ mathutils.Matrix.Rotation(tilt, 4, "Y")
+def test_position_and_normal_layer_are_of_the_pixel_centre_ray_in_world_and_array_space(scene, tmp_path, way):
+    """Normals: +X right, +Y up, +Z towards the display: what faces the viewer has a negative z."""
+    layout, tilt = layout_of(2), 0.3
+    plane = TURNED @ mathutils.Matrix.Translation((0, 0, -2 * ARRAY.distance)) @ mathutils.Matrix.Rotation(tilt, 4, "Y")
     add_plane(scene, plane, bpy.data.materials.new("plain"))
-    normal = encoded(scene, layout_of(4), tmp_path, ARRAY_TO_WORLD.tolist(), way, layers=("normal",))["normal"]
-    assert normal == pytest.approx(np.broadcast_to((np.sin(tilt), 0, -np.cos(tilt)), normal.shape), abs=1e-3)
+    layers = encoded(scene, layout, tmp_path, ARRAY_TO_WORLD.tolist(), way, layers=("position", "normal"))
+    assert np.abs(layers["position"] - expected_hits(layout, plane)).max() <= TOLERANCE
+    np.testing.assert_allclose(layers["normal"] - (np.sin(tilt), 0, -np.cos(tilt)), 0, atol=1e-3)
 
 
 MIRRORED = lenticular(subpixels={"stripes": "bgr"})

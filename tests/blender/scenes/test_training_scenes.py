@@ -87,7 +87,7 @@ def test_a_file_holds_every_render_and_how_it_was_made(scenes):
 
 
 @pytest.mark.parametrize("index", [8, 9])
-def test_layers_hold_what_their_names_say(scenes, index):
+def test_layers_hold_what_their_names_say_and_renders_are_the_clean_target_and_noise_of_their_own(scenes, index):
     arrays, meta = load(scenes, index)
     for name in NAMES:
         color, guides = (arrays[f"{kind}_{name}"].astype(np.float32) for kind in ("color", "guides"))
@@ -99,11 +99,6 @@ def test_layers_hold_what_their_names_say(scenes, index):
     lit, (rows, columns) = arrays["color_target"][..., 3], (view // SCALE for view in VIEWS[::-1])
     sees = (lit.reshape(LENSES[1], rows, LENSES[0], columns).max((1, 3)) > 0).mean()
     assert meta["p"] == pytest.approx(sees) and meta["p"] >= 0.25
-
-
-@pytest.mark.parametrize("index", [8, 9])
-def test_renders_are_the_clean_target_and_noise_of_their_own(scenes, index):
-    arrays, _ = load(scenes, index)
     color = {name: np.clip(arrays[f"color_{name}"].astype(np.float64), 0, 2) for name in NAMES}
     assert not np.array_equal(color["16_0"], color["16_1"])
     errors = {name: (color[name] - color["target"]) ** 2 for name in NAMES}
@@ -176,21 +171,16 @@ def test_photographs_are_made_small_and_random_displays_stay_small(monkeypatch, 
     assert {profile.parallax for profile, _ in chosen} == {(True, True), (True, False)}
 
 
-def test_models_are_centred_and_named_with_their_license(models):
+def test_models_are_centred_and_named_with_their_license_and_torn_ones_and_those_of_tests_left_out(models, tmp_path):
     import bpy
 
-    from lfsr_lab.scenes.training.models import find_models, load_model
+    from lfsr_lab.scenes.training.models import find_models, load_model, prepare_models
 
     (path, fact), = find_models(models).items()
     assert fact == {"file": "cube.obj", "license": "CC0", "author": "nobody"}
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     corners = np.array([vertex.co for vertex in load_model(path).data.vertices])
     assert corners.min(0) == pytest.approx([-1, -0.5, -0.5]) and corners.max(0) == pytest.approx([1, 0.5, 0.5])
-
-
-def test_models_without_their_textures_and_those_of_the_tests_are_left_out(tmp_path):
-    from lfsr_lab.scenes.training.models import find_models, prepare_models
-
     catalog = "license=Public domain\n"
     with zipfile.ZipFile(tmp_path / "some.sh3f", "w") as archive:
         for number, (name, texture) in enumerate({"stool": "", "torn": "map_Kd lost.jpg", "japaneseMaple": ""}.items()):

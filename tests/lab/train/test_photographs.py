@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 from torch import nn
 
 from lfsr_core.base.messages import LfsrError
@@ -80,6 +79,7 @@ def test_crops_are_seeded_parts_of_their_photographs_turned_in_every_way():
 
 
 def test_downsampling_is_the_mean_light_and_quality_agrees_with_scikit_image():
+    from skimage.metrics import peak_signal_noise_ratio, structural_similarity
     high = torch.rand(2, 3, 8, 12)
     mean = srgb_decode(high).reshape(2, 3, 2, 4, 3, 4).mean((3, 5))
     torch.testing.assert_close(srgb_decode(comparator.downsample(high, 4)), mean, atol=1e-5, rtol=1e-4)

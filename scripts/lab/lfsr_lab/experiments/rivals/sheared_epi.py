@@ -42,10 +42,8 @@ class ShearedEPI:
         height, width = corners.shape[2:4]
         rest = [(0, 0), (0, 0), (0, -height % STEP), (self._most, self._most + -width % STEP), (0, 0)]
         padded = np.pad(corners.astype(float), rest, mode="edge")
-        views = ratio + 1
-        shears = np.stack([np.stack([_at([self._shears(padded, *corner) for corner in CORNERS], row,
-                                         column) for column in np.linspace(0, 1, views)])
-                           for row in np.linspace(0, 1, views)])
+        found, places = [self._shears(padded, *corner) for corner in CORNERS], np.linspace(0, 1, ratio + 1)
+        shears = np.stack([np.stack([_at(found, row, column) for column in places]) for row in places])
         inside = padded[:, :, :, self._most:padded.shape[3] - self._most]
         columns = np.stack([_between(inside[:, end], shears[:, end * ratio], axis=1) for end in (0, 1)], 1)
         made = np.stack([_between(columns[row], shears[row], axis=2) for row in range(ratio + 1)])
