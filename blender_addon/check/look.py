@@ -58,7 +58,6 @@ LIT, LAMPS, SKY = 24, 32, 6  # places, lamps and rays to the sky that tell how m
 UNSURE = 2.0  # light below this multiple of dim is measured by a render: objects may hide lamps, or have holes
 CERTAIN, SHADE = 1e6, 0.15  # strength of a lamp that nodes decide; fraction of its distance in which its shade stands
 BRIGHT = 0.25  # fraction of the picture from which a sky keeps it from being almost black
-GLOWS = 0.5  # radiance of the brightest 5 % from which an artist's picture is of a night, not almost black
 GLASS, TRANSMISSION, LOST = ("BSDF_GLASS", "BSDF_REFRACTION"), "Transmission Weight", 0.2  # of the rays to it
 UNAIMED = "The camera of the new file was not aimed at it"
 
@@ -135,7 +134,7 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
         slots = result.render_slots if (result := bpy.data.images.get("Render Result")) is not None else ()
         with as_rendered(startup), overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
             light[:] = light_seen(scene, scene_settings.resolve(scene).request, placed)
-    is_dark, sky = is_dim(*light) and (is_new or np.percentile(light[1], 95) < GLOWS), 0.0
+    is_dark, sky = is_dim(light[0], light[1], is_composed=not is_new), 0.0
     if is_dark and not scene.render.film_transparent and world_radiance(scene.world) * exposed >= DIM:
         sky = edit.through(rays, placed, *edit.FEWER).count(None) / math.prod(edit.FEWER)
     if is_dark and not is_alone and has_output(scene, "Volume"):

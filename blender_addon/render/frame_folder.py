@@ -165,10 +165,10 @@ def settled_light(scene: bpy.types.Scene, request: Request, say: Say) -> str:
     """
     if request.light != files.AUTO:
         return request.light
-    has_own = has_light(scene)
-    if has_own and (is_certain(scene) or not is_dim(*light_seen(scene, request))):
+    has_own, is_blend = has_light(scene), Path(request.scene).suffix.lower() in ("", ".blend")
+    if has_own and (is_certain(scene) or not is_dim(*light_seen(scene, request), is_composed=is_blend)):
         return files.OWN
-    if has_own and Path(request.scene).suffix.lower() in ("", ".blend"):
+    if has_own and is_blend:
         say(Notice("light-weak"))
         return files.OWN
     with lit(scene, DEFAULT_LIGHT):

@@ -19,7 +19,7 @@ from .contents import materials, nodes_of, rendered, with_copied
 DEFAULT_LIGHT = "city"  # neutral, from all sides: suits glass as well as skin
 # Brightness below which a white surface is almost in the dark. The world of a new file, 0.05, lights less.
 DIM = 0.08
-BLACK, MORE = 0.05, 2.0  # a picture whose brightest 5 % are below this radiance needs so many times the light
+BLACK, MORE, GLOWS = 0.05, 2.0, 0.5  # if the brightest 5 % send less than BLACK, it takes MORE light; a night GLOWS
 GLARE, GLARING = 2.0, 0.15  # radiance at which even gray is white, and how much of a picture may be so bright
 LEAST_ALBEDO = 0.1  # darker surfaces count as if they reflected this much: what is black needs more light to be seen
 SKY = 0.5  # radiance of a sky that is an image or a texture
@@ -75,9 +75,11 @@ def is_certain(scene: bpy.types.Scene) -> bool:
     return max(suns, default=0.0) * factor >= CERTAIN_SUN or _plain_world(scene.world) * factor >= CERTAIN_WORLD
 
 
-def is_dim(light: Array, radiance: Array) -> bool:
+def is_dim(light: Array, radiance: Array, is_composed: bool = False) -> bool:
     """Return True if most of a picture is hardly lit, by what white surfaces would send and by what it sends."""
-    return bool(light.size and np.median(light) < DIM * (MORE if np.percentile(radiance, 95) < BLACK else 1))
+    bright = float(np.percentile(radiance, 95)) if light.size else 0.0
+    times = MORE if bright < BLACK else 0.0 if is_composed and bright > GLOWS else 1.0  # an artist's lamps at night
+    return bool(light.size and np.median(light) < DIM * times)
 
 
 def is_glaring(scene: bpy.types.Scene, radiance: Array) -> bool:

@@ -80,8 +80,7 @@ def test_every_rotation_mirrored_or_not_is_taken_to_single_precision(numbers, ha
 def test_folders_without_a_frame_or_a_whole_reference_are_named(tmp_path):
     refuses(r"frame.json does not exist, expected the frame.json of a rendered", read_frame, tmp_path / "nowhere")
     for clip in [(-1.0, 2.0), (2.0, 1.0), (0.0, float("inf"))]:
-        array = dataclasses.replace(FRAME.array, clip=clip)
-        refuses("two depths", dataclasses.replace, FRAME, array=array)
+        refuses("two depths", dataclasses.replace, FRAME, array=dataclasses.replace(FRAME.array, clip=clip))
     folder = write_reference(tmp_path)
     write_frame(folder, frame_of(1, lens_list=LISTED))
     refuses("but frame.json says", Reference.read, folder)

@@ -108,8 +108,7 @@ def test_of_what_differs_the_part_or_the_field_is_shown_and_no_record_printed():
     assert folder.first_difference(vars(FRAME), vars(other)) == "array"
     here, there = phrases("array", FRAME.array, other.array)
     assert here.startswith("array ") and here.split()[:-1] == there.split()[:-1]
-    assert phrases("clip", (0.1, 9.0), (0.5, 9.0)) == ("clip 0 0.1", "clip 0 0.5")
-    assert phrases("clip", None, (0.5, 9.0)) == ("no clip", "clip (0.5, 9.0)")
+    assert phrases("array clip", None, (0.5, 9.0)) == ("no array clip", "array clip (0.5, 9.0)")
     assert phrases("lens_list", LENSES, LENSES[::-1]) == ("other 2 lenses", "2 lenses")
     assert folder.first_difference(vars(FRAME), vars(FRAME)) == ""
     stripes, device = lenticular(), cells()

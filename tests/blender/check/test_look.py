@@ -51,10 +51,10 @@ def mend(scene) -> dict[str, str]:
     return reasons
 
 
-def share_of(scene, item) -> float:
-    """Fraction of the picture that an object fills."""
+def share_of(scene, *items) -> float:
+    """Fraction of the picture that objects fill."""
     placed = rig.placement(scene, scene_settings.display_of(scene))
-    return len(placement.seen_depths(scene, placed, {item})) / np.prod(placement.PROBES)
+    return len(placement.seen_depths(scene, placed, {*items})) / np.prod(placement.PROBES)
 
 
 def test_a_new_file_as_it_is_and_a_camera_that_was_aimed_stay(startup):
@@ -192,6 +192,7 @@ def test_a_solid_box_of_wires_around_much_of_the_picture_is_left_out(startup):
 
 def make_room(scene, lamp: bool) -> list[bpy.types.Object]:
     """Walls around 5 × 7 × 2.7 m, with a table and a bench, beside the new file's camera."""
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
     items = [add_box(*place) for place in (
         ((0, 0, -0.1), (2.5, 3.5, 0.1)), ((0, 0, 2.8), (2.5, 3.5, 0.1)), ((-2.6, 0, 1.35), (0.1, 3.5, 1.6)),
         ((2.6, 0, 1.35), (0.1, 3.5, 1.6)), ((0, -3.6, 1.35), (2.7, 0.1, 1.6)), ((0, 3.6, 1.35), (2.7, 0.1, 1.6)),
@@ -206,7 +207,6 @@ def make_room(scene, lamp: bool) -> list[bpy.types.Object]:
 
 @pytest.mark.parametrize(("lamp", "glow"), [(True, 0), (False, 0), (False, 1e-3)])
 def test_of_a_room_the_inside_is_seen(startup, lamp, glow):
-    bpy.data.objects.remove(bpy.data.objects["Cube"])
     make_room(startup, lamp)
     bpy.context.object.active_material = material = bpy.data.materials.new("Glow")
     material.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = glow
@@ -272,7 +272,6 @@ def test_a_solid_thing_and_a_dome_are_no_rooms(startup):
 
 @pytest.mark.parametrize("is_one_mesh", [False, True])
 def test_a_room_shows_more_inside_than_outside_unless_a_wall_is_missing(startup, is_one_mesh):
-    bpy.data.objects.remove(bpy.data.objects["Cube"])
     items = make_room(startup, lamp=True)
     if is_one_mesh:
         items = bpy.ops.object.join() and [bpy.context.object]
@@ -322,8 +321,7 @@ def test_a_box_around_all_is_a_sky_that_is_left_out_unless_a_camera_was_aimed_in
         aimed(startup, (0, -44, 8), ())
     assert ("sky" in mend(startup)) != (camera == "aimed")
     assert sky.hide_render != (camera == "aimed") and set(look.main_objects(startup, find_subject(startup))) == houses
-    placed = rig.placement(startup, scene_settings.display_of(startup))
-    assert len(placement.seen_depths(startup, placed, houses)) > 0.15 * np.prod(placement.PROBES)
+    assert share_of(startup, *houses) > 0.15
     sky.location.z = 44
     bpy.context.view_layer.update()
     assert edit.sky_around(startup, edit.boxes_now({sky, *houses})) is None, "they stand on its floor"
@@ -422,8 +420,7 @@ def test_an_aimed_camera_stays_where_nothing_is_larger_or_rays_do_not_tell_and_f
     made.displacement_method, near.location.z, near.scale = "BUMP", 1, (1, 1, 1)
     startup.objects["Light"].data.energy = 0.1
     assert "dark" in looked(startup)
-    sign = add_box((0.4, -1, 1.4), (0.4, 0.1, 0.1))
-    sign.data.materials.append(emission((1, 1, 1)))
+    (sign := add_box((0.4, -1, 1.4), (0.4, 0.1, 0.1))).data.materials.append(emission((1, 1, 1)))
     assert "dark" not in looked(startup), "a night"
     sign.hide_render = True
     link(nodes.new("ShaderNodeVolumeScatter").outputs[0], nodes["Material Output"].inputs["Volume"])

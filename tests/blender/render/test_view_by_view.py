@@ -199,8 +199,7 @@ SPARSE = RayLayout.for_display(MINI, ARRAY, 4)
 
 
 def rendered(scene, folder, way, clip):
-    array = dataclasses.replace(SPARSE.array, clip=clip)
-    shot = cycles.Shot(dataclasses.replace(SPARSE, array=array), front(), way)
+    shot = cycles.Shot(dataclasses.replace(SPARSE, array=dataclasses.replace(ARRAY, clip=clip)), front(), way)
     render = views.render_views if way == "view-by-view" else cycles.render_encoded
     render(scene, shot, cycles.RenderSettings(4, layers=("position",)), folder / "image.exr")
     layers = image_files.read_layers(folder / "image.exr")

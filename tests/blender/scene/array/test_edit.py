@@ -71,14 +71,9 @@ def test_fit_keeps_the_direction_and_frames_the_selection(artist):
     box.select_set(True)
     assert bpy.ops.lfsr.array_fit() == {"FINISHED"}
     assert np.allclose(array.matrix_world.to_3x3().normalized(), turn, atol=1e-5)
-    layout, matrix = place(artist)
-    toward = mathutils.Matrix(matrix).inverted() @ box.matrix_world
-    seen = np.array([toward @ mathutils.Vector(corner) for corner in box.bound_box])
-    across = np.abs(seen[:, 0]) / seen[:, 2] * layout.distance / layout.half_width
-    up = np.abs(seen[:, 1]) / seen[:, 2] * layout.distance / layout.half_height
-    assert across.max() < 1 and up.max() < 1 and max(across.max(), up.max()) > 0.4
-    near, far = rig.usable_depth(layout, MINI)
-    assert near < seen[:, 2].min() and seen[:, 2].max() < far
+    beside, depths = seen_at(artist, [box.matrix_world @ mathutils.Vector(corner) for corner in box.bound_box])
+    near, far = rig.usable_depth(place(artist)[0], MINI)
+    assert 0.4 < np.abs(beside).max() < 1 and near < depths.min() and depths.max() < far
 
 
 def test_what_cannot_be_added_or_fitted_is_said_and_remove_leaves_nothing(artist):
