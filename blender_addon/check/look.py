@@ -293,7 +293,7 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
         if not is_in_box(placed) and is_in_box(best):
             return f"The array stands outside a room. {UNAIMED}.", best
         wide = edit.through(rays, placed, *WIDER, np.subtract(WIDER, 1) / np.subtract(edit.PROBES, 1))
-        is_moved = all(math.dist(eye.translation, place) > TOUCHING for place in STARTUP_CAMERAS)
+        is_moved = all(math.dist(eye.translation, place) > 0.01 for place in STARTUP_CAMERAS)
         around = [hit and hit[2] in shown for hit in wide].count(True)
         if len(seen) < (1 - OUTSIDE) * around and not is_moved:  # who moved it may have framed a part of the objects
             return f"Much of {name} lies outside the frame. {UNAIMED}.", best
