@@ -19,7 +19,7 @@ from .contents import materials, nodes_of, rendered, with_copied
 DEFAULT_LIGHT = "city"  # neutral, from all sides: suits glass as well as skin
 # Brightness below which a white surface is almost in the dark. The world of a new file, 0.05, lights less.
 DIM = 0.08
-BLACK, MORE, GLOWS = 0.05, 2.0, 0.5  # if the brightest 5 % send less than BLACK, it takes MORE light; a night GLOWS
+BLACK, MORE, GLOWS = 0.05, 2.0, 0.5  # brightest 5 %: below BLACK it takes MORE times the light, above GLOWS none
 GLARE, GLARING = 2.0, 0.15  # radiance at which even gray is white, and how much of a picture may be so bright
 LEAST_ALBEDO = 0.1  # darker surfaces count as if they reflected this much: what is black needs more light to be seen
 SKY = 0.5  # radiance of a sky that is an image or a texture

@@ -300,8 +300,8 @@ class Frame:
         if self.samples < 1 or self.layout not in LAYOUTS:
             raise LfsrError(f"samples are {self.samples} and layout is {self.layout[:20]!r}, but it must be 1 or more "
                             f"samples and one of {', '.join(LAYOUTS)}")
-        for name, value in vars(dataclasses.replace(self.array, clip=None)).items():
-            if value is not None and not LEAST_LENGTH <= value <= 1 / LEAST_LENGTH:
+        for name, value in vars(self.array).items():
+            if name != "clip" and not LEAST_LENGTH <= value <= 1 / LEAST_LENGTH:
                 raise LfsrError(f"array.{name} is {value!r}, but it must be a length above 0")
         if (clip := self.array.clip) is not None and not 0 <= clip[0] < clip[1] <= 1 / LEAST_LENGTH:
             raise LfsrError(f"array.clip is {clip}, but it must be two depths, the nearer one first")

@@ -126,7 +126,7 @@ def check_reference(frame: Frame, reference: Frame) -> None:
         distances = [of.array.distance for of in (reference, frame)]
         where = (f"its display plane is {distances[0]:.4g} from the cameras, the frame's {distances[1]:.4g}"
                  if not math.isclose(*distances, rel_tol=1e-5) else
-                 "its cameras stand or face elsewhere, as with another camera or subject")
+                 "its cameras stand, face or clip elsewhere, as with another camera or subject")
         raise LfsrError(f"the reference does not show what the frame shows: {where}. Render both of the same scene "
                         "in the same way")
     if frame.lens_list is not None and frame.lens_list != reference.lens_list:

@@ -19,11 +19,11 @@ from tests.support.told import refuses
 
 # No field has its default, so that one forgotten on the way shows.
 FRAME = Frame(
-    display=MINI, scale=2, array=CameraArray.for_display(MINI, 2.0), matrix_world=IDENTITY, samples=7, seed=3, frame=5,
-    convention="paper", view_aperture=0.5, lens_list=((1, 2), (3, 4)), rows=(2, 3), layout="view-by-view",
-    gpus=("0000:01:00",), layers=("albedo", "normal"), world_visible=True, world_apart=True,
-    scale_reason=Notice("scale-unseen", {"scale": 2}), scene="scene.blend", seeds=(3, 4),
-    color=ColorSettings("Rec.2020", "AgX", "AgX - Punchy", 0.5, 1.1, "config.ocio"),
+    display=MINI, scale=2, array=dataclasses.replace(CameraArray.for_display(MINI, 2.0), clip=(0.25, 30.0)),
+    matrix_world=IDENTITY, samples=7, seed=3, frame=5, convention="paper", view_aperture=0.5, rows=(2, 3),
+    lens_list=((1, 2), (3, 4)), layout="view-by-view", gpus=("0000:01:00",), layers=("albedo", "normal"),
+    world_visible=True, world_apart=True, scale_reason=Notice("scale-unseen", {"scale": 2}), scene="scene.blend",
+    seeds=(3, 4), color=ColorSettings("Rec.2020", "AgX", "AgX - Punchy", 0.5, 1.1, "config.ocio"),
     scene_name="Set", source="../shot.blend", subject="Things", camera="Left", content="abc",
     blender="5.0.1", device="OPTIX", notes=(Notice("render-note", {"text": "a note"}),),
     light="city", seconds={"render": 1.5})
@@ -137,7 +137,8 @@ def test_matching_references_pass_and_others_are_refused():
         ({"frame": 7}, "frame number 7"), ({"world_visible": True}, "with visible world, but .* no visible world"),
         ({"array": CameraArray.for_display(MINI, 0.8)}, r"plane is [\d.]+ from the cameras, the frame's [\d.]+\. "),
         ({"array": dataclasses.replace(REFERENCE.array, spacing=REFERENCE.array.spacing * 1.01)}, "elsewhere"),
-        ({"matrix_world": SHIFTED}, "its cameras stand or face elsewhere"),
+        ({"array": dataclasses.replace(REFERENCE.array, clip=(1.0, 9.0))}, "its cameras stand, face or clip elsewhere"),
+        ({"matrix_world": SHIFTED}, "its cameras stand, face or clip elsewhere"),
         ({"matrix_world": SHIFTED, "scene": "two.glb"}, r"shows another scene, two\.glb, but the frame one\.blend")]:
         other = dataclasses.replace(REFERENCE, **{"scene": "one.blend"} | changes)
         refuses(message, check_reference, frame_of(4, scene="one.blend"), other)

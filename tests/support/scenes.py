@@ -117,6 +117,13 @@ def position_emission(square: bool = False) -> bpy.types.Material:
     return _emission(connect)
 
 
+def link(library: str | Path, kind: str, names: list[str]) -> list[bpy.types.ID]:
+    """Data of a library, as "worlds" of these ``names``, linked into the open file."""
+    with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
+        setattr(wanted, kind, [*names])  # becomes a list of data
+    return list(getattr(wanted, kind))
+
+
 def _emission(connect: Callable[[bpy.types.NodeTree, bpy.types.Node], None]) -> bpy.types.Material:
     material = bpy.data.materials.new("emission")
     compat.use_nodes(material)

@@ -13,7 +13,7 @@ from blender_addon.ui.operators.render import image_job
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.image_files import read_layers
 from tests.support import panel
-from tests.support.scenes import add_box
+from tests.support.scenes import add_box, link
 
 COLLECTIONS, OBJECTS = ["Props", "Background"], ["Box", "Wall"]
 
@@ -61,12 +61,6 @@ def unlinked(library) -> dict[str, dict[str, np.ndarray]]:
     """Layers of the library's own scene, by layout."""
     bpy.ops.wm.open_mainfile(filepath=str(library))
     return {layout: render(layout)[1] for layout in ("one-pass", "lens-card")}
-
-
-def link(library: Path, kind: str, names: list[str]) -> list[bpy.types.ID]:
-    with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
-        setattr(wanted, kind, [*names])  # becomes a list of data
-    return list(getattr(wanted, kind))
 
 
 def link_collections(library: Path) -> tuple[bpy.types.Scene, list[bpy.types.Collection]]:

@@ -25,7 +25,7 @@ from lfsr_core.process.child import ENDS_WITH_INPUT, EXIT_BAD_INPUT, find_blende
 from tests.support.other_systems import FOLDER, SYSTEMS
 from tests.support.processes import run_lfsr, run_script
 from tests.support.requests import make_request
-from tests.support.scenes import MINI, ROOT, add_box, add_camera, add_lamp, emission
+from tests.support.scenes import MINI, ROOT, add_box, add_camera, add_lamp, emission, link
 from tests.support.told import refuses
 
 
@@ -53,9 +53,7 @@ def records(lines):
 def test_a_scene_that_waits_for_a_library_is_refused(blend, tmp_path):
     library = tmp_path / "library.blend"
     bpy.data.libraries.write(str(library), {bpy.data.objects[0]})
-    with bpy.data.libraries.load(str(library), link=True) as (there, here):
-        here.objects = there.objects
-    bpy.context.scene.collection.objects.link(here.objects[0])
+    bpy.context.scene.collection.objects.link(link(library, "objects", [bpy.data.objects[0].name])[0])
     bpy.ops.wm.save_mainfile()
     library.unlink()
     os.mkfifo(library)

@@ -16,7 +16,7 @@ from lfsr_core.reconstruct.second_stage import finish_frame
 from lfsr_core.reconstruct.upscaler import read_world
 from tests.support.panels import cells, hexagonal, psnr, small
 from tests.support.requests import make_request
-from tests.support.scenes import MINI, WAYS, add_box, add_camera, add_world, emission, mixed
+from tests.support.scenes import MINI, WAYS, add_box, add_camera, add_world, emission, link, mixed
 from tests.support.told import refuses
 
 
@@ -98,6 +98,16 @@ def test_a_render_says_how_much_of_it_shows(lit_box, tmp_path, way):
     assert ((apart["environment"] > 0) & (apart["environment"] < 1)).any()
     # The subject is in the light of the scene's own world.
     np.testing.assert_allclose(apart["color"], alone["color"], atol=1e-5)
+
+
+def test_a_world_whose_file_is_missing_is_gray_and_white_to_the_camera(lit_box, tmp_path):
+    bpy.data.libraries.write(str(tmp_path / "sky.blend"), {lit_box.world})
+    (lit_box.world,) = link(tmp_path / "sky.blend", "worlds", [lit_box.world.name])
+    (tmp_path / "sky.blend").unlink()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    with world.white_to_camera(bpy.context.scene):
+        assert any(node.type == "LIGHT_PATH" for node in bpy.context.scene.world.node_tree.nodes)
 
 
 def volume(scene):

@@ -15,7 +15,7 @@ from blender_addon.jobs.runtime import file_copy, save_copy
 from blender_addon.scene.files import check_files, disk_cache, open_scene, paint_missing, unreadable
 from lfsr_core.base.messages import LfsrError, Notice
 from lfsr_core.images import image_files
-from tests.support.scenes import add_box, add_camera
+from tests.support.scenes import add_box, add_camera, link
 from tests.support.told import refuses
 
 
@@ -120,9 +120,7 @@ def motion(suffix, content):
 def library(item, folder):
     path = folder / "library.blend"
     bpy.data.libraries.write(str(path), {item.data})
-    with bpy.data.libraries.load(str(path), link=True) as (there, here):
-        here.meshes = there.meshes
-    bpy.context.scene.collection.objects.link(bpy.data.objects.new("linked", here.meshes[0]))
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("linked", link(path, "meshes", [item.data.name])[0]))
     return path
 
 

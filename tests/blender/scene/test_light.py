@@ -148,6 +148,7 @@ def test_black_things_in_good_light_are_not_dark(scene, tmp_path):
     for value, dim in ((1.0, False), (0.05, True)):
         add_world(scene, value)
         assert light.is_dim(*frame_folder.light_seen(scene, make_request(str(tmp_path), MINI))) == dim
+    assert [light.is_dim(*[np.array([0.01] * 9 + [1])] * 2, is_night) for is_night in (False, True)] == [True, False]
 
 
 def test_what_an_image_cannot_light_is_lit_evenly(scene, tmp_path):

@@ -16,7 +16,7 @@ from blender_addon.ui.operators import render
 from lfsr_core.frames.frame import read_frame
 from tests.blender.ui.test_panels import draw, labels
 from tests.support import panel
-from tests.support.scenes import snapshot
+from tests.support.scenes import link, snapshot
 from tests.support.told import refuses
 
 
@@ -38,14 +38,6 @@ def library(tmp_path):
         path = str(tmp_path / "library.blend")
         bpy.ops.wm.save_as_mainfile(filepath=path)
     return path
-
-
-def link(path: str, scene) -> bpy.types.Collection:
-    with bpy.data.libraries.load(path, link=True) as (_, wanted):
-        wanted.collections = ["Prop"]
-    scene.collection.children.link(wanted.collections[0])
-    bpy.context.view_layer.update()
-    return wanted.collections[0]
 
 
 @pytest.mark.parametrize(("spoil", "sentence"), [
@@ -71,7 +63,9 @@ def test_the_live_windows_own_scene_is_not_changed(scene, name):
 
 def test_linked_and_overridden_arrays_cannot_be_changed(library, scene):
     bpy.ops.lfsr.array_remove()
-    collection = link(library, scene)
+    (collection,) = link(library, "collections", ["Prop"])
+    scene.collection.children.link(collection)
+    bpy.context.view_layer.update()
     bpy.data.objects["Box"].select_set(True)
     refuse(scene, "is linked from library.blend: make it local first", bpy.ops.lfsr.array_fit)
     refuse(scene, "is linked from library.blend", bpy.ops.lfsr.array_remove)
