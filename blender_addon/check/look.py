@@ -53,7 +53,6 @@ HEAVY, HIDDEN = 100, 0.25  # faces from which a mesh is more than a box, part of
 CLOSE = 0.02  # of the subject's size: the array is inside an object whose inner side is nearer than that
 TOUCHING = 0.02  # of the size of all objects: objects nearer than that to the selection belong to it
 MUCH, LEAST_GAIN = 1.1, 0.9  # disparity that is reported; a display plane is moved if less than this fraction is left
-LEAST_SPACING = 0.05
 LIT, LAMPS, SKY = 24, 32, 6  # places, lamps and rays to the sky that tell how much light arrives
 UNSURE = 2.0  # light below this multiple of dim is measured by a render: objects may hide lamps, or have holes
 CERTAIN, SHADE = 1e6, 0.15  # strength of a lamp that nodes decide; fraction of its distance in which its shade stands
@@ -321,8 +320,8 @@ def _deep(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile
             f"{length(scene, max(far - array.distance, 0.0))} behind it. The display shows "
             f"{length(scene, array.distance - usable[0])} and {behind}.")
     plane = placement.balanced(near, far)
-    moved = disparity(array, display.lenses, near, far, plane)
-    if moved < LEAST_GAIN * now and placement.is_free(scene, placed, display, plane / array.distance):
+    moved = disparity(array, display.lenses, near, far, plane) * placement.narrowed(scene, placed, display, plane)
+    if moved < LEAST_GAIN * now:
         yield _problem("plane", scene.name, text)
         now = moved
     if now > MUCH:
@@ -332,24 +331,29 @@ def _deep(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile
 
 def flatten(scene: bpy.types.Scene) -> None:
     """Bring the array's views so close together that the display shows all of the depth that is seen."""
-    array, near, far = _seen(scene)
+    (array, _), near, far = _seen(scene)
     now = disparity(array, scene_settings.display_of(scene).lenses, near, far)
-    rig.set_spacing(scene, max(LEAST_SPACING, rig.spacing_of(rig.find(scene)) / max(now, 1.0)))
-
-
-def move_plane(scene: bpy.types.Scene) -> None:
-    """Move the display plane to where what is nearest and what is farthest have the same parallax."""
-    rig.set_distance(scene, placement.balanced(*_seen(scene)[1:]))
+    rig.set_spacing(scene, rig.spacing_of(rig.find(scene)) / max(now, 1.0))
 
 
 @as_rendered()
-def _seen(scene: bpy.types.Scene) -> tuple[CameraArray, float, float]:
+def move_plane(scene: bpy.types.Scene) -> None:
+    """Move the display plane to where what is nearest and what is farthest have the same parallax."""
+    placed, near, far = _seen(scene)
+    plane = placement.balanced(near, far)
+    part = placement.narrowed(scene, placed, scene_settings.display_of(scene), plane)
+    rig.set_spacing(scene, part * rig.spacing_of(rig.find(scene)))
+    rig.set_distance(scene, plane)
+
+
+@as_rendered()
+def _seen(scene: bpy.types.Scene) -> tuple[rig.Placement, float, float]:
     placed = rig.placement(scene, scene_settings.display_of(scene))
     main = main_objects(scene, find_subject(scene))
     depths = depths_of(Rays(scene), placed, with_copied(set(main))) if placed else ()
     if placed is None or not depths:
         raise LfsrError("the camera array sees nothing of the subject: fit it to the objects first")
-    return placed[0], depths[0], depths[1]
+    return placed, depths[0], depths[1]
 
 
 def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,

@@ -30,7 +30,7 @@ from lfsr_core.version import __version__
 
 from .. import compat
 from ..compat import overridden
-from ..scene.array import placement
+from ..scene.array import placement, rig
 from ..scene.array.rig import Placement
 from ..scene.contents import curves, find_subject, has_background_meshes
 from ..scene.files import check_files, image_files
@@ -146,9 +146,10 @@ def prepared(scene: bpy.types.Scene, request: Request, say: Say = silent, is_lit
         with _resting(scene), cycles.pass_indices(subject), nullcontext() if is_lit else lit(scene, request.light):
             with placement.as_rendered():
                 frame = _frame(scene, request, subject)
-                placed = frame.array, frame.matrix_world
-                for notice in filter(None, (placement.focus_notice(scene, placed),
-                                            placement.unseen_notice(scene, request.display, placed, subject))):
+                part, placed = rig.part_of_spacing(frame.array, request.display), (frame.array, frame.matrix_world)
+                if part < 0.999 and rig.find(scene) is None:
+                    say(Notice("walls-near", {"part": part}))
+                if notice := placement.unseen_notice(scene, request.display, placed, subject):
                     say(notice)
             if frame.world_visible and request.kind == "render" and frame.scale > 1:
                 if reason := world.reason_against(scene):

@@ -137,8 +137,8 @@ SENTENCES: dict[str, Wording] = {
                                     + "fit, which places the array in front of the subject",
     "camera-mirrored": "camera {camera!r} is mirrored by a negative scale, of its own or of a parent. The mirror is "
                        "undone: left and right are as in the scene",
-    "display-nearer": "the camera focuses at {focus:.3g}, but the display plane is at {distance:.3g} scene units: "
-                      "farther away, the array would reach through what stands beside the camera",
+    "walls-near": "the views are at {part:.0%} of the display's spacing, because the array would reach through what "
+                  "stands beside the camera: the image is flatter",
     "array-blind": lambda values: (f"the array sees {listed(values['seen'], MOST_NAMES)}, but nothing of the subject, "
                                    "which " if values["seen"] else "the array sees nothing, and the subject ")
                                   + PLACES[values["place"]],

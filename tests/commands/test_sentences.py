@@ -43,7 +43,7 @@ EXAMPLES = {
     "compositor-ignored": ({"names": ["Glare"]}, "(Glare)"),
     "denoised-on-cpu": ({"device": "OPTIX", "error": "no driver"}, "the OPTIX device"),
     "disparity-missing": ({}, "--layers position"),
-    "display-nearer": ({"focus": 6.7, "distance": 5.5}, "focuses at 6.7, but the display plane is at 5.5"),
+    "walls-near": ({"part": 0.25}, "the views are at 25% of the display's spacing"),
     "display-plane": ({"depth": 0.25}, "depth of 0.25"),
     "file-unreadable": ({"kind": "image", "path": "wood.png", "state": "damaged"}, "image file wood.png is damaged"),
     "files-outside": ({"names": ["/etc/wood.png"]}, "(/etc/wood.png)"), "flip-missing": ({}, "flip-evaluator"),

@@ -46,7 +46,7 @@ def add(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.Object:
             with contextlib.suppress(LfsrError):  # it is no perspective camera, or the subject is out of its sight
                 placed, leading = placement.array_of_camera(scene, profile, subject), camera
         placed = placed or in_front(scene, profile, subject)
-    return _following(_moved(scene, placed), leading)
+    return _following(put(scene, profile, placed), leading)
 
 
 @as_rendered()
@@ -57,7 +57,7 @@ def fit(scene: bpy.types.Scene, profile: DisplayProfile, items: Collection[bpy.t
         turn = upright(array).to_3x3() @ mathutils.Matrix.Rotation(-math.pi / 2, 3, "X")
     if not (points := list(placement.world_points(set(items)))):
         raise LfsrError("nothing with geometry is selected: select the objects that the display should show")
-    return _moved(scene, fit_turned(np.concatenate(points), profile, turn))
+    return put(scene, profile, fit_turned(np.concatenate(points), profile, turn))
 
 
 @as_rendered()
@@ -69,7 +69,8 @@ def fit_to_camera(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.
     if rig.is_array(camera):
         raise LfsrError(f"the active camera {camera.name!r} is the camera array itself: make another camera active, or "
                         "fit to the view")
-    return _following(_moved(scene, placement.array_of_camera(scene, profile, find_subject(scene))), camera)
+    placed = placement.array_of_camera(scene, profile, find_subject(scene))
+    return _following(put(scene, profile, placed), camera)
 
 
 @as_rendered()
@@ -85,7 +86,7 @@ def fit_to_view(scene: bpy.types.Scene, profile: DisplayProfile, view: View) -> 
         array = CameraArray.for_display(profile, 2 * view.half_width)
         moved = mathutils.Matrix.Translation((0, 0, array.distance))
         placed = array, from_blender(mathutils.Matrix(view.matrix) @ moved)
-    return _moved(scene, placed)
+    return put(scene, profile, placed)
 
 
 def remove(scene: bpy.types.Scene) -> None:
@@ -109,31 +110,13 @@ def remove_planes(scene: bpy.types.Scene) -> None:
         bpy.data.objects.remove(plane)
 
 
-def _moved(scene: bpy.types.Scene, placed: Placement) -> bpy.types.Object:
-    """Array of the scene, added if there is none, at a placement."""
+def put(scene: bpy.types.Scene, profile: DisplayProfile, placed: Placement) -> bpy.types.Object:
+    """Return the array of the scene, added if there is none, at a placement, where it follows no camera."""
     rig.check_editable(scene)
     array = rig.find(scene) or _new_array(scene)
     rig.check_editable(array)
-    put(array, placed)
-    return array
-
-
-def _following(array: bpy.types.Object, camera: bpy.types.Object | None) -> bpy.types.Object:
-    """Return ``array``, as a child of ``camera`` if that moves, with a lens that follows if that zooms."""
-    if camera is not None and placement.moves(camera):
-        array.parent, array.matrix_parent_inverse = camera, camera.matrix_world.inverted_safe()
-    # Linked data cannot depend on this file's.
-    if camera and camera.data.type == "PERSP" and camera.data.animation_data and not array.data.library:
-        driver = array.data.driver_add("lens").driver
-        target, driver.expression = driver.variables.new().targets[0], f"var * {array.data.lens / camera.data.lens}"
-        target.id_type, target.id, target.data_path = "CAMERA", camera.data, "lens"
-    bpy.context.view_layer.update()
-    return array
-
-
-def put(array: bpy.types.Object, placed: Placement) -> None:
-    """Move ``array`` and its display plane to a placement, where it follows no camera."""
     layout, matrix = placed
+    array[rig.SPACING] = rig.part_of_spacing(layout, profile)
     if array.parent is not None and array.parent.type == "CAMERA":
         array.parent = None
     array.data.driver_remove("lens")
@@ -153,6 +136,20 @@ def put(array: bpy.types.Object, placed: Placement) -> None:
     array.data.display_size = layout.half_width * 0.25
     plane.location, plane.empty_display_size = (0.0, 0.0, -layout.distance), layout.distance * HANDLE_SIZE
     bpy.context.view_layer.update()
+    return array
+
+
+def _following(array: bpy.types.Object, camera: bpy.types.Object | None) -> bpy.types.Object:
+    """Return ``array``, as a child of ``camera`` if that moves, with a lens that follows if that zooms."""
+    if camera is not None and placement.moves(camera):
+        array.parent, array.matrix_parent_inverse = camera, camera.matrix_world.inverted_safe()
+    # Linked data cannot depend on this file's.
+    if camera and camera.data.type == "PERSP" and camera.data.animation_data and not array.data.library:
+        driver = array.data.driver_add("lens").driver
+        target, driver.expression = driver.variables.new().targets[0], f"var * {array.data.lens / camera.data.lens}"
+        target.id_type, target.id, target.data_path = "CAMERA", camera.data, "lens"
+    bpy.context.view_layer.update()
+    return array
 
 
 def _new_array(scene: bpy.types.Scene) -> bpy.types.Object:

@@ -182,16 +182,6 @@ def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.type
     return np.array(_depths(sight, (array.half_width / array.distance, array.half_height / array.distance), subject))
 
 
-def focus_notice(scene: bpy.types.Scene, placed: Placement) -> Notice | None:
-    """Return the notice that a ``placed`` array's display plane is nearer than its camera focuses, if it is."""
-    camera, distance = None if rig.find(scene) is not None else scene.camera, placed[0].distance
-    if camera is None or camera.type != "CAMERA" or camera.data.type != "PERSP":
-        return None
-    if (focus := _focus(camera)) is None or distance > 0.999 * focus:
-        return None
-    return Notice("display-nearer", {"focus": focus, "distance": distance})
-
-
 def unseen_notice(scene: bpy.types.Scene, profile: DisplayProfile, placed: Placement,
                   subject: set[bpy.types.Object]) -> Notice | None:
     """Return the notice that a ``placed`` array of ``profile`` sees other things than the subject, and where that lies.
@@ -256,9 +246,9 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
     """Return an array that shows what the scene's camera sees, at its place, towards the middle of its picture.
 
     The display plane is where the camera focuses, else where the visible subject's nearest and farthest points have
-    equal parallax. It is nearer, and the array smaller, where the array would reach through a wall: of a camera that
-    stands still, in any frame of the animation. An orthographic camera has no eye: the display shows as much, and
-    viewers stand at their distance from it.
+    equal parallax. Views are closer together where the array would reach through a wall: of a camera that stands still,
+    in any frame of the animation. An orthographic camera has no eye: the display shows as much, and viewers stand at
+    their distance from it.
     """
     camera, aspect = scene.camera, profile.panel_mm[0] / profile.panel_mm[1]
     if camera.data.type not in ("PERSP", "ORTHO"):
@@ -332,11 +322,12 @@ def array_of_view(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[
 
 
 def _array_at(sight: _Sight, profile: DisplayProfile, half_width: float, distance: float, free: float) -> Placement:
-    """Array at the start of a sight, whose display is ``2 * half_width`` wide at depth 1, and fits between walls."""
-    wanted = CameraArray.for_display(profile, 2 * half_width * distance, distance)
-    distance *= min(1.0, free / wanted.spacing)
+    """Array at the start of a sight, whose display is ``2 * half_width`` wide at depth 1; views fit between walls.
+
+    The display plane stays where disparities are least: their range is proportional to the spacing, wherever it is.
+    """
     array = CameraArray.for_display(profile, 2 * half_width * distance, distance)
-    return dataclasses.replace(array, clip=sight.clip), from_blender(sight.matrix)
+    return dataclasses.replace(array, spacing=min(array.spacing, free), clip=sight.clip), from_blender(sight.matrix)
 
 
 def bounds(subject: set[bpy.types.Object]) -> tuple[Array, Array]:
@@ -444,11 +435,12 @@ def _hits(sight: _Sight, half: tuple[float, float], eye: Sequence[float] | Array
     return [hit for hit in hits if hit is not None]
 
 
-def is_free(scene: bpy.types.Scene, placed: Placement, profile: DisplayProfile, times: float) -> bool:
-    """Return False if a ``placed`` array would reach through a wall, were it ``times`` as large."""
+def narrowed(scene: bpy.types.Scene, placed: Placement, profile: DisplayProfile, distance: float) -> float:
+    """Return the part of its spacing, up to 1, with which a ``placed`` array of that ``distance`` reaches no wall."""
     array, matrix = placed
     half = array.half_width / array.distance, array.half_height / array.distance
-    return array.spacing * times <= _free(_Sight(Rays(scene), to_blender(matrix), array.clip), half, profile)
+    free = _free(_Sight(Rays(scene), to_blender(matrix), array.clip), half, profile)
+    return min(1.0, free / max(array.spacing * distance / array.distance, TINY))
 
 
 def _free(sight: _Sight, half: tuple[float, float], profile: DisplayProfile) -> float:

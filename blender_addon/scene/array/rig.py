@@ -78,6 +78,11 @@ def set_spacing(scene: bpy.types.Scene, fraction: float) -> None:
         array.update_tag()
 
 
+def part_of_spacing(array: CameraArray, profile: DisplayProfile) -> float:
+    """Return the camera spacing of a layout as a fraction of the display's own."""
+    return array.spacing * profile.viewing_distance_mm / (profile.camera_spacing_mm * array.distance)
+
+
 def placement(scene: bpy.types.Scene, profile: DisplayProfile) -> Placement | None:
     """Return the scene's camera array and its world matrix, None if it has none; LfsrError if it is broken."""
     return placed(array := find(scene), plane_of(array), profile)

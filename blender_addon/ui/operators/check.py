@@ -73,9 +73,7 @@ def _leave_out(*items: bpy.types.Object) -> None:
 
 def _fit(scene: bpy.types.Scene, _target: str, placed: Placement | None = None) -> None:
     display, subject = scene_settings.display_of(scene), find_subject(scene)
-    array = rig.find(scene) or add(scene, display)
-    check_editable(array)
-    put(array, placed or in_front(scene, display, set(look.main_objects(scene, subject)) or subject))
+    put(scene, display, placed or in_front(scene, display, set(look.main_objects(scene, subject)) or subject))
 
 
 def _to_background(scene: bpy.types.Scene, target: str) -> None:

@@ -441,7 +441,10 @@ def test_a_display_plane_in_the_wrong_place_is_moved(startup):
     aimed(startup)
     assert looked(startup) == {}
     rig.set_distance(startup, 2.0)
+    add_box((0.8, -6, 1), (0.5, 0.5, 0.5))
     assert set(mend(startup)) == {"plane"} and startup.lfsr.distance == pytest.approx(5.5, abs=0.3)
+    array, _ = rig.placement(startup, display := scene_settings.display_of(startup))
+    assert 0.2 < array.spacing * max(display.views) / 2 < 0.3, "up to that box"
 
 
 @pytest.mark.parametrize(("energy", "world", "exposure", "code"), [

@@ -12,10 +12,10 @@ from blender_addon.jobs import folders, session
 from blender_addon.render import frame_folder
 from blender_addon.scene import contents
 from blender_addon.scene import settings as scene_settings
-from blender_addon.scene.array import placement, rig
+from blender_addon.scene.array import edit, placement, rig
 from blender_addon.scene.files import camera_notices
 from blender_addon.ui.operators import render
-from lfsr_core.base.messages import LfsrError, Notice
+from lfsr_core.base.messages import LfsrError, Notice, silent
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.optics.display import builtin_names, load_display
 from lfsr_core.optics.rays import CameraArray
@@ -105,13 +105,23 @@ def test_near_and_far_have_equal_parallax_from_the_own_camera(scene):
     assert 1 / 2.99 - 1 / distance == pytest.approx(1 / distance - 1 / 9.99, rel=0.02)
 
 
-def test_array_does_not_reach_through_a_wall(scene):
+def test_an_array_beside_a_wall_has_narrower_views_and_its_display_plane_stays(scene):
     box, wall = add_box(scene, tuple(CENTRE), tuple(HALF)), add_box(scene, (2.0, -5, 3), (0.1, 4, 9))
-    add_camera(scene)
+    camera = add_camera(scene)
+    camera.data.dof.use_dof, camera.data.dof.focus_distance = True, 6.7
+    bpy.context.view_layer.update()
     array, _ = placement.place_array(scene, SMALL, {box, wall})
     reach = SMALL.views[0] * array.spacing / 2
     assert reach <= 0.9 and reach == pytest.approx(0.9 * placement.WALL_MARGIN, rel=0.05)
     assert np.arctan(array.half_width / array.distance) * 2 == pytest.approx(0.6, rel=1e-5)
+    part = array.spacing / CameraArray.for_display(SMALL, 2 * array.half_width, array.distance).spacing
+    assert array.distance == pytest.approx(6.7) and 0.1 < part < 0.5
+    said, notice = list[Notice](), Notice("walls-near", {"part": pytest.approx(part)})
+    assert frame_of(scene, said.append).array.spacing == array.spacing and notice in said
+    own, _ = edit.add(scene, SMALL), said.clear()
+    assert frame_of(scene, said.append) and rig.spacing_of(own) == pytest.approx(part) and notice not in said
+    wall.location.x = 99
+    assert rig.spacing_of(edit.fit_to_camera(scene, SMALL)) == pytest.approx(1)
 
 
 def test_camera_that_cannot_become_an_array_is_refused(scene):
@@ -266,25 +276,9 @@ def test_hair_volumes_and_a_subject_that_only_renders_show_are_left_to_the_rende
         assert placement.unseen_notice(scene, SMALL, placement.place_array(scene, SMALL, chosen), chosen) is None
 
 
-def test_a_focus_that_walls_override_is_said(scene):
-    box, wall = add_box(scene, tuple(CENTRE), tuple(HALF)), add_box(scene, (2.0, -5, 3), (0.1, 4, 9))
-    camera = add_camera(scene)
-    camera.data.dof.use_dof, camera.data.dof.focus_distance = True, 6.7
-    bpy.context.view_layer.update()
-    placed = placement.place_array(scene, SMALL, {box, wall})
-    assert placed[0].distance < 6
-    said = placement.focus_notice(scene, placed)
-    assert said == Notice("display-nearer", {"focus": pytest.approx(6.7), "distance": placed[0].distance})
-    wall.location.x = 99
-    bpy.context.view_layer.update()
-    assert placement.focus_notice(scene, placement.place_array(scene, SMALL, {box, wall})) is None
-    camera.data.dof.use_dof = False
-    assert placement.focus_notice(scene, placed) is None, "there is no focus to override"
-
-
-def frame_of(scene, **options):
+def frame_of(scene, say=silent, **options):
     job = make_request("nowhere", SMALL, world_visible=False, **{"scales": (4, 2, 1)} | options)
-    with frame_folder.prepared(scene, job) as frame:
+    with frame_folder.prepared(scene, job, say) as frame:
         return frame
 
 
