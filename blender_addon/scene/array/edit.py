@@ -69,8 +69,7 @@ def fit_to_camera(scene: bpy.types.Scene, profile: DisplayProfile) -> bpy.types.
     if rig.is_array(camera):
         raise LfsrError(f"the active camera {camera.name!r} is the camera array itself: make another camera active, or "
                         "fit to the view")
-    placed = placement.array_of_camera(scene, profile, find_subject(scene))
-    return _following(put(scene, profile, placed), camera)
+    return _following(put(scene, profile, placement.array_of_camera(scene, profile, find_subject(scene))), camera)
 
 
 @as_rendered()
@@ -272,7 +271,11 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
                 return inside
             if 3 * len(into) <= len(choices):
                 _, _, best = max(into, key=lambda choice: choice[0])  # where a wall is missing
-    return best
+    if not len(depths := placement.seen_depths(scene, best, shown, rays)) or max(map(len, corners.values())) > 1:
+        return best
+    # In the middle of what is seen, not of the box: nobody sees what lies behind it.
+    array, distance = best[0], placement.middle(depths)
+    return CameraArray.for_display(profile, 2 * array.half_width / array.distance * distance, distance), best[1]
 
 
 def fit_turned(points: Array, profile: DisplayProfile, turn: mathutils.Matrix) -> Placement:

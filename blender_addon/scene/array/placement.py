@@ -300,7 +300,7 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
             names = ", ".join(_seen_names(sight, (half_width, half_height)))
             raise LfsrError(f"the scene's camera does not see the subject{f' but {names}' if names else ''}: turn the "
                             f"camera, choose another camera (or {FIT!r}), or choose another subject")
-        distance = float(np.percentile(depths, 2)) if back else _middle(depths)  # parallel: nearer things would grow
+        distance = float(np.percentile(depths, 2)) if back else middle(depths)  # parallel: nearer things would grow
     if back:
         array = CameraArray.for_display(profile, 2 * half_width * back)
         behind, ends = array.distance - distance, sight.clip or (0.0, MOST_REACH)
@@ -317,7 +317,7 @@ def array_of_view(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[
     """
     sight = _Sight(Rays(scene), mathutils.Matrix(view.matrix), view.clip)
     half = view.half_width, view.half_width * profile.panel_mm[1] / profile.panel_mm[0]
-    distance, free = _middle(_depths(sight, half, subject) or [view.pivot]), _free(sight, half, profile)
+    distance, free = middle(_depths(sight, half, subject) or [view.pivot]), _free(sight, half, profile)
     return _array_at(sight, profile, view.half_width, distance, free)
 
 
@@ -408,8 +408,8 @@ class _Sight:
         return (hit[0], hit[2]) if hit else None
 
 
-def _middle(depths: Sequence[float]) -> float:
-    """Depth of equal parallax to the nearest and the farthest of ``depths``."""
+def middle(depths: Sequence[float] | Array) -> float:
+    """Return the depth of equal parallax to the nearest and the farthest of ``depths``."""
     return balanced(*map(float, np.percentile(depths, (2, 98))))
 
 

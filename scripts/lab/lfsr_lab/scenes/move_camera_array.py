@@ -19,7 +19,7 @@ sys.path.extend(str(Path(__file__).resolve().parents[level]) for level in (2, 4)
 import bpy
 import mathutils
 
-from blender_addon.scene.array import edit, placement, rig
+from blender_addon.scene.array import edit, placement
 from blender_addon.scene.contents import find_subject
 from blender_addon.scene.files import open_scene
 from lfsr_core.optics.display import DisplayProfile
@@ -31,11 +31,9 @@ def main(job: dict[str, Any]) -> None:
     profile = DisplayProfile.from_dict(job["display"])
     array, matrix = placement.place_array(scene, profile, find_subject(scene))
     forward = mathutils.Matrix.Translation((0, 0, (1 - fraction) * array.distance))
-    scene.camera = rig.find(scene) or edit.add(scene, profile)
-    scene.camera[rig.SPACING] = 1.0
     sizes = {name: fraction * getattr(array, name) for name in ("distance", "half_width", "half_height", "spacing")}
     moved = dataclasses.replace(array, **sizes)
-    edit.put(scene.camera, (moved, mathutils.Matrix(matrix) @ forward))
+    scene.camera = edit.put(scene, profile, (moved, mathutils.Matrix(matrix) @ forward))
     bpy.ops.wm.save_as_mainfile(filepath=job["output"], compress=True)
 
 

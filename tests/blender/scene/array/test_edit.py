@@ -162,8 +162,10 @@ def test_floors_and_what_lies_far_away_are_not_the_main_part():
     ((0.2, 0.2, 2), lambda at: at.z <= 0.5), ((2, 2, 0.5), lambda at: at.z > 0.5),
     ((0.02, 2, 1), lambda at: abs(at.x) > 2)])
 def test_what_is_flat_is_looked_at_from_above_and_what_is_wide_from_a_side_from_there(scene, half, place):
-    add_box(scene, (0, 0, 0), half)
+    box = add_box(scene, (0, 0, 0), half)
     assert place(edit.add(scene, MINI).matrix_world.translation)
+    placed = rig.placement(scene, MINI)
+    assert placed[0].distance == pytest.approx(placement.middle(placement.seen_depths(scene, placed, {box})))
 
 
 def test_what_comes_nearer_in_an_animation_is_looked_at_from_its_front(scene):

@@ -42,7 +42,7 @@ class Stage:
         scene.view_settings.view_transform = "Standard"
         array = CameraArray.for_display(profile, float(profile.lenses[0]))
         matrix = ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, -array.distance), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-        edit.put(edit.add(scene, profile), (array, matrix))
+        edit.put(scene, profile, (array, matrix))
         return cls(Space.of(profile, scale), frames, np.random.default_rng(7))
 
 
