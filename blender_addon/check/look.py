@@ -23,7 +23,7 @@ from lfsr_core.optics.rays import CameraArray
 from ..compat import overridden
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
-from ..scene.array.placement import Rays, as_rendered
+from ..scene.array.placement import Rays, as_rendered, through
 from ..scene.contents import GEOMETRY, find_subject, has_output, nodes_of, rendered, rendered_layer, with_copied
 from ..scene.files import image_paths
 from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance
@@ -102,7 +102,7 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
         yield _problem("frame", main[0].name if main else scene.name, reason, placed)
     if depths := depths_of(rays, placed, shown):
         yield from _deep(scene, placed, display, *depths)
-    seen = [hit[2] for hit in edit.through(rays, placed, *edit.FEWER) if hit] if hidden else []
+    seen = [hit[2] for hit in through(rays, placed, *edit.FEWER) if hit] if hidden else []
     item = max(hidden & {*seen}, key=seen.count, default=None)
     if item is not None and 2 * seen.count(item) > len(seen) and not any(  # the viewport may show a copy of it
             copy.is_instance and copy.object.original == item for copy in rays.depsgraph.object_instances):
@@ -135,7 +135,7 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
             light[:] = light_seen(scene, scene_settings.resolve(scene).request, placed)
     is_dark, sky = is_dim(light[0], light[1], is_composed=not is_new), 0.0
     if is_dark and not scene.render.film_transparent and world_radiance(scene.world) * exposed >= DIM:
-        sky = edit.through(rays, placed, *edit.FEWER).count(None) / math.prod(edit.FEWER)
+        sky = through(rays, placed, *edit.FEWER).count(None) / math.prod(edit.FEWER)
     if is_dark and not is_alone and has_output(scene, "Volume"):
         yield _problem("fog", scene.name, "Hardly any light comes from what the array sees: the image will be dark. "
                        "Light from all sides would show a volume alone: aim lamps at the objects.")
@@ -201,7 +201,7 @@ def _hulls(scene: bpy.types.Scene, drawn: set[bpy.types.Object], *left_out: bpy.
             hit = rays.beyond(place, way)
             return hit is not None and (hit[2] not in hulls or (hit[1].dot(way) < 0 and holds(hit[0], way)))
         hidden = [hit is not None and hit[1] and hit[2] in hulls and holds(hit[0], hit[0] - eye)
-                  for hit in edit.through(rays, placed, *edit.FEWER)]
+                  for hit in through(rays, placed, *edit.FEWER)]
     return hulls if sum(hidden) > HIDDEN * len(hidden) else set()
 
 
@@ -213,7 +213,7 @@ def culled_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
         return []
     is_eevee = scene.render.engine.startswith("BLENDER_EEVEE")
     culled = {material for material in bpy.data.materials if is_eevee and material.use_backface_culling}
-    hits = edit.through(Rays(scene), placed, *edit.FEWER) if culled else []
+    hits = through(Rays(scene), placed, *edit.FEWER) if culled else []
     seen = [(hit[2], not hit[1] and hit[2].active_material in culled
              and all(slot.material in culled for slot in hit[2].material_slots)) for hit in hits if hit is not None]
     return [item for item in dict(seen) if seen.count((item, True)) > len(hits) / 2
@@ -260,7 +260,7 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
     """Why the picture does not show the main objects as it should, "" if it does, and a better place if known."""
     if not (boxes := edit.boxes_now(set(main))):
         return "", None
-    eye, hits = mathutils.Matrix(placed[1]), edit.through(rays, placed)
+    eye, hits = mathutils.Matrix(placed[1]), through(rays, placed)
     seen = [hit for hit in hits if hit is not None and hit[2] in shown]
     share = len(seen) / len(hits)
     is_unaimed = _is_unaimed(scene) and (eye.translation - scene.camera.matrix_world.translation).length < 1e-3
@@ -282,7 +282,7 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
         return "", None
     if share < (SMALL if is_unaimed else TINY):
         best = edit.in_front(scene, display, set(main))
-        if not is_unaimed and [hit and hit[2] in shown for hit in edit.through(rays, best)].count(True) <= len(seen):
+        if not is_unaimed and [hit and hit[2] in shown for hit in through(rays, best)].count(True) <= len(seen):
             return "", None
         part = "less than 1%" if share < 0.01 else f"{share:.0%}"
         return (f"The array sees nothing of {name}." if not seen else f"{name} fills {part} of the picture."
@@ -291,7 +291,7 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
         best = edit.in_front(scene, display, set(main))
         if not is_in_box(placed) and is_in_box(best):
             return f"The array stands outside a room. {UNAIMED}.", best
-        wide = edit.through(rays, placed, *WIDER, np.subtract(WIDER, 1) / np.subtract(edit.PROBES, 1))
+        wide = through(rays, placed, *WIDER, np.subtract(WIDER, 1) / np.subtract(placement.PROBES, 1))
         is_moved = all(math.dist(eye.translation, place) > 0.01 for place in STARTUP_CAMERAS)
         around = [hit and hit[2] in shown for hit in wide].count(True)
         if len(seen) < (1 - OUTSIDE) * around and not is_moved:  # who moved it may have framed a part of the objects
@@ -394,7 +394,7 @@ def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
 def _lost_glass(rays: Rays, placed: rig.Placement, shown: set[bpy.types.Object]) -> str:
     """Name of an object of glass, if nothing is behind much of what the array sees of what is ``shown``, else ""."""
     eye = mathutils.Matrix(placed[1]).translation
-    hits = [hit for hit in edit.through(rays, placed) if hit is not None and hit[2] in shown]
+    hits = [hit for hit in through(rays, placed) if hit is not None and hit[2] in shown]
 
     def is_lost(place: mathutils.Vector, way: mathutils.Vector, item: bpy.types.Object, number: int) -> bool:
         slot = next(iter(item.material_slots[number:]), None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 
 import bpy
 import mathutils
@@ -18,7 +18,7 @@ from lfsr_core.optics.rays import CameraArray
 
 from ..contents import find_subject, with_copied
 from . import placement, rig
-from .placement import MOST_REACH, PROBES, Rays, View, as_rendered
+from .placement import Rays, Thing, View, as_rendered, through
 from .rig import Placement, from_blender, to_blender, upright
 
 ARRAY_NAME, PLANE_NAME = "Light Field Array", "Display Plane"
@@ -183,7 +183,7 @@ TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.75, -90: 0.7, 180: 0.7}  # +X is the f
 TILTS, LOW = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}, 0.6
 # Fraction of hits on fronts below which a view counts less; its weight without any, and that for a low subject.
 FRONTS, FROM_BEHIND, LOW_FROM_BEHIND = 0.5, 0.25, 0.9
-# Objects that are fitted by their vertices, about how many of each; fraction of the whole of copies fitted by boxes.
+# Objects fitted by their vertices, about how many of each; part of the whole below which as many copies count as boxes.
 FEW_OBJECTS, MOST_POINTS, SMALL = 100, 20_000, 0.02
 PROBED, FEWER = (24, 14), (16, 9)  # rays that judge a view, across and down
 
@@ -210,13 +210,15 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     if not len(points):
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
     rays, shown = Rays(scene, sky), with_copied(set(chosen))
+    is_still = all(item in present and len({box.tobytes() for box in corners[item]}) == 1 for item in chosen)
     low, high = points.min(0), points.max(0)
     # From the middle of its way: a view is judged as if the subject stood there, since it is large where it is near.
     away = (now.min(0) + now.max(0) - low - high) / 2 if len(now) else 0 * low
     most, view = 0, view_inside(rays, low, high)
     if len(chosen) <= FEW_OBJECTS:  # the boxes of others are small enough
-        frames = placement.sample_frames(scene) if boxes is moved else (scene.frame_current,)
-        small = SMALL * math.dist(low, high) if len(now) > 8 * FEW_OBJECTS else 0.0  # they are copied many times
+        frames = (scene.frame_current,) if is_still or boxes is present else placement.sample_frames(scene)
+        copies = len(now) / 8 / FEW_OBJECTS
+        small = SMALL * copies * math.dist(low, high) if copies > 1 else 0.0
         points = np.concatenate([cloud[::len(cloud) // MOST_POINTS + 1] for _ in frames
                                  for cloud in placement.world_points(set(chosen), small)] or [points])
     probes = FEWER if rays.items else PROBED  # in a scene of many objects a ray takes long
@@ -258,8 +260,9 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         inside = placement.array_of_view(scene, profile, subject, view)
         inner = [hit for hit in through(rays, inside, *probes) if hit is not None]
         fronts, things = [hit[0] for hit in inner if hit[1]], len({hit[3] for hit in inner})
-        # Backs of surfaces are the inside of a solid thing.
-        if things > 1 and fronts and things * len(fronts) >= ROOM * most * len(inner):
+        # Backs of surfaces are the inside of a solid thing. What is closed shows its shell alone from outside.
+        is_closed = is_inside(rays, view.matrix.translation)
+        if things > 1 and fronts and things * len(fronts) >= ROOM[is_closed] * most * len(inner):
             into = []  # choices that see enough of these fronts
             for choice in choices:
                 eye = mathutils.Matrix(choice[2][1]).translation
@@ -267,11 +270,11 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
                 if sum(hit is not None and (hit[0] - place).length < 1e-3 * way.length and hit[1].dot(way) < 0
                        for hit, place, way in met) >= OPEN * len(fronts):
                     into.append(choice)
-            if not into or is_inside(rays, view.matrix.translation):
+            if not into or is_closed:
                 return inside
             if 3 * len(into) <= len(choices):
                 _, _, best = max(into, key=lambda choice: choice[0])  # where a wall is missing
-    if not len(depths := placement.seen_depths(scene, best, shown, rays)) or max(map(len, corners.values())) > 1:
+    if not len(depths := placement.seen_depths(scene, best, shown, rays)) or not is_still:
         return best
     # In the middle of what is seen, not of the box: nobody sees what lies behind it.
     array, distance = best[0], placement.middle(depths)
@@ -337,6 +340,9 @@ def _surroundings(boxes: Array) -> list[int]:
         is_ceiling = is_thin[:, 2] & (around[:, 0, 2] >= high[2])  # a room is looked at from inside
         is_floor = ~is_ceiling & ((sides.min(1) < FLAT * sides.max(1)) & (area > WIDE * covered)
                                   | is_thin[:, 2] & (sides[:, 2] < HILLY * (high - low)[2]) & (area > WIDER * covered))
+        grounds = around[is_floor & is_thin[:, 2], 0, 2]  # a road on one belongs to it, if it is longer than all others
+        is_floor |= (is_thin[:, 2] & (sides[:, 2] < FLAT * size) & (size > _diagonal(low, high))
+                     & (np.abs(around[:, :1, 2] - grounds) < FLOOR * size[:, None]).any(1))
         gaps = np.maximum(np.maximum(around[:, 0] - high, low - around[:, 1]), 0)
         free = np.minimum(low - around[:, 0], around[:, 1] - high)
         is_stage = (free[:, :2].min(1) > FREE * _diagonal(low, high)) & (around[:, 1, 2] > high[2]) & (
@@ -380,29 +386,11 @@ STEP, HIGHEST, LOWEST, VIEW_RAYS, HALF_WIDTH = 7.5, 30.0, -60.0, (5, 8), 0.6
 LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the hull of a small thing
 AROUND_AXIS, ROUND = 24, 0.97  # rays to the axis of what is round, and their least cosine to its walls
 ENCLOSED, SURROUNDED = 0.95, 0.7  # least fraction of rays that hit: in a closed place, in a room that lacks a wall
-# Fewest things in a view inside a room, as a fraction of the most in a view from outside; fraction of their places that
-# a view from outside sees where a wall is missing.
-ROOM, OPEN = 0.85, 0.5
+# Fewest things in a view inside a room that is open, or closed, as a fraction of the most in a view from outside;
+# fraction of their places that a view from outside sees where a wall is missing.
+ROOM, OPEN = (0.85, 1.1), 0.5
 LEAST_DEPTH, NEAR = 0.1, 0.15  # of a view inside a room: part of its diagonal; of that depth, where nothing may stand
 AROUND = [mathutils.Vector(way).normalized() for way in itertools.product((-1, 0, 1), repeat=3) if any(way)]
-
-Thing = tuple[bpy.types.Object, int]  # object, number of its material (``Rays.thing``)
-# Place, whether the front of a surface is hit, of what, and the surface's normal toward where the ray comes from.
-Hit = tuple[mathutils.Vector, bool, bpy.types.Object, Thing, mathutils.Vector]
-
-
-def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = PROBES[1],
-            part: Sequence[float] | Array = (1.0, 1.0)) -> list[Hit | None]:
-    """Return what rays from the middle of a ``placed`` array, spread over this ``part`` of its display, meet first."""
-    array, eye = placed[0], mathutils.Matrix(placed[1])
-    turn, rows = eye.to_3x3(), (np.linspace(-part[1], part[1], down) * array.half_height).tolist()
-    ways = [turn @ mathutils.Vector((x, y, array.distance))
-            for x in (np.linspace(-part[0], part[0], across) * array.half_width).tolist() for y in rows]
-    start, end = array.clip or (0.0, MOST_REACH)
-    hits = (rays.cast(eye.translation + start / array.distance * way, way,
-                      min((end - start) / array.distance * way.length, MOST_REACH)) for way in ways)
-    return [(hit[0], cosine < 0, hit[2], rays.thing(hit), -hit[1] if cosine > 0 else hit[1]) if hit else None
-            for hit, cosine in ((hit, hit[1].dot(way) if hit else 0.0) for hit, way in zip(hits, ways, strict=True))]
 
 
 def is_inside(rays: Rays, place: mathutils.Vector, least: float = ENCLOSED) -> bool:

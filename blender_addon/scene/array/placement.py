@@ -30,7 +30,7 @@ from ...compat import overridden
 from ..contents import GEOMETRY, curves, find_subject, rendered, rendered_layer
 from ..contents import collections as layer_collections
 from . import rig
-from .rig import Placement, from_blender, to_blender, upright
+from .rig import Placement, from_blender, upright
 
 FILL = 0.85           # fraction of the display that the subject may fill, seen from the centre
 LEAST_FILL = 0.5      # a deep subject is made smaller to fit the usable depth, but not below this
@@ -45,6 +45,9 @@ FEW = 100  # objects and instances up to which Blender's own search, which asks 
 MOST_REACH = 1e30  # far enough; for Blender's longest rays it reports hits of scaled objects that they miss
 
 Hit = tuple[mathutils.Vector, mathutils.Vector, bpy.types.Object, int]  # place, normal of the surface, object, face
+Thing = tuple[bpy.types.Object, int]  # object, number of its material (``Rays.thing``)
+# Place, whether the front of a surface is seen, of what, and the surface's normal toward where the ray comes from.
+Seen = tuple[mathutils.Vector, bool, bpy.types.Object, Thing, mathutils.Vector]
 
 
 @contextmanager
@@ -75,7 +78,7 @@ def as_rendered(*left_out: bpy.types.Object | None) -> Iterator[None]:
 
 
 # What cameras see over an animation (``array_of_camera``), where nobody edits the scene; None: looked for each time.
-fields: dict[tuple[Any, ...], tuple[float, list[float], float]] | None = None
+fields: dict[tuple[Any, ...], tuple[float, Array, float]] | None = None
 
 
 class Rays:
@@ -108,6 +111,7 @@ class Rays:
             self.middles = (self.low + self.high) / 2
             self.squared_radii = ((self.high - self.low)**2).sum(0) * ROOM**2 / 4
             self.seen_from: tuple[float, ...] = ()
+            self.met = dict[int, tuple[Any, ...]]()
 
     def cast(self, start: mathutils.Vector, way: mathutils.Vector, reach: float = MOST_REACH) -> Hit | None:
         """Return what a ray meets first within ``reach``; hair and volumes let it pass."""
@@ -128,16 +132,18 @@ class Rays:
         for index in met[np.argsort(enters[met])]:
             if enters[index] > nearest:
                 break
-            item, world, tree = self.items[near[index]]
             with suppress(RuntimeError, ValueError):  # it has no mesh of its own, or no size
-                inverse = (matrix := mathutils.Matrix(world)).inverted()
-                ray = inverse @ start, inverse.to_3x3() @ way
-                at, normal, face = (tree.ray_cast(*ray)[:3] if tree is not None
-                                    else item.evaluated_get(self.depsgraph).ray_cast(*ray)[1:])
+                if (number := near[index]) not in self.met:
+                    item, world, tree = self.items[number]
+                    inverse = (matrix := mathutils.Matrix(world)).inverted()
+                    own = item.evaluated_get(self.depsgraph).ray_cast if tree is None else None
+                    self.met[number] = item, matrix, inverse, inverse.to_3x3(), own or tree.ray_cast, own is not None
+                item, matrix, inverse, turn, meet, first = self.met[number]
+                at, normal, face = meet(inverse @ start, turn @ way)[first:first + 3]
                 is_hit, at = face is not None and face >= 0, matrix @ (at or start)
                 if is_hit and (at - start).length <= nearest:
                     nearest = (at - start).length
-                    best = at, (inverse.to_3x3().transposed() @ normal).normalized(), item, face
+                    best = at, (turn.transposed() @ normal).normalized(), item, face
         return best
 
     def beyond(self, place: mathutils.Vector, way: mathutils.Vector) -> Hit | None:
@@ -145,7 +151,7 @@ class Rays:
         hit = self.cast(place + max(1e-4, 2e-7 * place.length / way.length) * way, way)
         return None if hit is not None and hit[0] == place else hit
 
-    def thing(self, hit: Hit) -> tuple[bpy.types.Object, int]:
+    def thing(self, hit: Hit) -> Thing:
         """Return the object that is hit and the number of its material there: one mesh may hold a whole house."""
         mesh = hit[2].evaluated_get(self.depsgraph).data
         is_known = isinstance(mesh, bpy.types.Mesh) and 0 <= hit[3] < len(mesh.polygons)
@@ -174,12 +180,25 @@ def place_array(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bp
     return fit_array(np.min(corners, axis=0), np.max(corners, axis=0), profile)
 
 
+def through(rays: Rays, placed: Placement, across: int = PROBES[0], down: int = PROBES[1],
+            part: Sequence[float] | Array = (1.0, 1.0), eye: Sequence[float] | Array = (0.0, 0.0)) -> list[Seen | None]:
+    """Return what rays from ``eye`` on the camera plane of an array, over this ``part`` of its display, meet first."""
+    array, matrix = placed[0], mathutils.Matrix(placed[1])
+    turn, rows = matrix.to_3x3(), (np.linspace(-part[1], part[1], down) * array.half_height - eye[1]).tolist()
+    ways = [turn @ mathutils.Vector((x, y, array.distance))
+            for x in (np.linspace(-part[0], part[0], across) * array.half_width - eye[0]).tolist() for y in rows]
+    (start, end), place = array.clip or (0.0, MOST_REACH), matrix @ mathutils.Vector((*eye, 0))
+    hits = (rays.cast(place + start / array.distance * way, way,
+                      min((end - start) / array.distance * way.length, MOST_REACH)) for way in ways)
+    return [(hit[0], cosine < 0, hit[2], rays.thing(hit), -hit[1] if cosine > 0 else hit[1]) if hit else None
+            for hit, cosine in ((hit, hit[1].dot(way) if hit else 0.0) for hit, way in zip(hits, ways, strict=True))]
+
+
 def seen_depths(scene: bpy.types.Scene, placed: Placement, subject: set[bpy.types.Object],
                 rays: Rays | None = None) -> Array:
     """Return depths (n,) from the camera plane at which the middle of a ``placed`` array sees the subject."""
-    array, matrix = placed
-    sight = _Sight(rays or Rays(scene), to_blender(matrix), array.clip)
-    return np.array(_depths(sight, (array.half_width / array.distance, array.half_height / array.distance), subject))
+    toward = mathutils.Matrix(placed[1]).inverted()
+    return np.array([(toward @ hit[0]).z for hit in through(rays or Rays(scene), placed) if hit and hit[2] in subject])
 
 
 def unseen_notice(scene: bpy.types.Scene, profile: DisplayProfile, placed: Placement,
@@ -188,35 +207,31 @@ def unseen_notice(scene: bpy.types.Scene, profile: DisplayProfile, placed: Place
 
     None if some of its views see the subject, or if rays could not tell: they meet neither hair nor volumes.
     """
-    array, matrix = placed
-    sight = _Sight(Rays(scene), to_blender(matrix), array.clip)
-    half = array.half_width / array.distance, array.half_height / array.distance
-    points = [points.mean(0) for points in world_points(subject)]
+    rays, points = Rays(scene), [points.mean(0) for points in world_points(subject)]
     unmet = any(item.type in BOXED for item, _, _ in instances(subject))
-    eyes = (array.spacing * np.multiply(profile.views, np.subtract(at, 1) / 2) for at in np.ndindex(3, 3))
-    seen = (item for eye in eyes for _, item in _hits(sight, half, eye, array.distance))
-    if not points or unmet or any(item.original in subject for item in seen):
+    eyes = (placed[0].spacing * np.multiply(profile.views, np.subtract(at, 1) / 2) for at in np.ndindex(3, 3))
+    if not points or unmet or any(hit and hit[2] in subject for eye in eyes for hit in through(rays, placed, eye=eye)):
         return None
-    return Notice("array-blind", {"seen": _seen_names(sight, half),
-                                  "place": _place(np.mean(points, axis=0), sight, half)})
+    return Notice("array-blind", {"seen": _seen_names(rays, placed), "place": _place(np.mean(points, axis=0), placed)})
 
 
-def _seen_names(sight: _Sight, half: tuple[float, float]) -> list[str]:
+def _seen_names(rays: Rays, placed: Placement) -> list[str]:
     """Names of the objects that most rays meet."""
-    seen = collections.Counter(item.name for _, item in _hits(sight, half))
+    seen = collections.Counter(hit[2].name for hit in through(rays, placed) if hit)
     return [name for name, _ in seen.most_common(MOST_NAMES)]
 
 
-def _place(point: Array, sight: _Sight, half: tuple[float, float]) -> str:
+def _place(point: Array, placed: Placement) -> str:
     """Where a world point (3,) lies that a camera does not see."""
-    x, y, z = sight.matrix.inverted() @ mathutils.Vector(point)
-    if z >= 0:
+    array, (x, y, z) = placed[0], mathutils.Matrix(placed[1]).inverted() @ mathutils.Vector(point)
+    x, y = x / array.half_width * array.distance, y / array.half_height * array.distance
+    if z <= 0:
         return "behind"
-    if max(abs(x) / half[0], abs(y) / half[1]) > -z:
-        if abs(x) / half[0] >= abs(y) / half[1]:
+    if max(abs(x), abs(y)) > z:
+        if abs(x) >= abs(y):
             return "right" if x > 0 else "left"
         return "above" if y > 0 else "below"
-    return "beyond" if sight.clip and -z > sight.clip[1] else "hidden"
+    return "beyond" if array.clip and z > array.clip[1] else "hidden"
 
 
 def fit_array(low: Array, high: Array, profile: DisplayProfile) -> Placement:
@@ -255,8 +270,8 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
         raise LfsrError(f"the scene's camera is of type {camera.data.type}, but a camera array needs a perspective or "
                         "an orthographic one: change its type or remove it")
 
-    def look() -> tuple[_Sight, float, float, float]:
-        """Return what the camera sees now, half its frame at distance 1, and how far behind it the eye is."""
+    def look() -> tuple[Placement, float]:
+        """Return the place of the camera's eye with its frame at distance 1, and how far behind the camera it is."""
         corners = camera.data.view_frame(scene=scene)
         sizes = [max(c[axis] for c in corners) - min(c[axis] for c in corners) for axis in (0, 1)]
         back = PARALLEL * max(sizes) if camera.data.type == "ORTHO" else 0.0
@@ -265,27 +280,30 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
         x, y, depth = np.mean(corners, 0)  # of the middle of a shifted picture
         turn = mathutils.Vector((0, 0, -1)).rotation_difference((x, y, depth)).to_matrix().to_4x4()
         start = mathutils.Matrix.Translation((x, y, back)) if back else turn
-        return _Sight(Rays(scene), upright(camera) @ start, clip), across, down, back
+        return (CameraArray(1.0, across, down, 0.0, clip), from_blender(upright(camera) @ start)), back
 
-    def half(across: float, down: float) -> tuple[float, float]:
-        width = max(across, min(tall, 1.0) * down * aspect)
-        return width, width / aspect
+    def framed(seen: Placement) -> Placement:
+        """Return the eye of ``look`` with a frame of the display's proportions."""
+        width = max(seen[0].half_width, min(tall, 1.0) * seen[0].half_height * aspect)
+        return dataclasses.replace(seen[0], half_width=width, half_height=width / aspect), seen[1]
 
     key = scene.session_uid, camera.session_uid, profile, frozenset(item.session_uid for item in subject)
     if (field := fields.get(key) if fields is not None else None) is None:
-        (first, last), tall, depths, free = frame_range(scene), 0.0, list[float](), math.inf
+        (first, last), tall, depths, free = frame_range(scene), 0.0, np.empty(0), math.inf
         frames = () if moves(camera) else spread(range(first, last + 1), CAMERA_FRAMES)
         for is_measured in (False, True):
             for _ in visited(scene, frames):
-                sight, across, down, _ = look()
+                seen, rays = look()[0], Rays(scene)
                 if is_measured:
-                    depths += _depths(sight, half(across, down), subject)
-                    free = min(free, _free(sight, half(across, down), profile))
-                elif down * aspect > across:  # a tall frame: the display must show the height of all but backdrops
-                    seen, toward = collections.defaultdict[bpy.types.Object, list[Array]](list), sight.matrix.inverted()
-                    for place, item in _hits(sight, (across, down)):
-                        seen[item].append(np.divide((toward @ place).xy / (toward @ place).z, (across, down)))
-                    inner = [points for points in map(np.array, seen.values()) if np.ptp(points[:, 0]) < 2 * COVERED]
+                    depths = np.append(depths, seen_depths(scene, framed(seen), subject, rays))
+                    free = min(free, _free(rays, framed(seen), profile))
+                elif seen[0].half_height * aspect > seen[0].half_width:
+                    # A tall frame: the display must show the height of all but backdrops.
+                    met, toward = collections.defaultdict[bpy.types.Object, list[Array]](list), np.linalg.inv(seen[1])
+                    for hit in filter(None, through(rays, seen)):
+                        x, y, z = toward[:3, :3] @ hit[0] + toward[:3, 3]
+                        met[hit[2]].append(np.divide((x / z, y / z), (seen[0].half_width, seen[0].half_height)))
+                    inner = [points for points in map(np.array, met.values()) if np.ptp(points[:, 0]) < 2 * COVERED]
                     tall = max([tall, *(np.abs(points[:, 1]).max() + 2 / PROBES[1] for points in inner)])
                 else:
                     break
@@ -293,20 +311,20 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
         if fields is not None and frames:
             fields[key] = field
     tall, depths, free = field
-    sight, across, down, back = look()
-    half_width, half_height = half(across, down)
+    seen, back = look()
+    seen = framed(seen)
     if not (distance := None if back else _focus(camera)):
-        if not (depths := depths or _depths(sight, (half_width, half_height), subject)):
-            names = ", ".join(_seen_names(sight, (half_width, half_height)))
+        if not len(depths := depths if len(depths) else seen_depths(scene, seen, subject)):
+            names = ", ".join(_seen_names(Rays(scene), seen))
             raise LfsrError(f"the scene's camera does not see the subject{f' but {names}' if names else ''}: turn the "
                             f"camera, choose another camera (or {FIT!r}), or choose another subject")
         distance = float(np.percentile(depths, 2)) if back else middle(depths)  # parallel: nearer things would grow
     if back:
-        array = CameraArray.for_display(profile, 2 * half_width * back)
-        behind, ends = array.distance - distance, sight.clip or (0.0, MOST_REACH)
+        array = CameraArray.for_display(profile, 2 * seen[0].half_width * back)
+        behind, ends = array.distance - distance, seen[0].clip or (0.0, MOST_REACH)
         array = dataclasses.replace(array, clip=(max(0.0, ends[0] + behind), ends[1] + behind))
-        return array, from_blender(sight.matrix @ mathutils.Matrix.Translation((0, 0, behind)))
-    return _array_at(sight, profile, half_width, distance, free)
+        return array, tuple(map(tuple, mathutils.Matrix(seen[1]) @ mathutils.Matrix.Translation((0, 0, -behind))))
+    return _array_at(seen, profile, distance, free)
 
 
 def array_of_view(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.types.Object],
@@ -315,19 +333,19 @@ def array_of_view(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[
 
     The display plane is as of ``array_of_camera``; where the view sees nothing of the subject, at the view's centre.
     """
-    sight = _Sight(Rays(scene), mathutils.Matrix(view.matrix), view.clip)
-    half = view.half_width, view.half_width * profile.panel_mm[1] / profile.panel_mm[0]
-    distance, free = middle(_depths(sight, half, subject) or [view.pivot]), _free(sight, half, profile)
-    return _array_at(sight, profile, view.half_width, distance, free)
+    half_height = view.half_width * profile.panel_mm[1] / profile.panel_mm[0]
+    seen = CameraArray(1.0, view.half_width, half_height, 0.0, view.clip), from_blender(mathutils.Matrix(view.matrix))
+    depths = seen_depths(scene, seen, subject, rays := Rays(scene))
+    return _array_at(seen, profile, middle(depths if len(depths) else [view.pivot]), _free(rays, seen, profile))
 
 
-def _array_at(sight: _Sight, profile: DisplayProfile, half_width: float, distance: float, free: float) -> Placement:
-    """Array at the start of a sight, whose display is ``2 * half_width`` wide at depth 1; views fit between walls.
+def _array_at(seen: Placement, profile: DisplayProfile, distance: float, free: float) -> Placement:
+    """Array where an eye is whose frame is known at distance 1; views fit between walls.
 
     The display plane stays where disparities are least: their range is proportional to the spacing, wherever it is.
     """
-    array = CameraArray.for_display(profile, 2 * half_width * distance, distance)
-    return dataclasses.replace(array, spacing=min(array.spacing, free), clip=sight.clip), from_blender(sight.matrix)
+    array = CameraArray.for_display(profile, 2 * seen[0].half_width * distance, distance)
+    return dataclasses.replace(array, spacing=min(array.spacing, free), clip=seen[0].clip), seen[1]
 
 
 def bounds(subject: set[bpy.types.Object]) -> tuple[Array, Array]:
@@ -340,15 +358,22 @@ def bounds(subject: set[bpy.types.Object]) -> tuple[Array, Array]:
 
 def world_points(subject: set[bpy.types.Object], small: float = 0.0) -> Iterator[Array]:
     """World vertices (n, 3) of each object and instance that is rendered; of those below ``small``, box corners."""
+    corners, clouds = dict[int, Array](), dict[int, Array]()  # by the geometry, as in ``boxes``
     for item, _, matrix in instances(subject):
-        points = np.array(item.bound_box if item.type in (*BOXED, "MESH") else (), np.float32)
+        if item.type != "MESH" and item.type not in BOXED:
+            continue
+        if (geometry := item.data.as_pointer()) not in corners:
+            corners[geometry] = np.array(item.bound_box, np.float32)
+        points = corners[geometry]
         if item.type == "MESH" and not 0 < np.linalg.norm(matrix[:3, :3] @ (points[6] - points[0])) < small:
-            mesh = item.to_mesh()
-            points = np.empty(3 * len(mesh.vertices), np.float32)
-            mesh.vertices.foreach_get("co", points)
-            item.to_mesh_clear()
+            if geometry not in clouds:
+                mesh = item.to_mesh()
+                clouds[geometry] = np.empty((len(mesh.vertices), 3), np.float32)
+                mesh.vertices.foreach_get("co", clouds[geometry].ravel())
+                item.to_mesh_clear()
+            points = clouds[geometry]
         if len(points):
-            yield points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
+            yield points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def boxes(subject: set[bpy.types.Object]) -> tuple[list[bpy.types.Object], Array]:
@@ -392,22 +417,6 @@ def _focus(camera: bpy.types.Object) -> float | None:
     return -toward.z if toward.z < 0 else None
 
 
-@dataclasses.dataclass(frozen=True)
-class _Sight:
-    """Rays from a camera into what would be rendered."""
-
-    rays: Rays
-    matrix: mathutils.Matrix  # the camera's world matrix, without scale
-    clip: Clip | None = None  # depths between which the camera sees, None for all
-
-    def cast(self, direction: Sequence[float], reach: float,
-             start: Sequence[float]) -> tuple[mathutils.Vector, bpy.types.Object] | None:
-        """World place and object that a ray hits within ``reach``, None for nothing; arguments in camera space."""
-        turned, place = self.matrix.to_3x3() @ mathutils.Vector(direction), self.matrix @ mathutils.Vector(start)
-        hit = self.rays.cast(place, turned, reach)
-        return (hit[0], hit[2]) if hit else None
-
-
 def middle(depths: Sequence[float] | Array) -> float:
     """Return the depth of equal parallax to the nearest and the farthest of ``depths``."""
     return balanced(*map(float, np.percentile(depths, (2, 98))))
@@ -418,42 +427,21 @@ def balanced(near: float, far: float) -> float:
     return 2 / (1 / near + 1 / far)
 
 
-def _depths(sight: _Sight, half: tuple[float, float], subject: set[bpy.types.Object]) -> list[float]:
-    """Depths at which a grid of PROBES rays meets the subject; ``half``: half the frame at depth 1."""
-    toward = sight.matrix.inverted()
-    return [-(toward @ place).z for place, item in _hits(sight, half) if item.original in subject]
-
-
-def _hits(sight: _Sight, half: tuple[float, float], eye: Sequence[float] | Array = (0.0, 0.0),
-          distance: float = 1.0) -> list[tuple[mathutils.Vector, bpy.types.Object]]:
-    """World places and objects that a grid of PROBES rays meets, from ``eye`` through the frame at ``distance``."""
-    start, end = sight.clip or (0.0, MOST_REACH)
-    ways = (mathutils.Vector((x * half[0] - eye[0] / distance, y * half[1] - eye[1] / distance, -1))
-            for x in np.linspace(-1, 1, PROBES[0]) for y in np.linspace(-1, 1, PROBES[1]))
-    hits = (sight.cast(way, min((end - start) * way.length, MOST_REACH), mathutils.Vector((*eye, 0)) + start * way)
-            for way in ways)
-    return [hit for hit in hits if hit is not None]
-
-
 def narrowed(scene: bpy.types.Scene, placed: Placement, profile: DisplayProfile, distance: float) -> float:
     """Return the part of its spacing, up to 1, with which a ``placed`` array of that ``distance`` reaches no wall."""
-    array, matrix = placed
-    half = array.half_width / array.distance, array.half_height / array.distance
-    free = _free(_Sight(Rays(scene), to_blender(matrix), array.clip), half, profile)
-    return min(1.0, free / max(array.spacing * distance / array.distance, TINY))
+    wanted = placed[0].spacing * distance / placed[0].distance
+    return min(1.0, _free(Rays(scene), placed, profile) / max(wanted, TINY))
 
 
-def _free(sight: _Sight, half: tuple[float, float], profile: DisplayProfile) -> float:
-    """Largest spacing of views with which an array at the start of a sight reaches no wall, not even its corners.
-
-    ``half``: half the frame at depth 1, of which rays start at the sight's nearest depth.
-    """
-    near, free = sight.clip[0] if sight.clip else 0.0, math.inf
+def _free(rays: Rays, placed: Placement, profile: DisplayProfile) -> float:
+    """Largest spacing of views with which an array at this place reaches no wall, not even its corners."""
+    array, matrix, free = placed[0], mathutils.Matrix(placed[1]), math.inf
     for turn in itertools.product((-1, 0, 1), repeat=2):
-        way = mathutils.Vector((*np.multiply(profile.views, turn) / 2, 0))  # to the outermost view, for a spacing of 1
-        start = near * mathutils.Vector((*np.multiply(half, turn), -1))
-        if any(turn) and (hit := sight.cast(way, MOST_REACH, start)) is not None:
-            free = min(free, WALL_MARGIN * (hit[0] - sight.matrix @ start).length / way.length)
+        way = matrix.to_3x3() @ mathutils.Vector((*np.multiply(profile.views, turn) / 2, 0))  # for a spacing of 1
+        corner = mathutils.Vector((*np.multiply(array.half_size, turn), array.distance))
+        start = matrix @ (array.clip_start / array.distance * corner)
+        if any(turn) and (hit := rays.cast(start, way)) is not None:
+            free = min(free, WALL_MARGIN * (hit[0] - start).length / way.length)
     return free
 
 
