@@ -428,7 +428,7 @@ def balanced(near: float, far: float) -> float:
 
 
 def narrowed(scene: bpy.types.Scene, placed: Placement, profile: DisplayProfile, distance: float) -> float:
-    """Return the part of its spacing, up to 1, with which a ``placed`` array of that ``distance`` reaches no wall."""
+    """Return the part of its spacing, up to 1, with which an array of this display ``distance`` reaches no wall."""
     wanted = placed[0].spacing * distance / placed[0].distance
     return min(1.0, _free(Rays(scene), placed, profile) / max(wanted, TINY))
 
