@@ -171,7 +171,7 @@ def test_default_methods_begin_with_the_default_and_have_no_network_without_pyto
 
 @needs_bpy
 @pytest.mark.slow
-def test_from_a_scene_to_a_chart(tmp_path):
+def test_from_a_scene_to_a_chart(tmp_path, undrawn):
     scene = tmp_path / "fan.obj"
     scene.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\n")
     words = ["study", "chart", str(scene), "-o", str(tmp_path / "out"), "--display", "mini", "--scale", "4"]
