@@ -1,6 +1,7 @@
 """Settings of every test."""
 
 import contextlib
+import gc
 import os
 import shutil
 import signal
@@ -16,6 +17,9 @@ hypothesis.settings.load_profile("lfsr")
 # One test process per core is the measure: threads of linear algebra beside it wait for each other (8 s became 14 s).
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+
+# Hardly any of the many objects of imported packages is ever garbage: to look for it took 4 % of the time.
+gc.set_threshold(20_000, 20, 20)
 
 # What tests and the programs that they start leave in the temporary folder goes with them; not pytest's own folders.
 os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", tempfile.gettempdir())

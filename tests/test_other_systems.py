@@ -12,7 +12,7 @@ import pytest
 
 from lfsr_core.images.image_files import read_png
 from tests.support.other_systems import FOLDER, SYSTEMS, names
-from tests.support.played_blender import cold_blender
+from tests.support.played_blender import cold_blender, played_blender
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the stand-ins are of Linux")
 ENDLESS = "import sys; from tests.support import noisy_renders\nif '--' in sys.argv: print('LFSR {\"stage\": " \
@@ -76,7 +76,7 @@ def test_render_again_upscale_view_and_frames(folder, system):
     system.lfsr(["upscale", str(folder / "frame"), "--method", "bilinear"], ["view", str(folder / "frame")])
     assert np.any(first != read_png(folder / "frame" / "eia.png"))
     assert names(folder / "frame") == ["eia.png", "frame.json", "lr_eia.exr", "mask.png", "report.json", "view.html"]
-    render[render.index(str(folder / "frame"))] = str(folder / "film")
+    render[3], render[-1] = str(folder / "film"), played_blender(folder / "another")
     said = system.lfsr([*render, "--frames", "1-2"], [*render, "--frames", "1-3"])
     assert "2 frames: 2 made" in said and "3 frames: 1 made, 2 kept" in said
     assert names(folder / "film") == ["0001", "0002", "0003"]
@@ -108,7 +108,7 @@ def test_cancel_ends_blender_and_leaves_nothing(folder, rendering):
 
 def test_a_second_render_is_refused_and_what_a_killed_one_left_goes(folder, system, rendering):
     program, child = rendering
-    again = words(folder, cold_blender(folder / "another"))
+    again = words(folder, played_blender(folder / "another"))
     second = system.start("-m", "lfsr_core", *again)
     assert "another process is writing" in second.communicate(timeout=60)[0] and second.returncode == 2
     program.kill()

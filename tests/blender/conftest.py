@@ -36,10 +36,10 @@ def scene(request):
 
 @pytest.fixture(autouse=True, scope="module")
 def quick_sky():
-    """World images are sampled by a map of 2048 columns: Cycles takes two seconds for its own of 4096."""
+    """World images are sampled by a map of 512 columns: Cycles takes two seconds for its own of 4096."""
     def add_light(*arguments):
         world = real(*arguments)
-        world.cycles.sampling_method, world.cycles.sample_map_resolution = "MANUAL", 2048
+        world.cycles.sampling_method, world.cycles.sample_map_resolution = "MANUAL", 512
         return world
     real, light.add_light = light.add_light, add_light
     yield

@@ -92,10 +92,6 @@ def check(data: dict[str, Any], section: str, reference: str = "any") -> None:
         assert isinstance(data[key], bool) <= ("boolean" in types), key
 
 
-def read_data(path: Path) -> dict[str, Any]:
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = write_render(tmp_path_factory.mktemp("frame"))
@@ -106,9 +102,9 @@ def folder(tmp_path_factory):
 @pytest.mark.parametrize(("lenses", "kind"), [(None, "whole"), (((3, 5), (4, 6), (5, 7), (0, 0), (1, 1)), "list")])
 def test_frame_report_and_metrics(folder, tmp_path, lenses, kind):
     for name in ("frame.json", "report.json"):
-        check(read_data(folder / name), name)
+        check(json.loads((folder / name).read_bytes()), name)
     compare_folders(folder, write_reference(tmp_path, lens_list=lenses))
-    metrics = read_data(folder / "report.json")["metrics"]
+    metrics = json.loads((folder / "report.json").read_bytes())["metrics"]
     check(metrics, "metrics", kind)
     assert metrics.get("lenses") == (5 if lenses else None)
     assert set(metrics.get("ci95", ())) <= set(documented("metrics", kind))

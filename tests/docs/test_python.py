@@ -37,7 +37,9 @@ def test_there_are_five_programs_and_every_public_name():
 @needs_bpy
 @pytest.mark.slow
 def test_programs_that_render(tmp_path):
-    run(tmp_path, "-c", "import bpy; bpy.ops.wm.save_as_mainfile(filepath='scene.blend')")
+    import bpy
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     for name in (name for name in PROGRAMS if name in NEED_BLENDER):
         assert run(tmp_path, "-c", PROGRAMS[name]) and all((tmp_path / file).exists() for file in FILES[name]), name
 

@@ -141,7 +141,6 @@ def test_a_click_focuses_on_what_is_there_and_an_aperture_blurs_the_rest(mini):
     near = run(mini, distance, [-0.1 * per_unit / 0.8 + 6, 0.1 * per_unit / 0.8 - 4])
     wall = run(mini, distance, [0.5 * per_unit, -0.35 * per_unit])
     assert near == pytest.approx(0.2 * far, abs=0.08 * far) and wall == pytest.approx(-0.25 * far, abs=0.12 * far)
-    far = MINI.viewing_distance_mm
     def detail(focus, aperture):
         pixels = shown(mini, 128, mode="smooth", eye=(1, 1, far), focus=focus, aperture=aperture).astype(float)
         return np.abs(np.diff(pixels[40:60, 45:65, 0], axis=1)).mean()  # inside the near square

@@ -127,12 +127,12 @@ def _start(folder: Path, kind: str, *words: str) -> subprocess.Popen[bytes]:
 @pytest.mark.parametrize(("kind", "sentence"), [
     ("worker", "tcp://.* has no worker"), ("scheduler", "the scheduler tcp://.* has ended")])
 @pytest.mark.skipif(sys.platform == "win32", reason="kills")
-def test_the_end_of_all_workers_or_of_the_scheduler_is_told(processes, alone, tmp_path, monkeypatch, capfd, kind,
-                                                                 sentence):
+def test_the_end_of_all_workers_or_of_the_scheduler_is_told(scheduler, processes, alone, tmp_path, monkeypatch, capfd,
+                                                            kind, sentence):
     """And the next run, on other workers, clears what the dead one left."""
     monkeypatch.setattr(cluster, "SECONDS_WITHOUT_WORKERS", 1)
-    scheduler, worker, address = processes
-    ended, blender = worker if kind == "worker" else scheduler, slow(tmp_path / "blender")
+    its_scheduler, worker, address = processes
+    ended, blender = worker if kind == "worker" else its_scheduler, slow(tmp_path / "blender")
 
     def kill() -> None:
         of_first(blender)
@@ -145,8 +145,7 @@ def test_the_end_of_all_workers_or_of_the_scheduler_is_told(processes, alone, tm
     worker.wait()
     with contextlib.suppress(ProcessLookupError):  # the worker may have ended it
         os.kill(of_first(blender)[1], signal.SIGKILL)  # as Blender ends with its input
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as other:
-        film_on(other.scheduler_address, tmp_path, blender)
+    film_on(scheduler.scheduler_address, tmp_path, blender)
     assert images(tmp_path / "film") == alone
     assert sorted(path.name for path in (tmp_path / "film").iterdir()) == ["0001", "0002", "0003"]
 

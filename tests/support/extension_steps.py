@@ -74,11 +74,12 @@ def second_stage() -> str:
 
 
 def uninstall(folder: Path) -> dict[str, object]:
-    """Uninstall; the state before and after."""
+    """Uninstall beside the other extension; the state before and after."""
+    before_all = both(folder)
     repositories = [repository.module for repository in bpy.context.preferences.extensions.repos]
     before = state()
     done = bpy.ops.extensions.package_uninstall(repo_index=repositories.index(REPOSITORY), pkg_id=NAME)
-    return {"enabled": before, "uninstall": sorted(done), "after": state()}
+    return {**before_all, "enabled": before, "uninstall": sorted(done), "after": state()}
 
 
 def state() -> dict[str, bool]:

@@ -22,7 +22,7 @@ from tests.support.processes import children, lives, start_lfsr, wait_for
 from tests.support.scenes import add_box, add_lamp
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
-ONE_PASS = ("render", "--method", "bicubic", "--scale", "2", "--spp", "400")
+ONE_PASS = ("render", "--method", "bicubic", "--scale", "2", "--spp", "240")
 SECONDS_PER_PART = "0.05"
 
 
@@ -102,7 +102,7 @@ def test_a_render_cancelled_in_the_panel_goes_on_with_the_next_press(tmp_path, m
     monkeypatch.setenv("LFSR_SECONDS_PER_PART", SECONDS_PER_PART)
     with panel.registered():
         scene = panel.artist_scene(tmp_path)
-        scene.lfsr.samples = 500
+        scene.lfsr.samples = 300
         bpy.data.lights["Sun"].energy += 1  # not saved
         folder = folders.frame_folder(scene)
 

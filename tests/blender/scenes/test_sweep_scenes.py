@@ -11,12 +11,15 @@ from blender_addon.scene import contents, light
 from blender_addon.scene.array import rig
 from blender_addon.scene.files import open_scene, unreadable
 from lfsr_core.base.system import read_json, write_json
+from lfsr_core.cli import main
 from lfsr_core.frames.frame import read_frame
 from lfsr_core.images.image_files import read_layers
 from lfsr_core.optics.display import write_profile
 from lfsr_core.reconstruct.upscaler import foreground_mask
 from lfsr_lab.experiments.sweeps.records import SWEEPS
+from lfsr_lab.scenes.sweeps import builders
 from lfsr_lab.scenes.sweeps.space import Space, card_of_motion, hole
+from lfsr_lab.scenes.sweeps.stage import Stage
 from tests.support.processes import run_script
 from tests.support.requests import make_request
 from tests.support.scenes import TINY as DISPLAY
@@ -28,9 +31,6 @@ SPACE = Space.of(DISPLAY, SCALE)
 @pytest.fixture
 def built():
     """Function that builds the scene of one sweep and value in this Blender."""
-    from lfsr_lab.scenes.sweeps import builders
-    from lfsr_lab.scenes.sweeps.stage import Stage
-
     def build(sweep, value):
         builders.BUILDERS[sweep](Stage.empty(DISPLAY, SCALE, FRAMES), value)
         bpy.context.view_layer.update()
@@ -222,8 +222,6 @@ def test_the_script_writes_files_that_hold_all_they_need(tmp_path):
 
 @pytest.mark.slow
 def test_the_suite_runs_from_scene_to_page(tmp_path):
-    from lfsr_core.cli import main
-
     write_profile(tmp_path / "tiny.toml", DISPLAY)
     assert main(["study", "stress", "-o", str(tmp_path / "out"), "--display", str(tmp_path / "tiny.toml"), "--quick",
                  "--reference-spp", "8", "--sweeps", "samples", "--methods", "bilinear"]) == 0

@@ -3,11 +3,15 @@
 import json
 import zipfile
 
+import bpy
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 
 from lfsr_core.optics.display import DisplayProfile, write_profile
+from lfsr_core.optics.panel.subpixel_rays import rendered_size
+from lfsr_lab.scenes.training.models import find_models, load_model, prepare_models, prepare_textures
+from lfsr_lab.scenes.training.stage import training_display
 from tests.support.processes import ROOT, run_script
 from tests.support.told import refuses
 
@@ -152,17 +156,12 @@ def test_bad_input_is_one_sentence(inputs, models, scenes, monkeypatch):
 
 
 def test_photographs_are_made_small_and_random_displays_stay_small(monkeypatch, tmp_path):
-    from lfsr_lab.scenes.training import models
-
-    monkeypatch.setattr(models, "SIZE", 40)
+    monkeypatch.setattr("lfsr_lab.scenes.training.models.SIZE", 40)
     write_picture(tmp_path / "big" / "photo.png", np.full((60, 120, 3), [0.2, 0.5, 0.8], np.float32))
-    assert models.prepare_textures(tmp_path / "big", tmp_path / "small") == 1
+    assert prepare_textures(tmp_path / "big", tmp_path / "small") == 1
     small = oiio.ImageBuf(str(tmp_path / "small" / "photo.jpg"))
     assert (small.spec().width, small.spec().height) == (40, 20)
     assert small.get_pixels(oiio.FLOAT).mean((0, 1)) == pytest.approx([0.2, 0.5, 0.8], abs=0.02)
-    from lfsr_core.optics.panel.subpixel_rays import rendered_size
-    from lfsr_lab.scenes.training.stage import training_display
-
     chosen = [training_display(np.random.default_rng(seed)) for seed in range(200)]
     pixels = [np.prod(rendered_size(profile) if scale == 1 else np.multiply(profile.lenses, profile.low_views(scale)))
               for profile, scale in chosen]
@@ -172,10 +171,6 @@ def test_photographs_are_made_small_and_random_displays_stay_small(monkeypatch, 
 
 
 def test_models_are_centred_and_named_with_their_license_and_torn_ones_and_those_of_tests_left_out(models, tmp_path):
-    import bpy
-
-    from lfsr_lab.scenes.training.models import find_models, load_model, prepare_models
-
     (path, fact), = find_models(models).items()
     assert fact == {"file": "cube.obj", "license": "CC0", "author": "nobody"}
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)

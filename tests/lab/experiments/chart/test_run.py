@@ -171,9 +171,10 @@ def test_default_methods_begin_with_the_default_and_have_no_network_without_pyto
 
 @needs_bpy
 @pytest.mark.slow
-def test_from_a_scene_to_a_chart(tmp_path):
+def test_from_a_scene_to_a_chart(tmp_path, undrawn):
     scene = tmp_path / "fan.obj"
-    scene.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\n")
+    scene.write_text("mtllib fan.mtl\nusemtl lit\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\n")
+    scene.with_suffix(".mtl").write_text("newmtl lit\nKe 1 1 1\n")  # or a world image would be prepared for seconds
     words = ["study", "chart", str(scene), "-o", str(tmp_path / "out"), "--display", "mini", "--scale", "4"]
     words += ["--spps", "1", "--direct-spps", "none", "--seeds", "1", "--reference-spp", "2", "--lenses", "12"]
     words += ["--repeats", "1", "--times", "--methods", "bicubic", "--ours", "bicubic"]
