@@ -169,7 +169,7 @@ def _new_array(scene: bpy.types.Scene) -> bpy.types.Object:
 
 APART, ENCLOSING = 4.0, 20.0  # times the size of all others, from which an object lies far away, or is a dome
 FREE, FLOOR = 1.0, 0.02  # of a stage: walls FREE times that size away; the rest stands within FLOOR of its floor
-FLAT, WIDE = 0.05, 4.0  # thickness of a floor as a fraction of its length; its area, as a multiple of what is on it
+FLAT, WIDE = 0.05, 4.0  # of a floor: thickness to length; area to what is on it, of a road the length to its width
 HILLY, WIDER = 0.5, 10.0  # a ground with a pond or hills: thickness as a fraction of what stands on it; area as before
 MOST_SURROUNDINGS = 6
 # A sky: least metres across; all else is above ALOFT of its height, out of it by BESIDE of its size; FILLED of its box.
@@ -341,8 +341,9 @@ def _surroundings(boxes: Array) -> list[int]:
         is_floor = ~is_ceiling & ((sides.min(1) < FLAT * sides.max(1)) & (area > WIDE * covered)
                                   | is_thin[:, 2] & (sides[:, 2] < HILLY * (high - low)[2]) & (area > WIDER * covered))
         grounds = around[is_floor & is_thin[:, 2], 0, 2]  # a road on one belongs to it, if it is longer than all others
-        is_floor |= (is_thin[:, 2] & (sides[:, 2] < FLAT * size) & (size > _diagonal(low, high))
-                     & (np.abs(around[:, :1, 2] - grounds) < FLOOR * size[:, None]).any(1))
+        is_road = is_thin[:, 2] & (sides[:, 2] < FLAT * size) & (np.sort(sides)[:, 1] < size / WIDE)
+        is_floor |= is_road & (size > _diagonal(low, high)) & (
+            np.abs(around[:, :1, 2] - grounds) < FLOOR * size[:, None]).any(1)
         gaps = np.maximum(np.maximum(around[:, 0] - high, low - around[:, 1]), 0)
         free = np.minimum(low - around[:, 0], around[:, 1] - high)
         is_stage = (free[:, :2].min(1) > FREE * _diagonal(low, high)) & (around[:, 1, 2] > high[2]) & (
