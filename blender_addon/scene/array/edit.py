@@ -386,7 +386,7 @@ EYE_HEIGHT = 1.6  # metres above the floor, of more places where the middle is h
 STEP, HIGHEST, LOWEST, VIEW_RAYS, HALF_WIDTH = 7.5, 30.0, -60.0, (5, 8), 0.6
 LEAST_ROOM = 1.5  # metres: nobody stands in what is narrower, a cupboard or the hull of a small thing
 AROUND_AXIS, ROUND = 24, 0.97  # rays to the axis of what is round, and their least cosine to its walls
-ENCLOSED, SURROUNDED = 0.95, 0.7  # least fraction of rays that hit: in a closed place, in a room that lacks a wall
+ENCLOSED, SURROUNDED = 0.9, 0.7  # least fraction of rays that hit: in a closed place, in a room that lacks walls
 # Fewest things in a view inside a room that is open, or closed, as a fraction of the most in a view from outside;
 # fraction of their places that a view from outside sees where a wall is missing.
 ROOM, OPEN = (0.85, 1.1), 0.5
