@@ -142,7 +142,7 @@ def lit(scene: bpy.types.Scene, light: str) -> Iterator[None]:
 def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.World:
     """Light the scene with a world image: a file's, or by name one of those that ship with Blender (CC0).
 
-    A shipped image is dimmed until a white floor is at most white, if the view transform shows nothing brighter.
+    A shipped image is dimmed until a white floor is at most white: brighter, it would hardly show shapes and shadows.
     LfsrError where it is missing, or cannot be read to its end, because Blender might crash.
     """
     unreadable = LfsrError(f"light {light} cannot be read as an image: choose another file")
@@ -169,7 +169,7 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.W
     nodes = world.node_tree.nodes
     texture, shader = nodes.new("ShaderNodeTexEnvironment"), next(node for node in nodes if node.type == "BACKGROUND")
     texture.image = image
-    if scene.view_settings.view_transform not in SOFT and not is_light_file(light):
+    if not is_light_file(light):
         pixels = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(pixels)
         rows = pixels.reshape(image.size[1], image.size[0], -1)[..., :3].max(-1).mean(1)  # from the ground upwards

@@ -35,13 +35,11 @@ def test_scene_without_light_gets_an_hdri_that_is_not_seen(tmp_path):
     assert scene.world is None and not any("city" in image.name for image in bpy.data.images)
 
 
-@pytest.mark.parametrize(("view", "least", "most"), [("Standard", 0.6, 0.9), ("AgX", 1.2, 2.5)])
-def test_a_world_image_lights_a_floor_as_its_view_transform_can_show(scene, tmp_path, view, least, most):
+def test_a_world_image_lights_a_floor_as_view_transforms_can_show(scene, tmp_path):
     add_box(scene, (0, 0, 0), (2, 2, 0.01))
-    scene.view_settings.view_transform = view
     frame_folder.render_job(scene, make_request(str(tmp_path), MINI, samples=16, light=light.DEFAULT_LIGHT))
     color = image_files.read_layers(tmp_path / "lr_eia.exr")["color"]
-    assert least < np.quantile(color[color[..., 3] == 1][:, :3].max(1), 0.75) < most, "half of it is seen from below"
+    assert 0.6 < np.quantile(color[color[..., 3] == 1][:, :3].max(1), 0.75) < 0.9, "half of it is seen from below"
 
 
 def test_own_black_world_is_put_back(scene, tmp_path):
