@@ -6,6 +6,7 @@ offers ticked, in the order of MENDS: each problem is looked for as if the mends
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from contextlib import nullcontext, suppress
@@ -52,6 +53,7 @@ OUTSIDE, WIDER = 0.03, (48, 28)  # of what so many rays of a larger frame, as cl
 HEAVY, HIDDEN = 100, 0.25  # faces from which a mesh is more than a box, part of the picture that a box may hide
 CLOSE = 0.02  # of the subject's size: the array is inside an object whose inner side is nearer than that
 TOUCHING = 0.02  # of the size of all objects: objects nearer than that to the selection belong to it
+ALMOST_FLAT = 0.25  # part of the display's spacing of views
 MUCH, LEAST_GAIN = 1.1, 0.9  # disparity that is reported; a display plane is moved if less than this fraction is left
 LIT, LAMPS, SKY = 24, 32, 6  # places, lamps and rays to the sky that tell how much light arrives
 UNSURE = 2.0  # light below this multiple of dim is measured by a render: objects may hide lamps, or have holes
@@ -100,8 +102,14 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     if reason:
         is_new, placed = True, best or edit.in_front(scene, display, set(main))
         yield _problem("frame", main[0].name if main else scene.name, reason, placed)
+    widest = placement.narrowed(rays, (dataclasses.replace(placed[0], spacing=math.inf), placed[1]), display,
+                                placed[0].distance)
+    if (part := rig.part_of_spacing(widest, display)) < ALMOST_FLAT:
+        yield _problem("walls", scene.name, "What stands beside the array leaves its views "
+                       f"{100 * part:.0f}\N{NO-BREAK SPACE}% of the display's spacing: the image is almost flat. Move "
+                       "the camera away from it for more depth.")
     if depths := depths_of(rays, placed, shown):
-        yield from _deep(scene, placed, display, *depths)
+        yield from _deep(rays, placed, display, *depths)
     seen = [hit[2] for hit in through(rays, placed, *edit.FEWER) if hit] if hidden else []
     item = max(hidden & {*seen}, key=seen.count, default=None)
     if item is not None and 2 * seen.count(item) > len(seen) and not any(  # the viewport may show a copy of it
@@ -155,7 +163,8 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
 
 
 def _problem(code: str, target: str, reason: str, placed: rig.Placement | None = None) -> Problem:
-    title = {"plane": "Depth", "deep": "Depth", "dark": "Light", "bright": "Light", "fog": "Light"}.get(code, "")
+    title = {**dict.fromkeys(("plane", "deep", "walls"), "Depth"),
+             **dict.fromkeys(("dark", "bright", "fog"), "Light")}.get(code, "")
     return Problem(code, target, reason, MENDS.get(code, ("", "", ""))[1], asks=True, title=title, placed=placed)
 
 
@@ -309,9 +318,8 @@ def disparity(array: CameraArray, lenses: tuple[int, int], near: float, far: flo
     return array.spacing / pitch * max((plane - near) / near, (far - plane) / far)
 
 
-def _deep(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, near: float,
-          far: float) -> Iterator[Problem]:
-    array = placed[0]
+def _deep(rays: Rays, placed: rig.Placement, display: DisplayProfile, near: float, far: float) -> Iterator[Problem]:
+    scene, array = rays.scene, placed[0]
     if (now := disparity(array, display.lenses, near, far)) <= MUCH:
         return
     usable = rig.usable_depth(array, display)
@@ -320,7 +328,7 @@ def _deep(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile
             f"{length(scene, max(far - array.distance, 0.0))} behind it. The display shows "
             f"{length(scene, array.distance - usable[0])} and {behind}.")
     plane = placement.balanced(near, far)
-    moved = disparity(array, display.lenses, near, far, plane) * placement.narrowed(scene, placed, display, plane)
+    moved = disparity(placement.narrowed(rays, placed, display, plane), display.lenses, near, far, plane)
     if moved < LEAST_GAIN * now:
         yield _problem("plane", scene.name, text)
         now = moved
@@ -340,9 +348,8 @@ def flatten(scene: bpy.types.Scene) -> None:
 def move_plane(scene: bpy.types.Scene) -> None:
     """Move the display plane to where what is nearest and what is farthest have the same parallax."""
     placed, near, far = _seen(scene)
-    plane = placement.balanced(near, far)
-    part = placement.narrowed(scene, placed, scene_settings.display_of(scene), plane)
-    rig.set_spacing(scene, part * rig.spacing_of(rig.find(scene)))
+    plane, display = placement.balanced(near, far), scene_settings.display_of(scene)
+    rig.set_spacing(scene, rig.part_of_spacing(placement.narrowed(Rays(scene), placed, display, plane), display))
     rig.set_distance(scene, plane)
 
 

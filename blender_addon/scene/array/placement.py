@@ -427,10 +427,10 @@ def balanced(near: float, far: float) -> float:
     return 2 / (1 / near + 1 / far)
 
 
-def narrowed(scene: bpy.types.Scene, placed: Placement, profile: DisplayProfile, distance: float) -> float:
-    """Return the part of its spacing, up to 1, with which an array of this display ``distance`` reaches no wall."""
-    wanted = placed[0].spacing * distance / placed[0].distance
-    return min(1.0, _free(Rays(scene), placed, profile) / max(wanted, TINY))
+def narrowed(rays: Rays, placed: Placement, profile: DisplayProfile, distance: float) -> CameraArray:
+    """Return an array with views so close together that it reaches no wall with its display plane at ``distance``."""
+    array, free = placed[0], _free(rays, placed, profile)
+    return dataclasses.replace(array, spacing=min(array.spacing, free * array.distance / distance))
 
 
 def _free(rays: Rays, placed: Placement, profile: DisplayProfile) -> float:
