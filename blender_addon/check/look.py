@@ -53,7 +53,7 @@ OUTSIDE, WIDER = 0.03, (48, 28)  # of what so many rays of a larger frame, as cl
 HEAVY, HIDDEN = 100, 0.25  # faces from which a mesh is more than a box, part of the picture that a box may hide
 CLOSE = 0.02  # of the subject's size: the array is inside an object whose inner side is nearer than that
 TOUCHING = 0.02  # of the size of all objects: objects nearer than that to the selection belong to it
-ALMOST_FLAT = 0.25  # part of the display's spacing of views
+NARROW, FLAT = 0.25, 0.5  # part of the display's spacing of views, and disparity, below which an image is almost flat
 MUCH, LEAST_GAIN = 1.1, 0.9  # disparity that is reported; a display plane is moved if less than this fraction is left
 LIT, LAMPS, SKY = 24, 32, 6  # places, lamps and rays to the sky that tell how much light arrives
 UNSURE = 2.0  # light below this multiple of dim is measured by a render: objects may hide lamps, or have holes
@@ -102,13 +102,14 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     if reason:
         is_new, placed = True, best or edit.in_front(scene, display, set(main))
         yield _problem("frame", main[0].name if main else scene.name, reason, placed)
-    widest = placement.narrowed(rays, (dataclasses.replace(placed[0], spacing=math.inf), placed[1]), display,
-                                placed[0].distance)
-    if (part := rig.part_of_spacing(widest, display)) < ALMOST_FLAT:
-        yield _problem("walls", scene.name, "What stands beside the array leaves its views "
-                       f"{100 * part:.0f}\N{NO-BREAK SPACE}% of the display's spacing: the image is almost flat. Move "
-                       "the camera away from it for more depth.")
     if depths := depths_of(rays, placed, shown):
+        widest = placement.narrowed(rays, (dataclasses.replace(placed[0], spacing=math.inf), placed[1]), display,
+                                    placed[0].distance)
+        part = rig.part_of_spacing(widest, display)
+        if part < NARROW and disparity(widest, display.lenses, *depths) < FLAT:
+            yield _problem("walls", scene.name, "What stands beside the array leaves its views "
+                           f"{100 * part:.0f}\N{NO-BREAK SPACE}% of the display's spacing: the image is almost flat. "
+                           "Move the camera away from it for more depth.")
         yield from _deep(rays, placed, display, *depths)
     seen = [hit[2] for hit in through(rays, placed, *edit.FEWER) if hit] if hidden else []
     item = max(hidden & {*seen}, key=seen.count, default=None)
