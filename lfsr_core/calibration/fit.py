@@ -209,7 +209,7 @@ def see(profile: DisplayProfile, image: Array, eye: tuple[float, float, float]) 
     pixels = float(np.linalg.norm(ends[1] - ends[0])) * half
     times = max(1, int(pixels / max(size[0] / min(profile.sheet.pitches) * PER_LENS, 400)))
     points = grid(size, int(min(pixels / times, 2048)))
-    places, light = view.places(points), dots(profile).shown(points[..., 0], points[..., 1])
+    places, light = view.places(points), dots(profile).shown(points[:1, :, 0], points[:, :1, 1])
     by_axis: list[list[Fringes]] = [[], []]
     for channel, other in (FRINGE_CHANNELS, FRINGE_CHANNELS[::-1]):
         values = Raster.of(image[..., channel]).shrunk(times).at(places)

@@ -71,9 +71,9 @@ def _painted(profile: DisplayProfile, kind: str, channel: int, rows: Array, colu
         return np.asarray(np.broadcast_to((across <= widths[0] / 2) & (down <= widths[1] / 2), across.shape), float)
     x, y = subpixel_places(profile, channel, rows, columns)
     if kind == "phase":
-        x, y = np.broadcast_arrays(x, y)
         if channel == DOT_CHANNEL:
             return dots(profile).shown(x, y)
+        x, y = np.broadcast_arrays(x, y)
         places, used = lattice_coordinates(profile, x, y), tones(profile, channel)
         waves = [np.cos(2 * np.pi * (1 + 1 / lenses) * places[axis]) for axis, lenses in used]
         return np.asarray(0.5 + 0.44 * sum(waves) / len(waves))
@@ -111,7 +111,7 @@ class Dots:
     spread: float  # standard deviation
 
     def shown(self, x: Array, y: Array, spread: float | None = None) -> Array:
-        """Value of DOT_CHANNEL at (x, y), with dots of another ``spread`` if one is given."""
+        """Value of DOT_CHANNEL at (x, y), which may be a row and a column, with dots of another ``spread`` if given."""
         across, up = (np.exp(-0.5 * ((place[..., None] - axis) / (spread or self.spread)) ** 2)
                       for place, axis in ((x, self.x), (y, self.y)))
         return np.asarray(DOT_LIGHT + DOT_CONTRAST * np.clip((up @ self.signs * across).sum(-1), -1, 1))

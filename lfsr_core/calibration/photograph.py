@@ -128,7 +128,7 @@ class View:
     def places(self, points: Array) -> Array:
         """Places (…, 2) in the photograph of points (…, 2) of the panel."""
         straight = project(self.matrix, points)
-        square = (straight ** 2).sum(-1, keepdims=True)
+        square = straight[..., :1] ** 2 + straight[..., 1:] ** 2
         (a, b), off = self.bend[:2], np.array(self.bend[2:])
         bent: Array = straight * (1 + a * square + b * square ** 2 + 2 * straight @ off[:, None]) + square * off
         return bent
@@ -183,7 +183,7 @@ def find_panel(image: Array, profile: DisplayProfile) -> View:
     # Try the panel in eight orientations between the corners, and keep the one that fits the dots best.
     light = whole._replace(values=image ** GAMMA)
     small, points = light.shrunk(round(_sides(corners).mean() * light.half / COARSE)), grid(size, COARSE)
-    expected = marks.shown(points[..., 0], points[..., 1], marks.spread * COARSE_SPREAD) ** GAMMA
+    expected = marks.shown(points[:1, :, 0], points[:, :1, 1], marks.spread * COARSE_SPREAD) ** GAMMA
     flat, alike = _terms(points, size, OFFSET), []
     views = [View(fit_homography(halves * size, np.roll(corners[::way], turn, 0)))
              for way in (1, -1) for turn in range(4)]
@@ -297,7 +297,7 @@ def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wid
     points = grid(size, across)
     axes = points[:, 0, 1], points[0, :, 0]
     spread = marks.spread * wider
-    light, wide = (marks.shown(points[..., 0], points[..., 1], width).ravel() ** GAMMA
+    light, wide = (marks.shown(points[:1, :, 0], points[:, :1, 1], width).ravel() ** GAMMA
                    for width in (spread, spread * 1.1))
     under = _terms(points, size, OFFSET)
     columns = np.concatenate([under, _terms(points, size, GAIN) * light[:, None], (wide - light)[:, None]], -1)
@@ -313,7 +313,7 @@ def _align(view: View, image: Raster, marks: Dots, size: Array, across: int, wid
         # derivative of places by points.
         slope = np.einsum("...i,...ij->...j", np.stack(np.gradient(fitted.reshape(points.shape[:2]), *axes)[::-1], -1),
                           np.linalg.inv(np.stack(np.gradient(places, *axes, axis=(0, 1))[::-1], -1)))
-        changes = [(((_moved(view, delta, size, bend).places(points) - places) / 1e-5) * slope).sum(-1).ravel()
+        changes = [np.einsum("...i,...i", _moved(view, delta, size, bend).places(points) - places, slope).ravel() / 1e-5
                    for delta in 1e-5 * np.eye(12 if bend else 8)]
         solved = _solved(np.concatenate([terms, -np.stack(changes, -1)], -1), seen)
         moved = _moved(view, solved[terms.shape[1]:], size, bend)

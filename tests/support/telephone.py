@@ -81,32 +81,31 @@ def exposed(panel: Array, real: DisplayProfile, shot: Shot, random: np.random.Ge
     focus, count = random.random((4, rows, columns)), shot.rays ** 2
     for start in range(0, rows, ROWS_AT_ONCE):
         part = slice(start, start + ROWS_AT_ONCE)
-        light[part] = sum(_ray(linear, real, shot, (n % shot.rays, n // shot.rays), start, np.stack(
-            [(within[0] + stratum) / STRATA - 0.5, within[1] - 0.5, within[2], within[3]]))
-            for n in range(count) for within in [np.modf(focus[:, part] + n * GOLDEN[:, None, None])[0]]
-            for stratum in range(STRATA)) / count / STRATA
-    return light * EXPOSURE
+        light[part] = sum(_rays(linear, real, shot, (n % shot.rays, n // shot.rays), start, (
+            (within[0] + np.arange(STRATA)[:, None, None]) / STRATA - 0.5, within[1] - 0.5, within[2], within[3]))
+            for n in range(count) for within in [np.modf(focus[:, part] + n * GOLDEN[:, None, None])[0]])
+    return light * EXPOSURE / count / STRATA
 
 
-def _ray(linear: Array, real: DisplayProfile, shot: Shot, place: tuple[int, int], start: int, focus: Array) -> Array:
-    """Light (rows, columns, 3) of one ray of each pixel of some rows, from the row ``start`` on."""
+def _rays(linear: Array, real: DisplayProfile, shot: Shot, place: tuple[int, int], start: int,
+          focus: tuple[Array, ...]) -> Array:
+    """Light (rows, columns, 3) of one ray of each pixel of some rows, from the row ``start`` on, in all STRATA."""
     columns, rows = shot.size
     half = math.hypot(*shot.size) / 2
     # Within its part of the pixel a ray goes through another place in every pixel: no second lattice, no false moiré.
     right, down = ((number + within) / shot.rays for number, within in zip(place, focus[2:], strict=True))
     x = (np.arange(columns) + right - columns / 2) / half
-    y = (rows / 2 - start - np.arange(focus.shape[1])[:, None] - down) / half
+    y = (rows / 2 - start - np.arange(len(focus[1]))[:, None] - down) / half
     square = x ** 2 + y ** 2
     straight = 1 + shot.bend[0] * square + shot.bend[1] * square ** 2
     aim, right, up, zoom = _axes(real, shot)
-    ray = aim + zoom * ((x * straight)[..., None] * right + (y * straight)[..., None] * up)
-    eye = np.array(shot.eye_mm)
-    hit = eye - ray * (eye[2] / ray[..., 2:])
-    seen = trace(real, shot.eye_mm, hit[..., 0], hit[..., 1], (focus[0], focus[1]))
-    brought = linear[seen.row, seen.column] * seen.on_panel[..., None]
+    ray = [aim[axis] + zoom * (x * straight * right[axis] + y * straight * up[axis]) for axis in range(3)]
+    hit = [shot.eye_mm[axis] - ray[axis] * (shot.eye_mm[2] / ray[2]) for axis in (0, 1)]
+    seen = trace(real, shot.eye_mm, *hit, (focus[0], focus[1]))
     if real.pixel_layout.count == 1:
-        return np.asarray(brought)
-    return np.asarray(3 * brought * (seen.channel[..., None] == np.arange(3)))
+        return np.asarray((linear[seen.row, seen.column] * seen.on_panel[..., None]).sum(0))
+    brought = 3 * linear[seen.row, seen.column, seen.channel] * seen.on_panel
+    return np.stack([np.where(seen.channel == channel, brought, 0).sum(0) for channel in range(3)], -1)
 
 
 def _axes(real: DisplayProfile, shot: Shot) -> tuple[Array, Array, Array, float]:

@@ -87,6 +87,7 @@ class Rays:
     def __init__(self, scene: bpy.types.Scene, sky: bpy.types.Object | None = None) -> None:
         """Note the bounding boxes of all meshes where there are more than FEW objects; ``sky`` lets all rays pass."""
         self.scene, self.depsgraph = scene, bpy.context.evaluated_depsgraph_get()
+        self.cast_in_all, self.materials = scene.ray_cast, dict[bpy.types.Object, Array]()
         self.items: list[tuple[bpy.types.Object, Array, BVHTree | None]] = []
         if len(self.depsgraph.object_instances) <= FEW and sky is None:
             return
@@ -116,7 +117,7 @@ class Rays:
     def cast(self, start: mathutils.Vector, way: mathutils.Vector, reach: float = MOST_REACH) -> Hit | None:
         """Return what a ray meets first within ``reach``; hair and volumes let it pass."""
         if not self.items:
-            is_hit, place, normal, face, item, _ = self.scene.ray_cast(self.depsgraph, start, way, distance=reach)
+            is_hit, place, normal, face, item, _ = self.cast_in_all(self.depsgraph, start, way, distance=reach)
             return (place, normal, item.original, face) if is_hit else None
         way = way.normalized()
         # First the spheres around all boxes, then the few boxes that are left.
@@ -153,9 +154,13 @@ class Rays:
 
     def thing(self, hit: Hit) -> Thing:
         """Return the object that is hit and the number of its material there: one mesh may hold a whole house."""
-        mesh = hit[2].evaluated_get(self.depsgraph).data
-        is_known = isinstance(mesh, bpy.types.Mesh) and 0 <= hit[3] < len(mesh.polygons)
-        return hit[2], mesh.polygons[hit[3]].material_index if is_known else 0
+        if (numbers := self.materials.get(hit[2])) is None:
+            mesh = hit[2].evaluated_get(self.depsgraph).data
+            stored = mesh.attributes.get("material_index") if isinstance(mesh, bpy.types.Mesh) else None  # None: all 0
+            self.materials[hit[2]] = numbers = np.zeros(len(stored.data) if stored else 0, np.int32)
+            if stored:
+                stored.data.foreach_get("value", numbers)
+        return hit[2], int(numbers[hit[3]]) if 0 <= hit[3] < len(numbers) else 0
 
 
 @dataclasses.dataclass(frozen=True)

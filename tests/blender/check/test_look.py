@@ -34,20 +34,20 @@ def add_box(centre, half):
     return bpy.ops.mesh.primitive_cube_add(size=2, location=centre, scale=half) and bpy.context.object
 
 
-def looked(scene) -> dict[str, str]:
-    """Reasons by code, after an array was added as a render does."""
+def looked(scene, mends: bool = False) -> dict[str, str]:
+    """Reasons by code, after an array was added as a render does; ``mends``: what the dialog offers is done in turn."""
     if rig.find(scene) is None:
         edit.add(scene, scene_settings.display_of(scene))
     bpy.context.view_layer.update()
-    return {problem.code: problem.reason for problem in look.find(scene)}
+    problems = list(look.find(scene))
+    for problem in [problem for problem in problems if mends and problem.fix]:
+        FIXES[problem.code](scene, problem.target, *filter(None, [problem.placed]))
+    return {problem.code: problem.reason for problem in problems}
 
 
 def mend(scene) -> dict[str, str]:
-    """Do what the dialog offers, in its order, until nothing is left to offer; return the reasons by code."""
-    reasons = looked(scene)
-    for problem in list(look.find(scene)):
-        if problem.fix:
-            FIXES[problem.code](scene, problem.target)
+    """Do what the dialog offers until nothing is left to offer; return the reasons by code."""
+    reasons = looked(scene, mends=True)
     assert not any(problem.fix for problem in look.find(scene))
     return reasons
 
@@ -369,7 +369,8 @@ def test_what_travels_far_is_fitted_where_it_is(startup):
 
 def test_a_narrow_figure_is_seen_from_its_broad_side(startup):
     bpy.ops.mesh.primitive_uv_sphere_add(radius=1, location=(90, 0, 0.9), scale=(0.05, 0.16, 0.9))
-    assert "frame" in mend(startup) and abs(rig.find(startup).matrix_world.col[2].x) > 0.99
+    assert "frame" in looked(startup) and FIXES["frame"](startup, "") is None, "as a button of the panel does"
+    assert abs(rig.find(startup).matrix_world.col[2].x) > 0.99
 
 
 def test_a_selected_part_of_a_figure_is_not_all_of_the_picture(startup):

@@ -231,7 +231,12 @@ class _Crowd:
         assert text.axes is not None
         start, pixel = text.get_window_extent(), text.axes.figure.dpi / 72
         moved = [start.translated(across * pixel, up * pixel) for across, up in places]
-        best = min(range(len(places)), key=lambda index: index + self._hidden(moved[index]))
+        best, least = 0, math.inf
+        for index, box in enumerate(moved):
+            if index >= least:  # no later place can be better
+                break
+            if (hidden := index + self._hidden(box)) < least:
+                best, least = index, hidden
         text.set_position(places[best])
         if text.arrow_patch:  # a thin line to a name that had to go far
             text.arrow_patch.set_visible(abs(places[best][1]) > FAR)
