@@ -14,8 +14,8 @@ from ...compat import assign
 from ...jobs import runtime
 from ...scene import settings as scene_settings
 from ...scene.array import rig
-from ...scene.array.edit import add, in_front, is_inside, put, remove
-from ...scene.array.placement import Rays, as_rendered
+from ...scene.array.edit import AROUND, FEWER, add, in_front, put, remove
+from ...scene.array.placement import Rays, as_rendered, through
 from ...scene.array.rig import Placement, check_editable
 from ...scene.contents import BACKGROUND_COLLECTION, GEOMETRY, SWITCHES, find_subject, switched
 from ...scene.light import DEFAULT_LIGHT, add_light
@@ -23,6 +23,7 @@ from ...scene.words import counted, for_panel
 from .base import UNDO, AsksForFile, Result, activate, reports_errors
 
 Fix = Callable[[bpy.types.Scene, str], None]
+OPEN = 0.2  # least part of rays from what is seen that meets the sky, for a world image to light it
 
 
 def _existing(items: bpy.types.bpy_prop_collection, name: str, kind: str = "object") -> Any:
@@ -59,9 +60,11 @@ def _switch_off(switch: str) -> Fix:
 
 @as_rendered()
 def _light_images(scene: bpy.types.Scene, _target: str) -> None:
-    """Set a light for the images: even light in a room, which no world light reaches, else a world image."""
-    is_indoors = (array := rig.find(scene)) is not None and is_inside(Rays(scene), array.matrix_world.translation)
-    scene.lfsr.light = (EVEN if is_indoors else DEFAULT_LIGHT).upper()
+    """Set a light for the images: even light where hardly any sky reaches what is seen, as in a room, else a world."""
+    rays, placed = Rays(scene), rig.placement(scene, scene_settings.display_of(scene))
+    hits = filter(None, through(rays, placed, *FEWER) if placed else ())
+    free = [rays.beyond(hit[0], way) is None for hit in hits for way in AROUND if way.dot(hit[4]) > 0]
+    scene.lfsr.light = (EVEN if sum(free) < OPEN * len(free) else DEFAULT_LIGHT).upper()
 
 
 def _leave_out(*items: bpy.types.Object) -> None:

@@ -208,7 +208,7 @@ def make_room(scene, lamp: bool) -> list[bpy.types.Object]:
 
 @pytest.mark.parametrize(("lamp", "glow"), [(True, 0), (False, 0), (False, 1e-3)])
 def test_of_a_room_the_inside_is_seen(startup, lamp, glow):
-    make_room(startup, lamp)
+    items = make_room(startup, lamp)
     bpy.context.object.active_material = material = bpy.data.materials.new("Glow")
     material.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = glow
     reasons = mend(startup)
@@ -216,9 +216,10 @@ def test_of_a_room_the_inside_is_seen(startup, lamp, glow):
     x, y, z = rig.find(startup).matrix_world.translation
     assert abs(x) < 2.5 and abs(y) < 3.5 and 0 < z < 2.7
     assert startup.lfsr.light == ("AUTO" if lamp else "EVEN"), "the light of a world does not reach a room"
-    depths = placement.seen_depths(startup, rig.placement(startup, scene_settings.display_of(startup)),
-                                   find_subject(startup))
-    assert np.median(depths) > 2.5, "the longest view"
+    placed = rig.placement(startup, scene_settings.display_of(startup))
+    assert np.median(placement.seen_depths(startup, placed, find_subject(startup))) > 2.5, "the longest view"
+    items[4].location.z -= 2  # the wall behind the array
+    assert FIXES["dark"](startup, "") is None and startup.lfsr.light == "EVEN", "little sky lights what is seen"
 
 
 def place_in_room(scene, items):
