@@ -164,8 +164,8 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
 
 
 def _problem(code: str, target: str, reason: str, placed: rig.Placement | None = None) -> Problem:
-    title = {**dict.fromkeys(("plane", "deep", "walls"), "Depth"),
-             **dict.fromkeys(("dark", "bright", "fog"), "Light")}.get(code, "")
+    title = {"plane": "Depth", "deep": "Depth", "walls": "Depth", "dark": "Light", "bright": "Light",
+             "fog": "Light"}.get(code, "")
     return Problem(code, target, reason, MENDS.get(code, ("", "", ""))[1], asks=True, title=title, placed=placed)
 
 

@@ -395,7 +395,7 @@ AROUND = [mathutils.Vector(way).normalized() for way in itertools.product((-1, 0
 
 
 def is_inside(rays: Rays, place: mathutils.Vector, least: float = ENCLOSED) -> bool:
-    """Return True if ``place`` is closed on all sides, so that no world light arrives, or on a fraction ``least``."""
+    """Return True if at least a fraction ``least`` of the rays around ``place`` meet something."""
     return sum(rays.cast(place, way) is not None for way in AROUND) >= least * len(AROUND)
 
 

@@ -87,7 +87,7 @@ class Rays:
     def __init__(self, scene: bpy.types.Scene, sky: bpy.types.Object | None = None) -> None:
         """Note the bounding boxes of all meshes where there are more than FEW objects; ``sky`` lets all rays pass."""
         self.scene, self.depsgraph = scene, bpy.context.evaluated_depsgraph_get()
-        self.cast_in_all, self.materials = scene.ray_cast, dict[bpy.types.Object, Array]()
+        self.cast_in_all, self.materials = scene.ray_cast, dict[bpy.types.Object, Array]()  # to look up takes long
         self.items: list[tuple[bpy.types.Object, Array, BVHTree | None]] = []
         if len(self.depsgraph.object_instances) <= FEW and sky is None:
             return
@@ -137,10 +137,12 @@ class Rays:
                 if (number := near[index]) not in self.met:
                     item, world, tree = self.items[number]
                     inverse = (matrix := mathutils.Matrix(world)).inverted()
-                    own = item.evaluated_get(self.depsgraph).ray_cast if tree is None else None
-                    self.met[number] = item, matrix, inverse, inverse.to_3x3(), own or tree.ray_cast, own is not None
-                item, matrix, inverse, turn, meet, first = self.met[number]
-                at, normal, face = meet(inverse @ start, turn @ way)[first:first + 3]
+                    # An object tells first whether it is hit.
+                    meet, told = ((tree.ray_cast, slice(0, 3)) if tree is not None
+                                  else (item.evaluated_get(self.depsgraph).ray_cast, slice(1, 4)))
+                    self.met[number] = item, matrix, inverse, inverse.to_3x3(), meet, told
+                item, matrix, inverse, turn, meet, told = self.met[number]
+                at, normal, face = meet(inverse @ start, turn @ way)[told]
                 is_hit, at = face is not None and face >= 0, matrix @ (at or start)
                 if is_hit and (at - start).length <= nearest:
                     nearest = (at - start).length
@@ -328,7 +330,11 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
         array = CameraArray.for_display(profile, 2 * seen[0].half_width * back)
         behind, ends = array.distance - distance, seen[0].clip or (0.0, MOST_REACH)
         array = dataclasses.replace(array, clip=(max(0.0, ends[0] + behind), ends[1] + behind))
-        return array, tuple(map(tuple, mathutils.Matrix(seen[1]) @ mathutils.Matrix.Translation((0, 0, -behind))))
+        # From the camera, since the eye of a parallel picture is far away for floats.
+        (x, y, _), matrix = np.mean(camera.data.view_frame(scene=scene), 0), mathutils.Matrix(seen[1])
+        centre = upright(camera) @ mathutils.Vector((x, y, back - distance))
+        matrix.translation = centre - array.distance * matrix.col[2].to_3d()
+        return array, tuple(map(tuple, matrix))
     return _array_at(seen, profile, distance, free)
 
 

@@ -95,7 +95,7 @@ def test_the_middle_of_a_shifted_picture_is_the_middle_of_the_display(scene, kin
     camera.data.type, camera.data.ortho_scale, camera.data.shift_x, camera.data.shift_y = kind, 4, 0.1, -0.25
     array, matrix = placement.place_array(scene, SMALL, {box})
     seen = world_to_camera_view(scene, camera, mathutils.Vector(np.array(matrix)[:3] @ (0, 0, array.distance, 1)))
-    assert tuple(seen)[:2] == pytest.approx((0.5, 0.5), abs=2e-5)
+    assert tuple(seen)[:2] == pytest.approx((0.5, 0.5), abs=1e-5)
 
 
 def test_near_and_far_have_equal_parallax_from_the_own_camera(scene):
