@@ -52,7 +52,6 @@ TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject fills:
 OUTSIDE, WIDER = 0.03, (48, 28)  # of what so many rays of a larger frame, as close as PROBES, would meet of the subject
 HEAVY, HIDDEN = 100, 0.25  # faces from which a mesh is more than a box, part of the picture that a box may hide
 CLOSE = 0.02  # of the subject's size: the array is inside an object whose inner side is nearer than that
-TOUCHING = 0.02  # of the size of all objects: objects nearer than that to the selection belong to it
 NARROW, FLAT = 0.25, 0.5  # part of the display's spacing of views, and disparity, below which an image is almost flat
 MUCH, LEAST_GAIN = 1.1, 0.9  # disparity that is reported; a display plane is moved if less than this fraction is left
 LIT, LAMPS, SKY = 24, 32, 6  # places, lamps and rays to the sky that tell how much light arrives
@@ -61,6 +60,7 @@ CERTAIN, SHADE = 1e6, 0.15  # strength of a lamp that nodes decide; fraction of 
 BRIGHT = 0.25  # fraction of the picture from which a sky keeps it from being almost black
 GLASS, TRANSMISSION, LOST = ("BSDF_GLASS", "BSDF_REFRACTION"), "Transmission Weight", 0.2  # of the rays to it
 UNAIMED = "The camera of the new file was not aimed at it"
+newest = 0  # session_uid of the last object that came with the file, which ``last`` notes when one is opened
 
 
 def find(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -237,26 +237,25 @@ def _is_unaimed(scene: bpy.types.Scene) -> bool:
 
 
 def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list[bpy.types.Object]:
-    """Return the main objects of a picture, largest first: those just imported, which are selected; without floors.
+    """Return the main objects of a picture, largest first, without floors: those that came since the file was opened.
 
-    A selection that is a part of something larger, such as of a figure that was just modelled, is ignored.
+    Of a camera that was aimed, or where nothing came, all are.
     """
     others = {startup_cube(scene), *helpers(scene)}
     boxes = {item: box for item, box in edit.boxes_now(subject).items() if item not in others}
-    chosen = [item for item in boxes if item.select_get()] if _is_unaimed(scene) else []
-    if chosen:
-        points = np.concatenate([boxes[item] for item in chosen])
-        # A glass that was selected last belongs to the table and to what is on it, but not to all of a landscape.
-        whole = np.concatenate([boxes[item] for item in {*chosen, *edit.main_part(boxes)}])
-        beside = min(TOUCHING * np.ptp(whole, axis=0).max(), np.ptp(points, axis=0).max())
-        low, high = points.min(0) - beside, points.max(0) + beside
-        if any((box.min(0) < high).all() and (box.max(0) > low).all()
-               for item, box in boxes.items() if item not in chosen):
-            chosen = []
+    boxes = {item: box for item, box in boxes.items() if not _is_lamp(item)} or boxes
+    chosen = [item for item in boxes if item.session_uid > newest] if _is_unaimed(scene) else []
     sky = edit.sky_around(scene, boxes)
     chosen = edit.main_part({item: boxes[item] for item in chosen or boxes if item != sky})
     sizes = np.linalg.norm(np.ptp(edit.bounds([boxes[item] for item in chosen]), axis=1), axis=-1)
     return [chosen[number] for number in np.argsort(-sizes, kind="stable")]
+
+
+def _is_lamp(item: bpy.types.Object) -> bool:
+    """Return True for a flat box or a plane of one colour that only shines, as photographers light with."""
+    nodes = {node.type for slot in item.material_slots if slot.material for node in nodes_of(slot.material.node_tree)}
+    return (item.type == "MESH" and len(item.data.polygons) <= 6 and nodes == {"EMISSION", "OUTPUT_MATERIAL"}
+            and min(item.dimensions) < edit.FLAT * max(item.dimensions))
 
 
 def depths_of(rays: Rays, placed: rig.Placement, shown: set[bpy.types.Object]) -> tuple[float, ...]:

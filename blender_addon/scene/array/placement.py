@@ -311,7 +311,7 @@ def array_of_camera(scene: bpy.types.Scene, profile: DisplayProfile, subject: se
                         x, y, z = toward[:3, :3] @ hit[0] + toward[:3, 3]
                         met[hit[2]].append(np.divide((x / z, y / z), (seen[0].half_width, seen[0].half_height)))
                     inner = [points for points in map(np.array, met.values()) if np.ptp(points[:, 0]) < 2 * COVERED]
-                    tall = max([tall, *(np.abs(points[:, 1]).max() + 2 / PROBES[1] for points in inner)])
+                    tall = max([tall, *(float(np.abs(points[:, 1]).max()) + 2 / PROBES[1] for points in inner)])
                 else:
                     break
         field = tall, depths, free

@@ -73,13 +73,15 @@ def test_own_camera_keeps_place_direction_and_angle_and_the_display_where_it_foc
     assert placement.place_array(scene, SMALL, {box})[0].distance == pytest.approx(4.0)
 
 
-@pytest.mark.parametrize(("kind", "size"), [("PERSP", (900, 1600)), ("PERSP", (1600, 1200)), ("ORTHO", (900, 1600))])
-def test_all_that_a_camera_sees_is_on_the_display(scene, kind, size):
-    box, camera = add_box(scene, tuple(CENTRE), (0.5, HALF[1], 5)), add_camera(scene)
+@pytest.mark.parametrize(("kind", "size", "high", "part"), [  # of the frame's height that rays on the box fill
+    *((kind, (900, 1600), 5, 1) for kind in ("PERSP", "ORTHO")), ("PERSP", (1600, 1200), 5, 1),
+    ("ORTHO", (900, 1600), 2.4, 1 - 4 / 17 + 2 / 18)])
+def test_all_that_a_camera_sees_is_on_the_display(scene, kind, size, high, part):
+    box, camera = add_box(scene, tuple(CENTRE), (0.5, HALF[1], high)), add_camera(scene)
     camera.data.type, (scene.render.resolution_x, scene.render.resolution_y) = kind, size
     array, matrix = placement.place_array(scene, SMALL, {box})
     corner = camera.data.view_frame(scene=scene)[0]
-    assert array.half_height == pytest.approx(corner.y * (array.distance / -corner.z if kind == "PERSP" else 1))
+    assert array.half_height == pytest.approx(part * corner.y * (array.distance / -corner.z if kind == "PERSP" else 1))
     turned = np.array(matrix)[:3]
     assert turned[:, :3] == pytest.approx(np.array(rig.from_blender(camera.matrix_world))[:3, :3], abs=1e-6)
     assert turned @ (0, 0, array.distance, 1) == pytest.approx(CENTRE - (0, HALF[1], 0), abs=0.05)
