@@ -84,11 +84,10 @@ def render_job(scene: bpy.types.Scene, request: Request, opened: Opened | None =
         if request.first_view is not None:
             tell(Progress("first"))
             noise, per_ray = _write_first_view(scene, frame, request.first_view)
-            rays, usual = request.sampling.rays, per_ray * math.prod(frame.rays.size) * frame.samples
+            usual = per_ray * math.prod(frame.rays.size) * frame.samples
             tell(Notice("first-view", {"path": request.first_view}))
-            if rays is not None and (wanted := more_rays(request.display, rays, noise)) > 1:
-                most = max(1, min(wanted, MOST_SECONDS / usual))
-                times = max(times for times in files.TIMES_RAYS if times <= most)
+            if (wanted := more_rays(request, noise)) > 1:
+                times = max(times for times in files.TIMES_RAYS if times <= max(1, min(wanted, MOST_SECONDS / usual)))
                 frame = dataclasses.replace(frame, samples=frame.samples * times)
                 say(Notice("noisy", {"times": times}) if times == wanted else
                     Notice("noisy-long", {"times": wanted, "seconds": wanted * usual, "taken": times}))

@@ -57,9 +57,9 @@ MOST_SAMPLES, MOST_SEED, MOST_FRAME, MOST_CLAMP = 2**24, 2**31 - 1, 1_048_574, 1
 MOST_SCALE = 5  # that is chosen
 MIN_VIEWS = 5  # along each axis that a scale above 2 must leave (docs/results/displays.md)
 USUAL_SCALE, USUAL_SAMPLES = 4, 16  # the rays of a render for which nothing was asked
-# Noise of a first view up to which the usual rays are enough; a noisier scene takes one of these multiples of them,
-# see ``more_rays``.
-CALM, TIMES_RAYS = 0.04, (1, 2, 4)
+# Noise of a first view up to which the usual rays are enough, and from which more would take too long; a scene between
+# takes one of these multiples of them, see ``more_rays``.
+CALM, NOISIEST, TIMES_RAYS = 0.04, 0.08, (1, 2, 4, 8, 16)
 CLAMP_INDIRECT = 10.0  # Cycles' default: fewer fireflies at low sample counts
 SCENE_SUFFIXES = (".blend", ".glb", ".gltf", ".obj")
 RANGE = re.compile(r"(-?\d{1,8})(?:-(-?\d{1,8})(?:[x:](\d{1,8}))?)?$")
@@ -125,6 +125,7 @@ class Request:
     allow_missing: bool = False  # whether files of the scene may be missing or damaged
     parts: str | None = None  # folder for the finished parts of a long render, None to store none
     first_view: str | None = None  # .npy of what an eye in the middle sees, to write before the render; None for none
+    calm: float = CALM  # noise of that view up to which the usual rays are enough: half of it without a denoiser
 
     def __post_init__(self) -> None:
         for field, choices in (("kind", KINDS), ("layout", LAYOUTS), ("convention", CONVENTIONS)):
@@ -407,13 +408,13 @@ def samples_at(display: DisplayProfile, scale: int, rays: float) -> int:
     return max(1, round(samples))
 
 
-def more_rays(display: DisplayProfile, rays: float, noise: float) -> int:
-    """Return how many times ``rays`` per finished pixel a scene needs, of TIMES_RAYS; 1 for fewer rays than usual.
+def more_rays(request: Request, noise: float) -> int:
+    """Return how many times its rays a request needs, of TIMES_RAYS; 1 for samples, or for fewer rays than usual.
 
     ``noise``: by how much two halves of its first view differ, root of the mean square in display values from 0 to 1.
     """
-    share = rays / usual_rays(display)
-    return next((times for times in TIMES_RAYS if share < 1 or noise <= CALM * math.sqrt(times * share)),
+    share, noise = (request.sampling.rays or 0) / usual_rays(request.display), min(noise, NOISIEST)
+    return next((times for times in TIMES_RAYS if share < 1 or noise <= request.calm * math.sqrt(times * share)),
                 TIMES_RAYS[-1])
 
 

@@ -29,7 +29,7 @@ LENSES = ((0, 0), (1, 1))
 
 @pytest.mark.parametrize(("changes", "sentence"), [
     ({"samples": 4}, "with 16 samples per pixel, but 4 were asked for"),
-    ({"scales": (2, 4), "rays": 0.5}, "with 16 samples per pixel, but 2 were asked for"),
+    ({"scales": (2, 4), "rays": 0.75}, "with 16 samples per pixel, but 3 were asked for"),
     ({"scale": 4, "samples": 4}, "with scale 2, but scale 4 was asked for"),
     ({"display": dataclasses.replace(MINI, name="other")}, "with display mini, but display other was"),
     ({"display": dataclasses.replace(MINI, viewing_angle_deg=33.0)},
@@ -140,7 +140,7 @@ FULL = make_request("out", MINI, scene="s.blend", kind="reference", scale=2, sam
                     lens_list=((1, 2), (3, 4)), device="OPTIX", clamp_indirect=0.0, world_visible=True,
                     scene_name="Set", first_view="first.npy", parts="kept", source="../shot.blend", camera="Camera",
                     scales=(4, 2), frames=(1, 9), rays=2.5, reason=DEEP, world="world.exr", light="night",
-                    allow_missing=True)
+                    allow_missing=True, calm=0.02)
 
 
 @pytest.mark.skipif(os.sep == "\\", reason="it separates folders there")
@@ -189,9 +189,12 @@ def test_samples_follow_from_the_rays_and_a_noisy_scene_takes_more_of_the_same_r
     by_rays = job.sampled(rays=4.0)
     assert [by_rays.with_scale(ScaleChoice(scale)).sampling.samples for scale in job.sampling.scales] == [64, 16, 4]
     assert by_rays.judged_rays == 4
-    usual = records.usual_rays(MINI)
-    assert [records.more_rays(MINI, usual, noise) for noise in (0.0, 0.039, 0.05, 0.07, 1.0)] == [1, 1, 2, 4, 4]
-    assert [records.more_rays(MINI, usual * times, 0.07) for times in (0.25, 1, 2, 4)] == [1, 4, 2, 1]
+    usual = job.sampled(rays=records.usual_rays(MINI))
+    assert [records.more_rays(usual, noise) for noise in (0.0, 0.039, 0.05, 0.07, 1.0)] == [1, 1, 2, 4, 4]
+    bare = dataclasses.replace(usual, calm=records.CALM / 2)
+    assert [records.more_rays(bare, noise) for noise in (0.0, 0.019, 0.039, 0.05, 1.0)] == [1, 1, 4, 8, 16]
+    assert [records.more_rays(usual.sampled(rays=usual.sampling.rays * times), 0.07)
+            for times in (0.25, 1, 2, 4)] == [1, 4, 2, 1] and records.more_rays(usual.sampled(rays=None), 1.0) == 1
     job = make_request("out", MINI, scale=4, scales=(4, 2)).sampled(rays=1.0)
     for samples, same in ((16, True), (32, True), (64, True), (48, False), (8, False)):
         frame = dataclasses.replace(FRAME, scale=4, samples=samples)

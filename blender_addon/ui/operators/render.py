@@ -13,7 +13,7 @@ import bpy
 from lfsr_core.base.messages import LfsrError, Notice, duration
 from lfsr_core.base.system import atomic_path, system_errors
 from lfsr_core.frames.folder import FARM_COPY, FrameFolder
-from lfsr_core.frames.frame import EIA_FILE, PANEL_FILE, Finish, read_rendered
+from lfsr_core.frames.frame import CALM, EIA_FILE, PANEL_FILE, Finish, read_rendered
 from lfsr_core.pipeline.farms import write_job
 from lfsr_core.reconstruct.methods import AS_RENDERED, MENU, MORE, SUBPIXEL_METHODS, MethodName
 
@@ -199,7 +199,8 @@ def image_job(scene: bpy.types.Scene, shows_first: bool = False, number: int | N
     finish = dataclasses.replace(finish, temporal_averaging=0)  # only an animation has neighbouring frames
     folder, name = Path(request.output), scene.name_full
     if shows_first:
-        request = dataclasses.replace(request, first_view=str(runtime.temporary("first", folder).with_suffix(".npy")))
+        request = dataclasses.replace(request, first_view=str(runtime.temporary("first", folder).with_suffix(".npy")),
+                                      calm=CALM if MethodName.parse(finish.method).needs_denoiser else CALM / 2)
 
     def notice(told: Notice) -> bool:
         if told.code == "first-view":

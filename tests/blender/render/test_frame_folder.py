@@ -120,19 +120,18 @@ def test_the_first_view_is_the_middle_of_the_image_which_keeps_its_bytes(lit, tm
     assert error[0] < min(8, error[1])
 
 
-@pytest.mark.parametrize(("calm", "limit", "times"), [(1.0, 60, 1), (0.0, 60, 4), (0.0, 1e-3, 1)])
+@pytest.mark.parametrize(("calm", "limit", "times"), [(1.0, 60, 1), (0.0, 60, 16), (0.0, 1e-3, 1)])
 def test_a_noisy_first_view_gets_more_rays_unless_they_take_long(lit, tmp_path, monkeypatch, calm, limit, times):
-    monkeypatch.setattr("lfsr_core.frames.frame.CALM", calm)
     monkeypatch.setattr(frame_folder, "MOST_SECONDS", limit)
     request = make_request(str(tmp_path / "frame"), MINI, scale=4, scales=(4, 2),
-                           first_view=str(tmp_path / "first.npy")).sampled(rays=1.0)
+                           first_view=str(tmp_path / "first.npy"), calm=calm).sampled(rays=1.0)
     told = []
     render_job(lit, request, tell=told.append)
     frame = read_frame(tmp_path / "frame")
     assert frame.samples == times * request.samples_at(frame.scale) and is_same(frame, request)
     assert (Notice("noisy", {"times": times}) in told) == (times > 1)
     long = [told for told in told if isinstance(told, Notice) and told.code == "noisy-long"]
-    assert [(told.values["times"], told.values["taken"]) for told in long] == ([(4, 1)] if limit < 1 else [])
+    assert [(told.values["times"], told.values["taken"]) for told in long] == ([(16, 1)] if limit < 1 else [])
 
 
 @pytest.mark.parametrize("layout", ["one-pass", "view-by-view"])
