@@ -334,7 +334,7 @@ def _surroundings(boxes: Array) -> list[int]:
     for count in range(min(MOST_SURROUNDINGS, len(boxes) - 1), 0, -1):
         rest, around = np.delete(boxes, largest[:count], axis=0), boxes[largest[:count]]
         low, high = rest[:, 0].min(0), rest[:, 1].max(0)
-        sides, size = around[:, 1] - around[:, 0], _diagonal(around[:, 0], around[:, 1])
+        sides, size, inner = around[:, 1] - around[:, 0], _diagonal(around[:, 0], around[:, 1]), _diagonal(low, high)
         is_thin = sides == sides.min(1, keepdims=True)
         area, covered = (np.where(is_thin, 1, lengths).prod(1) for lengths in (sides, high - low))
         is_ceiling = is_thin[:, 2] & (around[:, 0, 2] >= high[2])  # a room is looked at from inside
@@ -342,14 +342,14 @@ def _surroundings(boxes: Array) -> list[int]:
                                   | is_thin[:, 2] & (sides[:, 2] < HILLY * (high - low)[2]) & (area > WIDER * covered))
         grounds = around[is_floor & is_thin[:, 2], 0, 2]  # a road on one belongs to it, if it is longer than all others
         is_road = is_thin[:, 2] & (sides[:, 2] < FLAT * size) & (np.sort(sides)[:, 1] < size / WIDE)
-        is_floor |= is_road & (size > _diagonal(low, high)) & (
-            np.abs(around[:, :1, 2] - grounds) < FLOOR * size[:, None]).any(1)
+        is_floor |= is_road & (size > inner) & (np.abs(around[:, :1, 2] - grounds) < FLOOR * size[:, None]).any(1)
         gaps = np.maximum(np.maximum(around[:, 0] - high, low - around[:, 1]), 0)
         free = np.minimum(low - around[:, 0], around[:, 1] - high)
-        is_stage = (free[:, :2].min(1) > FREE * _diagonal(low, high)) & (around[:, 1, 2] > high[2]) & (
+        is_dome = ~is_floor & (size > ENCLOSING * inner)  # one at most, else a small thing would seem to be all
+        is_stage = ~is_dome & (free[:, :2].min(1) > FREE * inner) & (around[:, 1, 2] > high[2]) & (
             np.abs(low - around[:, 0])[:, 2] < FLOOR * sides[:, 2])
-        near = np.where(is_floor | is_stage, size, _diagonal(low, high))
-        is_around = is_floor | is_stage | (size > ENCLOSING * _diagonal(low, high))
+        near = np.where(is_floor | is_stage, size, inner)
+        is_around = is_floor | is_stage | is_dome & (is_dome.sum() < 2)
         if (is_around & (np.linalg.norm(gaps, axis=-1) < near)).all():
             return largest[:count]
     return []

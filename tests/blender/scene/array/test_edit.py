@@ -149,6 +149,7 @@ def test_floors_and_what_lies_far_away_are_not_the_main_part():
     assert chosen(BUILDING, box_at((0, 0, 1), (1, 1, 2))) == ["0", "1"], "a part of it"
     assert chosen(BUILDING, box_at((0, 0, 0), (1, 1, 2))) == ["1"], "walls around a stage"
     assert chosen(BUILDING, np.add(BUILDING, (12, 0, 0)), box_at((0, 0, -9), (1, 0.5, -8))) == [*"012"], "not around"
+    assert chosen(BUILDING, BUILDING * 1.1, THING / 10) == [*"012"] and chosen(BUILDING, THING / 10) == ["1"], "a bead"
     assert chosen(STRAY, THING, FLOOR, NEIGHBOUR) == ["1", "3"]
     road = box_at((4, -20, 0), (4.3, 20, 0.1))
     assert chosen(THING, road, FLOOR) == ["0"] and chosen(THING, road) == ["0", "1"], "a road, and a rod"
