@@ -11,7 +11,7 @@ from blender_addon.jobs import folders, runtime
 from blender_addon.ui.operators import render
 from blender_addon.ui.operators.render import check_questions
 from lfsr_core.base.records import to_data
-from lfsr_core.frames.frame import EIA_FILE, Report, write_frame, write_report
+from lfsr_core.frames.frame import CALM, EIA_FILE, Report, write_frame, write_report
 from lfsr_core.optics.display import DisplayProfile, load_display, write_profile
 from lfsr_core.tasks import runner as estimate
 from tests.support.panels import lenticular, small
@@ -20,12 +20,12 @@ from tests.support.synthetic import frame_of
 
 
 def test_an_animation_is_averaged_as_the_panel_says_and_chooses_one_scale_by_some_of_its_frames(scene):
-    for count in (0, 2):
-        scene.lfsr.temporal_averaging = count
-        arguments = render.animation_job(scene).arguments
+    for count, method, calm in ((0, "pool", CALM / 2), (2, "denoise+pool", CALM)):
+        scene.lfsr.temporal_averaging, scene.lfsr.method = count, method
+        arguments, image = (job.arguments for job in (render.animation_job(scene), render.image_job(scene, True, 7)))
         assert arguments["finish"].temporal_averaging == count
         assert arguments["request"].seed == scene.lfsr.seed, "each frame's follows from it"
-        assert render.image_job(scene, number=7).arguments["finish"].temporal_averaging == 0
+        assert image["finish"].temporal_averaging == 0 and image["request"].calm == calm
     assert folders.frame_folder(scene) != render.image_job(scene, number=7).output == folders.frame_folder(scene, 7)
     scene.frame_end = 9
     assert render.animation_job(scene).arguments["request"].sampling.frames == ()
