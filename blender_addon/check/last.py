@@ -67,7 +67,7 @@ def _note(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None = None)
 
 @bpy.app.handlers.persistent
 def _opened(*_: object) -> None:
-    """Another file is open: forget what was found in the last one."""
+    """Another file is open: note what came with it, and forget what was found in the last one."""
     look.newest = max((item.session_uid for item in bpy.data.objects), default=0)
     _problems.clear()
     _rows.clear()
