@@ -157,8 +157,8 @@ SENTENCES: dict[str, Wording] = {
                                  "--quality makes it smaller",
     "views-nearest": "scene-linear views are not interpolated: each part is the rendered view nearest to the one asked "
                      "for",
-    "disparity-missing": "disparity was not written, because the frame has no position layer: render it with --layers "
-                         "position",
+    "disparity-missing": "disparity was not written, because the frame has no position layer: render at scale 2 or "
+                         "more, or with --layers position",
     "display-plane": "things on the display's plane have a depth of {depth:.2f} (0 black, 1 white): set the focus "
                      "there",
     "cameras-cut": "only the {side}×{side} cameras in the middle of {across}×{down} are imported: elemental images are "

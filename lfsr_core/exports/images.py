@@ -150,8 +150,8 @@ def write_rgbd(field: LightField, folder: Path, options: ExportOptions) -> None:
     Depth is linear in disparity; a notice tells the depth of the display plane.
     """
     if (rendered := rendered_disparity(field)) is None:
-        raise LfsrError(f"{field.folder} has no position layer, from which depth comes: render it with the "
-                        "layer position")
+        raise LfsrError(f"{field.folder} has no position layer, from which depth comes: render it at scale "
+                        "2 or more, or with the layer position")
     (disparity, camera), infinite = rendered, infinite_disparity(field.frame)
     color = on_screen(field.view_at(*camera), field.display, options.width or usual_width(field.display))
     hit = disparity[disparity > infinite]
