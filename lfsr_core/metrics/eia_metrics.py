@@ -202,8 +202,8 @@ def compare(image: Array, halves: tuple[Array, Array], lenses: tuple[int, int], 
         "ssim_eia_fg": mean_of(local[inside]) if inside.any() else None,
         "ssim_lens": mean_of(alone), "ssim_lens_fg": mean_of(alone[mask]) if any_foreground else None,
         "psnr_fg": psnr(mean_of((shown - of_a) * (shown - of_b))) if any_foreground else None,
-        "ssim_views_fg": views_ssim, "ssim_eia_plain": ssim(x, mean) if local.size else None,
-        "ssim_ceiling": ssim(a, b) if local.size else None, "flip": mean_flip(x, mean),
+        "ssim_views_fg": views_ssim, "ssim_eia_plain": split_ssim(x, mean, mean) if local.size else None,
+        "ssim_ceiling": split_ssim(a, b, b) if local.size else None, "flip": mean_flip(x, mean),
     } | notes
 
 
@@ -371,13 +371,8 @@ def split_ssim_map(image: Array, half_a: Array, half_b: Array) -> Array:
 
 
 def split_ssim(image: Array, half_a: Array, half_b: Array) -> float:
-    """Mean of ``split_ssim_map`` over the pixels whose window lies inside the image."""
+    """Mean of ``split_ssim_map`` where the window lies inside the image; plain SSIM where both halves are the same."""
     return mean_of(inside_border(split_ssim_map(image, half_a, half_b)))
-
-
-def ssim(image: Array, reference: Array) -> float:
-    """Plain SSIM of two (H, W, C) images in [0, 1]."""
-    return split_ssim(image, reference, reference)
 
 
 def stacked_ssim(images: Array, halves_a: Array, halves_b: Array) -> Array:

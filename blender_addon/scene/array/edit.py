@@ -170,7 +170,8 @@ def _new_array(scene: bpy.types.Scene) -> bpy.types.Object:
 APART, ENCLOSING = 4.0, 20.0  # times the size of all others, from which an object lies far away, or is a dome
 FREE, FLOOR = 1.0, 0.02  # of a stage: walls FREE times that size away; the rest stands within FLOOR of its floor
 FLAT, WIDE = 0.05, 4.0  # of a floor: thickness to length; area to what is on it, of a road the length to its width
-HILLY, WIDER = 0.5, 10.0  # a ground with a pond or hills: thickness as a fraction of what stands on it; area as before
+# A ground with a pond or hills: thickness to the height of what is on it, to the size of MANY things; area as before.
+HILLY, WIDER, MANY = 0.5, 8.0, 10
 MOST_SURROUNDINGS = 6
 # A sky: least metres across; all else is above ALOFT of its height, out of it by BESIDE of its size; FILLED of its box.
 LEAST_SKY, ALOFT, BESIDE, FILLED = 20.0, 0.2, 0.02, 0.9
@@ -183,6 +184,7 @@ TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.75, -90: 0.7, 180: 0.7}  # +X is the f
 TILTS, LOW = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}, 0.6
 # Fraction of hits on fronts below which a view counts less; its weight without any, and that for a low subject.
 FRONTS, FROM_BEHIND, LOW_FROM_BEHIND = 0.5, 0.25, 0.9
+SOLID, PLAIN, ONE_SIDE = 0.3, 0.02, 0.7  # least thickness to length of a box, most variety of its side, and its weight
 # Objects fitted by their vertices, about how many of each; part of the whole below which as many copies count as boxes.
 FEW_OBJECTS, MOST_POINTS, SMALL = 100, 20_000, 0.02
 PROBED, FEWER = (24, 14), (16, 9)  # rays that judge a view, across and down
@@ -244,7 +246,8 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             most, seen = max(most, len({hit[3] for hit in hits})), [hit for hit in hits if hit[2] in shown]
             # Surfaces that face several ways show a shape. For a plane, such as the side of a box, this is 0.
             various = 1 - np.linalg.norm(np.mean([hit[4] for hit in seen] or [(0, 0, 1)], axis=0))
-            counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide * (1 + various)
+            shape = ONE_SIDE if various < PLAIN and size.min() > SOLID * size.max() else 1 + various
+            counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide * shape
             share, eye = len(seen) / math.prod(probes) * part.prod(), mathutils.Matrix(placed[1]).translation
             # Part of the hits that are of fronts, or of solid things whose normals point inwards.
             ahead = np.mean([hit[1] or ((beyond := rays.beyond(hit[0], way := hit[0] - eye)) is not None
@@ -337,9 +340,10 @@ def _surroundings(boxes: Array) -> list[int]:
         sides, size, inner = around[:, 1] - around[:, 0], _diagonal(around[:, 0], around[:, 1]), _diagonal(low, high)
         is_thin = sides == sides.min(1, keepdims=True)
         area, covered = (np.where(is_thin, 1, lengths).prod(1) for lengths in (sides, high - low))
+        scale = inner if len(rest) >= MANY else (high - low)[2]
         is_ceiling = is_thin[:, 2] & (around[:, 0, 2] >= high[2])  # a room is looked at from inside
         is_floor = ~is_ceiling & ((sides.min(1) < FLAT * sides.max(1)) & (area > WIDE * covered)
-                                  | is_thin[:, 2] & (sides[:, 2] < HILLY * (high - low)[2]) & (area > WIDER * covered))
+                                  | is_thin[:, 2] & (sides[:, 2] < HILLY * scale) & (area > WIDER * covered))
         grounds = around[is_floor & is_thin[:, 2], 0, 2]  # a road on one belongs to it, if it is longer than all others
         is_road = is_thin[:, 2] & (sides[:, 2] < FLAT * size) & (np.sort(sides)[:, 1] < size / WIDE)
         is_floor |= is_road & (size > inner) & (np.abs(around[:, :1, 2] - grounds) < FLOOR * size[:, None]).any(1)

@@ -155,13 +155,14 @@ def test_floors_and_what_lies_far_away_are_not_the_main_part():
     assert chosen(THING, road, FLOOR) == ["0"] and chosen(THING, road) == ["0", "1"], "a road, and a rod"
     pond, land = box_at((-6, -6, -0.8), (6, 6, 0.1)), box_at((-6, -6, -2), (6, 6, 0.1))
     assert chosen(THING, pond) == ["0"] and chosen(THING, land) == ["0", "1"], "a ground, and a landscape"
+    assert chosen(land, *[np.add(THING, (0, step / 4, 0)) for step in range(10)]) == [*map(str, range(1, 11))], "a town"
     near, behind = box_at((-4, -4, -0.1), (4, 4, 0)), box_at((-4, 3, 0), (4, 3.2, 4))
     assert chosen(THING, near, behind) == ["0"], "a stage"
     assert chosen(THING, near, behind, box_at((-4, -4, 4), (4, 4, 4.1))) == ["0", "1", "2", "3"], "a room"
 
 
 @pytest.mark.parametrize(("half", "place"), [
-    ((0.5, 0.5, 0.5), lambda at: at.z <= 0.5), ((2, 1, 0.01), lambda at: at.z > 0.5),
+    ((0.5, 0.5, 0.5), lambda at: at.z <= 0.5 < at.x), ((2, 1, 0.01), lambda at: at.z > 0.5),
     ((0.2, 0.2, 2), lambda at: at.z <= 0.5), ((2, 2, 0.5), lambda at: at.z > 0.5),
     ((0.02, 2, 1), lambda at: abs(at.x) > 2)])
 def test_what_is_flat_is_looked_at_from_above_and_what_is_wide_from_a_side_from_there(scene, half, place):
