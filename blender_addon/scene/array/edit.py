@@ -171,7 +171,7 @@ APART, ENCLOSING = 4.0, 20.0  # times the size of all others, from which an obje
 FREE, FLOOR = 1.0, 0.02  # of a stage: walls FREE times that size away; the rest stands within FLOOR of its floor
 FLAT, WIDE = 0.05, 4.0  # of a floor: thickness to length; area to what is on it, of a road the length to its width
 # A ground with a pond or hills: thickness to the height of what is on it, to the size of MANY things; area as before.
-HILLY, WIDER, MANY = 0.5, 8.0, 10
+HILLY, WIDER, MANY, WIDER_OF_MANY = 0.5, 10.0, 10, 8.0
 MOST_SURROUNDINGS = 6
 # A sky: least metres across; all else is above ALOFT of its height, out of it by BESIDE of its size; FILLED of its box.
 LEAST_SKY, ALOFT, BESIDE, FILLED = 20.0, 0.2, 0.02, 0.9
@@ -340,10 +340,10 @@ def _surroundings(boxes: Array) -> list[int]:
         sides, size, inner = around[:, 1] - around[:, 0], _diagonal(around[:, 0], around[:, 1]), _diagonal(low, high)
         is_thin = sides == sides.min(1, keepdims=True)
         area, covered = (np.where(is_thin, 1, lengths).prod(1) for lengths in (sides, high - low))
-        scale = inner if len(rest) >= MANY else (high - low)[2]
+        scale, wider = (inner, WIDER_OF_MANY) if len(rest) >= MANY else ((high - low)[2], WIDER)
         is_ceiling = is_thin[:, 2] & (around[:, 0, 2] >= high[2])  # a room is looked at from inside
         is_floor = ~is_ceiling & ((sides.min(1) < FLAT * sides.max(1)) & (area > WIDE * covered)
-                                  | is_thin[:, 2] & (sides[:, 2] < HILLY * scale) & (area > WIDER * covered))
+                                  | is_thin[:, 2] & (sides[:, 2] < HILLY * scale) & (area > wider * covered))
         grounds = around[is_floor & is_thin[:, 2], 0, 2]  # a road on one belongs to it, if it is longer than all others
         is_road = is_thin[:, 2] & (sides[:, 2] < FLAT * size) & (np.sort(sides)[:, 1] < size / WIDE)
         is_floor |= is_road & (size > inner) & (np.abs(around[:, :1, 2] - grounds) < FLOOR * size[:, None]).any(1)
