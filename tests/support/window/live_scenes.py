@@ -31,7 +31,7 @@ def make_scene(path):
     lfsr = scene.lfsr
     lfsr.display, lfsr.scale, lfsr.live_scale, lfsr.method = "mini", "2", "2", "bilinear"
     lfsr.samples = lfsr.live_samples = SAMPLES
-    lfsr.live_denoise = False
+    lfsr.live_denoise = bpy.context.space_data.shading.use_scene_world_render = False
     bpy.ops.lfsr.array_fit('EXEC_DEFAULT', True)
     bpy.ops.wm.save_as_mainfile(filepath=path)
 """
