@@ -117,10 +117,10 @@ def keep_up(kind: str = PANEL) -> None:
     state.view, state.smooth = view, smooth
     # Rendered by Cycles in the scene's light through its camera, pixel by pixel, without overlays.
     window.scene = shown
-    space.overlay.show_overlays = space.show_gizmo = False
-    space.shading.type, space.shading.use_compositor, space.shading.cycles.render_pass = "RENDERED", "ALWAYS", "COMBINED"
+    space.overlay.show_overlays = space.show_gizmo = space.use_local_camera = False
+    space.shading.type, space.shading.use_compositor = "RENDERED", "ALWAYS"
+    space.shading.cycles.render_pass = "COMBINED"
     space.shading.use_scene_lights_render = space.shading.use_scene_world_render = True
-    space.use_local_camera = False
     space.region_3d.view_perspective, space.region_3d.view_camera_offset = "CAMERA", (0.0, 0.0)
     with _place(window):
         bpy.ops.view3d.zoom_camera_1_to_1()
