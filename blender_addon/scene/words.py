@@ -18,7 +18,7 @@ PANEL: dict[str, Wording] = {
     "averaging-same-seed": lambda values: f"frames {listed(values['frames'])} were not averaged, because they have the "
                                           "same seed",
     "page-large": lambda values: f"the page has {values['bytes'] / 1e6:.0f} MB: phones and mail may refuse it",
-    "disparity-missing": "disparity needs the position layer, which is rendered at scale 2 or more",
+    "disparity-missing": "disparity was not written: it needs the position layer, which is rendered at scale 2 or more",
     "candidate-over-budget": "not measured: beyond the budget of the sample",
     "camera-chosen": lambda values: f"the file's camera {values['camera']!r} is used",
     "camera-missing": lambda values: "the scene has no active camera, so the array stands in front of the subject: of "

@@ -15,8 +15,7 @@ CORNELL = SCRIPTS.parents[1] / "shared" / "assets" / "scenes" / "cornell" / "Cor
 SCENE = """
 def make_scene(path):
     scene = bpy.context.scene
-    for item in list(scene.objects):
-        bpy.data.objects.remove(item)
+    bpy.data.batch_remove(scene.objects)
     bpy.ops.mesh.primitive_monkey_add(location=(0, 0, 1))
     bpy.ops.object.shade_smooth()
     paint = bpy.data.materials.new("Paint")
@@ -31,7 +30,8 @@ def make_scene(path):
     lfsr = scene.lfsr
     lfsr.display, lfsr.scale, lfsr.live_scale, lfsr.method = "mini", "2", "2", "bilinear"
     lfsr.samples = lfsr.live_samples = SAMPLES
-    lfsr.live_denoise = bpy.context.space_data.shading.use_scene_world_render = False
+    lfsr.live_denoise = bpy.context.space_data.shading.use_scene_world_render = False  # as an artist may leave it
+    bpy.context.space_data.shading.cycles.render_pass = "NORMAL"
     bpy.ops.lfsr.array_fit('EXEC_DEFAULT', True)
     bpy.ops.wm.save_as_mainfile(filepath=path)
 """
