@@ -19,7 +19,7 @@ import bpy
 import mathutils
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.frame import CLAMP_INDIRECT
+from lfsr_core.frames.frame import AUTO, CLAMP_INDIRECT, EVEN, OWN
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.eye import LiveRegion, Point, eye_card, eye_place, eye_region
 from lfsr_core.optics.panel.panel_card import PanelCard, panel_card
@@ -29,13 +29,14 @@ from lfsr_core.optics.rays import LensCard, RayLayout, lens_card
 from .. import compat
 from ..render.cards import Wiring, distance_to_volume, new_camera, new_card, new_panel_card, place_of
 from ..scene.array import rig
-from ..scene.settings import display_of, live_samples, live_scale
+from ..scene.light import DEFAULT_LIGHT, has_light, illuminate
+from ..scene.settings import display_of, live_samples, live_scale, resolve
 
-MARK = "lfsr_live"
+MARK, LIGHT = "lfsr_live", "lfsr_light"  # LIGHT: of the live scene and its lights, the setting that they follow
 # Kinds of live view, and values of MARK.
 PANEL, EYE = "panel", "eye"
 NAMES = {PANEL: "LFSR Live", EYE: "LFSR Live Eye"}
-KINDS = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups", "images")
+KINDS = ("scenes", "objects", "meshes", "cameras", "materials", "node_groups", "lights", "worlds", "images")
 # Settings of the artist's scene that decide how Cycles and Blender show it.
 COPIED = ("render", "cycles", "view_settings", "display_settings")
 COMPOSITOR = "LFSR Live"
@@ -52,6 +53,7 @@ class View:
     follows: str  # name of the array's viewing position, which the card follows
     far: float  # distance from the world's origin, rounded up to a power of two
     clear: float  # distance to the nearest volume, rounded down to a power of two
+    smooth: bool  # interpolated inside each elemental image
     eye: Point | None = None  # where the eye stands, None for the panel's image
 
     @property
@@ -78,7 +80,8 @@ def view_of(scene: bpy.types.Scene, size: tuple[int, int], kind: str = PANEL) ->
     place, direct = array.matrix_world.translation, kind == PANEL and profile.is_woven
     layout = PanelLayout(profile, placed[0]) if direct else RayLayout.for_display(profile, placed[0], scale)
     return View(region, layout, profile, array.name, _above(place.length),
-                _above(distance_to_volume(scene, place)) / 2, eye)
+                _above(distance_to_volume(scene, place)) / 2,
+                lfsr.live_smooth and kind == PANEL and region.scale > 1, eye)
 
 
 def _above(length: float) -> float:
@@ -89,7 +92,7 @@ def make(scene: bpy.types.Scene, view: View) -> bpy.types.Scene:
     """Return a new live scene of ``scene``; an error leaves nothing behind."""
     live = bpy.data.scenes.new(NAMES[view.kind])
     try:
-        live[MARK] = view.kind
+        live[MARK], live[LIGHT] = view.kind, ""
         live.background_set = scene
         show(live, view)
     except BaseException:
@@ -100,7 +103,7 @@ def make(scene: bpy.types.Scene, view: View) -> bpy.types.Scene:
 
 def show(live: bpy.types.Scene, view: View) -> None:
     """Let ``live`` show ``view`` instead of what it showed."""
-    _remove([item for item in marked(view.kind) if not isinstance(item, bpy.types.Scene)])
+    _remove([item for item in marked(view.kind) if LIGHT not in item])
     region = view.region
     live.render.preview_pixel_size = str(region.scale)
     follow(live)
@@ -147,7 +150,7 @@ def show(live: bpy.types.Scene, view: View) -> None:
         layers.scene = live
         image = wiring.node("CompositorNodeAlphaOver", Background=(*region.profile.background, 1.0),
                             Foreground=layers.outputs["Image"]).outputs[0]
-        if view.kind == PANEL and live.background_set.lfsr.live_smooth and region.scale > 1:
+        if view.smooth:
             image = wiring.group(_interpolation(region), image)
         live.compositing_node_group = wiring.finish(image)
         for group in set(bpy.data.node_groups) - before:
@@ -157,10 +160,17 @@ def show(live: bpy.types.Scene, view: View) -> None:
 def follow(live: bpy.types.Scene) -> None:
     """Copy what may have changed in the artist's scene and needs no new card."""
     scene = live.background_set
-    lfsr = scene.lfsr
+    lfsr, light = scene.lfsr, resolve(scene).request.light
+    if live[LIGHT] != light:
+        _remove([item for item in marked(live[MARK]) if LIGHT in item and item != live])
+        needed = OWN if has_light(scene) else DEFAULT_LIGHT  # a render alone tells whether there is enough
+        for item in illuminate(live, needed if light == AUTO else light):
+            item[MARK], item[LIGHT] = live[MARK], light
+        live[LIGHT] = light
+    is_lit = live.world is not None and MARK in live.world
     # Settings in which the live scene differs from the artist's; None: the live scene keeps its value.
     kept = ("preview_pixel_size", "use_border", "resolution_x", "resolution_y", "border_max_x", "border_max_y")
-    render = {"engine": "CYCLES", "film_transparent": scene.render.film_transparent or scene.world is None,
+    render = {"engine": "CYCLES", "film_transparent": is_lit or scene.render.film_transparent or scene.world is None,
               "pixel_aspect_x": 1.0, "pixel_aspect_y": 1.0, "resolution_percentage": 100, "use_multiview": False,
               "border_min_x": 0.0, "border_min_y": 0.0} | dict.fromkeys(kept) | compat.whole_textures()
     cycles = {"preview_samples": live_samples(scene, live[MARK] == EYE), "use_preview_adaptive_sampling": False,
@@ -168,6 +178,7 @@ def follow(live: bpy.types.Scene) -> None:
               "preview_denoising_start_sample": 1, "preview_denoising_input_passes": "RGB",
               "pixel_filter_type": "BOX", "sample_clamp_direct": 0.0, "sample_clamp_indirect": CLAMP_INDIRECT,
               "use_camera_cull": False, "use_distance_cull": False,
+              "diffuse_bounces": 0 if light == EVEN else scene.cycles.diffuse_bounces,
               # The card is one more surface that a path passes through.
               "transparent_max_bounces": scene.cycles.transparent_max_bounces + 1}
     # Blender warns of reading a denoiser that it was built without.
@@ -186,7 +197,7 @@ def follow(live: bpy.types.Scene) -> None:
             if value != now:
                 with suppress(TypeError, AttributeError):  # a choice that this scene does not have now
                     setattr(target, name, value)
-    for name, value in (("world", scene.world), ("frame_current", scene.frame_current)):
+    for name, value in (("world", live.world if is_lit else scene.world), ("frame_current", scene.frame_current)):
         if getattr(live, name) != value:
             setattr(live, name, value)
 

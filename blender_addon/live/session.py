@@ -34,8 +34,7 @@ class _Shown:
     """One live view that is on."""
 
     scene: int  # ``session_uid`` of the artist's scene
-    view: live_scene.View | None = None  # view and smoothing that the live scene was made with
-    smooth: bool | None = None
+    view: live_scene.View | None = None  # that the live scene was made with
     zoom: float = 0.0  # at which a pixel of the view is one of the window
     message: str = ""  # what is wrong or what to do next
 
@@ -103,10 +102,10 @@ def keep_up(kind: str = PANEL) -> None:
     if scene is None or window is None:
         return
     space, region = space_of(window), region_of(window)
-    view, smooth = live_scene.view_of(scene, (region.width, region.height), kind), scene.lfsr.live_smooth
+    view = live_scene.view_of(scene, (region.width, region.height), kind)
     if (shown := live(kind)) is None:
         shown = live_scene.make(scene, view)
-    elif (view, smooth) != (state.view, state.smooth) or shown.background_set != scene or shown.camera is None:
+    elif view != state.view or shown.background_set != scene or shown.camera is None:
         shown.background_set = scene
         live_scene.show(shown, view)
     else:
@@ -114,7 +113,7 @@ def keep_up(kind: str = PANEL) -> None:
         place = space.region_3d
         if window.scene == shown and (place.view_perspective, place.view_camera_zoom) == ("CAMERA", state.zoom):
             return
-    state.view, state.smooth = view, smooth
+    state.view = view
     # Rendered by Cycles in the scene's light through its camera, pixel by pixel, without overlays.
     window.scene = shown
     space.overlay.show_overlays = space.show_gizmo = space.use_local_camera = False

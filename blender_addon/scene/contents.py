@@ -1,6 +1,7 @@
 """What a scene holds: its subject and background, collections, materials, and what a light field leaves out of it."""
 
 from collections.abc import Iterable, Iterator
+from itertools import combinations
 
 import bpy
 
@@ -19,6 +20,7 @@ SWITCHES = ("exclude", "holdout", "indirect_only")
 EEVEE_NODES = ("SHADERTORGB", "EEVEE_SPECULAR")  # which Cycles does not have
 STROKES = {"GREASEPENCIL", "GPENCIL"}  # drawn over Blender's own render, since 4.3 and before
 SHOWN = {*GEOMETRY, "LIGHT"}
+OBLIQUE = 1e-3  # cosine between two axes of a camera
 
 
 def find_subject(scene: bpy.types.Scene, name: str | None = None) -> set[bpy.types.Object]:
@@ -141,7 +143,8 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
     if camera is not None:
         named, move = {"camera": camera.name}, {"x": camera.data.shift_x, "y": camera.data.shift_y}
         notes += [Notice("focus-ignored", named)] if camera.data.dof.use_dof else []
-        notes += [Notice("camera-sheared", named)] if rig.is_sheared(camera) else []
+        axes = combinations(camera.matrix_world.normalized().to_3x3().col, 2)  # scales of parents make them oblique
+        notes += [Notice("camera-sheared", named)] if any(abs(one.dot(other)) > OBLIQUE for one, other in axes) else []
         notes += [Notice("camera-parallel", named)] if camera.data.type == "ORTHO" else []
         notes += [Notice("shift-followed", named | move)] if camera.data.type == "PERSP" and any(move.values()) else []
     cameras = {marker.camera.name for marker in scene.timeline_markers if marker.camera is not None}

@@ -109,34 +109,33 @@ def _plain_world(world: bpy.types.World | None) -> float:
 
 @contextmanager
 def lit(scene: bpy.types.Scene, light: str) -> Iterator[None]:
-    """Light ``scene`` inside the block: OWN leaves it as it is, EVEN adds lamps, anything else is a world image.
+    """Light ``scene`` with what ``illuminate`` adds inside the block."""
+    before, added = scene.world, illuminate(scene, light)
+    try:
+        with compat.overridden(scene.cycles, {"diffuse_bounces": 0} if light == EVEN else {}):
+            yield
+    finally:
+        scene.world = before
+        bpy.data.batch_remove(added)
+
+
+def illuminate(scene: bpy.types.Scene, light: str) -> list[bpy.types.ID]:
+    """Light ``scene``, and return the new data: OWN adds nothing, EVEN lamps, anything else a world image.
 
     Even light is what arrives from the lamps alone: in a white room, reflected light would make all surfaces as bright.
+    So it goes with no diffuse bounces.
     """
     if light == OWN:
-        yield
-    elif light == EVEN:
-        lamps = [bpy.data.objects.new("LFSR light", bpy.data.lights.new("LFSR light", "SUN")) for _ in EVEN_LAMPS]
-        try:
-            for lamp, (around, above, strength) in zip(lamps, EVEN_LAMPS, strict=True):
-                lamp.rotation_euler = math.radians(90 - above), 0, math.radians(around)
-                lamp.data.energy, lamp.data.use_shadow, lamp.visible_camera = strength, False, False
-                scene.collection.objects.link(lamp)
-            with compat.overridden(scene.cycles, {"diffuse_bounces": 0}):
-                yield
-        finally:
-            bpy.data.batch_remove([data for lamp in lamps for data in (lamp, lamp.data)])
-    else:
-        before, world = scene.world, add_light(scene, light)
-        try:
-            yield
-        finally:
-            scene.world = before
-            images = [node.image for node in world.node_tree.nodes if node.type == "TEX_ENVIRONMENT"]
-            bpy.data.worlds.remove(world)
-            for image in images:
-                if not image.users:
-                    bpy.data.images.remove(image)
+        return []
+    if light != EVEN:
+        world = add_light(scene, light)
+        return [world, *(node.image for node in world.node_tree.nodes if node.type == "TEX_ENVIRONMENT")]
+    lamps = [bpy.data.objects.new("LFSR light", bpy.data.lights.new("LFSR light", "SUN")) for _ in EVEN_LAMPS]
+    for lamp, (around, above, strength) in zip(lamps, EVEN_LAMPS, strict=True):
+        lamp.rotation_euler = math.radians(90 - above), 0, math.radians(around)
+        lamp.data.energy, lamp.data.use_shadow, lamp.visible_camera = strength, False, False
+        scene.collection.objects.link(lamp)
+    return [data for lamp in lamps for data in (lamp, lamp.data)]
 
 
 def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.World:
@@ -160,7 +159,7 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.W
         if not path.is_file():
             raise LfsrError(f"this Blender has no world image {light!r}: choose another light, or give a .hdr or .exr "
                             "file")
-    image = bpy.data.images.load(str(path), check_existing=True)
+    image = bpy.data.images.load(str(path))
     if not all(image.size):
         bpy.data.images.remove(image)
         raise unreadable

@@ -129,15 +129,9 @@ class ViewTransform:
         shaper = ocio.LogAffineTransform(logSideSlope=[1 / width] * 3, logSideOffset=[-low / width] * 3,
                                          linSideSlope=[1.0] * 3, linSideOffset=[2.0**low] * 3)
         light = (2 ** np.linspace(low, high, GRID) - 2.0**low).astype(np.float32)
-
-        def slab(red: np.float32) -> Array:
-            """Display values (green, blue, 3) for one red."""
-            colors = np.empty((GRID, GRID, 3), np.float32)
-            colors[..., 0], colors[..., 1], colors[..., 2] = red, light[:, None], light
-            return self(colors)
-
+        colors = np.stack(np.meshgrid(light, light, light, indexing="ij"), -1)  # by red, green, blue
         with ThreadPoolExecutor(4) as pool:
-            values = np.stack(list(pool.map(slab, light)))
+            values = np.stack(list(pool.map(self, colors)))
         cube = ocio.Lut3DTransform(gridSize=GRID)
         cube.setInterpolation(ocio.INTERP_TETRAHEDRAL)
         cube.setData(values.ravel())

@@ -168,10 +168,7 @@ def test_the_keyboard_alone_does_everything(opened):
     assert state(page)["eye"] == [0, 0, MINI.viewing_distance_mm]
     keys.press("Space")
     page.page.wait_for_function("(0, eval)('state').eye[0] > 1")
-    reached = set()
-    for _ in range(14):
-        keys.press("Tab")
-        reached.add(page.page.evaluate("document.activeElement.id"))
+    reached = {keys.press("Tab") or page.page.evaluate("document.activeElement.id") for _ in range(14)}
     assert {"mode", "stereo", "aperture", "focus", "sway", "reset", "save", "full"} <= reached
     page.page.focus("#mode")
     keys.press("ArrowDown")

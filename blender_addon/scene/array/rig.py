@@ -134,7 +134,7 @@ def why_not_editable(data: bpy.types.ID) -> str | None:
     return None
 
 
-OBLIQUE, FLAT = 1e-3, 1e-6  # cosine between two axes; determinant of three of length 1 that are not three directions
+FLAT = 1e-6  # determinant of three axes of length 1 that are not three directions
 Matrix = Sequence[Sequence[float]]
 
 
@@ -153,12 +153,6 @@ def from_blender(matrix_world: mathutils.Matrix) -> tuple[tuple[float, ...], ...
 def is_mirrored(item: bpy.types.Object) -> bool:
     """Return True if negative scales, the object's or its parents', make ``item`` its own mirror image."""
     return bool(item.matrix_world.normalized().to_3x3().determinant() < 0)
-
-
-def is_sheared(item: bpy.types.Object) -> bool:
-    """Return True if scales of its parents have made the axes of ``item`` oblique."""
-    across, up, along = (axis.to_3d() for axis in item.matrix_world.normalized().col[:3])
-    return bool(max(abs(across.dot(up)), abs(across.dot(along)), abs(up.dot(along))) > OBLIQUE)
 
 
 def upright(item: bpy.types.Object) -> mathutils.Matrix:

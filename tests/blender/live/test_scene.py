@@ -86,6 +86,23 @@ def test_it_follows_the_array_world_frame_and_colours(scene, shown):
     assert shown.render.preview_pixel_size == "2" and shown.cycles.pixel_filter_type == "BOX"
 
 
+def test_it_is_lit_as_the_image(scene, shown):
+    scene.render.film_transparent, scene.world = False, bpy.data.worlds.new("own")
+    for light, kind, count in (("CITY", "worlds", 1), ("EVEN", "lights", 4), ("OWN", "worlds", 0)):
+        scene.lfsr.light = light
+        live_scene.follow(shown)
+        live_scene.show(shown, live_scene.view_of(scene, (300, 200)))
+        assert sum(item in live_scene.marked() for item in getattr(bpy.data, kind)) == count
+        assert (shown.world != scene.world) == shown.render.film_transparent == (light == "CITY")
+        assert shown.cycles.diffuse_bounces == (0 if light == "EVEN" else 4)
+    scene.lfsr.light, scene.world = "AUTO", None
+    bpy.data.batch_remove([item for item in scene.objects if item.type == "LIGHT"])
+    live_scene.follow(shown)
+    assert shown.world in live_scene.marked(), "a scene without light gets some"
+    live_scene.remove_all()
+    assert (len(bpy.data.images), len(bpy.data.lights), len(bpy.data.worlds)) == (0, 1, 1)
+
+
 def test_a_region_of_another_size_keeps_the_card_in_the_middle_and_rays_are_per_pixel_of_the_display(scene, shown):
     live_scene.show(shown, live_scene.view_of(scene, (301, 200)))
     assert (shown.render.resolution_x, shown.render.resolution_y) == (301, 200)

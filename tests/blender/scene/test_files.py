@@ -41,10 +41,7 @@ def node(item, kind):
 
 
 def picture(path):
-    pixels = np.random.default_rng(0).integers(0, 255, (32, 32, 3)).astype(np.uint8)
-    out = oiio.ImageOutput.create(str(path))
-    assert out.open(str(path), oiio.ImageSpec(32, 32, 3, oiio.UINT8)) and out.write_image(pixels)
-    out.close()
+    assert oiio.ImageBuf(np.random.default_rng(0).integers(0, 255, (32, 32, 3)).astype(np.uint8)).write(str(path))
     return path
 
 

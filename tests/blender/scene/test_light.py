@@ -178,12 +178,10 @@ def test_light_is_chosen_by_hand(scene, tmp_path):
                                               ("cut.exr", "cannot be read as an"), ("cut.hdr", "cannot be read as an")])
 def test_a_light_file_that_cannot_be_read_is_one_sentence(scene, tmp_path, name, sentence):
     (tmp_path / "text.exr").write_text("no image")
-    for ending in ("exr", "hdr"):
+    for path in (tmp_path / "cut.exr", tmp_path / "cut.hdr"):
         pixels = np.linspace(0, 1, 32 * 16 * 3, dtype=np.float32).reshape(16, 32, 3)
-        output = oiio.ImageOutput.create(str(tmp_path / f"cut.{ending}"))
-        assert output.open(str(tmp_path / f"cut.{ending}"), oiio.ImageSpec(32, 16, 3, "float"))
-        assert output.write_image(pixels) and output.close()
-        os.truncate(tmp_path / f"cut.{ending}", (tmp_path / f"cut.{ending}").stat().st_size * 3 // 4)
+        assert oiio.ImageBuf(pixels).write(str(path))
+        os.truncate(path, path.stat().st_size * 3 // 4)
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     refuses(f"{name} {sentence}", brightness, scene, tmp_path, light=str(tmp_path / name))
     assert scene.world is None and not bpy.data.worlds
@@ -197,12 +195,10 @@ def test_every_frame_of_an_animation_has_the_same_light(scene, tmp_path):
         sun.energy = strength
         sun.keyframe_insert("energy", frame=number)
     scene.frame_set(1)
-    lights = set()
     for number in (1, 10):
         job = make_request(str(tmp_path), MINI, scene="scene.glb", frame=number)
         with frame_folder.prepared(scene, job) as frame:
-            lights.add(frame.light)
-    assert lights == {"own"}
+            assert frame.light == "own"
 
 
 def test_keys_of_samples_do_not_make_the_proof_of_light_long(scene, tmp_path):
@@ -236,11 +232,10 @@ def refused(scene, folder, pattern, **options):
     assert not folder.exists()
 
 
-@pytest.mark.parametrize(("name", "value", "pattern"), [
-    ("exposure", float("nan"), "view exposure is nan"), ("gamma", float("nan"), "view gamma is nan")])
-def test_views_that_the_second_stage_does_not_know_are_refused(coloured, tmp_path, name, value, pattern):
-    setattr(coloured.view_settings, name, value)
-    refused(coloured, tmp_path / "frame", pattern)
+@pytest.mark.parametrize("name", ["exposure", "gamma"])
+def test_views_that_the_second_stage_does_not_know_are_refused(coloured, tmp_path, name):
+    setattr(coloured.view_settings, name, float("nan"))
+    refused(coloured, tmp_path / "frame", f"view {name} is nan")
 
 
 @pytest.mark.skipif(not hasattr(bpy.data, "colorspace"), reason="working spaces are new in Blender 5.0")

@@ -194,10 +194,7 @@ def test_the_card_steps_by_whole_lenses_and_its_print_goes_with_it(built):
     scene = built("motion", 1)
     card = meshes(scene, "card")[0]
     y, half, path = card_of_motion(SPACE, 1, FRAMES)
-    places = []
-    for frame in range(1, FRAMES + 1):
-        scene.frame_set(frame)
-        places.append(np.array(card.location))
+    places = [scene.frame_set(frame) or np.array(card.location) for frame in range(1, FRAMES + 1)]
     steps = np.diff(places, axis=0) / SPACE.magnified(y)
     assert steps[:, 1] == pytest.approx(np.zeros(FRAMES - 1), abs=1e-5)
     assert steps[:, [0, 2]] == pytest.approx(np.diff(path, axis=0) * [1, -1], abs=1e-4)

@@ -79,7 +79,6 @@ def test_a_device_is_made_once_and_input_scale_multiplies_what_the_network_sees(
     np.testing.assert_allclose(scaled * 8, denoise.denoise_image(COLOR, input_scale=1.0), rtol=1e-4, atol=1e-4)
     with pytest.raises(RuntimeError, match="error"):
         denoise.denoise_image(COLOR, weights=bytes(100))
-    said = []
     with pytest.raises(RuntimeError, match="error"):
         denoise.denoise_image(COLOR, weights=bytes(100), device=REFUSED, note=said.append)
 
