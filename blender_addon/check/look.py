@@ -48,7 +48,8 @@ STARTUP_LAMP = (4.07625, 1.00545, 5.90386)  # where a new file's lamp stands
 STARTUP_CAMERAS = ((7.35889, -6.92579, 4.95831), (7.48113, -6.50764, 5.34367))  # and its camera; until Blender 2.79
 # How a new file's camera is turned: nobody has aimed it, even if it was moved. It was rolled until Blender 2.79.
 STARTUP_TURN, ROLL = mathutils.Euler((1.10932, 0.0, 0.81493)).to_quaternion(), 0.02
-TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject fills: of an aimed camera, of an unaimed one
+# Least fraction of the picture that the subject fills: of an aimed camera, of an unaimed one; of what it might fill.
+TINY, SMALL, SMALLER = 0.01, 0.1, 0.33
 OUTSIDE, WIDER = 0.03, (48, 28)  # of what so many rays of a larger frame, as close as PROBES, would meet of the subject
 HEAVY, HIDDEN = 100, 0.25  # faces from which a mesh is more than a box, part of the picture that a box may hide
 CLOSE = 0.02  # of the subject's size: the array is inside an object whose inner side is nearer than that
@@ -273,8 +274,7 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
     seen = [hit for hit in hits if hit is not None and hit[2] in shown]
     share = len(seen) / len(hits)
     is_unaimed = _is_unaimed(scene) and (eye.translation - scene.camera.matrix_world.translation).length < 1e-3
-    points = np.concatenate(list(boxes.values()))
-    low, high = points.min(0), points.max(0)
+    [(low, high)] = edit.bounds([np.concatenate([*boxes.values()])])
     name = main[0].name if len(main) == 1 else f"{main[0].name} with {counted(len(main) - 1, 'other object')}"
 
     def is_in_box(place: rig.Placement) -> bool:
@@ -289,15 +289,15 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
     # A camera that was aimed stays where rays do not meet what it shows, or where the objects would be no larger.
     if not (seen or is_unaimed) and (hits.count(None) <= len(hits) / 2 or has_output(scene, "Displacement")):
         return "", None
-    if share < (SMALL if is_unaimed else TINY):
+    if is_unaimed or share < TINY:
         best = edit.in_front(scene, display, set(main))
-        if not is_unaimed and [hit and hit[2] in shown for hit in through(rays, best)].count(True) <= len(seen):
+        better = [hit and hit[2] in shown for hit in through(rays, best)].count(True)
+        if not is_unaimed and better <= len(seen):
             return "", None
-        part = "less than 1%" if share < 0.01 else f"{share:.0%}"
-        return (f"The array sees nothing of {name}." if not seen else f"{name} fills {part} of the picture."
-                + f" {UNAIMED}." * is_unaimed), best
-    if is_unaimed:
-        best = edit.in_front(scene, display, set(main))
+        if share < SMALL or len(seen) < better * SMALLER:
+            part = "less than 1%" if share < 0.01 else f"{share:.0%}"
+            return (f"The array sees nothing of {name}." if not seen else f"{name} fills {part} of the picture."
+                    + f" {UNAIMED}." * is_unaimed), best
         if not is_in_box(placed) and is_in_box(best):
             return f"The array stands outside a room. {UNAIMED}.", best
         wide = through(rays, placed, *WIDER, np.subtract(WIDER, 1) / np.subtract(placement.PROBES, 1))
