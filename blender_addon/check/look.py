@@ -48,8 +48,8 @@ STARTUP_LAMP = (4.07625, 1.00545, 5.90386)  # where a new file's lamp stands
 STARTUP_CAMERAS = ((7.35889, -6.92579, 4.95831), (7.48113, -6.50764, 5.34367))  # and its camera; until Blender 2.79
 # How a new file's camera is turned: nobody has aimed it, even if it was moved. It was rolled until Blender 2.79.
 STARTUP_TURN, ROLL = mathutils.Euler((1.10932, 0.0, 0.81493)).to_quaternion(), 0.02
-# Least fraction of the picture that the subject fills: of an aimed camera, of an unaimed one; of what it might fill.
-TINY, SMALL, SMALLER = 0.01, 0.1, 0.33
+TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject fills: of an aimed camera, of an unaimed one
+SMALLER = 0.33  # of what it might fill from elsewhere, times the number of things that are seen
 OUTSIDE, WIDER = 0.03, (48, 28)  # of what so many rays of a larger frame, as close as PROBES, would meet of the subject
 HEAVY, HIDDEN = 100, 0.25  # faces from which a mesh is more than a box, part of the picture that a box may hide
 CLOSE = 0.02  # of the subject's size: the array is inside an object whose inner side is nearer than that
@@ -291,10 +291,11 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
         return "", None
     if is_unaimed or share < TINY:
         best = edit.in_front(scene, display, set(main))
-        better = [hit and hit[2] in shown for hit in through(rays, best)].count(True)
-        if not is_unaimed and better <= len(seen):
+        better = [hit for hit in through(rays, best) if hit is not None and hit[2] in shown]
+        if not is_unaimed and len(better) <= len(seen):
             return "", None
-        if share < SMALL or len(seen) < better * SMALLER:
+        worth, most = (len(shares) * len({hit[3] for hit in shares}) for shares in (seen, better))
+        if share < SMALL or worth < most * SMALLER:
             part = "less than 1%" if share < 0.01 else f"{share:.0%}"
             return (f"The array sees nothing of {name}." if not seen else f"{name} fills {part} of the picture."
                     + f" {UNAIMED}." * is_unaimed), best

@@ -113,7 +113,7 @@ def show(live: bpy.types.Scene, view: View) -> None:
     live.render.border_max_x, live.render.border_max_y = (
         min(1.0, (region.drawn[axis] + 0.5) / region.size[axis]) for axis in (0, 1))
     array, made = view.layout.array, list[bpy.types.ID]()
-    place = place_of(array, view.far)
+    place, before = place_of(array, view.far), set(bpy.data.node_groups)
     try:
         card: PanelCard | LensCard
         if isinstance(view.layout, PanelLayout):
@@ -127,34 +127,31 @@ def show(live: bpy.types.Scene, view: View) -> None:
                 lenses = dataclasses.replace(lenses, cells=view.layout.views - lenses.cells)
             card, screen = lenses, new_card(made, lenses, array.distance, place)
         camera = new_camera(made, region.size[0] * card.pixel / region.scale, card.spreads, place)
+        for item in (camera, screen):
+            live.collection.objects.link(item)
+        # Its frame is shifted, by fractions of its width, so that the card is in the panel's place. The camera must not
+        # move: its place is the rays' origin.
+        camera.data.shift_x, camera.data.shift_y = (-length / region.size[0] for length in region.shift)
+        # The card follows the array; the distances behind it are in the mesh and in the camera's own location.
+        screen.data.transform(mathutils.Matrix.Translation((0, 0, place.gap / 2)))
+        camera.parent, camera.location = screen, (0, 0, place.gap)
+        # Without the array's scale, as the rays.
+        for kind in ("COPY_LOCATION", "COPY_ROTATION"):
+            screen.constraints.new(kind).target = bpy.data.objects[view.follows]
+        live.camera = camera
+        if can_interpolate():
+            # Its render over the display's background, interpolated where that is asked for.
+            wiring = _Wiring(COMPOSITOR)
+            layers = wiring.node("CompositorNodeRLayers")
+            layers.scene = live
+            image = wiring.node("CompositorNodeAlphaOver", Background=(*region.profile.background, 1.0),
+                                Foreground=layers.outputs["Image"]).outputs[0]
+            if view.smooth:
+                image = wiring.group(_interpolation(region), image)
+            live.compositing_node_group = wiring.finish(image)
     finally:
-        for item in made:
+        for item in (*made, *set(bpy.data.node_groups) - before):
             item[MARK] = view.kind
-    for item in (camera, screen):
-        live.collection.objects.link(item)
-    # Its frame is shifted, by fractions of its width, so that the card is in the panel's place. The camera must not
-    # move: its place is the rays' origin.
-    camera.data.shift_x, camera.data.shift_y = (-length / region.size[0] for length in region.shift)
-    # The card follows the array; the distances behind it are in the mesh and in the camera's own location.
-    screen.data.transform(mathutils.Matrix.Translation((0, 0, place.gap / 2)))
-    camera.parent, camera.location = screen, (0, 0, place.gap)
-    # Without the array's scale, as the rays.
-    for kind in ("COPY_LOCATION", "COPY_ROTATION"):
-        screen.constraints.new(kind).target = bpy.data.objects[view.follows]
-    live.camera = camera
-    if can_interpolate():
-        before = set(bpy.data.node_groups)
-        # Its render over the display's background, interpolated where that is asked for.
-        wiring = _Wiring(COMPOSITOR)
-        layers = wiring.node("CompositorNodeRLayers")
-        layers.scene = live
-        image = wiring.node("CompositorNodeAlphaOver", Background=(*region.profile.background, 1.0),
-                            Foreground=layers.outputs["Image"]).outputs[0]
-        if view.smooth:
-            image = wiring.group(_interpolation(region), image)
-        live.compositing_node_group = wiring.finish(image)
-        for group in set(bpy.data.node_groups) - before:
-            group[MARK] = view.kind
 
 
 def follow(live: bpy.types.Scene) -> None:

@@ -228,8 +228,8 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     grounds = [top for item, box in boxes.items() if item not in chosen and (top := box[:, 2].max()) < high[2]
                and top > low[2] + FLAT * (high - low)[2] and np.ptp(box[:, 2]) < FLAT * np.ptp(box, axis=0).max()]
     lowest = {-math.inf, max(grounds, default=-math.inf)}
-    low, high = np.percentile(points, (25, 75), axis=0)
-    without_tails = np.clip(points, low - WHISKERS * (high - low), high + WHISKERS * (high - low))
+    lower, upper = np.percentile(points, (25, 75), axis=0)
+    without_tails = np.clip(points, lower - WHISKERS * (upper - lower), upper + WHISKERS * (upper - lower))
     # Too few rays meet a narrow subject, such as a standing figure, unless all are sent towards it.
     for fitted, all_meet, least in ((points, False, NARROW), (points, True, LEAST_SEEN), (without_tails, False, 0)):
         choices, size = list[tuple[float, float, Placement]](), np.ptp(fitted, axis=0)
@@ -255,6 +255,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
                              for hit in seen] or [False])
             behind = FROM_BEHIND if size[2] > LOW * size[:2].min() else LOW_FROM_BEHIND
             counts *= np.interp(ahead, (0, FRONTS), (behind, 1)) * (1 + turn.col[1].dot(away) / placed[0].distance)**2
+            counts *= ((low >= eye) | (high <= eye)).any()  # not from inside a tail
             choices.append((counts * share * len({hit[3] for hit in seen}), share, placed))
         _, share, best = max(choices, key=lambda choice: choice[0])
         if share > least:

@@ -206,6 +206,12 @@ def make_room(scene, lamp: bool) -> list[bpy.types.Object]:
     return items
 
 
+def test_a_camera_that_nobody_aimed_does_not_look_at_the_backs_of_walls(startup):
+    things = [add_box((x, y, 0), (0.2, 0.2, 0.2)) for x in (-1, 0, 1) for y in (-1, 0, 1)]
+    walls = add_box((1.5, 0, 0.5), (0.1, 1.5, 1)), add_box((0, -1.5, 0.5), (1.5, 0.1, 1))
+    assert "fills" in mend(startup)["frame"] and share_of(startup, things[0]) > 0 < share_of(startup, walls[0])
+
+
 @pytest.mark.parametrize(("lamp", "glow"), [(True, 0), (False, 0), (False, 1e-3)])
 def test_of_a_room_the_inside_is_seen(startup, lamp, glow):
     items = make_room(startup, lamp)
@@ -343,6 +349,9 @@ def test_a_globe_is_no_room_and_a_thin_tail_does_not_make_a_ring_small(startup):
     bpy.ops.mesh.primitive_torus_add(location=(400, 0, 0))
     ring, tail = bpy.context.object, add_box((400, 0, -90), (0.01, 0.01, 90))
     assert "frame" not in mend(startup) and share_of(startup, ring) > 0.05 and share_of(startup, tail) < 0.05
+    ring.rotation_euler.x = np.pi / 2
+    add_box((400, 0, 0), (0.01, 90, 0.01)), ring.select_set(True), bpy.ops.object.join()
+    assert place_in_room(startup, [bpy.context.object]) is None, "not in its tail"
 
 
 def test_a_shell_is_seen_from_its_front_and_a_solid_thing_whose_normals_point_inwards_as_any(startup):
