@@ -337,7 +337,7 @@ def test_a_box_around_all_is_a_sky_that_is_left_out_unless_a_camera_was_aimed_in
     assert edit.sky_around(startup, edit.boxes_now({sky, *houses})) is None, "they stand on its floor"
 
 
-def test_a_globe_is_no_room_and_a_thin_tail_does_not_make_a_ring_small(startup):
+def test_a_globe_is_no_room_and_neither_a_thin_tail_nor_its_own_ground_makes_a_ring_small(startup):
     things = [bpy.data.objects["Cube"]]
     for metres in (100, 10, 1):
         bpy.data.batch_remove(things)
@@ -352,6 +352,10 @@ def test_a_globe_is_no_room_and_a_thin_tail_does_not_make_a_ring_small(startup):
     ring.rotation_euler.x = np.pi / 2
     add_box((400, 0, 0), (0.01, 90, 0.01)), ring.select_set(True), bpy.ops.object.join()
     assert place_in_room(startup, [bpy.context.object]) is None, "not in its tail"
+    bpy.ops.mesh.primitive_torus_add(location=(0, 0, 0.3))
+    ring = bpy.context.object
+    add_box((0, 0, 0), (40, 30, 0.01)), ring.select_set(True), bpy.ops.object.join()
+    assert edit.in_front(startup, scene_settings.display_of(startup), {bpy.context.object})[0].half_width < 4
 
 
 def test_a_shell_is_seen_from_its_front_and_a_solid_thing_whose_normals_point_inwards_as_any(startup):
