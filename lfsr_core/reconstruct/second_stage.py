@@ -34,11 +34,8 @@ from lfsr_core.reconstruct.methods.denoise import Note, Wanted, denoise_eia, spa
 from lfsr_core.reconstruct.upscaler import (
     LowResEIA,
     Upscaler,
-    decode,
-    encode,
     foreground_mask,
     foreground_pixels,
-    interpolated,
     low_resolution,
     over_background,
     read_world,
@@ -365,21 +362,19 @@ def finish_lenses(upscaler: Upscaler, low: LowResEIA, lenses: Array) -> Array:
     """EIs (N, h·s, w·s, 3), scene-linear, of ``lenses`` (N, 2): upscaled, before the world where there is one.
 
     Before a world the low-resolution EIA holds the subject alone, over black, and its opacity. The opacity is denoised
-    and upscaled as colour is, in the same domain, so that no dark or bright seam is left between subject and world;
-    the world itself is known at full resolution and without noise.
+    and upscaled as colour is, along the same depth and in the same domain, so that no dark or bright seam is left
+    between subject and world; the world itself is known at full resolution and without noise.
     """
     if low.world is None:
         return upscaler(low, lenses)
-    assert low.places is not None and low.opacity is not None, "Method.prepare has checked it"
+    assert low.places is not None and low.opacity is not None and low.cover is not None, "Method.prepare has checked it"
     rows, columns = lenses.T
     # Light of the world that passes the subject.
-    images, opacity = low.world.elemental_images(low.places[rows, columns]), low.opacity[rows, columns]
-    hiding = opacity.any((1, 2, 3))
-    if hiding.any():
-        images[hiding] *= 1 - np.clip(decode(interpolated(encode(opacity[hiding]), upscaler.kernel, low.factors)), 0, 1)
-    some = opacity.any((1, 2, 3)) | low.rendered[rows, columns].any((1, 2, 3))
+    images = low.world.elemental_images(low.places[rows, columns])
+    some = low.opacity[rows, columns].any((1, 2, 3)) | low.rendered[rows, columns].any((1, 2, 3))
     if some.any():
-        images[some] += upscaler(low, lenses[some])
+        passing = 1 - np.clip(upscaler(low.cover, lenses[some]), 0, 1)
+        images[some] = images[some] * passing + upscaler(low, lenses[some])
     return images
 
 

@@ -61,6 +61,7 @@ class LowResEIA:
     opacity: Array | None = None
     places: Array | None = None
     world: WorldView | None = None
+    cover: "LowResEIA | None" = None  # the opacity, prepared for an upscaler as the colour is
 
     @property
     def factors(self) -> tuple[int, int]:
@@ -229,7 +230,6 @@ class Upscaler(abc.ABC):
 
     thread_safe: bool = False  # whether several threads may call it at once
     follows_depth: bool = False  # whether it reads the slopes of what is seen
-    kernel: str = "linear"  # of KERNELS, by which the opacity before a world is upscaled
 
     def prepare(self, low: LowResEIA) -> LowResEIA:
         """Return what it is called with: ``low`` after all prefilters, and what all lenses have in common."""

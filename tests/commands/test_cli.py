@@ -267,7 +267,6 @@ def test_views_writes_its_images_once_finished_and_a_truncated_render_keeps_the_
     assert main(["views", str(folder)]) == 0
     assert capsys.readouterr().out.split() == [str(folder / name) for name in ("epi_x.png", "epi_y.png", "views.png")]
     assert main(["views", str(folder), "--eye=-20,10,180"]) == 0 and (folder / "eye.png").exists()
-    folder = write_render(tmp_path / "frame")
     main(["upscale", str(folder), "--method", "nearest"])
     capsys.readouterr()
     picture, whole = (folder / "eia.png").read_bytes(), (folder / "lr_eia.exr").read_bytes()

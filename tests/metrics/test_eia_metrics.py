@@ -84,7 +84,6 @@ def test_foreground_metrics_ignore_the_background_and_values_above_display_white
     for name in ("ssim_eia_fg", "ssim_lens_fg", "psnr_fg"):
         assert after[name] == pytest.approx(before[name], abs=1e-9)
     assert after["ssim_eia"] < before["ssim_eia"] - 0.02
-    x, a, b = eia_case()
     bright = [values.copy() for values in (x, a, b)]
     for values, level in zip(bright, (3, 5, 7), strict=True):
         values[40:60, 60:80] = level
@@ -189,7 +188,6 @@ def test_a_frame_finished_meanwhile_keeps_its_report_and_a_linear_image_of_anoth
     refuses(r"with frames \(1, 3\), but .* finish it again", compare_folders, folder, reference)
     write_layers(folder / "eia.exr", {"color": np.zeros((8, 8, 3), np.float16)}, half=True)
     refuses("finish the frame again with a linear EXR", compare_folders, folder, reference)
-    folder, reference = write_render(tmp_path / "f"), write_reference(tmp_path / "r")
     finish_frame(folder, "bicubic")
     real = eia_metrics.compare
 

@@ -79,16 +79,13 @@ def test_what_moved_in_opacity_alone_or_in_a_reflection_is_detected():
     other[BLOCK] = 0.9
     weight = similarity(frame(clean, 0, opacity=flat), frame(clean, 1, opacity=other))
     assert weight[BLOCK].max() < 0.05 and weight[:, 10:].mean() > 0.9
-    clean = waves(0)
     noisy = [frame(clean, seed, opacity=frame(clean, seed + 20).color) for seed in range(4)]
     averaged, _ = average_frames(noisy[0], noisy[1:])
     assert np.std(averaged.opacity - clean) < 0.6 * np.std(noisy[0].opacity - clean)
-    assert dataclasses.replace(noisy[0], color=averaged.color).samples == 16
-    clean, moved = waves(0), waves(0)
+    moved = clean.copy()
     moved[BLOCK] = clean[BLOCK][..., ::-1, :]
     assert similarity(frame(clean, 0, 0.1), frame(moved, 1, 0.1))[BLOCK].mean() < 0.1
     for times in [0.7, 1.2]:
-        clean = waves(0)
         assert similarity(frame(clean, 0), frame(clean * np.float32(times), 1)).mean() < 0.2
 
 
@@ -100,9 +97,8 @@ def test_similarity_is_symmetrical_within_bounds_and_whole_for_equal_few_and_dar
     assert averaging.unchanged(np.zeros(SHAPE, np.float32)).min() == 1
     black = frame(np.zeros(SHAPE, np.float32), 0)
     assert not average_frames(black, [black])[0].color.any()
-    low = frame(waves(0), 0)
-    np.testing.assert_array_equal(average_frames(low, [])[0].color, low.color)
-    assert average_frames(low, [])[1] == 0
+    np.testing.assert_array_equal(average_frames(ours, [])[0].color, ours.color)
+    assert average_frames(ours, [])[1] == 0
     for shape in [(1, 1, 1, 1, 3), (48, 16, 1, 4, 3), (3, 2, 2, 2, 3)]:
         clean = np.full(shape, 0.5, np.float32)
         averaged, _ = average_frames(frame(clean, 0), [frame(clean, seed) for seed in (1, 2)])

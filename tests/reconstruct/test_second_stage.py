@@ -302,8 +302,7 @@ def test_an_opaque_subject_hides_the_world_and_one_that_is_gone_is_refused(tmp_p
     write_apart(tmp_path / "apart", paint=opaque)
     write_apart(tmp_path / "bright", world=5.0, paint=opaque)
     np.testing.assert_array_equal(*(finished_linear(tmp_path / name, "bicubic") for name in ("apart", "bright")))
-    write_apart(tmp_path)
-    frame = read_frame(tmp_path)
+    frame = read_frame(write_apart(tmp_path))
     write_layers(tmp_path / WORLD_FILE, {"color": np.ones((9, 7, 3), np.float32)})
     refuses("7×9 pixels, but its frame.json asks for", finished_linear, tmp_path, "bilinear")
     (tmp_path / WORLD_FILE).unlink()
@@ -311,11 +310,14 @@ def test_an_opaque_subject_hides_the_world_and_one_that_is_gone_is_refused(tmp_p
     assert read_world(tmp_path, dataclasses.replace(frame, world_apart=False)) is None
 
 
-@pytest.mark.parametrize("name", ["nearest", "bilinear"])
+@pytest.mark.parametrize("name", ["nearest", "bilinear", "pool"])
 def test_a_subject_of_the_worlds_colour_is_not_seen(tmp_path, name):
     """Colour and what it hides are upscaled alike: no seam is left where they meet."""
-    write_apart(tmp_path, world=1.0, paint=lambda color: np.repeat(color[..., 3:], 4, -1))
-    np.testing.assert_allclose(finished_linear(tmp_path, name), 1.0, atol=1e-5)
+    frame = read_frame(write_apart(tmp_path, world=1.0, paint=lambda color: np.repeat(color[..., 3:], 4, -1)))
+    low = low_resolution(read_layers(tmp_path / LOW_RES_FILE), frame, read_world(tmp_path, frame))
+    low = dataclasses.replace(low, slope=np.where(low.alpha > 0, np.float32(0.4), np.nan))
+    lenses = np.argwhere(np.ones(low.alpha.shape[:2], bool))
+    np.testing.assert_allclose(finished_lenses(low, np.ones(len(lenses), bool), name, lenses), 1.0, atol=1e-5)
 
 
 def test_guides_do_not_show_the_world(tmp_path):
@@ -328,5 +330,5 @@ def test_guides_do_not_show_the_world(tmp_path):
     assert low.guides.shape == (*low.color.shape[:4], 6)
     prepared, plain = (load_method("denoise+bilinear").prepare(image)
                        for image in (low, dataclasses.replace(low, guides=None)))
-    np.testing.assert_array_equal(prepared.opacity, plain.opacity)
+    np.testing.assert_array_equal(prepared.cover.color, plain.cover.color)
     assert not np.array_equal(prepared.color, plain.color)

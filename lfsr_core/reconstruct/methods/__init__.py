@@ -184,9 +184,9 @@ class Method:
             return ready
         if low.opacity is None or low.places is None:
             raise LfsrError("the world is known, but not the subject's opacity: render the frame again")
-        if not self.prefilters:
-            return dataclasses.replace(ready, opacity=low.opacity)
-        return dataclasses.replace(ready, opacity=denoised_opacity(low, low.opacity))
+        cover = dataclasses.replace(low, color=low.opacity, guides=None, exposure=0.0, world=None)
+        cover = dataclasses.replace(denoised_opacity(cover) if self.prefilters else cover, slope=ready.slope)
+        return dataclasses.replace(ready, cover=self.upscaler.prepare(cover))
 
 
 def load_method(name: str | MethodName, weights: str | None = None, *, upscaler: Upscaler | None = None) -> Method:

@@ -189,12 +189,12 @@ def _deep(low: LowResEIA) -> Array:
     return np.clip((slope - DEEP[0]) / (DEEP[1] - DEEP[0]), 0, 1)[..., None]
 
 
-def denoised_opacity(low: LowResEIA, opacity: Array) -> Array:
-    """Denoise the opacity (sy, sx, h, w, 3) in [0, 1] of a low-resolution EIA before a world."""
-    alone = dataclasses.replace(low, color=opacity, guides=None, noisy=None, exposure=0.0)
-    cleaned = np.clip(denoise_low_resolution(alone).color, 0, 1)
+def denoised_opacity(low: LowResEIA) -> LowResEIA:
+    """Denoise a low-resolution EIA whose colour is the opacity in [0, 1] before a world."""
+    ready, opacity = denoise_low_resolution(dataclasses.replace(low, noisy=None)), low.color
     # A denoiser must not spread opacity into elemental images without any.
-    return np.where(is_even(opacity), opacity, cleaned * opacity.any((2, 3, 4), keepdims=True))
+    cleaned = np.clip(ready.color, 0, 1) * opacity.any((2, 3, 4), keepdims=True)
+    return dataclasses.replace(ready, color=np.where(is_even(opacity), opacity, cleaned))
 
 
 def is_even(images: Array) -> Array:
