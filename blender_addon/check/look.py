@@ -297,8 +297,9 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
         worth, most = (len(shares) * len({hit[3] for hit in shares}) for shares in (seen, better))
         if share < SMALL or worth < most * SMALLER:
             part = "less than 1%" if share < 0.01 else f"{share:.0%}"
-            return (f"The array sees nothing of {name}." if not seen else f"{name} fills {part} of the picture."
-                    + f" {UNAIMED}." * is_unaimed), best
+            return (f"The array sees nothing of {name}." if not seen else (
+                f"{name} fills {part} of the picture." if share < max(SMALL, SMALLER * len(better) / len(hits)) else
+                f"More of {name} is seen from elsewhere.") + f" {UNAIMED}." * is_unaimed), best
         if not is_in_box(placed) and is_in_box(best):
             return f"The array stands outside a room. {UNAIMED}.", best
         wide = through(rays, placed, *WIDER, np.subtract(WIDER, 1) / np.subtract(placement.PROBES, 1))
