@@ -23,6 +23,7 @@ from lfsr_core.optics.rays import CameraArray, LensCard, RayLayout, lens_card
 from .. import compat
 from ..compat import new_data, overridden
 from ..scene.array.rig import Matrix, to_blender
+from ..scene.contents import rendered_layer
 
 NAME, PANEL_NAME, PLANE_NAME = "LFSR Lens Card", "LFSR Panel Card", "LFSR Clip Plane"
 CELL, LENS = "cell", "lens"   # attributes of the lens card's mesh
@@ -180,14 +181,14 @@ def distance_to_volume(scene: bpy.types.Scene, point: mathutils.Vector) -> float
     Volumes are meshes with a volume shader, and volume objects (their bounding boxes). Instances are ignored.
     """
     graph, distances = bpy.context.evaluated_depsgraph_get(), [math.inf]
-    for item in scene.objects:
+    for item in rendered_layer(scene).objects:
         trees = (slot.material.node_tree for slot in item.material_slots if slot.material is not None)
         outputs = (node for tree in trees if tree for node in tree.nodes
                    if node.bl_idname == "ShaderNodeOutputMaterial")
         if item.hide_render or not (item.type == "VOLUME" or any(node.inputs["Volume"].is_linked for node in outputs)):
             continue
         item = item.evaluated_get(graph)
-        if item.type == "MESH" and item.data.polygons:
+        if item.type == "MESH" and item.is_evaluated and item.data.polygons:  # else hidden in the viewport
             is_there, nearest, _, _ = item.closest_point_on_mesh(item.matrix_world.inverted_safe() @ point)
             if is_there:
                 distances.append((item.matrix_world @ nearest - point).length)

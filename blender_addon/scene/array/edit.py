@@ -223,9 +223,8 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         small = SMALL * copies * math.dist(low, high) if copies > 1 else 0.0
         points = np.concatenate([cloud[::len(cloud) // MOST_POINTS + 1] for _ in frames
                                  for cloud in placement.world_points(set(chosen), small)] or [points])
-    upper = points[points[:, 2] > low[2] + FLAT * (high - low)[2]]
+    upper = points[points[:, 2] > low[2] + FLAT * (high - low)[2]]  # without the ground that a mesh may hold
     if len(upper) and np.ptp(points, axis=0)[:2].prod() > WIDER * np.ptp(upper, axis=0)[:2].prod():
-        # A mesh that has its own ground is fitted without it.
         low, high = np.append(upper.min(0)[:2], low[2]), upper.max(0)
         points = np.clip(points, low, high)
     probes = FEWER if rays.items else PROBED  # in a scene of many objects a ray takes long

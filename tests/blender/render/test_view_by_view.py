@@ -182,12 +182,10 @@ def test_distance_to_volume_and_nothing_left_of_a_card_that_cannot_be_made(scene
     add_box(scene, (0, 0, 0), (0.1, 0.1, 0.1))
     assert distance_to_volume(scene, mathutils.Vector()) == np.inf, "no volume"
     item = add_box(scene, (0, 0, 0), (2, 3, 4), scenes.mixed(("ShaderNodeVolumeScatter", {}), output="Volume"))
-    bpy.context.view_layer.update()
-    assert distance_to_volume(scene, mathutils.Vector()) == pytest.approx(2)
-    assert distance_to_volume(scene, mathutils.Vector((5, 0, 0))) == pytest.approx(3)
-    item.hide_render = True
-    bpy.context.view_layer.update()
-    assert distance_to_volume(scene, mathutils.Vector()) == np.inf
+    for item.hide_viewport, item.hide_render, place, expected in (
+            (False, False, 0, 2), (False, False, 5, 3), (True, False, 0, 2), (False, True, 0, np.inf)):
+        bpy.context.view_layer.update()  # what is hidden in the viewport has no evaluated mesh
+        assert distance_to_volume(scene, mathutils.Vector((place, 0, 0))) == pytest.approx(expected)
     before = scenes.snapshot()
     monkeypatch.setattr(cards, "ray_group", lambda _: 1 / 0)
     with pytest.raises(ZeroDivisionError), cards.card_camera(scene, LAYOUT, front()):
