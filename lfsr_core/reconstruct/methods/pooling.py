@@ -454,7 +454,7 @@ def _sums(planes: Array, stride: int, taps: Sequence[tuple[Any, ...]], starts: A
             np.abs(np.subtract(there, slopes, out=same), out=same)
             np.maximum(np.subtract(1, np.multiply(same, np.float32(1 / ALIKE), out=same), out=same), 0, out=same)
             if edges is not None:
-                np.copyto(same, there < OUTSIDE, where=edges)
+                np.copyto(same, (there < OUTSIDE) & (there > slopes - ALIKE), where=edges)
             weight *= same
             total += weight
             if fits:

@@ -76,10 +76,12 @@ def test_the_render_decides_whether_the_end_of_a_ray_s_path_is_seen(shown):
 
 
 def test_what_is_bright_in_some_lenses_leaves_others_black():
-    """Pooled along the slope of a black wall, light that does not have that slope would spread over it."""
+    """Pooled along slopes of a black wall, light of other slopes would spread over it."""
     color = np.zeros((*LENSES, *VIEWS, 3), np.float32)
     color[:, :7] = 0.5
     assert finished(dataclasses.replace(plane(0.8, color=color), noisy=color))[INNER][:, 2:].max() < 0.02
+    far = np.where(np.arange(LENSES[1])[:, None, None, None] < 7, 0, 3 + 0.8 * np.arange(VIEWS[1])[:, None])
+    assert finished(plane(far, color=color))[:, 8:].max() < 0.02, "nor what lies before it"
 
 
 def test_with_one_sample_what_lies_beside_an_edge_moves_with_it():
