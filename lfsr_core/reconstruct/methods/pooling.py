@@ -423,7 +423,7 @@ def _sums(planes: Array, stride: int, taps: Sequence[tuple[Any, ...]], starts: A
           own: bool = True, is_noisy: bool | None = None) -> tuple[Array, Array]:
     """Sums (…) of the weights of samples along lines of ``slopes`` (…), and (C, …) of the samples times them.
 
-    ``planes`` (C + 1, n): samples and their slopes. At an ``edge`` samples of all slopes count. ``own``: whether those
+    ``planes`` (C + 1, n): samples and their slopes. At an ``edge`` farther ones count too. ``own``: whether those
     of the ray's own lens do. ``is_noisy``: True for samples from more lenses, False for the value on the line of a
     plane through the samples (moving least squares) instead of their mean; None for neither.
     """
