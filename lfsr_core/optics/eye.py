@@ -82,8 +82,7 @@ def _seen_pixel(profile: DisplayProfile, eye_mm: Point, axis: int) -> Array:
     ei_center = ((np.arange(lenses) + 0.5) / lenses - 0.5) * length
     lens = ei_center * distance / (distance + gap)
     on_panel = lens + (lens - eye_mm[axis]) * gap / eye_mm[2]
-    pixel: Array = np.floor((on_panel / length + 0.5) * pixels).astype(int)
-    return pixel
+    return np.asarray(np.floor((on_panel / length + 0.5) * pixels).astype(int))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -180,8 +179,7 @@ def _filled(values: Array) -> Array:
     padded = np.pad(values, ((1, 1), (1, 1), (0, 0)))
     rows, columns = values.shape[:2]
     around = sum(padded[y:y + rows, x:x + columns] for y in range(3) for x in range(3)) - values
-    filled: Array = values + 1e-6 * around
-    return filled
+    return np.asarray(values + 1e-6 * around)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -325,5 +325,4 @@ def systematic_sample(lenses: Array, count: int, random: np.random.Generator) ->
     bits = (lenses[:, :, None] >> np.arange(BITS)) & 1
     z_order = (bits * 4 ** np.arange(BITS)).sum(-1) @ np.array([2, 1])
     places = (np.arange(count) + random.random()) * (len(lenses) / max(count, 1))
-    chosen: Array = lenses[np.argsort(z_order)][np.minimum(places.astype(int), len(lenses) - 1)]
-    return chosen
+    return np.asarray(lenses[np.argsort(z_order)][np.minimum(places.astype(int), len(lenses) - 1)])

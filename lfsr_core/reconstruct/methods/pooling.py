@@ -34,7 +34,9 @@ WIDER, SCATTERED = 0.65, 0.25
 RIDGE = 0.02  # square lenses: samples nearer to the line on the mean tell little of how colour changes across it
 NOISE = 0.2  # fraction of the power of the removed noise that may be left in a denoised image
 ALIKE = 0.5  # lenses per rendered view: samples whose slopes differ by more are of two surfaces
-STEEP = 1.0  # lenses per rendered view from which an edge is known better from other lenses than inside its own
+# Lenses per rendered view from which an edge is known better from other lenses than inside its own: before a surface,
+# and before nothing.
+STEEP, BEFORE_NOTHING = 1.0, 0.4
 STEEPEST = 8.0  # lenses per rendered view: steeper points skip too many lenses to be found again
 LEAST = 0.05  # sum of weights below which nothing was found
 UNKNOWN, OUTSIDE = 1e6, 1e9  # slopes of samples without depth, and of places beyond the display or its views
@@ -181,8 +183,7 @@ def _followed(low: LowResEIA, slope: Array) -> Array:
     (shared, power), (of_path, of_all) = (map(_pooled_lenses, part.reshape(2, *grid)) for part in sums)
     few = _pooled_lenses(goes_on.sum((2, 3)) - FEW * seen.sum((2, 3))) < 0
     better = few | (np.maximum(of_path, 0)**2 * power >= np.maximum(shared, 0)**2 * of_all)
-    result: Array = np.where(better[..., None, None], path, first)
-    return result
+    return np.asarray(np.where(better[..., None, None], path, first))
 
 
 def _glare(color: Array, slope: Array, block: int | None) -> Array:
@@ -254,8 +255,7 @@ def _places(count: int, steepest: float, block: int | None) -> tuple[Array, int]
 def _noise(noisy: Array, color: Array) -> Array:
     """What a denoiser has removed, in encoded values."""
     dark = np.maximum(color, DARK)
-    noise: Array = np.clip((noisy - color) * (0.5 / np.where(dark < 1, np.sqrt(dark), dark)), -LIMIT, LIMIT)
-    return noise
+    return np.asarray(np.clip((noisy - color) * (0.5 / np.where(dark < 1, np.sqrt(dark), dark)), -LIMIT, LIMIT))
 
 
 def _left_out(low: PooledEIA, row: Array, column: Array, images: Array) -> Array:
@@ -278,8 +278,7 @@ def _left_out(low: PooledEIA, row: Array, column: Array, images: Array) -> Array
     lacking *= weight[:, None, None, None]
     mean = (_means(slope.shape[1]) @ lacking.transpose(0, 3, 1, 2) @ _means(slope.shape[2]).T).transpose(0, 2, 3, 1)
     lacking = mean * np.clip(2 - slope / STEEP, 0, 1) + (lacking - mean) * np.maximum(1 - slope / STEEP, 0)
-    missing: Array = interpolated(lacking.astype(np.float32), KERNEL, low.factors).transpose(3, 1, 0, 2)
-    return missing
+    return np.asarray(interpolated(lacking.astype(np.float32), KERNEL, low.factors).transpose(3, 1, 0, 2))
 
 
 def _means(views: int) -> Array:
@@ -371,7 +370,8 @@ def pooled(samples: Array, starts: Array, line: Line) -> Array:
     before, after = own[3][line.corners[0]], own[3][line.corners[1]]
     near = np.minimum(before, after)  # UNKNOWN is farther than anything
     alike = (np.abs(before - after) < ALIKE) & (near < UNKNOWN)
-    edge = ~alike & (near < UNKNOWN) & (np.abs(near) > STEEP)
+    least = np.where(np.maximum(before, after) < UNKNOWN, STEEP, BEFORE_NOTHING)
+    edge = ~alike & (near < UNKNOWN) & (np.abs(near) > least)
     slopes = np.where(alike, before + line.share * (after - before), near)
     followed = alike | edge
     if followed.any():

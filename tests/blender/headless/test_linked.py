@@ -63,17 +63,13 @@ def unlinked(library) -> dict[str, dict[str, np.ndarray]]:
     return {layout: render(layout)[1] for layout in ("one-pass", "lens-card")}
 
 
-def link_collections(library: Path) -> tuple[bpy.types.Scene, list[bpy.types.Collection]]:
+def linked_collections(library: Path) -> tuple[bpy.types.Scene, list[bpy.types.Collection]]:
     scene = set_up()
     bpy.data.batch_remove([*(bpy.data.objects[name] for name in OBJECTS),
                            *(bpy.data.collections[name] for name in COLLECTIONS)])
-    return scene, link(library, "collections", COLLECTIONS)
-
-
-def linked_collections(library: Path) -> None:
-    scene, collections = link_collections(library)
-    for collection in collections:
+    for collection in (collections := link(library, "collections", COLLECTIONS)):
         scene.collection.children.link(collection)
+    return scene, collections
 
 
 def linked_objects(library: Path) -> None:
@@ -84,17 +80,16 @@ def linked_objects(library: Path) -> None:
 
 
 def an_instance(library: Path) -> None:
-    scene, (props, background) = link_collections(library)
-    scene.collection.children.link(background)
+    scene, (props, _) = linked_collections(library)
+    scene.collection.children.unlink(props)
     instance = bpy.data.objects.new("Instance", None)
     instance.instance_type, instance.instance_collection = "COLLECTION", props
     scene.collection.objects.link(instance)
 
 
 def an_override(library: Path) -> None:
-    scene, collections = link_collections(library)
-    for collection in collections:
-        scene.collection.children.link(collection)  # Blender 5.3 needs it there
+    scene, collections = linked_collections(library)
+    for collection in collections:  # in the scene, as Blender 5.3 needs it
         collection.override_hierarchy_create(scene, bpy.context.view_layer)
         scene.collection.children.unlink(collection)
     assert all(item.override_library for item in bpy.data.objects if item.library is None and item.name in OBJECTS)

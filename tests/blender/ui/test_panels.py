@@ -344,27 +344,19 @@ def wrong_tooltip(text: str) -> str:
     return ""
 
 
-def texts_of(cls) -> list[str]:
-    """What is wrong with the texts of a registered class and its properties."""
-    rna, faults = cls.bl_rna, []
+@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
+def test_texts_follow_blenders_rules(artist, cls):
+    rna, faults = cls.bl_rna, [wrong_label(cls.bl_label)] if hasattr(cls, "bl_label") else []
     if issubclass(cls, bpy.types.Operator):
+        assert cls.bl_idname.startswith("lfsr.")
         rna = getattr(bpy.ops.lfsr, cls.bl_idname.removeprefix("lfsr.")).get_rna_type()
         faults.append(wrong_tooltip(rna.description))
-    if hasattr(cls, "bl_label"):
-        faults.append(wrong_label(cls.bl_label))
     for item in rna.properties:
         if item.identifier in cls.__annotations__:
             for entry in (item, *getattr(item, "enum_items", ())):
                 if entry is item or entry.name != entry.identifier:  # a display is called by its profile's own name
                     faults += [wrong_label(entry.name), wrong_tooltip(entry.description)]
-    return [f"{cls.__name__}: {text}" for text in faults if text]
-
-
-@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
-def test_texts_follow_blenders_rules(cls):
-    with panel.registered():
-        assert texts_of(cls) == []
-        assert not issubclass(cls, bpy.types.Operator) or cls.bl_idname.startswith("lfsr.")
+    assert [text for text in faults if text] == []
 
 
 def test_texts_of_buttons_and_numbers_follow_them_too(scene):

@@ -84,15 +84,28 @@ def test_what_is_bright_in_some_lenses_leaves_others_black():
     assert finished(plane(far, color=color))[:, 8:].max() < 0.02, "nor what lies before it"
 
 
+def body(slope: float, factor: int) -> np.ndarray:
+    """A white body before black; its soft edge moves by ``slope`` lenses per rendered view."""
+    x = (np.arange(VIEWS[1] * factor) + 0.5) / factor - 0.5
+    shown = np.clip(7 - np.arange(LENSES[1])[:, None] + slope * x, 0, 1).astype(np.float32)
+    return np.array(np.broadcast_to(shown[:, None, :, None], (*LENSES, VIEWS[0] * factor, len(x), 3)))
+
+
 def test_with_one_sample_what_lies_beside_an_edge_moves_with_it():
-    """The soft edge of a body before a black wall, of which each sample has one of two depths."""
-    def body(factor: int) -> np.ndarray:
-        x = (np.arange(VIEWS[1] * factor) + 0.5) / factor - 0.5
-        shown = np.clip(7 - np.arange(LENSES[1])[:, None] + 0.2 * x, 0, 1).astype(np.float32)
-        return np.broadcast_to(shown[None, :, None, :, None], (*LENSES, VIEWS[0] * factor, VIEWS[1] * factor, 3))
-    error = [np.mean((finished(plane(np.where(body(1)[..., :1] > 0.5, 0.2, 0.8), 1.0, samples, body(1).copy()))[INNER]
-                      - body(SCALE)[INNER]) ** 2) for samples in (1, 2)]
+    """Each sample has one of the depths of the body and of the wall behind it."""
+    slopes = np.where(body(0.2, 1)[..., :1] > 0.5, 0.2, 0.8)
+    error = [np.mean((finished(plane(slopes, 1.0, samples, body(0.2, 1)))[INNER] - body(0.2, SCALE)[INNER]) ** 2)
+             for samples in (1, 2)]
     assert error[0] < 0.5 * error[1], error
+
+
+@pytest.mark.parametrize("slope", [0.6, 0.8])
+def test_an_edge_before_nothing_is_made_from_other_lenses_too(slope, monkeypatch):
+    shown = np.random.default_rng(1).binomial(4, body(slope, 1)) / np.float32(4)
+    low, truth = plane(np.where(shown[..., :1] > 0, slope, np.nan), 1.0, 4, shown), body(slope, SCALE)
+    error = np.mean((finished(low)[INNER] - truth[INNER]) ** 2)
+    monkeypatch.setattr(pooling, "BEFORE_NOTHING", pooling.STEEP)
+    assert error < 0.8 * np.mean((finished(low)[INNER] - truth[INNER]) ** 2)
 
 
 def test_what_a_silhouette_leaves_free_moves_with_it(monkeypatch):
