@@ -175,8 +175,8 @@ HILLY, WIDER, MANY, WIDER_OF_MANY = 0.5, 10.0, 10, 8.0
 MOST_SURROUNDINGS = 6
 # A sky: least metres across; all else is above ALOFT of its height, out of it by BESIDE of its size; FILLED of its box.
 LEAST_SKY, ALOFT, BESIDE, FILLED = 20.0, 0.2, 0.02, 0.9
-# Fractions of the picture below which a subject is narrow, or has thin tails; where these begin, as in a box plot; how
-# many times as large as the rest they make it: less is a blade.
+# Fractions of the picture below which a subject is narrow, or may have thin tails; where these begin, as in a box plot;
+# size of the whole to that of the rest, from which they are tails and no blade.
 NARROW, LEAST_SEEN, WHISKERS, TAILS = 0.1, 0.015, 1.5, 3.0
 TRAVELS = 2.0  # times its size in this frame, over which it moves in an animation
 # Weights of views by degrees around Z from the front. Weights by degrees from above: for a subject as high as wide, and
@@ -237,7 +237,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     without_tails = np.clip(points, lower - WHISKERS * (upper - lower), upper + WHISKERS * (upper - lower))
     has_tails = np.ptp(points, axis=0).max() > TAILS * np.ptp(without_tails, axis=0).max()
     # Too few rays meet a narrow subject, such as a standing figure, unless all are sent towards it.
-    for fitted, all_meet, least in ((points, False, NARROW), (points, True, has_tails * LEAST_SEEN),
+    for fitted, all_meet, least in ((points, False, NARROW), (points, True, LEAST_SEEN if has_tails else 0),
                                     (without_tails, False, 0)):
         choices, size = list[tuple[float, float, Placement]](), np.ptp(fitted, axis=0)
         for ground, (tilt, above), (degrees, wide) in itertools.product(lowest, TILTS.items(), TURNS.items()):
