@@ -132,8 +132,7 @@ def find_fringes(picture: Picture, expected: Array, other: Array) -> Fringes:
 def _spectrum(weighted: Array, picture: Picture, across: Array, up: Array) -> Array:
     """(len(up), len(across)) sums of the image times waves of these numbers per millimetre."""
     right = np.exp(-2j * math.pi * np.outer(picture.x, across))
-    sums: Array = np.exp(-2j * math.pi * np.outer(up, picture.y)) @ (weighted @ right)
-    return sums
+    return np.asarray(np.exp(-2j * math.pi * np.outer(up, picture.y)) @ (weighted @ right))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -101,8 +101,7 @@ class Raster(NamedTuple):
             3, *inside.shape, *[1] * (self.values.ndim - 2))
         upper = self.values[top, left] * (1 - across) + self.values[top, left + 1] * across
         lower = self.values[top + 1, left] * (1 - across) + self.values[top + 1, left + 1] * across
-        values: Array = (upper * (1 - down) + lower * down) * there
-        return values
+        return np.asarray((upper * (1 - down) + lower * down) * there)
 
     def shrunk(self, times: int) -> Self:
         """A raster whose pixels are means of ``times`` × ``times``."""
@@ -130,8 +129,7 @@ class View:
         straight = project(self.matrix, points)
         square = straight[..., :1] ** 2 + straight[..., 1:] ** 2
         (a, b), off = self.bend[:2], np.array(self.bend[2:])
-        bent: Array = straight * (1 + a * square + b * square ** 2 + 2 * straight @ off[:, None]) + square * off
-        return bent
+        return np.asarray(straight * (1 + a * square + b * square ** 2 + 2 * straight @ off[:, None]) + square * off)
 
     @property
     def mirrored(self) -> bool:

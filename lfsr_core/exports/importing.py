@@ -232,8 +232,7 @@ def _tiles(pixels: Array, quilt: Quilt) -> Array:
     left = [min(round(column * wide / columns), wide - width) for column in range(columns)]
     top = [min(round(row * high / rows), high - height) for row in range(rows)]
     lines = top if quilt.top_first else top[::-1]
-    views: Array = np.stack([pixels[y:y + height, x:x + width] for y in lines for x in left])[None]
-    return views
+    return np.asarray(np.stack([pixels[y:y + height, x:x + width] for y in lines for x in left])[None])
 
 
 @dataclasses.dataclass(frozen=True)

@@ -145,8 +145,7 @@ class Lattice:
         plain = np.array([[across, across / 2 if packing == "hexagonal" else 0.0], [0.0, up]])
         turn = math.radians(self.rotation_deg)
         rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
-        steps: Array = rotation @ np.array([[1.0, self.shear], [0.0, 1.0]]) @ plain
-        return steps
+        return np.asarray(rotation @ np.array([[1.0, self.shear], [0.0, 1.0]]) @ plain)
 
     def scaled(self, factor: float) -> Self:
         """The lattice enlarged by ``factor`` about the panel's centre."""

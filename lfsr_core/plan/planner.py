@@ -159,13 +159,11 @@ def split_scores(images: Array, quarters: Quarters) -> Array:
     """
     def ssim(first: Sequence[int], second: Sequence[int]) -> Array:
         half_a, half_b = (srgb_encode(np.mean([quarters[n] for n in half], 0)) for half in (first, second))
-        means: Array = stacked_ssim(images, half_a, half_b).mean((1, 2))
-        return means
+        return np.asarray(stacked_ssim(images, half_a, half_b).mean((1, 2)))
 
     full, less = ssim((0, 1), (2, 3)), (ssim((0,), (2,)) + ssim((1,), (3,))) / 2
     # Strong noise, whose variances are cut off at 0, raises the metric: then there is no gain to extrapolate.
-    corrected: Array = full + CORRECTED * (full - less) if np.mean(full - less) > 0 else full
-    return corrected
+    return np.asarray(full + CORRECTED * (full - less) if np.mean(full - less) > 0 else full)
 
 
 @dataclasses.dataclass(frozen=True)

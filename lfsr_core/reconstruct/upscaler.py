@@ -8,6 +8,7 @@ OpenCV's ``resize``, with which the tests compare.
 import abc
 import dataclasses
 import functools
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Self
@@ -48,6 +49,7 @@ class LowResEIA:
     # where nothing is hit. None where positions were not rendered.
     slope: Array | None = None
     slope_ratio: float = 1.0  # slope downwards / rightwards: the lens pitch across / down
+    pixels: int = 0  # of the whole render, of which these lenses may be a part; 0 where not known
     block: int | None = None  # side of square blocks of lenses that are neighbours on the display, None where all are
     noisy: Array | None = None  # colour as rendered, where a denoiser has changed ``color``
     parallax: tuple[bool, bool] = (True, True)  # axes, (horizontal, vertical), along which the display's views differ
@@ -104,8 +106,7 @@ def over_background(layers: Mapping[str, Array], frame: Frame, name: str = LOW_R
         pixels = pixels + layers["environment"]
     elif not frame.world_visible and any(frame.display.background):
         pixels = pixels + (1 - np.clip(color[..., 3:], 0, 1)) * np.asarray(frame.display.background, np.float32)
-    clipped: Array = np.maximum(pixels, 0)
-    return clipped
+    return np.asarray(np.maximum(pixels, 0))
 
 
 def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView | None = None) -> LowResEIA:
@@ -144,7 +145,8 @@ def low_resolution(layers: Mapping[str, Array], frame: Frame, world: WorldView |
     return LowResEIA(**tiles, samples=frame.samples, scale=frame.scale, parallax=frame.display.parallax, world=world,
                      exposure=frame.color.exposure, device=frame.device, gpus=frame.gpus,
                      places=frame.rays.shown_lenses if frame.world_apart else None,
-                     slope_ratio=_pitch(frame, 0) / _pitch(frame, 1))
+                     slope_ratio=_pitch(frame, 0) / _pitch(frame, 1),
+                     pixels=math.prod(frame.display.eia_pixels) // frame.display.finished_pixels(frame.scale))
 
 
 def _pitch(frame: Frame, axis: int) -> float:
@@ -200,8 +202,7 @@ def foreground_pixels(layers: Mapping[str, Array]) -> Mask:
     covered: Mask = layers["color"][..., 3] > 0
     if (index := layers.get("index")) is None:
         return covered
-    pixels: Mask = (index[..., 0] == FOREGROUND_INDEX) | (covered & (index[..., 0] != BACKGROUND_INDEX))
-    return pixels
+    return np.asarray((index[..., 0] == FOREGROUND_INDEX) | (covered & (index[..., 0] != BACKGROUND_INDEX)))
 
 
 def unseen_notices(layers: Mapping[str, Array]) -> list[Notice]:

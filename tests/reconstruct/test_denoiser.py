@@ -5,6 +5,7 @@ import hashlib
 import json
 import os
 import sys
+from unittest.mock import Mock
 
 import hypothesis.extra.numpy as npst
 import numpy as np
@@ -107,6 +108,16 @@ def test_colour_is_denoised_as_one_image(weights, parallax):
     assert not np.array_equal(denoise_low_resolution(low, weights).color, results[weights].color)
 
 
+def test_a_small_render_is_the_mean_of_both_weights():
+    low = low_resolution()
+    ours, own = (denoise_low_resolution(low, weights) for weights in (denoise.WEIGHTS, None))
+    sizes = (denoise.MOST_TWICE, denoise.MOST_TWICE + 1)
+    small, large = (denoise_low_resolution(dataclasses.replace(low, pixels=pixels)) for pixels in sizes)
+    np.testing.assert_array_equal(small.color, (ours.color + own.color) / 2)
+    np.testing.assert_array_equal(large.color, ours.color)
+    assert small.noisy is low.color and (small.pixels, large.pixels) == sizes
+
+
 @given(st.integers(1, 4), st.integers(1, 4), st.integers(1, 5), st.integers(1, 5))
 def test_neighbours_meet_at_the_same_view_once_mirrored(sy, sx, h, w):
     views = np.broadcast_to(np.arange(h * w).reshape(h, w, 1), (sy, sx, h, w, 1))  # of each pixel
@@ -127,8 +138,8 @@ def test_guided_weights_see_albedo_and_normal_mirrored_like_the_colour(tmp_path)
                              for image in (low.color, guides[..., :3], guides[..., 3:]))
     expected = denoise.denoise_image(color, albedo, normal, weights=path.read_bytes(), input_scale=1.0)
     np.testing.assert_allclose(mirrored(guided.color).swapaxes(1, 2).reshape(30, 40, 3), np.maximum(expected, 0))
-    without = denoise_low_resolution(low, path)
-    black = denoise_low_resolution(dataclasses.replace(low, guides=np.zeros_like(guides)), path)
+    black, without = (denoise_low_resolution(dataclasses.replace(low, guides=given), path)
+                      for given in (np.zeros_like(guides), None))
     np.testing.assert_array_equal(without.color, black.color)
     assert not np.array_equal(without.color, guided.color)
 
@@ -145,13 +156,10 @@ def test_shipped_weights_are_those_of_their_provenance_and_a_missing_library_one
 
 
 NAMES = st.text(st.characters(min_codepoint=32, max_codepoint=126), min_size=1, max_size=30)
+SHAPES = st.one_of(st.tuples(st.integers(1, 40)), st.tuples(*[st.integers(1, 6)] * 4))
 
 
-def shapes():
-    return st.one_of(st.tuples(st.integers(1, 40)), st.tuples(*[st.integers(1, 6)] * 4))
-
-
-@given(st.dictionaries(NAMES, npst.arrays(np.float16, shapes(), elements=st.floats(-9, 9, width=16)), max_size=6),
+@given(st.dictionaries(NAMES, npst.arrays(np.float16, SHAPES, elements=st.floats(-9, 9, width=16)), max_size=6),
        st.booleans())
 def test_what_is_written_is_read(tmp_path_factory, tensors, half):
     path = tmp_path_factory.mktemp("tza") / "some.tza"
@@ -214,25 +222,18 @@ def framed(row=9, column=13):
     """The noisy card amid 30×40 lenses that show nothing."""
     card = card_as_lenses()
     part = slice(row, row + 8), slice(column, column + 12)
-    images = {}
-    for name, image in (("color", card.color), ("alpha", card.alpha)):
-        images[name] = np.zeros((30, 40, *image.shape[2:]), np.float32)
-        images[name][part] = image
-    return LowResEIA(images["color"], images["alpha"], 16, 4), part
+    low = card.each(lambda image: np.zeros((30, 40, *image.shape[2:]), np.float32))
+    low.color[part], low.alpha[part] = card.color, card.alpha
+    return low, part
 
 
 @pytest.mark.parametrize("weights", [None, denoise.WEIGHTS])
 def test_only_what_shows_something_is_denoised(monkeypatch, weights):
-    low, part = framed()
-    sizes = []
-
-    def spy(color, *arguments, **options):
-        sizes.append(color.shape[0] * color.shape[1])
-        return denoise_eia(color, *arguments, **options)
-
+    (low, part), spy = framed(), Mock(wraps=denoise_eia)
     monkeypatch.setattr(denoise, "denoise_eia", spy)
     denoised = denoise_low_resolution(low, weights).color
-    assert len(sizes) == 1 and sizes[0] < low.alpha.size / 3
+    spy.assert_called_once()
+    assert spy.call_args.args[0].size < low.color.size / 3
     outside = denoised.copy()
     outside[part] = 0
     assert outside.max() < 0.3, "only what spills over a border"

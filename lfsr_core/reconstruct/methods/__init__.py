@@ -16,7 +16,7 @@ from lfsr_core.base.messages import LfsrError, did_you_mean
 from lfsr_core.frames.frame import SUBPIXELS
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.panel.subpixel_rays import rendered_size
-from lfsr_core.reconstruct.methods.denoise import WEIGHTS, check_library, denoise_low_resolution, denoised_opacity, load
+from lfsr_core.reconstruct.methods import denoise
 from lfsr_core.reconstruct.methods.pooling import Pooling
 from lfsr_core.reconstruct.upscaler import Interpolation, LowResEIA, Upscaler
 
@@ -47,14 +47,14 @@ METHODS: dict[str, Part] = {
                  sees_neighbours=True, versions={"pool": 12}, per_finished=0.05),
     "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda: Interpolation("nearest")),
     "denoise": Part(PREFILTER, "Open Image Denoise with weights trained on elemental images",
-                    lambda weights: functools.partial(denoise_low_resolution, weights=weights or WEIGHTS),
-                    needs_denoiser=True, takes_weights=True, sees_neighbours=True, versions={"denoiser": 11},
+                    lambda path: functools.partial(denoise.denoise_low_resolution, weights=path or denoise.WEIGHTS),
+                    needs_denoiser=True, takes_weights=True, sees_neighbours=True, versions={"denoiser": 12},
                     per_rendered=0.45),
     "oidn": Part(PREFILTER, "Open Image Denoise with its own weights",
-                 lambda _: functools.partial(denoise_low_resolution, weights=None), needs_denoiser=True,
+                 lambda _: functools.partial(denoise.denoise_low_resolution, weights=None), needs_denoiser=True,
                  sees_neighbours=True, versions={"denoiser": 11}, per_rendered=0.45)}
-# Seconds of every method on two cores: its start, per million finished pixels, and per million rendered ones.
-START, PER_FINISHED, PER_RENDERED = 1.2, 0.07, 0.05
+# Seconds of every method on two cores: its start; per million finished, rendered and twice denoised pixels.
+START, PER_FINISHED, PER_RENDERED, PER_TWICE = 1.2, 0.07, 0.05, 1.4
 AS_RENDERED = "none"
 # For direct subpixel rendering, the default first: there the library's own weights are as good as ours.
 SUBPIXEL_METHODS = ("oidn", AS_RENDERED)
@@ -185,7 +185,7 @@ class Method:
         if low.opacity is None or low.places is None:
             raise LfsrError("the world is known, but not the subject's opacity: render the frame again")
         cover = dataclasses.replace(low, color=low.opacity, guides=None, exposure=0.0, world=None)
-        cover = dataclasses.replace(denoised_opacity(cover) if self.prefilters else cover, slope=ready.slope)
+        cover = dataclasses.replace(denoise.denoised_opacity(cover) if self.prefilters else cover, slope=ready.slope)
         return dataclasses.replace(ready, cover=self.upscaler.prepare(cover))
 
 
@@ -207,14 +207,15 @@ def load_method(name: str | MethodName, weights: str | None = None, *, upscaler:
 def check_runs(name: str | MethodName, weights: str | None = None) -> None:
     """LfsrError where this machine cannot run a method, as of ``load_method``, and by weights or Open Image Denoise."""
     if load_method(name, weights).name.needs_denoiser:
-        check_library()
+        denoise.check_library()
     if weights:
-        load(weights)
+        denoise.load(weights)
 
 
 def seconds(display: DisplayProfile, scale: int, method: str, layout: str = "one-pass") -> float:
     """Estimate the seconds of the second stage of a frame on two cores."""
     finished = math.prod(rendered_size(display) if layout == SUBPIXELS else display.eia_pixels) / 1e6
-    rendered, parts = finished / display.finished_pixels(scale), MethodName.parse(method).parts
-    return (START + (PER_FINISHED + sum(part.per_finished for part in parts)) * finished
-            + (PER_RENDERED + sum(part.per_rendered for part in parts)) * rendered)
+    rendered, name = finished / display.finished_pixels(scale), MethodName.parse(method)
+    twice = PER_TWICE * ("denoise" in name.prefilters and rendered * 1e6 <= denoise.MOST_TWICE)
+    return (START + (PER_FINISHED + sum(part.per_finished for part in name.parts)) * finished
+            + (PER_RENDERED + twice + sum(part.per_rendered for part in name.parts)) * rendered)

@@ -1,4 +1,4 @@
-"""Open Image Denoise on a whole EIA, with weights for elemental images or with its own, and the files of such weights.
+"""Open Image Denoise on a whole EIA, with weights for elemental images, its own or both, and the files of weights.
 
 The EIA is denoised, not its views: the views of a low-resolution array lie far apart, the pixels of one EI do not, so
 the EIA keeps far more detail (measured). Every other EI is mirrored before, so that neighbours meet at the same view
@@ -43,6 +43,7 @@ from lfsr_core.reconstruct.upscaler import LowResEIA
 CONTEXT = 32  # pixels around the wanted ones that the denoiser sees too
 LEAST_LEFT, MOST_LOST = 0.1, 0.1  # fraction of its light that an EI must keep, and fraction of EIs that may keep less
 POOLED = 16  # pixels that the denoiser's network pools into one
+MOST_TWICE = 1_000_000  # pixels of a render that both weights denoise; for larger ones rays are worth more
 # Slopes (lenses per rendered view) between which samples change from denoising in elemental images to denoising in
 # views; least mean weight of views for which they are denoised at all; samples over which edges take known slopes.
 DEEP, LEAST_DEEP, EDGE = (1.0, 1.5), 0.02, 2
@@ -137,8 +138,12 @@ def denoise_low_resolution(low: LowResEIA, weights: str | Path | None = WEIGHTS)
 
     ``weights``: a TZA file, None for the library's own. Lenses that show only the background are left out, and pixels
     that show it in their own and in the neighbouring lenses keep its colour. LfsrError where the file is missing or
-    damaged.
+    damaged. A small render becomes the mean of what our weights and the library's make of it: ours keep more of thin
+    parts, the library's leave less noise on plain surfaces (docs/notebook/responsiveness.md).
     """
+    if 0 < low.pixels <= MOST_TWICE and weights == WEIGHTS:
+        ours, own = (denoise_low_resolution(dataclasses.replace(low, pixels=0), each) for each in (WEIGHTS, None))
+        return dataclasses.replace(ours, color=(ours.color + own.color) / 2, pixels=low.pixels)
     loaded, notes = None if weights is None else load(weights), list(low.notes)
     guides = low.guides if loaded is not None and loaded.guided else None
 
@@ -191,7 +196,7 @@ def _deep(low: LowResEIA) -> Array:
 
 def denoised_opacity(low: LowResEIA) -> LowResEIA:
     """Denoise a low-resolution EIA whose colour is the opacity in [0, 1] before a world."""
-    ready, opacity = denoise_low_resolution(dataclasses.replace(low, noisy=None)), low.color
+    ready, opacity = denoise_low_resolution(dataclasses.replace(low, noisy=None, pixels=0)), low.color
     # A denoiser must not spread opacity into elemental images without any.
     cleaned = np.clip(ready.color, 0, 1) * opacity.any((2, 3, 4), keepdims=True)
     return dataclasses.replace(ready, color=np.where(is_even(opacity), opacity, cleaned))
