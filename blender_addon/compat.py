@@ -57,9 +57,7 @@ def assign(owner: Any, values: Mapping[str, Any]) -> None:
 
 def copied(value: Any) -> Any:
     """Return a copy of an array property, which would change with the data; another value as it is."""
-    if hasattr(value, "__len__") and not isinstance(value, (str, set)):
-        return tuple(value)
-    return value
+    return tuple(value) if hasattr(value, "__len__") and not isinstance(value, (str, set)) else value
 
 
 @contextmanager

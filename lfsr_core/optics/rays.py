@@ -149,9 +149,7 @@ def view_offset(index: Array, count: int, spacing: float, convention: str = "cen
 
     Centred: (k + 1/2 - count/2) · spacing. Paper Eqs. (5), (7): (k - ⌊count/2⌋) · spacing.
     """
-    if convention == "paper":
-        return (index - count // 2) * spacing
-    return (index + 0.5 - count / 2) * spacing
+    return (index - count // 2 if convention == "paper" else index + 0.5 - count / 2) * spacing
 
 
 @dataclasses.dataclass(frozen=True)

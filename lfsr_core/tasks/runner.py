@@ -134,8 +134,7 @@ def plan(request: dict[str, Any], options: dict[str, Any], command: list[str]) -
     wanted = from_data(PlanOptions, options, "options of the plan")
     with tempfile.TemporaryDirectory() as work, open_blender(RenderCommand(tuple(command)), Path(work)) as render:
         planned = make_plan(from_data(Request, request, "the request"), wanted, render, work, protocol.emit_told)
-    choice: dict[str, Any] = to_data(planned.choice)
-    return choice
+    return dict(to_data(planned.choice))
 
 
 def finish(folder: str, finish: dict[str, Any], views: str | None = None) -> dict[str, Any]:

@@ -224,6 +224,4 @@ def pixels(path: Path) -> bytes:
         return read_layers(path)["color"].tobytes()
     if path.suffix == ".safetensors":  # the order in its header is random
         return b"".join(tensor.tobytes() for _, tensor in sorted(load_file(path).items()))
-    if path.suffix in (".png", ".webp"):
-        return np.asarray(Image.open(path)).tobytes()
-    return path.read_bytes()
+    return np.asarray(Image.open(path)).tobytes() if path.suffix in (".png", ".webp") else path.read_bytes()

@@ -57,7 +57,8 @@ def fit(scene: bpy.types.Scene, profile: DisplayProfile, items: Collection[bpy.t
         turn = upright(array).to_3x3() @ mathutils.Matrix.Rotation(-math.pi / 2, 3, "X")
     if not (points := list(placement.world_points(set(items)))):
         raise LfsrError("nothing with geometry is selected: select the objects that the display should show")
-    return put(scene, profile, fit_turned(np.concatenate(points), profile, turn))
+    placed = fit_turned(np.concatenate(points), profile, turn)
+    return put(scene, profile, (placement.narrowed(Rays(scene), placed, profile, placed[0].distance), placed[1]))
 
 
 @as_rendered()
@@ -185,6 +186,7 @@ TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.75, -90: 0.7, 180: 0.7}  # +X is the f
 TILTS, LOW = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}, 0.6
 # Fraction of hits on fronts below which a view counts less; its weight without any, and that for a low subject.
 FRONTS, FROM_BEHIND, LOW_FROM_BEHIND = 0.5, 0.25, 0.9
+ROOMY = 0.5  # fraction of the display's spacing of views that a place should leave
 SOLID, PLAIN, ONE_SIDE = 0.3, 0.02, 0.7  # least thickness to length of a box, most variety of its side, and its weight
 # Objects fitted by their vertices, about how many of each; part of the whole below which as many copies count as boxes.
 FEW_OBJECTS, MOST_POINTS, SMALL = 100, 20_000, 0.02
@@ -263,6 +265,8 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             behind = FROM_BEHIND if size[2] > LOW * size[:2].min() else LOW_FROM_BEHIND
             counts *= np.interp(ahead, (0, FRONTS), (behind, 1)) * (1 + turn.col[1].dot(away) / placed[0].distance)**2
             counts *= ((low >= eye) | (high <= eye)).any()  # not from inside a tail
+            room = placement.narrowed(rays, placed, profile, placed[0].distance)  # no views below a ground
+            counts *= min(rig.part_of_spacing(room, profile) / ROOMY, 1)
             choices.append((counts * share * len({hit[3] for hit in seen}), share, placed))
         _, share, best = max(choices, key=lambda choice: choice[0])
         if share > least:
@@ -285,11 +289,12 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
                 return inside
             if 3 * len(into) <= len(choices):
                 _, _, best = max(into, key=lambda choice: choice[0])  # where a wall is missing
-    if not len(depths := placement.seen_depths(scene, best, shown, rays)) or not is_still:
-        return best
-    # In the middle of what is seen, not of the box: nobody sees what lies behind it.
-    array, distance = best[0], placement.middle(depths)
-    return CameraArray.for_display(profile, 2 * array.half_width / array.distance * distance, distance), best[1]
+    array = best[0]
+    if len(depths := placement.seen_depths(scene, best, shown, rays)) and is_still:
+        # In the middle of what is seen, not of the box: nobody sees what lies behind it.
+        distance = placement.middle(depths)
+        array = CameraArray.for_display(profile, 2 * array.half_width / array.distance * distance, distance)
+    return placement.narrowed(rays, (array, best[1]), profile, array.distance), best[1]
 
 
 def fit_turned(points: Array, profile: DisplayProfile, turn: mathutils.Matrix) -> Placement:
