@@ -442,8 +442,7 @@ WITHOUT: dict[str, list[str]] = {
         "1.0 instead of 1.4 GB", "+.010 to +.014", "gain .023, .011, .008 and .003 at 1, 4, 16 and 64 samples",
         ".007 to 0 on unseen generated ones, and lose .005, .002 and .001", "by more than .01",
         "22.2 against 22.1 dB", ".001 below the best here and .07 above it there", "SSIM .899 (.870 before)",
-        "1.08 of the reference's with one seed for all frames (1.08 before), 1.42 with a new seed for each (1.31; the "
-        "library's own weights, mirrored: 1.26)"],
+        "1.08 of the reference's with one seed for all frames (1.08 before), 1.42 with a new seed for each (1.31)"],
     STRESS: [
         ".05 below its own first score", "first score less .05", "on `small` with .25,", "above .005"],
     "docs/guide/displays.md": ["(15.6″) `looking-glass-15.6`", "## Looking Glass 8.9″", "`looking-glass-8.9`",
