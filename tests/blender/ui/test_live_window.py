@@ -142,7 +142,7 @@ def test_a_panel_with_a_lens_sheet_shows_its_subpixels(window, make):
     display = dataclasses.replace(small(make()), panel_pixels=size, panel_mm=(64.0, 48.0))
     write_profile(window.folder / "own.toml", display)
     window.run(f"lfsr = bpy.context.scene.lfsr\nlfsr.profile_file = {str(window.folder / 'own.toml')!r}\n"
-               "lfsr.display = 'FILE'\nlfsr.live_samples = 128\n"
+               "lfsr.display = 'FILE'\nlfsr.live_samples, lfsr.spacing = 128, 1\n"
                "bpy.context.scene.view_settings.view_transform = 'Standard'")
     start(window, size)
     live = resting(window, f"live-{make.__name__}")[:size[1], :size[0]].astype(float)
