@@ -139,6 +139,7 @@ def test_lenses_of_a_list_or_a_sample_are_finished_as_those_of_a_frame(tmp_path)
     layers, lenses = read_layers(tmp_path / LOW_RES_FILE), np.array([(3, 5), (6, 9), (0, 0), (6, 8)])
     low, mask = low_resolution(layers, frame, read_world(tmp_path, frame)), foreground_mask(layers, MINI.lenses)
     sample = low.each(lambda layer: layer[lenses[:, 0], lenses[:, 1]][None])
+    assert sample.pixels == low.alpha.size, "of the whole render"
     images = finished_lenses(sample, mask[tuple(lenses.T)], "bicubic", np.array([(0, n) for n in range(4)]))
     whole = to_elemental_images(finished_linear(tmp_path, "bicubic"), MINI.lenses)
     np.testing.assert_allclose(images, whole[tuple(lenses.T)], atol=1e-6)

@@ -46,7 +46,7 @@ METHODS: dict[str, Part] = {
     "pool": Part(UPSCALER, "linear along the depth of what is seen, from every lens that sees it", Pooling,
                  sees_neighbours=True, versions={"pool": 12}, per_finished=0.05),
     "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda: Interpolation("nearest")),
-    "denoise": Part(PREFILTER, "Open Image Denoise with weights trained on elemental images",
+    "denoise": Part(PREFILTER, "Open Image Denoise with weights for elemental images, and its own in small renders",
                     lambda path: functools.partial(denoise.denoise_low_resolution, weights=path or denoise.WEIGHTS),
                     needs_denoiser=True, takes_weights=True, sees_neighbours=True, versions={"denoiser": 12},
                     per_rendered=0.45),

@@ -174,9 +174,10 @@ def test_what_is_flat_is_looked_at_from_above_and_what_is_wide_from_a_side_from_
 
 @pytest.mark.parametrize("half", [(0.5, 0.5, 0.5), (0.2, 0.2, 2), (1.5, 0.3, 0.6)])
 def test_no_view_lies_below_the_ground_on_which_the_subject_stands(scene, half):
-    boxes = {add_box(scene, (0, 0, half[2]), half), add_box(scene, (0, 0, -0.01), (30, 30, 0.01))}
-    array, matrix = edit.in_front(scene, MINI, boxes)
-    assert (np.array(matrix) @ (0, -array.spacing * MINI.views[1] / 2, 0, 1))[2] > 0
+    box, ground = add_box(scene, (0, 0, half[2]), half), add_box(scene, (0, 0, -0.01), (30, 30, 0.01))
+    edit.fit(scene, MINI, [box])
+    for array, matrix in (rig.placement(scene, MINI), edit.in_front(scene, MINI, {box, ground})):
+        assert (np.array(matrix) @ (0, -array.spacing * MINI.views[1] / 2, 0, 1))[2] > 0
 
 
 def test_what_comes_nearer_in_an_animation_is_looked_at_from_its_front(scene):
