@@ -1,5 +1,6 @@
-"""Types of arrays, for annotations; the docstrings beside them give shape, dtype and axes."""
+"""Arrays: types for annotations, beside which docstrings give shape, dtype and axes; and how gaps are filled."""
 
+from collections.abc import Iterable
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -8,3 +9,16 @@ from numpy.typing import NDArray
 Array: TypeAlias = NDArray[Any]
 Bytes: TypeAlias = NDArray[np.uint8]
 Mask: TypeAlias = NDArray[np.bool_]
+
+
+def spread(values: Array, reach: int, axes: Iterable[int], gap: float) -> Array:
+    """Values, in place of those from ``gap`` on the largest other one beside along ``axes``, up to ``reach`` away."""
+    for _ in range(reach):
+        known = np.where(values < gap, values, np.float32(-gap))
+        largest = known.copy()
+        for axis in axes:
+            here, there = np.moveaxis(largest, axis, 0), np.moveaxis(known, axis, 0)
+            np.maximum(here[1:], there[:-1], out=here[1:])
+            np.maximum(here[:-1], there[1:], out=here[:-1])
+        values = np.where((values >= gap) & (largest > -gap), largest, values)
+    return values

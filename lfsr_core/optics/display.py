@@ -80,9 +80,7 @@ class Subpixels:
     @property
     def size(self) -> tuple[float, float]:
         """Width and height of a subpixel in pixels: the whole pixel, or a third of its area."""
-        if self.cells:
-            return CELL_SIDE, CELL_SIDE
-        return (1.0 if self.stripes == "white" else 1 / 3), 1.0
+        return (CELL_SIDE, CELL_SIDE) if self.cells else (1.0 if self.stripes == "white" else 1 / 3, 1.0)
 
     @property
     def count(self) -> int:

@@ -235,9 +235,7 @@ def _place(point: Array, placed: Placement) -> str:
     if z <= 0:
         return "behind"
     if max(abs(x), abs(y)) > z:
-        if abs(x) >= abs(y):
-            return "right" if x > 0 else "left"
-        return "above" if y > 0 else "below"
+        return ("right" if x > 0 else "left") if abs(x) >= abs(y) else "above" if y > 0 else "below"
     return "beyond" if array.clip and z > array.clip[1] else "hidden"
 
 

@@ -147,10 +147,8 @@ def methods(scene: bpy.types.Scene) -> list[str]:
     except LfsrError:
         return []
     names = [MethodName.parse(name) for name in (*MENU, *MORE)]
-    if frame.subpixels:
-        fits = [name for name in names if name.text in SUBPIXEL_METHODS]
-    else:
-        fits = [name for name in names if (name.upscaler == AS_RENDERED) == (frame.scale == 1)]
+    fits = [name for name in names if (name.text in SUBPIXEL_METHODS if frame.subpixels
+                                       else (name.upscaler == AS_RENDERED) == (frame.scale == 1))]
     return [name.text for name in fits if not (lacks and name.needs_denoiser)]
 
 

@@ -44,7 +44,7 @@ METHODS: dict[str, Part] = {
     "bilinear": Part(UPSCALER, "linear inside each elemental image", lambda: Interpolation("linear")),
     "bicubic": Part(UPSCALER, "cubic inside each elemental image", lambda: Interpolation("cubic")),
     "pool": Part(UPSCALER, "linear along the depth of what is seen, from every lens that sees it", Pooling,
-                 sees_neighbours=True, versions={"pool": 12}, per_finished=0.05),
+                 sees_neighbours=True, versions={"pool": 13}, per_finished=0.05),
     "none": Part(UPSCALER, "no upscaling, for renders at scale 1", lambda: Interpolation("nearest")),
     "denoise": Part(PREFILTER, "Open Image Denoise with weights for elemental images, and its own in small renders",
                     lambda path: functools.partial(denoise.denoise_low_resolution, weights=path or denoise.WEIGHTS),

@@ -32,7 +32,7 @@ from typing import Any
 
 import numpy as np
 
-from lfsr_core.base.arrays import Array
+from lfsr_core.base.arrays import Array, spread
 from lfsr_core.base.messages import LfsrError, Notice, silent
 from lfsr_core.base.system import read_bytes, read_json
 from lfsr_core.frames.frame import DEVICES_JOINED
@@ -182,16 +182,9 @@ def _deep(low: LowResEIA) -> Array:
     """
     if low.slope is None or low.block is not None:
         return np.zeros((1,) * 5, np.float32)
-    first = low.slope[..., 0]
-    slope = np.where(np.isfinite(first), np.abs(first), np.float32(-1))
-    for _ in range(EDGE if low.samples > 1 else 0):
-        steepest = slope.copy()
-        for axis in range(4):
-            here, there = np.moveaxis(steepest, axis, 0), np.moveaxis(slope, axis, 0)
-            np.maximum(here[1:], there[:-1], out=here[1:])
-            np.maximum(here[:-1], there[1:], out=here[:-1])
-        slope = np.where(slope < 0, steepest, slope)
-    return np.clip((slope - DEEP[0]) / (DEEP[1] - DEEP[0]), 0, 1)[..., None]
+    slope = np.nan_to_num(np.abs(low.slope[..., 0]), nan=np.inf)
+    slope = spread(slope, EDGE if low.samples > 1 else 0, range(4), np.inf)
+    return (np.clip((slope - DEEP[0]) / (DEEP[1] - DEEP[0]), 0, 1) * np.isfinite(slope))[..., None]
 
 
 def denoised_opacity(low: LowResEIA) -> LowResEIA:

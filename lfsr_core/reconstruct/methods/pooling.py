@@ -20,9 +20,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from lfsr_core.base.arrays import Array
+from lfsr_core.base.arrays import Array, spread
 from lfsr_core.base.system import in_cache, in_threads
-from lfsr_core.reconstruct.upscaler import LowResEIA, Upscaler, decode, encode, interpolated, kernel_matrix
+from lfsr_core.reconstruct.upscaler import OPAQUE, LowResEIA, Upscaler, decode, encode, interpolated, kernel_matrix
 
 REACH = 3  # rendered views to each side of a place from which samples are taken, at most
 SIGMA, FALL = 1.5, -0.19  # standard deviation of the weight, in rendered views: SIGMA · samples ** FALL
@@ -87,17 +87,15 @@ class Pooling(Upscaler):
         if not known.any():
             return low
         slope = np.where(known, followed, np.float32(UNKNOWN))
-        # Where nothing is seen: the largest slope of the nearest samples that see something, at most VOID_REACH away.
-        beyond = slope
-        for _ in range(VOID_REACH if low.samples >= LEAST_SAMPLES else 0):
-            seen = np.where(beyond < UNKNOWN, beyond, np.float32(-UNKNOWN))
-            seen = np.pad(seen, ((0, 0), (0, 0), (1, 1), (1, 1)), "edge")
-            beside = np.maximum(np.maximum(seen[:, :, 1:-1, :-2], seen[:, :, 1:-1, 2:]),
-                                np.maximum(seen[:, :, :-2, 1:-1], seen[:, :, 2:, 1:-1]))
-            beyond = np.where((beyond >= UNKNOWN) & (beside > -UNKNOWN), beside, beyond)
-        if LEAST_SAMPLES <= low.samples < SHARP_SAMPLES:
+        beyond = spread(slope, VOID_REACH if low.samples >= LEAST_SAMPLES else 0, (2, 3), UNKNOWN)
+        if low.samples < LEAST_SAMPLES:
+            slope = _with_edges(slope, low.slope_ratio)
+        elif low.samples < SHARP_SAMPLES:
             slope = np.where(np.abs(beyond) < LEVEL, beyond, slope)
-        slope = _with_edges(slope, low.slope_ratio) if low.samples < LEAST_SAMPLES else slope
+        # Samples that show a part of an edge before nothing have the depth of both: they and those beside move with it.
+        whole = np.where(low.alpha[..., 0] > OPAQUE, slope, np.float32(UNKNOWN))
+        beside = spread(whole, 1, (2, 3), UNKNOWN)
+        slope = np.where((beside < whole) & (np.abs(beside) > BEFORE_NOTHING), beside, slope)
         is_steep = (np.abs(slope[known]) > STEEP).mean() > MOST_STEEP
         across, down = (factor if is_steep else min(factor, PLACES) for factor in low.factors)
         (sy, sx, h, w), width = known.shape, known.shape[3] * across
@@ -472,5 +470,5 @@ def _sums(planes: Array, stride: int, taps: Sequence[tuple[Any, ...]], starts: A
     if fits:
         some = np.maximum(total, LEAST)
         changes -= first / some * sums
-        sums -= changes * (first / (second + RIDGE * some) * (1 - edge))
+        sums -= changes * (first / (second + RIDGE * some))
     return total, sums
