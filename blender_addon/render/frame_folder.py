@@ -48,7 +48,7 @@ SETTLED = ("scene", "device", "light", "sampling")
 SOURCES = ("compat.py", "render/**/*.*", "scene/**/*.*")  # of the add-on, which decide pixels
 # Pixels across, and samples per pixel, of the measurement of light and of the first view.
 LIGHT_WIDTH, LIGHT_SAMPLES, FIRST_WIDTH, FIRST_SAMPLES = 64, 4, 160, 24
-MOST_SECONDS = 60.0  # of an image with more rays than were asked for
+MOST_SECONDS = 120.0  # of an image with more rays than were asked for
 Say = Callable[[Notice], object]
 
 
