@@ -448,7 +448,7 @@ WITHOUT: dict[str, list[str]] = {
     "docs/guide/displays.md": ["(15.6″) `looking-glass-15.6`", "## Looking Glass 8.9″", "`looking-glass-8.9`",
                                "Bridge 2.6.3.", "(2.2 or newer)"],
     POOLING: ["HDR-FLIP × .94, .92, .94 and .95", "gains .09 to .23", "(.9 lenses)", "(.5 lenses per",
-              "1.5 · samples^−.19", "up to 1.55 lenses", "if that is .15 at most", "before nothing .4",
+              "1.5 · samples^−.19", "up to 1.55 lenses", "if that is .15 at most; from .4 on", "before nothing .4",
               "mirror scores .75, along the first hit .40; tiles behind glass .86 and .84"]}
 DOCUMENTS = ["README.md", "docs/index.md", *(f"docs/{folder}/{path.name}" for folder in ("guide", "results")
                                              for path in sorted((ROOT / "docs" / folder).glob("*.md")))]
