@@ -92,7 +92,7 @@ class Pooling(Upscaler):
             slope = _with_edges(slope, low.slope_ratio)
         elif low.samples < SHARP_SAMPLES:
             slope = np.where(np.abs(beyond) < LEVEL, beyond, slope)
-        # Samples that show a part of an edge before nothing have the depth of both: they and those beside move with it.
+        # Samples that show a part of an edge before nothing have any depth, or none: they move with it, as those beside.
         whole = np.where(low.alpha[..., 0] > OPAQUE, slope, np.float32(UNKNOWN))
         beside = spread(whole, 1, (2, 3), UNKNOWN)
         slope = np.where((beside < whole) & (np.abs(beside) > BEFORE_NOTHING), beside, slope)
