@@ -183,7 +183,7 @@ def _deep(low: LowResEIA) -> Array:
     if low.slope is None or low.block is not None:
         return np.zeros((1,) * 5, np.float32)
     slope = spread(np.nan_to_num(np.abs(low.slope[..., 0]), nan=np.inf), EDGE * (low.samples > 1), range(4), np.inf)
-    return (np.clip((slope - DEEP[0]) / (DEEP[1] - DEEP[0]), 0, 1) * np.isfinite(slope))[..., None]
+    return np.asarray(np.clip((slope - DEEP[0]) / (DEEP[1] - DEEP[0]), 0, 1) * np.isfinite(slope))[..., None]
 
 
 def denoised_opacity(low: LowResEIA) -> LowResEIA:
