@@ -12,7 +12,7 @@ Mask: TypeAlias = NDArray[np.bool_]
 
 
 def spread(values: Array, reach: int, axes: Iterable[int], gap: float) -> Array:
-    """Values, in place of those from ``gap`` on the largest other one beside along ``axes``, up to ``reach`` away."""
+    """Fill values of ``gap`` or more with the largest smaller one beside them along ``axes``, in ``reach`` steps."""
     for _ in range(reach):
         known = np.where(values < gap, values, np.float32(-gap))
         largest = known.copy()

@@ -101,7 +101,7 @@ def test_a_file_that_is_held_for_a_moment_is_replaced_and_one_that_stays_held_is
     monkeypatch.setattr(system, "PAUSES", (0.0,) * 4)
     write_json(tmp_path / "data.json", 1)
     refusals[0] = 9
-    refuses(r"data\.json cannot be written .*: close the program that has it", write_json, tmp_path / "data.json", 2)
+    refuses("data.json cannot be written .*: close the program that has it open", write_json, tmp_path / "data.json", 2)
     assert names(tmp_path) == ["data.json"] and read_json(tmp_path / "data.json", "a number") == 1
 
 

@@ -89,7 +89,7 @@ def test_displays_are_listed_and_one_chosen_by_index_name_or_proportions(bridge)
     twins = [dataclasses.replace(devices[1], index=7), *devices]
     assert chosen(twins, "7").index == 7
     refuses(r"several displays called 'LKG-J2': choose one of 7 \(LKG-J2\), .* number", chosen, twins, "LKG-J2")
-    refuses(r"for a panel of width / height 1.778, but display 'LKG-P1' has 0.750: ", chosen, devices, "1", 16 / 9)
+    refuses("for a panel of width / height 1.778, but display 'LKG-P1' has 0.750: render", chosen, devices, "1", 16 / 9)
     bridge()
     portrait, large = Bridge().devices()
     assert (portrait.index, portrait.name, portrait.hardware) == (1, "LKG-P1", "portrait")

@@ -39,8 +39,8 @@ def special(tmp_path):
 @pytest.mark.parametrize("suffix", [".gltf", ".glb"])
 def test_only_regular_files_may_be_named(tmp_path, special, suffix):
     for name in special:
-        for content in ({"buffers": [BUFFER | {"uri": name}]}, {"images": [{"uri": name}]}):
-            refuses(f"{name}, which is no regular", check_named_files, written(tmp_path, content, f"scene{suffix}"))
+        for data in ({"buffers": [BUFFER | {"uri": name}]}, {"images": [{"uri": name}]}):
+            refuses(f"{name}, which is no regular file", check_named_files, written(tmp_path, data, f"scene{suffix}"))
         for line in (f"map_Kd {name}", f"bump -bm 2.0 {name}", f"  MAP_ks -s 1 1 1 {name}"):
             refuses("no regular file", check_named_files, material(tmp_path, line))
     (tmp_path / "scene.obj").write_text("v 0 0 0\n")

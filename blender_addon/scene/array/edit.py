@@ -355,10 +355,10 @@ def _surroundings(boxes: Array) -> list[int]:
         area, covered = (np.where(is_thin, 1, lengths).prod(1) for lengths in (sides, high - low))
         scale, wider = (inner, WIDER_OF_MANY) if len(rest) >= MANY else ((high - low)[2], WIDER)
         # A room is looked at from inside. A gear is no floor of its shaft, which reaches as far down as up.
-        bottom, aside = around[:, 0, 2], np.abs(around[..., 2].mean(1) - (low + high)[2] / 2)
-        is_other = is_thin[:, 2] & ((bottom >= high[2]) | (low[2] < bottom) & (aside < FLAT * (high - low)[2]))
-        is_floor = ~is_other & ((sides.min(1) < FLAT * sides.max(1)) & (area > WIDE * covered)
-                                | is_thin[:, 2] & (sides[:, 2] < HILLY * scale) & (area > wider * covered))
+        bottom, shift = around[:, 0, 2], np.abs(around[..., 2].mean(1) - (low + high)[2] / 2)
+        is_part = is_thin[:, 2] & ((bottom >= high[2]) | (low[2] < bottom) & (shift < FLAT * (high - low)[2]))
+        is_floor = ~is_part & ((sides.min(1) < FLAT * sides.max(1)) & (area > WIDE * covered)
+                               | is_thin[:, 2] & (sides[:, 2] < HILLY * scale) & (area > wider * covered))
         grounds = around[is_floor & is_thin[:, 2], 0, 2]  # a road on one belongs to it, if it is longer than all others
         is_road = is_thin[:, 2] & (sides[:, 2] < FLAT * size) & (np.sort(sides)[:, 1] < size / WIDE)
         is_floor |= is_road & (size > inner) & (np.abs(around[:, :1, 2] - grounds) < FLOOR * size[:, None]).any(1)

@@ -92,7 +92,7 @@ class Pooling(Upscaler):
             slope = _with_edges(slope, low.slope_ratio)
         elif low.samples < SHARP_SAMPLES:
             slope = np.where(np.abs(beyond) < LEVEL, beyond, slope)
-        # What shows a part of an edge before nothing has any depth, or none: it moves with the edge, as what is beside.
+        # A sample of part of an edge before nothing may have any depth: it and empty ones beside move with the edge.
         whole = np.where(low.alpha[..., 0] > OPAQUE, slope, np.float32(UNKNOWN))
         beside = spread(whole, 1, (2, 3), UNKNOWN)
         slope = np.where((beside < whole) & (np.abs(beside) > BEFORE_NOTHING), beside, slope)

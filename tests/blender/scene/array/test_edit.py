@@ -156,8 +156,8 @@ def test_floors_and_what_lies_far_away_are_not_the_main_part():
     pond, land = box_at((-6, -6, -0.8), (6, 6, 0.1)), box_at((-6, -6, -2), (6, 6, 0.1))
     assert chosen(THING, pond) == ["0"] and chosen(THING, land) == ["0", "1"], "a ground, and a landscape"
     assert chosen(land, *[np.add(THING, (0, step / 4, 0)) for step in range(10)]) == [*map(str, range(1, 11))], "a town"
-    assert chosen(np.subtract(THING, (0, 0, 1.05)), near := box_at((-4, -4, -0.1), (4, 4, 0))) == ["0", "1"], "a gear"
-    behind = box_at((-4, 3, 0), (4, 3.2, 4))
+    near, behind = box_at((-4, -4, -0.1), (4, 4, 0)), box_at((-4, 3, 0), (4, 3.2, 4))
+    assert chosen(np.subtract(THING, (0, 0, 1.05)), near) == ["0", "1"], "a gear on its shaft"
     assert chosen(THING, near, behind) == ["0"], "a stage"
     assert chosen(THING, near, behind, box_at((-4, -4, 4), (4, 4, 4.1))) == ["0", "1", "2", "3"], "a room"
 
