@@ -161,7 +161,7 @@ def follow(live: bpy.types.Scene) -> None:
     if live[LIGHT] != light:
         _remove([item for item in marked(live[MARK]) if LIGHT in item and item != live])
         needed = OWN if has_light(scene) else DEFAULT_LIGHT  # a render alone tells whether there is enough
-        for item in illuminate(live, needed if light == AUTO else light):
+        for item in illuminate(live, needed if light == AUTO else light, scene):
             item[MARK], item[LIGHT] = live[MARK], light
         live[LIGHT] = light
     is_lit = live.world is not None and MARK in live.world

@@ -14,6 +14,7 @@ from lfsr_core.base.messages import LfsrError
 from lfsr_core.frames.frame import AUTO, EVEN, OWN, WORLD_IMAGES, check_light, is_light_file
 
 from .. import compat
+from .array import rig
 from .contents import materials, nodes_of, rendered, with_copied
 
 DEFAULT_LIGHT = "city"  # neutral, from all sides: suits glass as well as skin
@@ -119,27 +120,30 @@ def lit(scene: bpy.types.Scene, light: str) -> Iterator[None]:
         bpy.data.batch_remove(added)
 
 
-def illuminate(scene: bpy.types.Scene, light: str) -> list[bpy.types.ID]:
+def illuminate(scene: bpy.types.Scene, light: str, seen: bpy.types.Scene | None = None) -> list[bpy.types.ID]:
     """Light ``scene``, and return the new data: OWN adds nothing, EVEN lamps, anything else a world image.
 
-    Even light is what arrives from the lamps alone: in a white room, reflected light would make all surfaces as bright.
+    What ships with Blender and the lamps turn with the array, else the camera, of ``seen`` or of the scene itself, so
+    that the sun never stands behind the subject, nor behind the viewer, where it would show no shapes. Even light is what arrives from the lamps alone: in a white room, reflected light would make all surfaces as bright.
     So it goes with no diffuse bounces.
     """
     if light == OWN:
         return []
+    viewer = rig.find(seen or scene) or (seen or scene).camera
+    turn = math.atan2(*viewer.matrix_world.col[0].yx) if viewer else 0.0
     if light != EVEN:
-        world = add_light(scene, light)
+        world = add_light(scene, light, 0.0 if is_light_file(light) else turn)
         return [world, *(node.image for node in world.node_tree.nodes if node.type == "TEX_ENVIRONMENT")]
     lamps = [bpy.data.objects.new("LFSR light", bpy.data.lights.new("LFSR light", "SUN")) for _ in EVEN_LAMPS]
     for lamp, (around, above, strength) in zip(lamps, EVEN_LAMPS, strict=True):
-        lamp.rotation_euler = math.radians(90 - above), 0, math.radians(around)
+        lamp.rotation_euler = math.radians(90 - above), 0, math.radians(around) + turn
         lamp.data.energy, lamp.data.use_shadow, lamp.visible_camera = strength, False, False
         scene.collection.objects.link(lamp)
     return [data for lamp in lamps for data in (lamp, lamp.data)]
 
 
-def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.World:
-    """Light the scene with a world image: a file's, or by name one of those that ship with Blender (CC0).
+def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT, turn: float = 0.0) -> bpy.types.World:
+    """Light the scene with a world image, turned around Z by radians: a file's, or one that ships with Blender (CC0).
 
     A shipped image is dimmed until a white floor is at most white: brighter, it would hardly show shapes and shadows.
     LfsrError where it is missing, or cannot be read to its end, because Blender might crash.
@@ -167,7 +171,7 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT) -> bpy.types.W
     compat.use_nodes(world)
     nodes = world.node_tree.nodes
     texture, shader = nodes.new("ShaderNodeTexEnvironment"), next(node for node in nodes if node.type == "BACKGROUND")
-    texture.image = image
+    texture.image, texture.texture_mapping.rotation[2] = image, -turn
     if not is_light_file(light):
         pixels = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(pixels)

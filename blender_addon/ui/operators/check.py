@@ -18,7 +18,7 @@ from ...scene.array.edit import AROUND, FEWER, add, in_front, put, remove
 from ...scene.array.placement import Rays, as_rendered, through
 from ...scene.array.rig import Placement, check_editable
 from ...scene.contents import BACKGROUND_COLLECTION, GEOMETRY, SWITCHES, find_subject, switched
-from ...scene.light import DEFAULT_LIGHT, add_light
+from ...scene.light import DEFAULT_LIGHT, illuminate
 from ...scene.words import counted, for_panel
 from .base import UNDO, AsksForFile, Result, activate, reports_errors
 
@@ -126,7 +126,7 @@ FIXES: dict[str, Fix] = {
     "helper": lambda scene, _target: _leave_out(*look.helpers(scene) or look.culled_objects(scene)),
     "plane": lambda scene, _target: look.move_plane(scene), "deep": lambda scene, _target: look.flatten(scene),
     "frame": _fit, "dark": _light_images, "array": _add_array, "rig": _add_array,
-    "light": lambda scene, _target: setattr(add_light(scene), "name", "Light Field World"),
+    "light": lambda scene, _target: setattr(illuminate(scene, DEFAULT_LIGHT)[0], "name", "Light Field World"),
     "engine": _set("render", engine="CYCLES"), "script": _set("cycles", device="CPU", shading_system=True),
     "dirty": lambda _scene, target: _existing(bpy.data.images, target, "image").pack(), "background": _to_background,
     "denoise": lambda scene, _target: runtime.use_replacement(scene, scene_settings.resolve(scene)),

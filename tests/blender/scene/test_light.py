@@ -166,6 +166,20 @@ def test_light_is_chosen_by_hand(scene, tmp_path):
     assert means[str(sky)][0] > 0.05 and not means[str(sky)][1:].any()
 
 
+@pytest.mark.parametrize("chosen", ["city", "even", "sky.exr"])
+def test_light_turns_with_the_array_but_for_a_file(scene, tmp_path, chosen):
+    image_files.write_layers(tmp_path / "sky.exr", {"color": np.float32([[[1]] * 4 + [[0]] * 4] * 4)})
+    add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
+    camera, means = add_camera(scene, (0, -4, 0)), []
+    for _ in range(4):
+        brightness(scene, tmp_path, light=str(tmp_path / chosen) if "." in chosen else chosen)
+        color = image_files.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
+        means.append(color[color[..., 3] == 1][:, :3].mean())
+        camera.matrix_world = mathutils.Matrix.Rotation(np.pi / 2, 4, "Z") @ camera.matrix_world
+        bpy.context.view_layer.update()
+    assert (np.ptp(means) < 0.1 * np.mean(means)) == ("." not in chosen)
+
+
 @pytest.mark.parametrize(("name", "sentence"), [("gone.hdr", "does not exist"), ("text.exr", "cannot be read as an"),
                                               ("cut.exr", "cannot be read as an"), ("cut.hdr", "cannot be read as an")])
 def test_a_light_file_that_cannot_be_read_is_one_sentence(scene, tmp_path, name, sentence):
