@@ -50,7 +50,6 @@ STARTUP_CAMERAS = ((7.35889, -6.92579, 4.95831), (7.48113, -6.50764, 5.34367))  
 STARTUP_TURN, ROLL = mathutils.Euler((1.10932, 0.0, 0.81493)).to_quaternion(), 0.02
 TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject fills: of an aimed camera, of an unaimed one
 SMALLER = 0.33  # of what it might fill from elsewhere, times the number of things that are seen
-OUTSIDE, WIDER = 0.02, (48, 28)  # of what so many rays of a larger frame, as close as PROBES, would meet of the subject
 HEAVY, HIDDEN = 100, 0.25  # faces from which a mesh is more than a box, part of the picture that a box may hide
 CLOSE = 0.02  # of the subject's size: the array is inside an object whose inner side is nearer than that
 NARROW, FLAT = 0.25, 0.5  # part of the display's spacing of views, and disparity, below which an image is almost flat
@@ -302,11 +301,12 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
                 f"More of {name} is seen from elsewhere.") + f" {UNAIMED}." * is_unaimed), best
         if not is_in_box(placed) and is_in_box(best):
             return f"The array stands outside a room. {UNAIMED}.", best
-        wide = through(rays, placed, *WIDER, np.subtract(WIDER, 1) / np.subtract(placement.PROBES, 1))
-        is_moved = all(math.dist(eye.translation, place) > 0.01 for place in STARTUP_CAMERAS)
-        around = [hit and hit[2] in shown for hit in wide].count(True)
-        if len(seen) < (1 - OUTSIDE) * around and not is_moved:  # who moved it may have framed a part of the objects
-            return f"Much of {name} lies outside the frame. {UNAIMED}.", best
+        if any(math.dist(eye.translation, place) < 0.01 for place in STARTUP_CAMERAS):  # else a part may be framed
+            points = placement.world_points(set(main)) if len(main) <= edit.FEW_OBJECTS else boxes.values()
+            local = (np.concatenate([*points]) - eye.translation) @ np.array(eye.to_3x3())
+            half = np.array([placed[0].half_width, placed[0].half_height]) / placed[0].distance
+            if (np.abs(local[:, :2]) > local[:, 2:] * half).any():
+                return f"A part of {name} lies outside the frame. {UNAIMED}.", best
     return "", None
 
 

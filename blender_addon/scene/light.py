@@ -36,8 +36,7 @@ NAMES = {AUTO_LIGHT: AUTO, OWN_LIGHT: OWN, EVEN.upper(): EVEN, **{name.upper(): 
 
 def light_items() -> list[tuple[str, str, str, int]]:
     """Enum items; each has a number of its own, so that new lights do not change saved scenes."""
-    texts = {AUTO_LIGHT: ("Auto", "The scene's own light. A scene without light is lit with one of Blender's world "
-                          "images"),
+    texts = {AUTO_LIGHT: ("Auto", "The scene's own light, or one of Blender's world images if it has none"),
              OWN_LIGHT: ("Scene", "The scene's own light, even if it has none"),
              EVEN.upper(): ("Even", "Light from all sides without shadows, also inside a closed room")}
     texts |= {name.upper(): (name.title(), f"Blender's world image {name!r}; lamps of the scene stay")
@@ -59,12 +58,10 @@ def _shines(tree: bpy.types.NodeTree | None, plain: tuple[float, ...]) -> bool:
 def _emits(node: bpy.types.Node) -> bool:
     if node.type in ("OUTPUT_MATERIAL", "OUTPUT_WORLD"):  # a color without a shader shines
         return any(link.from_socket.type != "SHADER" for link in node.inputs["Surface"].links)
-    color, strength = {"BACKGROUND": ("Color", "Strength"), "EMISSION": ("Color", "Strength"),
-                       "BSDF_PRINCIPLED": ("Emission Color", "Emission Strength"),
-                       "PRINCIPLED_VOLUME": ("Emission Color", "Emission Strength")}.get(node.type, (None, None))
-    if color is None or not any(output.is_linked for output in node.outputs):
+    prefix = {"BACKGROUND": "", "EMISSION": "", "BSDF_PRINCIPLED": "Emission ", "PRINCIPLED_VOLUME": "Emission "}
+    if node.type not in prefix or not any(output.is_linked for output in node.outputs):
         return False
-    color, strength = node.inputs[color], node.inputs[strength]
+    color, strength = (node.inputs[prefix[node.type] + name] for name in ("Color", "Strength"))
     return (color.is_linked or any(color.default_value[:3])) and (strength.is_linked or strength.default_value > 0)
 
 
@@ -123,9 +120,9 @@ def lit(scene: bpy.types.Scene, light: str) -> Iterator[None]:
 def illuminate(scene: bpy.types.Scene, light: str, seen: bpy.types.Scene | None = None) -> list[bpy.types.ID]:
     """Light ``scene``, and return the new data: OWN adds nothing, EVEN lamps, anything else a world image.
 
-    What ships with Blender and the lamps turn with the array, else the camera, of ``seen`` or of the scene itself, so
-    that the sun never stands behind the subject, nor behind the viewer, where it would show no shapes. Even light is what arrives from the lamps alone: in a white room, reflected light would make all surfaces as bright.
-    So it goes with no diffuse bounces.
+    Lamps and Blender's own images turn with the array, else the camera, of ``seen``, else of ``scene``: from behind the
+    viewer or the subject, a sun shows no shapes. Even light goes with no diffuse bounces, because reflected light would
+    make all surfaces of a white room as bright.
     """
     if light == OWN:
         return []

@@ -60,9 +60,10 @@ def share_of(scene, *items) -> float:
 
 def test_a_new_file_as_it_is_and_a_camera_that_was_aimed_stay(startup):
     assert looked(startup) == {}
-    things = [add_box(at, (0.5, 0.5, 0.5)) for at in (*itertools.product(range(-2, 3), (-1, 1), (0,)), (0, 0, 5))]
-    bpy.ops.object.select_all(action="SELECT")
-    assert "frame" not in looked(startup), "hardly anything is outside"
+    things = [add_box(at, (0.5, 0.5, 0.5)) for at in itertools.product(range(-2, 3), (-1, 1), (0,))]
+    for height, is_cut in ((0, False), (1.4, True)):
+        things[0].location.z += height
+        assert ("frame" in looked(startup)) == is_cut, "its highest corner is outside"
     bpy.data.batch_remove(things)
     bpy.data.objects["Cube"].modifiers.new("Build", "BUILD").frame_start = 10
     assert "Frame 1" in looked(startup)["nothing"]

@@ -37,9 +37,8 @@ def test_scene_without_light_gets_an_hdri_that_is_not_seen(tmp_path):
 
 def test_a_world_image_lights_a_floor_as_view_transforms_can_show(scene, tmp_path):
     add_box(scene, (0, 0, 0), (2, 2, 0.01))
-    frame_folder.render_job(scene, make_request(str(tmp_path), MINI, samples=16, light=light.DEFAULT_LIGHT))
-    color = image_files.read_layers(tmp_path / "lr_eia.exr")["color"]
-    assert 0.6 < np.quantile(color[color[..., 3] == 1][:, :3].max(1), 0.75) < 0.9, "half of it is seen from below"
+    color, _ = shown(scene, tmp_path, samples=16, light=light.DEFAULT_LIGHT)
+    assert 0.6 < np.quantile(color.max(1), 0.75) < 0.9, "half of it is seen from below"
 
 
 @pytest.mark.parametrize(("kind", "lit"), [
@@ -87,12 +86,12 @@ def with_sun(scene, strength):
     scene.collection.objects.link(sun)
 
 
-def brightness(stage, tmp_path, **options):
-    """Brightest pixel of a render, and what was said."""
+def shown(stage, tmp_path, **options):
+    """Colours (n, 3) of the subject in a render, and what was said."""
     told = Told()
-    frame_folder.render_job(stage, make_request(str(tmp_path / "out"), MINI, samples=1, **options), tell=told)
+    frame_folder.render_job(stage, make_request(str(tmp_path / "out"), MINI, **{"samples": 1} | options), tell=told)
     color = image_files.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
-    return color[..., :3].max(), " ".join(sentence(notice) for notice in told.notices)
+    return color[color[..., 3] == 1][:, :3], " ".join(map(sentence, told.notices))
 
 
 def lantern(scene):
@@ -109,18 +108,17 @@ def test_light_that_does_not_arrive_counts_as_none(scene, tmp_path, shine, file)
     scene.collection.children["box"].objects.link(box)
     shine(scene)
     assert light.has_light(scene)
-    _, said = brightness(scene, tmp_path, subject="box", scene=file)
+    color, said = shown(scene, tmp_path, subject="box", scene=file)
     assert "lmost no light reaches" in said and ("lit with" in said) == bool(file)
+    assert (np.median(color.max(-1)) > 0.05) == bool(file)
     frame, layers = read_frame(tmp_path / "out"), image_files.read_layers(tmp_path / "out" / "lr_eia.exr")
     assert (frame.light, frame.world_visible) == ("city" if file else "own", False) and "environment" not in layers
-    color = layers["color"]
-    assert scene.world is None and np.all(color[color[..., 3] == 0] == 0)
-    assert (np.median(color[color[..., 3] == 1][:, :3].max(-1)) > 0.05) == bool(file)
+    assert scene.world is None and np.all(layers["color"][layers["color"][..., 3] == 0] == 0)
 
 
 def test_what_shines_all_over_needs_no_light(scene, tmp_path):
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5), emission((0.3, 0.3, 0.3)))
-    assert brightness(scene, tmp_path, scene="scene.glb")[1] == "" and read_frame(tmp_path / "out").light == "own"
+    assert shown(scene, tmp_path, scene="scene.glb")[1] == "" and read_frame(tmp_path / "out").light == "own"
 
 
 @pytest.mark.parametrize(("value", "exposure", "dark"), [(0.05, 0, True), (0.05, 2, False), (0.5, 0, False)])
@@ -128,7 +126,7 @@ def test_the_world_of_a_new_file_is_too_dark(scene, tmp_path, value, exposure, d
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     add_world(scene, value)
     scene.view_settings.exposure = exposure
-    _, said = brightness(scene, tmp_path)
+    _, said = shown(scene, tmp_path)
     assert ("lmost no light reaches" in said) == dark and light.is_certain(scene) != dark
 
 
@@ -146,10 +144,9 @@ def test_what_an_image_cannot_light_is_lit_evenly(scene, tmp_path):
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     add_box(scene, (0, 0, 0), (9, 9, 9))
     add_camera(scene, (0, -4, 0))
-    (_, said), frame = brightness(scene, tmp_path, scene="scene.glb"), read_frame(tmp_path / "out")
+    (color, said), frame = shown(scene, tmp_path, scene="scene.glb"), read_frame(tmp_path / "out")
     assert "encloses it" in said and frame.light == "even" and frame.world_visible
-    color = image_files.read_layers(tmp_path / "out" / "lr_eia.exr")["color"][..., :3].max(-1)
-    assert 0.05 < np.median(color) < 0.5, "walls have shades of their own"
+    assert 0.05 < np.median(color.max(-1)) < 0.5, "walls have shades of their own"
     assert scene.world == sky and not bpy.data.lights and len(bpy.data.objects) == 3
 
 
@@ -158,10 +155,9 @@ def test_light_is_chosen_by_hand(scene, tmp_path):
     image_files.write_layers(sky, {"color": np.full((8, 16, 3), 0.3, np.float32) * np.float32((1, 0, 0))})
     means = {}
     for chosen in ("own", "city", "night", "even", str(sky)):
-        brightest, said = brightness(open_scene(path), tmp_path, scene=str(path), light=chosen)
+        color, said = shown(open_scene(path), tmp_path, scene=str(path), light=chosen)
         assert said == "" and read_frame(tmp_path / "out").light == chosen
-        color = image_files.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
-        means[chosen] = color[color[..., 3] == 1][:, :3].mean(0)
+        means[chosen] = color.mean(0)
     assert not means["own"].any() and means["city"].min() > means["night"].min() > 0.01 and means["even"].min() > 0.1
     assert means[str(sky)][0] > 0.05 and not means[str(sky)][1:].any()
 
@@ -172,9 +168,8 @@ def test_light_turns_with_the_array_but_for_a_file(scene, tmp_path, chosen):
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     camera, means = add_camera(scene, (0, -4, 0)), []
     for _ in range(4):
-        brightness(scene, tmp_path, light=str(tmp_path / chosen) if "." in chosen else chosen)
-        color = image_files.read_layers(tmp_path / "out" / "lr_eia.exr")["color"]
-        means.append(color[color[..., 3] == 1][:, :3].mean())
+        color, _ = shown(scene, tmp_path, light=str(tmp_path / chosen) if "." in chosen else chosen)
+        means.append(color.mean())
         camera.matrix_world = mathutils.Matrix.Rotation(np.pi / 2, 4, "Z") @ camera.matrix_world
         bpy.context.view_layer.update()
     assert (np.ptp(means) < 0.1 * np.mean(means)) == ("." not in chosen)
@@ -189,7 +184,7 @@ def test_a_light_file_that_cannot_be_read_is_one_sentence(scene, tmp_path, name,
         assert oiio.ImageBuf(pixels).write(str(path))
         os.truncate(path, path.stat().st_size * 3 // 4)
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
-    refuses(f"{name} {sentence}", brightness, scene, tmp_path, light=str(tmp_path / name))
+    refuses(f"{name} {sentence}", shown, scene, tmp_path, light=str(tmp_path / name))
     assert scene.world is None and not bpy.data.worlds
 
 
