@@ -3,38 +3,22 @@
 Scenes can have tens of thousands of objects: what is measured of all of them is measured at once.
 """
 
-import dataclasses
 from collections.abc import Iterator
 
 import bpy
 import numpy as np
 
-from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
 
 from ..scene import settings as scene_settings
 from ..scene.array import placement, rig
+from ..scene.array.edit import bounds, boxes_now
 from ..scene.contents import find_subject
 from ..scene.settings import length
 from ..scene.words import capitalized
 from .problems import ERROR, Problem
 
 COVERS, TOLERANCE = 0.8, 1e-3  # of the display, across and down, that a background covers; of the display's distance
-
-
-@dataclasses.dataclass(frozen=True)
-class Extents:
-    """Extents of n objects in camera-array space."""
-
-    near: Array  # distances (n,) from the viewing position along the view, in scene units
-    far: Array
-    low: Array  # corners (n, 2) of the rectangles that they cover, as fractions of half the display
-    high: Array
-
-    @property
-    def visible(self) -> Array:
-        """False (n,) where no eye in front of the display sees an object."""
-        return (self.far > 0) & (self.low < 1).all(1) & (self.high > -1).all(1)
 
 
 def find(scene: bpy.types.Scene) -> Iterator[Problem]:
@@ -51,30 +35,30 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
     except LfsrError:
         return  # said by another check
     with placement.as_rendered():
-        owners, boxes = placement.boxes(subject)
-    if placed is None or not owners:
+        boxes = boxes_now(subject)
+    if placed is None or not boxes:
         return
     cameras, toward = placed[0], np.linalg.inv(np.array(placed[1]))
-    items = sorted(set(owners), key=lambda item: item.name)
-    rows = {item: row for row, item in enumerate(items)}
-    points, of = boxes @ toward[:3, :3].T + toward[:3, 3], np.array([rows[owner] for owner in owners])
+    items = sorted(boxes, key=lambda item: item.name)
+    corners = [boxes[item] @ toward[:3, :3].T + toward[:3, 3] for item in items]
     # Points beside or behind the viewing position are off the display, far out: the object surrounds the viewer.
     half = np.array([cameras.half_width, cameras.half_height]) / cameras.distance
-    seen = points[..., :2] / np.maximum(points[..., 2], 1e-6 * cameras.distance)[..., None] / half
-    extents = Extents(_lowest(points[..., 2].min(1), of), -_lowest(-points[..., 2].max(1), of),
-                      _lowest(seen.min(1), of), -_lowest(-seen.max(1), of))
+    seen = [box[:, :2] / np.maximum(box[:, 2:], 1e-6 * cameras.distance) / half for box in corners]
+    # Distances (n,) along the view, and corners (n, 2) of the rectangles that objects cover.
+    (nearest, farthest), (low, high) = bounds(corners)[..., 2].T, bounds(seen).swapaxes(0, 1)
+    visible = (farthest > 0) & (low < 1).all(1) & (high > -1).all(1)  # to an eye in front of the display
     distance, (near, far) = cameras.distance, rig.usable_depth(cameras, settings.display)
     margin = TOLERANCE * distance
     # A floor or a room begins beside the viewer, or in front of the usable depth, and ends behind the display.
-    through = (extents.far > np.where(extents.near <= 0, distance, far)) & (extents.near < near)
-    covers = ((np.minimum(extents.high, 1) - np.maximum(extents.low, -1)) / 2 > COVERS).all(1)
-    background = through | (covers & (extents.far > far + margin))
+    through = (farthest > np.where(nearest <= 0, distance, far)) & (nearest < near)
+    covers = ((np.minimum(high, 1) - np.maximum(low, -1)) / 2 > COVERS).all(1)
+    background = through | (covers & (farthest > far + margin))
     # Width of one pixel of the rendered array: of a lens, or of a cell of views.
-    depths = np.minimum(np.maximum(distance, extents.near), extents.far)
+    depths = np.minimum(np.maximum(distance, nearest), farthest)
     least = np.maximum(2 * cameras.half_width / settings.display.lenses[0] * depths / distance,
                        settings.sampling.scale * cameras.spacing * np.abs(depths - distance) / distance)
-    is_only = not (extents.visible & ~background).any()  # without another subject nothing would be left before it
-    for row in np.flatnonzero(extents.visible):
+    is_only = not (visible & ~background).any()  # without another subject nothing would be left before it
+    for row in np.flatnonzero(visible):
         item = items[row]
         if background[row]:
             if is_only or settings.subpixels:  # where nothing is reconstructed, marking it saves no time
@@ -83,23 +67,17 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
                            "foreground. Objects in a collection called Background are reconstructed faster.",
                            "Move to Background")
             continue
-        if extents.near[row] < near - margin:
-            yield _problem("depth", item, f"It reaches {length(scene, distance - extents.near[row])} before the "
+        if nearest[row] < near - margin:
+            yield _problem("depth", item, f"It reaches {length(scene, distance - nearest[row])} before the "
                            f"display, which shows {length(scene, distance - near)} sharp.")
-        elif extents.far[row] > far + margin:
-            yield _problem("depth", item, f"It reaches {length(scene, extents.far[row] - distance)} behind the "
+        elif farthest[row] > far + margin:
+            yield _problem("depth", item, f"It reaches {length(scene, farthest[row] - distance)} behind the "
                            f"display, which shows {length(scene, far - distance)} sharp.")
         thickness = sorted(item.dimensions)[1]  # of a rod; of a sheet, its shorter side
         if 0 < thickness < least[row]:
             yield _problem("thin", item, f"It is {length(scene, thickness)} thick, but at its depth the rendered views "
                            f"show nothing finer than {length(scene, least[row])}. Choose a smaller scale or move it "
                            "nearer to the display plane.")
-
-
-def _lowest(values: Array, rows: Array) -> Array:
-    lowest = np.full((rows.max() + 1, *values.shape[1:]), np.inf)
-    np.minimum.at(lowest, rows, values)
-    return lowest
 
 
 def _problem(code: str, item: bpy.types.Object, reason: str, fix: str = "") -> Problem:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import nullcontext, suppress
 from pathlib import Path
 
@@ -40,8 +40,8 @@ MENDS = {
     "sky": ("leave_out_sky", "Leave Out Sky", "Hide the box or ball around all objects in renders"),
     "frame": ("fit_objects", "Fit to Objects", "Move the camera array in front of the objects, or into the room"),
     "plane": ("move_plane", "Move Display Plane", "Move the display plane to the middle of the depth that is seen"),
-    "deep": ("flatten_depth", "Flatten Depth", "Bring the views together, so that the display shows all of the depth; "
-             "objects stay as they are"),
+    "deep": ("flatten_depth", "Flatten Depth", "Bring the views together, so that the display shows all depths sharp"),
+    "colors": ("show_colors", "Show Vertex Colors", "Give what came without a material one that shows its colors"),
     "dark": ("add_light", "Add World Light", "Light the images with one of Blender's world images, or a room with even "
              "light; the scene keeps its own light")}
 STARTUP_LAMP = (4.07625, 1.00545, 5.90386)  # where a new file's lamp stands
@@ -59,7 +59,6 @@ UNSURE = 2.0  # light below this multiple of dim is measured by a render: object
 CERTAIN, SHADE = 1e6, 0.15  # strength of a lamp that nodes decide; fraction of its distance in which its shade stands
 BRIGHT = 0.25  # fraction of the picture from which a sky keeps it from being almost black
 GLASS, TRANSMISSION, LOST = ("BSDF_GLASS", "BSDF_REFRACTION"), "Transmission Weight", 0.2  # of the rays to it
-UNAIMED = "The camera of the new file was not aimed at it"
 newest = 0  # session_uid of the last object that came with the file, which ``last`` notes when one is opened
 
 
@@ -102,6 +101,9 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     if reason:
         is_new, placed = True, best or edit.in_front(scene, display, set(main))
         yield _problem("frame", main[0].name if main else scene.name, reason, placed)
+    if bare := without_material(main):
+        yield _problem("colors", bare[0].name, f"{bare[0].name} has colors of its vertices, but no material: it would "
+                       "be gray.")
     if depths := depths_of(rays, placed, shown):
         widest = placement.narrowed(rays, (dataclasses.replace(placed[0], spacing=math.inf), placed[1]), display,
                                     placed[0].distance)
@@ -251,6 +253,12 @@ def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list
     return [chosen[number] for number in np.argsort(-sizes, kind="stable")]
 
 
+def without_material(items: Iterable[bpy.types.Object]) -> list[bpy.types.Object]:
+    """Return what came since the file was opened with colors of its vertices and no material, as a scan."""
+    return [item for item in items if item.type == "MESH" and item.session_uid > newest and item.data.color_attributes
+            and not any(item.data.materials)]
+
+
 def _is_lamp(item: bpy.types.Object) -> bool:
     """Return True for a flat box or a plane of one colour that only shines, as photographers light with."""
     nodes = {node.type for slot in item.material_slots if slot.material for node in nodes_of(slot.material.node_tree)}
@@ -294,19 +302,15 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
         if not is_unaimed and len(better) <= len(seen):
             return "", None
         worth, most = (len(shares) * len({hit[3] for hit in shares}) for shares in (seen, better))
-        if share < SMALL or worth < most * SMALLER:
-            part = "less than 1%" if share < 0.01 else f"{share:.0%}"
-            return (f"The array sees nothing of {name}." if not seen else (
-                f"{name} fills {part} of the picture." if share < max(SMALL, SMALLER * len(better) / len(hits)) else
-                f"More of {name} is seen from elsewhere.") + f" {UNAIMED}." * is_unaimed), best
-        if not is_in_box(placed) and is_in_box(best):
-            return f"The array stands outside a room. {UNAIMED}.", best
+        is_wrong = share < SMALL or worth < most * SMALLER or (is_in_box(best) and not is_in_box(placed))
         if any(math.dist(eye.translation, place) < 0.01 for place in STARTUP_CAMERAS):  # else a part may be framed
             points = placement.world_points(set(main)) if len(main) <= edit.FEW_OBJECTS else boxes.values()
             local = (np.concatenate([*points]) - eye.translation) @ np.array(eye.to_3x3())
             half = np.array([placed[0].half_width, placed[0].half_height]) / placed[0].distance
-            if (np.abs(local[:, :2]) > local[:, 2:] * half).any():
-                return f"A part of {name} lies outside the frame. {UNAIMED}.", best
+            is_wrong |= bool((np.abs(local[:, :2]) > local[:, 2:] * half).any())
+        if is_wrong:
+            return (f"The camera of the new file was not aimed at {name}." if is_unaimed else "The array sees nothing "
+                    f"of {name}." if not seen else f"{name} fills less than 1% of the picture."), best
     return "", None
 
 

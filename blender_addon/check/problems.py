@@ -34,6 +34,7 @@ SEVERAL = {
     "texture": ("{} files are missing", "What needs them looks wrong."),
     "eevee": ("{} materials have nodes of EEVEE", "Cycles, with which light fields are rendered, leaves them out: "
               "what needs them has a plain color or is black. Connect shaders of Cycles."),
+    "clear": ("{} materials have Alpha 0", "They show nothing. Set their Alpha to 1 to see them."),
     "dirty": ("{} images have unsaved changes", "The render would not show them."),
     "script": ("{} materials have Script nodes", "Script nodes need the CPU or OptiX as device, and Open Shading "
                "Language switched on in Render Properties.")}

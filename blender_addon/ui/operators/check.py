@@ -10,14 +10,15 @@ from lfsr_core.frames.frame import EVEN
 
 from ...check import last, look
 from ...check.problems import INFO
-from ...compat import assign
+from ...compat import assign, use_nodes
 from ...jobs import runtime
+from ...render.cards import Wiring
 from ...scene import settings as scene_settings
 from ...scene.array import rig
 from ...scene.array.edit import AROUND, FEWER, add, in_front, put, remove
 from ...scene.array.placement import Rays, as_rendered, through
 from ...scene.array.rig import Placement, check_editable
-from ...scene.contents import BACKGROUND_COLLECTION, GEOMETRY, SWITCHES, find_subject, switched
+from ...scene.contents import BACKGROUND_COLLECTION, GEOMETRY, SWITCHES, find_subject, rendered, switched
 from ...scene.light import DEFAULT_LIGHT, illuminate
 from ...scene.words import counted, for_panel
 from .base import UNDO, AsksForFile, Result, activate, reports_errors
@@ -115,6 +116,16 @@ def _add_array(scene: bpy.types.Scene, _target: str) -> None:
     add(scene, scene_settings.display_of(scene))
 
 
+def _show_colors(scene: bpy.types.Scene, _target: str) -> None:
+    material = bpy.data.materials.new("Vertex Colors")
+    use_nodes(material)
+    wiring, shader = Wiring(material.node_tree), material.node_tree.nodes["Principled BSDF"]
+    wiring.link(wiring.node("ShaderNodeVertexColor").outputs["Color"], shader.inputs["Base Color"])
+    for item in look.without_material(rendered(scene)):
+        item.data.materials.clear()
+        item.data.materials.append(material)
+
+
 def _use_one_layer(scene: bpy.types.Scene, target: str) -> None:
     used = _layer(scene, target)
     for layer in scene.view_layers:
@@ -125,7 +136,7 @@ FIXES: dict[str, Fix] = {
     **dict.fromkeys(("cube", "sky"), lambda _scene, target: _leave_out(_existing(bpy.data.objects, target))),
     "helper": lambda scene, _target: _leave_out(*look.helpers(scene) or look.culled_objects(scene)),
     "plane": lambda scene, _target: look.move_plane(scene), "deep": lambda scene, _target: look.flatten(scene),
-    "frame": _fit, "dark": _light_images, "array": _add_array, "rig": _add_array,
+    "frame": _fit, "colors": _show_colors, "dark": _light_images, **dict.fromkeys(("array", "rig"), _add_array),
     "light": lambda scene, _target: setattr(illuminate(scene, DEFAULT_LIGHT)[0], "name", "Light Field World"),
     "engine": _set("render", engine="CYCLES"), "script": _set("cycles", device="CPU", shading_system=True),
     "dirty": lambda _scene, target: _existing(bpy.data.images, target, "image").pack(), "background": _to_background,
