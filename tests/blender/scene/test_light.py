@@ -183,8 +183,7 @@ def test_every_frame_of_an_animation_has_the_same_light(scene, tmp_path):
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     with_sun(scene, 0.4)
     sun = bpy.data.lights["sun"]
-    for number, strength in ((1, 0.4), (10, 0.0)):
-        sun.energy = strength
+    for number, sun.energy in ((1, 0.4), (10, 0.0)):
         sun.keyframe_insert("energy", frame=number)
     scene.frame_set(1)
     for number in (1, 10):

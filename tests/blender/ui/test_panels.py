@@ -400,34 +400,22 @@ def texts_in(drawn: list) -> list[str]:
             and named.get("text")]
 
 
-def spoiled(scene, name: str) -> None:
-    """Bring the scene into a state in which the panel has something to say."""
-    lfsr, state = scene.lfsr, bpy.context.window_manager.lfsr
-    if name == "profile":
-        lfsr.display, lfsr.profile_file = "FILE", "/no/such/profile.toml"
-    elif name == "scale":
-        lfsr.scale = "5"
-    elif name == "texture":
-        image = bpy.data.images.new("wood", 1, 1)
-        image.source, image.filepath, image.use_fake_user = "FILE", "/no/such/folder/wood.png", True
-    elif name == "lens sheet":
-        lfsr.display, lfsr.subpixels = "looking-glass-16-gen3", True
-    elif name == "one sample":
-        lfsr.samples = 1
-    elif name == "one ray":
-        lfsr.display, lfsr.scale, lfsr.samples = "bupt-32in-8k", "1", 1
-    elif name == "warning":
-        state.message = "the scene is dark: choose another light, or see /tmp/lfsr-1/log.txt"
-    last.check(scene)
-    state.show_problems = True
-
-
-STATES = ("as it is", "profile", "scale", "texture", "lens sheet", "one sample", "one ray", "warning")
+# Settings with which the panel has something to say.
+STATES = {
+    "as it is": {}, "profile": {"display": "FILE", "profile_file": "/no/such/profile.toml"}, "scale": {"scale": "5"},
+    "lens sheet": {"display": "looking-glass-16-gen3", "subpixels": True}, "one sample": {"samples": 1},
+    "one ray": {"display": "bupt-32in-8k", "scale": "1", "samples": 1}, "texture": {}}
 
 
 @pytest.mark.parametrize("state", STATES)
 def test_the_panels_texts_are_plain(scene, state):
-    spoiled(scene, state)
+    compat.assign(scene.lfsr, STATES[state])
+    if state == "texture":
+        image = bpy.data.images.new("wood", 1, 1)
+        image.source, image.filepath, image.use_fake_user = "FILE", "/no/such/folder/wood.png", True
+        bpy.context.window_manager.lfsr.message = "the scene is dark: choose another, or see /tmp/lfsr-1/log.txt"
+    last.check(scene)
+    bpy.context.window_manager.lfsr.show_problems = True
     everything = [*draw_all().values(), draw(panels.LFSR_PT_live)]
     wrong = [text for drawn in everything for text in texts_in(drawn) if NOT_PLAIN.search(text.removesuffix("."))]
     starts = [texts_in(drawn)[0] for drawn in everything if texts_in(drawn)]
