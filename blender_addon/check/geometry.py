@@ -42,13 +42,12 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
     items = sorted(boxes, key=lambda item: item.name)
     corners = [boxes[item] @ toward[:3, :3].T + toward[:3, 3] for item in items]
     # Points beside or behind the viewing position are off the display, far out: the object surrounds the viewer.
-    half = np.array([cameras.half_width, cameras.half_height]) / cameras.distance
+    half, margin = np.array([cameras.half_width, cameras.half_height]) / cameras.distance, TOLERANCE * cameras.distance
     seen = [box[:, :2] / np.maximum(box[:, 2:], 1e-6 * cameras.distance) / half for box in corners]
     # Distances (n,) along the view, and corners (n, 2) of the rectangles that objects cover.
     (nearest, farthest), (low, high) = bounds(corners)[..., 2].T, bounds(seen).swapaxes(0, 1)
     visible = (farthest > 0) & (low < 1).all(1) & (high > -1).all(1)  # to an eye in front of the display
     distance, (near, far) = cameras.distance, rig.usable_depth(cameras, settings.display)
-    margin = TOLERANCE * distance
     # A floor or a room begins beside the viewer, or in front of the usable depth, and ends behind the display.
     through = (farthest > np.where(nearest <= 0, distance, far)) & (nearest < near)
     covers = ((np.minimum(high, 1) - np.maximum(low, -1)) / 2 > COVERS).all(1)

@@ -6,9 +6,10 @@ from ..jobs import images
 from . import geometry, look
 from .problems import QUICK, SEVERITIES, Problem, denoiser, grouped
 
+rows: list[Problem] = []  # the panel's, of the last check
+changed = False  # whether something has changed since
 _problems: list[Problem] = []
-_rows: list[Problem] = []
-_changed = _checking = False
+_checking = False
 _OWNER = object()
 # Types of settings whose changes Blender does not report as changes of the scene.
 SETTINGS = (bpy.types.RenderSettings, bpy.types.ViewLayer, bpy.types.LayerCollection,
@@ -26,35 +27,25 @@ def problems(code: str = "") -> list[Problem]:
     return [problem for problem in _problems if code in ("", problem.code)]
 
 
-def rows() -> list[Problem]:
-    """Return the panel's rows of the last check."""
-    return _rows
-
-
-def has_changed() -> bool:
-    """True if something has changed since the last check."""
-    return _changed
-
-
 def check(scene: bpy.types.Scene) -> list[Problem]:
     """Check ``scene`` now and return everything found."""
-    global _problems, _rows, _changed, _checking
+    global rows, changed, _problems, _checking
     _checking = True  # what it writes is no change of the scene
     try:
         _problems = check_scene(scene)
-        _rows = grouped(_problems)
+        rows = grouped(_problems)
         bpy.context.window_manager.lfsr.checked_scene = scene.name_full
     finally:
         _checking = False
-    _changed = False
+    changed = False
     images.redraw_sidebars()
     return _problems
 
 
 def _mark() -> None:
-    global _changed
-    if not _changed:
-        _changed = True
+    global changed
+    if not changed:
+        changed = True
         images.redraw_sidebars()
 
 
@@ -70,7 +61,7 @@ def _opened(*_: object) -> None:
     """Another file is open: note what came with it, and forget what was found in the last one."""
     look.newest = max((item.session_uid for item in bpy.data.objects), default=0)
     _problems.clear()
-    _rows.clear()
+    rows.clear()
     bpy.context.window_manager.lfsr.checked_scene = ""
     register()  # Blender drops subscriptions with the file
 

@@ -25,7 +25,7 @@ from ..compat import overridden
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
 from ..scene.array.placement import Rays, as_rendered, through
-from ..scene.contents import GEOMETRY, find_subject, has_output, nodes_of, rendered, rendered_layer, with_copied
+from ..scene.contents import GEOMETRY, find_subject, has_output, nodes_of, rendered, rendered_layer, shows, with_copied
 from ..scene.files import image_paths
 from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance
 from ..scene.settings import length
@@ -41,6 +41,7 @@ MENDS = {
     "frame": ("fit_objects", "Fit to Objects", "Move the camera array in front of the objects, or into the room"),
     "plane": ("move_plane", "Move Display Plane", "Move the display plane to the middle of the depth that is seen"),
     "deep": ("flatten_depth", "Flatten Depth", "Bring the views together, so that the display shows all depths sharp"),
+    "alpha": ("show_materials", "Show Materials", "Set Alpha to 1 in what was imported with Alpha 0"),
     "colors": ("show_colors", "Show Vertex Colors", "Give what came without a material one that shows its colors"),
     "dark": ("add_light", "Add World Light", "Light the images with one of Blender's world images, or a room with even "
              "light; the scene keeps its own light")}
@@ -101,6 +102,8 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     if reason:
         is_new, placed = True, best or edit.in_front(scene, display, set(main))
         yield _problem("frame", main[0].name if main else scene.name, reason, placed)
+    if clear := clear_materials(main):
+        yield _problem("alpha", scene.name, f"{counted(len(clear), 'material')} came with Alpha 0: they show nothing.")
     if bare := without_material(main):
         yield _problem("colors", bare[0].name, f"{bare[0].name} has colors of its vertices, but no material: it would "
                        "be gray.")
@@ -251,6 +254,12 @@ def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list
     chosen = edit.main_part({item: boxes[item] for item in chosen or boxes if item != sky})
     sizes = np.linalg.norm(np.ptp(edit.bounds([boxes[item] for item in chosen]), axis=1), axis=-1)
     return [chosen[number] for number in np.argsort(-sizes, kind="stable")]
+
+
+def clear_materials(items: Iterable[bpy.types.Object]) -> set[bpy.types.Material]:
+    """Return materials that show nothing, of what came since the file was opened."""
+    slots = (slot for item in items if item.session_uid > newest for slot in item.material_slots)
+    return {slot.material for slot in slots if slot.material and not shows(slot.material)}
 
 
 def without_material(items: Iterable[bpy.types.Object]) -> list[bpy.types.Object]:

@@ -70,8 +70,7 @@ def show(scene: bpy.types.Scene, eye: tuple[float, float]) -> bpy.types.Image | 
     image.pixels.foreach_set(pixels.ravel())
     image.update()
     image.pack()  # an image that is modified keeps Blender from quitting without a question
-    for area in areas("IMAGE_EDITOR"):
-        area.tag_redraw()  # an editor does not notice that its image has changed
+    redraw("IMAGE_EDITOR")  # an editor does not notice that its image has changed
     redraw_sidebars()
     return image
 
@@ -122,12 +121,11 @@ def in_editor(image: bpy.types.Image | None, opens_window: bool = False) -> None
     area.spaces.active.image = image
     area.tag_redraw()
     # View All: an 8K image is larger than the screen.
-    window = next((window for window in windows if area in list(window.screen.areas)), None)
-    region = next((region for region in area.regions if region.type == "WINDOW"), None)
-    if window is not None and region is not None:
-        with bpy.context.temp_override(window=window, area=area, region=region):
-            if bpy.ops.image.view_all.poll():
-                bpy.ops.image.view_all(fit_view=True)
+    window = next(window for window in windows if area in [*window.screen.areas])
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        if bpy.ops.image.view_all.poll():
+            bpy.ops.image.view_all(fit_view=True)
 
 
 def areas(kind: str) -> list[bpy.types.Area]:
@@ -135,9 +133,9 @@ def areas(kind: str) -> list[bpy.types.Area]:
     return [area for window in bpy.context.window_manager.windows for area in window.screen.areas if area.type == kind]
 
 
-def redraw_views() -> None:
-    """Redraw the 3D views, with their sidebars."""
-    for area in areas("VIEW_3D"):
+def redraw(kind: str) -> None:
+    """Redraw the areas of type ``kind``, with their sidebars."""
+    for area in areas(kind):
         area.tag_redraw()
 
 

@@ -97,6 +97,13 @@ def _switched_on(waiting: list[bpy.types.Collection]) -> set[bpy.types.Object]:
     return shown
 
 
+def shows(material: bpy.types.Material) -> bool:
+    """Return False if all shaders of a material are Principled ones with Alpha 0."""
+    shaders = [node for node in nodes_of(material.node_tree) if any(out.type == "SHADER" for out in node.outputs)]
+    return not shaders or any(node.type != "BSDF_PRINCIPLED" or node.inputs["Alpha"].is_linked
+                              or node.inputs["Alpha"].default_value for node in shaders)
+
+
 def left_out(scene: bpy.types.Scene) -> list[Notice]:
     """Return what renders leave out or ignore of the scene."""
     notes = []
@@ -112,9 +119,7 @@ def left_out(scene: bpy.types.Scene) -> list[Notice]:
         needed = leading([material.node_tree and material.node_tree.get_output_node("CYCLES")], True)
         for node in [*of_eevee, *(node for node in nodes if node.type in EEVEE_NODES and node in needed)][:1]:
             notes.append(Notice("eevee-nodes", {"material": material.name, "node": node.label or node.name}))
-        shaders = [node for node in nodes if any(output.type == "SHADER" for output in node.outputs)]
-        if shaders and all(node.type == "BSDF_PRINCIPLED" and not (
-                node.inputs["Alpha"].is_linked or node.inputs["Alpha"].default_value) for node in shaders):
+        if not shows(material):
             notes.append(Notice("material-clear", {"material": material.name}))
     settings = cycles.bl_rna.properties if cycles is not None else {}
     if cycles is not None and cycles.pixel_filter_type not in ("BOX", settings["pixel_filter_type"].default):

@@ -92,14 +92,14 @@ def _draw_checks(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     if state.checked_scene != context.scene.name_full:
         row.operator("lfsr.check_scene", text="Check Scene", icon="VIEWZOOM")
         return
-    if problems := last.rows():
+    if problems := last.rows:
         serious = [problem for problem in problems if problem.severity != INFO]
         text = counted(len(serious), "Problem") if serious else counted(len(problems), "Note")
         row.prop(state, "show_problems", text=text, emboss=False,
                  icon="DISCLOSURE_TRI_DOWN" if state.show_problems else "DISCLOSURE_TRI_RIGHT")
     else:
         row.label(text="No problems found", icon="CHECKMARK")
-    row.operator("lfsr.check_scene", text="Check Again" if last.has_changed() else "", icon="FILE_REFRESH")
+    row.operator("lfsr.check_scene", text="Check Again" if last.changed else "", icon="FILE_REFRESH")
     if not state.show_problems:
         return
     for problem in problems if state.all_problems else problems[:MOST_ROWS]:

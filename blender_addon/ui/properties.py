@@ -23,7 +23,7 @@ LIVE_SCALES = (1, 2, 4, 8)  # pixel sizes of Blender's viewport
 
 def _draws(_settings: SceneSettings, _context: bpy.types.Context) -> None:
     """Redraw the 3D views: the frustum depends on the setting."""
-    images.redraw_views()
+    images.redraw("VIEW_3D")
 
 
 def _display_changed(settings: SceneSettings, context: bpy.types.Context) -> None:
@@ -32,7 +32,7 @@ def _display_changed(settings: SceneSettings, context: bpy.types.Context) -> Non
     if settings.scale not in offered_scales(settings.id_data):
         settings.scale = AUTO_SCALE
     forget_message()
-    images.redraw_views()
+    images.redraw("VIEW_3D")
 
 
 def forget_message() -> None:

@@ -394,11 +394,6 @@ def lens_ssim(image: Array, half_a: Array, half_b: Array, lenses: tuple[int, int
     return np.asarray(stacked_ssim(x, a, b).mean((1, 2), dtype=np.float64)).reshape(lenses[::-1])
 
 
-def split_mse(image: Array, half_a: Array, half_b: Array) -> float:
-    """Unbiased squared error, mean((x - a) · (x - b)); below 0 if noise outweighs the error."""
-    return mean_of((image - half_a) * (image - half_b))
-
-
 def psnr(squared_error: float) -> float | None:
     """Decibels for data in [0, 1]; None if the error is smaller than the reference can resolve."""
     return -10 * math.log10(squared_error) if squared_error > 0 else None

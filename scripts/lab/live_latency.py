@@ -27,10 +27,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from lfsr_core.base.arrays import Array
 from lfsr_core.images.color import ViewTransform
 from lfsr_core.images.image_files import read_png
-from lfsr_core.metrics.eia_metrics import Reference, split_mse, split_ssim
+from lfsr_core.metrics.eia_metrics import Reference, split_ssim
 from lfsr_core.optics.display import load_display
 from lfsr_core.optics.rays import flip_order
 from lfsr_lab.experiments.engine import plots
+from lfsr_lab.experiments.engine.truth import split_mse
 from tests.support.window.desktop import Window, blender_window
 from tests.support.window.pictures import SCENE
 

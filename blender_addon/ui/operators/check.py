@@ -116,6 +116,13 @@ def _add_array(scene: bpy.types.Scene, _target: str) -> None:
     add(scene, scene_settings.display_of(scene))
 
 
+def _show_materials(scene: bpy.types.Scene, _target: str) -> None:
+    for material in look.clear_materials(rendered(scene)):
+        for node in material.node_tree.nodes:
+            if node.type == "BSDF_PRINCIPLED":
+                node.inputs["Alpha"].default_value = 1.0
+
+
 def _show_colors(scene: bpy.types.Scene, _target: str) -> None:
     material = bpy.data.materials.new("Vertex Colors")
     use_nodes(material)
@@ -136,9 +143,10 @@ FIXES: dict[str, Fix] = {
     **dict.fromkeys(("cube", "sky"), lambda _scene, target: _leave_out(_existing(bpy.data.objects, target))),
     "helper": lambda scene, _target: _leave_out(*look.helpers(scene) or look.culled_objects(scene)),
     "plane": lambda scene, _target: look.move_plane(scene), "deep": lambda scene, _target: look.flatten(scene),
-    "frame": _fit, "colors": _show_colors, "dark": _light_images, **dict.fromkeys(("array", "rig"), _add_array),
+    "frame": _fit, "alpha": _show_materials, "colors": _show_colors, "dark": _light_images, "array": _add_array,
     "light": lambda scene, _target: setattr(illuminate(scene, DEFAULT_LIGHT)[0], "name", "Light Field World"),
-    "engine": _set("render", engine="CYCLES"), "script": _set("cycles", device="CPU", shading_system=True),
+    "rig": _add_array, "engine": _set("render", engine="CYCLES"),
+    "script": _set("cycles", device="CPU", shading_system=True),
     "dirty": lambda _scene, target: _existing(bpy.data.images, target, "image").pack(), "background": _to_background,
     "denoise": lambda scene, _target: runtime.use_replacement(scene, scene_settings.resolve(scene)),
     "display": _use_defaults, "subject": _show_subject, "filter": _set("cycles", pixel_filter_type="BOX"),

@@ -69,10 +69,8 @@ def test_a_new_file_as_it_is_and_a_camera_that_was_aimed_stay(startup):
     bpy.data.objects["Cube"].modifiers.new("Build", "BUILD").frame_start = 10
     assert "Frame 1" in looked(startup)["nothing"]
     box = aimed(startup)
-    assert looked(startup) == {}
-    box.scale = (0.2, 0.2, 0.2)
-    assert "less than 1%" in looked(startup)["frame"]
-    box.scale = (1, 1, 1)
+    for box.scale, codes in (((0.2, 0.2, 0.2), {"frame"}), ((1, 1, 1), set())):
+        assert looked(startup).keys() == codes, "less than 1 % of the picture is fitted"
     startup.collection.objects.link(copies := bpy.data.objects.new("Copies", None))
     copies.instance_collection = box.users_collection[0]
     for copies.instance_type in ("COLLECTION", "NONE"):
@@ -101,10 +99,12 @@ def test_a_camera_that_nobody_aimed_is_fitted_to_what_was_imported(startup, cent
     assert "cube" not in looked(startup), "it is the artist's"
 
 
-def test_what_has_colors_of_vertices_and_no_material_shows_them(startup):
-    colors = add_box((0, 0, 0), (2, 2, 2)).data.color_attributes.new("Col", "FLOAT_COLOR", "POINT").data
+def test_colors_of_vertices_and_materials_of_alpha_0_are_shown(startup):
+    colors = (box := add_box((0, 0, 0), (2, 2, 2))).data.color_attributes.new("Col", "FLOAT_COLOR", "POINT").data
     colors.foreach_set("color", [0.1, 0.3, 0.1, 1] * len(colors))
-    assert "gray" in mend(startup)["colors"] and "colors" not in looked(startup)
+    assert "gray" in mend(startup)["colors"]
+    (alpha := box.active_material.node_tree.nodes["Principled BSDF"].inputs["Alpha"]).default_value = 0
+    assert "1 material" in mend(startup)["alpha"] and alpha.default_value == 1
     light, color = light_seen(startup, scene_settings.resolve(startup).request)
     assert np.median(color / light) == pytest.approx(0.3, abs=0.05), "a gray surface would send 0.8 of the light"
 

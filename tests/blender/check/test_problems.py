@@ -236,7 +236,7 @@ def test_objects_out_of_sight_are_no_problem_and_walls_become_background_by_one_
 
 
 def rows() -> dict[str, Problem]:
-    return {row.code: row for row in last.rows()}
+    return {row.code: row for row in last.rows}
 
 
 def drawn() -> list[tuple[str, dict]]:
@@ -310,13 +310,13 @@ def test_an_artist_is_asked_once_before_a_render(scene):
 
 def test_a_change_is_said_until_the_next_check_and_the_rows_of_another_file_are_forgotten(scene, tmp_path):
     last.check(scene)
-    assert not last.has_changed() and "Check Again" not in shown()
+    assert not last.changed and "Check Again" not in shown()
     scene.render.use_motion_blur = True
     bpy.data.objects["Box"].location.x += 0.1
     bpy.context.view_layer.update()
     assert "Check Again" in shown() and "motion" not in rows(), "nothing is done at once"
     last.check(scene)
-    assert not last.has_changed() and "motion" in rows()
+    assert not last.changed and "motion" in rows()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "other.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "other.blend"))
     assert bpy.context.window_manager.lfsr.checked_scene == "" and last.problems() == []

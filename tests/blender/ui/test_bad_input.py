@@ -80,7 +80,7 @@ def test_unsaved_file(tmp_path):
         scene = panel.artist_scene(None)
         refuse(scene, "this file is not saved yet: save it or choose another folder")
         last.check(scene)
-        assert "unsaved" in [line.code for line in last.rows()]
+        assert "unsaved" in [line.code for line in last.rows]
 
 
 @pytest.mark.parametrize(("folder", "sentence"), [

@@ -79,7 +79,7 @@ except RuntimeError as error:
 def test_what_the_method_needs_is_asked_before_the_render(window):
     window.run(f"{LFSR}.output = '//lightfield/'; {LFSR}.method = {DEFAULT_METHOD!r}")
     window.run("bpy.ops.lfsr.check_scene('INVOKE_DEFAULT', True)")
-    assert window.get("[(p.code, p.fix) for p in addon.check.last.rows()]")[0] == ["denoise", "Use Pool"]
+    assert window.get("[(p.code, p.fix) for p in addon.check.last.rows]")[0] == ["denoise", "Use Pool"]
     window.screenshot("ident-2-check")
     assert press_render(window) == ["RUNNING_MODAL"]
     window.screenshot("ident-3-asked")
@@ -114,6 +114,6 @@ def test_changed_settings_are_noticed_also_in_a_file_that_was_opened(window, bef
     window.run(before)
     for change in ("render.use_motion_blur", "view_layers[0].use", "view_settings.use_curve_mapping"):
         window.run("bpy.ops.lfsr.check_scene('INVOKE_DEFAULT', True)")
-        assert not window.get("addon.check.last.has_changed()"), "what the check writes is no change of the scene"
+        assert not window.get("addon.check.last.changed"), "what the check writes is no change of the scene"
         window.run(f"scene = bpy.context.scene; scene.{change} = not scene.{change}")
-        window.until("addon.check.last.has_changed()", SECONDS_TO_NOTICE)
+        window.until("addon.check.last.changed", SECONDS_TO_NOTICE)

@@ -77,7 +77,7 @@ def take(window: Window, folder: Path) -> None:
     keep(window, folder, "panel-look")
     window.run("bpy.ops.lfsr.look_through('INVOKE_DEFAULT', True)")
     window.run("bpy.ops.lfsr.check_scene('INVOKE_DEFAULT', True)")
-    window.run("bpy.context.window_manager.lfsr.show_problems = True; addon.jobs.images.redraw_views()")
+    window.run("bpy.context.window_manager.lfsr.show_problems = True; addon.jobs.images.redraw('VIEW_3D')")
     keep(window, folder, "panel-check", (x - 20, top, width + 20, HEIGHT_OF_CHECK))
     window.run("bpy.ops.lfsr.check_fix('INVOKE_DEFAULT', True, code='background', target='Floor')")
     window.run("bpy.context.window_manager.lfsr.checked_scene = ''" + IMAGE_EDITOR)

@@ -31,7 +31,7 @@ from lfsr_core.frames.frame import (
 )
 from lfsr_core.images.color import srgb_encode
 from lfsr_core.images.image_files import read_finite
-from lfsr_core.metrics.eia_metrics import Reference, mean_of, psnr, split_mse, split_ssim_map
+from lfsr_core.metrics.eia_metrics import Reference, mean_of, psnr, split_ssim_map
 from lfsr_core.optics.display import DisplayProfile, load_display
 from lfsr_core.optics.eye import eye_view
 from lfsr_core.optics.panel.weave import gather_map, weave
@@ -41,6 +41,7 @@ from lfsr_core.reconstruct.methods.denoise import denoise_image
 from lfsr_core.reconstruct.second_stage import finished_linear, linear_panel_image
 from lfsr_lab.experiments.engine.records import REFERENCE, Fingerprint, Records, Store, check_render, reference_of
 from lfsr_lab.experiments.engine.timing import children_cpu_seconds, cpu_seconds
+from lfsr_lab.experiments.engine.truth import split_mse
 
 FULL_WIDTH = {"integral": 7680, "lenticular": 3840, "hexagonal": 7680}  # pixels of the real panels
 STEP = 192  # pixels: 16:9 panels of whole integral lenses

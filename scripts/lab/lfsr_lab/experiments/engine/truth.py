@@ -232,7 +232,12 @@ def linear_images(reference: Reference) -> tuple[Array, Array]:
 
 def split_rms(x: Array, a: Array, b: Array) -> float:
     """Return the root mean square error without the reference's noise, 0 where noise makes the square negative."""
-    return root(float(np.mean((x - a) * (x - b), dtype=np.float64)))
+    return root(split_mse(x, a, b))
+
+
+def split_mse(x: Array, a: Array, b: Array) -> float:
+    """Return the unbiased squared error, mean of (x - a)(x - b); below 0 if noise outweighs the error."""
+    return float(np.mean((x - a) * (x - b), dtype=np.float64))
 
 
 def root(squared: float) -> float:
