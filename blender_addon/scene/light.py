@@ -23,7 +23,7 @@ DIM = 0.08
 BLACK, MORE, GLOWS = 0.05, 2.0, 0.5  # brightest 5 %: below BLACK it takes MORE times the light, above GLOWS none
 GLARE, GLARING = 2.0, 0.15  # radiance at which even gray is white, and how much of a picture may be so bright
 LEAST_ALBEDO = 0.1  # darker surfaces count as if they reflected this much: what is black needs more light to be seen
-SKY = 0.5  # radiance of a sky that is an image or a texture
+SKY, WHITE = 0.5, 0.6  # radiance of a sky that is an image or a texture, of a white floor under a shipped image
 CERTAIN_SUN, CERTAIN_WORLD = 0.5, 0.1   # W/m² and radiance that show a white surface well above that
 # Lamps of even light: direction from which they shine, in degrees around Z from the front and above the ground, W/m².
 EVEN_LAMPS = ((-40, 50, 2.0), (80, 25, 1.0), (200, 35, 1.0), (0, -80, 0.5))
@@ -142,7 +142,7 @@ def illuminate(scene: bpy.types.Scene, light: str, seen: bpy.types.Scene | None 
 def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT, turn: float = 0.0) -> bpy.types.World:
     """Light the scene with a world image, turned around Z by radians: a file's, or one that ships with Blender (CC0).
 
-    A shipped image is dimmed until a white floor is at most white: brighter, it would hardly show shapes and shadows.
+    A shipped image is dimmed until a white floor has the radiance WHITE: brighter, shapes and shadows hardly show.
     LfsrError where it is missing, or cannot be read to its end, because Blender might crash.
     """
     unreadable = LfsrError(f"light {light} cannot be read as an image: choose another file")
@@ -175,7 +175,7 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT, turn: float = 
         rows = pixels.reshape(image.size[1], image.size[0], -1)[..., :3].max(-1).mean(1)  # from the ground upwards
         elevation = ((np.arange(len(rows)) + 0.5) / len(rows) - 0.5) * math.pi
         floor = float(rows @ np.maximum(np.sin(2 * elevation), 0) * math.pi / len(rows))  # radiance of a white one
-        shader.inputs["Strength"].default_value = 1 / max(1.0, floor)
+        shader.inputs["Strength"].default_value = WHITE / max(WHITE, floor)
     world.node_tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
     scene.world = world
     return world

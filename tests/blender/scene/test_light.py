@@ -38,7 +38,7 @@ def test_scene_without_light_gets_an_hdri_that_is_not_seen(tmp_path):
 def test_a_world_image_lights_a_floor_as_view_transforms_can_show(scene, tmp_path):
     add_box(scene, (0, 0, 0), (2, 2, 0.01))
     color, _ = shown(scene, tmp_path, samples=16, light=light.DEFAULT_LIGHT)
-    assert 0.6 < np.quantile(color.max(1), 0.75) < 0.9, "half of it is seen from below"
+    assert 0.35 < np.quantile(color.max(1), 0.75) < 0.5, "half of it is seen from below"
 
 
 @pytest.mark.parametrize(("kind", "lit"), [
