@@ -250,14 +250,14 @@ def check_questions(scene: bpy.types.Scene, frames: int = 1) -> list[Question]:
     new = [problem for key, problem in keyed if key not in _accepted]
     accept = functools.partial(_accepted.update, [key for key, _ in keyed])
     mends = [problem for code in MENDS for problem in new if problem.code == code]
-    rows = grouped(problem for problem in new if problem.code not in MENDS)
+    said = {*MENDS, "clear"} if any(problem.code == "alpha" for problem in mends) else MENDS
+    rows = grouped(problem for problem in new if problem.code not in said)
     asked = [Question(problem.reason.rstrip("."), "Render", accept=accept, mend=MENDS[problem.code][0],
                       title=problem.fix, mends=functools.partial(FIXES[problem.code], scene, problem.target,
                                                                  *filter(None, [problem.placed])))
              for problem in mends]
     # Images that will take long, again where they will take longer than was accepted.
-    seconds = frames * (folders.expected_seconds(scene) or 0.0)
-    what = "The image" if frames == 1 else f"{frames} images"
+    seconds, what = frames * (folders.expected_seconds(scene) or 0.0), "The image" if frames == 1 else f"{frames} images"
     key = scene.name_full, "time", f"{max(seconds, 1.0):.0e}"
     if seconds >= LONG and key not in _accepted:
         asked.append(Question(f"{what} will take about {duration(seconds)}", "Render",
