@@ -257,7 +257,7 @@ def check_questions(scene: bpy.types.Scene, frames: int = 1) -> list[Question]:
                                                                  *filter(None, [problem.placed])))
              for problem in mends]
     # Images that will take long, again where they will take longer than was accepted.
-    seconds, what = frames * (folders.expected_seconds(scene) or 0.0), "The image" if frames == 1 else f"{frames} images"
+    seconds, what = frames * (folders.expected_seconds(scene) or 0), "The image" if frames == 1 else f"{frames} images"
     key = scene.name_full, "time", f"{max(seconds, 1.0):.0e}"
     if seconds >= LONG and key not in _accepted:
         asked.append(Question(f"{what} will take about {duration(seconds)}", "Render",
