@@ -313,8 +313,8 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
         worth, most = (len(shares) * len({hit[3] for hit in shares}) for shares in (seen, better))
         is_wrong = share < SMALL or worth < most * SMALLER or (is_in_box(best) and not is_in_box(placed))
         if any(math.dist(eye.translation, place) < 0.01 for place in STARTUP_CAMERAS):  # else a part may be framed
-            points = placement.world_points(set(main)) if len(main) <= edit.FEW_OBJECTS else boxes.values()
-            local = (np.concatenate([*points]) - eye.translation) @ np.array(eye.to_3x3())
+            points = [*placement.world_points(set(main))] if len(main) <= edit.FEW_OBJECTS else []
+            local = (np.concatenate(points or [*boxes.values()]) - eye.translation) @ np.array(eye.to_3x3())
             half = np.array([placed[0].half_width, placed[0].half_height]) / placed[0].distance
             is_wrong |= bool((np.abs(local[:, :2]) > local[:, 2:] * half).any())
         if is_wrong:
