@@ -121,13 +121,14 @@ def illuminate(scene: bpy.types.Scene, light: str, seen: bpy.types.Scene | None 
     """Light ``scene``, and return the new data: OWN adds nothing, EVEN lamps, anything else a world image.
 
     Lamps and Blender's own images turn with the array, else the camera, of ``seen``, else of ``scene``: from behind the
-    viewer or the subject, a sun shows no shapes. Even light goes with no diffuse bounces, because reflected light would
-    make all surfaces of a white room as bright.
+    viewer or the subject, a sun shows no shapes. Even light goes with no diffuse bounces: they light white rooms alike.
     """
     if light == OWN:
         return []
-    viewer = rig.find(seen or scene) or (seen or scene).camera
-    turn = math.atan2(*viewer.matrix_world.col[0].yx) if viewer else 0.0
+    viewer, turn = rig.find(seen or scene) or (seen or scene).camera, 0.0
+    if viewer is not None:  # its heading, also upside down, or above what it looks at
+        up, back = (viewer.matrix_world.col[axis] for axis in (1, 2))
+        turn = math.atan2(back.x - back.z * up.x, back.z * up.y - back.y)
     if light != EVEN:
         world = add_light(scene, light, 0.0 if is_light_file(light) else turn)
         return [world, *(node.image for node in world.node_tree.nodes if node.type == "TEX_ENVIRONMENT")]
@@ -150,9 +151,8 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT, turn: float = 
         from lfsr_core.images.image_files import check_complete  # needs OpenImageIO, which Blender's panel does without
 
         check_light(light)
-        path = Path(light)
         try:
-            check_complete(path)
+            check_complete(path := Path(light))
         except (LfsrError, MemoryError):
             raise unreadable from None
     else:
