@@ -126,7 +126,8 @@ def _show_materials(scene: bpy.types.Scene, _target: str) -> None:
 def _show_colors(scene: bpy.types.Scene, _target: str) -> None:
     material = bpy.data.materials.new("Vertex Colors")
     use_nodes(material)
-    wiring, shader = Wiring(material.node_tree), material.node_tree.nodes["Principled BSDF"]
+    wiring = Wiring(material.node_tree)
+    shader = next(node for node in wiring.tree.nodes if node.type == "BSDF_PRINCIPLED")  # its name may be translated
     wiring.link(wiring.node("ShaderNodeVertexColor").outputs["Color"], shader.inputs["Base Color"])
     for item in look.without_material(rendered(scene)):
         item.data.materials.clear()
@@ -145,8 +146,7 @@ FIXES: dict[str, Fix] = {
     "plane": lambda scene, _target: look.move_plane(scene), "deep": lambda scene, _target: look.flatten(scene),
     "frame": _fit, "alpha": _show_materials, "colors": _show_colors, "dark": _light_images, "array": _add_array,
     "light": lambda scene, _target: setattr(illuminate(scene, DEFAULT_LIGHT)[0], "name", "Light Field World"),
-    "rig": _add_array, "engine": _set("render", engine="CYCLES"),
-    "script": _set("cycles", device="CPU", shading_system=True),
+    "engine": _set("render", engine="CYCLES"), "script": _set("cycles", device="CPU", shading_system=True),
     "dirty": lambda _scene, target: _existing(bpy.data.images, target, "image").pack(), "background": _to_background,
     "denoise": lambda scene, _target: runtime.use_replacement(scene, scene_settings.resolve(scene)),
     "display": _use_defaults, "subject": _show_subject, "filter": _set("cycles", pixel_filter_type="BOX"),
@@ -156,7 +156,7 @@ FIXES: dict[str, Fix] = {
     "shift": lambda _scene, target: assign(_camera(target), {"shift_x": 0.0, "shift_y": 0.0}),
     "world": lambda scene, target: setattr(_layer(scene, target), "world_override", None),
     "override": lambda scene, target: setattr(_layer(scene, target), "material_override", None),
-    "layers": _use_one_layer, **{switch: _switch_off(switch) for switch in SWITCHES},
+    "layers": _use_one_layer, "rig": _add_array, **{switch: _switch_off(switch) for switch in SWITCHES},
     "compositor": _set("render", use_compositing=False), "sequencer": _set("render", use_sequencer=False),
     "view": _set("view_settings", use_curve_mapping=False, use_white_balance=False),
     "catcher": _set("render", film_transparent=True), "motion": _set("render", use_motion_blur=False)}
