@@ -14,6 +14,7 @@ from lfsr_core.metrics import eia_metrics
 from lfsr_core.metrics.eia_metrics import compare_folders, psnr, split_ssim, split_ssim_map
 from lfsr_core.optics.rays import to_views
 from lfsr_core.reconstruct.second_stage import finish_frame
+from lfsr_lab.experiments.engine.truth import split_mse
 from tests.support.finished import MINI, TALL
 from tests.support.synthetic import frame_of, tiles, write_reference, write_render
 from tests.support.told import refuses
@@ -216,7 +217,7 @@ def test_halves_count_alike_and_stacked_images_do_not_see_each_other():
     image, candidate = textured_image(), blurred(textured_image())
     assert split_ssim(candidate, image, candidate) == pytest.approx(split_ssim(candidate, candidate, image), abs=1e-12)
     expected = peak_signal_noise_ratio(image, candidate, data_range=1)
-    assert psnr(np.mean((candidate - image)**2)) == pytest.approx(expected, abs=1e-9) and psnr(0.0) is None
+    assert psnr(split_mse(candidate, image, image)) == pytest.approx(expected, abs=1e-9) and psnr(0.0) is None
     assert psnr(-1e-9) is None
     stack = np.stack([textured_image(20, 24, seed) for seed in range(200)])  # more than one call's worth of channels
     candidates = np.stack([blurred(image) for image in stack])
@@ -231,10 +232,10 @@ def test_noise_of_the_reference_cancels(noise, tolerance):
     """In split SSIM up to ``tolerance``, in MSE up to 0.5 %; the plain figures move ten times as far."""
     image = textured_image(192, 256)
     candidate = blurred(image)
-    true_ssim, true_mse = split_ssim(candidate, image, image), np.mean((candidate - image)**2)
+    true_ssim, true_mse = split_ssim(candidate, image, image), split_mse(candidate, image, image)
     halves = [(noisy(image, noise, 100 + i), noisy(image, noise, 200 + i)) for i in range(6)]
     split = np.mean([split_ssim(candidate, a, b) for a, b in halves])
-    squared = np.mean([(candidate - a) * (candidate - b) for a, b in halves])
+    squared = np.mean([split_mse(candidate, a, b) for a, b in halves])
     assert split == pytest.approx(true_ssim, abs=tolerance) and squared == pytest.approx(true_mse, rel=0.005)
     plain = np.mean([split_ssim(candidate, *[(a + b) / 2] * 2) for a, b in halves])
     plain_squared = np.mean([np.mean((candidate - (a + b) / 2) ** 2) for a, b in halves])

@@ -86,8 +86,7 @@ def test_a_new_file_as_it_is_and_a_camera_that_was_aimed_stay(startup):
     ((0, 0, 0), (60, 60, 60)), (CUT := (5, -4.5, 3), (0.8, 0.8, 0.8)), ((0, 0, 0), (0.8, 0.8, 0.8))])
 def test_a_camera_that_nobody_aimed_is_fitted_to_what_was_imported(startup, centre, half):
     box, reasons = add_box(centre, half), looked(startup)
-    assert {"cube", "frame"} <= set(reasons)
-    assert ("stands inside" if half[0] > 9 else "was not aimed at Cube.001.") in reasons["frame"]
+    assert "cube" in reasons and ("stands inside" if half[0] > 9 else "not aimed at Cube.001.") in reasons["frame"]
     mend(startup)
     assert bpy.data.objects["Cube"].hide_render and share_of(startup, box) > 0.2
     bpy.data.objects["Cube"].hide_render = False

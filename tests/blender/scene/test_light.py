@@ -131,7 +131,7 @@ def test_black_things_in_good_light_are_not_dark_nor_is_what_shines(scene, tmp_p
         add_world(scene, value)
         assert light.is_dim(*frame_folder.light_seen(scene, make_request(str(tmp_path), MINI))) == dim
     add_box(scene, (0, 0, 0), (0.6, 0.6, 0.6), emission((0.3, 0.3, 0.3)))
-    assert shown(scene, tmp_path, scene="scene.glb")[1] == "", "what shines all over needs no light"
+    assert shown(scene, tmp_path, scene="scene.glb")[1] == "" and read_frame(tmp_path / "out").light == "own"
     assert [light.is_dim(*[np.array([0.01] * 9 + [1])] * 2, is_night) for is_night in (False, True)] == [True, False]
 
 
