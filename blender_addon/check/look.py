@@ -289,7 +289,8 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
     eye, hits = mathutils.Matrix(placed[1]), through(rays, placed)
     seen = [hit for hit in hits if hit is not None and hit[2] in shown]
     share = len(seen) / len(hits)
-    is_unaimed = _is_unaimed(scene) and (eye.translation - scene.camera.matrix_world.translation).length < 1e-3
+    aside = eye.inverted() @ scene.camera.matrix_world.translation if _is_unaimed(scene) else mathutils.Vector((9,) * 3)
+    is_unaimed = (aside.xy if aside.z > 1 else aside).length < 1e-3  # the eye of a parallel camera lies far behind it
     [(low, high)] = edit.bounds([np.concatenate([*boxes.values()])])
     name = main[0].name if len(main) == 1 else f"{main[0].name} with {counted(len(main) - 1, 'other object')}"
 
@@ -312,7 +313,7 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
             return "", None
         worth, most = (len(shares) * len({hit[3] for hit in shares}) for shares in (seen, better))
         is_wrong = share < SMALL or worth < most * SMALLER or (is_in_box(best) and not is_in_box(placed))
-        if any(math.dist(eye.translation, place) < 0.01 for place in STARTUP_CAMERAS):  # else a part may be framed
+        if is_unaimed and any(math.dist(scene.camera.matrix_world.translation, at) < 0.01 for at in STARTUP_CAMERAS):
             points = [*placement.world_points(set(main))] if len(main) <= edit.FEW_OBJECTS else []
             local = (np.concatenate(points or [*boxes.values()]) - eye.translation) @ np.array(eye.to_3x3())
             half = np.array([placed[0].half_width, placed[0].half_height]) / placed[0].distance
@@ -334,14 +335,13 @@ def disparity(array: CameraArray, lenses: tuple[int, int], near: float, far: flo
 
 
 def _deep(rays: Rays, placed: rig.Placement, display: DisplayProfile, near: float, far: float) -> Iterator[Problem]:
-    scene, array = rays.scene, placed[0]
+    scene, array, at = rays.scene, placed[0], placed[0].distance
     if (now := disparity(array, display.lenses, near, far)) <= MUCH:
         return
-    usable = rig.usable_depth(array, display)
-    behind = "any depth" if math.isinf(usable[1]) else length(scene, usable[1] - array.distance)
-    text = (f"The depth reaches {length(scene, max(array.distance - near, 0.0))} before the display and "
-            f"{length(scene, max(far - array.distance, 0.0))} behind it. The display shows "
-            f"{length(scene, array.distance - usable[0])} and {behind}.")
+    first, last = rig.usable_depth(array, display)
+    text = (f"The depth reaches {length(scene, max(at - near, 0.0))} before the display and "
+            f"{length(scene, max(far - at, 0.0))} behind it. The display shows {length(scene, at - first)} and "
+            f"{'any depth' if math.isinf(last) else length(scene, last - at)}.")
     plane = placement.balanced(near, far)
     moved = disparity(placement.narrowed(rays, placed, display, plane), display.lenses, near, far, plane)
     if moved < LEAST_GAIN * now:

@@ -226,7 +226,7 @@ def test_a_camera_that_nobody_aimed_does_not_look_at_the_backs_of_walls(startup)
 
 @pytest.mark.parametrize(("lamp", "glow"), [(True, 0), (False, 0), (False, 1e-3)])
 def test_of_a_room_the_inside_is_seen(startup, lamp, glow):
-    items = make_room(startup, lamp)
+    items, startup.camera.data.type = make_room(startup, lamp), "ORTHO" if glow else "PERSP"
     bpy.context.object.active_material = material = bpy.data.materials.new("Glow")
     material.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = glow
     reasons = mend(startup)
