@@ -9,25 +9,23 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable, Iterator
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
 import mathutils
 import numpy as np
 
-from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.optics.display import DisplayProfile
 from lfsr_core.optics.rays import CameraArray
 
-from ..compat import overridden
 from ..scene import settings as scene_settings
 from ..scene.array import edit, placement, rig
 from ..scene.array.placement import Rays, as_rendered, through
 from ..scene.contents import GEOMETRY, find_subject, has_output, nodes_of, rendered, rendered_layer, shows, with_copied
 from ..scene.files import image_paths
-from ..scene.light import DIM, LEAST_ALBEDO, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance
+from ..scene.light import DIM, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance
 from ..scene.settings import length
 from ..scene.words import counted
 from .problems import Problem
@@ -55,9 +53,6 @@ HEAVY, HIDDEN = 100, 0.25  # faces from which a mesh is more than a box, part of
 CLOSE = 0.02  # of the subject's size: the array is inside an object whose inner side is nearer than that
 NARROW, FLAT = 0.25, 0.5  # part of the display's spacing of views, and disparity, below which an image is almost flat
 MUCH, LEAST_GAIN = 1.1, 0.9  # disparity that is reported; a display plane is moved if less than this fraction is left
-LIT, LAMPS, SKY = 24, 32, 6  # places, lamps and rays to the sky that tell how much light arrives
-UNSURE = 2.0  # light below this multiple of dim is measured by a render: objects may hide lamps, or have holes
-CERTAIN, SHADE = 1e6, 0.15  # strength of a lamp that nodes decide; fraction of its distance in which its shade stands
 BRIGHT = 0.25  # fraction of the picture from which a sky keeps it from being almost black
 GLASS, TRANSMISSION, LOST = ("BSDF_GLASS", "BSDF_REFRACTION"), "Transmission Weight", 0.2  # of the rays to it
 newest = 0  # session_uid of the last object that came with the file, which ``last`` notes when one is opened
@@ -138,16 +133,13 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     startup = next((item for item in lamps if item not in own), None)
     exposed, is_plain = 2.0**scene.view_settings.exposure, not own and not has_emission(scene)
     is_alone = is_plain and world_radiance(scene.world) * exposed < DIM
-    light = [radiance * exposed for radiance in _light(scene, rays, placed, own)]
-    if not is_alone and (is_glaring(scene, light[1]) or (
-            is_dim(light[0] / UNSURE, light[1]) and not (is_plain and is_new)) or has_output(scene, "Displacement")):
+    light = radiance = np.empty(0)
+    if not is_alone:
         from ..render.frame_folder import light_seen  # reads EXR files, which the panel starts without
 
-        # A tiny render without that lamp, in the last slot of Blender's own result, so that the artist's stays.
-        slots = result.render_slots if (result := bpy.data.images.get("Render Result")) is not None else ()
-        with as_rendered(startup), overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext():
-            light[:] = light_seen(scene, scene_settings.resolve(scene).request, placed)
-    is_dark, sky = is_dim(light[0], light[1], is_composed=not is_new), 0.0
+        with as_rendered(startup):  # without that lamp
+            light, radiance = light_seen(scene, scene_settings.resolve(scene).request, placed)
+    is_dark, sky = is_dim(light, radiance, is_composed=not is_new), 0.0
     if is_dark and not scene.render.film_transparent and world_radiance(scene.world) * exposed >= DIM:
         sky = through(rays, placed, *edit.FEWER).count(None) / math.prod(edit.FEWER)
     if is_dark and not is_alone and has_output(scene, "Volume"):
@@ -159,7 +151,7 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
                        if is_alone else "Hardly any light comes from what the array sees: the image will be almost "
                        "black. Add World Light changes the rendered images only"
                        f"{', which then do not show the sky' if sky else ''}; the scene keeps its own light.")
-    elif is_glaring(scene, light[1]):
+    elif is_glaring(scene, radiance):
         yield _problem("bright", scene.name, "Much of the objects that the array sees is far brighter than white, and "
                        f"the view transform {scene.view_settings.view_transform} shows it as white: weaken the lamps, "
                        "or lower the exposure in Color Management.")
@@ -378,41 +370,6 @@ def _seen(scene: bpy.types.Scene) -> tuple[rig.Placement, float, float]:
     return placed, depths[0], depths[1]
 
 
-def _light(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement,
-           lamps: list[bpy.types.Object]) -> tuple[Array, Array]:
-    """Radiance (n,) at places that the array sees: of white surfaces there, and of the surfaces themselves.
-
-    Only light that comes straight from ``lamps`` and the world counts.
-    """
-    array, eye = placed[0], mathutils.Matrix(placed[1])
-    lamps = sorted(lamps, key=lambda item: -item.data.energy)[:LAMPS]
-    sky, arriving, seen = world_radiance(scene.world, DIM / 2), list[float](), list[float]()  # a render tells of images
-    generator = np.random.default_rng(0)
-    for x, y in generator.uniform(-0.9, 0.9, (4 * LIT, 2)):
-        way = eye.to_3x3() @ mathutils.Vector((x * array.half_width, y * array.half_height, array.distance))
-        hit = rays.cast(eye.translation, way) if len(arriving) < LIT else None
-        if hit is None:
-            continue
-        place, normal, item, _ = hit
-        normal = -normal if normal.dot(way) > 0 else normal
-        start = place + normal * 1e-3 * (place - eye.translation).length
-        # Glass and metal show what is around them, so that no lamp makes them bright; what is linked may be white.
-        nodes = [node.inputs for slot in item.material_slots if slot.material and slot.material.node_tree
-                 for node in slot.material.node_tree.nodes if node.type == "BSDF_PRINCIPLED"]
-        colors = [1.0 if node["Base Color"].is_linked else max(node["Base Color"].default_value[:3]) for node in nodes]
-        matt = [1 - max(0.0 if node[name].is_linked else node[name].default_value
-                        for name in ("Transmission Weight", "Metallic")) for node in nodes]
-        reflected = max(colors, default=1.0)
-        scattered = max((color * part for color, part in zip(colors, matt, strict=True)), default=1.0)
-        metal = min((float(node["Metallic"].is_linked) or node["Metallic"].default_value for node in nodes), default=0)
-        light = sum(_arrives(rays, lamp, start, normal) for lamp in lamps) / math.pi
-        ways = [mathutils.Vector(way) for way in generator.normal(size=(SKY if sky else 0, 3))]
-        above = sky * sum(rays.cast(start, way if way.dot(normal) > 0 else -way) is None for way in ways) / SKY
-        seen.append(light * scattered + above * reflected)
-        arriving.append((light * (1 - metal) + above) * min(reflected / LEAST_ALBEDO, 1.0))  # else a render tells
-    return np.array(arriving), np.array(seen)
-
-
 def _lost_glass(rays: Rays, placed: rig.Placement, shown: set[bpy.types.Object]) -> str:
     """Name of an object of glass, if nothing is behind much of what the array sees of what is ``shown``, else ""."""
     eye = mathutils.Matrix(placed[1]).translation
@@ -428,26 +385,3 @@ def _lost_glass(rays: Rays, placed: rig.Placement, shown: set[bpy.types.Object])
         return hit is None or is_lost(hit[0], way, *rays.thing(hit))
     lost = [hit[2].name for hit in hits if is_lost(hit[0], hit[0] - eye, *hit[3])]
     return lost[0] if len(lost) > LOST * len(hits) else ""
-
-
-def _arrives(rays: Rays, lamp: bpy.types.Object, place: mathutils.Vector, normal: mathutils.Vector) -> float:
-    """Irradiance in W/m² of a surface at ``place`` from a lamp."""
-    data, matrix = lamp.data, lamp.matrix_world
-    power = data.energy * max(data.color) * 2.0**getattr(data, "exposure", 0.0)
-    nodes = data.node_tree.nodes if data.node_tree is not None else ()
-    strengths = [node.inputs["Strength"] for node in nodes if node.type == "EMISSION"]
-    power *= max((CERTAIN if strength.is_linked else strength.default_value for strength in strengths), default=1.0)
-    axis = matrix.to_3x3() @ mathutils.Vector((0, 0, 1))
-    way = axis if data.type == "SUN" else matrix.translation - place
-    distance, way = math.inf if data.type == "SUN" else way.length, way.normalized()
-    factor = max(normal.dot(way), 0.0) * power
-    if data.type == "AREA":
-        factor *= max(axis.normalized().dot(way), 0.0) * 4
-    elif data.type == "SPOT" and math.acos(min(1.0, max(-1.0, axis.normalized().dot(way)))) > data.spot_size / 2:
-        return 0.0
-    if data.type != "SUN":
-        factor /= 4 * math.pi * max(distance, 1e-6)**2
-    if factor < 1e-4:
-        return 0.0
-    hit = rays.cast(place, way)
-    return 0.0 if hit and (hit[0] - place).length < distance * (1 - SHADE) else factor

@@ -30,9 +30,9 @@ from lfsr_core.version import __version__
 
 from .. import compat
 from ..compat import overridden
-from ..scene.array import placement, rig
+from ..scene.array import edit, placement, rig
 from ..scene.array.rig import Placement
-from ..scene.contents import curves, find_subject, has_background_meshes
+from ..scene.contents import curves, find_subject, has_background_meshes, rendered
 from ..scene.files import check_files, image_files
 from ..scene.light import DEFAULT_LIGHT, LEAST_ALBEDO, has_light, is_certain, is_dim, lit
 from ..scene.settings import color_settings
@@ -47,7 +47,9 @@ HALF_SEED = 1 << 20
 SETTLED = ("scene", "device", "light", "sampling")
 SOURCES = ("compat.py", "render/**/*.*", "scene/**/*.*")  # of the add-on, which decide pixels
 # Pixels across, and samples per pixel, of the measurement of light and of the first view.
-LIGHT_WIDTH, LIGHT_SAMPLES, FIRST_WIDTH, FIRST_SAMPLES = 64, 4, 160, 24
+LIGHT_WIDTH, LIGHT_SAMPLES, FIRST_WIDTH, FIRST_SAMPLES = 64, 32, 160, 24
+KEY, LIGHTEST, MOST_STOPS = 0.18, 0.7, 3  # log-average and brightest radiances that added light aims at
+OPEN = 0.2  # least part of rays from what is seen that meets the sky, for a world image to light it
 MOST_SECONDS = 120.0  # of an image with more rays than were asked for
 Say = Callable[[Notice], object]
 
@@ -171,24 +173,54 @@ def settled_light(scene: bpy.types.Scene, request: Request, say: Say) -> str:
     if has_own and is_blend:
         say(Notice("light-weak"))
         return files.OWN
-    with lit(scene, DEFAULT_LIGHT):
-        light = files.EVEN if is_dim(*light_seen(scene, request)) else DEFAULT_LIGHT
+    light = added_light(scene, request)
     say(Notice("light-replaced", {"reason": "dark" if has_own else "none", "light": light}))
     return light
+
+
+def added_light(scene: bpy.types.Scene, request: Request) -> str:
+    """Return a light for what the array sees: even light where hardly any sky reaches it, as in a room, else an image.
+
+    Its strength takes the log-average of the radiances half the way to KEY, in stops, unless bright parts would glare
+    (Reinhard et al., Photographic Tone Reproduction for Digital Images, 2002, equations 1 and 2).
+    """
+    hits = list[placement.Seen | None]()
+    with placement.as_rendered(), suppress(LfsrError):
+        placed = placement.place_array(scene, request.display, find_subject(scene, request.subject))
+        hits = placement.through(placement.Rays(scene), placed, *edit.FEWER)
+    with placement.as_rendered(by="visible_shadow"):  # walls that cameras do not see keep light out
+        rays = placement.Rays(scene)
+        free = [rays.beyond(hit[0], way) is None for hit in filter(None, hits) for way in edit.AROUND
+                if way.dot(hit[4]) > 0]
+    if sum(free) < OPEN * len(free):
+        return files.EVEN
+    with lit(scene, DEFAULT_LIGHT):
+        color = np.maximum(light_seen(scene, request)[1], 1e-4)
+    stops = round(float(np.log2(KEY / np.exp(np.log(color).mean()))) / 2) if color.size else 0
+    most = math.floor(np.log2(LIGHTEST / np.percentile(color, 95))) if color.size else 0
+    stops = max(-1, min(stops, MOST_STOPS, max(0, most)))
+    return f"{DEFAULT_LIGHT}:{2.0**stops:g}" if stops else DEFAULT_LIGHT
 
 
 @placement.as_rendered()
 def light_seen(scene: bpy.types.Scene, request: Request, placed: Placement | None = None) -> tuple[Array, Array]:
     """Measure with a tiny render the light of what the middle of a ``placed`` array, else of the scene's, sees.
 
+    The CPU renders it: a GPU may first have to load for long, and the same scene gets the same light everywhere.
     Returns radiances (n,) at the scene's exposure: of white surfaces in the subject's place, and of the subject itself;
-    empty where it is not in sight.
+    empty where it is not in sight, without Cycles, and with a fluid: Blender 5.0 ends where one is not baked.
     """
+    has_fluid = any(modifier.type == "FLUID" for item in rendered(scene) for modifier in item.modifiers)
     with suppress(LfsrError):
+        if has_fluid or not hasattr(scene, "cycles"):
+            return np.empty(0), np.empty(0)
         subject = find_subject(scene, request.subject)
         placed = placed or placement.place_array(scene, request.display, subject)
-        settings = RenderSettings(LIGHT_SAMPLES, layers=("albedo", "index"), device=compat.best_device(request.device))
-        with _resting(scene), cycles.pass_indices(subject):
+        settings = RenderSettings(LIGHT_SAMPLES, layers=("albedo", "index"), device="CPU")
+        # In the last slot of Blender's own result, so that the artist's stays.
+        slots = result.render_slots if (result := bpy.data.images.get("Render Result")) is not None else ()
+        with (_resting(scene), cycles.pass_indices(subject),
+              overridden(slots, {"active_index": len(slots) - 1}) if slots else nullcontext()):
             layers = _seen_from_middle(scene, placed, settings, LIGHT_WIDTH)
         seen = (layers["color"][..., 3] > 0.5) & (layers["index"][..., 0] == cycles.FOREGROUND)
         color, albedo = layers["color"][seen][:, :3].max(-1), layers["albedo"][seen].max(-1)

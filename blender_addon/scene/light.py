@@ -11,7 +11,7 @@ import numpy as np
 
 from lfsr_core.base.arrays import Array
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.frame import AUTO, EVEN, OWN, WORLD_IMAGES, check_light, is_light_file
+from lfsr_core.frames.frame import AUTO, EVEN, OWN, WORLD_IMAGES, check_light, is_light_file, light_parts
 
 from .. import compat
 from .array import rig
@@ -146,6 +146,7 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT, turn: float = 
     A shipped image is dimmed until a white floor has the radiance WHITE: brighter, shapes and shadows hardly show.
     LfsrError where it is missing, or cannot be read to its end, because Blender might crash.
     """
+    light, strength = light_parts(light)
     unreadable = LfsrError(f"light {light} cannot be read as an image: choose another file")
     if is_light_file(light):
         from lfsr_core.images.image_files import check_complete  # needs OpenImageIO, which Blender's panel does without
@@ -175,7 +176,7 @@ def add_light(scene: bpy.types.Scene, light: str = DEFAULT_LIGHT, turn: float = 
         rows = pixels.reshape(image.size[1], image.size[0], -1)[..., :3].max(-1).mean(1)  # from the ground upwards
         elevation = ((np.arange(len(rows)) + 0.5) / len(rows) - 0.5) * math.pi
         floor = float(rows @ np.maximum(np.sin(2 * elevation), 0) * math.pi / len(rows))  # radiance of a white one
-        shader.inputs["Strength"].default_value = WHITE / max(WHITE, floor)
+        shader.inputs["Strength"].default_value = strength * WHITE / max(WHITE, floor)
     world.node_tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
     scene.world = world
     return world

@@ -13,7 +13,7 @@ import bpy
 from lfsr_core.base.messages import LfsrError
 from lfsr_core.base.system import file_stamp
 from lfsr_core.frames import frame as files
-from lfsr_core.frames.frame import Finish, Request, Sampling, check_light, is_light_file, scales_up_to
+from lfsr_core.frames.frame import Finish, Request, Sampling, check_light, is_light_file, light_parts, scales_up_to
 from lfsr_core.images.color import ColorSettings
 from lfsr_core.optics.display import DisplayProfile, builtin_names, load_display
 from lfsr_core.reconstruct.methods import AS_RENDERED, DEFAULT_METHOD, MENU, MORE, SUBPIXEL_METHODS, MethodName
@@ -96,14 +96,16 @@ def resolve(scene: bpy.types.Scene) -> Resolved:
                         rays if scales else None)
     request = Request("", display, sampling=sampling, layout=files.SUBPIXELS if subpixels else compat.way_of(device),
                       scene_name=scene.name_full, seed=settings.seed, frame=scene.frame_current, device=device,
-                      light=light if light in files.LIGHTS or is_light_file(light) else files.AUTO)
+                      light=light if light_parts(light)[0] in files.LIGHTS or is_light_file(light) else files.AUTO)
     return Resolved(request, finish, rays)
 
 
 def _light_of(scene: bpy.types.Scene) -> str:
     """Return the light of a scene's settings as a request has it; nothing is checked."""
-    light, file = scene.lfsr.light, scene.lfsr.light_file
-    return bpy.path.abspath(file) if light == FILE_LIGHT else NAMES[light]
+    light, strength = scene.lfsr.light, scene.lfsr.light_strength
+    if light == FILE_LIGHT:
+        return bpy.path.abspath(scene.lfsr.light_file)
+    return f"{NAMES[light]}:{strength:g}" if NAMES[light] in files.WORLD_IMAGES and strength != 1 else NAMES[light]
 
 
 def check(scene: bpy.types.Scene) -> Resolved:

@@ -10,6 +10,7 @@ from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
 
 from lfsr_core.base.messages import LfsrError
+from lfsr_core.frames.frame import WORLD_IMAGES
 
 from .. import compat
 from ..check import last
@@ -193,6 +194,8 @@ class LFSR_PT_quality(LightFieldPanel, bpy.types.Panel):
         row_if(not lfsr.samples, layout).prop(lfsr, "rays")
         row_if(not scene_settings.renders_subpixels(scene), layout).prop(lfsr, "method")
         layout.prop(lfsr, "light")
+        if lfsr.light.lower() in WORLD_IMAGES:
+            layout.prop(lfsr, "light_strength")
         if lfsr.light == FILE_LIGHT:
             layout.prop(lfsr, "light_file", text="File")
         layout.prop(lfsr, "output")

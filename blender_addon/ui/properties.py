@@ -168,6 +168,8 @@ class SceneSettings(bpy.types.PropertyGroup):
     light: EnumProperty(
         name="Light", description="What lights the scene in light-field renders; the scene itself stays as it is",
         items=light_items(), default=AUTO_LIGHT)
+    light_strength: FloatProperty(
+        name="Strength", description="Factor of the world image's strength", min=0.01, max=100, soft_max=8, default=1)
     light_file: StringProperty(
         name="Light File", description="World image (.hdr or .exr) that lights the scene",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"})

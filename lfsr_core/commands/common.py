@@ -56,7 +56,8 @@ def add_geometry_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--light", default=files.AUTO, metavar="auto|own|NAME|FILE.hdr|FILE.exr",
                         help="auto, the default: the scene's own light, or another for an almost dark file that is "
                              f"not a .blend; own; {files.EVEN}: from all sides, without shadows; one of Blender's "
-                             f"world images ({', '.join(files.WORLD_IMAGES)}), or one of yours")
+                             f"world images ({', '.join(files.WORLD_IMAGES)}), city:4 with four times its "
+                             "strength; or one of yours")
     parser.add_argument("--device", type=lambda text: text if text == files.AUTO else text.upper(), default=files.AUTO,
                         metavar="auto|NAME",
                         help=f"Cycles device, {', '.join(files.DEVICES)}; default: the best of this machine")

@@ -464,7 +464,7 @@ def check_scene(scene: str | Path) -> str:
 def check_light(light: str) -> str:
     """Return a light by its name, or the absolute path of its file; LfsrError if there is neither."""
     if not is_light_file(light):
-        if light not in LIGHTS:
+        if light_parts(light)[0] not in LIGHTS:
             raise LfsrError(f"light is {light!r}: {did_you_mean(light, LIGHTS)}It must be one of {', '.join(LIGHTS)}, "
                             f"or a {' or '.join(LIGHT_SUFFIXES)} file")
         return light
@@ -472,6 +472,12 @@ def check_light(light: str) -> str:
         raise LfsrError(f"light {light} {'is no file' if Path(light).exists() else 'does not exist'}: check the path, "
                         f"or choose one of {', '.join(LIGHTS)}")
     return str(Path(light).parent.resolve() / Path(light).name)
+
+
+def light_parts(light: str) -> tuple[str, float]:
+    """Return a light's name, and the factor of a world image's strength that may follow it, as in ``city:4``."""
+    known = re.fullmatch(rf"({'|'.join(WORLD_IMAGES)}):(\d*\.?\d+)", light)
+    return (known[1], float(known[2])) if known and float(known[2]) else (light, 1.0)
 
 
 def is_light_file(light: str) -> bool:

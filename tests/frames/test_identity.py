@@ -213,8 +213,9 @@ def test_scene_and_light_are_checked_before_blender_starts(tmp_path, monkeypatch
     (tmp_path / "Sky.HDR").symlink_to("c0ffee")
     (tmp_path / "a.hdr").mkdir()
     assert check_light("even") == "even" and check_light("Sky.HDR") == str(tmp_path / "Sky.HDR")
+    assert records.light_parts(check_light("city:.5")) == ("city", 0.5) and records.light_parts("night") == ("night", 1)
     for light, sentence in (("sky.exr", "sky.exr does not exist"), ("a.hdr", "a.hdr is no file"),
-                            ("sky", "light is 'sky'"), ("", "light is ''")):
+                            ("sky", "light is 'sky'"), ("city:0", "is 'city:0'"), ("even:2", "even:2")):
         refuses(sentence, check_light, light)
 
 

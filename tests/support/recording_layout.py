@@ -45,7 +45,7 @@ class RecordingLayout:
         self.drawn.append((name, named))
         if name in CONTAINERS:
             return RecordingLayout(self.drawn)
-        checks = {"prop": _check_property, "operator": _operator, "popover": _check_panel}
+        checks = {"prop": _check_property, "operator": _operator, "popover": lambda kw: getattr(bpy.types, kw["panel"])}
         return checks[name](named) if name in checks else None
 
 
@@ -71,7 +71,3 @@ def _operator(named: dict[str, Any]) -> OperatorProperties:
     module, name = named["operator"].split(".")
     # KeyError if there is no such operator.
     return OperatorProperties(getattr(getattr(bpy.ops, module), name).get_rna_type())
-
-
-def _check_panel(named: dict[str, Any]) -> None:
-    assert hasattr(bpy.types, named["panel"]), f"there is no panel {named['panel']!r}"

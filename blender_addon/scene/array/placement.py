@@ -51,8 +51,8 @@ Seen = tuple[mathutils.Vector, bool, bpy.types.Object, Thing, mathutils.Vector]
 
 
 @contextmanager
-def as_rendered(*left_out: bpy.types.Object | None) -> Iterator[None]:
-    """Show in the viewport what cameras see in renders, inside the block: rays meet that; ``left_out`` is left out."""
+def as_rendered(*left_out: bpy.types.Object | None, by: str = "visible_camera") -> Iterator[None]:
+    """Show in the viewport what cameras see in renders, or shadow rays meet, but for ``left_out``, inside the block."""
     with ExitStack() as changes:
         # Renders show the first view layer that is used, whichever the window shows.
         changes.enter_context(bpy.context.temp_override(view_layer=rendered_layer(bpy.context.scene)))
@@ -61,7 +61,7 @@ def as_rendered(*left_out: bpy.types.Object | None) -> Iterator[None]:
             changes.callback(item.select_set, True)  # last of all, because Blender deselects what is hidden
         for item in filter(None, left_out):
             changes.enter_context(overridden(item, {"hide_render": True}))
-        seen = {item for item in rendered(bpy.context.scene) if item.visible_camera}
+        seen = {item for item in rendered(bpy.context.scene) if getattr(item, by)}
         for layer in layer_collections(bpy.context.view_layer.layer_collection):
             for owner, is_hidden in ((layer, False), (layer.collection, layer.collection.hide_render)):
                 if owner.hide_viewport != is_hidden:
@@ -69,7 +69,7 @@ def as_rendered(*left_out: bpy.types.Object | None) -> Iterator[None]:
         for item in bpy.context.view_layer.objects:
             if item.type in GEOMETRY and item.visible_get() == (is_hidden := item not in seen):
                 # What is off only with its collection may be copied by particles and geometry nodes.
-                changes.enter_context(overridden(item, {"hide_viewport": item.hide_render or not item.visible_camera}))
+                changes.enter_context(overridden(item, {"hide_viewport": item.hide_render or not getattr(item, by)}))
                 changes.callback(item.hide_set, item.hide_get())
                 item.hide_set(is_hidden)
         bpy.context.view_layer.update()

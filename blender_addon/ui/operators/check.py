@@ -1,12 +1,13 @@
 """Buttons of the scene check: run it, select an object, fix a problem; what fixes do, by the code of the problem."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import bpy
 
 from lfsr_core.base.messages import LfsrError
-from lfsr_core.frames.frame import EVEN
+from lfsr_core.frames.frame import light_parts
 
 from ...check import last, look
 from ...check.problems import INFO
@@ -15,8 +16,7 @@ from ...jobs import runtime
 from ...render.cards import Wiring
 from ...scene import settings as scene_settings
 from ...scene.array import rig
-from ...scene.array.edit import AROUND, FEWER, add, in_front, put, remove
-from ...scene.array.placement import Rays, as_rendered, through
+from ...scene.array.edit import add, in_front, put, remove
 from ...scene.array.rig import Placement, check_editable
 from ...scene.contents import BACKGROUND_COLLECTION, GEOMETRY, SWITCHES, find_subject, rendered, switched
 from ...scene.light import DEFAULT_LIGHT, illuminate
@@ -24,7 +24,6 @@ from ...scene.words import counted, for_panel
 from .base import UNDO, AsksForFile, Result, activate, reports_errors
 
 Fix = Callable[[bpy.types.Scene, str], None]
-OPEN = 0.2  # least part of rays from what is seen that meets the sky, for a world image to light it
 
 
 def _existing(items: bpy.types.bpy_prop_collection, name: str, kind: str = "object") -> Any:
@@ -51,21 +50,16 @@ def _set(group: str, **values: object) -> Fix:
     return lambda scene, _target: assign(getattr(scene, group), values)
 
 
-def _switch_off(switch: str) -> Fix:
-    """Fix that switches ``switch`` of a view layer's collections off."""
-    def fix(scene: bpy.types.Scene, target: str) -> None:
-        for collection in switched(_layer(scene, target), switch):
-            setattr(collection, switch, False)
-    return fix
+def _switch_off(switch: str, scene: bpy.types.Scene, target: str) -> None:
+    for collection in switched(_layer(scene, target), switch):
+        setattr(collection, switch, False)
 
 
-@as_rendered()
 def _light_images(scene: bpy.types.Scene, _target: str) -> None:
-    """Set a light for the images: even light where hardly any sky reaches what is seen, as in a room, else a world."""
-    rays, placed = Rays(scene), rig.placement(scene, scene_settings.display_of(scene))
-    hits = filter(None, through(rays, placed, *FEWER) if placed else ())
-    free = [rays.beyond(hit[0], way) is None for hit in hits for way in AROUND if way.dot(hit[4]) > 0]
-    scene.lfsr.light = (EVEN if sum(free) < OPEN * len(free) else DEFAULT_LIGHT).upper()
+    from ...render.frame_folder import added_light  # reads EXR files, which the panel starts without
+
+    name, scene.lfsr.light_strength = light_parts(added_light(scene, scene_settings.resolve(scene).request))
+    scene.lfsr.light = name.upper()
 
 
 def _leave_out(*items: bpy.types.Object) -> None:
@@ -98,7 +92,7 @@ def _use_defaults(scene: bpy.types.Scene, _target: str) -> None:
         scene_settings.display_of(scene)
     except LfsrError:
         scene.lfsr.property_unset("display")
-    for name in ("scale", "method", "light", "subpixels"):
+    for name in ("scale", "method", "light", "light_strength", "subpixels"):
         scene.lfsr.property_unset(name)
 
 
@@ -156,7 +150,7 @@ FIXES: dict[str, Fix] = {
     "shift": lambda _scene, target: assign(_camera(target), {"shift_x": 0.0, "shift_y": 0.0}),
     "world": lambda scene, target: setattr(_layer(scene, target), "world_override", None),
     "override": lambda scene, target: setattr(_layer(scene, target), "material_override", None),
-    "layers": _use_one_layer, "rig": _add_array, **{switch: _switch_off(switch) for switch in SWITCHES},
+    "layers": _use_one_layer, "rig": _add_array, **{switch: partial(_switch_off, switch) for switch in SWITCHES},
     "compositor": _set("render", use_compositing=False), "sequencer": _set("render", use_sequencer=False),
     "view": _set("view_settings", use_curve_mapping=False, use_white_balance=False),
     "catcher": _set("render", film_transparent=True), "motion": _set("render", use_motion_blur=False)}

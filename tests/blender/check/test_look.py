@@ -237,7 +237,9 @@ def test_of_a_room_the_inside_is_seen(startup, lamp, glow):
     placed = rig.placement(startup, scene_settings.display_of(startup))
     assert np.median(placement.seen_depths(startup, placed, find_subject(startup))) > 2.5, "the longest view"
     items[4].location.z -= 2  # the wall behind the array
-    assert FIXES["dark"](startup, "") is None and startup.lfsr.light == "EVEN", "little sky lights what is seen"
+    for wall in items[1:6]:
+        assert FIXES["dark"](startup, "") is None and startup.lfsr.light == "EVEN", "little sky lights what is seen"
+        wall.visible_camera = False
 
 
 def place_in_room(scene, items):

@@ -130,6 +130,7 @@ def test_black_things_in_good_light_are_not_dark_nor_is_what_shines(scene, tmp_p
     for value, dim in ((1.0, False), (0.05, True)):
         add_world(scene, value)
         assert light.is_dim(*frame_folder.light_seen(scene, make_request(str(tmp_path), MINI))) == dim
+    assert light.light_parts(frame_folder.added_light(scene, make_request(str(tmp_path), MINI)))[1] >= 4
     add_box(scene, (0, 0, 0), (0.6, 0.6, 0.6), emission((0.3, 0.3, 0.3)))
     assert shown(scene, tmp_path, scene="scene.glb")[1] == "" and read_frame(tmp_path / "out").light == "own"
     assert [light.is_dim(*[np.array([0.01] * 9 + [1])] * 2, is_night) for is_night in (False, True)] == [True, False]
@@ -151,7 +152,7 @@ def test_light_is_chosen_by_hand_and_turns_with_the_array_but_for_a_file(scene, 
     path, sky = save_box(tmp_path / "scene.glb", (0, 0, 0), (0.5, 0.5, 0.5)), tmp_path / "sky.exr"
     image_files.write_layers(sky, {"color": np.float32([[[1, 0, 0]] * 4 + [[0, 0, 0]] * 4] * 4)})
     means, turn = {}, mathutils.Matrix.Rotation(np.pi / 2, 4, "Z")
-    for chosen in ("own", "city", "night", "even", str(sky)):
+    for chosen in ("own", "city", "city:2", "night", "even", str(sky)):
         opened, sides = open_scene(path), []
         camera = add_camera(opened, (0, -4, 0))
         for _ in range(4):
@@ -163,6 +164,7 @@ def test_light_is_chosen_by_hand_and_turns_with_the_array_but_for_a_file(scene, 
         means[chosen] = np.mean(sides, axis=0)
         assert (np.ptp(sides, axis=0).max() <= 0.35 * means[chosen].max()) == (chosen != str(sky))
     assert not means["own"].any() and means["city"].min() > means["night"].min() > 0.01 and means["even"].min() > 0.1
+    assert means["city:2"] == pytest.approx(2 * means["city"], rel=0.1)
     assert means[str(sky)][0] > 0.05 and not means[str(sky)][1:].any()
 
 
@@ -182,9 +184,8 @@ def test_a_light_file_that_cannot_be_read_is_one_sentence(scene, tmp_path, name,
 def test_every_frame_of_an_animation_has_the_same_light(scene, tmp_path):
     add_box(scene, (0, 0, 0), (0.5, 0.5, 0.5))
     with_sun(scene, 0.4)
-    sun = bpy.data.lights["sun"]
-    for number, sun.energy in ((1, 0.4), (10, 0.0)):
-        sun.keyframe_insert("energy", frame=number)
+    for number, bpy.data.lights["sun"].energy in ((1, 0.4), (10, 0.0)):
+        bpy.data.lights["sun"].keyframe_insert("energy", frame=number)
     scene.frame_set(1)
     for number in (1, 10):
         job = make_request(str(tmp_path), MINI, scene="scene.glb", frame=number)
