@@ -23,7 +23,7 @@ from blender_addon.ui import array_view, panels
 from blender_addon.ui.drawing import METRICS, metric_facts
 from blender_addon.ui.panels import LFSR_MT_scale
 from lfsr_core.base.messages import Progress
-from lfsr_core.frames.frame import LIGHTS, Finish, Report, write_report
+from lfsr_core.frames.frame import LIGHTS, Finish, Report, light_parts, write_report
 from tests.support import panel
 from tests.support.panel import problem_of
 from tests.support.recording_layout import RecordingLayout
@@ -124,9 +124,9 @@ def test_the_light_of_the_menu_is_the_jobs(scene, tmp_path):
     assert {"light"} == properties(draw_all()["Quality"]) & {"light", "light_file"}
     assert scene_settings.resolve(scene).request.light == "auto"
     assert {item.identifier.lower() for item in scene.lfsr.bl_rna.properties["light"].enum_items} == {*LIGHTS, "file"}
-    for name in LIGHTS:
-        scene.lfsr.light = name.upper()
-        assert scene_settings.resolve_for_render(scene).request.light == name
+    for light, scene.lfsr.light_strength in (*((name, 1) for name in LIGHTS), ("city:0.3", 0.3), ("even", 4)):
+        scene.lfsr.light = light_parts(light)[0].upper()
+        assert scene_settings.resolve_for_render(scene).request.light == light
     scene.lfsr.light = "FILE"
     assert {"light", "light_file"} <= properties(draw_all()["Quality"])
     for path, sentence in (("", "no light file is chosen"), ("//gone.hdr", "does not exist"), ("//x.jpg", "light is")):
