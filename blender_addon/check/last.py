@@ -29,7 +29,7 @@ def problems(code: str = "") -> list[Problem]:
 
 def check(scene: bpy.types.Scene) -> list[Problem]:
     """Check ``scene`` now and return everything found."""
-    global rows, changed, _problems, _checking
+    global rows, _problems, _checking
     _checking = True  # what it writes is no change of the scene
     try:
         _problems = check_scene(scene)
@@ -37,9 +37,15 @@ def check(scene: bpy.types.Scene) -> list[Problem]:
         bpy.context.window_manager.lfsr.checked_scene = scene.name_full
     finally:
         _checking = False
+    _settle()
+    bpy.app.timers.register(_settle)  # Blender tells what the check has written when its loop goes on
+    return _problems
+
+
+def _settle() -> None:
+    global changed
     changed = False
     images.redraw_sidebars()
-    return _problems
 
 
 def _mark() -> None:
