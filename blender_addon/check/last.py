@@ -11,6 +11,7 @@ changed = False  # whether something has changed since
 _problems: list[Problem] = []
 _checking = False
 _OWNER = object()
+LATE = 0.2  # seconds within which Blender tells of a change
 # Types of settings whose changes Blender does not report as changes of the scene.
 SETTINGS = (bpy.types.RenderSettings, bpy.types.ViewLayer, bpy.types.LayerCollection,
             bpy.types.ColorManagedViewSettings)
@@ -29,28 +30,30 @@ def problems(code: str = "") -> list[Problem]:
 
 def check(scene: bpy.types.Scene) -> list[Problem]:
     """Check ``scene`` now and return everything found."""
-    global rows, _problems, _checking
+    global rows, changed, _problems, _checking
     _checking = True  # what it writes is no change of the scene
     try:
         _problems = check_scene(scene)
         rows = grouped(_problems)
         bpy.context.window_manager.lfsr.checked_scene = scene.name_full
     finally:
-        _checking = False
-    _settle()
-    bpy.app.timers.register(_settle)  # Blender tells what the check has written when its loop goes on
+        if bpy.app.background:
+            _end()
+        else:  # Blender tells of what was written when its loop goes on, and after it has drawn
+            bpy.app.timers.register(_end, first_interval=LATE, persistent=True)
+    changed = False
+    images.redraw_sidebars()
     return _problems
 
 
-def _settle() -> None:
-    global changed
-    changed = False
-    images.redraw_sidebars()
+def _end() -> None:
+    global _checking
+    _checking = False
 
 
 def _mark() -> None:
     global changed
-    if not changed:
+    if not changed and not _checking:
         changed = True
         images.redraw_sidebars()
 
@@ -58,7 +61,7 @@ def _mark() -> None:
 @bpy.app.handlers.persistent
 def _note(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None = None) -> None:
     """Handler of every change: nothing here may take time."""
-    if not _checking and (depsgraph is None or len(depsgraph.updates)):
+    if depsgraph is None or len(depsgraph.updates):
         _mark()
 
 

@@ -44,7 +44,7 @@ def test_light_is_chosen_from_its_menu(window):
     window.run(OPEN)  # a panel keeps whether it is open, so another with the same contents is added
     x, top, width, height = window.open_tab()
     sidebar, pictures = np.s_[top:top + height, x:x + width], []
-    for light in ("AUTO", "NIGHT"):
+    for light in ("AUTO", "OWN"):
         window.run(f"bpy.context.scene.lfsr.light = {light!r}; bpy.context.area.tag_redraw()")
         window.xdotool("mousemove", x - 200, 600)
         pictures.append(read_png(window.screenshot(f"light-{light}"))[sidebar])
