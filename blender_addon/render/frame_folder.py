@@ -184,6 +184,7 @@ def added_light(scene: bpy.types.Scene, request: Request) -> str:
     Its strength takes the log-average of the radiances half the way to KEY, in stops, unless bright parts would glare
     (Reinhard et al., Photographic Tone Reproduction for Digital Images, 2002, equations 1 and 2).
     """
+    placed: Placement | None = None
     hits = list[placement.Seen | None]()
     with placement.as_rendered(), suppress(LfsrError):
         placed = placement.place_array(scene, request.display, find_subject(scene, request.subject))
@@ -195,7 +196,7 @@ def added_light(scene: bpy.types.Scene, request: Request) -> str:
     if sum(free) < OPEN * len(free):
         return files.EVEN
     with lit(scene, DEFAULT_LIGHT):
-        color = np.maximum(light_seen(scene, request)[1], 1e-4)
+        color = np.maximum(light_seen(scene, request, placed)[1], 1e-4)
     stops = round(float(np.log2(KEY / np.exp(np.log(color).mean()))) / 2) if color.size else 0
     most = math.floor(np.log2(LIGHTEST / np.percentile(color, 95))) if color.size else 0
     stops = max(-1, min(stops, MOST_STOPS, max(0, most)))
