@@ -41,6 +41,8 @@ MENDS = {
     "deep": ("flatten_depth", "Flatten Depth", "Bring the views together, so that the display shows all depths sharp"),
     "alpha": ("show_materials", "Show Materials", "Set Alpha to 1 in what was imported with Alpha 0"),
     "colors": ("show_colors", "Show Vertex Colors", "Give what came without a material one that shows its colors"),
+    "crease": ("shade_creases", "Shade Creases", "Darken corners and creases of what has no color, by a node Ambient "
+               "Occlusion in its materials"),
     "dark": ("add_light", "Add World Light", "Light the images with one of Blender's world images, or a room with even "
              "light; the scene keeps its own light")}
 STARTUP_LAMP = (4.07625, 1.00545, 5.90386)  # where a new file's lamp stands
@@ -54,6 +56,8 @@ CLOSE = 0.02  # of the subject's size: the array is inside an object whose inner
 NARROW, FLAT = 0.25, 0.5  # part of the display's spacing of views, and disparity, below which an image is almost flat
 MUCH, LEAST_GAIN = 1.1, 0.9  # disparity that is reported; a display plane is moved if less than this fraction is left
 BRIGHT = 0.25  # fraction of the picture from which a sky keeps it from being almost black
+CREASE, CREASED = 0.08, 0.04  # reach of a crease, of the picture's width; part of the rays around that meet one
+PLAIN, GRAY, LIGHT = 0.9, 0.02, 0.5  # part of what is seen that has no color, and what a gray differs by and reaches
 GLASS, TRANSMISSION, LOST = ("BSDF_GLASS", "BSDF_REFRACTION"), "Transmission Weight", 0.2  # of the rays to it
 newest = 0  # session_uid of the last object that came with the file, which ``last`` notes when one is opened
 
@@ -102,6 +106,8 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
     if bare := without_material(main):
         yield _problem("colors", bare[0].name, f"{bare[0].name} has colors of its vertices, but no material: it would "
                        "be gray.")
+    elif _has_plain_creases(rays, placed, shown):
+        yield _problem("crease", scene.name, "Nothing that is seen has a color: corners and edges would hardly show.")
     if depths := depths_of(rays, placed, shown):
         widest = placement.narrowed(rays, (dataclasses.replace(placed[0], spacing=math.inf), placed[1]), display,
                                     placed[0].distance)
@@ -260,6 +266,27 @@ def without_material(items: Iterable[bpy.types.Object]) -> list[bpy.types.Object
             and not any(item.data.materials)]
 
 
+def plain_shader(material: bpy.types.Material) -> bpy.types.Node | None:
+    """Return the shader of a material that nobody has given a color: an opaque one of a light gray, as in new files."""
+    output = material.node_tree.get_output_node("CYCLES") if material.node_tree else None
+    shader = next((link.from_node for link in output.inputs["Surface"].links), None) if output else None
+    if shader is None or shader.type != "BSDF_PRINCIPLED" or shader.inputs["Base Color"].is_linked:
+        return None
+    color = shader.inputs["Base Color"].default_value[:3]
+    is_solid = not any(shader.inputs[name].default_value for name in ("Metallic", TRANSMISSION))
+    return shader if is_solid and min(color) >= LIGHT and max(color) - min(color) < GRAY else None
+
+
+def _has_plain_creases(rays: Rays, placed: rig.Placement, shown: set[bpy.types.Object]) -> bool:
+    hits = [hit for hit in through(rays, placed, *edit.FEWER) if hit is not None and hit[2] in shown]
+    if not hits or sum(hit[3][1] is None or plain_shader(hit[3][1]) is not None for hit in hits) <= PLAIN * len(hits):
+        return False
+    reach = CREASE * 2 * placed[0].half_width
+    met = [(far := rays.beyond(hit[0], way)) is not None and (far[0] - hit[0]).length < reach
+           for hit in hits for way in edit.AROUND if way.dot(hit[4]) > 0]
+    return sum(met) > CREASED * len(met)
+
+
 def _is_lamp(item: bpy.types.Object) -> bool:
     """Return True for a flat box or a plane of one colour that only shines, as photographers light with."""
     nodes = {node.type for slot in item.material_slots if slot.material for node in nodes_of(slot.material.node_tree)}
@@ -375,13 +402,12 @@ def _lost_glass(rays: Rays, placed: rig.Placement, shown: set[bpy.types.Object])
     eye = mathutils.Matrix(placed[1]).translation
     hits = [hit for hit in through(rays, placed) if hit is not None and hit[2] in shown]
 
-    def is_lost(place: mathutils.Vector, way: mathutils.Vector, item: bpy.types.Object, number: int) -> bool:
-        slot = next(iter(item.material_slots[number:]), None)
-        nodes = nodes_of(slot.material.node_tree if slot and slot.material else None)
+    def is_lost(place: mathutils.Vector, way: mathutils.Vector, material: bpy.types.Material | None) -> bool:
+        nodes = nodes_of(material.node_tree if material else None)
         if not any(node.type in GLASS or (TRANSMISSION in node.inputs and node.inputs[TRANSMISSION].default_value > 0.5)
                    for node in nodes):
             return False
         hit = rays.beyond(place, way)
-        return hit is None or is_lost(hit[0], way, *rays.thing(hit))
-    lost = [hit[2].name for hit in hits if is_lost(hit[0], hit[0] - eye, *hit[3])]
+        return hit is None or is_lost(hit[0], way, rays.thing(hit)[1])
+    lost = [hit[2].name for hit in hits if is_lost(hit[0], hit[0] - eye, hit[3][1])]
     return lost[0] if len(lost) > LOST * len(hits) else ""

@@ -45,7 +45,7 @@ FEW = 100  # objects and instances up to which Blender's own search, which asks 
 MOST_REACH = 1e30  # far enough; for Blender's longest rays it reports hits of scaled objects that they miss
 
 Hit = tuple[mathutils.Vector, mathutils.Vector, bpy.types.Object, int]  # place, normal of the surface, object, face
-Thing = tuple[bpy.types.Object, int]  # object, number of its material (``Rays.thing``)
+Thing = tuple[bpy.types.Object, bpy.types.Material | None]  # object and its material (``Rays.thing``)
 # Place, whether the front of a surface is seen, of what, and the surface's normal toward where the ray comes from.
 Seen = tuple[mathutils.Vector, bool, bpy.types.Object, Thing, mathutils.Vector]
 
@@ -87,7 +87,7 @@ class Rays:
     def __init__(self, scene: bpy.types.Scene, sky: bpy.types.Object | None = None) -> None:
         """Note the bounding boxes of all meshes where there are more than FEW objects; ``sky`` lets all rays pass."""
         self.scene, self.depsgraph = scene, bpy.context.evaluated_depsgraph_get()
-        self.cast_in_all, self.materials = scene.ray_cast, dict[bpy.types.Object, Array]()  # to look up takes long
+        self.cast_in_all, self.materials = scene.ray_cast, dict[bpy.types.Object, Any]()  # to look up takes long
         self.items: list[tuple[bpy.types.Object, Array, BVHTree | None]] = []
         if len(self.depsgraph.object_instances) <= FEW and sky is None:
             return
@@ -155,14 +155,17 @@ class Rays:
         return None if hit is not None and hit[0] == place else hit
 
     def thing(self, hit: Hit) -> Thing:
-        """Return the object that is hit and the number of its material there: one mesh may hold a whole house."""
-        if (numbers := self.materials.get(hit[2])) is None:
-            mesh = hit[2].evaluated_get(self.depsgraph).data
-            stored = mesh.attributes.get("material_index") if isinstance(mesh, bpy.types.Mesh) else None  # None: all 0
-            self.materials[hit[2]] = numbers = np.zeros(len(stored.data) if stored else 0, np.int32)
-            if stored:
-                stored.data.foreach_get("value", numbers)
-        return hit[2], int(numbers[hit[3]]) if 0 <= hit[3] < len(numbers) else 0
+        """Return the object that is hit and its material there: one mesh may hold a whole house."""
+        if (stored := self.materials.get(hit[2])) is None:
+            item = hit[2].evaluated_get(self.depsgraph)
+            index = item.data.attributes.get("material_index") if isinstance(item.data, bpy.types.Mesh) else None
+            numbers = np.zeros(len(index.data) if index else 0, np.int32)  # without an index all are 0
+            if index:
+                index.data.foreach_get("value", numbers)
+            slots = [slot.material and slot.material.original for slot in item.material_slots]
+            self.materials[hit[2]] = stored = numbers, slots or [None]
+        numbers, slots = stored
+        return hit[2], slots[min(numbers[hit[3]], len(slots) - 1) if 0 <= hit[3] < len(numbers) else 0]
 
 
 @dataclasses.dataclass(frozen=True)

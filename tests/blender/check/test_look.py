@@ -108,6 +108,25 @@ def test_colors_of_vertices_and_materials_of_alpha_0_are_shown(startup):
     assert np.median(color / light) == pytest.approx(0.3, abs=0.05), "a gray surface would send 0.8 of the light"
 
 
+def test_creases_are_darkened_where_nothing_has_a_color(startup):
+    """The cube of a new file has none: it keeps its material (``test_a_new_file_as_it_is…``)."""
+    add_box((0, 0, -1.2), (4, 4, 0.2))
+    shelves = [add_box((x, 0, 0.5), (0.1, 0.7, 1.5)) for x in np.linspace(-2, 2, 9)]
+    shelves[0].data.materials.append(paint := bpy.data.materials.new("Paint"))
+    before, shader = looked(startup), paint.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Metallic"].default_value = 1
+    assert "crease" in before and "crease" in looked(startup) and look.plain_shader(paint) is None, "one of many is a metal"
+    light, color = light_seen(startup, scene_settings.resolve(startup).request)
+    assert np.percentile(color / light, 10) == pytest.approx(0.8, abs=0.1)
+    mend(startup)
+    light, color = light_seen(startup, scene_settings.resolve(startup).request)
+    assert np.percentile(color / light, 10) < 0.5 and np.percentile(color / light, 95) > 0.7
+    assert not shader.inputs["Base Color"].is_linked and [slot.name for slot in shelves[1].material_slots] == ["Clay"]
+    for item in shelves:
+        item.active_material = paint
+    assert "crease" not in looked(startup)
+
+
 def test_what_helps_while_modelling_is_left_out(startup):
     """Volumes are drawn as wires too, and things that take long: they have a material, or a simulation."""
     subject, tool, hull, cloud, smoke, shape = items = [add_box((4 * at, 0, 0), (1, 1, 1)) for at in range(6)]
