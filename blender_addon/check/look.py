@@ -25,7 +25,7 @@ from ..scene.array import edit, placement, rig
 from ..scene.array.placement import Rays, as_rendered, through
 from ..scene.contents import GEOMETRY, find_subject, has_output, nodes_of, rendered, rendered_layer, shows, with_copied
 from ..scene.files import image_paths
-from ..scene.light import DIM, SCENE_LIGHTS, has_emission, has_light, is_dim, is_glaring, world_radiance
+from ..scene.light import DIM, SCENE_LIGHTS, has_emission, has_light, is_dim, world_radiance
 from ..scene.settings import length
 from ..scene.words import counted
 from .problems import Problem
@@ -35,7 +35,6 @@ MENDS = {
     "cube": ("leave_out_cube", "Leave Out Cube", "Hide the cube of Blender's new file in renders"),
     "helper": ("leave_out_helpers", "Leave Out Helpers", "Hide what helps while modelling, as a box of wires, and "
                "what hides the picture with faces that EEVEE leaves out"),
-    "sky": ("leave_out_sky", "Leave Out Sky", "Hide the box or ball around all objects in renders"),
     "frame": ("fit_objects", "Fit to Objects", "Move the camera array in front of the objects, or into the room"),
     "plane": ("move_plane", "Move Display Plane", "Move the display plane to the middle of the depth that is seen"),
     "deep": ("flatten_depth", "Flatten Depth", "Bring the views together, so that the display shows all depths sharp"),
@@ -78,20 +77,12 @@ def find(scene: bpy.types.Scene) -> Iterator[Problem]:
                 "hides the picture with its backs, which EEVEE leaves out."))
         hidden = {item for item in rendered(scene) if not item.visible_get()}
         with as_rendered(cube, *others):
-            boxes, eye = edit.boxes_now(subject), np.array(placed[1])[:3, 3]
-            if all(item.type == "MESH" and not item.modifiers and not item.data.polygons for item in boxes):
+            if all(item.type == "MESH" and not item.modifiers and not item.data.polygons
+                   for item in edit.boxes_now(subject)):
                 yield _problem("nothing", scene.name, f"Frame {scene.frame_current} shows no face: choose another, or "
                                "show points as spheres, by Mesh to Points in Geometry Nodes.")
                 return
-            sky = edit.sky_around(scene, boxes)
-            if sky is not None and not _is_unaimed(scene) and (boxes[sky].min(0) < eye).all() and (
-                    boxes[sky].max(0) > eye).all():
-                sky = None  # it is seen from inside
-            if sky is not None:
-                yield _problem("sky", sky.name, f"{sky.name} surrounds all other objects, like a sky, and would hide "
-                               "them from outside.")
-            with as_rendered(sky):
-                yield from _found(scene, placed, display, subject, main_objects(scene, subject), hidden)
+            yield from _found(scene, placed, display, subject, main_objects(scene, subject), hidden)
 
 
 def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfile, subject: set[bpy.types.Object],
@@ -157,18 +148,13 @@ def _found(scene: bpy.types.Scene, placed: rig.Placement, display: DisplayProfil
                        if is_alone else "Hardly any light comes from what the array sees: the image will be almost "
                        "black. Add World Light changes the rendered images only"
                        f"{', which then do not show the sky' if sky else ''}; the scene keeps its own light.")
-    elif is_glaring(scene, radiance):
-        yield _problem("bright", scene.name, "Much of the objects that the array sees is far brighter than white, and "
-                       f"the view transform {scene.view_settings.view_transform} shows it as white: weaken the lamps, "
-                       "or lower the exposure in Color Management.")
     elif world_radiance(scene.world, 0) and (glass := _lost_glass(rays, placed, shown)):
         yield _problem("dark", scene.name, f"{glass} is of glass, which shows what is around it: hardly anything in a "
                        "world of one color. Add World Light changes the rendered images only.")
 
 
 def _problem(code: str, target: str, reason: str, placed: rig.Placement | None = None) -> Problem:
-    title = {"plane": "Depth", "deep": "Depth", "walls": "Depth", "dark": "Light", "bright": "Light",
-             "fog": "Light"}.get(code, "")
+    title = {"plane": "Depth", "deep": "Depth", "walls": "Depth", "dark": "Light", "fog": "Light"}.get(code, "")
     return Problem(code, target, reason, MENDS.get(code, ("", "", ""))[1], asks=True, title=title, placed=placed)
 
 
@@ -248,8 +234,7 @@ def main_objects(scene: bpy.types.Scene, subject: set[bpy.types.Object]) -> list
     boxes = {item: box for item, box in edit.boxes_now(subject).items() if item not in others}
     boxes = {item: box for item, box in boxes.items() if not _is_lamp(item)} or boxes
     chosen = [item for item in boxes if item.session_uid > newest] if _is_unaimed(scene) else []
-    sky = edit.sky_around(scene, boxes)
-    chosen = edit.main_part({item: boxes[item] for item in chosen or boxes if item != sky})
+    chosen = edit.main_part({item: boxes[item] for item in chosen or boxes})
     sizes = np.linalg.norm(np.ptp(edit.bounds([boxes[item] for item in chosen]), axis=1), axis=-1)
     return [chosen[number] for number in np.argsort(-sizes, kind="stable")]
 

@@ -21,13 +21,11 @@ DEFAULT_LIGHT = "city"  # neutral, from all sides: suits glass as well as skin
 # Brightness below which a white surface is almost in the dark. The world of a new file, 0.05, lights less.
 DIM = 0.08
 BLACK, MORE, GLOWS = 0.05, 2.0, 0.5  # brightest 5 %: below BLACK it takes MORE times the light, above GLOWS none
-GLARE, GLARING = 2.0, 0.15  # radiance at which even gray is white, and how much of a picture may be so bright
 LEAST_ALBEDO = 0.1  # darker surfaces count as if they reflected this much: what is black needs more light to be seen
 SKY, WHITE = 0.5, 0.6  # radiance of a sky that is an image or a texture, of a white floor under a shipped image
 CERTAIN_SUN, CERTAIN_WORLD = 0.5, 0.1   # W/m² and radiance that show a white surface well above that
 # Lamps of even light: direction from which they shine, in degrees around Z from the front and above the ground, W/m².
 EVEN_LAMPS = ((-40, 50, 2.0), (80, 25, 1.0), (200, 35, 1.0), (0, -80, 0.5))
-SOFT = ("AgX", "Filmic", "Filmic Log", "Khronos PBR Neutral")  # view transforms that show more than white
 AUTO_LIGHT, OWN_LIGHT, FILE_LIGHT = "AUTO", "OWN", "FILE"
 SCENE_LIGHTS = (AUTO_LIGHT, OWN_LIGHT)  # in which the scene's own light counts
 # Menu entry, in Blender's capitals: name in a request.
@@ -78,11 +76,6 @@ def is_dim(light: Array, radiance: Array, is_composed: bool = False) -> bool:
     bright = float(np.percentile(radiance, 95)) if light.size else 0.0
     times = MORE if bright < BLACK else 0.0 if is_composed and bright > GLOWS else 1.0  # an artist's lamps at night
     return bool(light.size and np.median(light) < DIM * times)
-
-
-def is_glaring(scene: bpy.types.Scene, radiance: Array) -> bool:
-    """Return True if much of a picture is far brighter than white and shown as white."""
-    return scene.view_settings.view_transform not in SOFT and bool((radiance > GLARE).sum() > GLARING * radiance.size)
 
 
 def has_emission(scene: bpy.types.Scene) -> bool:

@@ -174,8 +174,6 @@ FLAT, WIDE = 0.05, 4.0  # of a floor: thickness to length; area to what is on it
 # A ground with a pond or hills: thickness to the height of what is on it, to the size of MANY things; area as before.
 HILLY, WIDER, MANY, WIDER_OF_MANY = 0.5, 10.0, 10, 8.0
 MOST_SURROUNDINGS = 6
-# A sky: least metres across; all else is above ALOFT of its height, out of it by BESIDE of its size; FILLED of its box.
-LEAST_SKY, ALOFT, BESIDE, FILLED = 20.0, 0.2, 0.02, 0.9
 # Fractions of the picture below which a subject is narrow, or may have thin tails; where these begin, as in a box plot;
 # size of the whole to that of the rest, from which they are tails and no blade.
 NARROW, LEAST_SEEN, WHISKERS, TAILS = 0.1, 0.015, 1.5, 3.0
@@ -200,8 +198,6 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     It looks along +Y with Z up, unless much more is seen from a side or from above, or from inside a closed room.
     """
     corners, present = dict[bpy.types.Object, list[Array]](), boxes_now(subject)
-    sky = sky_around(scene, present)
-    subject, present = subject - {sky}, {item: box for item, box in present.items() if item != sky}
     for _ in placement.sample_frames(scene):
         for owner, box in boxes_now(subject).items():
             corners.setdefault(owner, []).append(box)
@@ -214,7 +210,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             break
     if not len(points):
         raise LfsrError("the subject has no visible geometry: make its objects visible or choose another subject")
-    rays, shown = Rays(scene, sky), with_copied(set(chosen))
+    rays, shown = Rays(scene), with_copied(set(chosen))
     is_still = all(item in present and len({box.tobytes() for box in corners[item]}) == 1 for item in chosen)
     low, high = points.min(0), points.max(0)
     # From the middle of its way: a view is judged as if the subject stood there, since it is large where it is near.
@@ -231,10 +227,6 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         low, high = np.append(upper.min(0)[:2], low[2]), upper.max(0)
         points = np.clip(points, low, high)
     probes = FEWER if rays.items else PROBED  # in a scene of many objects a ray takes long
-    # What lies below a sea or a ground that cuts the subject may be hidden: it is fitted with and without it.
-    grounds = [top for item, box in boxes.items() if item not in chosen and (top := box[:, 2].max()) < high[2]
-               and top > low[2] + FLAT * (high - low)[2] and np.ptp(box[:, 2]) < FLAT * np.ptp(box, axis=0).max()]
-    lowest = {-math.inf, max(grounds, default=-math.inf)}
     lower, upper = np.percentile(points, (25, 75), axis=0)
     without_tails = np.clip(points, lower - WHISKERS * (upper - lower), upper + WHISKERS * (upper - lower))
     has_tails = np.ptp(points, axis=0).max() > TAILS * np.ptp(without_tails, axis=0).max()
@@ -242,11 +234,10 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
     for fitted, all_meet, least in ((points, False, NARROW), (points, True, LEAST_SEEN if has_tails else 0),
                                     (without_tails, False, 0)):
         choices, size = list[tuple[float, float, Placement]](), np.ptp(fitted, axis=0)
-        for ground, (tilt, above), (degrees, wide) in itertools.product(lowest, TILTS.items(), TURNS.items()):
+        for (tilt, above), (degrees, wide) in itertools.product(TILTS.items(), TURNS.items()):
             turn = (mathutils.Matrix.Rotation(math.radians(degrees), 3, "Z")
                     @ mathutils.Matrix.Rotation(math.radians(-tilt), 3, "X"))
-            above_ground = fitted if math.isinf(ground) else np.maximum(fitted, (-math.inf, -math.inf, ground))
-            placed, part = fit_turned(above_ground, profile, turn), np.ones(2)
+            placed, part = fit_turned(fitted, profile, turn), np.ones(2)
             if all_meet:
                 toward, half = np.linalg.inv(placed[1]), (placed[0].half_width, placed[0].half_height)
                 local = fitted @ toward[:3, :3].T + toward[:3, 3]
@@ -311,23 +302,6 @@ def main_part(corners: dict[bpy.types.Object, Array]) -> list[bpy.types.Object]:
         kept = [index for index in range(len(items)) if index not in left_out]
         items, boxes = [items[index] for index in kept], boxes[kept]
     return items
-
-
-def sky_around(scene: bpy.types.Scene, boxes: dict[bpy.types.Object, Array]) -> bpy.types.Object | None:
-    """Return the closed box or ball, if there is one, that surrounds all others high above its floor: a game's sky."""
-    if len(boxes) < 2:
-        return None
-    sky = list(boxes)[int(_diagonal(*bounds(boxes.values()).swapaxes(0, 1)).argmax())]
-    low, size = boxes[sky].min(0), np.ptp(boxes[sky], axis=0)
-    inner = (np.concatenate([box for item, box in boxes.items() if item != sky]) - low) / np.maximum(size, 1e-9)
-    if (sky.type != "MESH" or size.min() * scene.unit_settings.scale_length < LEAST_SKY or inner[:, 2].min() < ALOFT
-            or inner.min() < -BESIDE or inner.max() > 1 + BESIDE):
-        return None
-    shape = sky.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    middle, half = np.mean(shape.bound_box, axis=0), np.ptp(shape.bound_box, axis=0) / 2
-    # It reaches to the sides of its bounding box, unlike a figure, whose eyes it surrounds, too.
-    hits = (shape.ray_cast(middle, way) for way in np.concatenate([np.eye(3), -np.eye(3)]))
-    return sky if all(hit[0] and np.abs((np.array(hit[1]) - middle) / half).max() > FILLED for hit in hits) else None
 
 
 def _far_away(boxes: Array) -> list[int]:

@@ -84,17 +84,17 @@ fields: dict[tuple[Any, ...], tuple[float, Array, float]] | None = None
 class Rays:
     """The scene as the viewport shows it now (``as_rendered``): an edit calls for new ones."""
 
-    def __init__(self, scene: bpy.types.Scene, sky: bpy.types.Object | None = None) -> None:
-        """Note the bounding boxes of all meshes where there are more than FEW objects; ``sky`` lets all rays pass."""
+    def __init__(self, scene: bpy.types.Scene) -> None:
+        """Note the bounding boxes of all meshes where there are more than FEW objects."""
         self.scene, self.depsgraph = scene, bpy.context.evaluated_depsgraph_get()
         self.cast_in_all, self.materials = scene.ray_cast, dict[bpy.types.Object, Any]()  # to look up takes long
         self.items: list[tuple[bpy.types.Object, Array, BVHTree | None]] = []
-        if len(self.depsgraph.object_instances) <= FEW and sky is None:
+        if len(self.depsgraph.object_instances) <= FEW:
             return
         import bmesh  # can be imported only after bpy
         boxes, shapes, trees = [], dict[int, list[tuple[float, ...]]](), dict[int, BVHTree | None]()
         for item, _, place in instances(set(bpy.data.objects)):
-            if item.type == "MESH" and item.original != sky:
+            if item.type == "MESH":
                 key = item.data.as_pointer()  # which an object has alone where modifiers change it
                 if key not in shapes:
                     shapes[key], trees[key] = [tuple(corner) for corner in item.bound_box], None

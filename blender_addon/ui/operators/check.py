@@ -14,11 +14,12 @@ from ...check.problems import INFO
 from ...compat import assign, use_nodes
 from ...jobs import runtime
 from ...render.cards import Wiring
+from ...scene import contents
 from ...scene import settings as scene_settings
 from ...scene.array import rig
 from ...scene.array.edit import add, in_front, put, remove
 from ...scene.array.rig import Placement, check_editable
-from ...scene.contents import BACKGROUND_COLLECTION, GEOMETRY, SWITCHES, find_subject, materials, rendered, switched, with_copied
+from ...scene.contents import BACKGROUND_COLLECTION, GEOMETRY, SWITCHES, find_subject, rendered, switched
 from ...scene.light import DEFAULT_LIGHT, illuminate
 from ...scene.words import counted, for_panel
 from .base import UNDO, AsksForFile, Result, activate, reports_errors
@@ -130,15 +131,16 @@ def _show_colors(scene: bpy.types.Scene, _target: str) -> None:
 
 
 def _shade_creases(scene: bpy.types.Scene, _target: str) -> None:
-    (array, _), bare = rig.placement(scene, scene_settings.display_of(scene)), bpy.data.materials.new("Clay")
+    display, bare = scene_settings.display_of(scene), bpy.data.materials.new("Clay")
     use_nodes(bare)
-    for item in with_copied(rendered(scene)):
+    for item in contents.with_copied(rendered(scene)):
         if item.type in SURFACES and not rig.why_not_editable(item.data):
             if not item.material_slots:
                 item.data.materials.append(bare)
             for slot in item.material_slots:
                 slot.material = slot.material or bare
-    for material in materials(scene):
+    array, _ = rig.placement(scene, display) or in_front(scene, display, find_subject(scene))
+    for material in contents.materials(scene):
         if (shader := look.plain_shader(material)) is not None and not rig.why_not_editable(material):
             color, wiring = shader.inputs["Base Color"], Wiring(material.node_tree)
             node = wiring.node("ShaderNodeAmbientOcclusion", Color=tuple(color.default_value),
@@ -153,10 +155,11 @@ def _use_one_layer(scene: bpy.types.Scene, target: str) -> None:
 
 
 FIXES: dict[str, Fix] = {
-    **dict.fromkeys(("cube", "sky"), lambda _scene, target: _leave_out(_existing(bpy.data.objects, target))),
+    "cube": lambda _scene, target: _leave_out(_existing(bpy.data.objects, target)),
     "helper": lambda scene, _target: _leave_out(*look.helpers(scene) or look.culled_objects(scene)),
     "plane": lambda scene, _target: look.move_plane(scene), "deep": lambda scene, _target: look.flatten(scene),
-    "frame": _fit, "alpha": _show_materials, "colors": _show_colors, "crease": _shade_creases, "dark": _light_images, "array": _add_array,
+    "frame": _fit, "alpha": _show_materials, "colors": _show_colors, "crease": _shade_creases, "dark": _light_images,
+    "array": _add_array,
     "light": lambda scene, _target: setattr(illuminate(scene, DEFAULT_LIGHT)[0], "name", "Light Field World"),
     "engine": _set("render", engine="CYCLES"), "script": _set("cycles", device="CPU", shading_system=True),
     "dirty": lambda _scene, target: _existing(bpy.data.images, target, "image").pack(), "background": _to_background,

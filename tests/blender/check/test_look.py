@@ -112,10 +112,10 @@ def test_creases_are_darkened_where_nothing_has_a_color(startup):
     """The cube of a new file has none: it keeps its material (``test_a_new_file_as_it_is…``)."""
     add_box((0, 0, -1.2), (4, 4, 0.2))
     shelves = [add_box((x, 0, 0.5), (0.1, 0.7, 1.5)) for x in np.linspace(-2, 2, 9)]
-    shelves[0].data.materials.append(paint := bpy.data.materials.new("Paint"))
+    shelves[4].data.materials.append(paint := bpy.data.materials.new("Paint"))
     before, shader = looked(startup), paint.node_tree.nodes["Principled BSDF"]
     shader.inputs["Metallic"].default_value = 1
-    assert "crease" in before and "crease" in looked(startup) and look.plain_shader(paint) is None, "one of many is a metal"
+    assert "crease" in before and "crease" in looked(startup) and look.plain_shader(paint) is None, "one is of metal"
     light, color = light_seen(startup, scene_settings.resolve(startup).request)
     assert np.percentile(color / light, 10) == pytest.approx(0.8, abs=0.1)
     mend(startup)
@@ -354,22 +354,6 @@ def test_a_stage_does_not_hide_what_stands_on_it(startup):
     assert len(depths) > 0.1 * np.prod(placement.PROBES)
 
 
-@pytest.mark.parametrize("camera", ["none", "new", "aimed"])
-def test_a_box_around_all_is_a_sky_that_is_left_out_unless_a_camera_was_aimed_in_it(startup, camera):
-    houses = {add_box((x, y, 3), (6, 6, 3)) for x in range(-40, 41, 20) for y in range(-40, 41, 20)}
-    sky = add_box((0, 0, 0), (45, 45, 45))
-    if camera == "none":
-        bpy.data.batch_remove([startup.camera, bpy.data.objects["Cube"]])
-    elif camera == "aimed":
-        aimed(startup, (0, -44, 8), ())
-    assert ("sky" in mend(startup)) != (camera == "aimed")
-    assert sky.hide_render != (camera == "aimed") and set(look.main_objects(startup, find_subject(startup))) == houses
-    assert share_of(startup, *houses) > 0.15
-    sky.location.z = 44
-    bpy.context.view_layer.update()
-    assert edit.sky_around(startup, edit.boxes_now({sky, *houses})) is None, "they stand on its floor"
-
-
 def test_a_globe_is_no_room_and_neither_a_thin_tail_nor_its_own_ground_makes_a_ring_small(startup):
     things = [bpy.data.objects["Cube"]]
     for metres in (100, 10, 1):
@@ -498,17 +482,15 @@ def test_a_display_plane_in_the_wrong_place_is_moved(startup):
 
 
 @pytest.mark.parametrize(("energy", "world", "exposure", "code"), [
-    (1000, 0, 0, ""), (2, 0, 0, "dark"), (2, 0.5, 0, ""), (2, 0, 8, ""), (0, 0.04, 0, "dark"), (2e4, 0, 0, "bright"),
+    (1000, 0, 0, ""), (2, 0, 0, "dark"), (2, 0.5, 0, ""), (2, 0, 8, ""), (0, 0.04, 0, "dark"), (2e4, 0, 0, ""),
     (2e4, 0, -6, ""), (-200, 0, 0, "dark")])
-def test_hardly_any_light_and_far_too_much_are_noticed(startup, energy, world, exposure, code):
+def test_hardly_any_light_is_noticed(startup, energy, world, exposure, code):
     aimed(startup)
     lamp, startup.view_settings.exposure = startup.objects["Light"], exposure
     # Rays cannot tell which lamps are hidden, and expect half more than what is dim.
     lamp.data.energy, lamp.visible_diffuse, lamp.location = abs(energy), energy >= 0, (1, -5, 4)
     nodes = startup.world.node_tree.nodes
     nodes["Background"].inputs["Color"].default_value, _ = (world, world, world, 1), nodes.new("NodeFrame")
-    assert set(looked(startup)) == {code} - {"", "bright"}, "AgX shows more than white"
-    startup.view_settings.view_transform = "Standard"
     assert set(looked(startup)) == {code} - {""}
     if energy >= 1000 and not exposure:  # a render knows what a texture says: black paint, and bare metal
         bpy.context.object.active_material = paint = bpy.data.materials.new("Paint")
