@@ -145,6 +145,7 @@ def _shade_creases(scene: bpy.types.Scene, _target: str) -> None:
             color, wiring = shader.inputs["Base Color"], Wiring(material.node_tree)
             node = wiring.node("ShaderNodeAmbientOcclusion", Color=tuple(color.default_value),
                                Distance=look.CREASE * 2 * array.half_width)
+            node.samples = 4  # of Blender's 16: they take as long as all other rays together
             wiring.link(node.outputs["Color"], color)
 
 
