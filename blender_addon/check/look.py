@@ -49,6 +49,7 @@ STARTUP_CAMERAS = ((7.35889, -6.92579, 4.95831), (7.48113, -6.50764, 5.34367))  
 # How a new file's camera is turned: nobody has aimed it, even if it was moved. It was rolled until Blender 2.79.
 STARTUP_TURN, ROLL = mathutils.Euler((1.10932, 0.0, 0.81493)).to_quaternion(), 0.02
 TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject fills: of an aimed camera, of an unaimed one
+CUT = 0.3  # part of the vertices outside the picture, from which a camera that was moved but not turned is wrong
 SMALLER = 0.4  # of what it might fill from elsewhere, times the number of things that are seen
 HEAVY, HIDDEN = 100, 0.25  # faces from which a mesh is more than a box, part of the picture that a box may hide
 CLOSE = 0.02  # of the subject's size: the array is inside an object whose inner side is nearer than that
@@ -317,11 +318,13 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
             return "", None
         worth, most = (len(shares) * len({hit[3] for hit in shares}) for shares in (seen, better))
         is_wrong = share < SMALL or worth < most * SMALLER or (is_in_box(best) and not is_in_box(placed))
-        if is_unaimed and any(math.dist(scene.camera.matrix_world.translation, at) < 0.01 for at in STARTUP_CAMERAS):
+        if is_unaimed:
             points = [*placement.world_points(set(main))] if len(main) <= edit.FEW_OBJECTS else []
             local = (np.concatenate(points or [*boxes.values()]) - eye.translation) @ np.array(eye.to_3x3())
             half = np.array([placed[0].half_width, placed[0].half_height]) / placed[0].distance
-            is_wrong |= bool((np.abs(local[:, :2]) > local[:, 2:] * half).any())
+            is_cut = (np.abs(local[:, :2]) > local[:, 2:] * half).any(1)
+            is_moved = all(math.dist(scene.camera.matrix_world.translation, at) > 0.01 for at in STARTUP_CAMERAS)
+            is_wrong |= bool(is_cut.mean() > CUT if is_moved else is_cut.any())
         if is_wrong:
             return (f"The camera of the new file was not aimed at {name}." if is_unaimed else "The array sees nothing "
                     f"of {name}." if not seen else f"{name} fills less than 1% of the picture."), best

@@ -83,7 +83,7 @@ def test_a_new_file_as_it_is_and_a_camera_that_was_aimed_stay(startup):
 
 @pytest.mark.parametrize(("centre", "half"), [
     ((0, 0, 0), (0.01, 0.01, 0.01)), ((0.5, 1.5, 0), (0.15, 0.15, 0.15)), ((90, 40, 0), (2, 2, 2)),
-    ((0, 0, 0), (60, 60, 60)), (CUT := (5, -4.5, 3), (0.8, 0.8, 0.8)), ((0, 0, 0), (0.8, 0.8, 0.8))])
+    ((0, 0, 0), (60, 60, 60)), (CUT := (4, -4.2, 3), (0.8,) * 3), ((5, -4.5, 3), (0.8,) * 3), ((0, 0, 0), (0.8,) * 3)])
 def test_a_camera_that_nobody_aimed_is_fitted_to_what_was_imported(startup, centre, half):
     box, reasons = add_box(centre, half), looked(startup)
     assert "cube" in reasons and ("stands inside" if half[0] > 9 else "not aimed at Cube.001.") in reasons["frame"]
@@ -93,7 +93,7 @@ def test_a_camera_that_nobody_aimed_is_fitted_to_what_was_imported(startup, cent
     edit.remove(startup)
     startup.camera.location.z, startup.camera.rotation_euler.y = 5.5, 0.0108
     assert "cube" in (reasons := looked(startup)), "moved, and as old files turned it"
-    assert ("frame" in reasons) == (centre != CUT), "who moves a camera frames a part"
+    assert ("frame" in reasons) == (centre != CUT), "who moves a camera frames most of it"
     bpy.data.objects["Cube"].active_material.name = "Brick"
     assert "cube" not in looked(startup), "it is the artist's"
 
@@ -109,7 +109,6 @@ def test_colors_of_vertices_and_materials_of_alpha_0_are_shown(startup):
 
 
 def test_creases_are_darkened_where_nothing_has_a_color(startup):
-    """The cube of a new file has none: it keeps its material (``test_a_new_file_as_it_is…``)."""
     add_box((0, 0, -1.2), (4, 4, 0.2))
     shelves = [add_box((x, 0, 0.5), (0.1, 0.7, 1.5)) for x in np.linspace(-2, 2, 9)]
     shelves[4].data.materials.append(paint := bpy.data.materials.new("Paint"))
