@@ -32,19 +32,19 @@ SECONDS_TO_RENDER = 240
 TASK, STATE = "addon.jobs.session.current()", "bpy.context.window_manager.lfsr"
 SCENE = """
 scene = bpy.context.scene
-for item in list(scene.objects):
-    bpy.data.objects.remove(item)
-bpy.ops.mesh.primitive_monkey_add(location=(0, 0, 1))
-bpy.ops.object.shade_smooth()
+bpy.data.batch_remove([*scene.objects])
+bpy.ops.mesh.primitive_monkey_add(location=(0, 0, 1)); bpy.ops.object.shade_smooth()
+bpy.context.object.data.materials.append(paint := bpy.data.materials.new("Red"))
+paint.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = 0.8, 0.3, 0.2, 1
 bpy.ops.mesh.primitive_plane_add(size=60, location=(0, 0, -0.2))
 bpy.context.object.name = "Floor"
 bpy.ops.object.light_add(type="AREA", radius=3, location=(3, -4, 5))
 bpy.context.object.data.energy = 600
 for item in scene.objects:
     item.select_set(item.name == "Suzanne")
-scene.render.engine = "CYCLES"
 scene.lfsr.display, scene.lfsr.scale, scene.lfsr.samples, scene.lfsr.method = "mini", "2", 2, "bilinear"
-scene.render.resolution_x, scene.cycles.samples, scene.cycles.pixel_filter_type = 321, 77, "GAUSSIAN"
+scene.render.engine, scene.render.resolution_x = "CYCLES", 321
+scene.cycles.samples, scene.cycles.pixel_filter_type = 77, "GAUSSIAN"
 bpy.ops.wm.save_as_mainfile(filepath=FILE)
 """
 
