@@ -253,7 +253,7 @@ def without_material(items: Iterable[bpy.types.Object]) -> list[bpy.types.Object
 
 
 def plain_shader(material: bpy.types.Material) -> bpy.types.Node | None:
-    """Return the shader of a material that nobody has given a color: an opaque one of a light gray, as in new files."""
+    """Return the shader of a material that nobody has given a color: a light gray one, of no metal or glass."""
     output = material.node_tree.get_output_node("CYCLES") if material.node_tree else None
     shader = next((link.from_node for link in output.inputs["Surface"].links), None) if output else None
     if shader is None or shader.type != "BSDF_PRINCIPLED" or shader.inputs["Base Color"].is_linked:
@@ -267,10 +267,7 @@ def _has_plain_creases(rays: Rays, placed: rig.Placement, shown: set[bpy.types.O
     hits = [hit for hit in through(rays, placed, *edit.FEWER) if hit is not None and hit[2] in shown]
     if not hits or sum(hit[3][1] is None or plain_shader(hit[3][1]) is not None for hit in hits) <= PLAIN * len(hits):
         return False
-    reach = CREASE * 2 * placed[0].half_width
-    met = [(far := rays.beyond(hit[0], way)) is not None and (far[0] - hit[0]).length < reach
-           for hit in hits for way in edit.AROUND if way.dot(hit[4]) > 0]
-    return sum(met) > CREASED * len(met)
+    return bool((edit.around(rays, hits) < CREASE * 2 * placed[0].half_width).mean() > CREASED)
 
 
 def _is_lamp(item: bpy.types.Object) -> bool:

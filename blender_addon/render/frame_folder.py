@@ -190,10 +190,8 @@ def added_light(scene: bpy.types.Scene, request: Request) -> str:
         placed = placement.place_array(scene, request.display, find_subject(scene, request.subject))
         hits = placement.through(placement.Rays(scene), placed, *edit.FEWER)
     with placement.as_rendered(by="visible_shadow"):  # walls that cameras do not see keep light out
-        rays = placement.Rays(scene)
-        free = [rays.beyond(hit[0], way) is None for hit in filter(None, hits) for way in edit.AROUND
-                if way.dot(hit[4]) > 0]
-    if sum(free) < OPEN * len(free):
+        free = np.isinf(edit.around(placement.Rays(scene), filter(None, hits)))
+    if free.sum() < OPEN * len(free):
         return files.EVEN
     with lit(scene, DEFAULT_LIGHT):
         color = np.maximum(light_seen(scene, request, placed)[1], 1e-4)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
 import bpy
 import mathutils
@@ -385,6 +385,12 @@ ENCLOSED, SURROUNDED = 0.9, 0.7  # least fraction of rays that hit: in a closed 
 ROOM, OPEN = (0.85, 1.1), 0.5
 LEAST_DEPTH, NEAR = 0.1, 0.15  # of a view inside a room: part of its diagonal; of that depth, where nothing may stand
 AROUND = [mathutils.Vector(way).normalized() for way in itertools.product((-1, 0, 1), repeat=3) if any(way)]
+
+
+def around(rays: Rays, hits: Iterable[placement.Seen]) -> Array:
+    """Return how far rays go from what was seen to all sides before they meet something; infinite where nothing is."""
+    return np.array([math.inf if (far := rays.beyond(hit[0], way)) is None else (far[0] - hit[0]).length
+                     for hit in hits for way in AROUND if way.dot(hit[4]) > 0])
 
 
 def is_inside(rays: Rays, place: mathutils.Vector, least: float = ENCLOSED) -> bool:

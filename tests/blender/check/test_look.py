@@ -121,8 +121,8 @@ def test_creases_are_darkened_where_nothing_has_a_color(startup):
     light, color = light_seen(startup, scene_settings.resolve(startup).request)
     assert np.percentile(color / light, 10) < 0.5 and np.percentile(color / light, 95) > 0.7
     assert not shader.inputs["Base Color"].is_linked and [slot.name for slot in shelves[1].material_slots] == ["Clay"]
-    for item in shelves:
-        item.active_material = paint
+    for (slot,) in (item.material_slots for item in shelves):
+        slot.link, slot.material = "OBJECT", paint
     assert "crease" not in looked(startup)
 
 
