@@ -109,7 +109,7 @@ def test_colors_of_vertices_and_materials_of_alpha_0_are_shown(startup):
 
 
 def test_creases_are_darkened_where_nothing_has_a_color(startup):
-    add_box((0, 0, -1.2), (4, 4, 0.2))
+    floor = add_box((0, 0, -1.2), (4, 4, 0.2))
     shelves = [add_box((x, 0, 0.5), (0.1, 0.7, 1.5)) for x in np.linspace(-2, 2, 9)]
     shelves[4].data.materials.append(paint := bpy.data.materials.new("Paint"))
     before, shader = looked(startup), paint.node_tree.nodes["Principled BSDF"]
@@ -121,8 +121,8 @@ def test_creases_are_darkened_where_nothing_has_a_color(startup):
     light, color = light_seen(startup, scene_settings.resolve(startup).request)
     assert np.percentile(color / light, 10) < 0.5 and np.percentile(color / light, 95) > 0.7
     assert not shader.inputs["Base Color"].is_linked and [slot.name for slot in shelves[1].material_slots] == ["Clay"]
-    for (slot,) in (item.material_slots for item in shelves):
-        slot.link, slot.material = "OBJECT", paint
+    for (slot,) in (item.material_slots for item in (floor, *shelves)):
+        slot.material, slot.link, slot.material = bpy.data.materials.new("Bare"), "OBJECT", paint
     assert "crease" not in looked(startup)
 
 
