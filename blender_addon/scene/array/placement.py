@@ -36,6 +36,7 @@ FILL = 0.85           # fraction of the display that the subject may fill, seen 
 LEAST_FILL = 0.5      # a deep subject is made smaller to fit the usable depth, but not below this
 WALL_MARGIN = 0.9     # fraction of the free space around the camera that the array may use
 MOST_NAMES = 3
+NEEDLE, MOST_TRIANGLES = 1e-5, 200_000  # height of a triangle, in its length, up to which it has no area
 PROBES = (32, 18)     # rays across and down that measure the visible depth of the subject
 BOXED = {"VOLUME", "CURVES", "POINTCLOUD"}  # known by their bounding boxes only
 MOST_FRAMES, CAMERA_FRAMES = 24, 5  # sampled from an animation, and for the array at a camera, whose place is known
@@ -382,6 +383,13 @@ def world_points(subject: set[bpy.types.Object], small: float = 0.0) -> Iterator
                 mesh = item.to_mesh()
                 clouds[geometry] = np.empty((len(mesh.vertices), 3), np.float32)
                 mesh.vertices.foreach_get("co", clouds[geometry].ravel())
+                # Vertices without a face that has an area are not rendered; in a large mesh the search takes long.
+                if (count := len(mesh.loop_triangles)) < MOST_TRIANGLES:
+                    triangles = np.empty((count, 3), np.int32)
+                    mesh.loop_triangles.foreach_get("vertices", triangles.ravel())
+                    sides = clouds[geometry][triangles[:, 1:]] - clouds[geometry][triangles[:, :1]]
+                    has_area = np.abs(np.cross(*sides.swapaxes(0, 1))).max(1) > NEEDLE * (sides**2).max((1, 2))
+                    clouds[geometry] = clouds[geometry][np.unique(triangles[has_area])]
                 item.to_mesh_clear()
             points = clouds[geometry]
         if len(points):

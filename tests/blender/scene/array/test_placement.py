@@ -142,10 +142,10 @@ def test_bounds_see_modifiers_and_instances(scene):
     inside.objects.link(add_box(scene, (0, 0, 0), (0.1, 0.1, 0.1)))
     scene.collection.objects.unlink(inside.objects[0])
     empty = bpy.data.objects.new("instance", None)
-    empty.instance_type, empty.instance_collection = "COLLECTION", inside
-    empty.location = (0, 0, 4)
+    empty.instance_type, empty.instance_collection, empty.location = "COLLECTION", inside, (0, 0, 4)
     scene.collection.objects.link(empty)
-    bpy.context.view_layer.update()
+    bpy.ops.mesh.primitive_circle_add(location=(9, 0, 0))  # edges alone, which are not rendered
+    bpy.ops.mesh.primitive_cone_add(location=(0, 9, 0), radius1=0)  # faces without an area
     low, high = placement.bounds(contents.find_subject(scene))
     assert low == pytest.approx((-0.5, -0.5, -0.5)) and high == pytest.approx((2.5, 0.5, 4.1))
     assert placement.bounds({empty})[1] == pytest.approx((0.1, 0.1, 4.1)), "what shows the instance is enough"
