@@ -184,6 +184,7 @@ TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.75, -90: 0.7, 180: 0.7}  # +X is the f
 TILTS, LOW = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}, 0.6
 # Fraction of hits on fronts below which a view counts less; its weight without any, and that for a low subject.
 FRONTS, FROM_BEHIND, LOW_FROM_BEHIND = 0.5, 0.25, 0.9
+END_ON = 0.4  # part of the subject's length that is seen, below which a view counts less
 ROOMY = 0.5  # fraction of the display's spacing of views that a place should leave
 SOLID, PLAIN, ONE_SIDE = 0.3, 0.02, 0.7  # least thickness to length of a box, most variety of its side, and its weight
 # Objects fitted by their vertices, about how many of each; part of the whole below which as many copies count as boxes.
@@ -256,10 +257,13 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             behind = FROM_BEHIND if size[2] > LOW * size[:2].min() else LOW_FROM_BEHIND
             counts *= np.interp(ahead, (0, FRONTS), (behind, 1)) * (1 + turn.col[1].dot(away) / placed[0].distance)**2
             counts *= ((low >= eye) | (high <= eye)).any()  # not from inside a tail
+            shown_size = np.ptp(np.percentile([hit[0] for hit in seen] or [(0, 0, 0)], (5, 95), axis=0), axis=0)
+            counts *= min(shown_size.max() / (END_ON * size.max()), 1)  # nor of one end of something long
             room = placement.narrowed(rays, placed, profile, placed[0].distance)  # no views below a ground
             counts *= min(rig.part_of_spacing(room, profile) / ROOMY, 1)
             choices.append((counts * share * len({hit[3] for hit in seen}), share, placed))
-        _, share, best = max(choices, key=lambda choice: choice[0])
+        enough = [choice for choice in choices if all_meet and choice[1] > least] or choices
+        _, share, best = max(enough, key=lambda choice: choice[0])
         if share > least:
             break
     if view is not None:

@@ -107,10 +107,6 @@ def strength(scene):
     return scene.world.node_tree.nodes["Background"].inputs["Strength"]
 
 
-def alpha(scene):
-    return shown(scene).data.materials[0].node_tree.nodes["Principled BSDF"].inputs["Alpha"]
-
-
 def layer(scene):
     return scene.view_layers[0]
 
@@ -166,7 +162,8 @@ FEATURES = {
     "world invisible": put(world__cycles_visibility__camera=False),
     **{f"world {output}": world_coordinates(output) for output in OUTPUTS},
     # Materials that can tell which camera sees them, or show what is behind them
-    "transparent": put(alpha, default_value=0.4),
+    "transparent": put(lambda scene: shown(scene).data.materials[0].node_tree.nodes["Principled BSDF"].inputs["Alpha"],
+                       default_value=0.4),
     **{f"material {output}": lambda scene, output=output: connect(scene, "ShaderNodeTexCoord", output)
        for output in OUTPUTS},
     "camera data": lambda scene: connect(scene, "ShaderNodeCameraData", "View Distance"),
