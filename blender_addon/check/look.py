@@ -318,8 +318,7 @@ def _out_of_frame(scene: bpy.types.Scene, rays: Rays, placed: rig.Placement, dis
         if is_unaimed:
             points = [*placement.world_points(set(main))] if len(main) <= edit.FEW_OBJECTS else []
             local = (np.concatenate(points or [*boxes.values()]) - eye.translation) @ np.array(eye.to_3x3())
-            half = np.array([placed[0].half_width, placed[0].half_height]) / placed[0].distance
-            is_cut = (np.abs(local[:, :2]) > local[:, 2:] * half).any(1)
+            is_cut = (np.abs(local[:, :2]) * placed[0].distance > local[:, 2:] * placed[0].half_size).any(1)
             is_moved = all(math.dist(scene.camera.matrix_world.translation, at) > 0.01 for at in STARTUP_CAMERAS)
             is_wrong |= bool(is_cut.mean() > CUT if is_moved else is_cut.any())
         if is_wrong:

@@ -184,8 +184,7 @@ TURNS = {0: 1.0, 30: 0.9, -30: 0.9, 90: 0.75, -90: 0.7, 180: 0.7}  # +X is the f
 TILTS, LOW = {0: (1.0, 1.0), 35: (0.7, 1.0), 65: (0.15, 0.5)}, 0.6
 # Fraction of hits on fronts below which a view counts less; its weight without any, and that for a low subject.
 FRONTS, FROM_BEHIND, LOW_FROM_BEHIND = 0.5, 0.25, 0.9
-END_ON = 0.4  # part of the subject's length that is seen, below which a view counts less
-ROOMY = 0.5  # fraction of the display's spacing of views that a place should leave
+ROOMY, END_ON = 0.5, 0.4  # parts of the display's spacing that a place should leave, of a length that should be seen
 SOLID, PLAIN, ONE_SIDE = 0.3, 0.02, 0.7  # least thickness to length of a box, most variety of its side, and its weight
 # Objects fitted by their vertices, about how many of each; part of the whole below which as many copies count as boxes.
 FEW_OBJECTS, MOST_POINTS, SMALL = 100, 20_000, 0.02
@@ -238,29 +237,27 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
         for (tilt, above), (degrees, wide) in itertools.product(TILTS.items(), TURNS.items()):
             turn = (mathutils.Matrix.Rotation(math.radians(degrees), 3, "Z")
                     @ mathutils.Matrix.Rotation(math.radians(-tilt), 3, "X"))
-            placed, part = fit_turned(fitted, profile, turn), np.ones(2)
+            array, matrix = placed = fit_turned(fitted, profile, turn)
+            part, place = np.ones(2), mathutils.Matrix(matrix)
             if all_meet:
-                toward, half = np.linalg.inv(placed[1]), (placed[0].half_width, placed[0].half_height)
-                local = fitted @ toward[:3, :3].T + toward[:3, 3]
-                part = np.minimum(np.abs(local[:, :2] / local[:, 2:]).max(0) * placed[0].distance / half, 1)
+                local = (fitted - place.translation) @ np.array(place.to_3x3())
+                part = np.minimum(np.abs(local[:, :2] / local[:, 2:]).max(0) * array.distance / array.half_size, 1)
             hits = [hit for hit in through(rays, placed, *probes, part) if hit is not None]
             most, seen = max(most, len({hit[3] for hit in hits})), [hit for hit in hits if hit[2] in shown]
             # Surfaces that face several ways show a shape. For a plane, such as the side of a box, this is 0.
             various = 1 - np.linalg.norm(np.mean([hit[4] for hit in seen] or [(0, 0, 1)], axis=0))
             shape = ONE_SIDE if various < PLAIN and size.min() > SOLID * size.max() else 1 + various
             counts = np.interp(size[2] / max(1e-9, size[:2].min()), (LOW, 1), above[::-1]) * wide * shape
-            share, eye = len(seen) / math.prod(probes) * part.prod(), mathutils.Matrix(placed[1]).translation
+            share = len(seen) / math.prod(probes) * part.prod()
             # Part of the hits that are of fronts, or of solid things whose normals point inwards.
-            ahead = np.mean([hit[1] or ((beyond := rays.beyond(hit[0], way := hit[0] - eye)) is not None
+            ahead = np.mean([hit[1] or ((beyond := rays.beyond(hit[0], way := hit[0] - place.translation)) is not None
                                         and beyond[2] == hit[2] and beyond[1].dot(way) < 0)
                              for hit in seen] or [False])
             behind = FROM_BEHIND if size[2] > LOW * size[:2].min() else LOW_FROM_BEHIND
-            counts *= np.interp(ahead, (0, FRONTS), (behind, 1)) * (1 + turn.col[1].dot(away) / placed[0].distance)**2
-            counts *= ((low >= eye) | (high <= eye)).any()  # not from inside a tail
-            shown_size = np.ptp(np.percentile([hit[0] for hit in seen] or [(0, 0, 0)], (5, 95), axis=0), axis=0)
-            counts *= min(shown_size.max() / (END_ON * size.max()), 1)  # nor of one end of something long
-            room = placement.narrowed(rays, placed, profile, placed[0].distance)  # no views below a ground
-            counts *= min(rig.part_of_spacing(room, profile) / ROOMY, 1)
+            counts *= np.interp(ahead, (0, FRONTS), (behind, 1)) * (1 + turn.col[1].dot(away) / array.distance)**2
+            extent = np.ptp(np.percentile([hit[0] for hit in seen] or [(0, 0, 0)], (5, 95), axis=0), axis=0).max()
+            room = placement.narrowed(rays, placed, profile, array.distance)  # not below a ground, nor of one end alone
+            counts *= min(extent / (END_ON * size.max()), 1) * min(rig.part_of_spacing(room, profile) / ROOMY, 1)
             choices.append((counts * share * len({hit[3] for hit in seen}), share, placed))
         enough = [choice for choice in choices if all_meet and choice[1] > least] or choices
         _, share, best = max(enough, key=lambda choice: choice[0])

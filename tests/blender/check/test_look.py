@@ -372,8 +372,8 @@ def test_a_globe_is_no_room_and_neither_a_thin_tail_nor_its_own_ground_makes_a_r
     ring = bpy.context.object
     add_box((0, 0, 0), (40, 30, 0.01)), ring.select_set(True), bpy.ops.object.join()
     assert edit.in_front(startup, scene_settings.display_of(startup), {bpy.context.object})[0].half_width < 4
-    for hilt, blade, turn in (((0.03, 0.03, 0.15), (0.006, 0.002, 0.4), 0), ((0.03, 0.03, 0.15), (0.006, 0.002, 0.4), 1.57),
-                              ((0.08, 0.01, 0.01), (0.01, 0.002, 0.5), 1.57)):
+    swords = ((0.03, 0.03, 0.15), (0.006, 0.002, 0.4)), ((0.08, 0.01, 0.01), (0.01, 0.002, 0.5))
+    for (hilt, blade), turn in zip((*swords, swords[0]), (0, np.pi / 2, np.pi / 2), strict=True):
         bpy.ops.mesh.primitive_uv_sphere_add(scale=hilt, location=(0, 0, 50))
         add_box((0, 0, 50 + blade[2]), blade), bpy.data.objects["Sphere"].select_set(True), bpy.ops.object.join()
         bpy.context.object.rotation_euler.x = turn
