@@ -49,7 +49,7 @@ STARTUP_CAMERAS = ((7.35889, -6.92579, 4.95831), (7.48113, -6.50764, 5.34367))  
 # How a new file's camera is turned: nobody has aimed it, even if it was moved. It was rolled until Blender 2.79.
 STARTUP_TURN, ROLL = mathutils.Euler((1.10932, 0.0, 0.81493)).to_quaternion(), 0.02
 TINY, SMALL = 0.01, 0.1  # least fraction of the picture that the subject fills: of an aimed camera, of an unaimed one
-CUT = 0.3  # part of the vertices outside the picture, from which a camera that was moved but not turned is wrong
+CUT = 0.15  # part of the vertices outside the picture, from which a camera that was moved but not turned is wrong
 SMALLER = 0.4  # of what it might fill from elsewhere, times the number of things that are seen
 HEAVY, HIDDEN = 100, 0.25  # faces from which a mesh is more than a box, part of the picture that a box may hide
 CLOSE = 0.02  # of the subject's size: the array is inside an object whose inner side is nearer than that
