@@ -83,7 +83,7 @@ def test_a_new_file_as_it_is_and_a_camera_that_was_aimed_stay(startup):
 
 @pytest.mark.parametrize(("centre", "half"), [
     ((0, 0, 0), (0.01, 0.01, 0.01)), ((0.5, 1.5, 0), (0.15, 0.15, 0.15)), ((90, 40, 0), (2, 2, 2)),
-    ((0, 0, 0), (60, 60, 60)), (CUT := (4, -4.2, 3), (0.8,) * 3), ((5, -4.5, 3), (0.8,) * 3), ((0, 0, 0), (0.8,) * 3)])
+    ((0, 0, 0), (60, 60, 60)), (CUT := (4, -4.2, 3), (0.8,) * 3), ((4, -4.3, 3), (0.8,) * 3), ((0, 0, 0), (0.8,) * 3)])
 def test_a_camera_that_nobody_aimed_is_fitted_to_what_was_imported(startup, centre, half):
     box, reasons = add_box(centre, half), looked(startup)
     assert "cube" in reasons and ("stands inside" if half[0] > 9 else "not aimed at Cube.001.") in reasons["frame"]
@@ -93,7 +93,7 @@ def test_a_camera_that_nobody_aimed_is_fitted_to_what_was_imported(startup, cent
     edit.remove(startup)
     startup.camera.location.z, startup.camera.rotation_euler.y = 5.5, 0.0108
     assert "cube" in (reasons := looked(startup)), "moved, and as old files turned it"
-    assert ("frame" in reasons) == (centre != CUT), "who moves a camera frames most of it"
+    assert ("frame" in reasons) == (centre != CUT), "an eighth may be outside, a quarter not"
     bpy.data.objects["Cube"].active_material.name = "Brick"
     assert "cube" not in looked(startup), "it is the artist's"
 
