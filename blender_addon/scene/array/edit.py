@@ -256,7 +256,7 @@ def in_front(scene: bpy.types.Scene, profile: DisplayProfile, subject: set[bpy.t
             behind = FROM_BEHIND if size[2] > LOW * size[:2].min() else LOW_FROM_BEHIND
             counts *= np.interp(ahead, (0, FRONTS), (behind, 1)) * (1 + turn.col[1].dot(away) / array.distance)**2
             extent = np.ptp(np.percentile([hit[0] for hit in seen] or [(0, 0, 0)], (5, 95), axis=0), axis=0).max()
-            room = placement.narrowed(rays, placed, profile, array.distance)  # not below a ground, nor of one end alone
+            room = placement.narrowed(rays, placed, profile, array.distance)  # no views below a ground, or of one end
             counts *= min(extent / (END_ON * size.max()), 1) * min(rig.part_of_spacing(room, profile) / ROOMY, 1)
             choices.append((counts * share * len({hit[3] for hit in seen}), share, placed))
         enough = [choice for choice in choices if all_meet and choice[1] > least] or choices

@@ -376,8 +376,8 @@ def test_a_globe_is_no_room_and_neither_a_thin_tail_nor_its_own_ground_makes_a_r
     for (hilt, blade), turn in zip((*swords, swords[0]), (0, np.pi / 2, np.pi / 2), strict=True):
         bpy.ops.mesh.primitive_uv_sphere_add(scale=hilt, location=(0, 0, 50))
         add_box((0, 0, 50 + blade[2]), blade), bpy.data.objects["Sphere"].select_set(True), bpy.ops.object.join()
-        bpy.context.object.rotation_euler.x = turn
-        assert max(edit.in_front(startup, scene_settings.display_of(startup), {bpy.context.object})[0].half_size) > 0.4
+        (sword := bpy.context.object).rotation_euler.x = turn
+        assert edit.in_front(startup, scene_settings.display_of(startup), {sword})[0].half_size[not turn] > 0.4
 
 
 def test_a_shell_is_seen_from_its_front_and_a_solid_thing_whose_normals_point_inwards_as_any(startup):
