@@ -381,15 +381,15 @@ def world_points(subject: set[bpy.types.Object], small: float = 0.0) -> Iterator
         if item.type == "MESH" and not 0 < np.linalg.norm(matrix[:3, :3] @ (points[6] - points[0])) < small:
             if geometry not in clouds:
                 mesh = item.to_mesh()
-                clouds[geometry] = np.empty((len(mesh.vertices), 3), np.float32)
-                mesh.vertices.foreach_get("co", clouds[geometry].ravel())
+                cloud = clouds[geometry] = np.empty((len(mesh.vertices), 3), np.float32)
+                mesh.vertices.foreach_get("co", cloud.ravel())
                 # Vertices without a face that has an area are not rendered; in a large mesh the search takes long.
                 if (count := len(mesh.loop_triangles)) < MOST_TRIANGLES:
                     triangles = np.empty((count, 3), np.int32)
                     mesh.loop_triangles.foreach_get("vertices", triangles.ravel())
-                    sides = clouds[geometry][triangles[:, 1:]] - clouds[geometry][triangles[:, :1]]
+                    sides = cloud[triangles[:, 1:]] - cloud[triangles[:, :1]]
                     has_area = np.abs(np.cross(*sides.swapaxes(0, 1))).max(1) > NEEDLE * (sides**2).max((1, 2))
-                    clouds[geometry] = clouds[geometry][np.unique(triangles[has_area])]
+                    clouds[geometry] = cloud[np.unique(triangles[has_area])]
                 item.to_mesh_clear()
             points = clouds[geometry]
         if len(points):
